@@ -3,6 +3,11 @@
 from setuptools import find_namespace_packages, setup
 
 ROOMS = ("app", "estimators", "sessions", "static", "validation")
-FOUND = find_namespace_packages(include=[pattern for room in ROOMS for pattern in (room, f"{room}.*")])
+FOUND = find_namespace_packages(
+    include=[pattern for room in ROOMS for pattern in (room, f"{room}.*")]
+)
 
-setup(packages=["handscope", *(f"handscope.{name}" for name in FOUND)], package_dir={f"handscope.{room}": room for room in ROOMS})
+setup(
+    packages=["handscope", *(f"handscope.{name}" for name in FOUND)],
+    package_dir={f"handscope.{room}": room for room in ROOMS},
+)

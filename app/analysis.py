@@ -23,7 +23,9 @@ def load(path: str | PathLike[str], hand: Hand | None = None) -> LoadedRecording
     return formats_recordings.load(Path(path), hand)
 
 
-def process(recording: Recording | str | PathLike[str], method: str = "m2", **options: Any) -> Processed:
+def process(
+    recording: Recording | str | PathLike[str], method: str = "m2", **options: Any
+) -> Processed:
     """Run a method over a recording or the path of one.
 
     `options` are those that `handscope process --help` lists, with the same names and units. InputError for an unknown

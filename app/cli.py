@@ -52,15 +52,28 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _done(words: Sequence[str] | None) -> int:
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small: more threads wait for each other
-    os.environ["PYTHONSAFEPATH"] = "1"  # no process that this one starts imports files of the folder it was started in
+    os.environ.setdefault(
+        "OPENBLAS_NUM_THREADS", "1"
+    )  # matrices are small: more threads wait for each other
+    os.environ["PYTHONSAFEPATH"] = (
+        "1"  # no process that this one starts imports files of the folder it was started in
+    )
     given = list(sys.argv[1:] if words is None else words)
-    parser = Parser(prog="handscope", description="Measure how a hand moves.", formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(
+        prog="handscope",
+        description="Measure how a hand moves.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("--version", action="version", version=f"handscope {software_version()}")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=Parser)
     wanted = next((w for w in given if not w.startswith("-")), "")
     for verb, meaning in VERBS.items():
-        sub = verbs.add_parser(verb, help=meaning, description=meaning, formatter_class=argparse.RawDescriptionHelpFormatter)
+        sub = verbs.add_parser(
+            verb,
+            help=meaning,
+            description=meaning,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
         if verb == wanted:  # only the verb asked for is imported: the others' imports cost time
             room = "validation" if verb in EVIDENCE else "app"
             module = import_module(f"handscope.{room}.commands.{verb.replace('-', '_')}")

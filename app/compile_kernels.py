@@ -27,7 +27,11 @@ def everything() -> None:
     """Run what is translated on its first call."""
     stuffing.unstuffed(b"\x01")
     calibrates = methods.BATCH["map"]
-    process(calibrates, calibrates.Params(), artificial_finger.recorded(np.random.default_rng(0), SensorErrors(), duration=10.0))
+    process(
+        calibrates,
+        calibrates.Params(),
+        artificial_finger.recorded(np.random.default_rng(0), SensorErrors(), duration=10.0),
+    )
     setup, readings = _carried()
     magnet_smoother.smoothed(MagnetParams(), magnet_tracker.start(setup), readings)
 
@@ -38,7 +42,9 @@ def _carried() -> tuple[Setup, Readings]:
     w, m = magnet.worn(rng), magnet.condition("both", rng, 2.0)
     imu, mag = magnet.inertial(w, m, rng), magnet.magnetic(w, m, homogeneous(), rng)
     array = magnet_setup.constellation(w.told_places, w.q_bl)
-    setup = Setup(array, magnet_setup.magnet(w.told_moment, w.told_lever), EARTH, None, q_bt=m.q_bt[0])
+    setup = Setup(
+        array, magnet_setup.magnet(w.told_moment, w.told_lever), EARTH, None, q_bt=m.q_bt[0]
+    )
     return setup, Readings(m.t, imu[:, 0], imu[:, 1], mag)
 
 

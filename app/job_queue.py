@@ -33,7 +33,9 @@ class Jobs:
     def __init__(self, store: Store) -> None:
         self._store = store
         self._process = WorkingProcess(_begin, store.folder, store.url)
-        self._queue = ThreadPoolExecutor(1, thread_name_prefix="jobs")  # its thread waits for the process
+        self._queue = ThreadPoolExecutor(
+            1, thread_name_prefix="jobs"
+        )  # its thread waits for the process
         self._leaving = threading.Event()
 
     def __enter__(self) -> "Jobs":
@@ -74,7 +76,9 @@ class Jobs:
         except Exception:
             log.exception("result %s", result_id)
             ended_by_others = False
-        while not self._conclude(result_id, ended_by_others) and not self._leaving.wait(NO_ROOM_WAIT):
+        while not self._conclude(result_id, ended_by_others) and not self._leaving.wait(
+            NO_ROOM_WAIT
+        ):
             pass
 
     def _conclude(self, result_id: int, ended_by_others: bool) -> bool:
@@ -118,7 +122,9 @@ def _make(result_id: int) -> None:
     make(_store, result_id)
 
 
-def make_report(result_id: int, form: str, language: str = "en", paper: Paper = "a4", grading: str = "") -> bytes:
+def make_report(
+    result_id: int, form: str, language: str = "en", paper: Paper = "a4", grading: str = ""
+) -> bytes:
     """In the working process: the report of a result as pdf, csv or json."""
     from handscope.app.language import languages
     from handscope.app.report import FORMS, Style

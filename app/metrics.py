@@ -23,7 +23,9 @@ def serve(parts: "Parts", host: str, port: int) -> tuple[Any, Any]:
         from prometheus_client import CollectorRegistry, ProcessCollector, start_http_server
         from prometheus_client.registry import Collector
     except ImportError:
-        raise InputError("metrics need the package prometheus-client: pip install 'handscope[metrics]'") from None
+        raise InputError(
+            "metrics need the package prometheus-client: pip install 'handscope[metrics]'"
+        ) from None
 
     class Figures(Collector):  # type: ignore[misc]  # mypy does not follow the package
         def collect(self) -> Iterator[Any]:
@@ -35,7 +37,9 @@ def serve(parts: "Parts", host: str, port: int) -> tuple[Any, Any]:
     try:
         answering, thread = start_http_server(port, host, registry)
     except OSError as problem:
-        raise InputError(f"metrics cannot be served on {host} port {port} ({problem.strerror}); choose another --metrics port") from None
+        raise InputError(
+            f"metrics cannot be served on {host} port {port} ({problem.strerror}); choose another --metrics port"
+        ) from None
     return answering, thread
 
 
@@ -45,28 +49,57 @@ def families(parts: "Parts") -> Iterator[Any]:
 
     live = [s for s in parts.stations.all() if isinstance(s, Station)]
     rows = [s for s in live if s.latest is not None and s.glove.now() is not None]
-    ages = [max(0.0, float(s.glove.now() or 0.0) - float(s.latest.t[-1])) for s in rows if s.latest is not None]
+    ages = [
+        max(0.0, float(s.glove.now() or 0.0) - float(s.latest.t[-1]))
+        for s in rows
+        if s.latest is not None
+    ]
     lost = sum(count.lost for s in live for count in list(s.glove.assembler.counts.values()))
-    yield GaugeMetricFamily("handscope_sessions_running", "sessions that are being recorded", len(live))
+    yield GaugeMetricFamily(
+        "handscope_sessions_running", "sessions that are being recorded", len(live)
+    )
     yield GaugeMetricFamily("handscope_recordings_failing", "of them, those whose recording takes nothing any more: act at once", sum(s.glove.state.state == "recording_failed" for s in live))  # fmt: skip
     yield GaugeMetricFamily("handscope_gloves_away", "of them, those whose glove is not plugged in", sum(s.glove.state.state in ("port_lost", "port_closed") for s in live))  # fmt: skip
-    yield GaugeMetricFamily("handscope_samples_lost", "samples that gloves lost in the sessions that run", lost)
+    yield GaugeMetricFamily(
+        "handscope_samples_lost", "samples that gloves lost in the sessions that run", lost
+    )
     yield GaugeMetricFamily("handscope_live_blocks_skipped", "blocks that live views left out in the sessions that run; the recordings have them", sum(s.tracking.skipped + s.glove.state.dropped for s in live))  # fmt: skip
     yield GaugeMetricFamily("handscope_estimator_failures", "times that a live method failed and was started again, in the sessions that run", sum(s.tracking.failures for s in live))  # fmt: skip
-    yield GaugeMetricFamily("handscope_pose_age_seconds", "age of the oldest of the newest poses, sampled to now", max(ages, default=0.0))
-    yield GaugeMetricFamily("handscope_disk_free_bytes", "room on the disk of the data folder", free_bytes(parts.store.folder))
+    yield GaugeMetricFamily(
+        "handscope_pose_age_seconds",
+        "age of the oldest of the newest poses, sampled to now",
+        max(ages, default=0.0),
+    )
+    yield GaugeMetricFamily(
+        "handscope_disk_free_bytes",
+        "room on the disk of the data folder",
+        free_bytes(parts.store.folder),
+    )
     if parts.moving_out:
         latest = parts.moving_out.latest
         yield GaugeMetricFamily(
-            "handscope_object_storage_up", "whether the object storage could be used in the last round", 0 if latest.problem else 1
+            "handscope_object_storage_up",
+            "whether the object storage could be used in the last round",
+            0 if latest.problem else 1,
         )
-        yield GaugeMetricFamily("handscope_files_waiting", "files that are still to go there, or to be removed there", latest.waiting)
+        yield GaugeMetricFamily(
+            "handscope_files_waiting",
+            "files that are still to go there, or to be removed there",
+            latest.waiting,
+        )
     try:
         with parts.store.database() as db:
-            counts = {row.state: row.n for row in db.execute(select(Result.state, func.count().label("n")).group_by(Result.state))}
+            counts = {
+                row.state: row.n
+                for row in db.execute(
+                    select(Result.state, func.count().label("n")).group_by(Result.state)
+                )
+            }
             lines = db.scalar(select(func.max(AuditLine.id))) or 0
         reachable = 1
-        yield GaugeMetricFamily("handscope_audit_lines", "lines of the audit trail: they never become fewer", lines)
+        yield GaugeMetricFamily(
+            "handscope_audit_lines", "lines of the audit trail: they never become fewer", lines
+        )
     except DBAPIError:
         counts, reachable = {}, 0
     results = GaugeMetricFamily("handscope_results", "results by state", labels=["state"])

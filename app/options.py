@@ -14,7 +14,9 @@ def with_options(params_type: type, given: Mapping[str, Any]) -> Any:
     unknown = [name for name in given if name not in known]
     if unknown:
         raise InputError(f"there is no option {unknown[0]!r}; options are {', '.join(known)}")
-    return replace(params_type(), **{name: _value(known[name], value) for name, value in given.items()})
+    return replace(
+        params_type(), **{name: _value(known[name], value) for name, value in given.items()}
+    )
 
 
 def parse(pairs: list[str]) -> dict[str, str]:
@@ -33,7 +35,9 @@ def help_text(params_type: type) -> str:
     lines = []
     for d in describe(params_type):
         words = f" [{'|'.join(d.choices)}]" if d.choices else ""
-        lines.append(f"  {d.name}={d.default}{' ' + d.unit if d.unit else ''}{words}: {d.meaning} ({d.source})")
+        lines.append(
+            f"  {d.name}={d.default}{' ' + d.unit if d.unit else ''}{words}: {d.meaning} ({d.source})"
+        )
     return "\n".join(lines)
 
 
@@ -49,8 +53,12 @@ def _value(d: Description, value: Any) -> Any:
         try:
             number = float(text) if d.kind == "float" else int(text)
         except ValueError:
-            raise InputError(f"option {d.name} is {text!r}; it is a number{' in ' + d.unit if d.unit else ''}") from None
+            raise InputError(
+                f"option {d.name} is {text!r}; it is a number{' in ' + d.unit if d.unit else ''}"
+            ) from None
         if not d.least <= number <= d.most:
-            raise InputError(f"option {d.name} is {text!r}; it is between {d.least:g} and {d.most:g}{' ' + d.unit if d.unit else ''}")
+            raise InputError(
+                f"option {d.name} is {text!r}; it is between {d.least:g} and {d.most:g}{' ' + d.unit if d.unit else ''}"
+            )
         return number
     return text

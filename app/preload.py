@@ -11,7 +11,9 @@ import signal
 def _ready() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as everybody who works has it; threads are not forked
+    os.environ["OPENBLAS_NUM_THREADS"] = (
+        "1"  # as everybody who works has it; threads are not forked
+    )
     from handscope.app.replay_file import kept
     from handscope.app.report import html, pdf
     from handscope.app.results import make as results_make

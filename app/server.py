@@ -53,7 +53,9 @@ class Files(StaticFiles):
 
 def create_app(settings: Settings) -> FastAPI:
     """Build everything from the settings; parts that run are opened and closed with the application."""
-    for fault in protocols.offered(settings.data)[1]:  # said now, and on the page where tasks are chosen
+    for fault in protocols.offered(settings.data)[
+        1
+    ]:  # said now, and on the page where tasks are chosen
         log.warning("%s. This task is not offered, the others are.", fault)
     for fault in language.faults():
         log.warning("%s. This language is not offered, the others are.", fault)
@@ -75,7 +77,11 @@ def create_app(settings: Settings) -> FastAPI:
             await anyio.to_thread.run_sync(open_stations.__exit__, None, None, None)
         store.close()
 
-    proxies = [Middleware(ProxyHeadersMiddleware, trusted_hosts=list(settings.proxies))] if settings.proxies else []
+    proxies = (
+        [Middleware(ProxyHeadersMiddleware, trusted_hosts=list(settings.proxies))]
+        if settings.proxies
+        else []
+    )
     app = FastAPI(
         title="Handscope",
         version=software_version(),
@@ -86,7 +92,17 @@ def create_app(settings: Settings) -> FastAPI:
         middleware=[*proxies, Middleware(Gate, store=store, settings=settings)],
     )
     errors.install(app)
-    for module in (accounts, patients, progress, sessions, results, self_calibrations, stations, methods, login_routes):
+    for module in (
+        accounts,
+        patients,
+        progress,
+        sessions,
+        results,
+        self_calibrations,
+        stations,
+        methods,
+        login_routes,
+    ):
         app.include_router(module.router, prefix="/api")
     app.include_router(accounts.own, prefix="/api")
     app.include_router(login_routes.pages)

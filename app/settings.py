@@ -12,13 +12,23 @@ class Settings:
     host: str = "127.0.0.1"
     port: int = 8420
     database_url: str | None = None
-    recordings: str | None = None  # URL of an object storage that closed files are moved to; None leaves them where they are
-    cache_bytes: int = 20 * 10**9  # of files that are in the object storage, kept on this disk as well
+    recordings: str | None = (
+        None  # URL of an object storage that closed files are moved to; None leaves them where they are
+    )
+    cache_bytes: int = (
+        20 * 10**9
+    )  # of files that are in the object storage, kept on this disk as well
     hosts: tuple[str, ...] = ()  # names under which the server may be addressed besides its own
-    demo_ports: tuple[str, ...] = field(default=())  # ports of virtual gloves that this program put up
-    proxies: tuple[str, ...] = ()  # addresses of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are believed
+    demo_ports: tuple[str, ...] = field(
+        default=()
+    )  # ports of virtual gloves that this program put up
+    proxies: tuple[
+        str, ...
+    ] = ()  # addresses of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are believed
     metrics: tuple[str, int] | None = None  # where figures for a monitoring system are served
     sign_on: SignOn | None = None  # an organisation's login
-    idle_logout: float = 4 * 3600.0  # s without a request or an open live view after which a login ends
+    idle_logout: float = (
+        4 * 3600.0
+    )  # s without a request or an open live view after which a login ends
     longest_login: float = 24 * 3600.0  # s after which every login ends
     largest_upload: int = 512 * 2**20  # bytes

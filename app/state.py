@@ -62,7 +62,9 @@ def station_of(connection: HTTPConnection, name: str) -> AnyStation:
 
 def language(
     connection: HTTPConnection,
-    language: Annotated[str, Query(description="en, de, ...; without it the Accept-Language header decides")] = "",
+    language: Annotated[
+        str, Query(description="en, de, ...; without it the Accept-Language header decides")
+    ] = "",
 ) -> Language:
     """The language that sentences for people are answered in."""
     return languages.language(language) if language else preferred(connection)

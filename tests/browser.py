@@ -49,5 +49,10 @@ if __name__ == "__main__":
         print("no Chromium found: installing one for the browser tests", flush=True)
         install()
     found = chromium()
-    print(f"browser tests use {found}" if found else "no Chromium could be installed; install one and run again", flush=True)
+    print(
+        f"browser tests use {found}"
+        if found
+        else "no Chromium could be installed; install one and run again",
+        flush=True,
+    )
     sys.exit(0 if found else 1)

@@ -24,7 +24,9 @@ settings.register_profile(
     phases=[Phase.explicit, Phase.generate, Phase.shrink],
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
-settings.register_profile("thorough", parent=settings.get_profile("handscope"), max_examples=1000, derandomize=False)
+settings.register_profile(
+    "thorough", parent=settings.get_profile("handscope"), max_examples=1000, derandomize=False
+)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "handscope"))
 CONTEXT.set_forkserver_preload(
     ["handscope.app.preload", "handscope.app.commands.serve", "handscope.app.commands.glove"]

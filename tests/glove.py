@@ -24,18 +24,26 @@ def strip(name: str, attached: bool = True, mounting: Sequence[float] = ()) -> S
     return Strip(SLOTS[name], attached, 0xABC0 + SLOTS[name], STRIPS[name], tuple(mounting))
 
 
-def info(name: str, rate: float = 100.0, kind: Format = Format.FLOAT32, clock: int = 0) -> StreamInfo:
+def info(
+    name: str, rate: float = 100.0, kind: Format = Format.FLOAT32, clock: int = 0
+) -> StreamInfo:
     scale = (1.0, 1.0) if kind is Format.FLOAT32 else (1 / 512, 1 / 128)
-    return StreamInfo(10 + SLOTS[name], SLOTS[name], clock, (GYR, ACC), kind, rate, scale, (40.0, 160.0))
+    return StreamInfo(
+        10 + SLOTS[name], SLOTS[name], clock, (GYR, ACC), kind, rate, scale, (40.0, 160.0)
+    )
 
 
-def bursts(name: str, block: Block, described: StreamInfo, length: int = 5, on: float = ON, first: int = 0) -> list[Samples]:
+def bursts(
+    name: str, block: Block, described: StreamInfo, length: int = 5, on: float = ON, first: int = 0
+) -> list[Samples]:
     """A strip's block in bursts on the base unit's clock; the last sample is sent on at once."""
     made = []
     for k in range(0, len(block.t), length):
         t, values = block.t[k : k + length], block.values[k : k + length]
         start, sent = round((on + t[0]) * NS), round((on + t[-1]) * NS)
-        made.append(Samples(described.stream, first + k, start, sent, len(t), data_of(values, described)))
+        made.append(
+            Samples(described.stream, first + k, start, sent, len(t), data_of(values, described))
+        )
     return made
 
 
@@ -47,13 +55,22 @@ class Sent:
     arrival: float
 
 
-def whole_session(samples: dict[str, Block], kind: Format = Format.FLOAT32, host: float = 100.0, hand: Hand = "left") -> list[Sent]:
+def whole_session(
+    samples: dict[str, Block],
+    kind: Format = Format.FLOAT32,
+    host: float = 100.0,
+    hand: Hand = "left",
+) -> list[Sent]:
     """Who and what the glove is, then all bursts in order of time."""
     infos = {name: info(name, b.stream.rate, kind) for name, b in samples.items()}
-    told: list[Message] = [identity(hand=hand), *(m for name in samples for m in (strip(name), infos[name]))]
+    told: list[Message] = [
+        identity(hand=hand),
+        *(m for name in samples for m in (strip(name), infos[name])),
+    ]
     sent = [m for name, b in samples.items() for m in bursts(name, b, infos[name])]
     return [Sent(m, host) for m in told] + [
-        Sent(m, host + m.t_sent / NS - ON + 0.002) for m in sorted(sent, key=lambda m: (m.t_sent, m.stream))
+        Sent(m, host + m.t_sent / NS - ON + 0.002)
+        for m in sorted(sent, key=lambda m: (m.t_sent, m.stream))
     ]
 
 

@@ -25,8 +25,12 @@ RAW = SensorErrors(
     misalignment=0.0,
     misalignment_width=0.0,
 )  # MPU-9250 product specification PS-MPU-9250A-01 rev. 1.0, tables 1-3: tolerances before calibration, taken as standard deviations
-FIELD = 48e-6 * np.array([0.0, np.cos(np.radians(65.0)), -np.sin(np.radians(65.0))])  # T, dip in central Europe (IGRF)
-SIX = [quat.about(0, k * np.pi / 2) for k in range(4)] + [quat.about(1, s * np.pi / 2) for s in (1, -1)]
+FIELD = 48e-6 * np.array(
+    [0.0, np.cos(np.radians(65.0)), -np.sin(np.radians(65.0))]
+)  # T, dip in central Europe (IGRF)
+SIX = [quat.about(0, k * np.pi / 2) for k in range(4)] + [
+    quat.about(1, s * np.pi / 2) for s in (1, -1)
+]
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,9 @@ class Readings:
         values, vectors = np.linalg.eigh(A @ A.T)
         M = vectors @ np.diag(values**-0.5) @ vectors.T
         turn = M @ A
-        return ImuCalibration({ACC: M, **{q: turn @ np.linalg.inv(self.matrix[q]) for q in (GYR, MAG)}}, self.bias)
+        return ImuCalibration(
+            {ACC: M, **{q: turn @ np.linalg.inv(self.matrix[q]) for q in (GYR, MAG)}}, self.bias
+        )
 
 
 def many_positions(seed: int, count: int = 14) -> list[Array]:
@@ -56,7 +62,13 @@ def many_positions(seed: int, count: int = 14) -> list[Array]:
     return [*SIX, *quat.normalize(drawn)]
 
 
-def laid_down(positions: list[Array], seed: int, errors: SensorErrors = RAW, rest: float = 3.0, turn: float = 2.0) -> Readings:
+def laid_down(
+    positions: list[Array],
+    seed: int,
+    errors: SensorErrors = RAW,
+    rest: float = 3.0,
+    turn: float = 2.0,
+) -> Readings:
     """Rest in each position, smooth turns of at most 180 deg between; the sensor does not leave its place."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, len(positions) * rest + (len(positions) - 1) * turn, 1 / RATE)
@@ -71,7 +83,10 @@ def laid_down(positions: list[Array], seed: int, errors: SensorErrors = RAW, res
         ACC: errors.acc_noise * GRAVITY * np.sqrt(RATE / 2),
         MAG: errors.mag_noise * 1e-6,
     }
-    read = {q: v @ matrix[q].T + bias[q] + noise[q] * rng.normal(size=v.shape) for q, v in ((GYR, gyr), (ACC, up), (MAG, field))}
+    read = {
+        q: v @ matrix[q].T + bias[q] + noise[q] * rng.normal(size=v.shape)
+        for q, v in ((GYR, gyr), (ACC, up), (MAG, field))
+    }
     return Readings(t, read[GYR], read[ACC], read[MAG], matrix, bias)
 
 
@@ -85,11 +100,15 @@ def _place(t: Array, count: int, rest: float, turn: float) -> tuple[Array, Array
 def _orientations(positions: list[Array], t: Array, rest: float, turn: float) -> Array:
     k, share, _ = _place(t, len(positions), rest, turn)
     here = np.array(positions)
-    steps = np.array([*(quat.log(quat.relative(a, b)) for a, b in zip(here, here[1:])), np.zeros(3)])
+    steps = np.array(
+        [*(quat.log(quat.relative(a, b)) for a, b in zip(here, here[1:])), np.zeros(3)]
+    )
     return quat.multiply(here[k], quat.exp(share[:, None] * steps[k]))
 
 
 def _rates(positions: list[Array], t: Array, rest: float, turn: float) -> Array:
     k, _, speed = _place(t, len(positions), rest, turn)
-    steps = np.array([*(quat.log(quat.relative(a, b)) for a, b in zip(positions, positions[1:])), np.zeros(3)])
+    steps = np.array(
+        [*(quat.log(quat.relative(a, b)) for a, b in zip(positions, positions[1:])), np.zeros(3)]
+    )
     return np.asarray(speed[:, None] * steps[k])

@@ -20,7 +20,10 @@ def programs() -> dict[str, str] | None:
     """Paths of the server's programs; None where they are not installed."""
     found = {}
     for name in ("initdb", "postgres"):
-        places = [shutil.which(name), *sorted(map(str, Path("/usr/lib/postgresql").glob(f"*/bin/{name}")), reverse=True)]
+        places = [
+            shutil.which(name),
+            *sorted(map(str, Path("/usr/lib/postgresql").glob(f"*/bin/{name}")), reverse=True),
+        ]
         if (path := next((p for p in places if p), None)) is None:
             return None
         found[name] = path
@@ -37,7 +40,17 @@ def server() -> Iterator[str]:
     user = _other_user(folder)
     try:
         subprocess.run([found["initdb"], "-D", folder / "data", "-U", "handscope", "-A", "trust", "-E", "UTF8", "--no-sync"], user=user, check=True, capture_output=True, cwd=folder)  # fmt: skip
-        words = [found["postgres"], "-D", folder / "data", "-k", folder, "-c", "listen_addresses=", "-c", "fsync=off"]
+        words = [
+            found["postgres"],
+            "-D",
+            folder / "data",
+            "-k",
+            folder,
+            "-c",
+            "listen_addresses=",
+            "-c",
+            "fsync=off",
+        ]
         with (folder / "log").open("wb") as log:
             process = subprocess.Popen(words, user=user, stdout=log, stderr=log, cwd=folder)
         try:
@@ -73,7 +86,9 @@ def _other_user(folder: Path) -> str | None:
         return None
     import pwd
 
-    user = next(name for name in ("postgres", "nobody") if name in {u.pw_name for u in pwd.getpwall()})
+    user = next(
+        name for name in ("postgres", "nobody") if name in {u.pw_name for u in pwd.getpwall()}
+    )
     shutil.chown(folder, user)
     return user
 
@@ -82,7 +97,10 @@ def _wait(folder: Path, process: "subprocess.Popen[bytes]") -> None:
     import time
 
     until = time.monotonic() + 120
-    while not list(folder.glob(".s.PGSQL.*.lock")) or b"ready to accept" not in (folder / "log").read_bytes():
+    while (
+        not list(folder.glob(".s.PGSQL.*.lock"))
+        or b"ready to accept" not in (folder / "log").read_bytes()
+    ):
         assert process.poll() is None, (folder / "log").read_text()
         assert time.monotonic() < until, "PostgreSQL did not start"
         time.sleep(0.05)

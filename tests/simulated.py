@@ -21,14 +21,25 @@ from handscope.sessions.files.recording import LoadedRecording
 
 DEG = np.pi / 180
 INSTANT = m2.Params(gyr_reading="instant")  # as the simulated gyroscopes read
-STRIPS = {"hand": ("hand",), **{finger: CHAINS[finger] for finger in FINGERS}, "forearm": ("forearm",)}
+STRIPS = {
+    "hand": ("hand",),
+    **{finger: CHAINS[finger] for finger in FINGERS},
+    "forearm": ("forearm",),
+}
 
 
 @cache
 def pose_and_wiggle(hand: str, errors: SensorErrors = IDEAL) -> Simulated:
     """About 14 s: the initial pose, then one finger after the other bends; forearm at 60 Hz, everything else at 100 Hz."""
     return simulate(
-        ["initial_pose", "wiggle"], hand, sized(hand), np.random.default_rng(5), errors, segments=SEGMENTS, rate=100.0, forearm_rate=60.0
+        ["initial_pose", "wiggle"],
+        hand,
+        sized(hand),
+        np.random.default_rng(5),
+        errors,
+        segments=SEGMENTS,
+        rate=100.0,
+        forearm_rate=60.0,
     )
 
 
@@ -54,10 +65,14 @@ def calibrated(recording: Simulated, params: initial_pose.PoseParams | None = No
     """The calibration from the recording's first initial pose."""
     pose = initial_pose.pose_of(next(e for e in recording.events if e.trial_type == "initial_pose"))
     blocks = list(recording.samples.values())
-    return initial_pose.calibrate(params or m2.Params(), recording.hand, recording.geometry, recording.mounting, blocks, pose)
+    return initial_pose.calibrate(
+        params or m2.Params(), recording.hand, recording.geometry, recording.mounting, blocks, pose
+    )
 
 
-def tracked(recording: Simulated, params: m2.Params | None = None, calibration: Calibration | None = None) -> Trajectory:
+def tracked(
+    recording: Simulated, params: m2.Params | None = None, calibration: Calibration | None = None
+) -> Trajectory:
     """What m2 makes of the recording."""
     params, calibration = params or INSTANT, calibration or calibrated(recording)
     return trajectory.join(list(run.run(m2, params, [calibration], recording)), recording.hand)
@@ -69,7 +84,9 @@ def with_samples(recording: Simulated, samples: Mapping[str, Block]) -> Simulate
 
 def loaded(recording: Simulated) -> LoadedRecording:
     """As if it came from a file."""
-    return LoadedRecording(recording.hand, recording.geometry, recording.mounting, recording.samples, recording.events)
+    return LoadedRecording(
+        recording.hand, recording.geometry, recording.mounting, recording.samples, recording.events
+    )
 
 
 def cut(block: Block, where: Sequence[int]) -> list[Block]:

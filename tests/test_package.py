@@ -22,7 +22,18 @@ def test_the_wheel_holds_one_name_and_every_file_of_the_rooms(tmp_path: Path) ->
     for name in _listed("*.py", "*.toml", "README.md", "LICENSE", "handscope", *ROOMS):
         (source / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, source / name)
-    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", "..", "."]
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "wheel",
+        "--quiet",
+        "--no-deps",
+        "--no-build-isolation",
+        "--wheel-dir",
+        "..",
+        ".",
+    ]
     subprocess.run(command, cwd=source, check=True, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")
     held = zipfile.ZipFile(wheel).namelist()
@@ -32,7 +43,9 @@ def test_the_wheel_holds_one_name_and_every_file_of_the_rooms(tmp_path: Path) ->
 
 def _listed(*patterns: str) -> list[str]:
     """Files that git knows."""
-    return subprocess.run(["git", "ls-files", *patterns], cwd=ROOT, check=True, capture_output=True, text=True).stdout.split()
+    return subprocess.run(
+        ["git", "ls-files", *patterns], cwd=ROOT, check=True, capture_output=True, text=True
+    ).stdout.split()
 
 
 def test_a_recording_ignores_files_of_the_folder_it_is_started_in(tmp_path: Path) -> None:
@@ -63,5 +76,10 @@ def _imported() -> set[str]:
 def test_what_is_imported_is_declared_and_what_is_declared_is_used() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     declared = _names(project["dependencies"])
-    extras = _names([r for extra, rs in project["optional-dependencies"].items() if extra != "dev" for r in rs])
-    assert (sorted(_imported() - declared - extras), sorted(declared - _imported() - BY_NAME)) == ([], [])
+    extras = _names(
+        [r for extra, rs in project["optional-dependencies"].items() if extra != "dev" for r in rs]
+    )
+    assert (sorted(_imported() - declared - extras), sorted(declared - _imported() - BY_NAME)) == (
+        [],
+        [],
+    )

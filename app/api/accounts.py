@@ -36,7 +36,9 @@ class AccountChange(BaseModel):
 class NewPassword(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    current: str = Field("", max_length=accounts.LONGEST, description="the password until now, where there is one")
+    current: str = Field(
+        "", max_length=accounts.LONGEST, description="the password until now, where there is one"
+    )
     password: str = Field(max_length=4 * accounts.LONGEST)
 
 
@@ -56,8 +58,12 @@ def add_account(db: Db, parts: PartsDep, new: NewAccount) -> dict[str, Any]:
 def change_account(db: Db, who: WhoDep, account_id: int, change: AccountChange) -> dict[str, Any]:
     """Other roles, in or out of use; nobody locks himself out."""
     account = accounts.get(db, account_id)
-    if account.id == who.account and (change.disabled or (change.roles is not None and ADMINISTRATOR not in change.roles)):
-        raise InputError("you cannot take your own account out of use or stop administering; ask another administrator")
+    if account.id == who.account and (
+        change.disabled or (change.roles is not None and ADMINISTRATOR not in change.roles)
+    ):
+        raise InputError(
+            "you cannot take your own account out of use or stop administering; ask another administrator"
+        )
     accounts.change(db, account, change.roles, change.disabled)
     if account.disabled:
         logins.end_all(db, account)
@@ -69,7 +75,9 @@ def make_code(db: Db, parts: PartsDep, account_id: int) -> dict[str, str]:
     """A one-time code: who has it logs in as this account, once, within twelve hours."""
     account = accounts.get(db, account_id)
     if account.name == LOCAL or account.disabled:
-        raise InputError("codes of this computer's own account, and of accounts out of use, are not given here; see handscope login")
+        raise InputError(
+            "codes of this computer's own account, and of accounts out of use, are not given here; see handscope login"
+        )
     audit.tell(db, audit.Happened("created", "code", str(account.id)))
     db.commit()
     return {"code": logins.new_token(parts.store.folder, account.name)}
@@ -85,8 +93,13 @@ def set_password(db: Db, who: WhoDep, request: Request, new: NewPassword) -> Res
     """Set the own password; every other login of the account ends."""
     account = accounts.get(db, who.account)
     if account.name == LOCAL or account.subject is not None:
-        raise InputError("this account has no password: it logs in with one-time codes or through your organisation")
-    if account.password is not None and logins.by_password(db, account.name, new.current, address_of(request)) is None:
+        raise InputError(
+            "this account has no password: it logs in with one-time codes or through your organisation"
+        )
+    if (
+        account.password is not None
+        and logins.by_password(db, account.name, new.current, address_of(request)) is None
+    ):
         raise InputError("the password until now is not right; nothing was changed")
     accounts.set_password(db, account, new.password)
     logins.end_all(db, account, but=cookie_of(request))
@@ -114,7 +127,15 @@ def verify_audit(db: Db, language: LanguageDep) -> dict[str, Any]:
 
 
 def account_row(a: Account) -> dict[str, Any]:
-    kind = "code" if a.name == LOCAL else "single" if a.subject else "password" if a.password else "none"
+    kind = (
+        "code"
+        if a.name == LOCAL
+        else "single"
+        if a.subject
+        else "password"
+        if a.password
+        else "none"
+    )
     return {
         "id": a.id,
         "name": a.name,
@@ -127,4 +148,8 @@ def account_row(a: Account) -> dict[str, Any]:
 
 
 def audit_row(line: AuditLine) -> dict[str, Any]:
-    return {c.key: getattr(line, c.key) for c in AuditLine.__table__.columns if c.key not in ("previous", "hash")}
+    return {
+        c.key: getattr(line, c.key)
+        for c in AuditLine.__table__.columns
+        if c.key not in ("previous", "hash")
+    }

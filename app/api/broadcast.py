@@ -17,7 +17,9 @@ from handscope.app.language import Language
 from handscope.app.live.stations import AnyStation
 from handscope.app.report.sections import self_calibration
 
-PULSE = 1 / 120  # s: at most one message to a viewer in each; shorter than the 10 ms between two poses, so that hardly a pose waits
+PULSE = (
+    1 / 120
+)  # s: at most one message to a viewer in each; shorter than the 10 ms between two poses, so that hardly a pose waits
 SPOKEN = (
     "title",
     "instruction",
@@ -39,7 +41,11 @@ class Bulletin:
         self._viewers: list[asyncio.Event] = []
         self._leave: Callable[[], None] | None = None
         self._rung = False  # the loop was told that there is something new and has not got that far
-        self._beat: tuple[tuple[int, float] | None, str, float] = (None, "", 0.0)  # what it was written for, as text, its newest point
+        self._beat: tuple[tuple[int, float] | None, str, float] = (
+            None,
+            "",
+            0.0,
+        )  # what it was written for, as text, its newest point
         self._whole: tuple[int | None, str] = (None, "")  # number of the snapshot, as text
 
     @contextmanager
@@ -99,7 +105,13 @@ def spoken(snapshot: dict[str, Any], language: Language) -> dict[str, Any]:
     """A snapshot in a language."""
     found: dict[str, Any] = language.told(snapshot, SPOKEN)
     if (free := found.get("self_calibration")) and (kept := free["found"]):
-        return {**found, "self_calibration": {**free, "found": self_calibration.told(kept["table"], kept["told"], language)}}
+        return {
+            **found,
+            "self_calibration": {
+                **free,
+                "found": self_calibration.told(kept["table"], kept["told"], language),
+            },
+        }
     return found
 
 

@@ -29,20 +29,31 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(UnconfirmedError)
     async def unconfirmed(request: Request, error: UnconfirmedError) -> JSONResponse:
-        return JSONResponse({"error": preferred(request).heard(str(error)), "confirm": error.doubts}, 422)
+        return JSONResponse(
+            {"error": preferred(request).heard(str(error)), "confirm": error.doubts}, 422
+        )
 
     @app.exception_handler(ThrottledError)
     async def throttled(request: Request, error: ThrottledError) -> JSONResponse:
-        return JSONResponse({"error": preferred(request).heard(str(error))}, 429, headers={"Retry-After": str(round(error.wait))})
+        return JSONResponse(
+            {"error": preferred(request).heard(str(error))},
+            429,
+            headers={"Retry-After": str(round(error.wait))},
+        )
 
     @app.exception_handler(InputError)
     async def mistake(request: Request, error: InputError) -> JSONResponse:
-        return JSONResponse({"error": preferred(request).heard(str(error))}, 404 if str(error).startswith("there is no ") else 422)
+        return JSONResponse(
+            {"error": preferred(request).heard(str(error))},
+            404 if str(error).startswith("there is no ") else 422,
+        )
 
     @app.exception_handler(RequestValidationError)
     async def malformed(request: Request, error: RequestValidationError) -> JSONResponse:
         first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"] if part not in ("body", "query", "path"))
+        where = ".".join(
+            str(part) for part in first["loc"] if part not in ("body", "query", "path")
+        )
         said = f"{where or 'request'}: {first['msg']}; nothing was changed"
         return JSONResponse({"error": preferred(request).heard(said)}, 422)
 
@@ -50,7 +61,11 @@ def install(app: FastAPI) -> None:
     async def refused(request: Request, error: HTTPException) -> JSONResponse:
         if is_full(error.__cause__):  # while an upload was taken in
             return JSONResponse({"error": preferred(request).heard(FULL)}, NO_ROOM)
-        return JSONResponse({"error": preferred(request).heard(str(error.detail))}, error.status_code, headers=error.headers)
+        return JSONResponse(
+            {"error": preferred(request).heard(str(error.detail))},
+            error.status_code,
+            headers=error.headers,
+        )
 
     @app.exception_handler(OverflowError)
     async def out_of_range(request: Request, error: OverflowError) -> JSONResponse:
@@ -59,7 +74,9 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(OSError)
     @app.exception_handler(DBAPIError)
     async def unwritten(request: Request, error: Exception) -> JSONResponse:
-        if getattr(getattr(error, "orig", None), "sqlstate", None) == "22003":  # PostgreSQL: numeric value out of range
+        if (
+            getattr(getattr(error, "orig", None), "sqlstate", None) == "22003"
+        ):  # PostgreSQL: numeric value out of range
             return JSONResponse({"error": preferred(request).heard(TOO_LARGE)}, 404)
         if not is_full(error):
             raise error

@@ -16,7 +16,10 @@ router = APIRouter(include_in_schema=False, dependencies=[may(ANYBODY)])
 @router.get("/languages/names.js")
 def names() -> Response:
     """Which languages there are: {code: name}."""
-    return Response(_module({one.code: one.name for one in language.languages().values()}), media_type="text/javascript")
+    return Response(
+        _module({one.code: one.name for one in language.languages().values()}),
+        media_type="text/javascript",
+    )
 
 
 @router.get("/languages/{code}.js")

@@ -31,7 +31,9 @@ class Proof(BaseModel):
 
 
 @pages.get("/login")
-def login_page(parts: PartsDep, db: Db, request: Request, token: Annotated[str, Query(max_length=200)] = "") -> Response:
+def login_page(
+    parts: PartsDep, db: Db, request: Request, token: Annotated[str, Query(max_length=200)] = ""
+) -> Response:
     """With a good token: in. Otherwise the page that asks for one."""
     account = logins.redeem(db, parts.store, token) if token else None
     if account is None:
@@ -51,22 +53,40 @@ def log_in(parts: PartsDep, db: Db, request: Request, given: Proof) -> Response:
     if given.name:
         account = logins.by_password(db, given.name, given.password, address_of(request))
         if account is None:
-            raise InputError("the name or the password is not right; after five tries the account is closed for a quarter of an hour")
+            raise InputError(
+                "the name or the password is not right; after five tries the account is closed for a quarter of an hour"
+            )
     else:
         account = logins.redeem(db, parts.store, given.token.strip())
         if account is None:
             _refused(db, given.token)
-            raise InputError("this code was used before or is not right; print a new one with: handscope login")
+            raise InputError(
+                "this code was used before or is not right; print a new one with: handscope login"
+            )
     return with_cookie(Response(status_code=204), request, logins.begin(db, account))
 
 
-@router.delete("/login", status_code=204, responses={200: {"description": "ended; the page named by `next` ends the organisation's login"}})
+@router.delete(
+    "/login",
+    status_code=204,
+    responses={
+        200: {"description": "ended; the page named by `next` ends the organisation's login"}
+    },
+)
 def log_out(db: Db, parts: PartsDep, request: Request) -> Response:
     """`next` is where the browser goes then, where that is not our login page: whom the organisation let in, it would let in again."""
     account = logins.end(db, cookie_of(request))
-    single = account is not None and account.subject is not None and parts.settings.sign_on is not None
+    single = (
+        account is not None and account.subject is not None and parts.settings.sign_on is not None
+    )
     response = JSONResponse({"next": "/login/sso/end"}) if single else Response(status_code=204)
-    response.delete_cookie(cookie_name(request.scope), path="/", secure=secure(request.scope), httponly=True, samesite="strict")
+    response.delete_cookie(
+        cookie_name(request.scope),
+        path="/",
+        secure=secure(request.scope),
+        httponly=True,
+        samesite="strict",
+    )
     return response
 
 
@@ -88,7 +108,10 @@ def health(parts: PartsDep, response: Response) -> dict[str, Any]:
     told: dict[str, Any] = {"status": status, "version": software_version()}
     if parts.moving_out:
         latest = parts.moving_out.latest
-        told["object_storage"] = {"status": "cannot be used" if latest.problem else "ok", "files_waiting": latest.waiting}
+        told["object_storage"] = {
+            "status": "cannot be used" if latest.problem else "ok",
+            "files_waiting": latest.waiting,
+        }
     return told
 
 
@@ -100,5 +123,12 @@ def openapi(request: Request) -> dict[str, Any]:
 
 def with_cookie(response: Response, request: Request, cookie: str) -> Response:
     """Scripts cannot read it, other sites' pages cannot send it, and behind TLS it never travels without."""
-    response.set_cookie(cookie_name(request.scope), cookie, httponly=True, samesite="strict", secure=secure(request.scope), path="/")
+    response.set_cookie(
+        cookie_name(request.scope),
+        cookie,
+        httponly=True,
+        samesite="strict",
+        secure=secure(request.scope),
+        path="/",
+    )
     return response

@@ -9,7 +9,17 @@ from starlette.responses import HTMLResponse, RedirectResponse
 
 from handscope.app.api.login_routes import with_cookie
 from handscope.app.auth.gate import secure
-from handscope.app.auth.oidc import NAME, Answer, SignOn, SignOnError, farewell, identity, leave, roles_of, subject_of
+from handscope.app.auth.oidc import (
+    NAME,
+    Answer,
+    SignOn,
+    SignOnError,
+    farewell,
+    identity,
+    leave,
+    roles_of,
+    subject_of,
+)
 from handscope.app.auth.roles import ANYBODY, may
 from handscope.app.state import Db, PartsDep
 from handscope.estimators.errors import InputError
@@ -28,11 +38,19 @@ def go(parts: PartsDep, request: Request) -> Response:
     """To the provider."""
     word = secrets.token_urlsafe(32)
     try:
-        response = RedirectResponse(leave(_agreed(parts.settings.sign_on), word, _ours(request, "/login/sso/answer")), 303)
+        response = RedirectResponse(
+            leave(_agreed(parts.settings.sign_on), word, _ours(request, "/login/sso/answer")), 303
+        )
     except SignOnError as problem:
         return _not_in(problem)
     response.set_cookie(
-        COOKIE, word, max_age=60 * MINUTES, path="/login/sso", httponly=True, samesite="lax", secure=secure(request.scope)
+        COOKIE,
+        word,
+        max_age=60 * MINUTES,
+        path="/login/sso",
+        httponly=True,
+        samesite="lax",
+        secure=secure(request.scope),
     )  # lax: it must come along when the provider sends the browser back
     return response
 
@@ -48,11 +66,18 @@ def come_back(
     iss: Annotated[str, Query(max_length=400)] = "",
 ) -> Response:
     """From the provider. The page that follows is asked for by ours, so that it comes with the strict cookie."""
-    agreed, given = _agreed(parts.settings.sign_on), Answer(state=state, code=code, error=error, issuer=iss)
+    agreed, given = (
+        _agreed(parts.settings.sign_on),
+        Answer(state=state, code=code, error=error, issuer=iss),
+    )
     try:
-        claims = identity(agreed, request.cookies.get(COOKIE, ""), _ours(request, "/login/sso/answer"), given)
+        claims = identity(
+            agreed, request.cookies.get(COOKIE, ""), _ours(request, "/login/sso/answer"), given
+        )
         name = str(claims.get(NAME) or claims["sub"])
-        account = accounts.of_subject(db, subject_of(agreed, claims), name, roles_of(agreed, claims))
+        account = accounts.of_subject(
+            db, subject_of(agreed, claims), name, roles_of(agreed, claims)
+        )
     except InputError as problem:
         kind = problem.kind if isinstance(problem, SignOnError) else "refused"
         audit.tell(db, Happened("refused", "login", counts={"by": "single sign-on", "why": kind}))

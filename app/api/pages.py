@@ -31,8 +31,15 @@ for address in PAGES:
 def scene_page(request: Request, _: StationDep) -> Response:
     """viser's client; it comes back for its web socket under the same address without the last slash."""
     packed = "gzip" in request.headers.get("accept-encoding", "")
-    headers = {"Content-Security-Policy": bridge.policy(request.headers["host"]), **({"Content-Encoding": "gzip"} if packed else {})}
-    return Response(bridge.client_page_gzipped() if packed else bridge.client_page(), media_type="text/html", headers=headers)
+    headers = {
+        "Content-Security-Policy": bridge.policy(request.headers["host"]),
+        **({"Content-Encoding": "gzip"} if packed else {}),
+    }
+    return Response(
+        bridge.client_page_gzipped() if packed else bridge.client_page(),
+        media_type="text/html",
+        headers=headers,
+    )
 
 
 @router.websocket("/scene/{name}", dependencies=[may(CLINICIAN, SCIENTIST)])

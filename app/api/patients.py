@@ -30,27 +30,41 @@ class NewPatient(BaseModel):
     dominant_hand: str | None = None
     affected_hand: str | None = None
     note: str = Field("", max_length=notes.LONGEST)
-    confirmed: bool = Field(False, description="that the pseudonym is a code although it looks like a name")
+    confirmed: bool = Field(
+        False, description="that the pseudonym is a code although it looks like a name"
+    )
 
 
 class PatientChange(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    version: int = Field(description="the version that was seen; somebody else's change meanwhile is refused")
+    version: int = Field(
+        description="the version that was seen; somebody else's change meanwhile is refused"
+    )
     pseudonym: str | None = Field(None, max_length=200)
     year_of_birth: int | None = None
     dominant_hand: str | None = None
     affected_hand: str | None = None
-    hand_measures: dict[str, dict[str, Any]] | None = Field(None, description="HandGeometry by hand, metres")
-    trunk_height: float | None = Field(None, allow_inf_nan=False, description="of the trunk's sensor above the hips, metres; for reaching")
+    hand_measures: dict[str, dict[str, Any]] | None = Field(
+        None, description="HandGeometry by hand, metres"
+    )
+    trunk_height: float | None = Field(
+        None,
+        allow_inf_nan=False,
+        description="of the trunk's sensor above the hips, metres; for reaching",
+    )
     archived: bool | None = None
-    confirmed: bool = Field(False, description="that the pseudonym is a code although it looks like a name")
+    confirmed: bool = Field(
+        False, description="that the pseudonym is a code although it looks like a name"
+    )
 
 
 class Erasure(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    pseudonym: str = Field(max_length=200, description="typed by the person who erases, as it is stored")
+    pseudonym: str = Field(
+        max_length=200, description="typed by the person who erases, as it is stored"
+    )
 
 
 class NewNote(BaseModel):
@@ -80,7 +94,10 @@ def list_patients(
     """Patients by pseudonym, the most recently seen first; the header X-Total-Count says how many there are."""
     response.headers["X-Total-Count"] = str(patients.count(db, search, archived))
     found = patients.find(db, search, archived, limit, offset)
-    return [for_reader(who, {**patient_row(p), "sessions": count, "last_session": last}) for p, count, last in found]
+    return [
+        for_reader(who, {**patient_row(p), "sessions": count, "last_session": last})
+        for p, count, last in found
+    ]
 
 
 @router.post("/patients", status_code=201)
@@ -107,9 +124,17 @@ def read_patient(db: Db, who: WhoDep, language: LanguageDep, patient_id: int) ->
         for v in visits
     ]
     return {
-        **for_reader(who, {**patient_row(patient), "notes": [note_row(n) for n in patient.notes if n.removed is None]}),
+        **for_reader(
+            who,
+            {
+                **patient_row(patient),
+                "notes": [note_row(n) for n in patient.notes if n.removed is None],
+            },
+        ),
         "sessions": rows,
-        "clock": for_reader(who, {"now": clock, "doubts": dates.clock_doubts(patient, sessions, clock)}),
+        "clock": for_reader(
+            who, {"now": clock, "doubts": dates.clock_doubts(patient, sessions, clock)}
+        ),
     }
 
 
@@ -126,7 +151,9 @@ def export_patient(db: Db, parts: PartsDep, patient_id: int) -> StreamingRespons
     first = next(zipped)
     name = f"handscope-{''.join(c if c.isascii() and c.isalnum() else '-' for c in pseudonym)}-{date.today().isoformat()}.zip"
     return StreamingResponse(
-        chain([first], zipped), media_type="application/zip", headers={"Content-Disposition": f'attachment; filename="{name}"'}
+        chain([first], zipped),
+        media_type="application/zip",
+        headers={"Content-Disposition": f'attachment; filename="{name}"'},
     )
 
 
@@ -142,7 +169,10 @@ def erase_patient(db: Db, parts: PartsDep, patient_id: int, wish: Erasure) -> di
 @router.get("/erasures", dependencies=[may(CLINICIAN, ADMINISTRATOR)])
 def list_erasures(db: Db) -> list[dict[str, Any]]:
     """What was erased when, the newest first; never whose it was."""
-    return [{"at": line.at, "what": "patient erased", "counts": line.counts} for line in erasure.erasures(db)]
+    return [
+        {"at": line.at, "what": "patient erased", "counts": line.counts}
+        for line in erasure.erasures(db)
+    ]
 
 
 @router.post("/patients/{patient_id}/notes", status_code=201)
@@ -177,4 +207,10 @@ def patient_row(p: Patient) -> dict[str, Any]:
 
 
 def note_row(n: Note) -> dict[str, Any]:
-    return {"id": n.id, "text": n.text, "written": n.written, "removed": n.removed, "version": n.version}
+    return {
+        "id": n.id,
+        "text": n.text,
+        "written": n.written,
+        "removed": n.removed,
+        "version": n.version,
+    }

@@ -17,33 +17,58 @@ router = APIRouter(prefix="/patients", tags=["patients"], dependencies=[may(CLIN
 
 
 @router.get("/{patient_id}/progress")
-def read_progress(db: Db, parts: PartsDep, language: LanguageDep, patient_id: int) -> dict[str, Any]:
+def read_progress(
+    db: Db, parts: PartsDep, language: LanguageDep, patient_id: int
+) -> dict[str, Any]:
     """Sessions by hand, and of every figure its values in their order; what a change must exceed, and whether it does."""
     patient = patients.get(db, patient_id)
     found = progress(repeatability.history(db, patient_id), offered(parts.store.folder)[0])
     return {
         "affected": patient.affected_hand,
-        **(_told(found, language) if found else {"method": "", "judges": [], "sessions": {}, "series": []}),
+        **(
+            _told(found, language)
+            if found
+            else {"method": "", "judges": [], "sessions": {}, "series": []}
+        ),
     }
 
 
 def _told(found: Progress, language: Language) -> dict[str, Any]:
     judges = list(dict.fromkeys(c.judge for s in found.series for c in s.hands.values()))
     return {
-        "judges": [{**asdict(judge), "sources": [language.heard(s) for s in judge.sources]} for judge in judges],
+        "judges": [
+            {**asdict(judge), "sources": [language.heard(s) for s in judge.sources]}
+            for judge in judges
+        ],
         "method": found.method,
         "sessions": {
-            hand: [{"session": o.session, "result": o.result, "started": o.started} for o in occasions]
+            hand: [
+                {"session": o.session, "result": o.result, "started": o.started} for o in occasions
+            ]
             for hand, occasions in found.sessions.items()
         },
-        "series": [{**_series(s, judges), "label": language.known(f"figure.{s.name}", "")} for s in found.series],
+        "series": [
+            {**_series(s, judges), "label": language.known(f"figure.{s.name}", "")}
+            for s in found.series
+        ],
     }
 
 
 def _series(s: Series, judges: list[Judge]) -> dict[str, Any]:
-    reference = {"value": s.reference.degrees, "source": s.reference.source.name, "note": s.reference.note} if s.reference else None
-    told = {name: getattr(s, name) for name in ("measure", "task", "name", "unit", "joint", "angle", "end")}
-    return {**told, "reference": reference, "hands": {hand: _course(c, judges) for hand, c in s.hands.items()}}
+    reference = (
+        {"value": s.reference.degrees, "source": s.reference.source.name, "note": s.reference.note}
+        if s.reference
+        else None
+    )
+    told = {
+        name: getattr(s, name)
+        for name in ("measure", "task", "name", "unit", "joint", "angle", "end")
+    }
+    return {
+        **told,
+        "reference": reference,
+        "hands": {hand: _course(c, judges) for hand, c in s.hands.items()},
+    }
 
 
 def _course(c: Course, judges: list[Judge]) -> dict[str, Any]:

@@ -18,7 +18,14 @@ WITHHELD: Mapping[str, Any] = {
     "date_reason": "",
     "doubts": [],
 }
-OF_EVENTS = ("trial_type", "onset", "duration", "task_name", "outcome", "score")  # the rest may be text
+OF_EVENTS = (
+    "trial_type",
+    "onset",
+    "duration",
+    "task_name",
+    "outcome",
+    "score",
+)  # the rest may be text
 
 
 def for_reader(who: Who, row: Mapping[str, Any]) -> dict[str, Any]:
@@ -32,7 +39,12 @@ def events_for(who: Who, content: Mapping[str, Any]) -> dict[str, Any]:
     """A kept result's content without what was typed at its events."""
     if who.sees_all or "events" not in content:
         return dict(content)
-    return {**content, "events": [{key: event[key] for key in OF_EVENTS if key in event} for event in content["events"]]}
+    return {
+        **content,
+        "events": [
+            {key: event[key] for key in OF_EVENTS if key in event} for event in content["events"]
+        ],
+    }
 
 
 def _empty(key: str, value: Any) -> Any:

@@ -15,7 +15,12 @@ from handscope.app.report.gradings import DEFAULT, graded_tasks
 from handscope.app.report.norms import norm_of
 from handscope.app.report.sections.other_measures import other_measures
 from handscope.app.report.sections.range_comparison import flexion_with_sd
-from handscope.app.report.sections.range_rows import asks_full_range, by_task, over_tasks, range_rows
+from handscope.app.report.sections.range_rows import (
+    asks_full_range,
+    by_task,
+    over_tasks,
+    range_rows,
+)
 from handscope.app.report.sections.shown_panels import shown_of
 from handscope.app.report.units import DEG, TAPPING_DECIMALS, reading
 from handscope.app.report.words import figure_words
@@ -41,8 +46,16 @@ def readings(
     """Tables for pages from a kept result's content and figures, `lean` without every figure by itself; empty before it is done."""
     tasks = content.get("tasks", [])
     return {
-        "ranges": _ranges([t for t in tasks if t["measure"] == "range_of_motion"], figures, protocols, language, changes),
-        "tapping": _tapping([t for t in tasks if t["measure"] == "tapping"], figures, protocols, language),
+        "ranges": _ranges(
+            [t for t in tasks if t["measure"] == "range_of_motion"],
+            figures,
+            protocols,
+            language,
+            changes,
+        ),
+        "tapping": _tapping(
+            [t for t in tasks if t["measure"] == "tapping"], figures, protocols, language
+        ),
         "calibration": calibration_reading(content.get("calibration"), language),
         "changes": _changes(changes, protocols, language) if changes else None,
         "others": _others(tasks, figures, protocols, language, grading, dict(other_hand or {})),
@@ -55,7 +68,10 @@ def _told(row: Mapping[str, Any], language: Language) -> dict[str, Any]:
     what, part = row.get("what") or row["name"], row.get("part", "")
     norm = norm_of(what, part, row["task"])
     return {
-        **{key: row.get(key, "") for key in ("task", "measure", "onset", "name", "grade", "category", "detail", "source")},
+        **{
+            key: row.get(key, "")
+            for key in ("task", "measure", "onset", "name", "grade", "category", "detail", "source")
+        },
         "part": part,
         "what": what,
         "value": value[0],
@@ -69,11 +85,15 @@ def _told(row: Mapping[str, Any], language: Language) -> dict[str, Any]:
 
 
 def _read(row: Mapping[str, Any], value: float | None) -> tuple[float | None, str]:
-    read = reading(Figure(row["name"], np.nan if value is None else value, row["unit"], row["source"]))
+    read = reading(
+        Figure(row["name"], np.nan if value is None else value, row["unit"], row["source"])
+    )
     return (read.value if np.isfinite(read.value) else None), read.unit
 
 
-def _changes(changes: Changes, protocols: Mapping[str, Protocol], language: Language) -> dict[str, Any]:
+def _changes(
+    changes: Changes, protocols: Mapping[str, Protocol], language: Language
+) -> dict[str, Any]:
     """Since when, judged by what, and the words for the means of the tapping tasks' trials; those for ranges stand in their rows."""
     tapping = [
         {
@@ -82,7 +102,10 @@ def _changes(changes: Changes, protocols: Mapping[str, Protocol], language: Lang
         }
         for task, said in tapping_words(changes, language).items()
     ]
-    sources = {measure: [language.heard(s) for s in changes.sources(measure)] for measure in ("range_of_motion", "tapping")}
+    sources = {
+        measure: [language.heard(s) for s in changes.sources(measure)]
+        for measure in ("range_of_motion", "tapping")
+    }
     return {"since": changes.since, "sources": sources, "tapping": tapping}
 
 
@@ -104,22 +127,33 @@ def _ranges(
             "tasks": list(dict.fromkeys(t.title for t in group)),
             "rows": rows,
         }
-        for k, (group, rows) in enumerate((group, _rows(group, group[0] in full, language, changes)) for group in groups)
+        for k, (group, rows) in enumerate(
+            (group, _rows(group, group[0] in full, language, changes)) for group in groups
+        )
         if rows or not k
     ]
 
 
-def _task(told: Mapping[str, Any], figures: Sequence[Figure], protocol: Protocol | None, language: Language) -> Task:
+def _task(
+    told: Mapping[str, Any],
+    figures: Sequence[Figure],
+    protocol: Protocol | None,
+    language: Language,
+) -> Task:
     ranges = [Range(**r) for r in told["ranges"]]
     return Task(
-        TaskResult(told["task"], told["measure"], told["onset"], told["end"], ranges, tuple(figures)),
+        TaskResult(
+            told["task"], told["measure"], told["onset"], told["end"], ranges, tuple(figures)
+        ),
         _title(told, protocol, language),
         "",
         asked(protocol),
     )
 
 
-def _rows(tasks: list[Task], full: bool, language: Language, changes: Changes | None) -> list[dict[str, Any]]:
+def _rows(
+    tasks: list[Task], full: bool, language: Language, changes: Changes | None
+) -> list[dict[str, Any]]:
     return [
         {
             "group": r.group,
@@ -147,7 +181,15 @@ def _others(
     kept = _by_task(figures)
     told = [
         Task(
-            TaskResult(t["task"], t["measure"], t["onset"], t["end"], None, tuple(kept.get(_key(t), ())), shown_of(t.get("shown"))),
+            TaskResult(
+                t["task"],
+                t["measure"],
+                t["onset"],
+                t["end"],
+                None,
+                tuple(kept.get(_key(t), ())),
+                shown_of(t.get("shown")),
+            ),
             _title(t, protocols.get(t["task"]), language),
             getattr(MEASURES.get(t["measure"]), "TITLE", t["measure"]),
             None,
@@ -157,7 +199,11 @@ def _others(
     sections = other_measures(graded_tasks(told, grading, other_hand), language)
     choices = [[scheme, language.say(f"grading.{scheme}")] for scheme in GRADINGS]
     return [
-        {**s, "gradings": choices if s["grading"] else [], "curves": [[trial, [asdict(p) for p in found]] for trial, found in s["curves"]]}
+        {
+            **s,
+            "gradings": choices if s["grading"] else [],
+            "curves": [[trial, [asdict(p) for p in found]] for trial, found in s["curves"]],
+        }
         for s in sections
         if s["rows"]
     ]
@@ -183,7 +229,10 @@ def _kept(row: Mapping[str, Any]) -> Figure:
 
 
 def _tapping(
-    told: list[dict[str, Any]], figures: list[dict[str, Any]], protocols: Mapping[str, Protocol], language: Language
+    told: list[dict[str, Any]],
+    figures: list[dict[str, Any]],
+    protocols: Mapping[str, Protocol],
+    language: Language,
 ) -> list[dict[str, Any]]:
     """Trials in order of time; the kept figures are in the same order, as many a trial; those that have a row of their own."""
     rows = [f for f in figures if f["measure"] == "tapping" and f["name"] in TAPPING_DECIMALS]
@@ -207,21 +256,46 @@ def _tapping(
 
 def _figure(row: Mapping[str, Any], language: Language) -> dict[str, Any]:
     value = np.nan if row["value"] is None else row["value"]
-    read = reading(Figure(row["name"], value, row["unit"], row["source"], row["sd"], row["grade"], row["reason"]))
+    read = reading(
+        Figure(
+            row["name"], value, row["unit"], row["source"], row["sd"], row["grade"], row["reason"]
+        )
+    )
     known = read.value if np.isfinite(read.value) else None
     sd = _read(row, row["sd"])[0] or None
-    return {"name": row["name"], "label": figure_words(row["name"], language), "value": known, "sd": sd, "unit": read.unit}
+    return {
+        "name": row["name"],
+        "label": figure_words(row["name"], language),
+        "value": known,
+        "sd": sd,
+        "unit": read.unit,
+    }
 
 
-def calibration_reading(told: Mapping[str, Any] | None, language: Language) -> dict[str, Any] | None:
+def calibration_reading(
+    told: Mapping[str, Any] | None, language: Language
+) -> dict[str, Any] | None:
     """Of each quality the sensor with the largest value, in deg and deg/s."""
     if not told or not told["quality"]:
         return None
     quality = told["quality"]
     worst = {name: max(quality, key=lambda s: quality[s][name]) for name in CALIBRATION}
-    rows = [{"name": n, "segment": s, "value": round(DEG * quality[s][n], 2), "unit": CALIBRATION[n]} for n, s in worst.items()]
-    return {"source": language.heard(told["source"]), "onset": told["onset"], "end": told["end"], "sensors": len(quality), "largest": rows}
+    rows = [
+        {"name": n, "segment": s, "value": round(DEG * quality[s][n], 2), "unit": CALIBRATION[n]}
+        for n, s in worst.items()
+    ]
+    return {
+        "source": language.heard(told["source"]),
+        "onset": told["onset"],
+        "end": told["end"],
+        "sensors": len(quality),
+        "largest": rows,
+    }
 
 
 def _title(told: Mapping[str, Any], protocol: Protocol | None, language: Language) -> str:
-    return language.heard(protocol.title) if protocol else str(told["task"]).replace("_", " ").capitalize()
+    return (
+        language.heard(protocol.title)
+        if protocol
+        else str(told["task"]).replace("_", " ").capitalize()
+    )

@@ -27,8 +27,15 @@ from handscope.sessions.clinic.corrections import without_reasons
 from handscope.sessions.db.tables import Result
 
 router = APIRouter(prefix="/results", tags=["results"], dependencies=[may(CLINICIAN, SCIENTIST)])
-FORMS = {"pdf": "application/pdf", "html": "text/html; charset=utf-8", "csv": "text/csv; charset=utf-8", "json": "application/json"}
-GradingDep = Annotated[str, Query(description=f"who names total active motion: {', '.join(GRADINGS)}")]
+FORMS = {
+    "pdf": "application/pdf",
+    "html": "text/html; charset=utf-8",
+    "csv": "text/csv; charset=utf-8",
+    "json": "application/json",
+}
+GradingDep = Annotated[
+    str, Query(description=f"who names total active motion: {', '.join(GRADINGS)}")
+]
 ALONE = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"  # a report brings its own style and loads nothing
 
 
@@ -39,13 +46,23 @@ def read_result(
     who: WhoDep,
     language: LanguageDep,
     result_id: int,
-    lean: Annotated[bool, Query(description="without the SI figures and what each measure drew: megabytes of a long session")] = False,
+    lean: Annotated[
+        bool,
+        Query(
+            description="without the SI figures and what each measure drew: megabytes of a long session"
+        ),
+    ] = False,
     grading: GradingDep = DEFAULT,
 ) -> dict[str, Any]:
     """State and progress; figures and what the page draws when it is done."""
     r = results.get(db, result_id)
-    other = _uninjured(r) if any(t["measure"] == MEASURE for t in r.content.get("tasks", ())) else {}
-    protocols, changed = offered(parts.store.folder)[0], changes_of(r) if r.state == "done" else None
+    other = (
+        _uninjured(r) if any(t["measure"] == MEASURE for t in r.content.get("tasks", ())) else {}
+    )
+    protocols, changed = (
+        offered(parts.store.folder)[0],
+        changes_of(r) if r.state == "done" else None,
+    )
     read = readings(r.content, r.figures, protocols, language, changed, lean, grading, other)
     told = {"id": r.id} if lean else {"id": r.id, "figures": r.figures}
     return {
@@ -59,8 +76,14 @@ def read_result(
         "progress": r.progress,
         "error": language.heard(r.error),
         "created": r.created,
-        "content": events_for(who, {name: value for name, value in r.content.items() if not (lean and name == "tasks")}),
-        "warnings": [language.heard(w if who.sees_all else without_reasons(w, r.corrections)) for w in r.warnings],
+        "content": events_for(
+            who,
+            {name: value for name, value in r.content.items() if not (lean and name == "tasks")},
+        ),
+        "warnings": [
+            language.heard(w if who.sees_all else without_reasons(w, r.corrections))
+            for w in r.warnings
+        ],
         "readings": read,
         "reused": r.reused,
         "self_calibration": self_calibration.told(kept["table"], kept["told"], language)
@@ -82,7 +105,9 @@ def read_curves(
     db: Db,
     parts: PartsDep,
     result_id: int,
-    what: Annotated[list[str], Query(description="aperture or joint angles such as index_pip_flexion")],
+    what: Annotated[
+        list[str], Query(description="aperture or joint angles such as index_pip_flexion")
+    ],
     start: float = -np.inf,
     stop: float = np.inf,
     points: Annotated[int, Query(ge=2, le=5000)] = 1500,
@@ -99,7 +124,10 @@ def compare(
     result_id: int,
     other: int,
     what: str = APERTURE,
-    event: Annotated[int | None, Query(description="a task of the recording; without it all of it, within one recording")] = None,
+    event: Annotated[
+        int | None,
+        Query(description="a task of the recording; without it all of it, within one recording"),
+    ] = None,
     points: Annotated[int, Query(ge=2, le=5000)] = 1500,
 ) -> dict[str, Any]:
     """One quantity of this result and of another (by another method, of the other hand, of another session), in degrees or mm.
@@ -107,7 +135,9 @@ def compare(
     Of one recording with the difference, other less this, and how far they agree; of two, from the onset of the same task on.
     """
     a = _done(results.get(db, result_id))
-    found = beside(parts.store, a, _of_one_patient(a, _done(results.get(db, other))), what, event, points)
+    found = beside(
+        parts.store, a, _of_one_patient(a, _done(results.get(db, other))), what, event, points
+    )
     return {
         "t": _numbers(found.t),
         "a": _numbers(found.a),
@@ -120,7 +150,13 @@ def compare(
 
 @router.get("/{result_id}/report.{form}", dependencies=[may(CLINICIAN, does="exported")])
 async def read_report(
-    db: Db, parts: PartsDep, language: LanguageDep, result_id: int, form: str, paper: Paper = "a4", grading: GradingDep = DEFAULT
+    db: Db,
+    parts: PartsDep,
+    language: LanguageDep,
+    result_id: int,
+    form: str,
+    paper: Paper = "a4",
+    grading: GradingDep = DEFAULT,
 ) -> Response:
     """The report as pdf, html, csv or json; the tables for programs are always in English."""
     if form not in FORMS:
@@ -128,16 +164,25 @@ async def read_report(
     result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
     data = await parts.jobs.run(make_report, result_id, form, language.code, paper, grading)
     return _download(
-        data, FORMS[form], f"handscope-session-{result.recording.session_id}-{result.method}.{form}", inline=form in ("pdf", "html")
+        data,
+        FORMS[form],
+        f"handscope-session-{result.recording.session_id}-{result.method}.{form}",
+        inline=form in ("pdf", "html"),
     )
 
 
-@router.get("/{result_id}/derivative.zip", dependencies=[may(CLINICIAN, SCIENTIST, does="exported")])
+@router.get(
+    "/{result_id}/derivative.zip", dependencies=[may(CLINICIAN, SCIENTIST, does="exported")]
+)
 async def read_derivative(db: Db, parts: PartsDep, who: WhoDep, result_id: int) -> Response:
     """The derivative as Motion-BIDS: joint angles, fingertips, orientations."""
     result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
     data = await parts.jobs.run(make_derivative, result_id, who.sees_all)
-    return _download(data, "application/zip", f"handscope-session-{result.recording.session_id}-{result.method}.zip")
+    return _download(
+        data,
+        "application/zip",
+        f"handscope-session-{result.recording.session_id}-{result.method}.zip",
+    )
 
 
 @router.get("/{result_id}/replay.html", dependencies=[may(CLINICIAN, SCIENTIST, does="exported")])
@@ -146,7 +191,10 @@ async def read_replay_file(
     parts: PartsDep,
     language: LanguageDep,
     result_id: int,
-    named: Annotated[bool, Query(description="with the patient's code in its title; else nothing tells who moved")] = False,
+    named: Annotated[
+        bool,
+        Query(description="with the patient's code in its title; else nothing tells who moved"),
+    ] = False,
 ) -> Response:
     """The movement in 3-D as one file that opens in a browser without a network."""
     result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
@@ -159,7 +207,12 @@ def open_replay(
     db: Db,
     parts: PartsDep,
     result_id: int,
-    other: Annotated[int | None, Query(description="a result of the same patient that is played beside it, task by task in step")] = None,
+    other: Annotated[
+        int | None,
+        Query(
+            description="a result of the same patient that is played beside it, task by task in step"
+        ),
+    ] = None,
     at: Annotated[float | None, Query(description="where to begin, s")] = None,
 ) -> dict[str, Any]:
     """A station that plays the movement in the 3-D scene."""
@@ -185,7 +238,9 @@ def _uninjured(r: Result) -> dict[str, float]:
 
 def _done(result: Result) -> Result:
     if result.state != "done":
-        raise InputError(f"result {result.id} is {result.state}{': ' + result.error if result.error else ''}")
+        raise InputError(
+            f"result {result.id} is {result.state}{': ' + result.error if result.error else ''}"
+        )
     return result
 
 
@@ -194,8 +249,15 @@ def _agreement(found: Agreement | None) -> dict[str, Any] | None:
     if found is None:
         return None
     unit, factor = READABLE[found.unit]
-    told = {name: round(factor * getattr(found, name), 3) for name in ("drms", "offset", "drms_minus_offset", "rom_a", "rom_b", "drom")}
-    return {"unit": unit, **told, "correlation": round(found.correlation, 4) if np.isfinite(found.correlation) else None}
+    told = {
+        name: round(factor * getattr(found, name), 3)
+        for name in ("drms", "offset", "drms_minus_offset", "rom_a", "rom_b", "drom")
+    }
+    return {
+        "unit": unit,
+        **told,
+        "correlation": round(found.correlation, 4) if np.isfinite(found.correlation) else None,
+    }
 
 
 def _numbers(values: Any) -> list[float | None]:
@@ -206,4 +268,8 @@ def _numbers(values: Any) -> list[float | None]:
 
 def _download(data: bytes, kind: str, name: str, inline: bool = False) -> Response:
     headers = {"Content-Disposition": f'{"inline" if inline else "attachment"}; filename="{name}"'}
-    return Response(data, media_type=kind, headers=headers | ({"Content-Security-Policy": ALONE} if kind == FORMS["html"] else {}))
+    return Response(
+        data,
+        media_type=kind,
+        headers=headers | ({"Content-Security-Policy": ALONE} if kind == FORMS["html"] else {}),
+    )

@@ -23,7 +23,9 @@ router = APIRouter(tags=["self-calibrations"], dependencies=[may(CLINICIAN)])
 class NewSelfCalibration(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    result: int = Field(description="a result by map, whose findings are to be kept with the patient")
+    result: int = Field(
+        description="a result by map, whose findings are to be kept with the patient"
+    )
 
 
 class SelfCalibrationChange(BaseModel):
@@ -39,16 +41,25 @@ def list_self_calibrations(db: Db, language: LanguageDep, patient_id: int) -> li
 
 
 @router.post("/patients/{patient_id}/self-calibrations", status_code=201)
-def keep_self_calibration(db: Db, language: LanguageDep, patient_id: int, new: NewSelfCalibration) -> dict[str, Any]:
+def keep_self_calibration(
+    db: Db, language: LanguageDep, patient_id: int, new: NewSelfCalibration
+) -> dict[str, Any]:
     """Keep what a result by map found with the patient; keeping is not using: sessions take it over where somebody decides so."""
     result = results.get(db, new.result)
     if result.recording.session.patient_id != patient_id:
         raise InputError(f"result {new.result} is of another patient; nothing was kept")
-    return row(self_calibrations.keep(db, result.recording, self_calibrations.of_result(result), software_version()), language)
+    return row(
+        self_calibrations.keep(
+            db, result.recording, self_calibrations.of_result(result), software_version()
+        ),
+        language,
+    )
 
 
 @router.patch("/self-calibrations/{self_calibration_id}")
-def change_self_calibration(db: Db, language: LanguageDep, self_calibration_id: int, change: SelfCalibrationChange) -> dict[str, Any]:
+def change_self_calibration(
+    db: Db, language: LanguageDep, self_calibration_id: int, change: SelfCalibrationChange
+) -> dict[str, Any]:
     """Offer it no more, or again."""
     return row(self_calibrations.withdraw(db, self_calibration_id, change.withdrawn), language)
 
@@ -60,13 +71,21 @@ def read_reuse(db: Db, parts: PartsDep, language: LanguageDep, session_id: int) 
 
 
 @router.put("/sessions/{session_id}/reuse")
-def decide(db: Db, parts: PartsDep, language: LanguageDep, session_id: int, new: Decision) -> dict[str, Any]:
+def decide(
+    db: Db, parts: PartsDep, language: LanguageDep, session_id: int, new: Decision
+) -> dict[str, Any]:
     """Decide what the session takes over; what was computed is computed anew with it, and kept."""
     session = records.get(db, session_id)
     closed = [f for f in session.recordings if f.sha256]
-    before = [r for f in closed for r in results.current(f) if r.method in self_calibrations.USED_BY]
+    before = [
+        r for f in closed for r in results.current(f) if r.method in self_calibrations.USED_BY
+    ]
     self_calibrations.decide(db, session, new.parts, new.self_calibration)
-    again = [pair for f in closed for pair in recomputed(db, parts, f, [r for r in before if r.recording_id == f.id])]
+    again = [
+        pair
+        for f in closed
+        for pair in recomputed(db, parts, f, [r for r in before if r.recording_id == f.id])
+    ]
     return {**_reuse(session, language), "results": again}
 
 
@@ -90,7 +109,11 @@ def row(c: SelfCalibration, language: Language) -> dict[str, Any]:
 
 def offer_row(offer: Offer, language: Language) -> dict[str, Any]:
     """One that a session may take over, and which parts of it."""
-    return {**row(offer.self_calibration, language), "parts": offer.parts, "barred": language.heard(offer.barred)}
+    return {
+        **row(offer.self_calibration, language),
+        "parts": offer.parts,
+        "barred": language.heard(offer.barred),
+    }
 
 
 def _reuse(session: PatientSession, language: Language) -> dict[str, Any]:
@@ -98,6 +121,10 @@ def _reuse(session: PatientSession, language: Language) -> dict[str, Any]:
     return {
         "decided": None
         if decided is None
-        else {"parts": decided.parts, "self_calibration": decided.self_calibration_id, "made": decided.made},
+        else {
+            "parts": decided.parts,
+            "self_calibration": decided.self_calibration_id,
+            "made": decided.made,
+        },
         "offers": [offer_row(o, language) for o in self_calibrations.offers(session)],
     }

@@ -22,7 +22,14 @@ from handscope.app.version import software_version
 from handscope.estimators.data.options import describe
 from handscope.estimators.errors import InputError
 from handscope.estimators.methods import ALL_METHODS
-from handscope.sessions.clinic import audit, corrections, dates, patients, results, self_calibrations
+from handscope.sessions.clinic import (
+    audit,
+    corrections,
+    dates,
+    patients,
+    results,
+    self_calibrations,
+)
 from handscope.sessions.clinic.self_calibrations import Found
 from handscope.sessions.db.tables import Correction, PatientSession, RecordingFile, Result, now
 from handscope.sessions.files import native
@@ -37,7 +44,9 @@ UNDECIDED = "a self-calibration of this hand is kept; say what the session takes
 class Decision(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    parts: str = Field(description=f"one of {', '.join(self_calibrations.PARTS)}; seats only where the glove was not taken off since")
+    parts: str = Field(
+        description=f"one of {', '.join(self_calibrations.PARTS)}; seats only where the glove was not taken off since"
+    )
     self_calibration: int | None = None
 
 
@@ -50,17 +59,22 @@ class NewSession(BaseModel):
     options: dict[str, Any] = {}
     examiner: str = Field("", max_length=200)
     reuse: Decision | None = Field(
-        None, description="what is taken over of an earlier self-calibration; needed where one of the hand is kept"
+        None,
+        description="what is taken over of an earlier self-calibration; needed where one of the hand is kept",
     )
 
 
 class SessionChange(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    version: int = Field(description="the version that was seen; somebody else's change meanwhile is refused")
+    version: int = Field(
+        description="the version that was seen; somebody else's change meanwhile is refused"
+    )
     notes: str | None = Field(None, max_length=visit_facts.LONGEST)
     examiner: str | None = Field(None, max_length=200)
-    started: datetime | None = Field(None, description="the true date, where the clock was wrong; what the clock said is kept")
+    started: datetime | None = Field(
+        None, description="the true date, where the clock was wrong; what the clock said is kept"
+    )
     date_reason: str = Field("", max_length=1000, description="why the date is another")
     trunk_height: float | None = Field(
         None,
@@ -73,9 +87,15 @@ class NewCorrection(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     event: int = Field(description="which of the recording's events, from 0")
-    kind: str = Field(description="exclude (the trial), move (its ends), leave_out (a stretch within it)")
+    kind: str = Field(
+        description="exclude (the trial), move (its ends), leave_out (a stretch within it)"
+    )
     reason: str = Field(max_length=1000)
-    onset: float = Field(0.0, allow_inf_nan=False, description="s of the recording: the new ends, or those of the stretch")
+    onset: float = Field(
+        0.0,
+        allow_inf_nan=False,
+        description="s of the recording: the new ends, or those of the stretch",
+    )
     end: float = Field(0.0, allow_inf_nan=False)
 
 
@@ -94,10 +114,18 @@ def begin_session(db: Db, parts: PartsDep, patient_id: int, new: NewSession) -> 
         raise InputError(UNDECIDED)
     parts.stations.require_free(new.port)
     make_setup = live_setup(new.method, new.options, parts.store.folder)
-    session, file = records.begin(db, parts.store, patient, hand, patient.hand_measures.get(hand, {}), new.examiner)
+    session, file = records.begin(
+        db, parts.store, patient, hand, patient.hand_measures.get(hand, {}), new.examiner
+    )
     try:
         setup = make_setup(session, parts.store.path_of(file.file), new.port, patient.pseudonym)
-        station = parts.stations.open_live(replace(setup, keep_found=_keeping(db, parts, file.id), **_taken_over(db, session, new.reuse)))
+        station = parts.stations.open_live(
+            replace(
+                setup,
+                keep_found=_keeping(db, parts, file.id),
+                **_taken_over(db, session, new.reuse),
+            )
+        )
     except BaseException:
         db.delete(session)
         db.commit()
@@ -125,7 +153,9 @@ async def upload_recording(
                 parts.store.require_room(len(piece) + 2**20)
                 target.write(piece)
         found = await parts.opening.read(Path(place), name, records.hand_of(hand) if hand else None)
-        session = await to_thread.run_sync(records.keep_upload, db, parts.store, patient, Path(place), name, found)
+        session = await to_thread.run_sync(
+            records.keep_upload, db, parts.store, patient, Path(place), name, found
+        )
     finally:
         Path(place).unlink(missing_ok=True)
     result = _queue(db, parts, session, method, {})
@@ -140,7 +170,14 @@ def unfinished_sessions(db: Db, parts: PartsDep) -> list[dict[str, Any]]:
         station = parts.stations.of_session(session.id)
         patient = {"id": session.patient_id, "pseudonym": session.patient.pseudonym}
         overnight = now() - session.started > dates.OVERNIGHT
-        found.append({**session_row(session), "patient": patient, "station": station.name if station else None, "overnight": overnight})
+        found.append(
+            {
+                **session_row(session),
+                "patient": patient,
+                "station": station.name if station else None,
+                "overnight": overnight,
+            }
+        )
     return found
 
 
@@ -165,14 +202,17 @@ def read_session(db: Db, parts: PartsDep, who: WhoDep, session_id: int) -> dict[
         "patient": {"id": session.patient.id, "pseudonym": session.patient.pseudonym},
         "station": station.name if station else None,
         "recordings": [
-            for_reader(who, recording_row(f)) | {"corrections": [for_reader(who, correction_row(c)) for c in f.corrections]}
+            for_reader(who, recording_row(f))
+            | {"corrections": [for_reader(who, correction_row(c)) for c in f.corrections]}
             for f in session.recordings
         ],
     }
 
 
 @router.patch("/sessions/{session_id}")
-def change_session(db: Db, parts: PartsDep, session_id: int, change: SessionChange) -> dict[str, Any]:
+def change_session(
+    db: Db, parts: PartsDep, session_id: int, change: SessionChange
+) -> dict[str, Any]:
     """Notes, examiner, date, height of the trunk's sensor; refused with 409 where somebody else changed the session meanwhile.
 
     With another height what was computed is computed anew, and kept.
@@ -182,10 +222,15 @@ def change_session(db: Db, parts: PartsDep, session_id: int, change: SessionChan
         return session_row(visit_facts.change(db, session_id, **told))
     before = [(f, results.current(f)) for f in records.get(db, session_id).recordings if f.sha256]
     changed = visit_facts.change(db, session_id, **told, trunk=TrunkHeight(change.trunk_height))
-    return {**session_row(changed), "results": [pair for f, stood in before for pair in recomputed(db, parts, f, stood)]}
+    return {
+        **session_row(changed),
+        "results": [pair for f, stood in before for pair in recomputed(db, parts, f, stood)],
+    }
 
 
-@router.post("/sessions/{session_id}/results", status_code=201, dependencies=[may(CLINICIAN, SCIENTIST)])
+@router.post(
+    "/sessions/{session_id}/results", status_code=201, dependencies=[may(CLINICIAN, SCIENTIST)]
+)
 def new_result(db: Db, parts: PartsDep, session_id: int, new: NewResult) -> dict[str, Any]:
     """Process the session's recording by another method or with other options; the same again gives the result that is there."""
     result = _queue(db, parts, records.get(db, session_id), new.method, new.options)
@@ -218,7 +263,9 @@ def download_recording(db: Db, parts: PartsDep, recording_id: int) -> FileRespon
     return FileResponse(path, filename=f"session-{file.session_id}-recording{path.suffix}")
 
 
-def queue_session(db: Db, parts: Parts, session: PatientSession, method: str, options: dict[str, Any]) -> Result:
+def queue_session(
+    db: Db, parts: Parts, session: PatientSession, method: str, options: dict[str, Any]
+) -> Result:
     """Process a session's recording unless that was done before."""
     return _queue(db, parts, session, method, options)
 
@@ -240,7 +287,12 @@ def session_row(s: PatientSession) -> dict[str, Any]:
         "notes": s.notes,
         "source": "live" if dates.measured_here(s) else "upload",
         "duration": next((f.summary.get("duration") for f in s.recordings if f.summary), None),
-        "tasks": [e["task"] for f in s.recordings for e in f.summary.get("events", []) if e["trial_type"] == "task"],
+        "tasks": [
+            e["task"]
+            for f in s.recordings
+            for e in f.summary.get("events", [])
+            if e["trial_type"] == "task"
+        ],
     }
 
 
@@ -273,7 +325,10 @@ def recording_row(f: RecordingFile) -> dict[str, Any]:
 
 
 def correction_row(c: Correction) -> dict[str, Any]:
-    return {name: getattr(c, name) for name in ("id", "event", "kind", "onset", "end", "reason", "made", "undone")}
+    return {
+        name: getattr(c, name)
+        for name in ("id", "event", "kind", "onset", "end", "reason", "made", "undone")
+    }
 
 
 def _closed(db: Db, recording_id: int) -> RecordingFile:
@@ -283,20 +338,31 @@ def _closed(db: Db, recording_id: int) -> RecordingFile:
     return file
 
 
-def recomputed(db: Db, parts: Parts, file: RecordingFile, before: Sequence[Result]) -> list[dict[str, int]]:
+def recomputed(
+    db: Db, parts: Parts, file: RecordingFile, before: Sequence[Result]
+) -> list[dict[str, int]]:
     """What stands now for each of the results that stood before."""
-    pairs = [(old, results.wanted(db, file, old.method, old.parameters, software_version())) for old in before]
+    pairs = [
+        (old, results.wanted(db, file, old.method, old.parameters, software_version()))
+        for old in before
+    ]
     for _, result in pairs:
         if result.state == "queued":
             parts.jobs.process(result.id)
     return [{"before": old.id, "now": result.id} for old, result in pairs]
 
 
-def _queue(db: Db, parts: Parts, session: PatientSession, method: str, options: dict[str, Any]) -> Result:
+def _queue(
+    db: Db, parts: Parts, session: PatientSession, method: str, options: dict[str, Any]
+) -> Result:
     if method not in ALL_METHODS:
         raise InputError(f"there is no method {method!r}; methods are {', '.join(ALL_METHODS)}")
     params = with_options(ALL_METHODS[method].Params, options)
-    changed = {d.name: getattr(params, d.name) for d in describe(type(params)) if getattr(params, d.name) != d.default}
+    changed = {
+        d.name: getattr(params, d.name)
+        for d in describe(type(params))
+        if getattr(params, d.name) != d.default
+    }
     closed = [f for f in session.recordings if f.sha256]
     if not closed:
         raise InputError("the session has no closed recording to process")
@@ -312,7 +378,14 @@ def _taken_over(db: Db, session: PatientSession, decision: Decision | None) -> d
         return {}
     made = self_calibrations.decide(db, session, decision.parts, decision.self_calibration)
     chosen = made.self_calibration
-    return {"known": self_calibrations.taken_over(chosen.found, made.parts), "known_glove": chosen.glove} if chosen else {}
+    return (
+        {
+            "known": self_calibrations.taken_over(chosen.found, made.parts),
+            "known_glove": chosen.glove,
+        }
+        if chosen
+        else {}
+    )
 
 
 def _keeping(begun: Db, parts: Parts, recording_id: int) -> Callable[[Found, str], None]:
@@ -334,5 +407,7 @@ async def _pieces(file: UploadFile, most: int) -> AsyncIterator[bytes]:
     while piece := await file.read(PIECE):
         total += len(piece)
         if total > most:
-            raise InputError(f"{file.filename} is larger than {most / 2**20:.0f} MB; split the recording")
+            raise InputError(
+                f"{file.filename} is larger than {most / 2**20:.0f} MB; split the recording"
+            )
         yield piece

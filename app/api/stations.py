@@ -35,10 +35,19 @@ class Wish(BaseModel):
 @router.get("/gloves")
 def list_gloves(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
     """Serial ports where a glove may be, virtual gloves of this server first."""
-    own = [{"path": p, "description": Path(p).name.replace("-", " "), "virtual": True} for p in parts.settings.demo_ports]
-    real = [{"path": p.path, "description": p.description, "virtual": False} for p in ports.available()]
+    own = [
+        {"path": p, "description": Path(p).name.replace("-", " "), "virtual": True}
+        for p in parts.settings.demo_ports
+    ]
+    real = [
+        {"path": p.path, "description": p.description, "virtual": False} for p in ports.available()
+    ]
     return [
-        {**port, "description": language.heard(str(port["description"])), "in_use": parts.stations.uses(str(port["path"]))}
+        {
+            **port,
+            "description": language.heard(str(port["description"])),
+            "in_use": parts.stations.uses(str(port["path"])),
+        }
         for port in (*own, *real)
     ]
 
@@ -94,7 +103,9 @@ async def live(websocket: WebSocket, language: LanguageDep, name: str) -> None:
         reader.cancel()
 
 
-async def _tell(websocket: WebSocket, station: AnyStation, language: Language, reader: "asyncio.Future[None]") -> None:
+async def _tell(
+    websocket: WebSocket, station: AnyStation, language: Language, reader: "asyncio.Future[None]"
+) -> None:
     """Each pose as it comes, at most one in each PULSE; a viewer who is slow misses poses, none of the curve's points."""
     bulletin = parts(websocket).bulletins.of(station, language)
     number, newest = None, -1e9

@@ -26,7 +26,12 @@ log = logging.getLogger(__name__)
 AGAIN = 15 * 60.0  # s
 MOST = 4096  # looks that are remembered
 SEEN = "viewed"
-LISTS = {"/api/patients": "patients", "/api/sessions/unfinished": "sessions", "/api/accounts": "accounts", "/api/audit": "audit"}
+LISTS = {
+    "/api/patients": "patients",
+    "/api/sessions/unfinished": "sessions",
+    "/api/accounts": "accounts",
+    "/api/audit": "audit",
+}
 
 
 class Watch:
@@ -49,7 +54,12 @@ class Watch:
 
     async def answered(self, connection: HTTPConnection, door: Door | None, status: int) -> None:
         """Tell that somebody was shown something."""
-        if door is None or door.may is None or status >= 400 or getattr(connection.state, "who", None) is None:
+        if (
+            door is None
+            or door.may is None
+            or status >= 400
+            or getattr(connection.state, "who", None) is None
+        ):
             return
         subject = _subject(connection, door)
         what = door.may.does
@@ -70,7 +80,9 @@ class Watch:
                 audit.tell(db, audit.whose(db, happened))
                 db.commit()
         except DBAPIError as problem:
-            log.error("not in the audit trail: %s %s: %s", on_behalf_of(connection), happened, problem)
+            log.error(
+                "not in the audit trail: %s %s: %s", on_behalf_of(connection), happened, problem
+            )
 
     def _first(self, key: Hashable) -> bool:
         """Whether it was not told within AGAIN."""

@@ -64,7 +64,9 @@ class Gate:
         connection = HTTPConnection(scope)
         self._doors = self._doors or Doors(scope["app"].routes)
         door = self._doors.of(scope)
-        refusal = self._foreign(connection, scope) or await anyio.to_thread.run_sync(self._unfit, connection, scope, door)
+        refusal = self._foreign(connection, scope) or await anyio.to_thread.run_sync(
+            self._unfit, connection, scope, door
+        )
         if refusal is not None:
             await self._watch.refused(connection, refusal.status_code)
         elif scope["type"] == "websocket":
@@ -81,19 +83,37 @@ class Gate:
         """Refuse what was addressed to another server or sent by another site's page."""
         host = connection.headers.get("host", "")
         if not self._known_host(host):
-            return JSONResponse({"error": f"this server is not {host or 'without a name'}; open it under the address that it printed"}, 421)
+            return JSONResponse(
+                {
+                    "error": f"this server is not {host or 'without a name'}; open it under the address that it printed"
+                },
+                421,
+            )
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE
-        if _from_elsewhere(connection.headers, f"{'https' if secure(scope) else 'http'}://{host}", scope["type"], changes):
+        if _from_elsewhere(
+            connection.headers,
+            f"{'https' if secure(scope) else 'http'}://{host}",
+            scope["type"],
+            changes,
+        ):
             return _answer(connection, 403, OTHER_SITE)
         return None
 
-    def _unfit(self, connection: HTTPConnection, scope: Scope, door: Door | None) -> Response | None:
+    def _unfit(
+        self, connection: HTTPConnection, scope: Scope, door: Door | None
+    ) -> Response | None:
         """Refuse who is not logged in, and what the account may not use."""
-        if _is_open(connection.url) or (door is not None and door.may is not None and ANYBODY in door.may.roles):
+        if _is_open(connection.url) or (
+            door is not None and door.may is not None and ANYBODY in door.may.roles
+        ):
             return None
         who = self._who(connection)
         if who is None:
-            if scope["type"] == "http" and scope["method"] == "GET" and "text/html" in Headers(scope=scope).get("accept", ""):
+            if (
+                scope["type"] == "http"
+                and scope["method"] == "GET"
+                and "text/html" in Headers(scope=scope).get("accept", "")
+            ):
                 return RedirectResponse("/login", 303)
             return _answer(connection, 401, STRANGER)
         scope.setdefault("state", {})["who"] = who
@@ -103,10 +123,18 @@ class Gate:
 
     def _who(self, connection: HTTPConnection) -> Who | None:
         with self._store.database() as db:
-            login = alive(db, cookie_of(connection), self._settings.idle_logout, self._settings.longest_login)
-            return Who(login.account_id, login.account.name, frozenset(login.account.roles), login.id) if login else None
+            login = alive(
+                db, cookie_of(connection), self._settings.idle_logout, self._settings.longest_login
+            )
+            return (
+                Who(login.account_id, login.account.name, frozenset(login.account.roles), login.id)
+                if login
+                else None
+            )
 
-    async def _while_logged_in(self, connection: HTTPConnection, door: Door | None, receive: Receive, send: Send) -> None:
+    async def _while_logged_in(
+        self, connection: HTTPConnection, door: Door | None, receive: Receive, send: Send
+    ) -> None:
         """A web socket ends with its login: logged out, expired, out of use or with other roles."""
         app = asyncio.ensure_future(self._app(connection.scope, receive, send))
         end = asyncio.ensure_future(self._end_of_login(connection, door))
@@ -125,7 +153,9 @@ class Gate:
 
     async def _end_of_login(self, connection: HTTPConnection, door: Door | None) -> None:
         await asyncio.sleep(CHECK_EVERY)
-        while await anyio.to_thread.run_sync(self._unfit, connection, connection.scope, door) is None:
+        while (
+            await anyio.to_thread.run_sync(self._unfit, connection, connection.scope, door) is None
+        ):
             await asyncio.sleep(CHECK_EVERY)
 
     def _known_host(self, host: str) -> bool:
@@ -172,7 +202,11 @@ def _from_elsewhere(headers: Headers, ours: str, kind: str, changes: bool) -> bo
         changes and origin is not None and origin not in (ours, ours.replace("http://", "https://"))
     ):  # TLS may end at a proxy that was not named
         return True
-    followed = not changes and headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
+    followed = (
+        not changes
+        and headers.get("sec-fetch-mode") == "navigate"
+        and headers.get("sec-fetch-dest") == "document"
+    )
     return site not in ("same-origin", "none") and not followed
 
 

@@ -15,13 +15,19 @@ from urllib.parse import quote_plus, urlencode
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic.accounts import LONGEST_SUBJECT, ROLES
 
-ALGORITHMS = ["RS256", "PS256", "ES256"]  # signed with the provider's private key; never none, never a shared secret
+ALGORITHMS = [
+    "RS256",
+    "PS256",
+    "ES256",
+]  # signed with the provider's private key; never none, never a shared secret
 PATIENCE = 10.0  # s for the provider to answer
 LEEWAY = 60  # s that the provider's clock may differ from ours
 SCOPE = "openid profile"
 NAME = "preferred_username"  # the claim that an account is called by
 LONGEST = 300  # characters of a reason
-Kind = Literal["refused", "late", "role", "away"]  # it does not fit, is no longer awaited, gives no role here, cannot be asked
+Kind = Literal[
+    "refused", "late", "role", "away"
+]  # it does not fit, is no longer awaited, gives no role here, cannot be asked
 
 
 class SignOnError(InputError):
@@ -41,7 +47,9 @@ class SignOn:
     secret: str = field(default="", repr=False)
     scope: str = SCOPE
     claim: str = "roles"  # of the identity token, or of the provider's user information
-    roles: Mapping[str, str] = field(default_factory=lambda: {role: role for role in ROLES})  # the provider's word -> ours
+    roles: Mapping[str, str] = field(
+        default_factory=lambda: {role: role for role in ROLES}
+    )  # the provider's word -> ours
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,23 +85,38 @@ def identity(agreed: SignOn, word: str, back: str, answer: Answer) -> Mapping[st
     if not word or not hmac.compare_digest(answer.state.encode(), _derived(word, "state").encode()):
         raise SignOnError("late", "it was begun in another browser or too long ago")
     if answer.issuer and answer.issuer != agreed.issuer:
-        raise SignOnError("refused", f"the answer comes from {answer.issuer!r}, not from {agreed.issuer}")
+        raise SignOnError(
+            "refused", f"the answer comes from {answer.issuer!r}, not from {agreed.issuer}"
+        )
     if answer.error or not answer.code:
         raise SignOnError("refused", f"the provider says {answer.error or 'nothing'!r}")
     provider = _provider(agreed)
     token = _token(agreed, provider, word, back, answer.code)
-    claims = _claims(agreed, str(token.get("id_token")), _derived(word, "nonce"), _get(_named(provider, "jwks_uri")))
+    claims = _claims(
+        agreed,
+        str(token.get("id_token")),
+        _derived(word, "nonce"),
+        _get(_named(provider, "jwks_uri")),
+    )
     return _with_information(agreed, provider, token, claims)
 
 
 def roles_of(agreed: SignOn, claims: Mapping[str, Any]) -> list[str]:
     """Our roles for the provider's words."""
     told = claims.get(agreed.claim) or []
-    words = told.split() if isinstance(told, str) else told if isinstance(told, Sequence) else [told]
+    words = (
+        told.split() if isinstance(told, str) else told if isinstance(told, Sequence) else [told]
+    )
     found = [role for role in ROLES if role in {agreed.roles.get(str(word)) for word in words}]
     if not found:
-        held = "is not told" if agreed.claim not in claims else f"holds {', '.join(map(repr, words)) or 'nothing'}"
-        raise SignOnError("role", f"no role here for {claims['sub']!r}: the claim {agreed.claim!r} {held}")
+        held = (
+            "is not told"
+            if agreed.claim not in claims
+            else f"holds {', '.join(map(repr, words)) or 'nothing'}"
+        )
+        raise SignOnError(
+            "role", f"no role here for {claims['sub']!r}: the claim {agreed.claim!r} {held}"
+        )
     return found
 
 
@@ -101,24 +124,36 @@ def subject_of(agreed: SignOn, claims: Mapping[str, Any]) -> str:
     """Who it is, for good: a name may be given to somebody else later, this not."""
     subject = f"{agreed.issuer} {claims['sub']}"
     if len(subject) > LONGEST_SUBJECT:
-        raise SignOnError("refused", f"issuer and subject have more than {LONGEST_SUBJECT} characters")
+        raise SignOnError(
+            "refused", f"issuer and subject have more than {LONGEST_SUBJECT} characters"
+        )
     return subject
 
 
-def _token(agreed: SignOn, provider: Mapping[str, Any], word: str, back: str, code: str) -> Mapping[str, Any]:
+def _token(
+    agreed: SignOn, provider: Mapping[str, Any], word: str, back: str, code: str
+) -> Mapping[str, Any]:
     """What the provider gives for the code. The secret is encoded as RFC 6749, 2.3.1 wants it: it may have any characters."""
     from authlib.common.errors import AuthlibBaseError
     from requests import RequestException
     from requests.auth import HTTPBasicAuth
 
-    proof = HTTPBasicAuth(quote_plus(agreed.client), quote_plus(agreed.secret)) if agreed.secret else None
+    proof = (
+        HTTPBasicAuth(quote_plus(agreed.client), quote_plus(agreed.secret))
+        if agreed.secret
+        else None
+    )
     place = _named(provider, "token_endpoint")
     try:
-        found = _session(agreed, back).fetch_token(place, code=code, code_verifier=_derived(word, "verifier"), auth=proof, timeout=PATIENCE)
+        found = _session(agreed, back).fetch_token(
+            place, code=code, code_verifier=_derived(word, "verifier"), auth=proof, timeout=PATIENCE
+        )
     except AuthlibBaseError as problem:
         raise SignOnError("refused", f"{place} says {problem}") from problem
     except (RequestException, ValueError) as problem:
-        raise SignOnError("away", f"{place} gives no token: {type(problem).__name__} {problem}") from problem
+        raise SignOnError(
+            "away", f"{place} gives no token: {type(problem).__name__} {problem}"
+        ) from problem
     if not isinstance(found, Mapping):
         raise SignOnError("away", f"{place} gives no token")
     return found
@@ -131,7 +166,9 @@ def _claims(agreed: SignOn, token: str, nonce: str, keys: Any) -> Mapping[str, A
     from joserfc.jwk import KeySet
 
     try:
-        claims: dict[str, Any] = jwt.decode(token, KeySet.import_key_set(keys), algorithms=ALGORITHMS).claims
+        claims: dict[str, Any] = jwt.decode(
+            token, KeySet.import_key_set(keys), algorithms=ALGORITHMS
+        ).claims
         jwt.JWTClaimsRegistry(
             leeway=LEEWAY,
             iss={"essential": True, "value": agreed.issuer},
@@ -141,10 +178,16 @@ def _claims(agreed: SignOn, token: str, nonce: str, keys: Any) -> Mapping[str, A
             nonce={"essential": True, "value": nonce},
         ).validate(claims)
     except (JoseError, KeyError, TypeError, ValueError) as problem:
-        raise SignOnError("refused", f"the identity token: {type(problem).__name__} {problem}") from problem
+        raise SignOnError(
+            "refused", f"the identity token: {type(problem).__name__} {problem}"
+        ) from problem
     party = claims.get("azp")
-    if party not in (agreed.client, None) or (party is None and claims["aud"] not in (agreed.client, [agreed.client])):
-        raise SignOnError("refused", "the identity token was made for another program, too, or for that alone")
+    if party not in (agreed.client, None) or (
+        party is None and claims["aud"] not in (agreed.client, [agreed.client])
+    ):
+        raise SignOnError(
+            "refused", "the identity token was made for another program, too, or for that alone"
+        )
     return claims
 
 
@@ -164,14 +207,23 @@ def _with_information(
 def _session(agreed: SignOn, back: str) -> Any:
     from authlib.integrations.requests_client import OAuth2Session
 
-    return OAuth2Session(agreed.client, agreed.secret, scope=agreed.scope, redirect_uri=back, code_challenge_method="S256")
+    return OAuth2Session(
+        agreed.client,
+        agreed.secret,
+        scope=agreed.scope,
+        redirect_uri=back,
+        code_challenge_method="S256",
+    )
 
 
 def _provider(agreed: SignOn) -> Mapping[str, Any]:
     """What the provider tells of itself (OpenID Connect Discovery 1.0)."""
     found = _get(f"{agreed.issuer.rstrip('/')}/.well-known/openid-configuration")
     if found.get("issuer") != agreed.issuer:
-        raise SignOnError("away", f"the provider calls itself {found.get('issuer')!r}, the issuer named here is {agreed.issuer!r}")
+        raise SignOnError(
+            "away",
+            f"the provider calls itself {found.get('issuer')!r}, the issuer named here is {agreed.issuer!r}",
+        )
     return found
 
 
@@ -189,7 +241,9 @@ def _get(address: str, headers: Mapping[str, str] | None = None) -> Mapping[str,
         answer.raise_for_status()
         found = answer.json()
     except (requests.RequestException, ValueError) as problem:
-        raise SignOnError("away", f"{address} cannot be read: {type(problem).__name__} {problem}") from problem
+        raise SignOnError(
+            "away", f"{address} cannot be read: {type(problem).__name__} {problem}"
+        ) from problem
     if not isinstance(found, Mapping):
         raise SignOnError("away", f"{address} gives no object of JSON")
     return found

@@ -101,7 +101,9 @@ class Doors:
     """All routes of an application with their declarations, in the order in which they are tried."""
 
     def __init__(self, routes: Sequence[BaseRoute]) -> None:
-        self.all: list[tuple[RouteContext, May | None]] = [(route, declared(route)) for route in iter_route_contexts(routes)]
+        self.all: list[tuple[RouteContext, May | None]] = [
+            (route, declared(route)) for route in iter_route_contexts(routes)
+        ]
 
     def of(self, scope: Scope) -> "Door | None":
         """The route that would answer; one that lacks the method where no other has it, None where there is none."""
@@ -117,6 +119,8 @@ class Doors:
 
 def declared(route: RouteContext) -> May | None:
     """The innermost declaration of a route; a mounted application says it as its attribute `may`."""
-    found = [d.dependency for d in getattr(route, "dependencies", ()) if isinstance(d.dependency, May)]
+    found = [
+        d.dependency for d in getattr(route, "dependencies", ()) if isinstance(d.dependency, May)
+    ]
     mounted: May | None = getattr(getattr(route, "app", None), "may", None)
     return found[-1] if found else mounted

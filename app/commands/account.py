@@ -29,21 +29,38 @@ def add(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     for action, meaning in ACTIONS.items():
         sub = actions.add_parser(action, help=meaning, description=meaning)
-        sub.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="the server's data folder (%(default)s)")
         sub.add_argument(
-            "--database", default=database_url(), metavar="URL", help="the server's database, where it is not SQLite in the data folder"
+            "--data",
+            type=Path,
+            default=default_data(),
+            metavar="DIR",
+            help="the server's data folder (%(default)s)",
+        )
+        sub.add_argument(
+            "--database",
+            default=database_url(),
+            metavar="URL",
+            help="the server's database, where it is not SQLite in the data folder",
         )
         if action != "list":
             sub.add_argument("name", metavar="NAME")
         if action in ("add", "role"):
-            sub.add_argument("--role", action="append", required=True, choices=ROLES, help="may be given more than once")
+            sub.add_argument(
+                "--role",
+                action="append",
+                required=True,
+                choices=ROLES,
+                help="may be given more than once",
+            )
 
 
 def run(arguments: argparse.Namespace) -> int:
     with opened(arguments.data, arguments.database) as db:
         if arguments.action == "list":
             for account in accounts.everyone(db):
-                say(f"{account.name:24} {', '.join(account.roles)}{'  out of use' if account.disabled else ''}")
+                say(
+                    f"{account.name:24} {', '.join(account.roles)}{'  out of use' if account.disabled else ''}"
+                )
         elif arguments.action == "add":
             accounts.add(db, arguments.name, arguments.role)
             _say_code(db, arguments)
@@ -66,7 +83,9 @@ def _change(db: Session, arguments: argparse.Namespace) -> None:
         _say_code(db, arguments)
     else:
         if account.name == LOCAL or account.subject is not None:
-            raise InputError(f"{account.name} has no password: it logs in with one-time codes or through single sign-on")
+            raise InputError(
+                f"{account.name} has no password: it logs in with one-time codes or through single sign-on"
+            )
         accounts.set_password(db, account, _asked())
         logins.end_all(db, account)
 
@@ -75,7 +94,9 @@ def _say_code(db: Session, arguments: argparse.Namespace) -> None:
     """Under the address that the server runs at, or ran at last."""
     account = accounts.named(db, arguments.name)
     if account.disabled:
-        raise InputError(f"{account.name} is out of use; take it into use with: handscope account enable {account.name}")
+        raise InputError(
+            f"{account.name} is out of use; take it into use with: handscope account enable {account.name}"
+        )
     place = arguments.data / "address"
     base = place.read_text().strip() if place.exists() else ""
     say(f"{base}/login?token={logins.new_token(arguments.data, account.name)}")

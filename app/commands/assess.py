@@ -21,11 +21,23 @@ REPORTS = (".pdf", ".html")
 def add(parser: argparse.ArgumentParser) -> None:
     add_recording(parser)
     add_method(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for figures.json and figures.csv")
-    parser.add_argument("--report", type=Path, metavar="FILE.pdf", help="write the report there (.pdf or .html)")
-    parser.add_argument("--language", choices=[*languages()], default=DEFAULT, help=f"of the report ({DEFAULT})")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="folder for figures.json and figures.csv",
+    )
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE.pdf", help="write the report there (.pdf or .html)"
+    )
+    parser.add_argument(
+        "--language", choices=[*languages()], default=DEFAULT, help=f"of the report ({DEFAULT})"
+    )
     parser.add_argument("--paper", choices=PAPERS, default="a4", help="of the report (a4)")
-    parser.add_argument("--patient", default="", metavar="PSEUDONYM", help="printed on the report; never a name")
+    parser.add_argument(
+        "--patient", default="", metavar="PSEUDONYM", help="printed on the report; never a name"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -40,9 +52,13 @@ def run(arguments: argparse.Namespace) -> int:
     recording, processed = processed_by(method, params, arguments)
     accuracy = accuracy_of(arguments.method, processed.calibrations)
     tasks = assess(processed.trajectory, recording.events, recording.geometry, accuracy)
-    visit = Visit(patient=arguments.patient or "", date=None if recording.start_utc else datetime.now(UTC))
+    visit = Visit(
+        patient=arguments.patient or "", date=None if recording.start_utc else datetime.now(UTC)
+    )
     style = Style(language(arguments.language), arguments.paper)
-    made = content(visit, recording, processed, arguments.method, params, tasks, software_version(), load_all())
+    made = content(
+        visit, recording, processed, arguments.method, params, tasks, software_version(), load_all()
+    )
     figures = {"figures.json": FORMS["json"](made, style), "figures.csv": FORMS["csv"](made, style)}
     report = FORMS[arguments.report.suffix[1:]](made, style) if arguments.report else b""
     save_folder(figures, output_folder(arguments.out))
@@ -50,5 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
         save_file(report, arguments.report)
     for warning in processed.warnings:
         say(f"warning: {warning}")
-    say(f"{counted(sum(len(t.figures) for t in tasks), 'figure')} of {counted(len(tasks), 'measure')}: {arguments.out}")
+    say(
+        f"{counted(sum(len(t.figures) for t in tasks), 'figure')} of {counted(len(tasks), 'measure')}: {arguments.out}"
+    )
     return 0

@@ -20,22 +20,55 @@ BROKEN = 1  # exit code
 
 def add(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    verify = actions.add_parser("verify", help="go along the chain of hashes from the first line to the last")
-    verify.add_argument(
-        "--against", action="append", default=[], type=_noted, metavar="NUMBER:HASH", help="a last line that was noted before, elsewhere"
+    verify = actions.add_parser(
+        "verify", help="go along the chain of hashes from the first line to the last"
     )
     verify.add_argument(
-        "--backup", action="append", default=[], type=Path, metavar="FILE", help="a backup of this server: its note of the last line counts"
+        "--against",
+        action="append",
+        default=[],
+        type=_noted,
+        metavar="NUMBER:HASH",
+        help="a last line that was noted before, elsewhere",
+    )
+    verify.add_argument(
+        "--backup",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE",
+        help="a backup of this server: its note of the last line counts",
     )
     listed = actions.add_parser("list", help="lines, the newest first")
     listed.add_argument("--who", default="", metavar="NAME", help="of one account")
-    listed.add_argument("--what", default="", metavar="WORD", help="viewed, created, changed, exported, erased, refused, ...")
-    listed.add_argument("--patient", type=int, metavar="NUMBER", help="about one patient, by the number in the page's address")
-    listed.add_argument("--most", type=int, default=100, metavar="N", help="so many lines (%(default)s)")
+    listed.add_argument(
+        "--what",
+        default="",
+        metavar="WORD",
+        help="viewed, created, changed, exported, erased, refused, ...",
+    )
+    listed.add_argument(
+        "--patient",
+        type=int,
+        metavar="NUMBER",
+        help="about one patient, by the number in the page's address",
+    )
+    listed.add_argument(
+        "--most", type=int, default=100, metavar="N", help="so many lines (%(default)s)"
+    )
     for sub in (verify, listed):
-        sub.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="the server's data folder (%(default)s)")
         sub.add_argument(
-            "--database", default=database_url(), metavar="URL", help="the server's database, where it is not SQLite in the data folder"
+            "--data",
+            type=Path,
+            default=default_data(),
+            metavar="DIR",
+            help="the server's data folder (%(default)s)",
+        )
+        sub.add_argument(
+            "--database",
+            default=database_url(),
+            metavar="URL",
+            help="the server's database, where it is not SQLite in the data folder",
         )
 
 
@@ -44,10 +77,16 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError(
             f"{arguments.data} has no database, so no audit trail; name the server's data folder with --data, or its database with --database"
         )
-    noted = [*arguments.against, *map(backup.audit_head, arguments.backup)] if arguments.action == "verify" else []
+    noted = (
+        [*arguments.against, *map(backup.audit_head, arguments.backup)]
+        if arguments.action == "verify"
+        else []
+    )
     with opened(arguments.data, arguments.database) as db:
         if arguments.action == "list":
-            for line in audit.lines(db, arguments.who, arguments.what, arguments.patient, limit=arguments.most):
+            for line in audit.lines(
+                db, arguments.who, arguments.what, arguments.patient, limit=arguments.most
+            ):
                 say(_told(line))
             return 0
         found = audit.verified(db, noted)
@@ -55,8 +94,12 @@ def run(arguments: argparse.Namespace) -> int:
         say(f"The audit trail does not hold: {found.broken}. The {found.lines} lines before hold.")
         return BROKEN
     if found.back:
-        say(f"Line {found.back} is of an earlier time than line {found.back - 1}: was this machine's clock set back then?")
-    say(f"The audit trail holds: {found.lines} lines. Note the last one elsewhere, to verify against it: {found.lines}:{found.last}")
+        say(
+            f"Line {found.back} is of an earlier time than line {found.back - 1}: was this machine's clock set back then?"
+        )
+    say(
+        f"The audit trail holds: {found.lines} lines. Note the last one elsewhere, to verify against it: {found.lines}:{found.last}"
+    )
     return 0
 
 
@@ -74,7 +117,9 @@ def opened(folder: Path, url: str | None) -> Iterator[Session]:
 
 def _told(line: AuditLine) -> str:
     about = " ".join(word for word in (line.what, line.kind, line.ref) if word)
-    whose = f" of patient {line.patient}" if line.patient is not None and line.kind != "patient" else ""
+    whose = (
+        f" of patient {line.patient}" if line.patient is not None and line.kind != "patient" else ""
+    )
     more = "".join(f" {name}={value}" for name, value in line.counts.items())
     return f"{line.id:6} {line.at:%Y-%m-%d %H:%M:%S} {line.who or '-':16} {line.address or '-':15} {about}{whose}{more}"
 

@@ -9,10 +9,24 @@ from handscope.sessions.store import backup
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", type=Path, metavar="FILE.zip", help="the backup to make; not inside the data folder, not there yet")
-    parser.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="the server's data folder (%(default)s)")
     parser.add_argument(
-        "--database", default=database_url(), metavar="URL", help="the server's database, where it is not SQLite in the data folder"
+        "file",
+        type=Path,
+        metavar="FILE.zip",
+        help="the backup to make; not inside the data folder, not there yet",
+    )
+    parser.add_argument(
+        "--data",
+        type=Path,
+        default=default_data(),
+        metavar="DIR",
+        help="the server's data folder (%(default)s)",
+    )
+    parser.add_argument(
+        "--database",
+        default=database_url(),
+        metavar="URL",
+        help="the server's database, where it is not SQLite in the data folder",
     )
 
 
@@ -22,7 +36,9 @@ def run(arguments: argparse.Namespace) -> int:
     made = backup.write(arguments.data, arguments.database, arguments.file, software_version())
     for problem in made.problems:
         say(f"PROBLEM: {problem}")
-    say(f"{counted(len(made.files), 'file')}, {made.bytes / 1e6:.1f} MB of {arguments.data}: {arguments.file}")
+    say(
+        f"{counted(len(made.files), 'file')}, {made.bytes / 1e6:.1f} MB of {arguments.data}: {arguments.file}"
+    )
     if made.audit:
         say(f"The audit trail's last line in it: {made.audit[0]}:{made.audit[1]}")
     return 1 if made.problems else 0

@@ -24,19 +24,42 @@ USUAL = 0.025  # share by which forces of a sensor without this are taken to be 
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("table", type=Path, help="CSV: readings of the sensor and the load at each of them, one row a load")
-    parser.add_argument("--finger", required=True, choices=FINGERS, help="the fingertip that the sensor is worn on")
     parser.add_argument(
-        "--out", type=Path, metavar="FILE.json", help="write ForceSetup there; where there is such a file or sidecar the rest of it stays"
+        "table",
+        type=Path,
+        help="CSV: readings of the sensor and the load at each of them, one row a load",
+    )
+    parser.add_argument(
+        "--finger", required=True, choices=FINGERS, help="the fingertip that the sensor is worn on"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE.json",
+        help="write ForceSetup there; where there is such a file or sidecar the rest of it stays",
     )
     parser.add_argument(
         "--keep",
         metavar="PORT",
         help="keep it for the strip of the glove at this port: applied to what it sends in every live session from now on, and in its recordings",
     )
-    parser.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="data folder of --keep (%(default)s)")
-    parser.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option, see below; may be repeated")
-    parser.epilog = f"options:\n{help_text(SolveParams)}\n\nThe table is described in docs/calibration.md."
+    parser.add_argument(
+        "--data",
+        type=Path,
+        default=default_data(),
+        metavar="DIR",
+        help="data folder of --keep (%(default)s)",
+    )
+    parser.add_argument(
+        "--option",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="an option, see below; may be repeated",
+    )
+    parser.epilog = (
+        f"options:\n{help_text(SolveParams)}\n\nThe table is described in docs/calibration.md."
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -48,7 +71,9 @@ def run(arguments: argparse.Namespace) -> int:
     for line in _told(table, solved):
         say(line)
     turn = solved.turn_sd if table.by_accelerometer else None
-    entry = table_of(ForceSetup(solved.calibration.scale_sd, table.channels, solved.calibration, turn)) | _known(table, solved)
+    entry = table_of(
+        ForceSetup(solved.calibration.scale_sd, table.channels, solved.calibration, turn)
+    ) | _known(table, solved)
     if out:
         _write(out, before, point, entry)
         say(f"{SETUP} of {point}: {out}")
@@ -57,13 +82,17 @@ def run(arguments: argparse.Namespace) -> int:
         place = force_calibrations.path_of(arguments.data, strip)
         output_folder(place.parent)
         _write(place, _before(place), point, entry)
-        say(f"kept for strip {strip:x}, {point}: {place}; live sessions that begin from now on apply it")
+        say(
+            f"kept for strip {strip:x}, {point}: {place}; live sessions that begin from now on apply it"
+        )
     return 0
 
 
 def _write(path: Path, before: dict[str, Any], point: str, entry: dict[str, Any]) -> None:
     setups = {**before.get(SETUP, {}), point: entry}
-    save_file((json.dumps({**before, SETUP: setups}, indent=2, ensure_ascii=False) + "\n").encode(), path)
+    save_file(
+        (json.dumps({**before, SETUP: setups}, indent=2, ensure_ascii=False) + "\n").encode(), path
+    )
 
 
 def _before(path: Path) -> dict[str, Any]:
@@ -74,7 +103,9 @@ def _before(path: Path) -> dict[str, Any]:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        raise InputError(f"{path} is no JSON that could take {SETUP} in; name another file") from None
+        raise InputError(
+            f"{path} is no JSON that could take {SETUP} in; name another file"
+        ) from None
     if not isinstance(found, dict) or not isinstance(found.get(SETUP, {}), dict):
         raise InputError(f"{path} is no JSON object that could take {SETUP} in; name another file")
     return found
@@ -84,20 +115,30 @@ def _told(table: LoadTable, s: Solved) -> list[str]:
     """How well the loads are met, which do not belong, and how sure a force is."""
     axes = AXES[: len(s.left)]
     left = "; ".join(f"{name} {_size(value, name)}" for name, value in zip(axes, s.left))
-    lines = [f"{counted(s.used, 'load')} up to {s.heaviest:.3g} N by {counted(len(table.channels), 'channel')}; left over: {left}"]
+    lines = [
+        f"{counted(s.used, 'load')} up to {s.heaviest:.3g} N by {counted(len(table.channels), 'channel')}; left over: {left}"
+    ]
     for line, raw, load in zip(table.lines, table.raw, table.loads):
         if not (np.isfinite(raw).all() and np.isfinite(load).all()):
             lines.append(f"line {line} was passed over: a reading or the load is missing in it")
     for row in s.left_out:
         load = ", ".join(f"{value:.3g}" for value in table.loads[row])
-        lines.append(f"line {table.lines[row]} was left out: its readings do not belong to a load of ({load}); look at that row again")
+        lines.append(
+            f"line {table.lines[row]} was left out: its readings do not belong to a load of ({load}); look at that row again"
+        )
     if s.one_way:
-        lines.append(f"loaded one way alone: {', '.join(s.one_way)}; the other way is taken to be alike")
+        lines.append(
+            f"loaded one way alone: {', '.join(s.one_way)}; the other way is taken to be alike"
+        )
     lines.append(f"a force is known to {100 * s.calibration.scale_sd:.2g} % of itself")
     if table.by_accelerometer:
-        lines.append(f"its axes are those of the inertial sensor on the cuff, to {np.degrees(s.turn_sd):.2g} deg")
+        lines.append(
+            f"its axes are those of the inertial sensor on the cuff, to {np.degrees(s.turn_sd):.2g} deg"
+        )
     if s.calibration.scale_sd > USUAL:
-        lines.append(f"warning: without a calibration {100 * USUAL:g} % would have been taken; average more readings, or hang more weight")
+        lines.append(
+            f"warning: without a calibration {100 * USUAL:g} % would have been taken; average more readings, or hang more weight"
+        )
     return lines
 
 

@@ -26,9 +26,19 @@ from handscope.sessions.tables_io.writing import save_file
 
 def add(parser: argparse.ArgumentParser) -> None:
     add_recording(parser)
-    parser.add_argument("--out", type=Path, metavar="FILE.json", help="write the calibrations and how sure they are")
-    parser.add_argument("--write", metavar="PORT", help="keep them in the flash of the strips at this port")
-    parser.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option, see below; may be repeated")
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.json", help="write the calibrations and how sure they are"
+    )
+    parser.add_argument(
+        "--write", metavar="PORT", help="keep them in the flash of the strips at this port"
+    )
+    parser.add_argument(
+        "--option",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="an option, see below; may be repeated",
+    )
     parser.epilog = f"options:\n{help_text(SolveParams)}"
 
 
@@ -47,7 +57,9 @@ def run(arguments: argparse.Namespace) -> int:
         save_file((json.dumps(_table(recording, solved), indent=2) + "\n").encode(), arguments.out)
         say(f"{len(solved)} calibrations: {arguments.out}")
     if arguments.write:
-        written = strip_flash.write(arguments.write, {n: s.calibration for n, s in solved.items()}, recording.strip_ids)
+        written = strip_flash.write(
+            arguments.write, {n: s.calibration for n, s in solved.items()}, recording.strip_ids
+        )
         say(f"written and read back: {', '.join(written)}")
     return 0
 
@@ -59,12 +71,28 @@ def _solved(recording: LoadedRecording, params: SolveParams) -> tuple[dict[str, 
     for block in recording.samples.values():
         for k, name in enumerate(block.stream.sensors if block.stream.inertial else ()):
             try:
-                solved[name] = solve(params, name, block.t, block.of(GYR)[:, k], block.of(ACC)[:, k], *_magnetometer(recording, name))
+                solved[name] = solve(
+                    params,
+                    name,
+                    block.t,
+                    block.of(GYR)[:, k],
+                    block.of(ACC)[:, k],
+                    *_magnetometer(recording, name),
+                )
             except InputError as problem:
                 refused.append(str(problem))
-    inertial = {name for block in recording.samples.values() if block.stream.inertial for name in block.stream.sensors}
+    inertial = {
+        name
+        for block in recording.samples.values()
+        if block.stream.inertial
+        for name in block.stream.sensors
+    }
     for block in recording.samples.values():
-        alone = [k for k, name in enumerate(block.stream.sensors) if MAG in block.stream.quantities and name not in inertial]
+        alone = [
+            k
+            for k, name in enumerate(block.stream.sensors)
+            if MAG in block.stream.quantities and name not in inertial
+        ]
         if alone:
             names = [block.stream.sensors[k] for k in alone]
             q_BS = np.array([recording.mounting.get(name, quat.IDENTITY) for name in names])
@@ -72,7 +100,9 @@ def _solved(recording: LoadedRecording, params: SolveParams) -> tuple[dict[str, 
             solved |= plate.solved
             refused += plate.refused
             if plate.solved:
-                say(f"{', '.join(plate.solved)}: the field has {1e6 * plate.strength:.2f} uT here, that is `earth` of MagnetSetup")
+                say(
+                    f"{', '.join(plate.solved)}: the field has {1e6 * plate.strength:.2f} uT here, that is `earth` of MagnetSetup"
+                )
     return solved, refused
 
 
@@ -84,7 +114,11 @@ def _magnetometer(recording: LoadedRecording, name: str) -> tuple[Array | None, 
 
 
 def _told(name: str, s: Solved) -> list[str]:
-    units = {GYR: (180 / np.pi, "deg a turn"), ACC: (1.0, "m/s^2 at rest"), MAG: (100.0, "% of the field")}
+    units = {
+        GYR: (180 / np.pi, "deg a turn"),
+        ACC: (1.0, "m/s^2 at rest"),
+        MAG: (100.0, "% of the field"),
+    }
     left = [
         f"{q} {units[q][0] * before:.3f} -> {units[q][0] * after:.3f} {units[q][1]}"
         for q in CALIBRATED
@@ -92,7 +126,10 @@ def _told(name: str, s: Solved) -> list[str]:
         for before, after in [s.residuals[q]]
     ]
     how = f"{s.positions} positions, {s.turns} turns" if s.positions else "turned by hand"
-    return [f"{name}: {how}; {'; '.join(left)}", *(f"  not observed: {what}" for what in s.unobserved)]
+    return [
+        f"{name}: {how}; {'; '.join(left)}",
+        *(f"  not observed: {what}" for what in s.unobserved),
+    ]
 
 
 def _table(recording: LoadedRecording, solved: dict[str, Solved]) -> dict[str, Any]:

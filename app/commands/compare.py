@@ -8,7 +8,13 @@ from typing import Any
 import numpy as np
 
 from handscope.app.commands.methods import method_of
-from handscope.app.commands.words import output_folder, progress_bar, require_file, require_folder, say
+from handscope.app.commands.words import (
+    output_folder,
+    progress_bar,
+    require_file,
+    require_folder,
+    say,
+)
 from handscope.app.options import help_text
 from handscope.app.results.comparison import PLOTS, Compared, Side, Tips, as_csv, as_json, as_text
 from handscope.estimators.data.samples import Event
@@ -34,7 +40,11 @@ from handscope.sessions.tables_io.writing import save_file, save_folder
 
 OURS = ("_tracksys-handscope_", "_tracksys-truth_")  # tables whose places are in the wrist's frame
 FIRST = 3.0  # s of the flat pose of markers where nothing else is said
-UP = {f"{sign}{axis}": float(f"{sign}1") * np.eye(3)[k] for k, axis in enumerate("xyz") for sign in ("", "-")}
+UP = {
+    f"{sign}{axis}": float(f"{sign}1") * np.eye(3)[k]
+    for k, axis in enumerate("xyz")
+    for sign in ("", "-")
+}
 
 
 @dataclass(frozen=True)
@@ -51,27 +61,73 @@ class Moved:
 def add(parser: argparse.ArgumentParser) -> None:
     for name in ("a", "b"):
         what = "a recording, a derivative, a motion.tsv with JNTANG, ORNT or POS, or a C3D file with markers"
-        parser.add_argument(name, type=Path, metavar=name.upper(), help=what if name == "a" else "the other; differences are B minus A")
+        parser.add_argument(
+            name,
+            type=Path,
+            metavar=name.upper(),
+            help=what if name == "a" else "the other; differences are B minus A",
+        )
     for name in ("a", "b"):
         side = name.upper()
-        parser.add_argument(f"--method-{name}", metavar="NAME", help=f"method for {side}: {', '.join(METHODS)} (default m2)")
-        parser.add_argument(f"--option-{name}", action="append", default=[], metavar="KEY=VALUE", help="an option of it; may be repeated")
-        parser.add_argument(f"--calibration-{name}", type=Path, metavar="RECORDING", help="its calibration events from another recording")
         parser.add_argument(
-            f"--static-{name}", metavar="START:STOP", help=f"s of {side} in which the hand lies flat and still (markers; aligns ORNT, too)"
+            f"--method-{name}",
+            metavar="NAME",
+            help=f"method for {side}: {', '.join(METHODS)} (default m2)",
         )
         parser.add_argument(
-            f"--wrist-{name}", metavar="START:STOP", help=f"s of {side} in which only the wrist moves: brings its tips to the wrist's frame"
+            f"--option-{name}",
+            action="append",
+            default=[],
+            metavar="KEY=VALUE",
+            help="an option of it; may be repeated",
+        )
+        parser.add_argument(
+            f"--calibration-{name}",
+            type=Path,
+            metavar="RECORDING",
+            help="its calibration events from another recording",
+        )
+        parser.add_argument(
+            f"--static-{name}",
+            metavar="START:STOP",
+            help=f"s of {side} in which the hand lies flat and still (markers; aligns ORNT, too)",
+        )
+        parser.add_argument(
+            f"--wrist-{name}",
+            metavar="START:STOP",
+            help=f"s of {side} in which only the wrist moves: brings its tips to the wrist's frame",
         )
     parser.add_argument("--hand", choices=HANDS, help="the hand measured, where neither says")
-    parser.add_argument("--up", choices=UP, default="z", help="the axis of the markers' frame that points up (default z)")
     parser.add_argument(
-        "--lag", type=float, metavar="S", help="A's time less B's, instead of looking for it; the clocks run equally fast then"
+        "--up",
+        choices=UP,
+        default="z",
+        help="the axis of the markers' frame that points up (default z)",
     )
-    parser.add_argument("--max-lag", type=float, default=np.inf, metavar="S", help="look for lags up to this only")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for comparison.json, comparison.csv and bland_altman.svg")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help=f"the Bland-Altman plot: {', '.join('.' + form for form in PLOTS)}")
-    parser.epilog = "methods and their options:\n" + "\n".join(f"\n{name}: {m.TITLE}\n{help_text(m.Params)}" for name, m in METHODS.items())
+    parser.add_argument(
+        "--lag",
+        type=float,
+        metavar="S",
+        help="A's time less B's, instead of looking for it; the clocks run equally fast then",
+    )
+    parser.add_argument(
+        "--max-lag", type=float, default=np.inf, metavar="S", help="look for lags up to this only"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder for comparison.json, comparison.csv and bland_altman.svg",
+    )
+    parser.add_argument(
+        "--plot",
+        type=Path,
+        metavar="FILE",
+        help=f"the Bland-Altman plot: {', '.join('.' + form for form in PLOTS)}",
+    )
+    parser.epilog = "methods and their options:\n" + "\n".join(
+        f"\n{name}: {m.TITLE}\n{help_text(m.Params)}" for name, m in METHODS.items()
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -85,11 +141,22 @@ def run(arguments: argparse.Namespace) -> int:
     parts = comparison.stretches(a.events, b.events, 0.0, span)
     found = comparison.agreements(pairs, parts)
     if not found:
-        raise InputError("the recordings share no sample of any joint at this lag; choose two recordings of one movement or another lag")
+        raise InputError(
+            "the recordings share no sample of any joint at this lag; choose two recordings of one movement or another lag"
+        )
     compared = Compared(a.side, b.side, lag, how, tuple(found), _tips(a, b, centres, parts))
-    plots = _plots(compared, pairs, {"svg" if arguments.out else "", arguments.plot.suffix[1:] if arguments.plot else ""} - {""})
+    plots = _plots(
+        compared,
+        pairs,
+        {"svg" if arguments.out else "", arguments.plot.suffix[1:] if arguments.plot else ""}
+        - {""},
+    )
     if arguments.out:
-        files = {"comparison.json": as_json(compared), "comparison.csv": as_csv(compared), "bland_altman.svg": plots["svg"]}
+        files = {
+            "comparison.json": as_json(compared),
+            "comparison.csv": as_csv(compared),
+            "bland_altman.svg": plots["svg"],
+        }
         save_folder(files, output_folder(arguments.out))
     if arguments.plot:
         save_file(plots[arguments.plot.suffix[1:]], arguments.plot)
@@ -97,17 +164,27 @@ def run(arguments: argparse.Namespace) -> int:
         for warning in side.warnings:
             say(f"warning: {letter}: {warning}")
     if lag.rival is not None:
-        say(f"warning: the movement repeats itself: a lag of {lag.rival:.2f} s fits as well; say --max-lag or --lag if you know better")
+        say(
+            f"warning: the movement repeats itself: a lag of {lag.rival:.2f} s fits as well; say --max-lag or --lag if you know better"
+        )
     say(as_text(compared))
     if arguments.out:
-        say(f"\n{len(found)} comparisons of {len({g.name for g in found})} quantities: {arguments.out}")
+        say(
+            f"\n{len(found)} comparisons of {len({g.name for g in found})} quantities: {arguments.out}"
+        )
     return 0
 
 
 def _on_clock(b: Moved, lag: Lag) -> Moved:
     """B by A's clock."""
-    onset, end = (lag.on_a(np.array([getattr(e, end) for e in b.events], dtype=float)) for end in ("onset", "end"))
-    events = tuple(replace(e, onset=float(first), duration=float(last - first)) for e, first, last in zip(b.events, onset, end))
+    onset, end = (
+        lag.on_a(np.array([getattr(e, end) for e in b.events], dtype=float))
+        for end in ("onset", "end")
+    )
+    events = tuple(
+        replace(e, onset=float(first), duration=float(last - first))
+        for e, first, last in zip(b.events, onset, end)
+    )
     return replace(b, trajectory=replace(b.trajectory, t=lag.on_a(b.trajectory.t)), events=events)
 
 
@@ -120,23 +197,37 @@ def _wrists(a: Moved, b: Moved, arguments: argparse.Namespace) -> dict[str, Arra
                 raise InputError(
                     f"{moved.side.name} tells its fingertips in the wrist's frame; --wrist-{name} is for an optical system's places"
                 )
-            centres[name] = tip_errors.centre_of_rotation(moved.trajectory.between(*_stretch(words, name, "wrist")).tips)
+            centres[name] = tip_errors.centre_of_rotation(
+                moved.trajectory.between(*_stretch(words, name, "wrist")).tips
+            )
     return centres
 
 
-def _tips(a: Moved, b: Moved, centres: dict[str, Array], parts: list[tuple[str, float, float]]) -> Tips:
+def _tips(
+    a: Moved, b: Moved, centres: dict[str, Array], parts: list[tuple[str, float, float]]
+) -> Tips:
     """How far the tips are apart, in A's frame or, where only B's is the wrist's, in B's."""
     t, on_a = a.trajectory.t, a.trajectory.tips
     flat = b.trajectory.tips.reshape(len(b.trajectory), -1)
-    on_b = synchronisation.interpolated(synchronisation.Signal(b.trajectory.t, flat), t).reshape(on_a.shape)
+    on_b = synchronisation.interpolated(synchronisation.Signal(b.trajectory.t, flat), t).reshape(
+        on_a.shape
+    )
     frame: Frame = "wrist"
     if not (a.in_wrist and b.in_wrist):
         name, brought, to = ("a", on_a, on_b) if b.in_wrist else ("b", on_b, on_a)
-        frame = "wrist found by its movement" if name in centres and (a.in_wrist or b.in_wrist) else "best fit"
-        brought = tip_errors.brought(brought, to, centres.get(name) if frame != "best fit" else None)
+        frame = (
+            "wrist found by its movement"
+            if name in centres and (a.in_wrist or b.in_wrist)
+            else "best fit"
+        )
+        brought = tip_errors.brought(
+            brought, to, centres.get(name) if frame != "best fit" else None
+        )
         on_a, on_b = (brought, to) if name == "a" else (to, brought)
     within = {part: (t >= part[1]) & (t <= part[2]) for part in parts}
-    errors = {part: tuple(tip_errors.tip_errors(on_a[rows], on_b[rows])) for part, rows in within.items()}
+    errors = {
+        part: tuple(tip_errors.tip_errors(on_a[rows], on_b[rows])) for part, rows in within.items()
+    }
     return Tips(frame, {part: found for part, found in errors.items() if found})
 
 
@@ -144,16 +235,23 @@ def _plots(compared: Compared, pairs: list[Pair], forms: set[str]) -> dict[str, 
     """The Bland-Altman plot of the whole recording in each form."""
     if not forms:
         return {}
-    from handscope.app.report.sections.agreement_plot import agreement_chart  # here: it takes as long to import as all the rest
+    from handscope.app.report.sections.agreement_plot import (
+        agreement_chart,
+    )  # here: it takes as long to import as all the rest
 
-    words = ". ".join(f"{letter}: {side.name}, {side.source}" for letter, side in (("A", compared.a), ("B", compared.b)))
+    words = ". ".join(
+        f"{letter}: {side.name}, {side.source}"
+        for letter, side in (("A", compared.a), ("B", compared.b))
+    )
     whole = [g for g in compared.agreements if g.task == WHOLE]
     return {form: agreement_chart(pairs, whole, form, words) for form in PLOTS if form in forms}
 
 
 def _require_places(arguments: argparse.Namespace) -> None:
     if arguments.plot and arguments.plot.suffix[1:] not in PLOTS:
-        raise InputError(f"--plot {arguments.plot} does not end in {' or '.join('.' + form for form in PLOTS)}")
+        raise InputError(
+            f"--plot {arguments.plot} does not end in {' or '.join('.' + form for form in PLOTS)}"
+        )
     if arguments.lag is not None and not np.isfinite(arguments.lag):
         raise InputError("--lag is a number of seconds")
     if not arguments.max_lag >= 0:
@@ -169,7 +267,9 @@ def _both(arguments: argparse.Namespace) -> tuple[Moved, Moved]:
     opened = {name: _opened(getattr(arguments, name), arguments.hand) for name in ("a", "b")}
     said = {name: None if isinstance(o, Markers) else o.hand for name, o in opened.items()}
     if said["a"] and said["b"] and said["a"] != said["b"]:
-        raise InputError(f"A is of the {said['a']} hand, B of the {said['b']} one; choose two recordings of one hand")
+        raise InputError(
+            f"A is of the {said['a']} hand, B of the {said['b']} one; choose two recordings of one hand"
+        )
     hand = said["a"] or said["b"] or arguments.hand
     if hand is None:
         raise InputError("neither recording says which hand was measured; give --hand")
@@ -207,7 +307,13 @@ def _moved(
     arguments: argparse.Namespace,
 ) -> Moved:
     """One side's movement; `own` and `other` are the two sides' initial poses."""
-    path, given = getattr(arguments, name), {k: getattr(arguments, f"{k}_{name}") for k in ("method", "option", "calibration", "static")}
+    path, given = (
+        getattr(arguments, name),
+        {
+            k: getattr(arguments, f"{k}_{name}")
+            for k in ("method", "option", "calibration", "static")
+        },
+    )
     if isinstance(opened, LoadedRecording):
         return _processed(path, opened, given)
     if given["method"] or given["option"] or given["calibration"]:
@@ -222,24 +328,48 @@ def _moved(
                 f"{path.name} holds nothing of a hand: no joint angle, no segment's orientation, no marker; see docs/comparison.md"
             )
         side, moved = _by_markers(
-            path.name, markers, hand, _flat(static or ((own.onset, own.end) if own else _first(markers)), own, other, UP[arguments.up])
+            path.name,
+            markers,
+            hand,
+            _flat(
+                static or ((own.onset, own.end) if own else _first(markers)),
+                own,
+                other,
+                UP[arguments.up],
+            ),
         )
         return Moved(side, moved, () if isinstance(opened, Markers) else opened.events, "")
     moved = replace(opened.trajectory, hand=hand)
     if static:
         if opened.angles_told:
-            raise InputError(f"{opened.name} tells joint angles; --static-{name} is for markers and orientations")
+            raise InputError(
+                f"{opened.name} tells joint angles; --static-{name} is for markers and orientations"
+            )
         moved = optical_trajectory.aligned(moved, _flat(static, own, other, UP[arguments.up]))
-    source = "joint angles" if opened.angles_told else "orientations" if np.isfinite(moved.q_GS).any() else "tips"
+    source = (
+        "joint angles"
+        if opened.angles_told
+        else "orientations"
+        if np.isfinite(moved.q_GS).any()
+        else "tips"
+    )
     return Moved(
-        Side(opened.name, source, len(moved), warnings=opened.warnings), moved, opened.events, "", any(own in opened.name for own in OURS)
+        Side(opened.name, source, len(moved), warnings=opened.warnings),
+        moved,
+        opened.events,
+        "",
+        any(own in opened.name for own in OURS),
     )
 
 
 def _processed(path: Path, recording: LoadedRecording, given: dict[str, Any]) -> Moved:
     name = given["method"] or "m2"
     method, params = method_of(argparse.Namespace(method=name, option=given["option"]))
-    other = formats_recordings.load(given["calibration"], recording.hand) if given["calibration"] else None
+    other = (
+        formats_recordings.load(given["calibration"], recording.hand)
+        if given["calibration"]
+        else None
+    )
     hear, close = progress_bar(f"processing {path.name}")
     try:
         processed = process(method, params, recording, other, hear)
@@ -251,11 +381,20 @@ def _processed(path: Path, recording: LoadedRecording, given: dict[str, Any]) ->
         processed.calibrations[0].gyr_bias,
         getattr(params, "gyr_reading", "instant") == "mean",
     )
-    side = Side(path.name, f"by {name}", len(processed.trajectory), tuple(consistent), (), processed.warnings)
+    side = Side(
+        path.name,
+        f"by {name}",
+        len(processed.trajectory),
+        tuple(consistent),
+        (),
+        processed.warnings,
+    )
     return Moved(side, processed.trajectory, recording.events, recording.checksum, True)
 
 
-def _flat(static: tuple[float, float], own: Event | None, other: Event | None, up: Array) -> FlatPose:
+def _flat(
+    static: tuple[float, float], own: Event | None, other: Event | None, up: Array
+) -> FlatPose:
     """When the hand lay flat; the thumb's angles from either side's initial pose."""
     event = own or other
     thumb = [float(event.details.get(f"thumb_cmc_{a}_deg", 0.0)) if event else 0.0 for a in ANGLES]
@@ -270,7 +409,9 @@ def _by_markers(name: str, markers: Markers, hand: Hand, pose: FlatPose) -> tupl
     fits = optical_trajectory.clusters(markers, pose)
     moved = optical_trajectory.trajectory_of(markers, fits, hand, pose)
     told = f"by markers, flat pose {pose.start:.1f} to {pose.stop:.1f} s"
-    return Side(name, told, len(moved), (), tuple(optical_trajectory.rigidity(fits, markers))), moved
+    return Side(
+        name, told, len(moved), (), tuple(optical_trajectory.rigidity(fits, markers))
+    ), moved
 
 
 def _stretch(words: str, name: str, option: str) -> tuple[float, float]:
@@ -287,7 +428,9 @@ def _stretch(words: str, name: str, option: str) -> tuple[float, float]:
 def _lag(a: Moved, b: Moved, arguments: argparse.Namespace) -> tuple[Lag, str]:
     names, on_a, on_b = comparison.shared(a.trajectory, b.trajectory)
     if not names:
-        raise InputError(f"{a.side.name} and {b.side.name} have no joint in common; choose recordings that measured the same fingers")
+        raise InputError(
+            f"{a.side.name} and {b.side.name} have no joint in common; choose recordings that measured the same fingers"
+        )
     if arguments.lag is not None:
         return synchronisation.fit_at(on_a, on_b, arguments.lag), "given"
     if a.checksum and a.checksum == b.checksum:

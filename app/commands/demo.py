@@ -20,7 +20,12 @@ FOLDER = "handscope-demo"  # in the user's home: nobody's real patients are ther
 
 def add(parser: argparse.ArgumentParser) -> None:
     serve.add(parser, FOLDER)
-    parser.add_argument("--strips", default="all", metavar="NAMES", help="of the virtual gloves, as `handscope glove` has them: all,trunk")
+    parser.add_argument(
+        "--strips",
+        default="all",
+        metavar="NAMES",
+        help="of the virtual gloves, as `handscope glove` has them: all,trunk",
+    )
     parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
 
 
@@ -39,9 +44,14 @@ def run(arguments: argparse.Namespace) -> int:
             )
     gloves = arguments.data / "gloves"
     gloves.mkdir(exist_ok=True)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # as Ctrl-C does: what is below is undone
+    signal.signal(
+        signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM)
+    )  # as Ctrl-C does: what is below is undone
     paths = [gloves / f"virtual-{hand}-glove" for hand in GLOVES]
-    processes = [_glove(path, hand, seed, arguments.strips) for seed, (path, hand) in enumerate(zip(paths, GLOVES))]
+    processes = [
+        _glove(path, hand, seed, arguments.strips)
+        for seed, (path, hand) in enumerate(zip(paths, GLOVES))
+    ]
     try:
         _wait(paths, processes)
         serve.serve(arguments, tuple(str(p) for p in paths), browser=not arguments.no_browser)
@@ -80,5 +90,7 @@ def _wait(paths: list[Path], processes: "list[subprocess.Popen[bytes]]") -> None
     """A glove that is slow, on a machine that is busy, is waited for; one that ended is not."""
     while not all(path.is_symlink() for path in paths):
         if any(p.poll() is not None for p in processes):
-            raise InputError("the virtual gloves did not start; does this system have pseudo-terminals?")
+            raise InputError(
+                "the virtual gloves did not start; does this system have pseudo-terminals?"
+            )
         time.sleep(0.05)

@@ -18,10 +18,20 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_recording(parser)
     parser.add_argument("--out", type=Path, metavar="DIR|FILE.zip", help="write it as Motion-BIDS")
     parser.add_argument(
-        "--replay", type=Path, metavar="FILE.html", help="write its movement in 3-D as one file that opens in a browser without a network"
+        "--replay",
+        type=Path,
+        metavar="FILE.html",
+        help="write its movement in 3-D as one file that opens in a browser without a network",
     )
-    parser.add_argument("--title", default="", metavar="WORDS", help="title of the replay; without it nothing tells who moved")
-    parser.add_argument("--subject", default="01", metavar="LABEL", help="BIDS label of the subject")
+    parser.add_argument(
+        "--title",
+        default="",
+        metavar="WORDS",
+        help="title of the replay; without it nothing tells who moved",
+    )
+    parser.add_argument(
+        "--subject", default="01", metavar="LABEL", help="BIDS label of the subject"
+    )
     parser.add_argument("--task", default="hand", metavar="LABEL", help="BIDS label of the task")
     add_method(parser)
 
@@ -29,9 +39,13 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     for option in ("subject", "task"):
         if not getattr(arguments, option).isalnum():
-            raise InputError(f"--{option} {getattr(arguments, option)!r} may have letters and digits only")
+            raise InputError(
+                f"--{option} {getattr(arguments, option)!r} may have letters and digits only"
+            )
     if arguments.out is None and arguments.replay is None:
-        raise InputError("say what to write: --out DIR or FILE.zip for Motion-BIDS, --replay FILE.html for the movement in 3-D")
+        raise InputError(
+            "say what to write: --out DIR or FILE.zip for Motion-BIDS, --replay FILE.html for the movement in 3-D"
+        )
     if arguments.replay is not None:
         require_file(arguments.replay)
     if arguments.out is not None:
@@ -45,16 +59,23 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _write_replay(arguments: argparse.Namespace) -> None:
-    from handscope.app.replay_file import chapters, replay_file  # here: the scene takes a while to import
+    from handscope.app.replay_file import (
+        chapters,
+        replay_file,
+    )  # here: the scene takes a while to import
 
     method, params = method_of(arguments)
     recording, processed = processed_by(method, params, arguments)
     moved = processed.trajectory
     if not len(moved):
-        raise InputError(f"{arguments.recording} gave no movement by {arguments.method}; there is nothing to replay")
+        raise InputError(
+            f"{arguments.recording} gave no movement by {arguments.method}; there is nothing to replay"
+        )
     movement = {"t": moved.t, "angles": moved.angles, "q_GH": moved.q_GS[:, SEGMENT["hand"]]}
     told = chapters(recording.events, load_all(), ENGLISH)
     title = arguments.title or ENGLISH.say("replay.title")
     data = replay_file(recording.hand, recording.geometry, movement, told, title, ENGLISH)
     save_file(data, arguments.replay)
-    say(f"{moved.t[-1] - moved.t[0]:.1f} s by {arguments.method}, {len(data) / 1e6:.1f} MB: {arguments.replay}")
+    say(
+        f"{moved.t[-1] - moved.t[0]:.1f} s by {arguments.method}, {len(data) / 1e6:.1f} MB: {arguments.replay}"
+    )

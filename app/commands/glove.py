@@ -33,7 +33,13 @@ ALL_STRIPS = (*FINGERS, "forearm")
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--pty", type=Path, required=True, metavar="PATH", help="where the port appears: a link to a pseudo-terminal")
+    parser.add_argument(
+        "--pty",
+        type=Path,
+        required=True,
+        metavar="PATH",
+        help="where the port appears: a link to a pseudo-terminal",
+    )
     parser.add_argument("--hand", choices=HANDS, help="left, or the recording's")
     parser.add_argument(
         "--strips",
@@ -42,9 +48,18 @@ def add(parser: argparse.ArgumentParser) -> None:
         help=f"all, none, all with more, or some of {','.join(ALL_STRIPS)},force (force sensors on thumb and index tip),torque (they have six axes),trunk (an inertial sensor and magnetometers there, a magnet on the hand); the hand's base unit is always there",
     )
     parser.add_argument(
-        "--rate", action="append", default=[], metavar="HZ", help="of all strips (100), or of one: index=500; may be repeated"
+        "--rate",
+        action="append",
+        default=[],
+        metavar="HZ",
+        help="of all strips (100), or of one: index=500; may be repeated",
     )
-    parser.add_argument("--format", choices=("int16", "float32"), default=None, help="how samples travel (int16; float32 for --replay)")
+    parser.add_argument(
+        "--format",
+        choices=("int16", "float32"),
+        default=None,
+        help="how samples travel (int16; float32 for --replay)",
+    )
     parser.add_argument("--seed", type=seed, default=0)
     parser.add_argument(
         "--force-setup",
@@ -52,7 +67,11 @@ def add(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.json",
         help="what `calibrate-force` found: the force sensors send what they read, and the glove tells the calibration",
     )
-    parser.add_argument("--untold", action="store_true", help="with --force-setup: the glove keeps no calibration and tells none")
+    parser.add_argument(
+        "--untold",
+        action="store_true",
+        help="with --force-setup: the glove keeps no calibration and tells none",
+    )
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
         "--task",
@@ -62,33 +81,95 @@ def add(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--replay", type=Path, metavar="RECORDING", help="play any recording")
     parser.add_argument("--speed", type=float, default=1.0, help="of time, for --replay (1)")
     faults = parser.add_argument_group("faults")
-    faults.add_argument("--loss", type=_share, default=0.0, metavar="P", help="share of frames lost")
-    faults.add_argument("--repeat", type=_share, default=0.0, metavar="P", help="share of frames sent twice")
-    faults.add_argument("--corrupt", type=_share, default=0.0, metavar="P", help="share of frames with a flipped bit")
-    faults.add_argument("--garbage", type=_share, default=0.0, metavar="P", help="share of frames followed by random bytes")
-    faults.add_argument("--delay", type=float, default=0.0, metavar="S", help="hold everything back for S seconds every 3 s")
-    faults.add_argument("--drift", type=float, default=0.0, metavar="PPM", help="drift of the glove's clock")
-    faults.add_argument("--saturate", type=float, metavar="DEG/S", help="full scale of the gyroscopes")
-    faults.add_argument("--exchange", nargs=2, choices=FINGERS, metavar="FINGER", help="two strips are on each other's finger")
-    faults.add_argument("--pull", action="append", default=[], metavar="STRIP@T", help="pull a strip T seconds after the start")
-    faults.add_argument("--plug", action="append", default=[], metavar="STRIP@T", help="plug it in again")
-    faults.add_argument("--unplug", action="append", default=[], metavar="T[:S]", help="pull the cable at T, for S seconds (for good)")
+    faults.add_argument(
+        "--loss", type=_share, default=0.0, metavar="P", help="share of frames lost"
+    )
+    faults.add_argument(
+        "--repeat", type=_share, default=0.0, metavar="P", help="share of frames sent twice"
+    )
+    faults.add_argument(
+        "--corrupt",
+        type=_share,
+        default=0.0,
+        metavar="P",
+        help="share of frames with a flipped bit",
+    )
+    faults.add_argument(
+        "--garbage",
+        type=_share,
+        default=0.0,
+        metavar="P",
+        help="share of frames followed by random bytes",
+    )
+    faults.add_argument(
+        "--delay",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help="hold everything back for S seconds every 3 s",
+    )
+    faults.add_argument(
+        "--drift", type=float, default=0.0, metavar="PPM", help="drift of the glove's clock"
+    )
+    faults.add_argument(
+        "--saturate", type=float, metavar="DEG/S", help="full scale of the gyroscopes"
+    )
+    faults.add_argument(
+        "--exchange",
+        nargs=2,
+        choices=FINGERS,
+        metavar="FINGER",
+        help="two strips are on each other's finger",
+    )
+    faults.add_argument(
+        "--pull",
+        action="append",
+        default=[],
+        metavar="STRIP@T",
+        help="pull a strip T seconds after the start",
+    )
+    faults.add_argument(
+        "--plug", action="append", default=[], metavar="STRIP@T", help="plug it in again"
+    )
+    faults.add_argument(
+        "--unplug",
+        action="append",
+        default=[],
+        metavar="T[:S]",
+        help="pull the cable at T, for S seconds (for good)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # so that the link is taken away
+    signal.signal(
+        signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM)
+    )  # so that the link is taken away
     terminal.require_free(arguments.pty)
     rng = np.random.default_rng(arguments.seed)
     wearer = _wearer(arguments, rng)
     kind = arguments.format or ("float32" if arguments.replay else "int16")
     build = Build(
-        device_id=0x5C09E0 + arguments.seed, drift=arguments.drift * 1e-6, format=Format.INT16 if kind == "int16" else Format.FLOAT32
+        device_id=0x5C09E0 + arguments.seed,
+        drift=arguments.drift * 1e-6,
+        format=Format.INT16 if kind == "int16" else Format.FLOAT32,
     )
-    flash = Flash() if arguments.replay else delivered(wearer.streams, np.random.default_rng([arguments.seed, 1]))
+    flash = (
+        Flash()
+        if arguments.replay
+        else delivered(wearer.streams, np.random.default_rng([arguments.seed, 1]))
+    )
     if arguments.force_setup:
-        flash.forces, flash.tells_forces = _forces(arguments.force_setup, wearer), not arguments.untold
+        flash.forces, flash.tells_forces = (
+            _forces(arguments.force_setup, wearer),
+            not arguments.untold,
+        )
     script = terminal.Script(_actions(arguments, [s.name for s in wearer.streams]))
-    faults = Faults(FaultParams(**{n: getattr(arguments, n) for n in ("loss", "repeat", "corrupt", "garbage", "delay")}), rng)
+    faults = Faults(
+        FaultParams(
+            **{n: getattr(arguments, n) for n in ("loss", "repeat", "corrupt", "garbage", "delay")}
+        ),
+        rng,
+    )
     say(f"{wearer.hand} glove with {', '.join(s.name for s in wearer.streams)} at {arguments.pty}")
     if sys.stdin is not None and sys.stdin.isatty():
         say("type: pull STRIP, plug STRIP, unplug SECONDS, task NAME")
@@ -107,27 +188,41 @@ def run(arguments: argparse.Namespace) -> int:
 def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
     if arguments.replay:
         recording = formats_recordings.load(arguments.replay, arguments.hand)
-        return Playback(replace(recording, samples=saturation.told(recording.samples)))  # live then bridges what batch does
+        return Playback(
+            replace(recording, samples=saturation.told(recording.samples))
+        )  # live then bridges what batch does
     hand: Hand = arguments.hand or "left"
     named = () if arguments.strips == "none" else tuple(arguments.strips.split(","))
     strips = (*ALL_STRIPS, *(n for n in named if n != "all")) if "all" in named else named
     common, single = _rates(arguments.rate)
-    streams = tuple(replace(s, rate=single.get(s.name, common if s.inertial else s.rate)) for s in layout(strips, common))
+    streams = tuple(
+        replace(s, rate=single.get(s.name, common if s.inertial else s.rate))
+        for s in layout(strips, common)
+    )
     unknown = set(single) - {s.name for s in streams}
     if unknown:
         raise InputError(f"--rate names the strip {unknown.pop()!r}, which is not plugged in")
-    errors = SensorErrors() if arguments.saturate is None else SensorErrors(gyr_range=arguments.saturate)
+    errors = (
+        SensorErrors() if arguments.saturate is None else SensorErrors(gyr_range=arguments.saturate)
+    )
     limit = float(np.radians(errors.gyr_range))
-    streams = tuple(replace(s, full_scale={**s.full_scale, GYR: limit}) if GYR in s.quantities else s for s in streams)
+    streams = tuple(
+        replace(s, full_scale={**s.full_scale, GYR: limit}) if GYR in s.quantities else s
+        for s in streams
+    )
     person = SimulatedPerson(hand, sized(hand), streams, rng, errors)
     if arguments.exchange:
         one, other = arguments.exchange
         if missing := {one, other} - {s.name for s in streams}:
-            raise InputError(f"--exchange names the strip {missing.pop()!r}, which is not plugged in")
+            raise InputError(
+                f"--exchange names the strip {missing.pop()!r}, which is not plugged in"
+            )
         person.worn_on = {one: other, other: one}
     if arguments.task is not None:
         if arguments.task not in task_performance.TASKS:
-            raise InputError(f"there is no task {arguments.task!r}; tasks are {', '.join(task_performance.TASKS)}")
+            raise InputError(
+                f"there is no task {arguments.task!r}; tasks are {', '.join(task_performance.TASKS)}"
+            )
         person.repeat = arguments.task
     return person
 
@@ -140,7 +235,9 @@ def _forces(path: Path, wearer: Wearer) -> dict[str, ForceSetup]:
     except OSError as problem:
         raise InputError(f"{path} cannot be read: {problem.strerror}") from problem
     except (ValueError, KeyError, TypeError, AttributeError) as problem:
-        raise InputError(f"{path.name} holds no ForceSetup; `handscope calibrate-force` writes one") from problem
+        raise InputError(
+            f"{path.name} holds no ForceSetup; `handscope calibrate-force` writes one"
+        ) from problem
     require_fitting(forces, wearer.streams)
     return forces
 
@@ -170,11 +267,17 @@ def _actions(arguments: argparse.Namespace, strips: Sequence[str]) -> list[termi
             if not at:
                 raise InputError(f"--{verb} {word!r} is not of the form STRIP@SECONDS")
             if name not in strips:
-                raise InputError(f"--{verb} names the strip {name!r}; this glove has {', '.join(strips)}")
+                raise InputError(
+                    f"--{verb} names the strip {name!r}; this glove has {', '.join(strips)}"
+                )
             actions.append(terminal.Action(_seconds(t, f"--{verb}"), verb, name))
     for word in arguments.unplug:
         t, _, length = word.partition(":")
-        actions.append(terminal.Action(_seconds(t, "--unplug"), "unplug", length and str(_seconds(length, "--unplug"))))
+        actions.append(
+            terminal.Action(
+                _seconds(t, "--unplug"), "unplug", length and str(_seconds(length, "--unplug"))
+            )
+        )
     return actions
 
 

@@ -25,7 +25,9 @@ def run(arguments: argparse.Namespace) -> int:
         )
     for event in recording.events:
         details = " ".join(f"{k}={v}" for k, v in event.details.items())
-        say(f"  {event.onset:9.3f} s  {event.duration:7.3f} s  {event.trial_type} {details}".rstrip())
+        say(
+            f"  {event.onset:9.3f} s  {event.duration:7.3f} s  {event.trial_type} {details}".rstrip()
+        )
     for sentence in shortfalls(recording):
         say(f"warning: {sentence}")
     say(f"sha256 {recording.checksum}")

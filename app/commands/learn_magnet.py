@@ -19,30 +19,53 @@ from handscope.sessions.tables_io.writing import save_file
 
 MM = 1e3
 HARDLY = 0.8  # of the standard deviation that was told: less than that a movement has not told
-OPTIONS = {"moment": ("--moment-error", 1.0, "SHARE"), "place": ("--place-error", MM, "MM"), "places": ("--array-error", MM, "MM")}
+OPTIONS = {
+    "moment": ("--moment-error", 1.0, "SHARE"),
+    "place": ("--place-error", MM, "MM"),
+    "places": ("--array-error", MM, "MM"),
+}
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "recording", type=Path, help="half a minute: the hand 10 to 30 cm before the plate, moved and turned, the trunk too"
+        "recording",
+        type=Path,
+        help="half a minute: the hand 10 to 30 cm before the plate, moved and turned, the trunk too",
     )
-    parser.add_argument("--hand", choices=HANDS, help="the hand measured, where the recording does not say")
+    parser.add_argument(
+        "--hand", choices=HANDS, help="the hand measured, where the recording does not say"
+    )
     for option in describe(Roughly):
         name, scale, unit = OPTIONS[option.name]
         text = f"how well that is told, in each axis: {option.meaning} (%(default)g)"
-        parser.add_argument(name, type=float, default=scale * float(option.default), metavar=unit, help=text)
+        parser.add_argument(
+            name, type=float, default=scale * float(option.default), metavar=unit, help=text
+        )
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help="JSON with MagnetSetup, for the sidecars of other recordings"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="JSON with MagnetSetup, for the sidecars of other recordings",
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    errors = {"moment": arguments.moment_error, "place": arguments.place_error / MM, "places": arguments.array_error / MM}
+    errors = {
+        "moment": arguments.moment_error,
+        "place": arguments.place_error / MM,
+        "places": arguments.array_error / MM,
+    }
     roughly = with_options(Roughly, errors)
     recording = formats_recordings.load(arguments.recording, arguments.hand)
-    learnt = setup_learning.learnt(recording.plate, roughly, list(recording.samples.values()), recording.mounting)
+    learnt = setup_learning.learnt(
+        recording.plate, roughly, list(recording.samples.values()), recording.mounting
+    )
     assert recording.plate is not None, "without a plate nothing is learnt"
-    save_file(json.dumps({"MagnetSetup": table_of(learnt.plate)}, indent=2).encode() + b"\n", arguments.out)
+    save_file(
+        json.dumps({"MagnetSetup": table_of(learnt.plate)}, indent=2).encode() + b"\n",
+        arguments.out,
+    )
     for line in _said(recording.plate, roughly, learnt):
         say(line)
     say(f"MagnetSetup as learnt: {arguments.out}")
@@ -76,4 +99,6 @@ def _rms(sd: Array) -> str:
 
 
 def _hardly(sd: Array, told: float) -> str:
-    return "; this movement hardly told it" if float(np.sqrt((sd**2).mean())) > HARDLY * told else ""
+    return (
+        "; this movement hardly told it" if float(np.sqrt((sd**2).mean())) > HARDLY * told else ""
+    )

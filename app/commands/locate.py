@@ -17,7 +17,12 @@ from handscope.estimators.magnet.array.localisation import Located
 from handscope.estimators.magnet.array.search import Search, Searched
 from handscope.estimators.magnet.array.timestamp_offsets import TOLD
 from handscope.estimators.magnet.model import setup as magnet_setup
-from handscope.estimators.magnet.model.setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST
+from handscope.estimators.magnet.model.setup import (
+    EARTH_STRONGEST,
+    EARTH_WEAKEST,
+    STRONGEST,
+    WEAKEST,
+)
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
 from handscope.sessions.formats import recordings as formats_recordings
@@ -27,11 +32,27 @@ from handscope.sessions.tables_io.number_table import NumberTable
 from handscope.sessions.tables_io.writing import save_file
 
 COLUMNS = (
-    *("t", "x", "y", "z", "x_sd", "y_sd", "z_sd", "moment_x", "moment_y", "moment_z", "moment_x_sd", "moment_y_sd", "moment_z_sd"),
+    *(
+        "t",
+        "x",
+        "y",
+        "z",
+        "x_sd",
+        "y_sd",
+        "z_sd",
+        "moment_x",
+        "moment_y",
+        "moment_z",
+        "moment_x_sd",
+        "moment_y_sd",
+        "moment_z_sd",
+    ),
     *("field_x", "field_y", "field_z", "left", "found"),
 )
 MOMENT = 0.015  # of the moment: how well it is known, and the dipole as a model; as magnet_options.py has it
-UNCALIBRATED = 2e-6  # T an axis that is counted for magnetometers of which nobody says how they are calibrated
+UNCALIBRATED = (
+    2e-6  # T an axis that is counted for magnetometers of which nobody says how they are calibrated
+)
 GAIN = 0.03  # of a magnetometer's readings: data sheets say up to 5 % either way (AK8975, HMC5883L)
 UNSEEN = 5e-6  # T/m: of such a field few magnetometers say what it would do; ours, a room with steel some metres away
 TRIED = 200  # readings that are looked at once more without the moment told
@@ -46,7 +67,9 @@ class Read:
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "recording", type=Path, help="a table (.csv, .tsv), or a recording whose magnetometers are named as in the array's file"
+        "recording",
+        type=Path,
+        help="a table (.csv, .tsv), or a recording whose magnetometers are named as in the array's file",
     )
     parser.add_argument(
         "--array",
@@ -56,7 +79,10 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="unit of the table, places of the magnetometers in m, what is known of field and magnet",
     )
     parser.add_argument(
-        "--turned", type=Path, metavar="RECORDING", help="the same array turned by hand in all directions far from magnets: calibrates it"
+        "--turned",
+        type=Path,
+        metavar="RECORDING",
+        help="the same array turned by hand in all directions far from magnets: calibrates it",
     )
     parser.add_argument(
         "--without",
@@ -65,47 +91,86 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="the same array where it stands, without the magnet: what differs between magnetometers there is taken off",
     )
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE.tsv", help="write place, moment and field with standard deviations there"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE.tsv",
+        help="write place, moment and field with standard deviations there",
     )
     parser.epilog = "docs/magnet-array.md has the formats"
 
 
 def run(arguments: argparse.Namespace) -> int:
     array = described(arguments.array)
-    bench_readings.require_sense(array.earth, array.moment, array.limit, array.place_sd, array.calibration_sd, array.gradient)
+    bench_readings.require_sense(
+        array.earth, array.moment, array.limit, array.place_sd, array.calibration_sd, array.gradient
+    )
     read = _read(arguments.recording, array)
-    limit = None if array.limit is None else float(bench_readings.in_tesla(np.array(array.limit), array.unit, array.earth))
+    limit = (
+        None
+        if array.limit is None
+        else float(bench_readings.in_tesla(np.array(array.limit), array.unit, array.earth))
+    )
     looked = bench_readings.looked(read.t, read.mag, limit)
     mag = np.where((looked.limited | looked.frozen)[..., None], np.nan, read.mag)
-    q_bl, left, gains, told = array.q_bl, 0.0, np.ones(len(array.names)), bench_readings.sentences(array.names, looked)
+    q_bl, left, gains, told = (
+        array.q_bl,
+        0.0,
+        np.ones(len(array.names)),
+        bench_readings.sentences(array.names, looked),
+    )
     if arguments.turned:
         found = bench_readings.turned(_read(arguments.turned, array).mag, array.names, array.earth)
         _require_unit(found.read, array.unit, arguments.turned.name)
-        mag, q_bl, left, gains = found.corrected(mag), found.q_bl, float(np.sqrt((found.left**2).mean())), found.gains
+        mag, q_bl, left, gains = (
+            found.corrected(mag),
+            found.q_bl,
+            float(np.sqrt((found.left**2).mean())),
+            found.gains,
+        )
         q_bl = q_bl if array.q_bl is None else quat.multiply(array.q_bl[0], q_bl)
         told += _calibrated(array, found)
     else:
         left = UNCALIBRATED if array.calibration_sd is None else array.calibration_sd
-        told += [] if array.calibration_sd is not None or arguments.without else [_not_calibrated(left)]
+        told += (
+            [] if array.calibration_sd is not None or arguments.without else [_not_calibrated(left)]
+        )
     if arguments.without:
         empty = _read(arguments.without, array).mag
         alone = bench_readings.still(found.corrected(empty) if arguments.turned else empty, q_bl)
-        left = _left_without(alone, mag, bool(arguments.turned)) if array.calibration_sd is None else array.calibration_sd
+        left = (
+            _left_without(alone, mag, bool(arguments.turned))
+            if array.calibration_sd is None
+            else array.calibration_sd
+        )
         mag = mag - alone.apart
     guessed = left if not arguments.turned and array.calibration_sd is None else 0.0
     left = max(left, 1e-8)
     told += _slow(read)
-    size_sd = MOMENT if array.earth is not None and arguments.turned else float(np.hypot(MOMENT, GAIN))
+    size_sd = (
+        MOMENT if array.earth is not None and arguments.turned else float(np.hypot(MOMENT, GAIN))
+    )
     noise = float(np.hypot(np.median(looked.noise * gains), left))
     slopes = field_gradient_test.slope_of(array.gradient)
-    search = Search(read.t, mag, magnet_setup.constellation(array.places, q_bl), noise, array.place_sd, slopes)
+    search = Search(
+        read.t, mag, magnet_setup.constellation(array.places, q_bl), noise, array.place_sd, slopes
+    )
     answer = magnet_search.searched(search, array.moment, size_sd, left)
     located = _gain_counted(answer.located, size_sd)
     doubted = _moment_doubted(answer.search, array.moment, located)
     if doubted:  # what agrees with what is told by chance is no place
         located = replace(located, found=np.zeros_like(located.found))
     table = np.column_stack(
-        [read.t, located.place, located.place_sd, located.moment, located.moment_sd, located.field, located.left, located.found]
+        [
+            read.t,
+            located.place,
+            located.place_sd,
+            located.moment,
+            located.moment_sd,
+            located.field,
+            located.left,
+            located.found,
+        ]
     )
     save_file(("\t".join(COLUMNS) + "\n").encode() + bytes(NumberTable((table,))), arguments.out)
     for sentence in [
@@ -117,7 +182,10 @@ def run(arguments: argparse.Namespace) -> int:
         *doubted,
     ]:
         say(f"warning: {sentence}")
-    for sentence in [*_answer(read, answer, located, guessed), *_few(answer, located, array.moment, size_sd)]:
+    for sentence in [
+        *_answer(read, answer, located, guessed),
+        *_few(answer, located, array.moment, size_sd),
+    ]:
         say(sentence)
     return 0
 
@@ -127,16 +195,27 @@ def _read(path: Path, array: Described) -> Read:
     if path.suffix.lower() in array_table.SUFFIXES and not path.name.endswith("_motion.tsv"):
         table = array_table.table(path, array)
         known, t, times = table.readings, table.t, table.times
-        values = {name: bench_readings.in_tesla(v, array.unit, array.earth) for name, v in known.items()}
+        values = {
+            name: bench_readings.in_tesla(v, array.unit, array.earth) for name, v in known.items()
+        }
     else:
-        blocks = [b for b in formats_recordings.load(path, inertial=False).samples.values() if MAG in b.stream.quantities]
+        blocks = [
+            b
+            for b in formats_recordings.load(path, inertial=False).samples.values()
+            if MAG in b.stream.quantities
+        ]
         values = {s: b.of(MAG)[:, k] for b in blocks for k, s in enumerate(b.stream.sensors)}
         times = {s: b.t for b in blocks for s in b.stream.sensors}
         t = times[array.names[0]] if array.names[0] in times else np.empty(0)
     missing = [name for name in array.names if name not in values]
     if missing:
-        raise InputError(f"{path.name} has no magnetometer {missing[0]!r}; it has {', '.join(values) or 'none'}")
-    each = [bench_readings.together(t, times[name], values[name]) if name in times else values[name] for name in array.names]
+        raise InputError(
+            f"{path.name} has no magnetometer {missing[0]!r}; it has {', '.join(values) or 'none'}"
+        )
+    each = [
+        bench_readings.together(t, times[name], values[name]) if name in times else values[name]
+        for name in array.names
+    ]
     return Read(t, np.stack(each, axis=1))
 
 
@@ -144,7 +223,11 @@ def _left_without(alone: Still, mag: Array, turned: bool) -> float:
     """What readings (n, magnetometers, 3) are off by, T, where offsets were taken off; of an array that nobody turned gains err by their share of what the magnet adds."""
     added = mag - alone.read
     added = added[np.isfinite(added).all(axis=2)]
-    gains = 0.0 if turned or not len(added) else GAIN * float(np.median(np.linalg.norm(added, axis=1))) / np.sqrt(3.0)
+    gains = (
+        0.0
+        if turned or not len(added)
+        else GAIN * float(np.median(np.linalg.norm(added, axis=1))) / np.sqrt(3.0)
+    )
     return float(np.hypot(alone.left, gains))
 
 
@@ -162,7 +245,11 @@ def _not_calibrated(left: float) -> str:
 
 def _calibrated(array: Described, found: Turned) -> list[str]:
     """What the calibration found that somebody has to know."""
-    said = [f"{name}: an axis points the other way than on most; turned round" for name, flip in zip(array.names, found.mirrored) if flip]
+    said = [
+        f"{name}: an axis points the other way than on most; turned round"
+        for name, flip in zip(array.names, found.mirrored)
+        if flip
+    ]
     worst = int(np.argmax(found.left))
     if found.left[worst] > 0.02 * found.spheres[0].strength:
         said.append(
@@ -186,7 +273,9 @@ def _alike(searched: Searched) -> list[str]:
     """A sentence where all readings together told what errs in each of them, and that was taken off."""
     if (alike := searched.alike) is None:
         return []
-    sizes = dict(zip((kind.name for kind in systematic_errors.KINDS), (float(size) for size in alike.sizes)))
+    sizes = dict(
+        zip((kind.name for kind in systematic_errors.KINDS), (float(size) for size in alike.sizes))
+    )
     looks = {
         "offset": f"offsets of {1e6 * sizes['offset']:.2g} uT",
         "gain": f"gains and axes that are off by {100 * sizes['gain']:.2g} %",
@@ -212,16 +301,29 @@ def _late(searched: Searched, names: Sequence[str]) -> list[str]:
     if not late:
         return []
     spread = searched.late.spread
-    unsure = f"; whose times are right is not told, {1e3 * spread:.0f} ms are counted for it" if spread > TOLD else ""
-    return [f"readings come later than the others' (earlier, where less than 0) and were moved by that: {', '.join(late)}{unsure}"]
+    unsure = (
+        f"; whose times are right is not told, {1e3 * spread:.0f} ms are counted for it"
+        if spread > TOLD
+        else ""
+    )
+    return [
+        f"readings come later than the others' (earlier, where less than 0) and were moved by that: {', '.join(late)}{unsure}"
+    ]
 
 
 def _few(searched: Searched, located: Located, moment: float | None, size_sd: float) -> list[str]:
     """What magnetometers that are too few to see it do not tell."""
     rows = np.flatnonzero(located.found & np.isfinite(searched.search.mag).all(axis=(1, 2)))
-    if len(searched.search.array) >= field_gradient_test.FEWEST or searched.search.uneven or searched.alike or not len(rows):
+    if (
+        len(searched.search.array) >= field_gradient_test.FEWEST
+        or searched.search.uneven
+        or searched.alike
+        or not len(rows)
+    ):
         return []
-    told, x = magnet_search.explained(searched.search, located, moment, size_sd, rows[:: -(-len(rows) // TRIED)])
+    told, x = magnet_search.explained(
+        searched.search, located, moment, size_sd, rows[:: -(-len(rows) // TRIED)]
+    )
     off = 1e3 * float(np.median(field_gradient_test.misplaced(told, x, UNSEEN)))
     return [
         f"{len(searched.search.array)} magnetometers cannot tell a field that changes across the array: {1e6 * UNSEEN:.0f} uT a metre would draw places by {off:.2g} mm (median); "
@@ -237,11 +339,18 @@ def _answer(read: Read, searched: Searched, located: Located, guessed: float) ->
     ]
     if not found.any():
         return [*said, f"no magnet is found: {_why(searched, located, guessed)}"]
-    sd, size = np.linalg.norm(located.place_sd[found], axis=1), np.linalg.norm(located.moment[found], axis=1)
+    sd, size = (
+        np.linalg.norm(located.place_sd[found], axis=1),
+        np.linalg.norm(located.moment[found], axis=1),
+    )
     return [
         *said,
         f"magnet found in {100 * found.mean():.0f} % of them, place to {1e3 * np.median(sd):.2g} mm (median), moment {np.median(size):.3g} A m^2",
-        *([f"not found in the others: {_why(searched, located, guessed)}"] if not found.all() else []),
+        *(
+            [f"not found in the others: {_why(searched, located, guessed)}"]
+            if not found.all()
+            else []
+        ),
     ]
 
 
@@ -256,7 +365,11 @@ def _require_unit(read: float, unit: str | float, name: str) -> None:
 def _unit_asked(read: float, unit: str | float) -> str:
     fitting = bench_readings.units_that_fit(read, unit)
     told = f"{unit:g} T a count" if isinstance(unit, (int, float)) else unit
-    return f"The unit is told as {told}: is it {' or '.join(fitting)}?" if fitting else f"Is the unit told, {told}, that of the table?"
+    return (
+        f"The unit is told as {told}: is it {' or '.join(fitting)}?"
+        if fitting
+        else f"Is the unit told, {told}, that of the table?"
+    )
 
 
 def _slow(read: Read) -> list[str]:
@@ -264,7 +377,9 @@ def _slow(read: Read) -> list[str]:
     rate = (len(read.t) - 1) / float(read.t[-1] - read.t[0]) if len(read.t) > 1 else RATES[0]
     if RATES[0] <= rate <= RATES[1]:
         return []
-    return [f"{rate:.3g} readings a second: are the times in s? The array's file tells another unit of them as `time`"]
+    return [
+        f"{rate:.3g} readings a second: are the times in s? The array's file tells another unit of them as `time`"
+    ]
 
 
 def _strange(array: Described, mag: Array, located: Located) -> list[str]:
@@ -316,9 +431,7 @@ def _why(searched: Searched, located: Located, guessed: float) -> str:
     if searched.two[lost].mean() > 0.5:
         return "the readings are those of two magnets, or of one and iron near: take the other away, and what is of steel"
     if (searched.strange | searched.two)[lost].mean() > 0.5:
-        return (
-            "the readings are not those of one magnet in a homogeneous field: a second magnet, iron near, wrong places, or no calibration"
-        )
+        return "the readings are not those of one magnet in a homogeneous field: a second magnet, iron near, wrong places, or no calibration"
     if guessed:
         return (
             f"the magnet is too far away or too near for a sure place with the {1e6 * guessed:.2g} uT an axis that are counted because nobody says how the array is "

@@ -9,13 +9,21 @@ from handscope.sessions.store.logins import new_token
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="the server's data folder (%(default)s)")
+    parser.add_argument(
+        "--data",
+        type=Path,
+        default=default_data(),
+        metavar="DIR",
+        help="the server's data folder (%(default)s)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     try:
         base = (arguments.data / "address").read_text().strip()
     except OSError:
-        raise InputError(f"no server has run on the data folder {arguments.data}; start one with: handscope serve") from None
+        raise InputError(
+            f"no server has run on the data folder {arguments.data}; start one with: handscope serve"
+        ) from None
     say(f"{base}/login?token={new_token(arguments.data)}")
     return 0

@@ -18,14 +18,27 @@ from handscope.sessions.tables_io import calibration_result
 
 
 def add_recording(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", type=Path, help="a Motion-BIDS folder or zip, or a native recording")
-    parser.add_argument("--hand", choices=HANDS, help="the hand measured, where the recording does not say")
+    parser.add_argument(
+        "recording", type=Path, help="a Motion-BIDS folder or zip, or a native recording"
+    )
+    parser.add_argument(
+        "--hand", choices=HANDS, help="the hand measured, where the recording does not say"
+    )
 
 
 def add_method(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--method", default="m2", metavar="NAME", help=f"one of {', '.join(ALL_METHODS)} (default m2)")
     parser.add_argument(
-        "--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the method, see below; may be repeated"
+        "--method",
+        default="m2",
+        metavar="NAME",
+        help=f"one of {', '.join(ALL_METHODS)} (default m2)",
+    )
+    parser.add_argument(
+        "--option",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="an option of the method, see below; may be repeated",
     )
     parser.add_argument(
         "--calibration",
@@ -41,19 +54,29 @@ def add_method(parser: argparse.ArgumentParser) -> None:
 def method_of(arguments: argparse.Namespace) -> tuple[ModuleType, Any]:
     """The method named and its parameters."""
     if arguments.method not in ALL_METHODS:
-        raise InputError(f"there is no method {arguments.method!r}; methods are {', '.join(ALL_METHODS)}")
+        raise InputError(
+            f"there is no method {arguments.method!r}; methods are {', '.join(ALL_METHODS)}"
+        )
     module = ALL_METHODS[arguments.method]
     return module, with_options(module.Params, parse(arguments.option))
 
 
-def processed_by(method: ModuleType, params: Any, arguments: argparse.Namespace, limit: float = LIMIT) -> tuple[LoadedRecording, Processed]:
+def processed_by(
+    method: ModuleType, params: Any, arguments: argparse.Namespace, limit: float = LIMIT
+) -> tuple[LoadedRecording, Processed]:
     """The recording that the arguments name, and what the method makes of it within so many s; a bar shows how far it is."""
     recording = formats_recordings.load(arguments.recording, arguments.hand)
     found = arguments.calibration is not None and arguments.calibration.suffix == ".json"
     known = calibration_result.read(arguments.calibration) if found else None
     if known is not None and not method.NEEDS_POSE:
-        raise InputError(f"method {arguments.method} does not use an earlier calibration; m1, m2 and ekf do")
-    other = formats_recordings.load(arguments.calibration, arguments.hand) if arguments.calibration and not found else None
+        raise InputError(
+            f"method {arguments.method} does not use an earlier calibration; m1, m2 and ekf do"
+        )
+    other = (
+        formats_recordings.load(arguments.calibration, arguments.hand)
+        if arguments.calibration and not found
+        else None
+    )
     hear, close = progress_bar("processing")
     try:
         return recording, process(method, params, recording, other, within(limit, hear), known)

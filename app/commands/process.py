@@ -16,11 +16,19 @@ from handscope.sessions.tables_io.writing import save_folder
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", type=Path, nargs="?", help="a Motion-BIDS folder or zip, or a native recording")
-    parser.add_argument("--hand", choices=HANDS, help="the hand measured, where the recording does not say")
+    parser.add_argument(
+        "recording", type=Path, nargs="?", help="a Motion-BIDS folder or zip, or a native recording"
+    )
+    parser.add_argument(
+        "--hand", choices=HANDS, help="the hand measured, where the recording does not say"
+    )
     add_method(parser)
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="folder for the derivative; a folder in it for each of a cohort"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="folder for the derivative; a folder in it for each of a cohort",
     )
     parser.add_argument(
         "--time-limit",
@@ -31,10 +39,23 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     many = parser.add_argument_group("a cohort")
     many.add_argument(
-        "--cohort", type=Path, metavar="FOLDER|LIST", help="every recording of a folder, or of a text file with a path a line"
+        "--cohort",
+        type=Path,
+        metavar="FOLDER|LIST",
+        help="every recording of a folder, or of a text file with a path a line",
     )
-    many.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes of this machine (%(default)s)")
-    many.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that sees the same folders, such as tcp://host:8786")
+    many.add_argument(
+        "--workers",
+        type=int,
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="processes of this machine (%(default)s)",
+    )
+    many.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a Dask cluster that sees the same folders, such as tcp://host:8786",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -44,7 +65,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.cohort is not None:
         return _cohort(arguments)
     if not arguments.time_limit > 0:
-        raise InputError(f"--time-limit {arguments.time_limit:g} s leaves no time; give seconds, such as --time-limit 600")
+        raise InputError(
+            f"--time-limit {arguments.time_limit:g} s leaves no time; give seconds, such as --time-limit 600"
+        )
     recording, processed = processed_by(method, params, arguments, arguments.time_limit)
     files = derivative.tree(processed, recording, arguments.method, params, software_version())
     save_folder(files, output_folder(arguments.out))
@@ -65,10 +88,15 @@ def _cohort(arguments: argparse.Namespace) -> int:
         raise InputError(f"--workers {arguments.workers} is no number of processes")
     found, out = cohort.recordings(arguments.cohort), output_folder(arguments.out).absolute()
     options = parse(arguments.option)
-    works = [cohort.Work(name, str(path.absolute()), str(out), arguments.method, options, arguments.hand) for name, path in found.items()]
+    works = [
+        cohort.Work(name, str(path.absolute()), str(out), arguments.method, options, arguments.hand)
+        for name, path in found.items()
+    ]
     hear, close = progress_bar("processing")
     try:
-        outcomes = cohort.all_of(works, min(arguments.workers, len(works)), arguments.scheduler, hear)
+        outcomes = cohort.all_of(
+            works, min(arguments.workers, len(works)), arguments.scheduler, hear
+        )
     finally:
         close()
     failed = [o for o in outcomes if o.state == "failed"]

@@ -8,7 +8,13 @@ from pathlib import Path
 
 from handscope.app.commands.methods import add_method, method_of
 from handscope.app.commands.shortfalls import shortfalls
-from handscope.app.commands.words import output_folder, progress_bar, require_file, require_folder, say
+from handscope.app.commands.words import (
+    output_folder,
+    progress_bar,
+    require_file,
+    require_folder,
+    say,
+)
 from handscope.app.devices.glove import Glove
 from handscope.app.live.tracking import Tracking
 from handscope.app.version import software_version
@@ -33,11 +39,28 @@ UNPLUGGED = "the glove was unplugged"
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("port", help="the glove's serial port")
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE.mcap", help="the native recording")
-    parser.add_argument("--seconds", type=float, metavar="S", help="how long (default: until the glove falls silent or Ctrl-C)")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE.mcap", help="the native recording"
+    )
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        metavar="S",
+        help="how long (default: until the glove falls silent or Ctrl-C)",
+    )
     parser.add_argument("--hand", choices=HANDS, help="where the glove does not say")
-    parser.add_argument("--geometry", type=Path, metavar="FILE.json", help="hand measures, as HandGeometry of the Motion-BIDS contract")
-    parser.add_argument("--live", type=Path, metavar="DIR", help="write the trajectory of the live tracker as a derivative")
+    parser.add_argument(
+        "--geometry",
+        type=Path,
+        metavar="FILE.json",
+        help="hand measures, as HandGeometry of the Motion-BIDS contract",
+    )
+    parser.add_argument(
+        "--live",
+        type=Path,
+        metavar="DIR",
+        help="write the trajectory of the live tracker as a derivative",
+    )
     add_method(parser)
 
 
@@ -57,19 +80,28 @@ def run(arguments: argparse.Namespace) -> int:
         **({"hand": arguments.hand} if arguments.hand else {}),
     }
     tracking: Tracking | None = None
-    glove = Glove(arguments.port, arguments.out, metadata, lambda blocks: tracking.feed(blocks) if tracking else None)
+    glove = Glove(
+        arguments.port,
+        arguments.out,
+        metadata,
+        lambda blocks: tracking.feed(blocks) if tracking else None,
+    )
 
     with ExitStack() as undoing, glove:
         undoing.callback(arguments.out.unlink, missing_ok=True)
         hand = _connected(glove, arguments)
         undoing.pop_all()  # the right glove gives samples: from here on what was recorded stays
-        with Tracking(method, params, hand, sized(hand, measures_from(geometry)), rows.append, LIVE_PATIENCE) as tracking:
+        with Tracking(
+            method, params, hand, sized(hand, measures_from(geometry)), rows.append, LIVE_PATIENCE
+        ) as tracking:
             why = _follow(glove, tracking, arguments.seconds)
             tracking.drain()
         if early := ending(max(0.0, tracking.newest_sample()), arguments.seconds, why):
             glove.keep_metadata({"ended": early})
     recording = formats_recordings.load(arguments.out, arguments.hand)
-    say(f"{recording.duration:.1f} s of {', '.join(s.name for s in recording.streams)}: {arguments.out}")
+    say(
+        f"{recording.duration:.1f} s of {', '.join(s.name for s in recording.streams)}: {arguments.out}"
+    )
     for sentence in shortfalls(recording):
         say(f"warning: {sentence}")
     if arguments.live and tracking.calibration is not None:
@@ -83,8 +115,12 @@ def run(arguments: argparse.Namespace) -> int:
 def ending(recorded: float, asked: float | None, why: str) -> str:
     """How a recording of so many seconds ended, if that was early; empty where nothing is to be said."""
     if asked is not None and recorded < asked - SHORT:
-        return f"{recorded:.1f} s of {asked:g} s: {why or 'the glove fell silent'} at {recorded:.1f} s"
-    return f"{recorded:.1f} s: {why} at {recorded:.1f} s" if why == UNPLUGGED and asked is None else ""
+        return (
+            f"{recorded:.1f} s of {asked:g} s: {why or 'the glove fell silent'} at {recorded:.1f} s"
+        )
+    return (
+        f"{recorded:.1f} s: {why} at {recorded:.1f} s" if why == UNPLUGGED and asked is None else ""
+    )
 
 
 def _geometry(path: Path | None) -> dict[str, object]:
@@ -103,14 +139,22 @@ def _connected(glove: Glove, arguments: argparse.Namespace):  # type: ignore[no-
         raise InputError(f"{arguments.port} did not answer")
     if glove.state.state != "opened":
         raise InputError(glove.state.reason)
-    if not glove.wait_for(lambda g: bool(g.assembler.counts) and g.assembler.identity is not None, SPEAK_WAIT):
-        raise InputError(f"{arguments.port} is open, but no glove speaks there; is it the right port?")
+    if not glove.wait_for(
+        lambda g: bool(g.assembler.counts) and g.assembler.identity is not None, SPEAK_WAIT
+    ):
+        raise InputError(
+            f"{arguments.port} is open, but no glove speaks there; is it the right port?"
+        )
     said = glove.assembler.identity.hand if glove.assembler.identity else None
     if said and arguments.hand not in (None, said):
-        raise InputError(f"this is a {said} glove, --hand says {arguments.hand}; connect the other glove or leave --hand out")
+        raise InputError(
+            f"this is a {said} glove, --hand says {arguments.hand}; connect the other glove or leave --hand out"
+        )
     hand = said or arguments.hand
     if hand is None:
-        raise InputError("the glove does not say which hand it is; give --hand left or --hand right")
+        raise InputError(
+            "the glove does not say which hand it is; give --hand left or --hand right"
+        )
     return hand
 
 

@@ -10,12 +10,24 @@ from handscope.sessions.store import backup
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", type=Path, metavar="FILE.zip", help="a backup made by handscope backup")
-    parser.add_argument("--data", type=Path, metavar="DIR", help="the folder to restore into: empty, or not there yet")
     parser.add_argument(
-        "--database", default=database_url(), metavar="URL", help="restore rows into this empty database instead of SQLite in the folder"
+        "file", type=Path, metavar="FILE.zip", help="a backup made by handscope backup"
     )
-    parser.add_argument("--check", action="store_true", help="only read the backup and compare every checksum")
+    parser.add_argument(
+        "--data",
+        type=Path,
+        metavar="DIR",
+        help="the folder to restore into: empty, or not there yet",
+    )
+    parser.add_argument(
+        "--database",
+        default=database_url(),
+        metavar="URL",
+        help="restore rows into this empty database instead of SQLite in the folder",
+    )
+    parser.add_argument(
+        "--check", action="store_true", help="only read the backup and compare every checksum"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -30,7 +42,9 @@ def run(arguments: argparse.Namespace) -> int:
         manifest = backup.restore(arguments.file, arguments.data, arguments.database, hear)
     finally:
         close()
-    say(f"{_told(manifest)}\nStart it with: handscope serve --data {arguments.data}{' --database ...' if arguments.database else ''}")
+    say(
+        f"{_told(manifest)}\nStart it with: handscope serve --data {arguments.data}{' --database ...' if arguments.database else ''}"
+    )
     return 0
 
 

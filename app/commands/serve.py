@@ -30,9 +30,26 @@ SWITCH = 5e-4  # s that a thread which has something to do waits for another: Py
 
 
 def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
-    parser.add_argument("--host", default="127.0.0.1", metavar="H", help="address to listen on (loopback unless told otherwise)")
-    parser.add_argument("--port", type=int, default=DEFAULT_PORT, metavar="P", help=f"port ({DEFAULT_PORT}; 0 takes a free one)")
-    parser.add_argument("--data", type=Path, default=default_data(folder), metavar="DIR", help="data folder (%(default)s)")
+    parser.add_argument(
+        "--host",
+        default="127.0.0.1",
+        metavar="H",
+        help="address to listen on (loopback unless told otherwise)",
+    )
+    parser.add_argument(
+        "--port",
+        type=int,
+        default=DEFAULT_PORT,
+        metavar="P",
+        help=f"port ({DEFAULT_PORT}; 0 takes a free one)",
+    )
+    parser.add_argument(
+        "--data",
+        type=Path,
+        default=default_data(folder),
+        metavar="DIR",
+        help="data folder (%(default)s)",
+    )
     parser.add_argument(
         "--database",
         default=database_url(),
@@ -46,17 +63,37 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
         help="object storage that closed recordings are moved to (HANDSCOPE_RECORDINGS): s3://bucket/folder; asked for once, kept in the data folder",
     )
     parser.add_argument(
-        "--cache", type=_gigabytes, default=CACHE, metavar="GB", help="most of what is there that this disk keeps as well (%(default)s)"
+        "--cache",
+        type=_gigabytes,
+        default=CACHE,
+        metavar="GB",
+        help="most of what is there that this disk keeps as well (%(default)s)",
     )
     parser.add_argument(
-        "--metrics", type=_place, metavar="[HOST:]PORT", help="figures for Prometheus, without a login (loopback unless told otherwise)"
+        "--metrics",
+        type=_place,
+        metavar="[HOST:]PORT",
+        help="figures for Prometheus, without a login (loopback unless told otherwise)",
     )
-    parser.add_argument("--name", action="append", default=[], metavar="HOST", help="another name under which browsers reach the server")
     parser.add_argument(
-        "--proxy", action="append", default=[], metavar="IP", help="a reverse proxy whose X-Forwarded-For and -Proto are believed"
+        "--name",
+        action="append",
+        default=[],
+        metavar="HOST",
+        help="another name under which browsers reach the server",
     )
     parser.add_argument(
-        "--oidc-issuer", default=os.environ.get("HANDSCOPE_OIDC_ISSUER"), metavar="URL", help="single sign-on: OpenID Connect provider"
+        "--proxy",
+        action="append",
+        default=[],
+        metavar="IP",
+        help="a reverse proxy whose X-Forwarded-For and -Proto are believed",
+    )
+    parser.add_argument(
+        "--oidc-issuer",
+        default=os.environ.get("HANDSCOPE_OIDC_ISSUER"),
+        metavar="URL",
+        help="single sign-on: OpenID Connect provider",
     )
     parser.add_argument(
         "--oidc-client",
@@ -84,10 +121,18 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
         help="a word of that claim and the role that it means (HANDSCOPE_OIDC_ROLES, several with spaces between); without any, the roles' own names",
     )
     parser.add_argument(
-        "--idle-logout", type=_hours, default=IDLE, metavar="HOURS", help="a login ends without a request for so long (%(default)s)"
+        "--idle-logout",
+        type=_hours,
+        default=IDLE,
+        metavar="HOURS",
+        help="a login ends without a request for so long (%(default)s)",
     )
     parser.add_argument(
-        "--longest-login", type=_hours, default=LONGEST, metavar="HOURS", help="every login ends after so long (%(default)s)"
+        "--longest-login",
+        type=_hours,
+        default=LONGEST,
+        metavar="HOURS",
+        help="every login ends after so long (%(default)s)",
     )
 
 
@@ -103,11 +148,17 @@ def sign_on(arguments: argparse.Namespace) -> SignOn | None:
     told = arguments.oidc_role or os.environ.get("HANDSCOPE_OIDC_ROLES", "").split()
     roles = parse(told) or {role: role for role in ROLES}
     if unknown := set(roles.values()) - set(ROLES):
-        raise InputError(f"--oidc-role, or HANDSCOPE_OIDC_ROLES, names the role {sorted(unknown)[0]!r}; roles are {', '.join(ROLES)}")
+        raise InputError(
+            f"--oidc-role, or HANDSCOPE_OIDC_ROLES, names the role {sorted(unknown)[0]!r}; roles are {', '.join(ROLES)}"
+        )
     if not arguments.oidc_issuer.startswith("https://"):
-        raise InputError(f"--oidc-issuer {arguments.oidc_issuer} does not begin with https://; without TLS anybody on the way could log in")
+        raise InputError(
+            f"--oidc-issuer {arguments.oidc_issuer} does not begin with https://; without TLS anybody on the way could log in"
+        )
     if "openid" not in arguments.oidc_scope.split():
-        raise InputError(f"--oidc-scope {arguments.oidc_scope!r} lacks the word openid; try {SCOPE!r}")
+        raise InputError(
+            f"--oidc-scope {arguments.oidc_scope!r} lacks the word openid; try {SCOPE!r}"
+        )
     secret = os.environ.get("HANDSCOPE_OIDC_SECRET", "")
     return SignOn(
         issuer=arguments.oidc_issuer,
@@ -135,7 +186,9 @@ def _gigabytes(word: str) -> float:
 
 def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: bool) -> None:
     """Listen, print the address with a one-time token, serve until stopped."""
-    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(name)s %(levelname)s %(message)s")
+    logging.basicConfig(
+        level=logging.WARNING, format="%(asctime)s %(name)s %(levelname)s %(message)s"
+    )
     settings = Settings(
         data=arguments.data,
         host=arguments.host,
@@ -157,7 +210,13 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
     except BaseException:
         listener.close()
         raise
-    name = f"[{arguments.host}]" if ":" in arguments.host else arguments.host if arguments.host not in ("0.0.0.0", "::") else "127.0.0.1"
+    name = (
+        f"[{arguments.host}]"
+        if ":" in arguments.host
+        else arguments.host
+        if arguments.host not in ("0.0.0.0", "::")
+        else "127.0.0.1"
+    )
     base = f"http://{name}:{listener.getsockname()[1]}"
     (arguments.data / "address").write_text(base + "\n")
     address = f"{base}/login?token={new_token(arguments.data)}"
@@ -216,14 +275,18 @@ def _listen(host: str, port: int) -> socket.socket:
     if not 0 <= port <= 65535:
         raise InputError(f"--port {port} is outside 0 to 65535")
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)  # asyncio switches Nagle's delay off only where TCP is named
+    listener = socket.socket(
+        family, socket.SOCK_STREAM, socket.IPPROTO_TCP
+    )  # asyncio switches Nagle's delay off only where TCP is named
     if sys.platform != "win32":
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((host, port))
     except OSError as problem:
         listener.close()
-        raise InputError(f"cannot listen on {host} port {port} ({problem.strerror}); is another server running? try --port 0") from None
+        raise InputError(
+            f"cannot listen on {host} port {port} ({problem.strerror}); is another server running? try --port 0"
+        ) from None
     listener.listen(128)
     listener.set_inheritable(True)
     return listener

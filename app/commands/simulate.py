@@ -53,31 +53,59 @@ def add(parser: argparse.ArgumentParser) -> None:
         default=1,
         help="1 homogeneous magnetic field, 2 disturbed as in an office with steel furniture",
     )
-    parser.add_argument("--preset", choices=PRESETS, default="MPU-9250", help=f"sensors and how they err: {PRESETS_TOLD}")
-    parser.add_argument("--ideal", action="store_true", help="sensors without errors: --preset ideal")
     parser.add_argument(
-        "--link", choices=LINKS, default="wired", help="losses on the way; unless wired, the forearm's sensor has a clock of its own"
+        "--preset",
+        choices=PRESETS,
+        default="MPU-9250",
+        help=f"sensors and how they err: {PRESETS_TOLD}",
     )
     parser.add_argument(
-        "--pose-error", type=float, default=0.0, metavar="DEG", help="an experiment's initial pose is off by up to this in every joint"
+        "--ideal", action="store_true", help="sensors without errors: --preset ideal"
     )
     parser.add_argument(
-        "--misalignment", type=float, metavar="DEG", help="sensors sit up to this askew, about any axis; else as the preset says"
+        "--link",
+        choices=LINKS,
+        default="wired",
+        help="losses on the way; unless wired, the forearm's sensor has a clock of its own",
+    )
+    parser.add_argument(
+        "--pose-error",
+        type=float,
+        default=0.0,
+        metavar="DEG",
+        help="an experiment's initial pose is off by up to this in every joint",
+    )
+    parser.add_argument(
+        "--misalignment",
+        type=float,
+        metavar="DEG",
+        help="sensors sit up to this askew, about any axis; else as the preset says",
     )
     parser.add_argument(
         "--trunk",
         action="store_true",
         help="an inertial sensor and four magnetometers on the trunk and a magnet on the hand, for a task; the hand then has no magnetometers",
     )
-    parser.add_argument("--six-axes", action="store_true", help="of lift and squeeze: the force sensors tell torques as well")
-    parser.add_argument("--markers", type=Path, metavar="FILE.tsv", help="Qualisys export of a hand of --hand: what `captured` moves like")
+    parser.add_argument(
+        "--six-axes",
+        action="store_true",
+        help="of lift and squeeze: the force sensors tell torques as well",
+    )
+    parser.add_argument(
+        "--markers",
+        type=Path,
+        metavar="FILE.tsv",
+        help="Qualisys export of a hand of --hand: what `captured` moves like",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     if not 10 <= arguments.rate <= 1000:
         raise InputError(f"--rate {arguments.rate:g} Hz is outside 10 to 1000 Hz")
     if arguments.six_axes and arguments.task not in object_dynamics.TASKS:
-        raise InputError(f"--six-axes is of force sensors, {arguments.task} needs none; it goes with {' and '.join(object_dynamics.TASKS)}")
+        raise InputError(
+            f"--six-axes is of force sensors, {arguments.task} needs none; it goes with {' and '.join(object_dynamics.TASKS)}"
+        )
     if not 0 <= arguments.pose_error <= 30:
         raise InputError(f"--pose-error {arguments.pose_error:g} deg is outside 0 to 30 deg")
     if arguments.misalignment is not None and not 0 <= arguments.misalignment <= 180:
@@ -89,7 +117,9 @@ def run(arguments: argparse.Namespace) -> int:
     files = writer.tree(recording, "simulated", label)
     files |= truth_files(made.truth, recording, "simulated", label, software_version())
     save_file(writer.packed(files), arguments.out)
-    say(f"{recording.duration:.0f} s, {arguments.hand} hand, seed {arguments.seed}: {arguments.out}")
+    say(
+        f"{recording.duration:.0f} s, {arguments.hand} hand, seed {arguments.seed}: {arguments.out}"
+    )
     return 0
 
 
@@ -108,9 +138,16 @@ def as_recording(made: Simulated) -> LoadedRecording:
 
 def _made(arguments: argparse.Namespace) -> Simulated:
     """A task by the average hand, or an experiment by a person drawn at random."""
-    rng, errors = np.random.default_rng(arguments.seed), PRESETS["ideal" if arguments.ideal else arguments.preset]
+    rng, errors = (
+        np.random.default_rng(arguments.seed),
+        PRESETS["ideal" if arguments.ideal else arguments.preset],
+    )
     if arguments.misalignment is not None:
-        errors = replace(errors, misalignment=arguments.misalignment / 2, misalignment_width=arguments.misalignment / 2)
+        errors = replace(
+            errors,
+            misalignment=arguments.misalignment / 2,
+            misalignment_width=arguments.misalignment / 2,
+        )
     link, field = LINKS[arguments.link], _field(arguments.setting, *rng.spawn(1))
     forearm_rate = None if arguments.link == "wired" else FOREARM_RATE
     if arguments.task == "captured":
@@ -118,7 +155,15 @@ def _made(arguments: argparse.Namespace) -> Simulated:
     if arguments.task in EXPERIMENTS and arguments.task not in task_performance.TASKS:
         experiment, rate = EXPERIMENTS[arguments.task], arguments.rate
         return recorded(
-            experiment, rng, errors, field, arguments.hand, arguments.pose_error, rate=rate, forearm_rate=forearm_rate, link=link
+            experiment,
+            rng,
+            errors,
+            field,
+            arguments.hand,
+            arguments.pose_error,
+            rate=rate,
+            forearm_rate=forearm_rate,
+            link=link,
         )
     if arguments.task in object_dynamics.TASKS:
         return _held(arguments, rng, errors, field)
@@ -132,36 +177,82 @@ def _made(arguments: argparse.Namespace) -> Simulated:
         return _with_trunk(arguments, rng, errors)
     names = ["initial_pose"] + ([] if arguments.task == "initial_pose" else [arguments.task])
     hand = arguments.hand
-    return simulate(names, hand, sized(hand), rng, errors, rate=arguments.rate, forearm_rate=forearm_rate, field=field, link=link)
+    return simulate(
+        names,
+        hand,
+        sized(hand),
+        rng,
+        errors,
+        rate=arguments.rate,
+        forearm_rate=forearm_rate,
+        field=field,
+        link=link,
+    )
 
 
-def _with_trunk(arguments: argparse.Namespace, rng: np.random.Generator, errors: SensorErrors) -> Simulated:
+def _with_trunk(
+    arguments: argparse.Namespace, rng: np.random.Generator, errors: SensorErrors
+) -> Simulated:
     """A task by the average hand that carries a magnet, with magnetometers on the trunk."""
     hand = sized(arguments.hand)
     done = [task_performance.initial_pose(hand), task_performance.TASKS[arguments.task](hand)]
-    return performed(done, arguments.hand, hand, rng, errors, rate=arguments.rate, link=LINKS[arguments.link], on_trunk=TrunkGlove())
+    return performed(
+        done,
+        arguments.hand,
+        hand,
+        rng,
+        errors,
+        rate=arguments.rate,
+        link=LINKS[arguments.link],
+        on_trunk=TrunkGlove(),
+    )
 
 
-def _functional(arguments: argparse.Namespace, rng: np.random.Generator, errors: SensorErrors, field: MagneticField) -> Simulated:
+def _functional(
+    arguments: argparse.Namespace,
+    rng: np.random.Generator,
+    errors: SensorErrors,
+    field: MagneticField,
+) -> Simulated:
     """Somebody does the initial pose, the steps of a functional calibration and moves freely; --pose-error is of every posture held."""
     of_person, of_motion, of_sensors = rng.spawn(3)
     person = drawn(arguments.hand, of_person)
     pose = task_performance.initial_pose(
-        person.true, taken=functional_calibration.missed(task_performance.flat(), arguments.pose_error, of_motion)
+        person.true,
+        taken=functional_calibration.missed(
+            task_performance.flat(), arguments.pose_error, of_motion
+        ),
     )
-    steps = functional_calibration.all_steps(person.true, of_motion, functional_calibration.Carelessness(pose=arguments.pose_error))
-    return _performed(arguments, [pose, *steps, guided_movements.free(person.true, of_motion)], person, of_sensors, errors, field)
+    steps = functional_calibration.all_steps(
+        person.true, of_motion, functional_calibration.Carelessness(pose=arguments.pose_error)
+    )
+    return _performed(
+        arguments,
+        [pose, *steps, guided_movements.free(person.true, of_motion)],
+        person,
+        of_sensors,
+        errors,
+        field,
+    )
 
 
-def _held(arguments: argparse.Namespace, rng: np.random.Generator, errors: SensorErrors, field: MagneticField) -> Simulated:
+def _held(
+    arguments: argparse.Namespace,
+    rng: np.random.Generator,
+    errors: SensorErrors,
+    field: MagneticField,
+) -> Simulated:
     """Somebody lifts a mass or squeezes a spring."""
     of_person, of_motion, of_pose, of_sensors = rng.spawn(4)
     person = drawn(arguments.hand, of_person)
     pose = task_performance.initial_pose(
-        person.true, taken=functional_calibration.missed(task_performance.flat(), arguments.pose_error, of_pose)
+        person.true,
+        taken=functional_calibration.missed(task_performance.flat(), arguments.pose_error, of_pose),
     )
     done = [pose, object_dynamics.TASKS[arguments.task](person.true, of_motion)]
-    return _performed(arguments, done, person, of_sensors, errors, field, ForceGlove(six_axes=arguments.six_axes))
+    return _performed(
+        arguments, done, person, of_sensors, errors, field, ForceGlove(six_axes=arguments.six_axes)
+    )
 
 
 def _performed(
@@ -189,16 +280,32 @@ def _performed(
     )
 
 
-def _captured(arguments: argparse.Namespace, rng: np.random.Generator, errors: SensorErrors, field: MagneticField) -> Simulated:
+def _captured(
+    arguments: argparse.Namespace,
+    rng: np.random.Generator,
+    errors: SensorErrors,
+    field: MagneticField,
+) -> Simulated:
     """The model hand moves as the markers did."""
     if arguments.markers is None:
-        raise InputError("captured needs the markers; name a Qualisys export with --markers FILE.tsv")
+        raise InputError(
+            "captured needs the markers; name a Qualisys export with --markers FILE.tsv"
+        )
     markers = read_markers(arguments.markers)
     fit = optical_capture.fitted(markers, arguments.hand)
     done = optical_capture.performance(fit, "captured", float(markers.t[0]), float(markers.t[-1]))
     say(f"markers followed within {1e3 * np.sqrt(np.nanmean(fit.misfit**2)):.1f} mm RMS")
     pose = task_performance.initial_pose(fit.geometry)
-    return performed([pose, done], arguments.hand, fit.geometry, rng, errors, rate=arguments.rate, field=field, link=LINKS[arguments.link])
+    return performed(
+        [pose, done],
+        arguments.hand,
+        fit.geometry,
+        rng,
+        errors,
+        rate=arguments.rate,
+        field=field,
+        link=LINKS[arguments.link],
+    )
 
 
 def _field(setting: int, rng: np.random.Generator) -> MagneticField:

@@ -38,7 +38,12 @@ def seed(word: str) -> int:
 def progress_bar(what: str) -> tuple[Callable[[float], None], Callable[[], None]]:
     """A progress bar on a terminal: a function that hears the share done, and one that closes it."""
     bar = tqdm(
-        total=100, desc=what, unit="%", disable=not sys.stderr.isatty(), leave=False, bar_format="{l_bar}{bar}| {n:.0f} % [{elapsed}]"
+        total=100,
+        desc=what,
+        unit="%",
+        disable=not sys.stderr.isatty(),
+        leave=False,
+        bar_format="{l_bar}{bar}| {n:.0f} % [{elapsed}]",
     )
 
     def hear(share: float) -> None:
@@ -81,6 +86,8 @@ def require_file(path: Path, made: Path | None = None) -> None:
     if made is not None and folder == made.absolute():
         return
     if not folder.is_dir():
-        raise InputError(f"there is no folder {path.parent} for {path.name}; make it first or choose another place")
+        raise InputError(
+            f"there is no folder {path.parent} for {path.name}; make it first or choose another place"
+        )
     if not os.access(folder, os.W_OK):
         raise InputError(f"{path} cannot be written: no permission for {path.parent}")

@@ -61,13 +61,18 @@ class Acquisition:
             elif what == "command":
                 self._recorder.command(value, at)
             elif what == "event":
-                self._recorder.event(value["id"], None if value.get("retracted") else Event(**value["event"]), at)
+                self._recorder.event(
+                    value["id"], None if value.get("retracted") else Event(**value["event"]), at
+                )
             elif what == "metadata":
                 self._recorder.metadata(value, at)
         except (OSError, ValueError) as problem:
             if not self._failed:
                 self._failed = True
-                self._say(state="recording_failed", reason=getattr(problem, "strerror", None) or str(problem))
+                self._say(
+                    state="recording_failed",
+                    reason=getattr(problem, "strerror", None) or str(problem),
+                )
         if what == "wire":
             self._pass_on(Kind.CHUNK, at, value)
 
@@ -120,7 +125,11 @@ class Acquisition:
             pass  # the reader meets the same fault and says it
 
     def _say(self, **state: Any) -> None:
-        self._pass_on(Kind.STATE, time.monotonic_ns() * 1e-9, json.dumps({**state, "dropped": self.dropped}).encode())
+        self._pass_on(
+            Kind.STATE,
+            time.monotonic_ns() * 1e-9,
+            json.dumps({**state, "dropped": self.dropped}).encode(),
+        )
 
     def _pass_on(self, kind: Kind, at: float, data: bytes) -> None:
         while True:
@@ -155,7 +164,9 @@ def main() -> int:
             out,
             Kind.STATE,
             time.monotonic_ns() * 1e-9,
-            json.dumps({"state": "recording_failed", "reason": problem.strerror, "dropped": 0}).encode(),
+            json.dumps(
+                {"state": "recording_failed", "reason": problem.strerror, "dropped": 0}
+            ).encode(),
         )
         return 1
     Acquisition(order["port"], recorder, out).run(commands)

@@ -20,10 +20,18 @@ def fitting(assembler: Assembler, point: str, found: ForceCalibration) -> int:
     """The number of the strip with this sensor, of a glove that has said what it has; InputError as above."""
     strip = next((s for s in assembler.strips.values() if point in s.points), None)
     if strip is None:
-        raise InputError(f"{point}: no strip with this sensor is plugged in; plug in the strip that was calibrated and run this again")
+        raise InputError(
+            f"{point}: no strip with this sensor is plugged in; plug in the strip that was calibrated and run this again"
+        )
     if any((strip.slot, k) in assembler.forces for k in range(len(strip.points))):
-        raise InputError(f"{point}: this strip tells a calibration of its own, which is applied; no other is kept beside it")
-    sent = [i.quantities for i in assembler.infos.values() if i.slot == strip.slot and FORCE in i.quantities]
+        raise InputError(
+            f"{point}: this strip tells a calibration of its own, which is applied; no other is kept beside it"
+        )
+    sent = [
+        i.quantities
+        for i in assembler.infos.values()
+        if i.slot == strip.slot and FORCE in i.quantities
+    ]
     axes = 3 * len(sent[0]) if sent else 0
     rows, channels = found.matrix.shape
     if rows != channels or channels > axes:

@@ -40,26 +40,57 @@ class GloveState:
 class Glove:
     """A context manager: entering starts the recording process, leaving finishes the recording."""
 
-    def __init__(self, port: str, recording: Path, metadata: Mapping[str, Any], on_blocks: Callable[[list[Block]], object]) -> None:
-        self.recording, self._port, self._metadata, self._on_blocks = recording, port, metadata, on_blocks
+    def __init__(
+        self,
+        port: str,
+        recording: Path,
+        metadata: Mapping[str, Any],
+        on_blocks: Callable[[list[Block]], object],
+    ) -> None:
+        self.recording, self._port, self._metadata, self._on_blocks = (
+            recording,
+            port,
+            metadata,
+            on_blocks,
+        )
         self.assembler = Assembler(kept_forces=force_calibrations.of_recording(metadata))
         self.state = GloveState()
         self.decoding_failures = 0
-        self._worn_on: Mapping[str, str] | None = None  # to be told to the assembler with the next chunk
+        self._worn_on: Mapping[str, str] | None = (
+            None  # to be told to the assembler with the next chunk
+        )
         self._encoder = Encoder()
         self._sending = threading.Lock()
         self._changed = threading.Condition()
 
     def __enter__(self) -> "Glove":
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "handscope.app.devices.acquisition"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            [sys.executable, "-P", "-m", "handscope.app.devices.acquisition"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
         )
-        self._tell(Kind.OPEN, json.dumps({"port": self._port, "recording": str(self.recording), "metadata": dict(self._metadata)}).encode())
-        self._thread = threading.Thread(target=self._receive, name=f"glove {self._port}", daemon=True)
+        self._tell(
+            Kind.OPEN,
+            json.dumps(
+                {
+                    "port": self._port,
+                    "recording": str(self.recording),
+                    "metadata": dict(self._metadata),
+                }
+            ).encode(),
+        )
+        self._thread = threading.Thread(
+            target=self._receive, name=f"glove {self._port}", daemon=True
+        )
         self._thread.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.send(wire.Stop())
         self._tell(Kind.QUIT)
         try:
@@ -87,7 +118,11 @@ class Glove:
 
     def keep_event(self, event_id: str, event: Event | None) -> None:
         """Write an event into the recording; the same id replaces, None takes back."""
-        value = {"id": event_id, "retracted": True} if event is None else {"id": event_id, "event": asdict(event)}
+        value = (
+            {"id": event_id, "retracted": True}
+            if event is None
+            else {"id": event_id, "event": asdict(event)}
+        )
         self._tell(Kind.EVENT, json.dumps(value).encode())
 
     def keep_metadata(self, metadata: Mapping[str, Any]) -> None:
@@ -112,7 +147,9 @@ class Glove:
         try:
             write_frame(self._process.stdin, kind, time.monotonic(), data)
         except (OSError, ValueError):
-            self._set_state(GloveState("recording_failed", "the recording process ended", self.state.dropped))
+            self._set_state(
+                GloveState("recording_failed", "the recording process ended", self.state.dropped)
+            )
 
     def _receive(self) -> None:
         for frames in frames_that_wait(cast(BufferedReader, self._process.stdout)):
@@ -125,7 +162,13 @@ class Glove:
             with self._changed:
                 self._changed.notify_all()
         if self.state.state != "finished":
-            self._set_state(GloveState("recording_failed", self.state.reason or "the recording process ended", self.state.dropped))
+            self._set_state(
+                GloveState(
+                    "recording_failed",
+                    self.state.reason or "the recording process ended",
+                    self.state.dropped,
+                )
+            )
 
     def _take_state(self, told: dict[str, Any]) -> None:
         self._set_state(GloveState(told["state"], told.get("reason", ""), told.get("dropped", 0)))
@@ -149,7 +192,11 @@ class Glove:
     def _missed(self, fault: Exception) -> None:
         """The view may fail, the recording goes on: count it, the station shows it."""
         if not self.decoding_failures:  # the first stands for all: there may be a hundred a second
-            log.error("what the glove at %s sent is not shown; the recording has it", self._port, exc_info=fault)
+            log.error(
+                "what the glove at %s sent is not shown; the recording has it",
+                self._port,
+                exc_info=fault,
+            )
         self.decoding_failures += 1
 
     def _set_state(self, state: GloveState) -> None:

@@ -40,6 +40,10 @@ def open_port(path: str) -> serialx.Serial:
         ) from None
     except OSError as problem:
         if problem.errno in (errno.EBUSY, errno.EACCES):
-            raise InputError(f"{path} is in use by another program; close it and try again") from None
-        raise InputError(f"{path} cannot be opened as a serial port ({problem.strerror or problem})") from None
+            raise InputError(
+                f"{path} is in use by another program; close it and try again"
+            ) from None
+        raise InputError(
+            f"{path} cannot be opened as a serial port ({problem.strerror or problem})"
+        ) from None
     return port

@@ -15,7 +15,9 @@ from handscope.sessions.wire.framing import Encoder
 ANSWER = 2.0  # s that a reply may take: a page of flash is erased in less than 0.1
 
 
-def write(path: str, calibrations: Mapping[str, ImuCalibration], strip_ids: Mapping[str, str]) -> list[str]:
+def write(
+    path: str, calibrations: Mapping[str, ImuCalibration], strip_ids: Mapping[str, str]
+) -> list[str]:
     """Write by tracked point and verify; `strip_ids` are those that the recording told. Gives the points written; InputError where one cannot be."""
     with Talk.at(path) as talk:
         talk.ask(wire.Stop())
@@ -23,23 +25,37 @@ def write(path: str, calibrations: Mapping[str, ImuCalibration], strip_ids: Mapp
         places = _places(talk.assembler, calibrations, strip_ids)
         for point, (slot, sensor) in places.items():
             talk.ask(wire.ReadCalibration(slot))
-            message = message_of(_over(talk.assembler.calibrations[slot, sensor], calibrations[point]), slot, sensor)
+            message = message_of(
+                _over(talk.assembler.calibrations[slot, sensor], calibrations[point]), slot, sensor
+            )
             talk.ask(wire.WriteCalibration(message))
             talk.ask(wire.ReadCalibration(slot))
             if talk.assembler.calibrations.get((slot, sensor)) != message:
-                raise InputError(f"{point}: the strip did not keep what was written; write it again, or change the strip")
+                raise InputError(
+                    f"{point}: the strip did not keep what was written; write it again, or change the strip"
+                )
         return list(places)
 
 
-def _places(assembler: Assembler, calibrations: Mapping[str, ImuCalibration], strip_ids: Mapping[str, str]) -> dict[str, tuple[int, int]]:
+def _places(
+    assembler: Assembler, calibrations: Mapping[str, ImuCalibration], strip_ids: Mapping[str, str]
+) -> dict[str, tuple[int, int]]:
     """Slot and number of each point's sensor; refused before anything is written where one is missing or of another strip."""
-    plugged = {point: (strip, k) for strip in assembler.strips.values() for k, point in enumerate(strip.points)}
+    plugged = {
+        point: (strip, k)
+        for strip in assembler.strips.values()
+        for k, point in enumerate(strip.points)
+    }
     for point in calibrations:
         if point not in plugged:
-            raise InputError(f"{point}: no strip with this sensor is plugged in; plug in the strip that was recorded and write again")
+            raise InputError(
+                f"{point}: no strip with this sensor is plugged in; plug in the strip that was recorded and write again"
+            )
         strip = plugged[point][0]
         if not strip.raw:
-            raise InputError(f"{point}: this strip corrects its samples by itself; its calibration cannot be written from here")
+            raise InputError(
+                f"{point}: this strip corrects its samples by itself; its calibration cannot be written from here"
+            )
         if strip_ids.get(point, f"{strip.strip_id:x}") != f"{strip.strip_id:x}":
             raise InputError(
                 f"{point}: strip {strip.strip_id:x} is plugged in, the recording is of strip {strip_ids[point]}; plug in that one and write again"
@@ -80,6 +96,10 @@ class Talk:
             for reply in self.assembler.replies:
                 if reply.command == code:
                     if reply.code is not wire.ReplyCode.OK:
-                        raise InputError(f"the glove refused {name}: {reply.text or reply.code.name.lower().replace('_', ' ')}")
+                        raise InputError(
+                            f"the glove refused {name}: {reply.text or reply.code.name.lower().replace('_', ' ')}"
+                        )
                     return
-        raise InputError(f"the glove did not answer {name} within {ANSWER:g} s; is it the right port?")
+        raise InputError(
+            f"the glove did not answer {name} within {ANSWER:g} s; is it the right port?"
+        )

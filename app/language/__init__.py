@@ -77,7 +77,13 @@ class Language:
         """A segment or tracked point as printed: "ring finger, end segment"."""
         part, _, piece = segment.partition("_")
         words = self.known(f"part.{part}", part)
-        return self.say("segment", part=words, piece=self.known(f"piece.{piece}", piece.replace("_", " "))) if piece else words
+        return (
+            self.say(
+                "segment", part=words, piece=self.known(f"piece.{piece}", piece.replace("_", " "))
+            )
+            if piece
+            else words
+        )
 
     def heard(self, sentence: str) -> str:
         """What was written in English elsewhere: in this language where it is known, else as it is; segments by their names."""
@@ -88,7 +94,9 @@ class Language:
                 return "; ".join(self.heard(part) for part in parts)
             for pattern, text in self._patterns:
                 if found := pattern.fullmatch(sentence):
-                    return _filled(text, {name: self.heard(value) for name, value in found.groupdict().items()})
+                    return _filled(
+                        text, {name: self.heard(value) for name, value in found.groupdict().items()}
+                    )
         if self.sentences and "; " in sentence:  # several of them together
             return "; ".join(self.heard(part) for part in sentence.split("; "))
         return self._localised(sentence)
@@ -98,28 +106,43 @@ class Language:
         if self.code == DEFAULT:
             return value
         if isinstance(value, Mapping):
-            return {k: _heard(self, v) if k in keys and isinstance(v, str) else self.told(v, keys) for k, v in value.items()}
+            return {
+                k: _heard(self, v) if k in keys and isinstance(v, str) else self.told(v, keys)
+                for k, v in value.items()
+            }
         return [self.told(v, keys) for v in value] if isinstance(value, list | tuple) else value
 
     def _localised(self, text: str) -> str:
         """Segments by their names, decimal numbers in the locale's form."""
-        named = SEGMENT.sub(lambda found: self.segment(found[1]) if "_" in found[1] else found[1], text)
+        named = SEGMENT.sub(
+            lambda found: self.segment(found[1]) if "_" in found[1] else found[1], text
+        )
         point = self.locale.number_symbols["latn"]["decimal"]
-        return named if point == "." else NUMBER.sub(lambda found: found[0].replace(".", point), named)
+        return (
+            named if point == "." else NUMBER.sub(lambda found: found[0].replace(".", point), named)
+        )
 
     def _knows(self, sentence: str) -> bool:
         """Whether it is a sentence by itself; a frame without words, such as "{sensor}: {sentence}", would take in the next one, too."""
-        return sentence in self.sentences or any(pattern.fullmatch(sentence) for pattern in self._worded)
+        return sentence in self.sentences or any(
+            pattern.fullmatch(sentence) for pattern in self._worded
+        )
 
     @cached_property
     def _worded(self) -> list[re.Pattern[str]]:
         """Sentences with gaps and words of their own."""
-        return [re.compile(_gapped(s), re.DOTALL) for s in self.sentences if NAME.search(s) and re.search("[a-z]{2}", NAME.sub("", s))]
+        return [
+            re.compile(_gapped(s), re.DOTALL)
+            for s in self.sentences
+            if NAME.search(s) and re.search("[a-z]{2}", NAME.sub("", s))
+        ]
 
     @cached_property
     def _patterns(self) -> list[tuple[re.Pattern[str], str]]:
         """Sentences with gaps, those with most words of their own first."""
-        gapped = sorted((s for s in self.sentences if NAME.search(s)), key=lambda s: -len(NAME.sub("", s)))
+        gapped = sorted(
+            (s for s in self.sentences if NAME.search(s)), key=lambda s: -len(NAME.sub("", s))
+        )
         return [(re.compile(_gapped(s), re.DOTALL), self.sentences[s]) for s in gapped]
 
 
@@ -146,7 +169,11 @@ def _here() -> tuple[dict[str, Language], list[str]]:
 
 def read(folder: Traversable) -> tuple[dict[str, Language], list[str]]:
     """Every language of a folder by its code, English first, and a sentence for each file that has a fault."""
-    codes = {entry.name.removesuffix(".json"): entry for entry in folder.iterdir() if entry.name.endswith(".json")}
+    codes = {
+        entry.name.removesuffix(".json"): entry
+        for entry in folder.iterdir()
+        if entry.name.endswith(".json")
+    }
     found: dict[str, Language] = {}
     faults = []
     for code in sorted(codes, key=lambda code: (code != DEFAULT, code)):
@@ -162,22 +189,39 @@ def _read(code: str, text: str, english: Language | None) -> Language:
     if not CODE.fullmatch(code):
         raise ValueError("its name is no code of a language such as fr")
     told = json.loads(text, object_pairs_hook=_each_once)
-    if not isinstance(told, dict) or not isinstance(told.get("name"), str) or not isinstance(told.get("locale"), str):
+    if (
+        not isinstance(told, dict)
+        or not isinstance(told.get("name"), str)
+        or not isinstance(told.get("locale"), str)
+    ):
         raise ValueError('it begins with "name" and "locale", such as "Français" and "fr_FR"')
     for part in PARTS:
-        if not isinstance(told.get(part), dict) or not all(isinstance(words, str) for words in told[part].values()):
+        if not isinstance(told.get(part), dict) or not all(
+            isinstance(words, str) for words in told[part].values()
+        ):
             raise ValueError(f'"{part}" holds words by their keys')
     try:
         locale = Locale.parse(told["locale"])
     except UnknownLocaleError:
         raise ValueError(f"there is no locale {told['locale']!r}") from None
     pages, words = (english.pages, english.words) if english else ({}, {})
-    return Language(code, told["name"], locale, {**pages, **told["pages"]}, {**words, **told["words"]}, told["sentences"])
+    return Language(
+        code,
+        told["name"],
+        locale,
+        {**pages, **told["pages"]},
+        {**words, **told["words"]},
+        told["sentences"],
+    )
 
 
 def _each_once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
     keys = [key for key, _ in pairs]
-    if twice := [key for key in dict.fromkeys(keys) if keys.count(key) > 1] if len({*keys}) < len(keys) else []:
+    if (
+        twice := [key for key in dict.fromkeys(keys) if keys.count(key) > 1]
+        if len({*keys}) < len(keys)
+        else []
+    ):
         raise ValueError(f"{', '.join(twice)} stands twice")
     return dict(pairs)
 
@@ -214,7 +258,13 @@ def _gapped(sentence: str) -> str:
     seen: set[str] = set()
     pieces = []
     for k, piece in enumerate(NAME.split(sentence)):
-        pieces.append(re.escape(piece) if k % 2 == 0 else f"(?P={piece})" if piece in seen else f"(?P<{piece}>.+?)")
+        pieces.append(
+            re.escape(piece)
+            if k % 2 == 0
+            else f"(?P={piece})"
+            if piece in seen
+            else f"(?P<{piece}>.+?)"
+        )
         if k % 2:
             seen.add(piece)
     return "".join(pieces)

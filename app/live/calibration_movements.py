@@ -21,7 +21,10 @@ class MeasuredSteps:
         """A step was done: keep it in the recording, and judge it."""
         self._take_back(order.task, "redone")
         piece = self._tracking.measure(order.task, order.onset, order.end)
-        event_id, event = f"step-{self._number()}", Event(order.onset, order.end - order.onset, order.task, {})
+        event_id, event = (
+            f"step-{self._number()}",
+            Event(order.onset, order.end - order.onset, order.task, {}),
+        )
         self._glove.keep_event(event_id, event)
         self._measured[order.task] = (event_id, event, piece)
         return piece
@@ -48,4 +51,9 @@ class MeasuredSteps:
     def _take_back(self, step: str, outcome: str) -> None:
         if step in self._measured:
             event_id, event, _ = self._measured.pop(step)
-            self._glove.keep_event(event_id, replace(event, trial_type="annotation", details={"task_name": step, "outcome": outcome}))
+            self._glove.keep_event(
+                event_id,
+                replace(
+                    event, trial_type="annotation", details={"task_name": step, "outcome": outcome}
+                ),
+            )

@@ -26,7 +26,13 @@ from handscope.sessions.files.recording import LoadedRecording
 class FreeMovement:
     """One for a station; `keep` takes what was found and accepted."""
 
-    def __init__(self, glove: Glove, tracking: Tracking, number: Callable[[], int], keep: Callable[[Found, str], object]) -> None:
+    def __init__(
+        self,
+        glove: Glove,
+        tracking: Tracking,
+        number: Callable[[], int],
+        keep: Callable[[Found, str], object],
+    ) -> None:
         self._glove, self._tracking, self._number, self._keep = glove, tracking, number, keep
         self.solving: Solving | None = None
         self.meter: FreeMeter | None = None  # of the newest free movement
@@ -49,7 +55,11 @@ class FreeMovement:
     def do(self, order: Order) -> None:
         """An order of the wizard's about free movement."""
         if order.kind == "watch_free":
-            self.meter, self._moving, self.found = FreeMeter(self._tracking, order.onset), True, None
+            self.meter, self._moving, self.found = (
+                FreeMeter(self._tracking, order.onset),
+                True,
+                None,
+            )
         elif order.kind == "solve_free":
             self._moving = False
             self._begin(order)
@@ -106,7 +116,9 @@ class FreeMovement:
             ],
             "enough": self.enough,
             "share": None if self.solving is None else round(self.solving.share, 2),
-            "found": None if self.found is None else {"table": self.found.table, "told": list(self.found.told)},
+            "found": None
+            if self.found is None
+            else {"table": self.found.table, "told": list(self.found.told)},
         }
 
     @property
@@ -118,11 +130,22 @@ class FreeMovement:
     def _begin(self, order: Order) -> None:
         """The movement is kept in the recording, and solved."""
         self.close()
-        tracking, event = self._tracking, Event(order.onset, order.end - order.onset, order.task, {})
+        tracking, event = (
+            self._tracking,
+            Event(order.onset, order.end - order.onset, order.task, {}),
+        )
         self._event = (f"free-{self._number()}", event)
         self._glove.keep_event(*self._event)
-        samples = {b.stream.name: b for b in (b.between(order.onset, order.end) for b in tracking.samples(order.onset)) if len(b.t)}
-        self.solving = Solving(LoadedRecording(tracking.hand, tracking.geometry, self._glove.assembler.mounting, samples, (event,)))
+        samples = {
+            b.stream.name: b
+            for b in (b.between(order.onset, order.end) for b in tracking.samples(order.onset))
+            if len(b.t)
+        }
+        self.solving = Solving(
+            LoadedRecording(
+                tracking.hand, tracking.geometry, self._glove.assembler.mounting, samples, (event,)
+            )
+        )
 
     def _leave(self, outcome: str) -> None:
         self.close()
@@ -134,7 +157,9 @@ class FreeMovement:
         if self._event is not None:
             event_id, event = self._event
             details = {"task_name": event.trial_type, "outcome": outcome}
-            self._glove.keep_event(event_id, replace(event, trial_type="annotation", details=details))
+            self._glove.keep_event(
+                event_id, replace(event, trial_type="annotation", details=details)
+            )
             self._event = None
 
 

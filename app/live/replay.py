@@ -112,21 +112,33 @@ class Replay:
             elif what == "speed" and value is not None and np.isfinite(value):
                 self.speed = float(np.clip(value, *SPEEDS))
             else:
-                raise InputError(f"there is no action {what!r} with value {value}; actions are play, pause, seek and speed")
+                raise InputError(
+                    f"there is no action {what!r} with value {value}; actions are play, pause, seek and speed"
+                )
             self._draw()
             self._number += 1
         self._viewers.notify()
 
     def snapshot(self) -> dict[str, Any]:
         first, last = self.span
-        where = {"t": self.t, "start": first, "stop": last, "playing": self.playing, "speed": self.speed}
+        where = {
+            "t": self.t,
+            "start": first,
+            "stop": last,
+            "playing": self.playing,
+            "speed": self.speed,
+        }
         return {
             "station": self.name,
             "session": self.session,
             "result": self.result,
             "hand": self.hand,
             "replay": where,
-            "beside": {"session": self.beside.session, "result": self.beside.result, "hand": self.beside.geometry.hand}
+            "beside": {
+                "session": self.beside.session,
+                "result": self.beside.result,
+                "hand": self.beside.geometry.hand,
+            }
             if self.beside
             else None,
             "ended": self.ended,
@@ -166,7 +178,9 @@ class Replay:
     def _draw(self) -> None:
         k = _row(self._movement, self.t)
         with self.scene.picture():
-            self.scene.show(self._movement["angles"][k].astype(float), self._movement["q_GH"][k].astype(float))
+            self.scene.show(
+                self._movement["angles"][k].astype(float), self._movement["q_GH"][k].astype(float)
+            )
             if "forces" in self._movement:
                 self.scene.forces(self._movement["forces"][k].astype(float))
             if self.beside:

@@ -20,7 +20,9 @@ class Setup:
     session: int
     hand: Hand
     geometry: HandGeometry
-    trunk_height: float | None = None  # m, of the trunk's sensor above the hips, where it was measured
+    trunk_height: float | None = (
+        None  # m, of the trunk's sensor above the hips, where it was measured
+    )
     port: str
     recording: Path
     method_name: str
@@ -32,7 +34,9 @@ class Setup:
     free: Protocol | None = None  # free movement to calibrate from
     known: Known | None = None  # what the session takes over of an earlier self-calibration
     known_glove: str = ""  # the glove that it was found with
-    keep_found: Callable[[Found, str], object] = lambda found, glove: None  # with the patient, when it was accepted
+    keep_found: Callable[[Found, str], object] = lambda found, glove: (
+        None
+    )  # with the patient, when it was accepted
     about: Mapping[str, Any]  # kept in the recording: pseudonym, session, ...
 
     @property

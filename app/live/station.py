@@ -47,7 +47,9 @@ from handscope.sessions.wire.messages import Cue
 log = logging.getLogger(__name__)
 TICK = 0.1  # s
 TRAIL, MOVED = 2.0, 0.03  # s of the hand's path that are drawn, once it went so far (m)
-DRAWN = 1 / 60  # s, least time between two pictures of the scene; more where blocks wait long for the tracker
+DRAWN = (
+    1 / 60
+)  # s, least time between two pictures of the scene; more where blocks wait long for the tracker
 FLOWING = 0.5  # s without a sample that count as silence
 FINGER_LEAD = 2.5  # s in which the finger before has come to rest
 WIGGLE = 10.0  # s that bending one finger after the other takes
@@ -76,10 +78,14 @@ class Station:
         self._told: tuple[int, dict[str, Any]] = (0, {})  # of the last tick
         self._stop = threading.Event()
         self._problem = ""
-        self._replaced = 0  # times that another glove had been plugged in when the newest calibration was made
+        self._replaced = (
+            0  # times that another glove had been plugged in when the newest calibration was made
+        )
         self.faults: list[str] = []  # of sensors, found by the check
         self.exchanged: dict[str, str] = {}  # strips that are on another finger than they say
-        self._wiggled = -np.inf  # host's clock when a virtual patient was told last to bend one finger after the other
+        self._wiggled = (
+            -np.inf
+        )  # host's clock when a virtual patient was told last to bend one finger after the other
         self._known = Facts(time.monotonic(), -np.inf, False, 0.0, "", frozenset())
         about = {
             "hand": setup.hand,
@@ -88,7 +94,9 @@ class Station:
             "port": setup.port,
             **setup.about,
         }
-        self.tracking = Tracking(setup.method, setup.params, setup.hand, setup.geometry, self._posed)
+        self.tracking = Tracking(
+            setup.method, setup.params, setup.hand, setup.geometry, self._posed
+        )
         self.whereabouts = Whereabouts()
         self.held = HeldSoFar(self.tracking)
         self.glove = Glove(setup.port, setup.recording, about, self._fed)
@@ -118,7 +126,14 @@ class Station:
     def ended(self) -> bool:
         return self._stop.is_set()
 
-    def act(self, what: str, task: str = "", reason: str = "", group: str = "", value: float | None = None) -> None:
+    def act(
+        self,
+        what: str,
+        task: str = "",
+        reason: str = "",
+        group: str = "",
+        value: float | None = None,
+    ) -> None:
         """A person's wish; InputError where it cannot be done now."""
         try:
             wish = Act(what)
@@ -129,7 +144,9 @@ class Station:
         with self._lock:
             facts = self._now()
             try:
-                self._wizard, orders = wizard_machine.act(self._wizard, wish, facts, task, reason, group, value)
+                self._wizard, orders = wizard_machine.act(
+                    self._wizard, wish, facts, task, reason, group, value
+                )
             except NotNowError as refusal:
                 raise InputError(str(refusal)) from None
             self._do(orders, facts)
@@ -164,7 +181,10 @@ class Station:
     def _tell(self, facts: Facts) -> None:
         """Write down for viewers where things stand."""
         if self._viewers:
-            self._told = (self._told[0] + 1, tell(self, self._wizard, facts, self._calibration, self._problem))
+            self._told = (
+                self._told[0] + 1,
+                tell(self, self._wizard, facts, self._calibration, self._problem),
+            )
 
     def _run(self) -> None:
         while not self._stop.wait(TICK):
@@ -198,7 +218,9 @@ class Station:
         self.whereabouts.follow(a.plate, list(a.streams.values()), a.mounting)
         if (at := self.whereabouts.latest) is not None:
             self.scene.place(at.place[0], at.sd[0], bool(at.flags[0]))
-        self.scene.forces(self.held.pushes(self._wizard.task if self._wizard.state is State.TASK_RUN else None))
+        self.scene.forces(
+            self.held.pushes(self._wizard.task if self._wizard.state is State.TASK_RUN else None)
+        )
 
     def _posed(self, rows: Trajectory) -> None:
         """In the tracker's thread: remember the curve, tell of the newest pose, draw it."""
@@ -234,8 +256,12 @@ class Station:
         now = self.glove.now()
         fresh = {s: m for s, m in motion.items() if m.seen > newest - FLOWING and s in SEGMENT}
         worst = max(fresh, key=lambda s: fresh[s].rate, default="")
-        flowing = bool(fresh) and now is not None and now - newest < FLOWING and not self._contradiction()
-        felt = {p for s in self.glove.assembler.streams.values() for p in s.sensors if p not in SEGMENT}
+        flowing = (
+            bool(fresh) and now is not None and now - newest < FLOWING and not self._contradiction()
+        )
+        felt = {
+            p for s in self.glove.assembler.streams.values() for p in s.sensors if p not in SEGMENT
+        }
         kept = self.glove.state.state != "recording_failed"
         rate, measured = fresh[worst].rate if worst else 0.0, frozenset(fresh) | felt
         return Facts(time.monotonic(), newest, flowing, rate, worst, measured, bends(fresh), kept)
@@ -250,11 +276,20 @@ class Station:
         """Said from when another glove is plugged in until it is calibrated, too."""
         if self.glove.assembler.replaced == self._replaced:
             return ""
-        return "Another glove was plugged in. Take the initial pose again, or plug the first one in."
+        return (
+            "Another glove was plugged in. Take the initial pose again, or plug the first one in."
+        )
 
     def _do(self, orders: Sequence[Order], facts: Facts) -> None:
-        if (w := self._wizard).state in (*wizard_machine.RUNNING, State.TASK_PAUSED, State.TASK_REVIEW, State.STEP_REVIEW):
-            self.curve.attempt(w.onset, np.inf if w.state in wizard_machine.RUNNING else w.end, w.pauses)
+        if (w := self._wizard).state in (
+            *wizard_machine.RUNNING,
+            State.TASK_PAUSED,
+            State.TASK_REVIEW,
+            State.STEP_REVIEW,
+        ):
+            self.curve.attempt(
+                w.onset, np.inf if w.state in wizard_machine.RUNNING else w.end, w.pauses
+            )
         for order in orders:
             if order.kind == "cue":
                 self._cue(order.task)
@@ -263,7 +298,9 @@ class Station:
             elif order.kind == "cue_finger":
                 self.glove.send(Cue("wiggle", {"finger": order.task, "lead": f"{FINGER_LEAD:g}"}))
             elif order.kind == "look":
-                threading.Thread(target=self._look, name=f"sensors {self.name}", daemon=True).start()
+                threading.Thread(
+                    target=self._look, name=f"sensors {self.name}", daemon=True
+                ).start()
             elif order.kind == "exchange":
                 self._exchange(dict(order.worn_on))
             elif order.kind == "guess":
@@ -273,7 +310,9 @@ class Station:
             elif order.kind == "keep_attempt":
                 self._keep(order)
             elif order.kind == "measure_step":
-                self._wizard = wizard_machine.judge(self._wizard, self.steps.measure(order).problems)
+                self._wizard = wizard_machine.judge(
+                    self._wizard, self.steps.measure(order).problems
+                )
             elif order.kind in ("drop_step", "drop_steps"):
                 self.steps.drop(order.task)
             elif order.kind == "use_steps":
@@ -288,18 +327,37 @@ class Station:
         self.free.watch()
         if self.free.solved():
             refusal = self.free.settle()
-            self._wizard = wizard_machine.unsolved(self._wizard, facts, refusal) if refusal else wizard_machine.solved(self._wizard, facts)
+            self._wizard = (
+                wizard_machine.unsolved(self._wizard, facts, refusal)
+                if refusal
+                else wizard_machine.solved(self._wizard, facts)
+            )
 
     def _wiggle(self, facts: Facts) -> None:
         """While sensors are checked, a virtual patient does what the page asks for."""
-        if self._wizard.state is State.CONNECT and facts.flowing and facts.now - self._wiggled > WIGGLE:
+        if (
+            self._wizard.state is State.CONNECT
+            and facts.flowing
+            and facts.now - self._wiggled > WIGGLE
+        ):
             self._wiggled = facts.now
             self._cue("wiggle")
 
     def _cue(self, task: str) -> None:
-        protocol = next((p for p in (*self.setup.protocols, *self.setup.steps, self.setup.free) if p and p.name == task), None)
+        protocol = next(
+            (
+                p
+                for p in (*self.setup.protocols, *self.setup.steps, self.setup.free)
+                if p and p.name == task
+            ),
+            None,
+        )
         self.curve.follow(protocol.curve if protocol else None)
-        name, details = (protocol.cue, {"lead": f"{protocol.countdown:g}", **protocol.cue_details}) if protocol else (task, {})
+        name, details = (
+            (protocol.cue, {"lead": f"{protocol.countdown:g}", **protocol.cue_details})
+            if protocol
+            else (task, {})
+        )
         if name:
             self.glove.send(Cue(name, details))
 
@@ -308,7 +366,9 @@ class Station:
         pose = Pose(order.onset, order.end - order.onset, THUMB, self._wizard.passive)
         self.tracking.mounting = self.glove.assembler.mounting
         self.tracking.known = self.free.known(self.setup.known, self.setup.known_glove)
-        threading.Thread(target=self._computed, args=(pose,), name=f"calibration {self.name}", daemon=True).start()
+        threading.Thread(
+            target=self._computed, args=(pose,), name=f"calibration {self.name}", daemon=True
+        ).start()
 
     def _computed(self, pose: Pose) -> None:
         """In a thread of its own: the pose's calibration, or why there is none."""
@@ -331,16 +391,24 @@ class Station:
                 self._keep_pose(pose)
                 self.scene.measured(alignment_quality.measured_fingers(calibration))
                 poor = sum(j.grade == "poor" for j in self.joints())
-                self._wizard, orders = wizard_machine.posed(self._wizard, facts, poor, self.tracking.swapped())
+                self._wizard, orders = wizard_machine.posed(
+                    self._wizard, facts, poor, self.tracking.swapped()
+                )
                 self._do(orders, facts)
         self._viewers.notify()
 
     def _keep_pose(self, pose: Pose) -> None:
         self.attempt_numbers += 1
-        details: dict[str, Any] = {f"thumb_cmc_{name}_deg": value for name, value in zip(("flexion", "deviation", "pronation"), POSE_THUMB)}
+        details: dict[str, Any] = {
+            f"thumb_cmc_{name}_deg": value
+            for name, value in zip(("flexion", "deviation", "pronation"), POSE_THUMB)
+        }
         if pose.passive:
             details["held_by"] = THERAPIST
-        self.glove.keep_event(f"pose-{self.attempt_numbers}", Event(pose.onset, pose.duration, "initial_pose", details))
+        self.glove.keep_event(
+            f"pose-{self.attempt_numbers}",
+            Event(pose.onset, pose.duration, "initial_pose", details),
+        )
         self.scene.face_ahead()
 
     def _guess(self, facts: Facts) -> None:
@@ -352,7 +420,10 @@ class Station:
             self._wizard = wizard_machine.refused(self._wizard, facts, str(problem))
             return
         self.attempt_numbers += 1
-        self.glove.keep_event(f"pose-{self.attempt_numbers}", Event(c.t, c.end - c.t, "annotation", {"calibration": "none"}))
+        self.glove.keep_event(
+            f"pose-{self.attempt_numbers}",
+            Event(c.t, c.end - c.t, "annotation", {"calibration": "none"}),
+        )
         self.scene.face_ahead()
         self.scene.measured(alignment_quality.measured_fingers(c))
 
@@ -363,7 +434,9 @@ class Station:
 
     def _exchange(self, to: Mapping[str, str]) -> None:
         """Strips are on each other's fingers: read so from now on, and in the recording from its beginning."""
-        worn_on = {f: to.get(on, on) for f, on in {**{f: f for f in FINGERS}, **self.exchanged}.items()}
+        worn_on = {
+            f: to.get(on, on) for f, on in {**{f: f for f in FINGERS}, **self.exchanged}.items()
+        }
         self.exchanged = {f: on for f, on in worn_on.items() if f != on}
         self._calibration = None
         self.steps.forget()
@@ -389,7 +462,9 @@ class Station:
     def _keep(self, order: Order) -> None:
         number, trial = self._number(), self._wizard.accepted(order.task)
         protocol = next((p for p in self.setup.protocols if p.name == order.task), None)
-        for name, event in trial_events.events(order, protocol, trial, self.tracking.newest_sample(), self.setup.worn):
+        for name, event in trial_events.events(
+            order, protocol, trial, self.tracking.newest_sample(), self.setup.worn
+        ):
             self.glove.keep_event(name.format(number), event)
 
     def _draw(self, facts: Facts) -> None:

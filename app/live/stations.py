@@ -75,7 +75,15 @@ class Stations:
                     return station
             self._close_oldest_replays()
             geometry = _geometry(result)
-            replay = Replay(secrets.token_hex(4), geometry.hand, geometry, session.id, result.id, load_replay(store, result), beside)
+            replay = Replay(
+                secrets.token_hex(4),
+                geometry.hand,
+                geometry,
+                session.id,
+                result.id,
+                load_replay(store, result),
+                beside,
+            )
             replay.__enter__()
             self._stations[replay.name] = replay
             return replay
@@ -94,7 +102,9 @@ class Stations:
 
     def of_session(self, session: int) -> Station | None:
         """The live station of a session."""
-        return next((s for s in self.all() if isinstance(s, Station) and s.setup.session == session), None)
+        return next(
+            (s for s in self.all() if isinstance(s, Station) and s.setup.session == session), None
+        )
 
     def uses(self, port: str) -> bool:
         """Whether a live station has this port."""
@@ -103,7 +113,9 @@ class Stations:
     def require_free(self, port: str) -> None:
         """InputError where a live station has this port."""
         if self.uses(port):
-            raise InputError(f"the glove at {port} is in use by another session; finish that one first")
+            raise InputError(
+                f"the glove at {port} is in use by another session; finish that one first"
+            )
 
     def close(self, name: str) -> None:
         """End a station; a live one's recording is finished first, then `on_finish` hears of it."""
@@ -124,11 +136,17 @@ class Stations:
     def close_replays(self, sessions: Set[int]) -> None:
         """End every replay of these sessions: they were erased."""
         for station in self.all():
-            if isinstance(station, Replay) and (station.session in sessions or (station.beside and station.beside.session in sessions)):
+            if isinstance(station, Replay) and (
+                station.session in sessions
+                or (station.beside and station.beside.session in sessions)
+            ):
                 self.close(station.name)
 
     def _close_oldest_replays(self) -> None:
-        replays = sorted((s for s in self._stations.values() if isinstance(s, Replay)), key=lambda s: (s.taken, s.used))
+        replays = sorted(
+            (s for s in self._stations.values() if isinstance(s, Replay)),
+            key=lambda s: (s.taken, s.used),
+        )
         for replay in replays[: max(0, len(replays) - MOST_REPLAYS + 1)]:
             self._stations.pop(replay.name)
             replay.__exit__(None, None, None)
@@ -169,12 +187,23 @@ def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup
 
 def _geometry(result: Result) -> HandGeometry:
     session = result.recording.session
-    return sized(records.hand_of(session.hand), measures_from(session.geometry or result.recording.summary.get("geometry") or {}))
+    return sized(
+        records.hand_of(session.hand),
+        measures_from(session.geometry or result.recording.summary.get("geometry") or {}),
+    )
 
 
 def _beside(store: Store, result: Result, other: Result) -> Beside:
-    return Beside(_geometry(other), other.recording.session_id, other.id, load_replay(store, other), in_step(result, other))
+    return Beside(
+        _geometry(other),
+        other.recording.session_id,
+        other.id,
+        load_replay(store, other),
+        in_step(result, other),
+    )
 
 
 def _same(a: str, b: str) -> bool:
-    return a == b or (Path(a).exists() and Path(b).exists() and Path(a).resolve() == Path(b).resolve())
+    return a == b or (
+        Path(a).exists() and Path(b).exists() and Path(a).resolve() == Path(b).resolve()
+    )

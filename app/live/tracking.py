@@ -18,7 +18,12 @@ from numpy.typing import NDArray
 
 from handscope.app.live.readouts.hand_trail import HandTrail
 from handscope.app.live.readouts.motion import Motion, latest, motions
-from handscope.estimators.alignment import functional_calibration, functional_movements, initial_pose, mounting_checks
+from handscope.estimators.alignment import (
+    functional_calibration,
+    functional_movements,
+    initial_pose,
+    mounting_checks,
+)
 from handscope.estimators.alignment.functional_movements import Piece
 from handscope.estimators.alignment.initial_pose import Pose
 from handscope.estimators.data import trajectory
@@ -35,13 +40,17 @@ from handscope.estimators.sensors import fault_detection
 log = logging.getLogger(__name__)
 QUEUE = 2000  # blocks, about 3 s of 7 streams at 10 ms; older ones are skipped
 PAST_SAMPLES = 90.0  # s of raw samples kept, for a pose just held or a calibration step just done
-PAST_POSES = PAST_SAMPLES  # s of trajectory kept: whoever asks for poses asks for their samples, too
+PAST_POSES = (
+    PAST_SAMPLES  # s of trajectory kept: whoever asks for poses asks for their samples, too
+)
 TOGETHER = 128  # pieces of it that are laid together: few large arrays take less memory than many small ones, and the collector of garbage less time
 BESIDE = 16  # small blocks of a stream's samples that are laid together: a second of them is looked at ten times a second
 TURNED = 0.1  # s in which the hand's orientation is looked for
 GUESSED_FROM = 1.0  # s of samples that tell gravity where nothing is calibrated
 AGAIN = 3  # failures in a row after which a method does not go on from its last state: that is what it fails of
-LONGEST_REST = 0.03  # s between two feedings, of the 80 ms that a viewer under load may be told late
+LONGEST_REST = (
+    0.03  # s between two feedings, of the 80 ms that a viewer under load may be told late
+)
 PATIENCE = 0.1  # s that a silent strip is waited for
 
 
@@ -76,10 +85,16 @@ class Tracking:
         self._failed_since = 0  # of them since it last did not
         self.calibration: Calibration | None = None
         self.mounting: Mapping[str, Array] = {}
-        self.pieces: Mapping[str, Piece] = {}  # of a functional calibration, by step: every pose from now on is combined with them
-        self.known: Known | None = None  # of an earlier self-calibration: every pose from now on takes it over
+        self.pieces: Mapping[
+            str, Piece
+        ] = {}  # of a functional calibration, by step: every pose from now on is combined with them
+        self.known: Known | None = (
+            None  # of an earlier self-calibration: every pose from now on takes it over
+        )
         self.findings: tuple[Finding, ...] = ()  # of the sensors, when they were looked at last
-        self._doubts = np.zeros(len(SEGMENTS), np.uint8)  # Flags that every row of a segment has until the next calibration
+        self._doubts = np.zeros(
+            len(SEGMENTS), np.uint8
+        )  # Flags that every row of a segment has until the next calibration
         self._before: _Before | None = None  # what the newest calibration took the place of
         self._on_pose = on_pose
         self._queue: deque[Block] = deque()
@@ -115,9 +130,13 @@ class Tracking:
     def calibrate(self, pose: Pose) -> Calibration:
         """Start the method from a pose that was just held, and catch up; InputError when the pose is not usable."""
         window = self.samples(-np.inf)
-        calibration = initial_pose.calibrate(self.params, self.hand, self.geometry, self.mounting, window, pose)
+        calibration = initial_pose.calibrate(
+            self.params, self.hand, self.geometry, self.mounting, window, pose
+        )
         if self.pieces:
-            calibration = functional_calibration.combine(self.params, self.pieces, calibration, self.mounting)
+            calibration = functional_calibration.combine(
+                self.params, self.pieces, calibration, self.mounting
+            )
         if self.known is not None:
             calibration = with_known(calibration, self.known)
         calibration = self._checked(calibration, window, pose)
@@ -127,7 +146,11 @@ class Tracking:
     def guess(self) -> Calibration:
         """Start the method from defaults, without any pose: everything is flagged as not calibrated. InputError without the hand's sensor."""
         calibration = initial_pose.guessed(
-            self.params, self.hand, self.geometry, self.mounting, self.samples(self.newest_sample() - GUESSED_FROM)
+            self.params,
+            self.hand,
+            self.geometry,
+            self.mounting,
+            self.samples(self.newest_sample() - GUESSED_FROM),
         )
         self.findings = ()
         self._replace(calibration)
@@ -141,7 +164,12 @@ class Tracking:
                 self.calibration, self._state = None, None
                 self._trail.begin(None)
                 return None
-            self.calibration, self._state, self.findings, self._doubts = before.calibration, before.state, before.findings, before.doubts
+            self.calibration, self._state, self.findings, self._doubts = (
+                before.calibration,
+                before.state,
+                before.findings,
+                before.doubts,
+            )
             self._trail.begin(before.calibration)
             self._poses.clear()
             self._catch_up(before.seen)
@@ -149,40 +177,69 @@ class Tracking:
 
     def faults(self) -> tuple[Finding, ...]:
         """What is wrong with single sensors by the samples kept, as far as that can be told without a pose."""
-        return tuple(f for f in fault_detection.check(self.samples(-np.inf), (0.0, 0.0)) if f.kind in ("dead_axis", "stuck"))
+        return tuple(
+            f
+            for f in fault_detection.check(self.samples(-np.inf), (0.0, 0.0))
+            if f.kind in ("dead_axis", "stuck")
+        )
 
     def swapped(self) -> tuple[str, str] | None:
         """Two fingers whose strips the pose shows on each other's."""
-        fingers = list(dict.fromkeys(f.sensor.split("_")[0] for f in self.findings if f.kind == "swapped" and f.severity == "fault"))
+        fingers = list(
+            dict.fromkeys(
+                f.sensor.split("_")[0]
+                for f in self.findings
+                if f.kind == "swapped" and f.severity == "fault"
+            )
+        )
         return (fingers[0], fingers[1]) if len(fingers) == 2 else None
 
     def _replace(self, calibration: Calibration) -> None:
         with self._lock:
-            seen = {name: float(blocks[-1].t[-1]) for name, blocks in self._samples.items() if blocks}
+            seen = {
+                name: float(blocks[-1].t[-1]) for name, blocks in self._samples.items() if blocks
+            }
             self._before = _Before(seen, self.calibration, self._state, self.findings, self._doubts)
-            self._doubts = doubts(calibration, self.findings, getattr(self.params, "MAGNETOMETER", False))
+            self._doubts = doubts(
+                calibration, self.findings, getattr(self.params, "MAGNETOMETER", False)
+            )
             self._begin(calibration)
 
     def measure(self, step: str, onset: float, end: float) -> Piece:
         """What a step of a functional calibration tells that was just done; gyroscope biases are those of the pose."""
         bias = self.calibration.gyr_bias if self.calibration else {}
-        return functional_movements.measure(self.params, step, self.samples(onset), onset, end, bias)
+        return functional_movements.measure(
+            self.params, step, self.samples(onset), onset, end, bias
+        )
 
     def samples(self, onset: float) -> list[Block]:
         """Samples kept of an instant and later, one block a stream."""
         with self._lock:
-            kept = [list(takewhile(lambda b: b.t[-1] >= onset, reversed(blocks)))[::-1] for blocks in self._samples.values()]
+            kept = [
+                list(takewhile(lambda b: b.t[-1] >= onset, reversed(blocks)))[::-1]
+                for blocks in self._samples.values()
+            ]
         return [join(blocks).between(onset, np.inf) for blocks in kept if blocks]
 
     def _checked(self, calibration: Calibration, window: list[Block], pose: Pose) -> Calibration:
         """The calibration with what is wrong with the sensors among its warnings."""
         still = replace(pose, onset=calibration.t, duration=calibration.end - calibration.t)
-        found = fault_detection.check(window, (calibration.t, calibration.end))  # all of it: what stood still while others moved
+        found = fault_detection.check(
+            window, (calibration.t, calibration.end)
+        )  # all of it: what stood still while others moved
         broken = {f.sensor for f in found if f.severity == "fault"}
-        mounting = {**self.mounting, **{s: calibration.q_BS[s] for s in calibration.q_BS_sd}}  # told by movements: how it sits is known
-        found += [f for f in mounting_checks.check(window, mounting, still, ()) if f.sensor not in broken]
+        mounting = {
+            **self.mounting,
+            **{s: calibration.q_BS[s] for s in calibration.q_BS_sd},
+        }  # told by movements: how it sits is known
+        found += [
+            f for f in mounting_checks.check(window, mounting, still, ()) if f.sensor not in broken
+        ]
         self.findings = tuple(found)
-        return replace(calibration, warnings=tuple(dict.fromkeys((*calibration.warnings, *(f.said for f in found)))))
+        return replace(
+            calibration,
+            warnings=tuple(dict.fromkeys((*calibration.warnings, *(f.said for f in found)))),
+        )
 
     def restart(self) -> None:
         """Forget every sample and calibration: what comes from now on is read in another way."""
@@ -192,7 +249,13 @@ class Tracking:
             self._samples.clear()
             self._poses.clear()
             self._trail.begin(None)
-            self.calibration, self._state, self._before, self.pieces, self.known = None, None, None, {}, None
+            self.calibration, self._state, self._before, self.pieces, self.known = (
+                None,
+                None,
+                None,
+                {},
+                None,
+            )
             self.findings, self._doubts = (), np.zeros(len(SEGMENTS), np.uint8)
 
     def begin(self, calibration: Calibration) -> None:
@@ -204,13 +267,18 @@ class Tracking:
         """How much each sensor moves, from the last second of its samples, by segment."""
         with self._lock:  # the method waits for it: no more than take the blocks
             recent = [latest(blocks, 1.0) for blocks in self._samples.values()]
-        seconds = (join(blocks).between(blocks[-1].t[-1] - 1.0, np.inf) for blocks in recent if blocks)
+        seconds = (
+            join(blocks).between(blocks[-1].t[-1] - 1.0, np.inf) for blocks in recent if blocks
+        )
         return {segment: m for block in seconds for segment, m in motions(block).items()}
 
     def newest_sample(self) -> float:
         """Time of the newest sample of any stream, s; -inf before the first."""
         with self._lock:
-            return max((float(blocks[-1].t[-1]) for blocks in self._samples.values() if blocks), default=-np.inf)
+            return max(
+                (float(blocks[-1].t[-1]) for blocks in self._samples.values() if blocks),
+                default=-np.inf,
+            )
 
     def past(self, start: float, stop: float = np.inf) -> Trajectory:
         """The trajectory that was shown between two instants."""
@@ -222,14 +290,25 @@ class Tracking:
     def trail(self, seconds: float) -> Array:
         """Where the hand has been in the last seconds (n, 3) m in the global frame, seen from where it is now; oldest first. Computed when it is asked for."""
         with self._lock:
-            hand = next((b for b in self._samples.values() if b and b[-1].stream.inertial and "hand" in b[-1].stream.sensors), ())
+            hand = next(
+                (
+                    b
+                    for b in self._samples.values()
+                    if b and b[-1].stream.inertial and "hand" in b[-1].stream.sensors
+                ),
+                (),
+            )
             self._trail.follow(hand, self._turned)
             return self._trail.places(seconds)
 
     def _turned(self, t: float) -> Array | None:
         """Orientation of the hand (4,) in the global frame as it was shown at an instant; None where it was not."""
         rows = self.past(t, t + TURNED)
-        return rows.q_GS[0, SEGMENT["hand"]] if len(rows) and np.isfinite(rows.q_GS[0, SEGMENT["hand"]]).all() else None
+        return (
+            rows.q_GS[0, SEGMENT["hand"]]
+            if len(rows) and np.isfinite(rows.q_GS[0, SEGMENT["hand"]]).all()
+            else None
+        )
 
     def drain(self) -> None:
         """Give out what the method still holds back: nothing more will come."""
@@ -278,12 +357,19 @@ class Tracking:
         self.failures += len(faults)
         self._failed_since = self._failed_since + 1 if faults else 0
         if faults:
-            log.error("the method failed and goes on from its state before", exc_info=faults[0])  # the first stands for all of these blocks
+            log.error(
+                "the method failed and goes on from its state before", exc_info=faults[0]
+            )  # the first stands for all of these blocks
         if self._failed_since > AGAIN:
             self._start_again()
         return self._kept(pieces)
 
-    def _survived(self, faults: list[Exception], face: Callable[..., tuple[Any, Trajectory]], given: Block | float) -> Trajectory:
+    def _survived(
+        self,
+        faults: list[Exception],
+        face: Callable[..., tuple[Any, Trajectory]],
+        given: Block | float,
+    ) -> Trajectory:
         """The rows of one step; where it fails the fault is noted and the state stays what it was."""
         try:
             self._state, rows = face(self.params, self._state, given)
@@ -296,7 +382,10 @@ class Tracking:
         """From the calibration: it is the last state that it fails of."""
         assert self.calibration is not None
         try:
-            self._state, self._failed_since = self.method.start(self.params, self.calibration, self._streams()), 0
+            self._state, self._failed_since = (
+                self.method.start(self.params, self.calibration, self._streams()),
+                0,
+            )
         except Exception:
             log.exception("the method could not be started again")
 
@@ -327,8 +416,14 @@ class Tracking:
     def _catch_up(self, seen: Mapping[str, float]) -> None:
         """Step through what was sampled later than that (s by stream)."""
         first = {name: np.nextafter(t, np.inf) for name, t in seen.items()}
-        later = [join(list(blocks)).between(first.get(name, -np.inf), np.inf) for name, blocks in self._samples.items() if blocks]
-        if any(len(b.t) for b in later):  # one block a stream: thousands of small steps would take seconds, and the queue run over
+        later = [
+            join(list(blocks)).between(first.get(name, -np.inf), np.inf)
+            for name, blocks in self._samples.items()
+            if blocks
+        ]
+        if any(
+            len(b.t) for b in later
+        ):  # one block a stream: thousands of small steps would take seconds, and the queue run over
             self._step([b for b in later if len(b.t)])
 
     def _step(self, blocks: Sequence[Block]) -> None:
@@ -364,11 +459,17 @@ def rest_after(took: float, computed: float) -> float:
     return min(LONGEST_REST, max(0.0, took + (took - computed)))
 
 
-def doubts(calibration: Calibration, findings: Sequence[Finding], magnetometer: bool) -> NDArray[np.uint8]:
+def doubts(
+    calibration: Calibration, findings: Sequence[Finding], magnetometer: bool
+) -> NDArray[np.uint8]:
     """The Flags (segments,) that a batch run gives a segment of which this is known: a sensor at fault, or nothing calibrated."""
     flags = np.zeros(len(SEGMENTS), np.uint8)
     for finding in findings:
-        if finding.severity == "fault" and finding.sensor in SEGMENT and (finding.kind != "magnetometer" or magnetometer):
+        if (
+            finding.severity == "fault"
+            and finding.sensor in SEGMENT
+            and (finding.kind != "magnetometer" or magnetometer)
+        ):
             flags[SEGMENT[finding.sensor]] |= np.uint8(Flag.FAULTY)
     for segment in calibration.q_BS if calibration.source == "none" else ():
         flags[SEGMENT[segment]] |= np.uint8(Flag.UNCALIBRATED)

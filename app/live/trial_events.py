@@ -14,7 +14,11 @@ UNTOLD: Mapping[str, float] = {}
 
 
 def events(
-    order: Order, protocol: Protocol | None, trial: int, newest: float, worn: Mapping[str, float] = UNTOLD
+    order: Order,
+    protocol: Protocol | None,
+    trial: int,
+    newest: float,
+    worn: Mapping[str, float] = UNTOLD,
 ) -> Iterator[tuple[str, Event]]:
     """Ids ({} is the attempt's number) and events; `trial` counts the accepted ones, `newest` (s) is where a skipped task stands.
 
@@ -22,17 +26,32 @@ def events(
     """
     accepted, timed = order.reason == "accepted", bool(np.isfinite(order.onset))
     onset, length = (order.onset, order.end - order.onset) if timed else (newest, 0.0)
-    yield "task-{}", Event(onset, length, "task" if accepted else "annotation", _details(order, protocol, trial, accepted, worn))
+    yield (
+        "task-{}",
+        Event(
+            onset,
+            length,
+            "task" if accepted else "annotation",
+            _details(order, protocol, trial, accepted, worn),
+        ),
+    )
     if not accepted or protocol is None:
         return
     for k, (start, to) in enumerate(order.pauses):
-        yield f"pause-{{}}-{k}", Event(start, to - start, "annotation", {"task_name": order.task, "phase": PAUSE})
-    for k, (start, phase, repetition) in enumerate(protocol.marks(order.onset, order.end, order.pauses)):
+        yield (
+            f"pause-{{}}-{k}",
+            Event(start, to - start, "annotation", {"task_name": order.task, "phase": PAUSE}),
+        )
+    for k, (start, phase, repetition) in enumerate(
+        protocol.marks(order.onset, order.end, order.pauses)
+    ):
         marked = {"task_name": order.task, "phase": phase.mark, "repetition": repetition}
         yield f"phase-{{}}-{k}", Event(start, phase.seconds, "annotation", marked)
 
 
-def _details(order: Order, protocol: Protocol | None, trial: int, accepted: bool, worn: Mapping[str, float]) -> dict[str, Any]:
+def _details(
+    order: Order, protocol: Protocol | None, trial: int, accepted: bool, worn: Mapping[str, float]
+) -> dict[str, Any]:
     details: dict[str, Any] = {"task_name": order.task, "outcome": order.reason}
     if protocol and protocol.mode == "passive":
         details["mode"] = protocol.mode

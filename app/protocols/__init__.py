@@ -41,7 +41,9 @@ class Phase:
 
     say: Annotated[str, Field(min_length=1, max_length=20)]
     seconds: Seconds
-    mark: Word | None = None  # such stretches of an accepted attempt are marked in the recording under this name
+    mark: Word | None = (
+        None  # such stretches of an accepted attempt are marked in the recording under this name
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +70,9 @@ class Protocol:
     routine: bool = False  # part of the usual assessment, which is offered first
     source: str = ""  # where pace and numbers come from
     duration: Seconds | None = None  # s
-    cycle: Annotated[tuple[Phase, ...], Field(max_length=12)] = ()  # one movement; the metronome beats where a phase begins
+    cycle: Annotated[
+        tuple[Phase, ...], Field(max_length=12)
+    ] = ()  # one movement; the metronome beats where a phase begins
     repetitions: Count | None = None  # movements in a trial
     trials: Count = 1  # times that the task is to be accepted
     pause: Annotated[float, Field(ge=0, le=600)] = 0.0  # s of rest between two trials
@@ -76,16 +80,24 @@ class Protocol:
         None  # where a paused trial goes on: where it stopped, or with the phase or
     )
     # repetition that the pause broke off; without it a pause ends the trial, because its rhythm, decrement or whole length is what is measured
-    countdown: Annotated[float, Field(ge=0, le=30)] = 3.0  # s before it starts, and before it goes on after a pause
+    countdown: Annotated[float, Field(ge=0, le=30)] = (
+        3.0  # s before it starts, and before it goes on after a pause
+    )
     curve: str  # "aperture" (thumb to index tip), "palm_turn", or a joint angle such as index_pip_flexion; movements are counted on it
-    needs: tuple[str, ...] = ()  # segments and force sensors that must be measured for the task to be offered
+    needs: tuple[
+        str, ...
+    ] = ()  # segments and force sensors that must be measured for the task to be offered
     ghost: tuple[
         Mapping[str, float], ...
     ] = ()  # postures (joint angles and forearm_pronation, deg) that the ghost goes through; empty: none
     pace: Seconds = 1.5  # s that each of them takes
-    mode: Literal["active", "passive"] = "active"  # who moves the hand: the patient, or the therapist while the patient lets go
+    mode: Literal["active", "passive"] = (
+        "active"  # who moves the hand: the patient, or the therapist while the patient lets go
+    )
     score: Score | None = None  # asked of the clinician with every trial
-    details: Mapping[str, str] = field(default_factory=dict)  # kept in the recording with every trial, for the measures
+    details: Mapping[str, str] = field(
+        default_factory=dict
+    )  # kept in the recording with every trial, for the measures
     cue: Annotated[str, Field(max_length=60)] = ""  # what a virtual patient is told to do
     cue_details: Mapping[str, str] = field(default_factory=dict)
 
@@ -111,7 +123,9 @@ class Protocol:
         n = self._begun(done)
         return (self.cycle[n % len(self.cycle)], n // len(self.cycle) + 1) if self.cycle else None
 
-    def marks(self, onset: float, end: float, pauses: Sequence[tuple[float, float]] = ()) -> list[tuple[float, Phase, int]]:
+    def marks(
+        self, onset: float, end: float, pauses: Sequence[tuple[float, float]] = ()
+    ) -> list[tuple[float, Phase, int]]:
         """Marked phases that lie whole within an attempt from onset to end (s): when each begins, the phase, its repetition from 1 on.
 
         `pauses` are the stretches (from, to) s that the attempt went on after.
@@ -147,15 +161,28 @@ def load_all(folder: Traversable | None = None) -> dict[str, Protocol]:
 
 def offered(data: Path) -> tuple[dict[str, Protocol], list[str]]:
     """All that a server offers, in order: the protocols of this folder and those of its data folder, read anew each time; and their faults."""
-    (own, own_faults), (known, faults) = (read(data / OWN) if (data / OWN).is_dir() else ({}, [])), read()
-    taken = [f"protocol {name}.json: name is {name!r}, as a task of Handscope has it; choose another" for name in own if name in known]
+    (own, own_faults), (known, faults) = (
+        (read(data / OWN) if (data / OWN).is_dir() else ({}, [])),
+        read(),
+    )
+    taken = [
+        f"protocol {name}.json: name is {name!r}, as a task of Handscope has it; choose another"
+        for name in own
+        if name in known
+    ]
     both = {**own, **known}
-    return {p.name: p for p in sorted(both.values(), key=lambda p: p.order)}, [*faults, *own_faults, *taken]
+    return {p.name: p for p in sorted(both.values(), key=lambda p: p.order)}, [
+        *faults,
+        *own_faults,
+        *taken,
+    ]
 
 
 def read(folder: Traversable | None = None) -> tuple[dict[str, Protocol], list[str]]:
     """Every protocol of a folder (this one) by name, in order, and a sentence for each file that has a fault: its field and what is allowed."""
-    inside = sorted((folder or files("handscope.app.protocols")).iterdir(), key=lambda entry: entry.name)
+    inside = sorted(
+        (folder or files("handscope.app.protocols")).iterdir(), key=lambda entry: entry.name
+    )
     found, faults = [], []
     for entry in (e for e in inside if e.name.endswith(".json")):
         try:
@@ -233,9 +260,16 @@ def _mistakes(file: str, p: Protocol) -> Iterable[str]:
 
 def _sentence(errors: Sequence[ErrorDetails]) -> str:
     """The first thing wrong, in words."""
-    error, more = min(errors, key=lambda e: e["type"] not in UNKNOWN), len(errors) - 1  # a misspelt field is missing, too
-    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in error["loc"]).lstrip(".")
-    kind_of = Phase if where.startswith("cycle[") else Score if where.startswith("score.") else Protocol
+    error, more = (
+        min(errors, key=lambda e: e["type"] not in UNKNOWN),
+        len(errors) - 1,
+    )  # a misspelt field is missing, too
+    where = "".join(
+        f"[{part}]" if isinstance(part, int) else f".{part}" for part in error["loc"]
+    ).lstrip(".")
+    kind_of = (
+        Phase if where.startswith("cycle[") else Score if where.startswith("score.") else Protocol
+    )
     allowed = [f.name for f in fields(kind_of)]
     said = error["msg"].replace("Input should", "it should")
     match error["type"]:

@@ -41,7 +41,12 @@ class Chapter:
 
 
 def replay_file(
-    hand: Hand, geometry: HandGeometry, movement: Mapping[str, Array], chapters: Sequence[Chapter], title: str, language: Language
+    hand: Hand,
+    geometry: HandGeometry,
+    movement: Mapping[str, Array],
+    chapters: Sequence[Chapter],
+    title: str,
+    language: Language,
 ) -> bytes:
     """The page as UTF-8; `movement` holds t (n,), angles (n, joints, 3) and q_GH (n, 4), NaN where not known."""
     t, angles, q_GH = thinned(movement["t"], movement["angles"], movement["q_GH"])
@@ -54,11 +59,21 @@ def replay_file(
         "reach": reach / FULL,
         "bones": len(bones.BONES),
         "parts": parts,
-        "chapters": [{"title": c.title, "start": round(c.start - t[0], 2), "stop": round(c.stop - t[0], 2)} for c in chapters],
-        "words": {word: language.say(f"replay.{word}") for word in ("play", "pause", "speed", "where", "scene", "impossible")},
+        "chapters": [
+            {"title": c.title, "start": round(c.start - t[0], 2), "stop": round(c.stop - t[0], 2)}
+            for c in chapters
+        ],
+        "words": {
+            word: language.say(f"replay.{word}")
+            for word in ("play", "pause", "speed", "where", "scene", "impossible")
+        },
     }
     turned = quat.multiply(view.heading_removed(q_GH[0], hand), q_GH)
-    numbers = [turned, turns.reshape(len(t), -1), places.reshape(len(t), -1) * view.units_per_metre(geometry) / reach]
+    numbers = [
+        turned,
+        turns.reshape(len(t), -1),
+        places.reshape(len(t), -1) * view.units_per_metre(geometry) / reach,
+    ]
     gaps = {
         "language": language.code,
         "title": html.escape(title),
@@ -74,11 +89,16 @@ def replay_file(
     return page.encode()
 
 
-def chapters(events: Sequence[Event], protocols: Mapping[str, Protocol], language: Language) -> list[Chapter]:
+def chapters(
+    events: Sequence[Event], protocols: Mapping[str, Protocol], language: Language
+) -> list[Chapter]:
     """The initial poses and the tasks of a recording, each trial with its number where there are several."""
     told = [e for e in events if e.trial_type in ("initial_pose", "task")]
     titles = [_title(e, protocols, language) for e in told]
-    several = [f"{title} {titles[: k + 1].count(title)}" if titles.count(title) > 1 else title for k, title in enumerate(titles)]
+    several = [
+        f"{title} {titles[: k + 1].count(title)}" if titles.count(title) > 1 else title
+        for k, title in enumerate(titles)
+    ]
     return [Chapter(title, e.onset, e.end) for title, e in zip(several, told)]
 
 
@@ -86,7 +106,11 @@ def _title(event: Event, protocols: Mapping[str, Protocol], language: Language) 
     if event.trial_type == "initial_pose":
         return language.say("replay.initial_pose")
     name = str(event.details.get("task_name", "task"))
-    return language.heard(protocols[name].title) if name in protocols else name.replace("_", " ").capitalize()
+    return (
+        language.heard(protocols[name].title)
+        if name in protocols
+        else name.replace("_", " ").capitalize()
+    )
 
 
 def thinned(t: Array, angles: Array, q_GH: Array) -> tuple[Array, Array, Array]:

@@ -17,6 +17,17 @@ def of_result(store: Store, result: Result, named: bool, language: Language) -> 
     hand = records.hand_of(session.hand)
     measures = session.geometry or result.recording.summary.get("geometry") or {}
     told = [Event(e["onset"], e["duration"], e["trial_type"], e) for e in result.content["events"]]
-    title = language.say("replay.title.of", pseudonym=session.patient.pseudonym) if named else language.say("replay.title")
+    title = (
+        language.say("replay.title.of", pseudonym=session.patient.pseudonym)
+        if named
+        else language.say("replay.title")
+    )
     geometry = sized(hand, measures_from(measures))
-    return replay_file(hand, geometry, load_replay(store, result), chapters(told, offered(store.folder)[0], language), title, language)
+    return replay_file(
+        hand,
+        geometry,
+        load_replay(store, result),
+        chapters(told, offered(store.folder)[0], language),
+        title,
+        language,
+    )

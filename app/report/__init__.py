@@ -45,4 +45,9 @@ def _json(content: "Content", style: Style) -> bytes:
     return json(content)
 
 
-FORMS: Mapping[str, Callable[["Content", Style], bytes]] = {"pdf": _pdf, "html": _html, "csv": _csv, "json": _json}
+FORMS: Mapping[str, Callable[["Content", Style], bytes]] = {
+    "pdf": _pdf,
+    "html": _html,
+    "csv": _csv,
+    "json": _json,
+}

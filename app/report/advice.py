@@ -40,4 +40,8 @@ def advice(reasons: Iterable[str], language: Language) -> list[str]:
     """A sentence for each thing to do, once; none where the reasons name nothing that a person could mend."""
     told = "; ".join(reasons)
     found = dict.fromkeys(what for piece, what in ADVICE if piece in told)
-    return [language.say(f"advice.{what}") for what in found if not (what == "nearer" and "magnets_away" in found)]
+    return [
+        language.say(f"advice.{what}")
+        for what in found
+        if not (what == "nearer" and "magnets_away" in found)
+    ]

@@ -12,7 +12,10 @@ from handscope.app.report.words import ROTATION, SIDES, side_words
 from handscope.estimators.measures.range_of_motion import Range
 
 End = Literal["smallest", "largest"]
-ENDS: tuple[tuple[End, int], ...] = (("smallest", -1), ("largest", 1))  # and the direction in which it is more
+ENDS: tuple[tuple[End, int], ...] = (
+    ("smallest", -1),
+    ("largest", 1),
+)  # and the direction in which it is more
 MORE, LEVEL = ("more", "less"), ("higher", "lower")
 LISTED = 10  # changes within the MDC at most that the print lists; of more it tells how many, so that a report stays a page
 DECIMALS = {"deg": 0, "per s": 2, "s": 3, "%": 1, "mm": 1, "mm/s": 0, "": 1}
@@ -29,7 +32,9 @@ class _Said:
     unchanged: bool
 
 
-def row_words(found: Changes, tasks: Sequence[Task], row: RangeRow, language: Language) -> dict[str, str]:
+def row_words(
+    found: Changes, tasks: Sequence[Task], row: RangeRow, language: Language
+) -> dict[str, str]:
     """For the cells flexion, extension and sideways of a row: "8° more, beyond MDC 12°"; "" where there is nothing to compare with."""
     cells: dict[str, list[str]] = {"flexion": [], "extension": [], "sideways": []}
     for cell, way, c, sign in _ends(found, tasks, row):
@@ -37,12 +42,20 @@ def row_words(found: Changes, tasks: Sequence[Task], row: RangeRow, language: La
     return {cell: "; ".join(said) for cell, said in cells.items()}
 
 
-def row_ends(found: Changes, tasks: Sequence[Task], row: RangeRow, language: Language) -> dict[str, str]:
+def row_ends(
+    found: Changes, tasks: Sequence[Task], row: RangeRow, language: Language
+) -> dict[str, str]:
     """Of flexion and extension of a row what changed beyond the MDC: "8° more"."""
-    return {cell: _which(c, sign, language)[0] for cell, _, c, sign in _ends(found, tasks, row) if cell != "sideways" and c.beyond}
+    return {
+        cell: _which(c, sign, language)[0]
+        for cell, _, c, sign in _ends(found, tasks, row)
+        if cell != "sideways" and c.beyond
+    }
 
 
-def range_changes(found: Changes, tasks: Sequence[Task], rows: Sequence[RangeRow], language: Language) -> str:
+def range_changes(
+    found: Changes, tasks: Sequence[Task], rows: Sequence[RangeRow], language: Language
+) -> str:
     """All rows in one paragraph, what is beyond the MDC first; "" where none has a change."""
     said = [
         _Said(
@@ -66,7 +79,12 @@ def tapping_changes(found: Changes, tasks: Sequence[Task], language: Language) -
         if c.measure == "tapping" and c.task in names and language.known(f"figure.{c.name}", "")
     ]
     told = found.sources("range_of_motion")
-    return _paragraph(found, said, [sentence for sentence in found.sources("tapping") if sentence not in told], language)
+    return _paragraph(
+        found,
+        said,
+        [sentence for sentence in found.sources("tapping") if sentence not in told],
+        language,
+    )
 
 
 def tapping_words(found: Changes, language: Language) -> dict[str, dict[str, str]]:
@@ -81,10 +99,16 @@ def tapping_words(found: Changes, language: Language) -> dict[str, dict[str, str
 def amount(value: float, name: str, unit: str, language: Language) -> str:
     """A size in the unit a person reads: "8°", "0.40 per s"."""
     number = language.number(value, 2 if name.endswith("_slope") else DECIMALS.get(unit, 2))
-    return f"{number}°" if unit == "deg" else f"{number} {language.known(f'unit.{unit}', unit)}".strip()
+    return (
+        f"{number}°"
+        if unit == "deg"
+        else f"{number} {language.known(f'unit.{unit}', unit)}".strip()
+    )
 
 
-def _paragraph(found: Changes, said: Sequence[_Said], sources: Sequence[str], language: Language) -> str:
+def _paragraph(
+    found: Changes, said: Sequence[_Said], sources: Sequence[str], language: Language
+) -> str:
     """Of joints, what of them, changes and their words; an MDC that is not the published one, which the sources tell, stands with its change."""
     if not said:
         return ""
@@ -92,18 +116,29 @@ def _paragraph(found: Changes, said: Sequence[_Said], sources: Sequence[str], la
     for s in said:
         c = s.change
         own = c.basis in ("own", "glove") and c.mdc95 is not None
-        mdc95 = f" ({language.say(f'mdc.{c.basis}', size=_size(c.mdc95 or 0.0, c, language))})" if own else ""
+        mdc95 = (
+            f" ({language.say(f'mdc.{c.basis}', size=_size(c.mdc95 or 0.0, c, language))})"
+            if own
+            else ""
+        )
         if not s.unchanged or c.beyond:
             group = groups["unjudged" if c.mdc95 is None else "beyond" if c.beyond else "within"]
             group.setdefault(s.joint, []).append(f"{s.what} {s.words}{mdc95}")
-    beyond, within, unjudged = ("; ".join(f"{joint} {', '.join(all_)}".strip() for joint, all_ in g.items()) for g in groups.values())
+    beyond, within, unjudged = (
+        "; ".join(f"{joint} {', '.join(all_)}".strip() for joint, all_ in g.items())
+        for g in groups.values()
+    )
     inside = [s for s in said if s.change.mdc95 is not None and not s.change.beyond]
     if len(inside) > LISTED:
         within = language.say("changes.all_others" if beyond else "changes.all", count=len(inside))
     told = sum(len(all_) for group in groups.values() for all_ in group.values())
     return " ".join(
         [
-            language.say("changes.beyond", day=language.day(found.since), what=beyond or language.say("changes.nothing")),
+            language.say(
+                "changes.beyond",
+                day=language.day(found.since),
+                what=beyond or language.say("changes.nothing"),
+            ),
             *([language.say("changes.within", what=within)] if within else []),
             *([language.say("changes.unjudged", what=unjudged)] if unjudged else []),
             *([language.say("changes.rest")] if told < len(said) and len(inside) <= LISTED else []),
@@ -112,12 +147,16 @@ def _paragraph(found: Changes, said: Sequence[_Said], sources: Sequence[str], la
     )
 
 
-def _ends(found: Changes, tasks: Sequence[Task], row: RangeRow) -> Iterator[tuple[str, str, Change, int]]:
+def _ends(
+    found: Changes, tasks: Sequence[Task], row: RangeRow
+) -> Iterator[tuple[str, str, Change, int]]:
     """Of both ends of a row's ranges: cell, side ("" for flexion), change, and the sign in which it is more."""
     for r in row.ranges:
         flexion = r.angle == "flexion"
         sides = ("", "") if flexion else ROTATION if r.angle == "pronation" else SIDES[r.joint]
-        for (end, sign), cell, side in zip(ENDS, ("extension", "flexion") if flexion else ("sideways", "sideways"), sides):
+        for (end, sign), cell, side in zip(
+            ENDS, ("extension", "flexion") if flexion else ("sideways", "sideways"), sides
+        ):
             if c := _at(found, tasks, r, end):
                 yield cell, side, c, sign
 
@@ -127,9 +166,12 @@ def _at(found: Changes, tasks: Sequence[Task], r: Range, end: End) -> Change | N
     value = getattr(r, end)
     for task in tasks:
         if task.asks(r.joint, r.angle) and any(
-            (d.joint, d.angle, getattr(d, end)) == (r.joint, r.angle, value) for d in task.result.details
+            (d.joint, d.angle, getattr(d, end)) == (r.joint, r.angle, value)
+            for d in task.result.details
         ):
-            return found.of(task.result.task, f"{r.joint}_{r.angle}_{'max' if end == 'largest' else 'min'}")
+            return found.of(
+                task.result.task, f"{r.joint}_{r.angle}_{'max' if end == 'largest' else 'min'}"
+            )
     return None
 
 
@@ -144,7 +186,9 @@ def _words(c: Change, sign: int, language: Language, more: tuple[str, str] = MOR
     return language.say("change.beyond" if c.beyond else "change.within_of", which=which, mdc=mdc95)
 
 
-def _which(c: Change, sign: int, language: Language, more: tuple[str, str] = MORE) -> tuple[str, bool]:
+def _which(
+    c: Change, sign: int, language: Language, more: tuple[str, str] = MORE
+) -> tuple[str, bool]:
     """ "8° more", and whether there is no change to be seen."""
     size, nothing = (_size(v, c, language) for v in (abs(c.value), 0.0))
     if size == nothing:

@@ -56,7 +56,11 @@ class Changes:
 
     def sources(self, measure: str) -> tuple[str, ...]:
         """What this measure's changes are judged by, in sentences."""
-        return tuple(dict.fromkeys(sentence for c in self.each if c.measure == measure for sentence in c.sources))
+        return tuple(
+            dict.fromkeys(
+                sentence for c in self.each if c.measure == measure for sentence in c.sources
+            )
+        )
 
     def of(self, task: str, name: str) -> Change | None:
         return next((c for c in self.each if (c.task, c.name) == (task, name)), None)
@@ -72,9 +76,14 @@ def changes(told: Comparison) -> Changes | None:
     return Changes(told.since, each) if each else None
 
 
-def judged_by(key: Key, unit: str, own: Mapping[Key, Repeatability], glove: Mapping[Key, Repeatability]) -> Judge:
+def judged_by(
+    key: Key, unit: str, own: Mapping[Key, Repeatability], glove: Mapping[Key, Repeatability]
+) -> Judge:
     """What a change of the figure `key`, SI unit `unit`, must exceed, from the patient's own and the glove's repeatability and what is published."""
-    mine: tuple[tuple[Basis, Repeatability | None], ...] = (("own", own.get(key)), ("glove", glove.get(key)))
+    mine: tuple[tuple[Basis, Repeatability | None], ...] = (
+        ("own", own.get(key)),
+        ("glove", glove.get(key)),
+    )
     for basis, kept in mine:
         if kept is not None and enough(kept):
             return Judge(read_as(key, kept.mdc95, unit)[0], basis, (_source(kept),))
@@ -86,7 +95,11 @@ def judged_by(key: Key, unit: str, own: Mapping[Key, Repeatability], glove: Mapp
         words = f"of the tapping rate: {default.value:g} per s"
     elif (published := change_of_name(key[2])) is not None:
         size = f"{published.value:g} {published.unit}"
-        return Judge(published.value, "published", (f"MDC of {size} from trial to trial ({published.source.name}).", NEEDED))
+        return Judge(
+            published.value,
+            "published",
+            (f"MDC of {size} from trial to trial ({published.source.name}).", NEEDED),
+        )
     else:
         return Judge(None, "none", (NOT_KNOWN,))
     return Judge(default.value, "published", (f"MDC {words} ({default.source.name}).", NEEDED))

@@ -26,7 +26,12 @@ from handscope.estimators.pipeline.process import Processed
 from handscope.sessions.clinic.visit_history import Course
 from handscope.sessions.files.recording import LoadedRecording
 
-ATTEMPTED = ("accepted", "redone", "paused", "not used")  # outcomes of an attempt that say nothing about the patient
+ATTEMPTED = (
+    "accepted",
+    "redone",
+    "paused",
+    "not used",
+)  # outcomes of an attempt that say nothing about the patient
 CURVE_POINTS = 500  # of a curve on the page: finer than the print
 
 
@@ -120,7 +125,9 @@ class Task:
     result: TaskResult
     title: str  # of the task
     measure_title: str
-    asked: frozenset[str] | None  # angles (index_mcp_flexion, ...) that the patient was asked to move; None: not known, any
+    asked: (
+        frozenset[str] | None
+    )  # angles (index_mcp_flexion, ...) that the patient was asked to move; None: not known, any
     curves: tuple[Curve, ...] = ()
     grading: str = ""  # the scheme that names its figures (gradings.py), where it was chosen
 
@@ -172,12 +179,16 @@ class Content:
     measured: tuple[str, ...]  # segments that carry a sensor
     flagged: tuple[Flagged, ...]
     warnings: tuple[str, ...]
-    changes: Changes | None = None  # since the patient's session before; None where there is nothing to compare with
+    changes: Changes | None = (
+        None  # since the patient's session before; None where there is nothing to compare with
+    )
     course: Course | None = None  # the patient's sessions until now, and the other hand
     not_done: tuple[NotDone, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     scores: tuple[Scored, ...] = ()
-    self_calibration: Mapping[str, Any] | None = None  # what the method found of hand and sensors (self_calibration.kept_of)
+    self_calibration: Mapping[str, Any] | None = (
+        None  # what the method found of hand and sensors (self_calibration.kept_of)
+    )
 
 
 def content(
@@ -197,7 +208,11 @@ def content(
 
     `protocols` (by task name) tell what each task was called and which angles it asked for; a task without one may have asked for any.
     """
-    measured = tuple(s for s in SEGMENT if any(s in stream.sensors for stream in recording.streams if stream.inertial))
+    measured = tuple(
+        s
+        for s in SEGMENT
+        if any(s in stream.sensors for stream in recording.streams if stream.inertial)
+    )
     return Content(
         visit,
         recording.hand,
@@ -227,15 +242,28 @@ def _moment(start_utc: str | None) -> datetime | None:
 
 
 def _changed(params: Any) -> list[Changed]:
-    return [Changed(o, getattr(params, o.name)) for o in describe(type(params)) if getattr(params, o.name) != o.default]
+    return [
+        Changed(o, getattr(params, o.name))
+        for o in describe(type(params))
+        if getattr(params, o.name) != o.default
+    ]
 
 
 def _recording(recording: LoadedRecording) -> RecordingFacts:
     streams = tuple(
-        StreamFacts(s.name, s.sensors, s.quantities, s.rate, len(recording.samples[s.name].t), recording.losses.get(s.name))
+        StreamFacts(
+            s.name,
+            s.sensors,
+            s.quantities,
+            s.rate,
+            len(recording.samples[s.name].t),
+            recording.losses.get(s.name),
+        )
         for s in recording.streams
     )
-    return RecordingFacts(recording.checksum, recording.start_utc or "", recording.duration, recording.source, streams)
+    return RecordingFacts(
+        recording.checksum, recording.start_utc or "", recording.duration, recording.source, streams
+    )
 
 
 def _not_done(recording: LoadedRecording, protocols: Mapping[str, Protocol]) -> list[NotDone]:
@@ -243,21 +271,47 @@ def _not_done(recording: LoadedRecording, protocols: Mapping[str, Protocol]) -> 
     done = {str(e.details.get("task_name")) for e in recording.events if e.trial_type == "task"}
     told: dict[str, NotDone] = {}
     for event in recording.events:
-        name, outcome = str(event.details.get("task_name", "")), str(event.details.get("outcome", ""))
-        if event.trial_type == "annotation" and name not in done and outcome and not outcome.startswith(ATTEMPTED):
+        name, outcome = (
+            str(event.details.get("task_name", "")),
+            str(event.details.get("outcome", "")),
+        )
+        if (
+            event.trial_type == "annotation"
+            and name not in done
+            and outcome
+            and not outcome.startswith(ATTEMPTED)
+        ):
             word, _, reason = outcome.partition(":")
             told[name] = NotDone(_title(name, protocols), word.strip(), reason.strip())
     return list(told.values())
 
 
 def _scores(recording: LoadedRecording, protocols: Mapping[str, Protocol]) -> list[Scored]:
-    told = [e.details for e in recording.events if e.trial_type == "task" and e.details.get("score") not in (None, "")]
-    return [Scored(_title(str(d.get("task_name")), protocols), str(d.get("score_title", "")), float(d["score"])) for d in told]
+    told = [
+        e.details
+        for e in recording.events
+        if e.trial_type == "task" and e.details.get("score") not in (None, "")
+    ]
+    return [
+        Scored(
+            _title(str(d.get("task_name")), protocols),
+            str(d.get("score_title", "")),
+            float(d["score"]),
+        )
+        for d in told
+    ]
 
 
-def _left_out(recording: LoadedRecording, protocols: Mapping[str, Protocol], corrections: Sequence[Mapping[str, Any]]) -> list[LeftOut]:
+def _left_out(
+    recording: LoadedRecording,
+    protocols: Mapping[str, Protocol],
+    corrections: Sequence[Mapping[str, Any]],
+) -> list[LeftOut]:
     names = [str(e.details.get("task_name", "")) for e in recording.events]
-    return [LeftOut(_title(names[c["event"]], protocols), c["kind"], c["onset"], c["end"], c["reason"]) for c in corrections]
+    return [
+        LeftOut(_title(names[c["event"]], protocols), c["kind"], c["onset"], c["end"], c["reason"])
+        for c in corrections
+    ]
 
 
 def _title(name: str, protocols: Mapping[str, Protocol]) -> str:
@@ -266,14 +320,24 @@ def _title(name: str, protocols: Mapping[str, Protocol]) -> str:
 
 def _task(result: TaskResult, protocol: Protocol | None, trajectory: Trajectory) -> Task:
     title = protocol.title if protocol else result.task.replace("_", " ")
-    return Task(result, title, MEASURES[result.measure].TITLE, asked(protocol), tuple(_curves(trajectory, result)))
+    return Task(
+        result,
+        title,
+        MEASURES[result.measure].TITLE,
+        asked(protocol),
+        tuple(_curves(trajectory, result)),
+    )
 
 
 def asked(protocol: Protocol | None) -> frozenset[str] | None:
     """The angles that differ between the postures that the protocol shows."""
     if protocol is None or len(protocol.ghost) < 2:
         return None
-    return frozenset(angle for angle in DOF_NAMES if len({posture.get(angle, 0.0) for posture in protocol.ghost}) > 1)
+    return frozenset(
+        angle
+        for angle in DOF_NAMES
+        if len({posture.get(angle, 0.0) for posture in protocol.ghost}) > 1
+    )
 
 
 def _curves(trajectory: Trajectory, result: TaskResult) -> list[Curve]:
@@ -287,13 +351,19 @@ def _curves(trajectory: Trajectory, result: TaskResult) -> list[Curve]:
     return [Curve(joint, t, part.angles[::every, JOINT[joint], FLEXION]) for joint in joints]
 
 
-def _flagged(trajectory: Trajectory, results: Sequence[TaskResult], measured: Sequence[str]) -> list[Flagged]:
+def _flagged(
+    trajectory: Trajectory, results: Sequence[TaskResult], measured: Sequence[str]
+) -> list[Flagged]:
     """Shares of flags within the tasks (the whole recording where there is none)."""
     inside = np.zeros(len(trajectory), bool) if results else np.ones(len(trajectory), bool)
     for r in results:
         inside |= (trajectory.t >= r.onset) & (trajectory.t <= r.end)
     flags = trajectory.flags[inside][:, [SEGMENT[s] for s in measured]]
-    return [found for flag, words in FLAG_WORDS.items() if flags.size and (found := _share(flags, flag, words, measured)).share > 0]
+    return [
+        found
+        for flag, words in FLAG_WORDS.items()
+        if flags.size and (found := _share(flags, flag, words, measured)).share > 0
+    ]
 
 
 def _share(flags: np.ndarray, flag: Flag, words: str, measured: Sequence[str]) -> Flagged:

@@ -23,7 +23,11 @@ def graded(content: Content, scheme: str) -> Content:
 
 def graded_tasks(tasks: Sequence[Task], scheme: str, other: dict[str, float]) -> tuple[Task, ...]:
     return tuple(
-        replace(t, result=replace(t.result, figures=regraded(t.result.figures, scheme, other)), grading=scheme)
+        replace(
+            t,
+            result=replace(t.result, figures=regraded(t.result.figures, scheme, other)),
+            grading=scheme,
+        )
         if t.result.measure == MEASURE
         else t
         for t in tasks
@@ -35,6 +39,11 @@ def uninjured(hand: str, affected: str | None, course: Course | None) -> dict[st
     if affected != hand or course is None or course.other is None:
         return {}
     found = {
-        f: [v for (measure, _, name), (v, _) in course.other.values.items() if (measure, name) == (MEASURE, f"{f}_tam")] for f in FINGERS
+        f: [
+            v
+            for (measure, _, name), (v, _) in course.other.values.items()
+            if (measure, name) == (MEASURE, f"{f}_tam")
+        ]
+        for f in FINGERS
     }
     return {f: max(values) for f, values in found.items() if values and max(values) > 0}

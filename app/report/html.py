@@ -21,14 +21,21 @@ NAMES: Final = re.compile(r'(id="|url\(#|href="#)')
 def html(content: Content, language: Language) -> bytes:
     """The report; text prints as it was typed."""
     numbers = count()
-    return _template().render(page=words_of(content, language), drawn=lambda svg: _drawn(svg, next(numbers))).encode()
+    return (
+        _template()
+        .render(page=words_of(content, language), drawn=lambda svg: _drawn(svg, next(numbers)))
+        .encode()
+    )
 
 
 @cache
 def _template() -> Template:
-    return Environment(loader=FileSystemLoader(LAYOUT.parent), autoescape=True, undefined=StrictUndefined, trim_blocks=True).get_template(
-        LAYOUT.name
-    )
+    return Environment(
+        loader=FileSystemLoader(LAYOUT.parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+    ).get_template(LAYOUT.name)
 
 
 def _drawn(svg: str, number: int) -> Markup:

@@ -38,7 +38,14 @@ class PublishedChange:
 
 def norm_of(what: str, part: str = "", task: str = "") -> Norm | None:
     """The norm of a figure; None where there is none with a source."""
-    return next((n for n in norms() if n.what == what and n.part in (None, part) and n.task in (None, task)), None)
+    return next(
+        (
+            n
+            for n in norms()
+            if n.what == what and n.part in (None, part) and n.task in (None, task)
+        ),
+        None,
+    )
 
 
 def change_of(what: str) -> PublishedChange | None:
@@ -48,7 +55,10 @@ def change_of(what: str) -> PublishedChange | None:
 
 def change_of_name(name: str) -> PublishedChange | None:
     """The same by a figure's whole name, its part included: "index_tam"."""
-    return next((c for what, c in published_changes().items() if name == what or name.endswith(f"_{what}")), None)
+    return next(
+        (c for what, c in published_changes().items() if name == what or name.endswith(f"_{what}")),
+        None,
+    )
 
 
 @cache
@@ -75,7 +85,13 @@ def norms() -> tuple[Norm, ...]:
 def published_changes() -> Mapping[str, PublishedChange]:
     file = _file()
     return {
-        v["what"]: PublishedChange(v["what"], v["unit"], float(v["value"]), Source(**file["sources"][v["source"]]), v.get("note", ""))
+        v["what"]: PublishedChange(
+            v["what"],
+            v["unit"],
+            float(v["value"]),
+            Source(**file["sources"][v["source"]]),
+            v.get("note", ""),
+        )
         for v in file["smallest_changes"]
     }
 

@@ -48,13 +48,30 @@ def words_of(content: Content, language: Language) -> Page:
         "notice": say("notice"),
         "summary": summary(content, language),
         "ranges": [range_section(content, trials, language) for trials in ([main] if main else [])],
-        "tapping": [tapping_section(taps[k : k + TRIALS], k, len(taps), language, content.changes) for k in range(0, len(taps), TRIALS)],
+        "tapping": [
+            tapping_section(taps[k : k + TRIALS], k, len(taps), language, content.changes)
+            for k in range(0, len(taps), TRIALS)
+        ],
         "others": [drawn(section, language) for section in other_measures(content.tasks, language)],
-        "further": [s for s in (range_section(content, trials, language, bars=False) for trials in further) if not s["absent"]],
+        "further": [
+            s
+            for s in (range_section(content, trials, language, bars=False) for trials in further)
+            if not s["absent"]
+        ],
         "trends": [section for section in [trend_section(content, language)] if section],
         "self_calibration": self_calibration_section(content.self_calibration, language),
-        "not_done": [[language.heard(n.title), outcome_words(n.outcome, language), n.reason or say("no_reason")] for n in content.not_done],
-        "scores": [[language.heard(s.title), language.heard(s.scale), f"{s.score:g}"] for s in content.scores],
+        "not_done": [
+            [
+                language.heard(n.title),
+                outcome_words(n.outcome, language),
+                n.reason or say("no_reason"),
+            ]
+            for n in content.not_done
+        ],
+        "scores": [
+            [language.heard(s.title), language.heard(s.scale), f"{s.score:g}"]
+            for s in content.scores
+        ],
         "left_out": [_left_out(part, language) for part in content.left_out],
         "calibration": _calibration(content.calibrations, language),
         "signal": _signal(content, language),
@@ -87,11 +104,19 @@ def _chosen(content: Content) -> tuple[list[Task], list[list[Task]]]:
 
 def _facts(content: Content, language: Language) -> list[list[str]]:
     visit, source, say = content.visit, content.recording.source, language.say
-    side = {content.hand: "affected", "both": "affected.both"}.get(visit.affected or "", "unaffected") if visit.affected else ""
+    side = (
+        {content.hand: "affected", "both": "affected.both"}.get(visit.affected or "", "unaffected")
+        if visit.affected
+        else ""
+    )
     dominance = say(f"dominant.{visit.dominant}") if visit.dominant else ""
     return [
         [say("fact.patient"), visit.patient or say("not_named"), ""],
-        [say("fact.hand"), say(f"hand.{content.hand}"), ", ".join(w for w in (say(f"side.{side}") if side else "", dominance) if w)],
+        [
+            say("fact.hand"),
+            say(f"hand.{content.hand}"),
+            ", ".join(w for w in (say(f"side.{side}") if side else "", dominance) if w),
+        ],
         [say("fact.session"), _day(content, language), _hour(content, language)],
         [say("fact.examiner"), visit.examiner or say("not_given"), ""],
         [
@@ -107,7 +132,11 @@ def _hour(content: Content, language: Language) -> str:
     visit, hour = content.visit, language.hour(content.date) if content.date else ""
     if visit.recorded_as is None:
         return hour
-    said = language.say("fact.session.corrected", day=language.short_day(visit.recorded_as), hour=language.hour(visit.recorded_as))
+    said = language.say(
+        "fact.session.corrected",
+        day=language.short_day(visit.recorded_as),
+        hour=language.hour(visit.recorded_as),
+    )
     return f"{hour}; {said} ({visit.date_reason})"
 
 
@@ -116,8 +145,15 @@ def _day(content: Content, language: Language) -> str:
 
 
 def _left_out(part: LeftOut, language: Language) -> list[str]:
-    span = language.say("left_out.span", start=language.number(part.onset, 1), end=language.number(part.end, 1))
-    return [language.heard(part.title), language.known(f"correction.{part.kind}", part.kind), span, part.reason]
+    span = language.say(
+        "left_out.span", start=language.number(part.onset, 1), end=language.number(part.end, 1)
+    )
+    return [
+        language.heard(part.title),
+        language.known(f"correction.{part.kind}", part.kind),
+        span,
+        part.reason,
+    ]
 
 
 def _warnings(content: Content, language: Language) -> list[str]:
@@ -139,23 +175,39 @@ def _calibration(calibrations: Sequence[CalibrationFacts], language: Language) -
         )
         for c in calibrations
     ]
-    rows = (("deg/s", "rate_wander"), ("deg", "tilt_change"), ("deg/s", "bias"), ("deg", "misalignment"))
+    rows = (
+        ("deg/s", "rate_wander"),
+        ("deg", "tilt_change"),
+        ("deg/s", "bias"),
+        ("deg", "misalignment"),
+    )
     sensors = [(segment, q) for c in calibrations for segment, q in c.sensors.items()]
     return {
         "summaries": said or [language.say("calibration.none")],
         "rows": [
-            [language.say(f"calibration.{name}"), *_spread(sensors, name, language), unit_words(unit, language)] for unit, name in rows
+            [
+                language.say(f"calibration.{name}"),
+                *_spread(sensors, name, language),
+                unit_words(unit, language),
+            ]
+            for unit, name in rows
         ]
         if sensors
         else [],
     }
 
 
-def _spread(sensors: Sequence[tuple[str, SensorQuality]], name: str, language: Language) -> list[str]:
+def _spread(
+    sensors: Sequence[tuple[str, SensorQuality]], name: str, language: Language
+) -> list[str]:
     """Median, largest, and the sensor with the largest."""
     values = [DEG * float(getattr(q, name)) for _, q in sensors]
     worst = int(np.argmax(values))
-    return [language.number(float(np.median(values)), 2), language.number(values[worst], 2), language.segment(sensors[worst][0])]
+    return [
+        language.number(float(np.median(values)), 2),
+        language.number(values[worst], 2),
+        language.segment(sensors[worst][0]),
+    ]
 
 
 def _signal(content: Content, language: Language) -> list[list[str]]:
@@ -174,11 +226,17 @@ def _signal(content: Content, language: Language) -> list[list[str]]:
         alike.setdefault((s.rate, s.quantities), []).append(s)
     losses = {_lost(streams, language) for streams in alike.values()}
     once = len(losses) == 1 and len(alike) > 1
-    rows = [[language.say("streams" if len(s) > 1 else "stream"), _streams(s, language, told=not once)] for s in alike.values()]
+    rows = [
+        [language.say("streams" if len(s) > 1 else "stream"), _streams(s, language, told=not once)]
+        for s in alike.values()
+    ]
     return [
         *rows,
         *([language.say("streams.all"), lost] for lost in losses if once),
-        [language.say("task_samples"), "; ".join(flagged) if flagged else language.say("unflagged")],
+        [
+            language.say("task_samples"),
+            "; ".join(flagged) if flagged else language.say("unflagged"),
+        ],
     ]
 
 
@@ -187,7 +245,10 @@ def _streams(streams: Sequence[StreamFacts], language: Language, told: bool) -> 
     words = language.say(
         "streams.of",
         names=", ".join(
-            language.say("streams.forces") if FORCE in s.quantities else language.known(f"part.{s.name}", s.name) for s in streams
+            language.say("streams.forces")
+            if FORCE in s.quantities
+            else language.known(f"part.{s.name}", s.name)
+            for s in streams
         ),
         sensors=sum(len(s.sensors) for s in streams),
         rate=f"{streams[0].rate:g}",
@@ -200,19 +261,35 @@ def _lost(streams: Sequence[StreamFacts], language: Language) -> str:
     counts = [s.lost for s in streams if s.lost is not None]
     if len(counts) < len(streams):
         return language.say("losses.unknown")
-    return language.say("losses", count=language.number(sum(counts))) if sum(counts) else language.say("losses.none")
+    return (
+        language.say("losses", count=language.number(sum(counts)))
+        if sum(counts)
+        else language.say("losses.none")
+    )
 
 
 def _provenance(content: Content, language: Language) -> list[list[str]]:
     recording, method, say = content.recording, content.method, language.say
     known = ("device", "device_id", "firmware", "format")
-    device = [say(f"source.{key}", value=recording.source[key]) for key in known if recording.source.get(key)]
+    device = [
+        say(f"source.{key}", value=recording.source[key])
+        for key in known
+        if recording.source.get(key)
+    ]
     changed = [
-        say("option.changed", name=c.option.name, value=f"{c.value} {c.option.unit}".strip(), default=c.option.default)
+        say(
+            "option.changed",
+            name=c.option.name,
+            value=f"{c.value} {c.option.unit}".strip(),
+            default=c.option.default,
+        )
         for c in method.changed
     ]
     return [
-        [say("recorded"), f"{recording.start_utc or say('no_start')}, {language.number(recording.duration, 1)} s"],
+        [
+            say("recorded"),
+            f"{recording.start_utc or say('no_start')}, {language.number(recording.duration, 1)} s",
+        ],
         [say("device"), ", ".join(device) or say("not_recorded")],
         [say("software"), content.software],
         [say("method"), f"{method.name}: {language.heard(method.title)}"],

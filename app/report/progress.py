@@ -70,7 +70,9 @@ def progress(visits: Sequence[Visited], protocols: Mapping[str, Protocol]) -> Pr
         return None
     way = _usual(visits)
     kept = [v for v in visits if v.occasion.way[1:] == way]
-    by_hand: dict[Hand, list[Visited]] = {hand: [v for v in kept if v.occasion.hand == hand] for hand in HANDS}
+    by_hand: dict[Hand, list[Visited]] = {
+        hand: [v for v in kept if v.occasion.hand == hand] for hand in HANDS
+    }
     every = dict.fromkeys(key for v in kept for key in v.values)
     keys = [key for key in every if not key[2].endswith("_range") and _is_asked(key, protocols)]
     return Progress(
@@ -96,9 +98,20 @@ def _is_asked(key: Key, protocols: Mapping[str, Protocol]) -> bool:
 
 def _series(key: Key, by_hand: Mapping[Hand, Sequence[Visited]]) -> Series:
     joint, angle, end = _parts(key[2])
-    courses = {hand: _course(key, found) for hand, visits in by_hand.items() if (found := [v for v in visits if key in v.values])}
-    unit = next(read_as(key, *v.values[key])[1] for visits in by_hand.values() for v in visits if key in v.values)
-    reference = next((r for r in references() if (r.joint, r.angle, r.end) == (joint, angle, end)), None)
+    courses = {
+        hand: _course(key, found)
+        for hand, visits in by_hand.items()
+        if (found := [v for v in visits if key in v.values])
+    }
+    unit = next(
+        read_as(key, *v.values[key])[1]
+        for visits in by_hand.values()
+        for v in visits
+        if key in v.values
+    )
+    reference = next(
+        (r for r in references() if (r.joint, r.angle, r.end) == (joint, angle, end)), None
+    )
     return Series(*key, unit, joint, angle, end, courses, reference)
 
 
@@ -109,7 +122,12 @@ def _course(key: Key, visits: Sequence[Visited]) -> Course:
     before = [None, *(_beyond(now - then, judge) for then, now in pairwise(values))]
     first = [None, *(_beyond(value - values[0], judge) for value in values[1:])]
     points = zip(visits, values, first, before)
-    return Course(tuple(Point(v.occasion.session, v.occasion.started, value, f, b) for v, value, f, b in points), judge)
+    return Course(
+        tuple(
+            Point(v.occasion.session, v.occasion.started, value, f, b) for v, value, f, b in points
+        ),
+        judge,
+    )
 
 
 def _beyond(change: float, judge: Judge) -> bool | None:

@@ -43,7 +43,14 @@ def references() -> tuple[Reference, ...]:
     """All reference values, one a joint, angle and end."""
     file = _file()
     return tuple(
-        Reference(joint, v["angle"], v["end"], float(v["degrees"]), Source(**file["sources"][v["source"]]), v.get("note", ""))
+        Reference(
+            joint,
+            v["angle"],
+            v["end"],
+            float(v["degrees"]),
+            Source(**file["sources"][v["source"]]),
+            v.get("note", ""),
+        )
         for v in file["values"]
         for joint in v["joints"]
     )
@@ -54,7 +61,9 @@ def smallest_change() -> SmallestChange:
     """The default until a glove's own repeatability is known."""
     file = _file()
     value = file["smallest_change"]
-    return SmallestChange(float(value["degrees"]), Source(**file["sources"][value["source"]]), value["note"])
+    return SmallestChange(
+        float(value["degrees"]), Source(**file["sources"][value["source"]]), value["note"]
+    )
 
 
 @cache
@@ -62,7 +71,9 @@ def smallest_change_of_rate() -> SmallestChange:
     """The same for the rate of tapping."""
     file = _file()
     value = file["smallest_change_of_rate"]
-    return SmallestChange(float(value["per_second"]), Source(**file["sources"][value["source"]]), value["note"])
+    return SmallestChange(
+        float(value["per_second"]), Source(**file["sources"][value["source"]]), value["note"]
+    )
 
 
 def _file() -> dict[str, Any]:

@@ -29,9 +29,34 @@ KEPT: Mapping[str, type] = {
     **{
         f"{of.__module__}.{of.__name__}": of
         for of in (
-            *(content.Visit, content.Content, content.Changed, content.Method, content.StreamFacts, content.RecordingFacts),
-            *(content.CalibrationFacts, content.Flagged, content.Curve, content.Task, content.NotDone, content.Scored, content.LeftOut),
-            *(TaskResult, Figure, Range, Tapping, cycles.Cycles, cycles.Stops, cycles.Params, plot_data.Shown, plot_data.Curve),
+            *(
+                content.Visit,
+                content.Content,
+                content.Changed,
+                content.Method,
+                content.StreamFacts,
+                content.RecordingFacts,
+            ),
+            *(
+                content.CalibrationFacts,
+                content.Flagged,
+                content.Curve,
+                content.Task,
+                content.NotDone,
+                content.Scored,
+                content.LeftOut,
+            ),
+            *(
+                TaskResult,
+                Figure,
+                Range,
+                Tapping,
+                cycles.Cycles,
+                cycles.Stops,
+                cycles.Params,
+                plot_data.Shown,
+                plot_data.Curve,
+            ),
             *(SensorQuality, Description),
         )
     }
@@ -40,11 +65,19 @@ KEPT: Mapping[str, type] = {
 
 def packed(whole: Content) -> bytes:
     """A content without what the database knows and may change later: the visit, the course, the changes."""
-    own = replace(whole, visit=content.Visit(patient=""), changes=None, course=None, tasks=tuple(map(_readable, whole.tasks)))
+    own = replace(
+        whole,
+        visit=content.Visit(patient=""),
+        changes=None,
+        course=None,
+        tasks=tuple(map(_readable, whole.tasks)),
+    )
     arrays: dict[str, np.ndarray] = {}
     tree = json.dumps(_plain(own, arrays), separators=(",", ":"))
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, allow_pickle=False, **{TREE: np.frombuffer(tree.encode(), np.uint8)}, **arrays)
+    np.savez_compressed(
+        buffer, allow_pickle=False, **{TREE: np.frombuffer(tree.encode(), np.uint8)}, **arrays
+    )
     return buffer.getvalue()
 
 
@@ -63,7 +96,11 @@ def _readable(task: content.Task) -> content.Task:
     """A task with only those details that a report reads."""
     details = task.result.details
     ranges = isinstance(details, list) and all(isinstance(d, Range) for d in details)
-    return task if ranges or isinstance(details, Tapping) else replace(task, result=replace(task.result, details=None))
+    return (
+        task
+        if ranges or isinstance(details, Tapping)
+        else replace(task, result=replace(task.result, details=None))
+    )
 
 
 def _plain(value: Any, arrays: dict[str, np.ndarray]) -> Any:

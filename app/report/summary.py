@@ -11,7 +11,12 @@ from handscope.app.language import Language
 from handscope.app.report.changes import Changes
 from handscope.app.report.content import Content, Task
 from handscope.app.report.references import smallest_change
-from handscope.app.report.sections.range_comparison import Lacking, behind_other, behind_reference, other_hand
+from handscope.app.report.sections.range_comparison import (
+    Lacking,
+    behind_other,
+    behind_reference,
+    other_hand,
+)
 from handscope.app.report.sections.range_rows import GRADES, asks_full_range
 from handscope.app.report.units import DEG
 from handscope.app.report.words import joint_words
@@ -25,7 +30,11 @@ LEAST_FORWARD = 0.005  # m; a smaller one back is told as none forward
 
 def summary(content: Content, language: Language) -> list[str]:
     """Sentences, the most general first."""
-    full = [t for t in content.tasks if t.result.measure == "range_of_motion" and asks_full_range(t.result.task)]
+    full = [
+        t
+        for t in content.tasks
+        if t.result.measure == "range_of_motion" and asks_full_range(t.result.task)
+    ]
     said = [
         _tasks(content, language),
         *_not_done(content, language),
@@ -50,15 +59,21 @@ def _tasks(content: Content, language: Language) -> str:
     if all(t.result.task == WHOLE for t in content.tasks):
         return language.say("summary.whole")
     names = [
-        language.heard(title) + (f" ({language.counted('summary.trials', len(onsets))})" if len(onsets) > 1 else "")
+        language.heard(title)
+        + (f" ({language.counted('summary.trials', len(onsets))})" if len(onsets) > 1 else "")
         for title, onsets in trials.items()
     ]
-    return language.say("summary.tasks", count=language.counted("summary.accepted", len(names)), tasks=", ".join(names))
+    return language.say(
+        "summary.tasks",
+        count=language.counted("summary.accepted", len(names)),
+        tasks=", ".join(names),
+    )
 
 
 def _not_done(content: Content, language: Language) -> list[str]:
     named = [
-        f"{language.heard(n.title)} ({', '.join(w for w in (outcome_words(n.outcome, language), n.reason) if w)})" for n in content.not_done
+        f"{language.heard(n.title)} ({', '.join(w for w in (outcome_words(n.outcome, language), n.reason) if w)})"
+        for n in content.not_done
     ]
     return [language.say("summary.not_done", tasks="; ".join(named))] if named else []
 
@@ -67,7 +82,9 @@ def _absent(content: Content, language: Language) -> list[str]:
     """Which of the two usual parts a session lacks."""
     measures = {t.result.measure for t in content.tasks}
     usual = {"range_of_motion": "ranges.none", "tapping": "tapping.none"}
-    return [language.say(key) for measure, key in usual.items() if measures and measure not in measures]
+    return [
+        language.say(key) for measure, key in usual.items() if measures and measure not in measures
+    ]
 
 
 def outcome_words(outcome: str, language: Language) -> str:
@@ -123,11 +140,18 @@ def _tapping(content: Content, language: Language) -> list[str]:
     said = []
     for title in dict.fromkeys(t.title for t in content.tasks if t.result.measure == "tapping"):
         trials = [t for t in content.tasks if t.title == title and t.result.measure == "tapping"]
-        rate, amplitude, ratio = (_mean(trials, name) for name in ("tapping_rate", "tapping_amplitude_mean", "tapping_decrement_ratio"))
+        rate, amplitude, ratio = (
+            _mean(trials, name)
+            for name in ("tapping_rate", "tapping_amplitude_mean", "tapping_decrement_ratio")
+        )
         if not np.isfinite(rate):
             said.append(language.say("summary.tapping.none", task=language.heard(title)))
             continue
-        facts = {"task": language.heard(title), "rate": language.number(rate, 2), "amplitude": language.number(1e3 * amplitude)}
+        facts = {
+            "task": language.heard(title),
+            "rate": language.number(rate, 2),
+            "amplitude": language.number(1e3 * amplitude),
+        }
         words = language.say("summary.tapping", **facts)
         if np.isfinite(ratio) and abs(ratio) >= 0.005:
             which = "summary.tapping.smaller" if ratio < 0 else "summary.tapping.larger"
@@ -142,22 +166,56 @@ def _reach(content: Content, language: Language) -> list[str]:
     for title in dict.fromkeys(t.title for t in content.tasks if t.result.measure == "reach"):
         trials = [t for t in content.tasks if t.title == title and t.result.measure == "reach"]
         task = language.heard(title)
-        distance, straightness, farthest = (_mean(trials, f"reach_{name}") for name in ("distance", "straightness", "farthest"))
+        distance, straightness, farthest = (
+            _mean(trials, f"reach_{name}") for name in ("distance", "straightness", "farthest")
+        )
         if np.isfinite([distance, straightness, farthest]).all():
             longer = language.number(max(0.0, 100 * (straightness - 1)))
-            far = {"distance": language.number(1e2 * distance), "farthest": language.number(1e2 * farthest)}
-            said.append(" ".join([language.say("summary.reach", task=task, longer=longer, **far), *_of_trunk(trials, language)]))
-        elif reason := next((f.reason for t in trials for f in t.result.figures if f.name == "reach_distance" and f.reason), ""):
-            said.append(language.say("summary.reach.none", task=task, reason=language.heard(reason)))
+            far = {
+                "distance": language.number(1e2 * distance),
+                "farthest": language.number(1e2 * farthest),
+            }
+            said.append(
+                " ".join(
+                    [
+                        language.say("summary.reach", task=task, longer=longer, **far),
+                        *_of_trunk(trials, language),
+                    ]
+                )
+            )
+        elif reason := next(
+            (
+                f.reason
+                for t in trials
+                for f in t.result.figures
+                if f.name == "reach_distance" and f.reason
+            ),
+            "",
+        ):
+            said.append(
+                language.say("summary.reach.none", task=task, reason=language.heard(reason))
+            )
     return said
 
 
 def _of_trunk(trials: Sequence[Task], language: Language) -> list[str]:
     """The volume of the places that were reached, the trunk's lean and how far that carried it; what is not known is left out."""
-    volume, lean, forward = (_mean(trials, f"reach_{name}") for name in ("volume", "trunk_lean", "trunk_forward"))
-    said = [language.say("summary.reach.volume", volume=language.number(1e3 * volume, 1))] if volume >= LEAST_VOLUME else []
+    volume, lean, forward = (
+        _mean(trials, f"reach_{name}") for name in ("volume", "trunk_lean", "trunk_forward")
+    )
+    said = (
+        [language.say("summary.reach.volume", volume=language.number(1e3 * volume, 1))]
+        if volume >= LEAST_VOLUME
+        else []
+    )
     if np.isfinite(lean):
-        key = "summary.reach.lean" if np.isnan(forward) else "summary.reach.trunk" if forward > -LEAST_FORWARD else "summary.reach.back"
+        key = (
+            "summary.reach.lean"
+            if np.isnan(forward)
+            else "summary.reach.trunk"
+            if forward > -LEAST_FORWARD
+            else "summary.reach.back"
+        )
         facts = {} if np.isnan(forward) else {"forward": language.number(1e2 * abs(forward))}
         said.append(language.say(key, lean=language.number(lean * DEG), **facts))
     return said
@@ -175,19 +233,37 @@ def _held(content: Content, language: Language) -> list[str]:
     for measure, gaps in HELD.items():
         for title in dict.fromkeys(t.title for t in content.tasks if t.result.measure == measure):
             trials = [t for t in content.tasks if t.title == title and t.result.measure == measure]
-            values = {gap: (factor * _mean(trials, name), decimals) for gap, (name, factor, decimals) in gaps.items()}
-            facts = {gap: language.number(value, decimals) for gap, (value, decimals) in values.items() if np.isfinite(value)}
+            values = {
+                gap: (factor * _mean(trials, name), decimals)
+                for gap, (name, factor, decimals) in gaps.items()
+            }
+            facts = {
+                gap: language.number(value, decimals)
+                for gap, (value, decimals) in values.items()
+                if np.isfinite(value)
+            }
             reasons = [f.reason for t in trials for f in t.result.figures if f.reason]
             if len(facts) == len(gaps):
                 said.append(language.say(f"summary.{measure}", task=language.heard(title), **facts))
             elif reasons:
-                said.append(language.say("summary.held.none", task=language.heard(title), reason=language.heard(reasons[0])))
+                said.append(
+                    language.say(
+                        "summary.held.none",
+                        task=language.heard(title),
+                        reason=language.heard(reasons[0]),
+                    )
+                )
     return said
 
 
 def _mean(trials: Sequence[Task], name: str) -> float:
     """Over the trials that have it and whose signal is not poor; NaN where none has."""
-    found = [f.value for t in trials for f in t.result.figures if f.name == name and f.grade != "poor" and np.isfinite(f.value)]
+    found = [
+        f.value
+        for t in trials
+        for f in t.result.figures
+        if f.name == name and f.grade != "poor" and np.isfinite(f.value)
+    ]
     return float(np.mean(found)) if found else float("nan")
 
 

@@ -25,7 +25,14 @@ COLUMNS = (
     "task", "onset_s", "end_s", "measure", "name", "value", "unit", "value_si", "sd_si", "unit_si", "grade", "reason", "source"
 )  # fmt: skip
 TAG, NOTICE = ENGLISH.say("notice.short"), ENGLISH.say("notice")
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell of text that begins so would be run by a spreadsheet
+FORMULA = (
+    "=",
+    "+",
+    "-",
+    "@",
+    "\t",
+    "\r",
+)  # a cell of text that begins so would be run by a spreadsheet
 
 
 def csv(content: Content) -> bytes:

@@ -51,7 +51,11 @@ class Reading:
 def reading(figure: Figure) -> Reading:
     """The figure in the unit a person reads."""
     if figure.unit == "1":
-        return Reading(100 * figure.value, "%") if figure.name.endswith(SHARES) else Reading(figure.value, "")
+        return (
+            Reading(100 * figure.value, "%")
+            if figure.name.endswith(SHARES)
+            else Reading(figure.value, "")
+        )
     unit, factor = READABLE.get(figure.unit, (figure.unit, 1.0))
     return Reading(factor * figure.value, unit)
 

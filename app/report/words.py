@@ -37,7 +37,14 @@ def flexion_words(largest: float, language: Language) -> str:
     return f"{degrees}°" if degrees >= 0 else language.say("angle.no_flexion")
 
 
-def extension_words(joint: str, smallest: float, largest: float, language: Language, full: bool = True, short: bool = False) -> str:
+def extension_words(
+    joint: str,
+    smallest: float,
+    largest: float,
+    language: Language,
+    full: bool = True,
+    short: bool = False,
+) -> str:
     """How far the joint extends, from its smallest and largest flexion (rad); `short` for a narrow column."""
     beyond, least = -round(smallest * DEG), -round(largest * DEG)
     if beyond < 0 and not full:
@@ -52,7 +59,11 @@ def extension_words(joint: str, smallest: float, largest: float, language: Langu
     word = "extension" if joint == "wrist" else "hyperextension"
     if least > 0:
         return language.say(f"angle.{word}.between", least=least, size=beyond)
-    return language.say(f"angle.{word}", size=beyond) if beyond or joint == "wrist" else language.say("angle.full")
+    return (
+        language.say(f"angle.{word}", size=beyond)
+        if beyond or joint == "wrist"
+        else language.say("angle.full")
+    )
 
 
 def both_ways(smallest: float, largest: float, ways: tuple[str, str], language: Language) -> str:
@@ -73,8 +84,14 @@ def side_words(way: str, language: Language) -> str:
 def span_words(tasks: Sequence[Task], language: Language) -> str:
     """The tasks' names and when they were: "Finger tapping, 75 to 90 and 92 to 107 s of the recording"."""
     names = list(dict.fromkeys(language.heard(t.title) for t in tasks))
-    spans = [(tasks[0].result.onset, tasks[-1].result.end)] if len(tasks) > 3 else [(t.result.onset, t.result.end) for t in tasks]
-    times = language.all_of([language.say("span", start=f"{start:.0f}", end=f"{end:.0f}") for start, end in spans])
+    spans = (
+        [(tasks[0].result.onset, tasks[-1].result.end)]
+        if len(tasks) > 3
+        else [(t.result.onset, t.result.end) for t in tasks]
+    )
+    times = language.all_of(
+        [language.say("span", start=f"{start:.0f}", end=f"{end:.0f}") for start, end in spans]
+    )
     return language.say("span.of", tasks="; ".join(names), times=times)
 
 
@@ -93,7 +110,9 @@ def figure_words(name: str, language: Language) -> str:
             way = _way(joint, angle, end or "largest", language)
             return f"{' '.join(joint_words(joint, language)).strip()}, {way}"
     for movement in REPEATED:
-        if name.startswith(f"{movement}_") and (words := language.known(f"cycle.{name.removeprefix(f'{movement}_')}", "")):
+        if name.startswith(f"{movement}_") and (
+            words := language.known(f"cycle.{name.removeprefix(f'{movement}_')}", "")
+        ):
             return words
     plain = name.replace("_", " ")
     return plain[:1].upper() + plain[1:]
@@ -103,7 +122,11 @@ def _way(joint: str, angle: str, end: str, language: Language) -> str:
     """The direction of one end of an angle; of its extent, the angle."""
     positive = end != "smallest"
     if angle == "flexion":
-        return language.say("cell.flexion" if positive else "cell.extension") if end != "extent" else language.say("angle.extent")
+        return (
+            language.say("cell.flexion" if positive else "cell.extension")
+            if end != "extent"
+            else language.say("angle.extent")
+        )
     ways = ROTATION if angle == "pronation" else SIDES.get(joint, ("radial", "ulnar"))
     return side_words(ways[positive], language)
 
@@ -117,5 +140,7 @@ def named(figure: Figure, language: Language) -> str:
     place, _, number = figure.part.rpartition("_")
     if number.isdigit():
         return f"{language.say(f'part.{place}', number=number)}: {figure_words(figure.what or figure.name, language)}"
-    part = joint or language.all_of([language.known(f"finger.{p}", p) for p in figure.part.split("_")])
+    part = joint or language.all_of(
+        [language.known(f"finger.{p}", p) for p in figure.part.split("_")]
+    )
     return f"{part}: {figure_words(figure.what or figure.name, language)}"

@@ -52,18 +52,28 @@ def recordings(place: Path) -> dict[str, Path]:
     """The recordings of a folder, or of a text file with a path a line, by the name of their results; InputError where there are none."""
     if place.is_dir():
         found = [p for p in sorted(place.rglob("*")) if p.is_file() and p.suffix in SUFFIXES]
-        named = {p.relative_to(place).with_suffix("").as_posix().replace("/", "--"): p for p in found}
+        named = {
+            p.relative_to(place).with_suffix("").as_posix().replace("/", "--"): p for p in found
+        }
         if len(named) < len(found):
-            raise InputError(f"{place} holds recordings that differ by their ending only; give a list of those to process")
+            raise InputError(
+                f"{place} holds recordings that differ by their ending only; give a list of those to process"
+            )
     elif place.is_file():
         try:
             lines = [line.strip() for line in place.read_text().splitlines()]
         except UnicodeDecodeError:
-            raise InputError(f"{place} is no list of recordings: a text file with a path a line, or a folder") from None
+            raise InputError(
+                f"{place} is no list of recordings: a text file with a path a line, or a folder"
+            ) from None
         found = [place.parent / line for line in lines if line and not line.startswith("#")]
-        named = {p.name.removesuffix(p.suffix) if p.suffix in SUFFIXES else p.name: p for p in found}
+        named = {
+            p.name.removesuffix(p.suffix) if p.suffix in SUFFIXES else p.name: p for p in found
+        }
         if len(named) < len(found):
-            raise InputError(f"{place} names two recordings of one name; results would fall into one folder")
+            raise InputError(
+                f"{place} names two recordings of one name; results would fall into one folder"
+            )
     else:
         raise InputError(f"there is no folder or list {place}")
     if not named:
@@ -84,8 +94,13 @@ def one(work: Work) -> Outcome:
         processed = process(method, params, recording, progress=within(LIMIT, lambda share: None))
         out.mkdir(parents=True, exist_ok=True)
         (out / DONE).unlink(missing_ok=True)
-        save_folder(derivative.tree(processed, recording, work.method, params, software_version()), out)
-        save_file(json.dumps({"key": key, "warnings": list(processed.warnings)}, indent=1).encode(), out / DONE)
+        save_folder(
+            derivative.tree(processed, recording, work.method, params, software_version()), out
+        )
+        save_file(
+            json.dumps({"key": key, "warnings": list(processed.warnings)}, indent=1).encode(),
+            out / DONE,
+        )
     except InputError as problem:
         return Outcome(work.name, "failed", str(problem))
     except Exception as problem:  # one recording must not end the others' run
@@ -93,18 +108,25 @@ def one(work: Work) -> Outcome:
     return Outcome(work.name, "done")
 
 
-def all_of(works: Sequence[Work], workers: int, scheduler: str | None, hear: Callable[[float], None]) -> list[Outcome]:
+def all_of(
+    works: Sequence[Work], workers: int, scheduler: str | None, hear: Callable[[float], None]
+) -> list[Outcome]:
     """Every recording's outcome in the order given, computed by processes of this machine or those of a scheduler."""
     outcomes: dict[str, Outcome] = {}
     with _client(workers, scheduler) as client:
         from distributed import as_completed
 
-        asked = {client.submit(one, work, pure=False, key=f"{work.name}-{k}"): work for k, work in enumerate(works)}
+        asked = {
+            client.submit(one, work, pure=False, key=f"{work.name}-{k}"): work
+            for k, work in enumerate(works)
+        }
         for future in as_completed(asked):
             work = asked[future]
             problem = future.exception()
             outcomes[work.name] = (
-                future.result() if problem is None else Outcome(work.name, "failed", f"the process that worked on it ended: {problem}")
+                future.result()
+                if problem is None
+                else Outcome(work.name, "failed", f"the process that worked on it ended: {problem}")
             )
             hear(len(outcomes) / len(works))
     return [outcomes[work.name] for work in works]
@@ -122,12 +144,19 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
                 yield client
         else:
             with (
-                LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, memory_limit=None) as cluster,
+                LocalCluster(
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    dashboard_address=None,
+                    memory_limit=None,
+                ) as cluster,
                 Client(cluster) as client,
             ):
                 yield client
     except (OSError, TimeoutError) as problem:
-        raise InputError(f"the scheduler {scheduler or 'of this machine'} cannot be reached ({problem})") from None
+        raise InputError(
+            f"the scheduler {scheduler or 'of this machine'} cannot be reached ({problem})"
+        ) from None
 
 
 def _key(path: Path, work: Work) -> str:
@@ -139,7 +168,11 @@ def _key(path: Path, work: Work) -> str:
 def _folder_checksum(path: Path) -> str:
     if not path.is_dir():
         raise InputError(f"there is no recording {path}")
-    sums = [(p.relative_to(path).as_posix(), file_checksum(p)) for p in sorted(path.rglob("*")) if p.is_file()]
+    sums = [
+        (p.relative_to(path).as_posix(), file_checksum(p))
+        for p in sorted(path.rglob("*"))
+        if p.is_file()
+    ]
     return hashlib.sha256(repr(sums).encode()).hexdigest()
 
 

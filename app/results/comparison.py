@@ -22,8 +22,21 @@ COLUMNS = (
     "task", "onset_s", "end_s", "name", "unit", "samples", "share", "rom_a", "rom_b", "drom",
     "drms", "offset", "drms_minus_offset", "limit_low", "limit_high", "correlation",
 )  # fmt: skip
-LENGTHS = ("rom_a", "rom_b", "drom", "drms", "offset", "drms_minus_offset", "limit_low", "limit_high")  # columns in the row's unit
-PLOTS: tuple[Literal["svg", "png", "pdf"], ...] = ("svg", "png", "pdf")  # forms of the Bland-Altman plot
+LENGTHS = (
+    "rom_a",
+    "rom_b",
+    "drom",
+    "drms",
+    "offset",
+    "drms_minus_offset",
+    "limit_low",
+    "limit_high",
+)  # columns in the row's unit
+PLOTS: tuple[Literal["svg", "png", "pdf"], ...] = (
+    "svg",
+    "png",
+    "pdf",
+)  # forms of the Bland-Altman plot
 SIGN = "differences are B minus A: a positive offset says that B reads more"
 
 
@@ -66,7 +79,11 @@ def as_text(compared: Compared) -> str:
     width = max([len(g.name) for g in compared.agreements], default=10)
     for task, onset, end in parts:
         lines += ["", f"{task}, {onset:.1f} to {end:.1f} s", _heading(width)]
-        lines += [_row(g, width) for g in compared.agreements if (g.task, g.onset, g.end) == (task, onset, end)]
+        lines += [
+            _row(g, width)
+            for g in compared.agreements
+            if (g.task, g.onset, g.end) == (task, onset, end)
+        ]
         lines += _tips(compared.tips, (task, onset, end))
     for letter, side in (("A", compared.a), ("B", compared.b)):
         lines += _checks(letter, side)
@@ -76,7 +93,11 @@ def as_text(compared: Compared) -> str:
 def as_csv(compared: Compared) -> bytes:
     """A row a quantity and task, in the unit named; comment lines (#) before the header."""
     buffer = io.StringIO()
-    for line in (*_head(compared), SIGN, "angles: flexion, ulnar deviation and pronation are positive"):
+    for line in (
+        *_head(compared),
+        SIGN,
+        "angles: flexion, ulnar deviation and pronation are positive",
+    ):
         buffer.write("# " + " ".join(line.split()) + "\n")
     writer = csv_format.DictWriter(buffer, COLUMNS, lineterminator="\n")
     writer.writeheader()
@@ -110,8 +131,20 @@ def as_json(compared: Compared) -> bytes:
             "tips": {
                 "frame": compared.tips.frame,
                 "errors": [
-                    {"task": task, "onset": onset, "end": end, "finger": e.finger, "samples": e.samples}
-                    | {"mean": e.mean, "sd": e.sd, "rmse": e.rmse, "largest": e.largest, "rms_of_axes": e.parts}
+                    {
+                        "task": task,
+                        "onset": onset,
+                        "end": end,
+                        "finger": e.finger,
+                        "samples": e.samples,
+                    }
+                    | {
+                        "mean": e.mean,
+                        "sd": e.sd,
+                        "rmse": e.rmse,
+                        "largest": e.largest,
+                        "rms_of_axes": e.parts,
+                    }
                     for (task, onset, end), errors in compared.tips.errors.items()
                     for e in errors
                 ],
@@ -134,7 +167,11 @@ def _head(compared: Compared) -> list[str]:
         runs = f"{1e6 * abs(lag.drift.value):.1f} ± {1e6 * lag.drift.sd:.1f} ppm {'fast' if lag.drift.value > 0 else 'slow'}"
         end = lag.at + lag.overlap
         later = f"corrected, at A's {end:.1f} s the lag is {_signed(lag.seconds - lag.rate * lag.overlap)}"
-        lines.append(f"clocks: B's runs {runs}; {later}" if lag.rate else f"clocks: no difference that matters (B's runs {runs})")
+        lines.append(
+            f"clocks: B's runs {runs}; {later}"
+            if lag.rate
+            else f"clocks: no difference that matters (B's runs {runs})"
+        )
     return lines
 
 
@@ -148,19 +185,28 @@ def _heading(width: int) -> str:
 
 def _row(g: Agreement, width: int) -> str:
     factor = READABLE[g.unit][1]
-    values = " ".join(f"{factor * v:7.1f}" for v in (g.rom_a, g.rom_b, g.drom, g.drms, g.offset, g.drms_minus_offset))
-    low, high = (factor * v for v in g.limits)
-    return (
-        f"{g.name:{width}}  {values}   {f'{low:.1f} to {high:.1f}':>19} {'-' if math.isnan(g.correlation) else f'{g.correlation:.3f}':>6}"
+    values = " ".join(
+        f"{factor * v:7.1f}"
+        for v in (g.rom_a, g.rom_b, g.drom, g.drms, g.offset, g.drms_minus_offset)
     )
+    low, high = (factor * v for v in g.limits)
+    return f"{g.name:{width}}  {values}   {f'{low:.1f} to {high:.1f}':>19} {'-' if math.isnan(g.correlation) else f'{g.correlation:.3f}':>6}"
 
 
 def _tips(tips: Tips, part: tuple[str, float, float]) -> list[str]:
     found = tips.errors.get(part, ())
-    lines = [f"fingertips apart, mm, frames: {tips.frame}     mean      SD    RMSE largest    x / y / z RMS"] if found else []
+    lines = (
+        [
+            f"fingertips apart, mm, frames: {tips.frame}     mean      SD    RMSE largest    x / y / z RMS"
+        ]
+        if found
+        else []
+    )
     for e in found:
         values = " ".join(f"{1e3 * v:7.1f}" for v in (e.mean, e.sd, e.rmse, e.largest))
-        lines.append(f"{e.finger:{len(lines[0]) - 48}}  {values}    {' / '.join(f'{1e3 * v:.1f}' for v in e.parts)}")
+        lines.append(
+            f"{e.finger:{len(lines[0]) - 48}}  {values}    {' / '.join(f'{1e3 * v:.1f}' for v in e.parts)}"
+        )
     return lines
 
 
@@ -168,9 +214,19 @@ def _checks(letter: str, side: Side) -> list[str]:
     lines = []
     if side.consistency:
         turned = [c for c in side.consistency if math.isfinite(c.share)]
-        told = f": median {100 * median(c.share for c in turned):.1f} %" if turned else ": no segment turned enough"
-        lines += ["", f"{letter}: angular velocity of the estimate against the gyroscope, dRMS in % of its maximum{told}"]
-        lines += [f"  {c.segment:18} {100 * c.share:5.1f} % of {DEG * c.largest:.0f} deg/s" for c in turned]
+        told = (
+            f": median {100 * median(c.share for c in turned):.1f} %"
+            if turned
+            else ": no segment turned enough"
+        )
+        lines += [
+            "",
+            f"{letter}: angular velocity of the estimate against the gyroscope, dRMS in % of its maximum{told}",
+        ]
+        lines += [
+            f"  {c.segment:18} {100 * c.share:5.1f} % of {DEG * c.largest:.0f} deg/s"
+            for c in turned
+        ]
     if side.rigidity:
         lines += ["", f"{letter}: markers of a segment against each other, mean (largest)"]
         lines += [
@@ -183,7 +239,12 @@ def _checks(letter: str, side: Side) -> list[str]:
 def _values(g: Agreement) -> dict[str, Any]:
     """COLUMNS in SI."""
     figures = (g.rom_a, g.rom_b, g.drom, g.drms, g.offset, g.drms_minus_offset, *g.limits)
-    return dict(zip(COLUMNS, (g.task, g.onset, g.end, g.name, g.unit, g.samples, g.share, *figures, g.correlation)))
+    return dict(
+        zip(
+            COLUMNS,
+            (g.task, g.onset, g.end, g.name, g.unit, g.samples, g.share, *figures, g.correlation),
+        )
+    )
 
 
 def _side(side: Side) -> dict[str, Any]:
@@ -191,7 +252,10 @@ def _side(side: Side) -> dict[str, Any]:
         "name": side.name,
         "source": side.source,
         "samples": side.samples,
-        "gyroscope_consistency": [{"segment": c.segment, "drms": c.drms, "largest": c.largest, "share": c.share} for c in side.consistency],
+        "gyroscope_consistency": [
+            {"segment": c.segment, "drms": c.drms, "largest": c.largest, "share": c.share}
+            for c in side.consistency
+        ],
         "marker_rigidity": [
             {
                 "segment": r.segment,

@@ -41,10 +41,14 @@ def require_known(what: Sequence[str]) -> None:
     """InputError for a curve that there is not."""
     unknown = [w for w in what if w != APERTURE and w not in DOF_NAMES]
     if unknown:
-        raise InputError(f"there is no curve {unknown[0]!r}; curves are aperture and joint angles such as index_pip_flexion")
+        raise InputError(
+            f"there is no curve {unknown[0]!r}; curves are aperture and joint angles such as index_pip_flexion"
+        )
 
 
-def curves(store: Store, result: Result, what: Sequence[str], start: float, stop: float, points: int) -> tuple[Array, dict[str, Array]]:
+def curves(
+    store: Store, result: Result, what: Sequence[str], start: float, stop: float, points: int
+) -> tuple[Array, dict[str, Array]]:
     """Times (n,) and values (n,) by quantity between two moments, `points` at most."""
     require_known(what)
     rows = _rows(store, result, start, stop)
@@ -59,8 +63,12 @@ def thinned(t: Array, values: Sequence[Array], points: int) -> tuple[Array, list
         return t, list(values)
     count = -(-len(t) // size)
     spare = count * size - len(t)
-    places = np.stack([t[::size], t[np.minimum(np.arange(count) * size + size // 2, len(t) - 1)]], axis=1).ravel()
-    return places, [_ends(np.pad(v, (0, spare), constant_values=np.nan).reshape(count, size)) for v in values]
+    places = np.stack(
+        [t[::size], t[np.minimum(np.arange(count) * size + size // 2, len(t) - 1)]], axis=1
+    ).ravel()
+    return places, [
+        _ends(np.pad(v, (0, spare), constant_values=np.nan).reshape(count, size)) for v in values
+    ]
 
 
 def beside(store: Store, a: Result, b: Result, what: str, event: int | None, points: int) -> Beside:
@@ -70,7 +78,10 @@ def beside(store: Store, a: Result, b: Result, what: str, event: int | None, poi
     if event is None and not same:
         raise InputError("two recordings are compared trial by trial: say which task (event)")
     onsets, length = _trials(a, b, event) if event is not None else ((0.0, 0.0), np.inf)
-    first, second = (_rows(store, r, onset if event is not None else -np.inf, onset + length) for r, onset in zip((a, b), onsets))
+    first, second = (
+        _rows(store, r, onset if event is not None else -np.inf, onset + length)
+        for r, onset in zip((a, b), onsets)
+    )
     on_a = value_of(first, what)
     on_b = _at(first.t - onsets[0], second.t - onsets[1], value_of(second, what))
     found = agreements([_pair(what, first.t, on_a, on_b)], [("", -np.inf, np.inf)]) if same else []
@@ -94,7 +105,9 @@ def in_step(a: Result, b: Result) -> tuple[Step, ...]:
     tasks, others = _tasks(a), {e.get("task_name") for e in _tasks(b).values()}
     found = [_trials(a, b, event) for event, e in tasks.items() if e.get("task_name") in others]
     if not found:
-        raise InputError("the two sessions have no task in common, so they cannot be shown in step; choose another session")
+        raise InputError(
+            "the two sessions have no task in common, so they cannot be shown in step; choose another session"
+        )
     return tuple(sorted((Step(*onsets, length) for onsets, length in found), key=lambda s: s.onset))
 
 
@@ -112,15 +125,26 @@ def _trials(a: Result, b: Result, event: int) -> tuple[tuple[float, float], floa
     wanted = events[0].get(event)
     if wanted is None:
         raise InputError(f"there is no task {event} in the recording of result {a.id}")
-    mine, others = ([e for e in found.values() if e.get("task_name") == wanted.get("task_name")] for found in events)
+    mine, others = (
+        [e for e in found.values() if e.get("task_name") == wanted.get("task_name")]
+        for found in events
+    )
     if not others:
-        raise InputError(f"the other session has no task {str(wanted.get('task_name')).replace('_', ' ')!r}; choose another task")
-    other = others[min(mine.index(wanted), len(others) - 1)] if a.recording_id != b.recording_id else wanted
+        raise InputError(
+            f"the other session has no task {str(wanted.get('task_name')).replace('_', ' ')!r}; choose another task"
+        )
+    other = (
+        others[min(mine.index(wanted), len(others) - 1)]
+        if a.recording_id != b.recording_id
+        else wanted
+    )
     return (wanted["onset"], other["onset"]), max(wanted["duration"], other["duration"])
 
 
 def _tasks(result: Result) -> dict[int, Mapping[str, Any]]:
-    return {k: e for k, e in enumerate(result.content.get("events", [])) if e["trial_type"] == "task"}
+    return {
+        k: e for k, e in enumerate(result.content.get("events", [])) if e["trial_type"] == "task"
+    }
 
 
 def _rows(store: Store, result: Result, start: float, stop: float) -> Trajectory:
@@ -128,7 +152,9 @@ def _rows(store: Store, result: Result, start: float, stop: float) -> Trajectory
     kept = load_replay(store, result)
     first, last = np.searchsorted(kept["t"], [start, np.nextafter(stop, np.inf)])
     part = {name: kept[name][first:last] for name in ("t", "angles", "tips")}
-    return Trajectory("left", part["t"], part["angles"], np.empty(0), part["tips"], np.empty(0, np.uint8))
+    return Trajectory(
+        "left", part["t"], part["angles"], np.empty(0), part["tips"], np.empty(0, np.uint8)
+    )
 
 
 def _at(t: Array, other_t: Array, other: Array) -> Array:
@@ -139,7 +165,11 @@ def _at(t: Array, other_t: Array, other: Array) -> Array:
 
 
 def _pair(what: str, t: Array, a: Array, b: Array) -> Pair:
-    return Pair(what, "m", t, a / 1e3, b / 1e3) if what == APERTURE else Pair(what, "rad", t, a / DEG, b / DEG)
+    return (
+        Pair(what, "m", t, a / 1e3, b / 1e3)
+        if what == APERTURE
+        else Pair(what, "rad", t, a / DEG, b / DEG)
+    )
 
 
 def _ends(stretches: Array) -> Array:
@@ -147,5 +177,7 @@ def _ends(stretches: Array) -> Array:
     empty = np.asarray(np.isnan(stretches).all(axis=1))
     filled = np.where(empty[:, None], 0.0, stretches)
     low, high = np.nanargmin(filled, axis=1), np.nanargmax(filled, axis=1)
-    picked = np.take_along_axis(filled, np.stack([np.minimum(low, high), np.maximum(low, high)], axis=1), axis=1)
+    picked = np.take_along_axis(
+        filled, np.stack([np.minimum(low, high), np.maximum(low, high)], axis=1), axis=1
+    )
     return np.asarray(np.where(empty[:, None], np.nan, picked).ravel())

@@ -99,22 +99,40 @@ def _make(db: Session, store: Store, result: Result) -> None:
 
 
 def computed(
-    store: Store, result: Result, progress: Callable[[float], None] = lambda share: None, reasons: bool = True
+    store: Store,
+    result: Result,
+    progress: Callable[[float], None] = lambda share: None,
+    reasons: bool = True,
 ) -> tuple[LoadedRecording, Processed]:
     """The recording and what the method makes of it, computed anew; with the reasons of corrections or without."""
     if result.method not in ALL_METHODS:
-        raise InputError(f"there is no method {result.method!r}; methods are {', '.join(ALL_METHODS)}")
+        raise InputError(
+            f"there is no method {result.method!r}; methods are {', '.join(ALL_METHODS)}"
+        )
     method = ALL_METHODS[result.method]
     made = result.corrections if reasons else corrections.untold(result.corrections)
-    recording = trunk_height.applied(corrections.corrected(records.opened(store, result.recording), made), result.trunk_height)
+    recording = trunk_height.applied(
+        corrections.corrected(records.opened(store, result.recording), made), result.trunk_height
+    )
     db = object_session(result)
     known = None if db is None else self_calibrations.known(db, result.reused)
-    return recording, process(method, with_options(method.Params, result.parameters), recording, progress=progress, known=known)
+    return recording, process(
+        method,
+        with_options(method.Params, result.parameters),
+        recording,
+        progress=progress,
+        known=known,
+    )
 
 
 def assessed(method: str, recording: LoadedRecording, processed: Processed) -> list[TaskResult]:
     """What the measures say of what a method made of a recording."""
-    return assess(processed.trajectory, recording.events, recording.geometry, accuracy_of(method, processed.calibrations))
+    return assess(
+        processed.trajectory,
+        recording.events,
+        recording.geometry,
+        accuracy_of(method, processed.calibrations),
+    )
 
 
 def derivative_files(store: Store, result: Result, reasons: bool = True) -> dict[str, Data]:
@@ -130,22 +148,47 @@ def figure_rows(t: TaskResult) -> list[dict[str, Any]]:
     for f in t.figures:
         row = asdict(f)
         row["value"] = None if not np.isfinite(f.value) else f.value
-        rows.append({"task": t.task, "measure": t.measure, "onset": t.onset, **row, "sd_basis": t.sd_basis if f.sd is not None else ""})
+        rows.append(
+            {
+                "task": t.task,
+                "measure": t.measure,
+                "onset": t.onset,
+                **row,
+                "sd_basis": t.sd_basis if f.sd is not None else "",
+            }
+        )
     return rows
 
 
-def page_content(processed: Processed, tasks: list[TaskResult], recording: LoadedRecording) -> dict[str, Any]:
+def page_content(
+    processed: Processed, tasks: list[TaskResult], recording: LoadedRecording
+) -> dict[str, Any]:
     """Everything that the result page draws besides the figures."""
     moved, c = processed.trajectory, processed.calibrations[0]
     return {
         "self_calibration": self_calibration.kept_of(processed),
         "span": [float(moved.t[0]), float(moved.t[-1])] if len(moved) else [0.0, 0.0],
         "measured": measured_segments(moved),
-        "calibration": {"source": c.source, "onset": c.span[0], "end": c.span[1], "quality": {s: asdict(q) for s, q in c.quality.items()}},
+        "calibration": {
+            "source": c.source,
+            "onset": c.span[0],
+            "end": c.span[1],
+            "quality": {s: asdict(q) for s, q in c.quality.items()},
+        },
         "tasks": [_task(t) for t in tasks],
-        "events": [{"trial_type": e.trial_type, "onset": e.onset, "duration": e.duration, **dict(e.details)} for e in recording.events],
+        "events": [
+            {
+                "trial_type": e.trial_type,
+                "onset": e.onset,
+                "duration": e.duration,
+                **dict(e.details),
+            }
+            for e in recording.events
+        ],
         "repetitions": {
-            str(k): _repetitions(e, processed.trajectory, tasks) for k, e in enumerate(recording.events) if e.trial_type == "task"
+            str(k): _repetitions(e, processed.trajectory, tasks)
+            for k, e in enumerate(recording.events)
+            if e.trial_type == "task"
         },
     }
 
@@ -153,8 +196,17 @@ def page_content(processed: Processed, tasks: list[TaskResult], recording: Loade
 def _repetitions(event: Event, moved: Trajectory, tasks: list[TaskResult]) -> list[dict[str, Any]]:
     """Where the task's repetitions are, s, and which of them are left out: those that stretches left out cover by half."""
     gone = [(float(a), float(b)) for a, b in event.details.get("left_out", ())]
-    found = repetitions(moved, event.onset, event.end, [t.details for t in tasks if t.onset == event.onset and t.end == event.end])
-    counted = [(a, b) for a, b in found if not any(min(b, stop) - max(a, start) > (b - a) / 2 for start, stop in gone)]
+    found = repetitions(
+        moved,
+        event.onset,
+        event.end,
+        [t.details for t in tasks if t.onset == event.onset and t.end == event.end],
+    )
+    counted = [
+        (a, b)
+        for a, b in found
+        if not any(min(b, stop) - max(a, start) > (b - a) / 2 for start, stop in gone)
+    ]
     return [{"start": a, "stop": b, "out": (a, b) in gone} for a, b in sorted([*counted, *gone])]
 
 
@@ -167,11 +219,17 @@ def save_replay(store: Store, result_id: int, moved: Trajectory) -> None:
     rate = 1.0 / float(np.median(np.diff(moved.t))) if len(moved) > 1 else REPLAY_RATE
     thin = slice(None, None, max(1, round(rate / REPLAY_RATE)))
     buffer = io.BytesIO()
-    small = {"angles": moved.angles[thin], "q_GH": moved.q_GS[thin, SEGMENT["hand"]], "tips": moved.tips[thin]}
+    small = {
+        "angles": moved.angles[thin],
+        "q_GH": moved.q_GS[thin, SEGMENT["hand"]],
+        "tips": moved.tips[thin],
+    }
     if moved.forces is not None:
         small["forces"] = moved.forces[thin]
     arrays = {name: values.astype(np.float32) for name, values in small.items()}
-    np.savez_compressed(buffer, allow_pickle=False, t=moved.t[thin], flags=moved.flags[thin], **arrays)
+    np.savez_compressed(
+        buffer, allow_pickle=False, t=moved.t[thin], flags=moved.flags[thin], **arrays
+    )
     path = store.path_of(replay_file(result_id))
     path.parent.mkdir(exist_ok=True)
     save_file(buffer.getvalue(), path)
@@ -189,12 +247,28 @@ def report_file(result_id: int) -> str:
     return f"results/{result_id}.report.npz"
 
 
-def save_report(store: Store, result: Result, recording: LoadedRecording, processed: Processed, tasks: list[TaskResult]) -> Content:
+def save_report(
+    store: Store,
+    result: Result,
+    recording: LoadedRecording,
+    processed: Processed,
+    tasks: list[TaskResult],
+) -> Content:
     """Keep what a report says of the recording; it can be made again at any time."""
     params = with_options(ALL_METHODS[result.method].Params, result.parameters)
     nobody, version, corrected = Visit(patient=""), result.version, result.corrections
     protocols, _ = offered(store.folder)
-    said = content(nobody, recording, processed, result.method, params, tasks, version, protocols, corrections=corrected)
+    said = content(
+        nobody,
+        recording,
+        processed,
+        result.method,
+        params,
+        tasks,
+        version,
+        protocols,
+        corrections=corrected,
+    )
     if (db := object_session(result)) is not None and (reused := result.reused):
         earlier = self_calibrations.get(db, reused["self_calibration"])
         said = replace(said, self_calibration=self_calibration.taken_over(earlier, reused["parts"]))
@@ -208,7 +282,9 @@ def load_report(store: Store, result: Result) -> Content:
     if path.exists() and (said := unpacked(path.read_bytes())) is not None:
         return said
     recording, processed = computed(store, result)
-    return save_report(store, result, recording, processed, assessed(result.method, recording, processed))
+    return save_report(
+        store, result, recording, processed, assessed(result.method, recording, processed)
+    )
 
 
 @lru_cache(maxsize=4)
@@ -220,10 +296,21 @@ def _read(path: Path, written: int) -> dict[str, Any]:
 
 def _task(t: TaskResult) -> dict[str, Any]:
     """What pages draw of a task: `shown` of every measure alike; ranges and taps, too, in the shape of their own pages."""
-    told: dict[str, Any] = {"task": t.task, "measure": t.measure, "onset": t.onset, "end": t.end, "shown": _shown(t.shown)}
+    told: dict[str, Any] = {
+        "task": t.task,
+        "measure": t.measure,
+        "onset": t.onset,
+        "end": t.end,
+        "shown": _shown(t.shown),
+    }
     if isinstance(t.details, Tapping):
         d = t.details
-        told |= {"closings": d.closings.tolist(), "amplitudes": d.amplitudes.tolist(), "grade": d.grade, "reason": d.reason}
+        told |= {
+            "closings": d.closings.tolist(),
+            "amplitudes": d.amplitudes.tolist(),
+            "grade": d.grade,
+            "reason": d.reason,
+        }
     elif t.measure == "range_of_motion":
         told["ranges"] = [asdict(r) for r in t.details]
     return told
@@ -232,7 +319,16 @@ def _task(t: TaskResult) -> dict[str, Any]:
 def _shown(shown: Shown) -> dict[str, Any]:
     """Curves, thinned, and marks as plain data; NaN becomes None."""
     curves = thinned(shown.curves, CURVE_POINTS)
-    told = [{"name": c.name, "unit": c.unit, "x_unit": c.x_unit, "x": _plain(c.x, 5), "y": _plain(c.y, 6)} for c in curves]
+    told = [
+        {
+            "name": c.name,
+            "unit": c.unit,
+            "x_unit": c.x_unit,
+            "x": _plain(c.x, 5),
+            "y": _plain(c.y, 6),
+        }
+        for c in curves
+    ]
     return {"curves": told, "marks": {name: _plain(t, 4) for name, t in shown.marks.items()}}
 
 
@@ -249,8 +345,14 @@ def _watching(db: Session, result_id: int) -> Callable[[float], None]:
         if share - kept < STEP and time.monotonic() - looked < LOOK:
             return
         kept, looked = share, time.monotonic()
-        running = update(Result).where(Result.id == result_id, Result.state == "running").values(progress=share)
-        found = db.execute(running.returning(Result.id), execution_options={"synchronize_session": False}).all()
+        running = (
+            update(Result)
+            .where(Result.id == result_id, Result.state == "running")
+            .values(progress=share)
+        )
+        found = db.execute(
+            running.returning(Result.id), execution_options={"synchronize_session": False}
+        ).all()
         db.commit()
         if not found:
             raise StoppedError

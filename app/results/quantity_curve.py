@@ -49,7 +49,11 @@ class Curve:
         values = value_of(rows, self.what)
         with self._lock:
             for t, value in zip(rows.t, values):
-                if np.isfinite(value) and (not self._points or t - self._points[-1][0] >= SPACING or t < self._points[-1][0]):
+                if np.isfinite(value) and (
+                    not self._points
+                    or t - self._points[-1][0] >= SPACING
+                    or t < self._points[-1][0]
+                ):
                     if self._points and t < self._points[-1][0]:
                         self._clear()
                     self._points.append((float(t), round(float(value), 2)))
@@ -63,11 +67,17 @@ class Curve:
         with self._lock:
             return list(takewhile(lambda p: p[0] > t, reversed(self._points)))[::-1]
 
-    def attempt(self, onset: float, end: float = np.inf, pauses: Sequence[tuple[float, float]] = ()) -> None:
+    def attempt(
+        self, onset: float, end: float = np.inf, pauses: Sequence[tuple[float, float]] = ()
+    ) -> None:
         """Keep the points of an attempt: from its onset on, but for pauses, until another begins; its end is told when it is over."""
         with self._lock:
             kept = self._attempt if onset == self._onset else self._points
-            self._attempt = [p for p in kept if onset < p[0] <= end and not any(start < p[0] <= to for start, to in pauses)]
+            self._attempt = [
+                p
+                for p in kept
+                if onset < p[0] <= end and not any(start < p[0] <= to for start, to in pauses)
+            ]
             self._onset, self._end = onset, end
 
     def attempted(self) -> list[tuple[float, float]]:

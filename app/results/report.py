@@ -44,4 +44,6 @@ def report(store: Store, result: Result) -> Content:
         notes=session.notes,
     )
     changed, gone = changes_of(result), course_of(result)
-    return replace(load_report(store, result), visit=visit, date=session.started, changes=changed, course=gone)
+    return replace(
+        load_report(store, result), visit=visit, date=session.started, changes=changed, course=gone
+    )

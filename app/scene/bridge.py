@@ -58,14 +58,20 @@ def without_controls(page: str) -> str:
 @cache
 def scripts() -> tuple[str, ...]:
     """What the policy names the page's scripts by: those that stand in it, and the program that the first of them unpacks and puts there."""
-    standing = [found.encode() for found in re.findall(r"<script[^>]*>(.*?)</script>", client_page().decode(), re.DOTALL)]
+    standing = [
+        found.encode()
+        for found in re.findall(r"<script[^>]*>(.*?)</script>", client_page().decode(), re.DOTALL)
+    ]
     return tuple(
-        f"'sha256-{b64encode(sha256(script).digest()).decode()}'" for script in (*standing, viser_csp_hash.program(_as_it_comes()))
+        f"'sha256-{b64encode(sha256(script).digest()).decode()}'"
+        for script in (*standing, viser_csp_hash.program(_as_it_comes()))
     )
 
 
 def _as_it_comes() -> str:
-    return (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text(encoding="utf-8")
+    return (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text(
+        encoding="utf-8"
+    )
 
 
 @cache
@@ -128,7 +134,10 @@ async def bridge(websocket: WebSocket, port: int, secret: str) -> None:
 
 async def _pump(websocket: WebSocket, scene: ClientConnection) -> int:
     """Both directions until the first ends; the code to close the browser's side with."""
-    pumps = {asyncio.create_task(_to_scene(websocket, scene)), asyncio.create_task(_to_browser(websocket, scene))}
+    pumps = {
+        asyncio.create_task(_to_scene(websocket, scene)),
+        asyncio.create_task(_to_browser(websocket, scene)),
+    }
     try:
         done, _ = await asyncio.wait(pumps, return_when=asyncio.FIRST_COMPLETED)
         return max(pump.result() for pump in done)

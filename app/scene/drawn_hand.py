@@ -28,7 +28,14 @@ class DrawnHand:
     For one thread at a time.
     """
 
-    def __init__(self, server: ViserServer, name: str, parts: Mapping[str, SkinnedMesh], rest: Array, scale: float) -> None:
+    def __init__(
+        self,
+        server: ViserServer,
+        name: str,
+        parts: Mapping[str, SkinnedMesh],
+        rest: Array,
+        scale: float,
+    ) -> None:
         self._server, self._name, self._rest, self._scale = server, name, rest, scale
         self._frame = server.scene.add_frame(name, show_axes=False)
         self._bones: dict[str, tuple[int, ...]] = {}

@@ -22,7 +22,9 @@ LEAST = 0.3  # N, below which nothing is drawn: what is left of a free sensor's 
 class ForceArrows:
     """Below the hand's frame `name`, whose parts are `scale` scene units a metre. For one thread at a time, within the scene's lock."""
 
-    def __init__(self, server: ViserServer, name: str, geometry: HandGeometry, scale: float) -> None:
+    def __init__(
+        self, server: ViserServer, name: str, geometry: HandGeometry, scale: float
+    ) -> None:
         self._geometry, self._scale = geometry, scale
         self._arrows = {
             finger: server.scene.add_arrows(
@@ -37,7 +39,13 @@ class ForceArrows:
             for finger in FINGERS
         }
         self._newtons = {
-            finger: server.scene.add_label(f"{name}/newtons_{finger}", "", visible=False, font_screen_scale=1.4, anchor="center-center")
+            finger: server.scene.add_label(
+                f"{name}/newtons_{finger}",
+                "",
+                visible=False,
+                font_screen_scale=1.4,
+                anchor="center-center",
+            )
             for finger in FINGERS
         }
 
@@ -48,12 +56,18 @@ class ForceArrows:
                 shown.visible = False
             return
         for arrow, newtons, tip, force in zip(
-            self._arrows.values(), self._newtons.values(), bones.tips(angles, self._geometry), forces, strict=True
+            self._arrows.values(),
+            self._newtons.values(),
+            bones.tips(angles, self._geometry),
+            forces,
+            strict=True,
         ):
             size = float(np.linalg.norm(force))
             arrow.visible = newtons.visible = size >= LEAST
             if arrow.visible:
-                arrow.points = (self._scale * np.array([[tip, tip + LENGTH * force]])).astype(np.float32)
+                arrow.points = (self._scale * np.array([[tip, tip + LENGTH * force]])).astype(
+                    np.float32
+                )
                 newtons.position = self._scale * (tip - BEHIND * force / size)
                 newtons.text = f"{size:.1f} N"
 

@@ -37,7 +37,9 @@ _CAPTION_AT = (0.0, 1.85, 0.55)  # above and beyond the hand
 class HandScene:
     """A context manager: `port` and `secret` are what bridge.bridge needs."""
 
-    def __init__(self, hand: Hand, geometry: HandGeometry, beside: HandGeometry | None = None) -> None:
+    def __init__(
+        self, hand: Hand, geometry: HandGeometry, beside: HandGeometry | None = None
+    ) -> None:
         """`beside`: of a second hand, drawn to the right of this one."""
         assert geometry.hand == hand
         self._hand, self._geometry, self._mesh = hand, geometry, hand_mesh(geometry)
@@ -67,7 +69,12 @@ class HandScene:
                 visible=False,
             )
             self._caption = self._server.scene.add_label(
-                "/caption", "", position=_CAPTION_AT, visible=False, font_screen_scale=1.7, anchor="bottom-center"
+                "/caption",
+                "",
+                position=_CAPTION_AT,
+                visible=False,
+                font_screen_scale=1.7,
+                anchor="bottom-center",
             )
             self._beside = None if beside is None else HandBeside(self._server, beside)
             if beside is not None:
@@ -79,7 +86,12 @@ class HandScene:
     def __enter__(self) -> "HandScene":
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.close()
 
     def close(self) -> None:
@@ -93,7 +105,9 @@ class HandScene:
         Angles that are not known (NaN) are the resting hand's; an orientation that is not known keeps the one before (at first: palm down).
         """
         filled = postures.filled(angles)
-        pose = bones.pose(filled, self._geometry)  # before the lock: nothing is sent to anybody while it is held
+        pose = bones.pose(
+            filled, self._geometry
+        )  # before the lock: nothing is sent to anybody while it is held
         with self._lock, self._server.atomic():
             self._own.bend(*pose)
             self._shown = filled, self._shown[1] if q_GH is None or np.isnan(q_GH).any() else q_GH
@@ -139,7 +153,11 @@ class HandScene:
                 self._ghost.show(part, part in shown)
             if angles is not None:
                 self._draw(self._ghost, angles)
-                self._ghost.turn(view.forearm_level(postures.filled(angles), self._hand) if self._ghost_is_whole else self._q_DH)
+                self._ghost.turn(
+                    view.forearm_level(postures.filled(angles), self._hand)
+                    if self._ghost_is_whole
+                    else self._q_DH
+                )
 
     def trail(self, places: Array) -> None:
         """Draw where the hand has been: places (n, 3) m in the global frame, seen from where it is now, oldest first; fewer than two draw nothing."""
@@ -147,7 +165,9 @@ class HandScene:
             self._trail.visible = len(places) > 1 and self._q_DG is not None
             if len(places) > 1 and self._q_DG is not None:
                 back = quat.rotate(self._q_DH, view.back_of_hand(self._geometry))
-                self._trail.points = view.trail(quat.rotate(self._q_DG, places) * view.units_per_metre(self._geometry) + back)
+                self._trail.points = view.trail(
+                    quat.rotate(self._q_DG, places) * view.units_per_metre(self._geometry) + back
+                )
 
     def place(self, place: Array, sd: Array, doubtful: bool) -> None:
         """Draw on a map where the hand is, (3,) m in the trunk's axes, how sure that is (3,) m, and whether it is to be doubted."""
@@ -160,7 +180,9 @@ class HandScene:
         """Draw what the fingertips of the hand shown last push with, (5, 3) N in the global frame; None takes the arrows away."""
         with self._lock, self._server.atomic():
             if self._arrows is None and forces is not None:
-                self._arrows = ForceArrows(self._server, "/hand", self._geometry, view.units_per_metre(self._geometry))
+                self._arrows = ForceArrows(
+                    self._server, "/hand", self._geometry, view.units_per_metre(self._geometry)
+                )
             self._forces = forces
             self._push()
 
@@ -219,12 +241,25 @@ class HandScene:
     def _ghost_parts(self) -> tuple[str, ...]:
         """Names of the ghost's meshes of the kind wanted; they are sent to viewers when they are first needed."""
         kind = "whole_" if self._ghost_is_whole else "finger_"
-        return self._made(self._ghost, kind, lambda: self._mesh.ghost(self._ghost_is_whole), palette.GHOST)
+        return self._made(
+            self._ghost, kind, lambda: self._mesh.ghost(self._ghost_is_whole), palette.GHOST
+        )
 
     def _lit_parts(self, segment: str) -> tuple[str, ...]:
-        return self._made(self._own, f"{_LIT}{segment}_", lambda: highlight_parts(self._mesh, segment), palette.HIGHLIGHT)
+        return self._made(
+            self._own,
+            f"{_LIT}{segment}_",
+            lambda: highlight_parts(self._mesh, segment),
+            palette.HIGHLIGHT,
+        )
 
-    def _made(self, drawn: DrawnHand, prefix: str, meshes: Callable[[], dict[str, SkinnedMesh]], paint: Paint) -> tuple[str, ...]:
+    def _made(
+        self,
+        drawn: DrawnHand,
+        prefix: str,
+        meshes: Callable[[], dict[str, SkinnedMesh]],
+        paint: Paint,
+    ) -> tuple[str, ...]:
         """Names of the parts whose names begin with `prefix`, made and painted unless they are there."""
         if not any(part.startswith(prefix) for part in drawn.parts()):
             for name, mesh in meshes().items():

@@ -23,9 +23,7 @@ from websockets.http11 import Request, Response
 
 log = logging.getLogger(__name__)
 HOST = "127.0.0.1"
-_construction = (
-    threading.Lock()
-)  # viser offers no way to pass options to its web socket server: they are put in while it is built, one at a time
+_construction = threading.Lock()  # viser offers no way to pass options to its web socket server: they are put in while it is built, one at a time
 
 
 def make_server() -> tuple[ViserServer, str]:
@@ -54,7 +52,9 @@ def renumber(server: ViserServer) -> None:
             if (entity := message.entity_state_key()) is not None:
                 by_entity.setdefault(entity, set()).add(number)
         buffer.message_from_id = dict(enumerate(kept))
-        buffer.id_from_redundancy_key = {message.redundancy_key(): number for number, message in enumerate(kept)}
+        buffer.id_from_redundancy_key = {
+            message.redundancy_key(): number for number, message in enumerate(kept)
+        }
         buffer.ids_from_entity_state_key = by_entity
         buffer.message_counter = len(kept)
 
@@ -84,7 +84,9 @@ def _guarded_sockets(secret: str) -> Iterator[None]:
 def _serve(serve: Callable[..., Any], secret: str, *args: Any, **options: Any) -> Any:
     logger = logging.getLogger("websockets.server.scene")
     logger.addFilter(_refused)  # the same one again changes nothing
-    return serve(*args, **{**options, "origins": [secret], "process_request": _no_pages, "logger": logger})
+    return serve(
+        *args, **{**options, "origins": [secret], "process_request": _no_pages, "logger": logger}
+    )
 
 
 def _refused(record: logging.LogRecord) -> bool:

@@ -11,7 +11,9 @@ from handscope.app.scene import palette
 from handscope.estimators.numerics.quaternions import Array
 
 SCALE = 1.1
-AT = np.array([-1.02, -0.15, 0.0])  # the trunk's sensor: beside the cuff, where neither metronome nor countdown lies over it
+AT = np.array(
+    [-1.02, -0.15, 0.0]
+)  # the trunk's sensor: beside the cuff, where neither metronome nor countdown lies over it
 RINGS = (0.2, 0.4, 0.6)  # m
 TRUNK = (0.16, 0.09, 0.26)  # m, half axes of the chest: across, deep, high; ours
 MAGNET = 0.022  # m, drawn larger than it is
@@ -26,14 +28,30 @@ class ReachMap:
         chest = tuple(SCALE * x for x in TRUNK)
         behind = AT + SCALE * np.array([0.0, -TRUNK[1], -0.08])
         self._fixed = [
-            scene.add_icosphere("/reach/trunk", 1.0, palette.CUFF.colour, scale=chest, opacity=0.55, position=behind, cast_shadow=False),
+            scene.add_icosphere(
+                "/reach/trunk",
+                1.0,
+                palette.CUFF.colour,
+                scale=chest,
+                opacity=0.55,
+                position=behind,
+                cast_shadow=False,
+            ),
             *(_ring(server, r) for r in RINGS),
             *(_number(server, r) for r in RINGS),
         ]
-        self._magnet = scene.add_icosphere("/reach/magnet", SCALE * MAGNET, palette.TRAIL, position=AT)
-        self._sure = scene.add_icosphere("/reach/sure", 1.0, palette.TRAIL, opacity=0.28, position=AT, cast_shadow=False)
+        self._magnet = scene.add_icosphere(
+            "/reach/magnet", SCALE * MAGNET, palette.TRAIL, position=AT
+        )
+        self._sure = scene.add_icosphere(
+            "/reach/sure", 1.0, palette.TRAIL, opacity=0.28, position=AT, cast_shadow=False
+        )
         self._stem = scene.add_line_segments(
-            "/reach/stem", np.zeros((1, 2, 3), np.float32), palette.TRAIL, thickness=2.0, thickness_units="screen"
+            "/reach/stem",
+            np.zeros((1, 2, 3), np.float32),
+            palette.TRAIL,
+            thickness=2.0,
+            thickness_units="screen",
         )
         self.hide()
 
@@ -67,7 +85,9 @@ def _seen(v: Array) -> Array:
 def _ring(server: ViserServer, radius: float) -> object:
     """A half circle of `radius` m before the trunk."""
     angle = np.linspace(0.0, np.pi, 33)
-    points = (AT + SCALE * radius * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)).astype(np.float32)
+    points = (
+        AT + SCALE * radius * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    ).astype(np.float32)
     return server.scene.add_line_segments(
         f"/reach/ring_{round(100 * radius)}",
         np.stack([points[:-1], points[1:]], axis=1),
@@ -80,5 +100,9 @@ def _ring(server: ViserServer, radius: float) -> object:
 def _number(server: ViserServer, radius: float) -> object:
     at = AT + SCALE * radius * np.array([0.0, 1.0, 0.0])
     return server.scene.add_label(
-        f"/reach/cm_{round(100 * radius)}", f"{round(100 * radius)} cm", position=at, font_screen_scale=0.8, anchor="bottom-center"
+        f"/reach/cm_{round(100 * radius)}",
+        f"{round(100 * radius)} cm",
+        position=at,
+        font_screen_scale=0.8,
+        anchor="bottom-center",
     )

@@ -31,7 +31,9 @@ class SceneApart:
         self.port, self.secret = 0, ""
         self._about = hand, geometry
         self._known: dict[str, tuple[Any, ...]] = {}  # the newest wish of each kind, in order
-        self._waiting: dict[str, tuple[Any, ...]] = {}  # of them, those that the process was not told
+        self._waiting: dict[
+            str, tuple[Any, ...]
+        ] = {}  # of them, those that the process was not told
         self._lock = threading.RLock()
         self._gathering = 0  # pictures that are being put together
         self._pipe: Connection | None = None
@@ -71,7 +73,9 @@ class SceneApart:
         self._wish("place", place, sd, doubtful)
 
     def forces(self, forces: Array | None) -> None:
-        if forces is not None or self._known.get("forces", (None,))[0] is not None:  # no arrows there are anyhow
+        if (
+            forces is not None or self._known.get("forces", (None,))[0] is not None
+        ):  # no arrows there are anyhow
             self._wish("forces", forces)
 
     def highlight(self, segment: str | None) -> None:
@@ -91,7 +95,9 @@ class SceneApart:
     def _wish(self, kind: str, *given: Any) -> None:
         with self._lock:
             for wishes in (self._known, self._waiting):
-                wishes.pop(kind, None)  # the newest goes last: what faces ahead is the hand shown after that
+                wishes.pop(
+                    kind, None
+                )  # the newest goes last: what faces ahead is the hand shown after that
                 wishes[kind] = given
             self._tell()
 
@@ -112,7 +118,9 @@ class SceneApart:
         """In a thread of its own: a process is there until this is closed."""
         while not self._closed.is_set():
             pipe, theirs = CONTEXT.Pipe()
-            process = CONTEXT.Process(target=_draw, args=(theirs, *self._about), name="handscope scene", daemon=True)
+            process = CONTEXT.Process(
+                target=_draw, args=(theirs, *self._about), name="handscope scene", daemon=True
+            )
             process.start()
             theirs.close()  # the process has the only other end: when it dies, the pipe ends
             with suppress(OSError, EOFError):
@@ -120,7 +128,9 @@ class SceneApart:
             process.join()
             self._let_go()
             if not self._closed.wait(AGAIN):
-                log.error("the process of a 3-D scene ended (%s); another is started", process.exitcode)
+                log.error(
+                    "the process of a 3-D scene ended (%s); another is started", process.exitcode
+                )
 
     def _begin(self, pipe: Connection, port: int, secret: str) -> None:
         with self._lock:

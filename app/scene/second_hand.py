@@ -24,7 +24,9 @@ class HandBeside:
         self._geometry = geometry
         self._q_DG: Array | None = None  # set by the first orientation shown
         mesh = hand_mesh(geometry)
-        self._drawn = DrawnHand(server, "/beside", mesh.parts(), mesh.rest, view.units_per_metre(geometry))
+        self._drawn = DrawnHand(
+            server, "/beside", mesh.parts(), mesh.rest, view.units_per_metre(geometry)
+        )
         self._drawn.place((BESIDE, 0.0, 0.0))
         self._drawn.turn(view.palm_down(geometry.hand))
         self.measured(FINGERS)

@@ -12,9 +12,19 @@ def set_up(server: ViserServer, narrow: float) -> None:
     camera.fov, camera.near, camera.far = view.FIELD_OF_VIEW, view.NEAR, view.FAR
     scene.configure_default_lights(enabled=False)
     scene.configure_environment_map("studio", environment_intensity=0.22)
-    scene.add_light_hemisphere("/light/sky", sky_color=(255, 252, 248), ground_color=(176, 170, 168), intensity=0.70)
-    scene.add_light_directional("/light/key", color=(255, 248, 240), intensity=1.7, cast_shadow=True, position=(-0.35, -0.70, 1.0))
-    scene.add_light_directional("/light/rim", color=(226, 236, 255), intensity=0.55, position=(0.9, 0.7, 0.5))
+    scene.add_light_hemisphere(
+        "/light/sky", sky_color=(255, 252, 248), ground_color=(176, 170, 168), intensity=0.70
+    )
+    scene.add_light_directional(
+        "/light/key",
+        color=(255, 248, 240),
+        intensity=1.7,
+        cast_shadow=True,
+        position=(-0.35, -0.70, 1.0),
+    )
+    scene.add_light_directional(
+        "/light/rim", color=(226, 236, 255), intensity=0.55, position=(0.9, 0.7, 0.5)
+    )
     scene.add_grid(
         "/ground",
         width=12.0,

@@ -55,7 +55,9 @@ def back_of_hand(geometry: HandGeometry) -> Array:
 def trail(places: Array) -> Array:
     """Places (n, 3) along a path as TRAIL pieces of line (TRAIL, 2, 3), evenly spaced in time."""
     at = np.linspace(0, len(places) - 1, TRAIL + 1)
-    points = np.column_stack([np.interp(at, np.arange(len(places)), c) for c in places.T]).astype(np.float32)
+    points = np.column_stack([np.interp(at, np.arange(len(places)), c) for c in places.T]).astype(
+        np.float32
+    )
     return np.stack([points[:-1], points[1:]], axis=1)
 
 
@@ -68,7 +70,10 @@ def heading_removed(q_GH: Array, hand: Hand) -> Array:
 def _ahead(q_GH: Array, hand: Hand) -> Array:
     """The horizontal direction (3,) in which a person with this hand looks: along the fingers, or for upright fingers by the hand's back."""
     sign = side_sign(hand)
-    distal, dorsal = quat.rotate(q_GH, np.array([0.0, sign, 0.0])), quat.rotate(q_GH, np.array([sign, 0.0, 0.0]))
+    distal, dorsal = (
+        quat.rotate(q_GH, np.array([0.0, sign, 0.0])),
+        quat.rotate(q_GH, np.array([sign, 0.0, 0.0])),
+    )
     if np.hypot(distal[0], distal[1]) > _UPRIGHT:
         return distal
     return -dorsal if distal[2] > 0 else dorsal

@@ -8,7 +8,9 @@ import re
 import numpy as np
 import zstandard
 
-_DIGITS = "!#$%()*+,-./0123456789:;=?@ABCDEFGHIJKLMNOPQRSTUVWXYZ[\\]^_abcdefghijklmnopqrstuvwxyz{|}~"
+_DIGITS = (
+    "!#$%()*+,-./0123456789:;=?@ABCDEFGHIJKLMNOPQRSTUVWXYZ[\\]^_abcdefghijklmnopqrstuvwxyz{|}~"
+)
 _PACKED = re.compile(r'<script data-p="([^"]*)" data-ss="(\d+)" data-cs="(\d+)">')
 
 
@@ -17,7 +19,9 @@ def program(page: str) -> bytes:
     found = _PACKED.search(page)
     assert found is not None, "viser packs its page in another way"
     packed, styles, length = found[1], int(found[2]), int(found[3])
-    unpacked = zstandard.ZstdDecompressor().decompress(_bytes(packed), max_output_size=styles + length)
+    unpacked = zstandard.ZstdDecompressor().decompress(
+        _bytes(packed), max_output_size=styles + length
+    )
     return unpacked[styles : styles + length]
 
 

@@ -9,7 +9,10 @@ LIMIT = 1800.0  # s; the longest recording that is kept (an hour, 17 sensors) ta
 
 
 def within(
-    seconds: float, hear: Callable[[float], None], now: Callable[[], float] = time.monotonic, commanded: bool = True
+    seconds: float,
+    hear: Callable[[float], None],
+    now: Callable[[], float] = time.monotonic,
+    commanded: bool = True,
 ) -> Callable[[float], None]:
     """Hears shares done and passes them on; InputError as soon as more than `seconds` went by since this was made; `commanded`: by a command line."""
     end = now() + seconds
@@ -21,7 +24,9 @@ def within(
                 if commanded
                 else "process less at once, or by another method"
             )
-            raise InputError(f"{seconds:g} s were not enough, what was not done by then is left out; {more}")
+            raise InputError(
+                f"{seconds:g} s were not enough, what was not done by then is left out; {more}"
+            )
         hear(share)
 
     return heard

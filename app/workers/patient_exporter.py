@@ -55,7 +55,9 @@ class _Pieces(io.RawIOBase):
         return sent.nbytes
 
 
-def _write(pipe: Connection, environment: Mapping[str, str], folder: Path, url: str | None, patient_id: int) -> None:
+def _write(
+    pipe: Connection, environment: Mapping[str, str], folder: Path, url: str | None, patient_id: int
+) -> None:
     """In the process, in the environment that its parent has now."""
     heed_the_server_alone()
     os.environ.clear()

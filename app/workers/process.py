@@ -22,7 +22,11 @@ from typing import Any, TypeVar
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
-CONTEXT = multiprocessing.get_context("forkserver") if sys.platform == "linux" else multiprocessing.get_context("spawn")
+CONTEXT = (
+    multiprocessing.get_context("forkserver")
+    if sys.platform == "linux"
+    else multiprocessing.get_context("spawn")
+)
 CONTEXT.set_forkserver_preload(["handscope.app.preload"])
 
 
@@ -31,7 +35,9 @@ class DiedError(Exception):
 
     def __init__(self, exit_code: int | None) -> None:
         super().__init__(f"the working process ended with {exit_code}")
-        self.told = exit_code == -signal.SIGTERM  # somebody asked it to end: the work is not to blame
+        self.told = (
+            exit_code == -signal.SIGTERM
+        )  # somebody asked it to end: the work is not to blame
 
 
 class WorkingProcess:
@@ -79,7 +85,10 @@ class WorkingProcess:
     def _start(self) -> None:
         with self._starting:
             if self._process is not None:
-                log.error("the process for long work ended (%s); another is started", self._process.exitcode)
+                log.error(
+                    "the process for long work ended (%s); another is started",
+                    self._process.exitcode,
+                )
                 self.__exit__()
             self._pipe, theirs = CONTEXT.Pipe()
             given = (theirs, dict(os.environ), self._begin, self._arguments)
@@ -101,7 +110,12 @@ def heed_the_terminal() -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
-def _serve(pipe: Connection, environment: Mapping[str, str], begin: Callable[..., None], arguments: tuple[Any, ...]) -> None:
+def _serve(
+    pipe: Connection,
+    environment: Mapping[str, str],
+    begin: Callable[..., None],
+    arguments: tuple[Any, ...],
+) -> None:
     """In the process: work until the pipe ends, in the environment that its parent has now: what it was forked from may be older."""
     heed_the_server_alone()
     os.environ.clear()
@@ -113,7 +127,9 @@ def _serve(pipe: Connection, environment: Mapping[str, str], begin: Callable[...
             pipe.send(_outcome(work, given))
 
 
-def _outcome(work: Callable[..., T], arguments: tuple[Any, ...]) -> tuple[T | None, Exception | None]:
+def _outcome(
+    work: Callable[..., T], arguments: tuple[Any, ...]
+) -> tuple[T | None, Exception | None]:
     try:
         return work(*arguments), None
     except Exception as error:  # goes to whoever waits for the work

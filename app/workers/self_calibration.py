@@ -29,7 +29,9 @@ class Solving:
         self.refusal = ""
         self._begun = time.monotonic()
         self._pipe, theirs = CONTEXT.Pipe()
-        self._process = CONTEXT.Process(target=_solve, args=(theirs, recording), name="handscope self-calibration", daemon=True)
+        self._process = CONTEXT.Process(
+            target=_solve, args=(theirs, recording), name="handscope self-calibration", daemon=True
+        )
         self._process.start()
         theirs.close()
 

@@ -21,7 +21,9 @@ class Opening:
 
     def __init__(self) -> None:
         self._process = WorkingProcess(_begin)
-        self._queue = ThreadPoolExecutor(1, thread_name_prefix="opening")  # its thread waits for the process
+        self._queue = ThreadPoolExecutor(
+            1, thread_name_prefix="opening"
+        )  # its thread waits for the process
 
     def __enter__(self) -> "Opening":
         return self
@@ -34,7 +36,9 @@ class Opening:
     async def read(self, upload: Path, name: str, hand: Hand | None) -> Upload:
         """What an uploaded recording holds; InputError where it cannot be opened."""
         try:
-            return await asyncio.wrap_future(self._queue.submit(self._process.do, records.read_upload, upload, name, hand))
+            return await asyncio.wrap_future(
+                self._queue.submit(self._process.do, records.read_upload, upload, name, hand)
+            )
         except DiedError:
             raise InputError(DIED) from None
 

@@ -39,12 +39,17 @@ def compared(duration: float) -> str:
     block = made.samples["imu"]
     sure = np.ones(block.values.shape[:2])
     read = Readings(1 / block.stream.rate, block.of("gyr"), block.of("acc"), sure, sure)
-    guess = self_calibration_initialisation.unknowns(LINKED, Noise(), read, mounted(LINKED, made.mounting, Z))
+    guess = self_calibration_initialisation.unknowns(
+        LINKED, Noise(), read, mounted(LINKED, made.mounting, Z)
+    )
     problem = bent(posed(LINKED, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess)
     began = time.process_time()
     ours = solver.solve(problem, guess)
     us = time.process_time() - began
-    general, n = replace(ours.problem), len(problem) * 3 * len(LINKED.sensors) + columns(LINKED).count
+    general, n = (
+        replace(ours.problem),
+        len(problem) * 3 * len(LINKED.sensors) + columns(LINKED).count,
+    )
     return (
         f"{duration:g} s, {n} unknowns: ours {us:.1f} s, {len(ours.costs) - 1} steps, cost {solver.cost(general, ours.at):.4f}; "
         f"scipy from the same start {_general(general, guess, ours.at)}; from our minimum {_general(general, ours.at, ours.at)}"
@@ -98,19 +103,40 @@ def _slopes(problem: Problem, here: Unknowns, x: Array) -> csr_array:
         row = first + np.arange(T * m).reshape(T, m, 1)
         for k in range(terms.knots):
             J = terms.by_turns[:, :, k * e : (k + 1) * e].reshape(T, m, S, 3)
-            J = np.einsum("tmsi,tsij->tmsj", J, turning[terms.first + k : terms.first + k + T]).reshape(T, m, e)
+            J = np.einsum(
+                "tmsi,tsij->tmsj", J, turning[terms.first + k : terms.first + k + T]
+            ).reshape(T, m, e)
             col = ((terms.first + k + np.arange(T)) * e)[:, None, None] + np.arange(e)
             _put(rows, cols, values, row, col, J)
         whole = np.zeros((T, m, P))
         whole[:, :, terms.cols] = terms.by_parameters
-        _put(rows, cols, values, row, np.broadcast_to(n + np.arange(P), (T, 1, P)), whole @ of_parameters)
+        _put(
+            rows,
+            cols,
+            values,
+            row,
+            np.broadcast_to(n + np.arange(P), (T, 1, P)),
+            whole @ of_parameters,
+        )
         first += T * m
     J = residuals.priors(problem, at)[1] @ of_parameters
-    _put(rows, cols, values, (first + np.arange(len(J)))[None, :, None], (n + np.arange(P))[None, None], J[None])
-    return coo_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))), shape=(first + len(J), n + P)).tocsr()
+    _put(
+        rows,
+        cols,
+        values,
+        (first + np.arange(len(J)))[None, :, None],
+        (n + np.arange(P))[None, None],
+        J[None],
+    )
+    return coo_array(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))),
+        shape=(first + len(J), n + P),
+    ).tocsr()
 
 
-def _put(rows: list[Array], cols: list[Array], values: list[Array], row: Array, col: Array, value: Array) -> None:
+def _put(
+    rows: list[Array], cols: list[Array], values: list[Array], row: Array, col: Array, value: Array
+) -> None:
     r, c, v = np.broadcast_arrays(row, col, value)
     told = v != 0
     rows.append(r[told])
@@ -127,9 +153,13 @@ def _of_axes(here: Unknowns, x: Array) -> Array:
         for k in range(2):
             d = np.zeros_like(by)
             d[:, k] = 1e-6
-            slope = np.einsum("mij,mi->mj", frame, (tilted(axes, by + d) - tilted(axes, by - d)) / 2e-6)
+            slope = np.einsum(
+                "mij,mi->mj", frame, (tilted(axes, by + d) - tilted(axes, by - d)) / 2e-6
+            )
             for h in range(len(by)):
-                whole[where.start + 2 * h : where.start + 2 * h + 2, where.start + 2 * h + k] = slope[h]
+                whole[where.start + 2 * h : where.start + 2 * h + 2, where.start + 2 * h + k] = (
+                    slope[h]
+                )
     return whole
 
 

@@ -25,7 +25,9 @@ SPREAD = 0.06  # of the lengths about those of an average hand of the person's s
 def compared(seed: int) -> str:
     """One person, all errors of sensors and skin; lengths are given as an average hand's."""
     true = _person(seed)
-    made = free_movement.recorded(np.random.default_rng(seed), SensorErrors(), "left", true, sized("left"), duration=DURATION)
+    made = free_movement.recorded(
+        np.random.default_rng(seed), SensorErrors(), "left", true, sized("left"), duration=DURATION
+    )
     began = time.process_time()
     alone = [_alone(made, finger) for finger in CHAINS]
     between = time.process_time()
@@ -49,8 +51,15 @@ def _person(seed: int) -> HandGeometry:
 def _alone(made: Simulated, finger: str) -> Solution:
     links = chain(("hand", *CHAINS[finger]))
     _, read = sample_preparation.readings(list(made.blocks()), links.sensors, 0.0, DURATION)
-    guess = self_calibration_initialisation.unknowns(links, Noise(), read, mounted(links, made.mounting, Z))
-    return solver.learnt(measured(posed(links, Noise(), read, guess.q_GS[0], "left", made.mounting), made.geometry.lengths), guess)
+    guess = self_calibration_initialisation.unknowns(
+        links, Noise(), read, mounted(links, made.mounting, Z)
+    )
+    return solver.learnt(
+        measured(
+            posed(links, Noise(), read, guess.q_GS[0], "left", made.mounting), made.geometry.lengths
+        ),
+        guess,
+    )
 
 
 def _errors(made: Simulated, true: HandGeometry, found: Sequence[Solution]) -> str:

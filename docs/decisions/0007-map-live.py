@@ -36,11 +36,17 @@ def compared(trial: Trial, options: Sequence[str], with_map: bool) -> str:
     assert last is not None
     found = {s: v for finger in last.fingers if finger.lengths for s, v in finger.lengths.items()}
     true = _true(trial)
-    said.append(f"lengths told {_off(made.geometry.lengths, true, [*found]):.1f} %, map-live {_off(found, true, [*found]):.1f} %")
+    said.append(
+        f"lengths told {_off(made.geometry.lengths, true, [*found]):.1f} %, map-live {_off(found, true, [*found]):.1f} %"
+    )
     if with_map:
         of_map = process(ALL_METHODS["map"], ALL_METHODS["map"].Params(), made)
         lengths = _off(of_map.calibrations[0].geometry.lengths, true, [*found])
-        said.append("map {:.2f} deg {:.1f} mm {:.2f}, lengths {:.1f} %".format(*errors(made, of_map.trajectory), lengths))
+        said.append(
+            "map {:.2f} deg {:.1f} mm {:.2f}, lengths {:.1f} %".format(
+                *errors(made, of_map.trajectory), lengths
+            )
+        )
     return f"{trial.experiment} {trial.seed}: " + "; ".join(said)
 
 
@@ -50,7 +56,10 @@ def _stepped(made: Simulated, name: str, options: Sequence[str]) -> tuple[str, A
     params = with_options(method.Params, parse([*options]) if name == "map-live" else {})
     calibration = calibrate(params, made)[0][0]
     samples = next(made.blocks()).between(calibration.t, np.inf)
-    first, rest = (Block(samples.stream, samples.t[part], samples.values[part]) for part in (slice(SINGLE), slice(SINGLE, None)))
+    first, rest = (
+        Block(samples.stream, samples.t[part], samples.values[part])
+        for part in (slice(SINGLE), slice(SINGLE, None))
+    )
     state, given, late = method.start(params, calibration, made.streams), [], []
     began = time.process_time()
     for block in (*first.parts(1), *rest.parts(2048)):
@@ -60,12 +69,16 @@ def _stepped(made: Simulated, name: str, options: Sequence[str]) -> tuple[str, A
     _, piece = method.finish(params, state)
     spent = (time.process_time() - began) / (samples.t[-1] - samples.t[0])
     moved = trajectory.join([*given, piece], made.hand)
-    return "{:.2f} deg {:.1f} mm {:.2f}, {:.3f} s, {:.0f} {:.0f} ms".format(*errors(made, moved), spent, np.mean(late), max(late)), state
+    return "{:.2f} deg {:.1f} mm {:.2f}, {:.3f} s, {:.0f} {:.0f} ms".format(
+        *errors(made, moved), spent, np.mean(late), max(late)
+    ), state
 
 
 def _true(trial: Trial) -> HandGeometry:
     """The hand of the trial's person: experiments.recorded."""
-    of_person = np.random.default_rng([trial.seed, list(EXPERIMENTS).index(trial.experiment)]).spawn(2)[1]
+    of_person = np.random.default_rng(
+        [trial.seed, list(EXPERIMENTS).index(trial.experiment)]
+    ).spawn(2)[1]
     return drawn("left", of_person.spawn(5)[0]).true
 
 

@@ -21,7 +21,11 @@ from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import person
 from handscope.estimators.simulation.force_sensors import ForceErrors
-from handscope.estimators.simulation.movements import functional_calibration, object_dynamics, task_performance
+from handscope.estimators.simulation.movements import (
+    functional_calibration,
+    object_dynamics,
+    task_performance,
+)
 from handscope.estimators.simulation.movements.object_dynamics import NO_MISHAP, Mishap
 from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
 from handscope.estimators.simulation.sensors import PRESETS
@@ -38,7 +42,9 @@ class Condition:
     mishap: Mishap = NO_MISHAP
     errors: ForceErrors = USUAL
     limit_told: bool = True  # False: readings are clipped, and no full scale is told
-    spoil: Callable[[Array, Array], Array] = lambda t, v: v  # of times since the task's beginning and readings (n, 2, 3), thumb first
+    spoil: Callable[[Array, Array], Array] = lambda t, v: (
+        v
+    )  # of times since the task's beginning and readings (n, 2, 3), thumb first
 
 
 THUMB = np.array([1.0, 0.0])[:, None]
@@ -51,8 +57,12 @@ CONDITIONS = {
     "slips, four": Condition(Mishap(slips=(3.2, 4.0, 4.8, 5.6))),
     "drift, three times": Condition(errors=ForceErrors(drift=0.06)),
     "drift, ten times": Condition(errors=ForceErrors(drift=0.2)),
-    "drift of the supply, 0.1 N/s within the grasp": Condition(spoil=lambda t, v: v + 0.1 * np.clip(t, 0.0, 10.0)[:, None, None]),
-    "jump of the thumb's zero by 0.5 N": Condition(spoil=lambda t, v: v + 0.5 * (t > 4.0)[:, None, None] * THUMB),
+    "drift of the supply, 0.1 N/s within the grasp": Condition(
+        spoil=lambda t, v: v + 0.1 * np.clip(t, 0.0, 10.0)[:, None, None]
+    ),
+    "jump of the thumb's zero by 0.5 N": Condition(
+        spoil=lambda t, v: v + 0.5 * (t > 4.0)[:, None, None] * THUMB
+    ),
     "the thumb's gain sinks by 15 %": Condition(spoil=lambda t, v: v * (1 - 0.15 * THUMB)),
     "both gains sink by 15 %": Condition(spoil=lambda t, v: 0.85 * v),
     "limit of 3 N, told": Condition(errors=ForceErrors(limit=3.0)),
@@ -65,16 +75,22 @@ def performed_by(seed: int, what: str, condition: Condition) -> tuple[Simulated,
     """Somebody with a hand of their own lifts or squeezes; with the true mass or stiffness."""
     of_person, of_pose, of_motion, of_sensors = np.random.default_rng([seed, 7]).spawn(4)
     somebody = person.drawn("left", of_person)
-    pose = task_performance.initial_pose(somebody.true, taken=functional_calibration.missed(task_performance.flat(), POSE, of_pose))
+    pose = task_performance.initial_pose(
+        somebody.true, taken=functional_calibration.missed(task_performance.flat(), POSE, of_pose)
+    )
     if what == "lift":
         true = MASSES[seed % 2]
         task = object_dynamics.lift(somebody.true, of_motion, mass=true, mishap=condition.mishap)
     else:
         true = STIFFNESS
-        task = object_dynamics.squeeze(somebody.true, of_motion, stiffness=true, mishap=condition.mishap)
+        task = object_dynamics.squeeze(
+            somebody.true, of_motion, stiffness=true, mishap=condition.mishap
+        )
     glove = ForceGlove(errors=condition.errors)
     preset = PRESETS["LSM330DLC/HMC5983"]
-    made = performed([pose, task], "left", somebody.true, of_sensors, preset, known=somebody.told, force=glove)
+    made = performed(
+        [pose, task], "left", somebody.true, of_sensors, preset, known=somebody.told, force=glove
+    )
     block = made.samples["force"]
     onset = next(e.onset for e in made.events if e.trial_type == "task")
     stream = block.stream if condition.limit_told else replace(block.stream, full_scale={})
@@ -95,13 +111,21 @@ def told(what: str, made: Simulated, true: float) -> tuple[dict[str, Told], str]
     moved = process(m2, m2.Params(), made).trajectory
     if what == "lift":
         lifted = lift.measure(lift.Params(), moved, event.onset, event.end, made.geometry)
-        figures, runs, wanted = lift.figures(lifted), [one.running for one in lifted.lifts], {"lift_mass": true}
+        figures, runs, wanted = (
+            lift.figures(lifted),
+            [one.running for one in lifted.lifts],
+            {"lift_mass": true},
+        )
     else:
         squeezed = squeeze.measure(squeeze.Params(), moved, event.onset, event.end, made.geometry)
         figures, runs = squeeze.figures(squeezed), [one.running for one in squeezed.grasps]
         wanted = {"squeeze_stiffness": true, "squeeze_damping": 0.0}
     by_name = {f.what: f for f in figures}
-    found = {name: Told(f.value, f.sd, of) for name, of in wanted.items() if np.isfinite((f := by_name[name]).value) and f.sd}
+    found = {
+        name: Told(f.value, f.sd, of)
+        for name, of in wanted.items()
+        if np.isfinite((f := by_name[name]).value) and f.sd
+    }
     ends = [one for one in runs if one is not None and np.isfinite(one.value[-1])]
     if ends:
         found["recursive"] = Told(float(ends[0].value[-1]), float(ends[0].sd[-1]), true)
@@ -131,11 +155,20 @@ def main(people: int, first: int, wanted: str) -> None:
                 wrong += not reason and any(surely_wrong(one) for one in found.values() if one.true)
                 for quantity, one in found.items():
                     of_each[quantity].append(one)
-            figures = "; ".join(f"{quantity} {line(each)}" for quantity, each in of_each.items()) or "nothing told"
-            sys.stdout.write(f"{what}: {name}: said of {said} of {people}; {figures}; surely wrong, unsaid: {wrong}\n")
+            figures = (
+                "; ".join(f"{quantity} {line(each)}" for quantity, each in of_each.items())
+                or "nothing told"
+            )
+            sys.stdout.write(
+                f"{what}: {name}: said of {said} of {people}; {figures}; surely wrong, unsaid: {wrong}\n"
+            )
             sys.stdout.flush()
 
 
 if __name__ == "__main__":
     given = sys.argv[1:]
-    main(int(given[0]) if given else 40, int(given[1]) if given[1:] else 1000, given[2] if given[2:] else "")
+    main(
+        int(given[0]) if given else 40,
+        int(given[1]) if given[1:] else 1000,
+        given[2] if given[2:] else "",
+    )

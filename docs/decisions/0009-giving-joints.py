@@ -39,10 +39,17 @@ class Wandering(Motion):
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         u = np.clip(np.minimum(t, self.duration - t), 0.0, 1.0)
         sign = np.where((u > 0) & (u < 1), np.sign(self.duration / 2 - t), 0.0)
-        share, rate, bend = u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2 * sign, 60 * u * (1 - u) * (1 - 2 * u) * sign**2
+        share, rate, bend = (
+            u**3 * (10 - 15 * u + 6 * u**2),
+            30 * u**2 * (1 - u) ** 2 * sign,
+            60 * u * (1 - u) * (1 - 2 * u) * sign**2,
+        )
         s, ds, dds = (v[:, None, None] for v in (share, rate, bend))
         turned = self.w * t[:, None, None, None] + self.phase
-        y, dy, ddy = (EVENLY * v.sum(axis=-1) for v in (np.sin(turned), self.w * np.cos(turned), -(self.w**2) * np.sin(turned)))
+        y, dy, ddy = (
+            EVENLY * v.sum(axis=-1)
+            for v in (np.sin(turned), self.w * np.cos(turned), -(self.w**2) * np.sin(turned))
+        )
         given = s * y, ds * y + s * dy, dds * y + 2 * ds * dy + s * ddy
         x, dx, ddx = super().at(t)
         for whole, added in zip((x, dx, ddx), given):
@@ -52,15 +59,32 @@ class Wandering(Motion):
 
 def made(seed: int, size_deg: float, follows: bool) -> Simulated:
     rng, experiment = np.random.default_rng([9, seed]), experiments.EXPERIMENTS["free"]
-    w, phase = 2 * np.pi / rng.uniform(2, 6, (*IS_DOF.shape, 5)), rng.uniform(0, 2 * np.pi, (*IS_DOF.shape, 5))
+    w, phase = (
+        2 * np.pi / rng.uniform(2, 6, (*IS_DOF.shape, 5)),
+        rng.uniform(0, 2 * np.pi, (*IS_DOF.shape, 5)),
+    )
 
     def perform(geometry: HandGeometry, generator: np.random.Generator) -> tuple[Performance, ...]:
         pose, *rest = experiment.perform(geometry, generator)
-        return (pose, *(replace(p, motion=Wandering(p.motion.spline, np.radians(size_deg), w, phase)) for p in rest))
+        return (
+            pose,
+            *(
+                replace(p, motion=Wandering(p.motion.spline, np.radians(size_deg), w, phase))
+                for p in rest
+            ),
+        )
 
     wandering = experiment if follows else replace(experiment, perform=perform)
     give_deg = size_deg if follows else 0.0
-    return recorded(wandering, np.random.default_rng([seed, 3]), SensorErrors(), None, "left", 2.5, give_deg=give_deg)
+    return recorded(
+        wandering,
+        np.random.default_rng([seed, 3]),
+        SensorErrors(),
+        None,
+        "left",
+        2.5,
+        give_deg=give_deg,
+    )
 
 
 def judge(recording: Simulated, learning: bool) -> tuple[float, float, float]:
@@ -70,16 +94,24 @@ def judge(recording: Simulated, learning: bool) -> tuple[float, float, float]:
     def sure(*given, **named):  # type: ignore[no-untyped-def]
         state = start(*given, **named)
         belief = np.radians(ekf.Params().dimension_noise) ** 2
-        return replace(state, give=np.broadcast_to(SURE * np.array([belief, 1.0]), state.give.shape).copy())
+        return replace(
+            state, give=np.broadcast_to(SURE * np.array([belief, 1.0]), state.give.shape).copy()
+        )
 
     finger_ekf_filter.start = start if learning else sure
     moved = process(ekf, ekf.Params(), recording).trajectory
     finger_ekf_filter.start = start
     assert moved.angles_sd is not None and moved.tips_sd is not None
     where = judged(recording)
-    angles, tips = ((getattr(moved, what) - getattr(recording.truth, what))[where] for what in ("angles", "tips"))
+    angles, tips = (
+        (getattr(moved, what) - getattr(recording.truth, what))[where]
+        for what in ("angles", "tips")
+    )
     free = angles[:, IS_DOF]
-    squares = (np.nanmean((free / moved.angles_sd[where][:, IS_DOF]) ** 2), np.nanmean((tips / moved.tips_sd[where]) ** 2))
+    squares = (
+        np.nanmean((free / moved.angles_sd[where][:, IS_DOF]) ** 2),
+        np.nanmean((tips / moved.tips_sd[where]) ** 2),
+    )
     return float(squares[0]), float(squares[1]), float(np.degrees(np.sqrt((free**2).mean())))
 
 

@@ -42,7 +42,14 @@ def changing(trial: broad.Trial) -> tuple[Array, Array]:
     q_GS, q_ref = q_GS[seen], trial.q_ref[seen]
     true, ours = (quat.rotate(quat.conjugate(q), UP) for q in (q_ref, q_GS))
     error, across = np.cross(true, ours), skew(true)
-    stays = np.concatenate([across, -across @ across, (-across @ across @ quat.matrix(q_ref).transpose(0, 2, 1))[:, :, :2]], axis=2)
+    stays = np.concatenate(
+        [
+            across,
+            -across @ across,
+            (-across @ across @ quat.matrix(q_ref).transpose(0, 2, 1))[:, :, :2],
+        ],
+        axis=2,
+    )
     same = np.linalg.lstsq(stays[fit].reshape(-1, 8), error[fit].ravel(), rcond=None)[0]
     left = np.degrees(np.sqrt(((error - stays @ same) ** 2).sum(axis=1) / 2))
     squared, lively = (trial.gyr**2).sum(axis=1), np.empty(len(trial.gyr))
@@ -53,7 +60,9 @@ def changing(trial: broad.Trial) -> tuple[Array, Array]:
     pieces = np.array_split(np.flatnonzero(seen)[int(5 * trial.rate) :], PIECES)
     left_at = np.full(len(trial.gyr), np.nan)
     left_at[seen] = left
-    return np.array([np.degrees(np.sqrt(lively[p].mean())) for p in pieces]), np.array([(left_at[p] ** 2).mean() for p in pieces])
+    return np.array([np.degrees(np.sqrt(lively[p].mean())) for p in pieces]), np.array(
+        [(left_at[p] ** 2).mean() for p in pieces]
+    )
 
 
 def fitted(rates: Array, squares: Array) -> tuple[float, float]:
@@ -73,7 +82,9 @@ def biases(path: Path) -> tuple[Array, Array]:
     for one in worn:
         n = round(100 * POSE)
         values = np.concatenate([one["gyr"], one["acc"]], axis=1)[:n, None]
-        (still,) = initial_pose.held(Block(Stream("imu", ("hand",), (GYR, ACC), 100.0), np.arange(n) / 100, values)).values()
+        (still,) = initial_pose.held(
+            Block(Stream("imu", ("hand",), (GYR, ACC), 100.0), np.arange(n) / 100, values)
+        ).values()
         quality = initial_pose.stillness(still)
         assert quality.bias_sd is not None
         means.append(np.degrees(still.mean[:3]))
@@ -94,13 +105,20 @@ def main(folder: str, file: str) -> None:
     rates, squares = (np.concatenate(x) for x in zip(*found))
     for low, high in zip(RANGES, RANGES[1:]):
         among = (rates >= low) & (rates < high)
-        print(f"{low:3d}-{high:3d} deg/s, {among.sum():3d} pieces: vertical {np.sqrt(squares[among].mean()):.2f} deg off a level axis")  # noqa: T201
+        print(
+            f"{low:3d}-{high:3d} deg/s, {among.sum():3d} pieces: vertical {np.sqrt(squares[among].mean()):.2f} deg off a level axis"
+        )
     a, k = fitted(rates, squares)
     print(f"fitted: {a:.2f} deg, and {1e3 * k:.2f} ms times the rate")  # noqa: T201
     means, scatter = biases(Path(file))
     size, most = likeliest(means, scatter)
-    print(f"biases of {len(means)} sensors: squared over the scatter's variance {np.mean((means / scatter[:, None]) ** 2):.2f}", end="; ")  # noqa: T201
-    print(f"beside it {size:.4f} deg/s (at most {most:.4f}), with which {np.mean(means**2 / (scatter[:, None] ** 2 + size**2)):.2f}")  # noqa: T201
+    print(
+        f"biases of {len(means)} sensors: squared over the scatter's variance {np.mean((means / scatter[:, None]) ** 2):.2f}",
+        end="; ",
+    )
+    print(
+        f"beside it {size:.4f} deg/s (at most {most:.4f}), with which {np.mean(means**2 / (scatter[:, None] ** 2 + size**2)):.2f}"
+    )
 
 
 if __name__ == "__main__":

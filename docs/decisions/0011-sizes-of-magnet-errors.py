@@ -27,7 +27,9 @@ SPANS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # s over which turns are compared
 RATES = (0.3, 0.7, 1.5, 3, 5, 8)  # rad/s
 FEW = 10  # windows that say nothing
 DISTANCES = (0, 0.1, 0.2, 0.3, 0.5, 0.8)  # m
-UPRIGHT = np.radians(10.0)  # readings that are compared are turned by less: what the calibration of a magnetometer leaves drops out
+UPRIGHT = np.radians(
+    10.0
+)  # readings that are compared are turned by less: what the calibration of a magnetometer leaves drops out
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,9 @@ def starts(trial: Trial, seconds: float, step: float) -> NDArray[np.int_]:
 
 def summed(values: Array, dt: float) -> Array:
     """Integral up to each sample, by trapezoids."""
-    return np.concatenate([np.zeros_like(values[:1]), np.cumsum(0.5 * dt * (values[1:] + values[:-1]), axis=0)])
+    return np.concatenate(
+        [np.zeros_like(values[:1]), np.cumsum(0.5 * dt * (values[1:] + values[:-1]), axis=0)]
+    )
 
 
 def skew(v: Array) -> Array:
@@ -81,7 +85,9 @@ class Carried:
 
     off: Array  # (3 k,)
     own: Array  # (3 k, 9) by place, velocity and inclination at its start
-    shared: Array  # (3 k, 10) by what is alike in a trial: biases of both sensors, lever arm, lateness
+    shared: (
+        Array  # (3 k, 10) by what is alike in a trial: biases of both sensors, lever arm, lateness
+    )
     push: float  # m/s^2, root mean square
 
 
@@ -95,18 +101,26 @@ def followed(trial: Trial, first: int, long: int) -> Carried:
         q[k + 1] = quat.multiply(q[k], steps[k])
     R, pull = quat.matrix(q), np.array([0.0, 0.0, GRAVITY])
     force = quat.rotate(q, trial.acc[part])
-    S, t, one = skew(force), np.arange(long + 1)[:, None, None] * dt, np.broadcast_to(np.eye(3), R.shape)
+    S, t, one = (
+        skew(force),
+        np.arange(long + 1)[:, None, None] * dt,
+        np.broadcast_to(np.eye(3), R.shape),
+    )
 
     def twice(values: Array) -> Array:
         return summed(summed(values, dt), dt)
 
     own = np.concatenate([one, t * one, -twice(S)], axis=2)
     velocity = np.gradient(trial.p[part], dt, axis=0)[..., None]
-    shared = np.concatenate([-twice(R), -twice(S @ summed(R, dt)), quat.matrix(trial.q[part]), velocity], axis=2)
+    shared = np.concatenate(
+        [-twice(R), -twice(S @ summed(R, dt)), quat.matrix(trial.q[part]), velocity], axis=2
+    )
     looked = np.arange(0, long + 1, round(trial.rate / LOOKED))
     push = float(np.sqrt(((force - pull) ** 2).sum(axis=1).mean()))
     off = trial.p[part] - twice(force - pull)
-    return Carried(off[looked].ravel(), own[looked].reshape(-1, 9), shared[looked].reshape(-1, 10), push)
+    return Carried(
+        off[looked].ravel(), own[looked].reshape(-1, 9), shared[looked].reshape(-1, 10), push
+    )
 
 
 def accelerometer(trial: Trial, seconds: float) -> tuple[float, float, float, float]:
@@ -114,11 +128,16 @@ def accelerometer(trial: Trial, seconds: float) -> tuple[float, float, float, fl
     long = round(seconds * trial.rate)
     paths = [followed(trial, int(k), long) for k in starts(trial, seconds, 1.0)]
     free = [np.linalg.qr(p.own, mode="complete")[0][:, 9:] for p in paths]
-    slopes, off = (np.concatenate(x) for x in zip(*((Z.T @ p.shared, Z.T @ p.off) for Z, p in zip(free, paths))))
+    slopes, off = (
+        np.concatenate(x)
+        for x in zip(*((Z.T @ p.shared, Z.T @ p.off) for Z, p in zip(free, paths)))
+    )
     same = np.linalg.lstsq(slopes, off, rcond=None)[0]
     t = np.arange(0, long + 1, round(trial.rate / LOOKED)) / trial.rate
     early, late = np.minimum.outer(t, t), np.maximum.outer(t, t)
-    walked = np.kron(early**2 / 2 * (late - early / 3), np.eye(3))  # covariance of white noise integrated twice
+    walked = np.kron(
+        early**2 / 2 * (late - early / 3), np.eye(3)
+    )  # covariance of white noise integrated twice
     shapes = [np.linalg.eigh(Z.T @ walked @ Z) for Z in free]
     left = block_diag(*(U for _, U in shapes)).T @ (off - slopes @ same)
     growing = np.concatenate([size for size, _ in shapes])
@@ -143,7 +162,9 @@ def turns(trial: Trial, seconds: float) -> tuple[Array, Array]:
         carried = quat.matrix(quat.conjugate(step)) @ carried + dt * np.eye(3)
     true = quat.relative(trial.q[first], trial.q[first + long])
     late = trial.gyr[first + long] - quat.rotate(quat.conjugate(true), trial.gyr[first])
-    slopes = np.concatenate([carried, np.eye(3) - quat.matrix(quat.conjugate(true)), late[..., None]], axis=2)
+    slopes = np.concatenate(
+        [carried, np.eye(3) - quat.matrix(quat.conjugate(true)), late[..., None]], axis=2
+    )
     off = quat.log(quat.relative(ours, true))
     same = np.linalg.lstsq(slopes.reshape(-1, slopes.shape[2]), off.ravel(), rcond=None)[0]
     return loudness(trial.gyr, first, long), ((off - slopes @ same) ** 2).mean(axis=1)
@@ -166,9 +187,14 @@ def fields(trial: Trial) -> tuple[Array, Array]:
     means, places = (np.array([v[k : k + long].mean(axis=0) for k in first]) for v in (B, trial.p))
     a, b = np.random.default_rng(0).integers(0, len(first), (2, 200_000))
     alike = quat.angle(quat.relative(trial.q[first[a]], trial.q[first[b]])) < UPRIGHT
-    difference, away = (means[a] - means[b])[alike], np.linalg.norm((places[a] - places[b])[alike], axis=1)
+    difference, away = (
+        (means[a] - means[b])[alike],
+        np.linalg.norm((places[a] - places[b])[alike], axis=1),
+    )
     level = means[:, :2].mean(axis=0) / np.linalg.norm(means[:, :2].mean(axis=0))
-    return away, np.column_stack([difference[:, :2] @ [-level[1], level[0]], difference[:, :2] @ level, difference[:, 2]])
+    return away, np.column_stack(
+        [difference[:, :2] @ [-level[1], level[0]], difference[:, :2] @ level, difference[:, 2]]
+    )
 
 
 def main(folder: str) -> None:
@@ -198,7 +224,9 @@ def main(folder: str) -> None:
             for low, high in zip(DISTANCES, DISTANCES[1:]):
                 among = (away >= low) & (away < high)
                 sizes = np.sqrt((difference[among] ** 2).mean(axis=0))
-                print(f"{title[:2]}: {low:g}-{high:g} m apart: field {sizes.round(2)} uT across itself, along, down")  # noqa: T201
+                print(
+                    f"{title[:2]}: {low:g}-{high:g} m apart: field {sizes.round(2)} uT across itself, along, down"
+                )
 
 
 if __name__ == "__main__":

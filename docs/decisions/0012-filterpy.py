@@ -43,7 +43,12 @@ def least_squares() -> None:
 
     def theirs() -> Array:
         kf = KalmanFilter(dim_x=2, dim_z=1)
-        kf.P, kf.R, kf.Q, kf.F = identification.VAGUE * np.eye(2), np.array([[NOISE**2]]), np.zeros((2, 2)), np.eye(2)
+        kf.P, kf.R, kf.Q, kf.F = (
+            identification.VAGUE * np.eye(2),
+            np.array([[NOISE**2]]),
+            np.zeros((2, 2)),
+            np.eye(2),
+        )
         kf.alpha = np.exp(STEP / MEMORY / 2)
         for k in range(N):
             if k:
@@ -61,7 +66,11 @@ def least_squares() -> None:
 
 def update() -> None:
     rng = np.random.default_rng(1)
-    A, H, missed = rng.normal(size=(ERRORS, ERRORS)), rng.normal(size=(ROWS, ERRORS)), rng.normal(size=ROWS)
+    A, H, missed = (
+        rng.normal(size=(ERRORS, ERRORS)),
+        rng.normal(size=(ROWS, ERRORS)),
+        rng.normal(size=ROWS),
+    )
     P, noise, steps = A @ A.T, np.eye(ROWS), 200
     ekf = ExtendedKalmanFilter(dim_x=ERRORS, dim_z=ROWS)
     ekf.R = noise
@@ -78,7 +87,9 @@ def update() -> None:
             _corrected(P.copy(), missed, H, noise, change)
         return change
 
-    say(f"update of {ERRORS} errors by {ROWS} readings: largest difference {np.abs(theirs() - ours()).max():.1e}")
+    say(
+        f"update of {ERRORS} errors by {ROWS} readings: largest difference {np.abs(theirs() - ours()).max():.1e}"
+    )
     say(f"  {microseconds(theirs, steps):.0f} us, ours {microseconds(ours, steps):.0f} us")
 
 

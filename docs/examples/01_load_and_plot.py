@@ -25,8 +25,14 @@ for warning in processed.warnings:
     print("warning:", warning)
 
 table = frames.frame(frames.movement(processed.trajectory))
-print(table[[c for c in table if c.startswith("index_") and c.endswith("flexion_deg")]].describe().round(1))
+print(
+    table[[c for c in table if c.startswith("index_") and c.endswith("flexion_deg")]]
+    .describe()
+    .round(1)
+)
 
-axes = table.plot(x="time", y=["index_mcp_flexion_deg", "index_pip_flexion_deg", "index_dip_flexion_deg"])
+axes = table.plot(
+    x="time", y=["index_mcp_flexion_deg", "index_pip_flexion_deg", "index_dip_flexion_deg"]
+)
 axes.set(xlabel="s", ylabel="deg")
 plt.savefig(sys.argv[2] if len(sys.argv) > 2 else "movement.png")

@@ -27,14 +27,25 @@ Z = np.array([0.0, 0.0, 1.0])
 CONTRADICTION = 15.0 * DEG  # ours
 TOLD = 5.0 * DEG  # sd of a flexion axis; ours: what misaligned sensors leave without calibration
 AXES_FROM = ("flexion_thumb_ip", "flexion_mcp", "flexion_all")  # the later the better
-ALONGSIDE: Mapping[str, tuple[str, ...]] = {  # whose flexion axis a segment shares while all move together, in the order of looking
-    **{s: (*CHAINS[f][k + 1 : k + 2], *CHAINS[f][max(k - 1, 0) : k]) for f in FINGERS for k, s in reversed(list(enumerate(CHAINS[f])))},
+ALONGSIDE: Mapping[
+    str, tuple[str, ...]
+] = {  # whose flexion axis a segment shares while all move together, in the order of looking
+    **{
+        s: (*CHAINS[f][k + 1 : k + 2], *CHAINS[f][max(k - 1, 0) : k])
+        for f in FINGERS
+        for k, s in reversed(list(enumerate(CHAINS[f])))
+    },
     "hand": tuple(CHAINS[f][0] for f in FINGERS[1:]),
     "forearm": ("hand",),
 }
 
 
-def combine(params: FunctionalParams, pieces: Mapping[str, Piece], pose: Calibration, mounting: Mapping[str, Array]) -> Calibration:
+def combine(
+    params: FunctionalParams,
+    pieces: Mapping[str, Piece],
+    pose: Calibration,
+    mounting: Mapping[str, Array],
+) -> Calibration:
     """The pose's calibration (alignment full or common) with the sensors as the accepted pieces say; `mounting`: nominal.
 
     Pieces with problems are left out. A sensor of which no piece tells an axis keeps what the pose says; without any axis the pose's calibration stays.
@@ -43,21 +54,47 @@ def combine(params: FunctionalParams, pieces: Mapping[str, Piece], pose: Calibra
     seen = _guesses(good, pose)
     if not seen:
         return pose
-    nominal = {s: _wahba([_level(good, pose, s), (_axis_of(pose.q_BS[s]), Z)]) for s in pose.q_GS if s not in seen}
+    nominal = {
+        s: _wahba([_level(good, pose, s), (_axis_of(pose.q_BS[s]), Z)])
+        for s in pose.q_GS
+        if s not in seen
+    }
     movements = [p.movement for p in good.values() if p.movement is not None]
     sights = _sights(params, good, pose, [*seen, *nominal])
-    fitted = mounting_fit.fit({**seen, **nominal}, movements, sights, pose.hand, params.soft_tissue * DEG)
-    far = [s for s, q in seen.items() if quat.angle(quat.relative(q, fitted.q_BS[s])) > CONTRADICTION or _apart(good, s) > CONTRADICTION]
-    if far:  # no careless step does that: something else was done than was said, or a sensor has slipped
+    fitted = mounting_fit.fit(
+        {**seen, **nominal}, movements, sights, pose.hand, params.soft_tissue * DEG
+    )
+    far = [
+        s
+        for s, q in seen.items()
+        if quat.angle(quat.relative(q, fitted.q_BS[s])) > CONTRADICTION
+        or _apart(good, s) > CONTRADICTION
+    ]
+    if (
+        far
+    ):  # no careless step does that: something else was done than was said, or a sensor has slipped
         unsure = {s: np.full(3, CONTRADICTION) for s in fitted.sd}
-        fitted = mounting_fit.Fit({**fitted.q_BS, **seen}, unsure, CONTRADICTION**2 * np.eye(3 * len(unsure)))
-    told = [s for s in pose.q_GS if s in seen or s == "hand" or (not far and fitted.sd[s][0] < TOLD)]
+        fitted = mounting_fit.Fit(
+            {**fitted.q_BS, **seen}, unsure, CONTRADICTION**2 * np.eye(3 * len(unsure))
+        )
+    told = [
+        s for s in pose.q_GS if s in seen or s == "hand" or (not far and fitted.sd[s][0] < TOLD)
+    ]
     q_BS, sd = ({s: values[s] for s in told} for values in (fitted.q_BS, fitted.sd))
-    quality = {s: replace(q, misalignment=_off(mounting, s, q_BS.get(s), q.misalignment)) for s, q in pose.quality.items()}
+    quality = {
+        s: replace(q, misalignment=_off(mounting, s, q_BS.get(s), q.misalignment))
+        for s, q in pose.quality.items()
+    }
     said = _said(pose, sd, [s for s in STEPS if s not in good], far)
     steps = {step: p.quality for step, p in good.items()}
     source = f"{pose.source} and functional calibration"
-    known = replace(seated(pose, q_BS), source=source, quality=quality, warnings=(*pose.warnings, *said), steps=steps)
+    known = replace(
+        seated(pose, q_BS),
+        source=source,
+        quality=quality,
+        warnings=(*pose.warnings, *said),
+        steps=steps,
+    )
     return replace(known, q_BS_sd=sd, q_BS_covariance=fitted.of(told))
 
 
@@ -69,14 +106,18 @@ def _guesses(good: Mapping[str, Piece], pose: Calibration) -> dict[str, Array]:
         near = [o for o in others if o in axes and o in eight]
         if segment not in axes and segment in eight and near:
             on_hand = sum((quat.rotate(eight[o].q_ab, axes[o]) for o in near), np.zeros(3))
-            axes[segment] = quat.rotate(quat.conjugate(eight[segment].q_ab), on_hand / np.linalg.norm(on_hand))
+            axes[segment] = quat.rotate(
+                quat.conjugate(eight[segment].q_ab), on_hand / np.linalg.norm(on_hand)
+            )
     return {s: _wahba([_level(good, pose, s), (z, Z)]) for s, z in axes.items() if s in pose.q_GS}
 
 
 def _apart(good: Mapping[str, Piece], segment: str) -> float:
     """Largest angle between the segment's axes in different steps."""
     axes = [p.bent[segment].axis for p in good.values() if segment in p.bent]
-    return max((float(np.arccos(np.clip(a @ b, -1.0, 1.0))) for a in axes for b in axes), default=0.0)
+    return max(
+        (float(np.arccos(np.clip(a @ b, -1.0, 1.0))) for a in axes for b in axes), default=0.0
+    )
 
 
 def _level(good: Mapping[str, Piece], pose: Calibration, segment: str) -> tuple[Array, Array]:
@@ -94,38 +135,65 @@ def _wahba(pairs: Sequence[tuple[Array, Array]]) -> Array:
     return quat.from_matrix(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt)
 
 
-def _sights(params: FunctionalParams, good: Mapping[str, Piece], pose: Calibration, segments: Sequence[str]) -> list[Sight]:
+def _sights(
+    params: FunctionalParams, good: Mapping[str, Piece], pose: Calibration, segments: Sequence[str]
+) -> list[Sight]:
     """Gravity in the flat postures, level, and in the initial pose, against the hand."""
     sd, found = params.posture_sd * DEG, []
     q_GH = _segment(pose, "hand")
     for segment in segments:
         finger = segment.split("_")[0]
         thumb, chain = finger == "thumb", CHAINS.get(finger, ())
-        joints = chain[: chain.index(segment) + 1] if chain else ()  # by their children: what is to be straight from the hand to here
+        joints = (
+            chain[: chain.index(segment) + 1] if chain else ()
+        )  # by their children: what is to be straight from the hand to here
         roll = sd * np.sqrt(len(joints)) if thumb else 1.0 * DEG
         flat = good.get("thumb_flat" if thumb else "flat_hand")
         if flat is not None and segment in flat.up:
             from_table = (
-                ("thumb", *joints[1:]) if thumb else ("forearm",) if segment == "forearm" else ("hand", *joints)
+                ("thumb", *joints[1:])
+                if thumb
+                else ("forearm",)
+                if segment == "forearm"
+                else ("hand", *joints)
             )  # each lies by itself
-            found.append(Sight(segment, flat.up[segment], tuple(f"{flat.step}: {j}" for j in from_table), sd, roll))
+            found.append(
+                Sight(
+                    segment,
+                    flat.up[segment],
+                    tuple(f"{flat.step}: {j}" for j in from_table),
+                    sd,
+                    roll,
+                )
+            )
         if segment not in ("hand", "forearm"):
-            held, q_HB = tuple(f"pose: {j}" for j in joints), quat.relative(q_GH, _segment(pose, segment))
-            found.append(Sight(segment, _up(pose, segment), held, sd, roll, _up(pose, "hand"), q_HB))
+            held, q_HB = (
+                tuple(f"pose: {j}" for j in joints),
+                quat.relative(q_GH, _segment(pose, segment)),
+            )
+            found.append(
+                Sight(segment, _up(pose, segment), held, sd, roll, _up(pose, "hand"), q_HB)
+            )
     return found
 
 
 def seated(pose: Calibration, q_BS: Mapping[str, Array]) -> Calibration:
     """The pose seen anew with sensors that sit so: the hand as gravity has it, every segment on it as the pose was asked for."""
     q_GH_full = _segment(pose, "hand")
-    ahead = quat.normalize(upright(initial_pose.palm_down(pose.hand), quat.rotate(q_BS["hand"], _up(pose, "hand"))))
+    ahead = quat.normalize(
+        upright(initial_pose.palm_down(pose.hand), quat.rotate(q_BS["hand"], _up(pose, "hand")))
+    )
     q_GS, seats, north = {}, dict(pose.q_BS), dict(pose.north)
     for segment in pose.q_GS:
         q_GB = quat.multiply(ahead, quat.relative(q_GH_full, _segment(pose, segment)))
-        q_GS[segment] = upright(quat.multiply(q_GB, q_BS.get(segment, pose.q_BS[segment])), _up(pose, segment))
+        q_GS[segment] = upright(
+            quat.multiply(q_GB, q_BS.get(segment, pose.q_BS[segment])), _up(pose, segment)
+        )
         seats[segment] = q_BS.get(segment, quat.relative(q_GB, q_GS[segment]))
         if segment in north:
-            north[segment] -= float(quat.twist(quat.multiply(q_GS[segment], quat.conjugate(pose.q_GS[segment])), 2))
+            north[segment] -= float(
+                quat.twist(quat.multiply(q_GS[segment], quat.conjugate(pose.q_GS[segment])), 2)
+            )
     return replace(pose, q_GS=q_GS, q_BS=seats, north=north)
 
 
@@ -143,22 +211,36 @@ def _axis_of(q_BS: Array) -> Array:
     return quat.rotate(quat.conjugate(q_BS), Z)
 
 
-def _off(mounting: Mapping[str, Array], segment: str, q_BS: Array | None, otherwise: float) -> float:
+def _off(
+    mounting: Mapping[str, Array], segment: str, q_BS: Array | None, otherwise: float
+) -> float:
     """Between the nominal mounting and this one."""
-    return otherwise if q_BS is None else float(quat.angle(quat.relative(mounting.get(segment, quat.IDENTITY), q_BS)))
+    return (
+        otherwise
+        if q_BS is None
+        else float(quat.angle(quat.relative(mounting.get(segment, quat.IDENTITY), q_BS)))
+    )
 
 
-def _said(pose: Calibration, sd: Mapping[str, Array], missing: Sequence[str], far: Sequence[str]) -> tuple[str, ...]:
+def _said(
+    pose: Calibration, sd: Mapping[str, Array], missing: Sequence[str], far: Sequence[str]
+) -> tuple[str, ...]:
     """Which sensors have less than the whole, and for lack of what."""
     others = [s for s in pose.q_GS if s not in sd]
     lacking = f"; steps not done: {', '.join(STEPS[s] for s in missing)}" if missing else ""
     said = []
     if others:
-        said.append(f"{', '.join(others)}: no functional calibration, mounting from the initial pose alone{lacking}")
+        said.append(
+            f"{', '.join(others)}: no functional calibration, mounting from the initial pose alone{lacking}"
+        )
     elif missing:
         said.append(f"functional calibration{lacking}; what the others tell serves instead")
     if far:
-        said.append(f"{', '.join(far)}: the steps of the functional calibration contradict each other; repeat them")
+        said.append(
+            f"{', '.join(far)}: the steps of the functional calibration contradict each other; repeat them"
+        )
     elif sd["hand"][0] > TOLD:
-        said.append("hand: which way its sensor points on the back of the hand is taken from the nominal mounting; do the figure of eight")
+        said.append(
+            "hand: which way its sensor points on the back of the hand is taken from the nominal mounting; do the figure of eight"
+        )
     return tuple(said)

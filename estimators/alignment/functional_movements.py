@@ -17,7 +17,12 @@ from handscope.estimators.alignment.mounting_fit import Movement
 from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import GYR, Block
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENTS
-from handscope.estimators.numerics.axis_estimation import Bending, CommonRotation, bending, common_rotation
+from handscope.estimators.numerics.axis_estimation import (
+    Bending,
+    CommonRotation,
+    bending,
+    common_rotation,
+)
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.sensors.missing_samples import complete
 
@@ -34,7 +39,9 @@ STEPS: Mapping[str, str] = {
 }
 BENT: Mapping[str, tuple[str, ...]] = {
     "flexion_thumb_ip": ("thumb_distal",),
-    "flexion_mcp": tuple(s for f in FINGERS[1:] for s in CHAINS[f]),  # straight fingers: all three segments turn alike
+    "flexion_mcp": tuple(
+        s for f in FINGERS[1:] for s in CHAINS[f]
+    ),  # straight fingers: all three segments turn alike
     "flexion_all": (*(s for f in FINGERS[1:] for s in CHAINS[f]), "thumb_proximal", "thumb_distal"),
 }
 REST = {
@@ -47,18 +54,41 @@ REST = {
 @dataclass(frozen=True, kw_only=True)
 class FunctionalParams(PoseParams):
     functional: bool = option(
-        True, "", "use the steps of a functional calibration where the recording has them", "Kortier, thesis ch. 2 and 3"
+        True,
+        "",
+        "use the steps of a functional calibration where the recording has them",
+        "Kortier, thesis ch. 2 and 3",
     )
     step_planarity: float = option(
-        0.9, "1", "least share of a flexion that is about its principal axis", "ours: careless flexions in simulation have 0.97"
+        0.9,
+        "1",
+        "least share of a flexion that is about its principal axis",
+        "ours: careless flexions in simulation have 0.97",
     )
     step_repeatability: float = option(
-        10.0, "deg", "largest angle between the axis of a single repetition and that of all", "ours: the misalignment that is to be removed"
+        10.0,
+        "deg",
+        "largest angle between the axis of a single repetition and that of all",
+        "ours: the misalignment that is to be removed",
     )
-    step_extent: float = option(25.0, "deg", "least flexion of a step", "ours: a third of what is asked for")
-    step_hand: float = option(0.3, "1", "largest rate of the hand against the fingers' in a flexion", "ours")
-    step_spread: float = option(0.2, "1", "least turning about a second axis in the figure of eight, against the first", "ours")
-    step_residual: float = option(0.3, "1", "largest rate of the fingers on the hand against the hand's in the figure of eight", "ours")
+    step_extent: float = option(
+        25.0, "deg", "least flexion of a step", "ours: a third of what is asked for"
+    )
+    step_hand: float = option(
+        0.3, "1", "largest rate of the hand against the fingers' in a flexion", "ours"
+    )
+    step_spread: float = option(
+        0.2,
+        "1",
+        "least turning about a second axis in the figure of eight, against the first",
+        "ours",
+    )
+    step_residual: float = option(
+        0.3,
+        "1",
+        "largest rate of the fingers on the hand against the hand's in the figure of eight",
+        "ours",
+    )
     soft_tissue: float = option(
         1.5,
         "deg",
@@ -85,12 +115,23 @@ class Piece:
     up: Mapping[str, Array] = field(default_factory=dict)  # (3,) unit, sensor frames: still steps
     movement: Movement | None = None  # the others
     bent: Mapping[str, Bending] = field(default_factory=dict)  # flexions
-    together: Mapping[str, CommonRotation] = field(default_factory=dict)  # q_HS of the sensors in the figure of eight
-    quality: Mapping[str, float] = field(default_factory=dict)  # what the step is judged by, angles in rad
+    together: Mapping[str, CommonRotation] = field(
+        default_factory=dict
+    )  # q_HS of the sensors in the figure of eight
+    quality: Mapping[str, float] = field(
+        default_factory=dict
+    )  # what the step is judged by, angles in rad
     problems: tuple[str, ...] = ()  # sentences: why it should be done again
 
 
-def measure(params: FunctionalParams, step: str, blocks: Sequence[Block], onset: float, end: float, bias: Mapping[str, Array]) -> Piece:
+def measure(
+    params: FunctionalParams,
+    step: str,
+    blocks: Sequence[Block],
+    onset: float,
+    end: float,
+    bias: Mapping[str, Array],
+) -> Piece:
     """What one step tells; `bias`: of the gyroscopes (3,) by segment, from a pose or a still step."""
     window = [b.between(onset, end) for b in blocks if b.stream.inertial]
     piece = Piece(step, onset, end)
@@ -99,8 +140,17 @@ def measure(params: FunctionalParams, step: str, blocks: Sequence[Block], onset:
     movement = _movement(window, onset, end, bias)
     piece = replace(piece, movement=movement)
     if len(movement.rate) < 2:
-        return replace(piece, problems=(f"the {STEPS[step]} at {onset:.1f} s has no samples of two sensors: record it again",))
-    return _together(params, piece, movement) if step == "figure_eight" else _bent(params, piece, movement)
+        return replace(
+            piece,
+            problems=(
+                f"the {STEPS[step]} at {onset:.1f} s has no samples of two sensors: record it again",
+            ),
+        )
+    return (
+        _together(params, piece, movement)
+        if step == "figure_eight"
+        else _bent(params, piece, movement)
+    )
 
 
 def _still(params: FunctionalParams, piece: Piece, window: list[Block]) -> Piece:
@@ -108,34 +158,63 @@ def _still(params: FunctionalParams, piece: Piece, window: list[Block]) -> Piece
     found = {name: s for b in window for name, s in initial_pose.held(b).items()}
     if "hand" not in found:
         return replace(
-            piece, problems=(f"the {STEPS[piece.step]} at {piece.onset:.1f} s has no samples of the hand's sensor: record it again",)
+            piece,
+            problems=(
+                f"the {STEPS[piece.step]} at {piece.onset:.1f} s has no samples of the hand's sensor: record it again",
+            ),
         )
-    counted = [n for n in found if n.startswith("thumb") or piece.step == "flat_hand"] or list(found)
+    counted = [n for n in found if n.startswith("thumb") or piece.step == "flat_hand"] or list(
+        found
+    )
     seen = {n: initial_pose.stillness(found[n]) for n in counted}
     up = {n: found[n].mean[3:] / np.linalg.norm(found[n].mean[3:]) for n in counted}
-    restless, tilted = max(seen, key=lambda n: seen[n].rate_wander), max(seen, key=lambda n: seen[n].tilt_change)
+    restless, tilted = (
+        max(seen, key=lambda n: seen[n].rate_wander),
+        max(seen, key=lambda n: seen[n].tilt_change),
+    )
     quality = {"rate_wander": seen[restless].rate_wander, "tilt_change": seen[tilted].tilt_change}
     problems = []
     if quality["rate_wander"] > params.pose_rate * DEG:
         problems.append(f"{restless} turned at {quality['rate_wander'] / DEG:.1f} deg/s")
     if quality["tilt_change"] > params.pose_tilt * DEG:
         problems.append(f"{tilted} tilted by {quality['tilt_change'] / DEG:.1f} deg")
-    said = tuple(f"the {STEPS[piece.step]} at {piece.onset:.1f} s was not still ({p}): lay it down and repeat it" for p in problems)
+    said = tuple(
+        f"the {STEPS[piece.step]} at {piece.onset:.1f} s was not still ({p}): lay it down and repeat it"
+        for p in problems
+    )
     return replace(piece, up=up, quality=quality, problems=said)
 
 
 def _bent(params: FunctionalParams, piece: Piece, movement: Movement) -> Piece:
     """Axes of the segments that bend; the worst of them judges the step."""
-    bent = {s: bending(movement.rate[s], movement.dt) for s in BENT[piece.step] if s in movement.rate}
+    bent = {
+        s: bending(movement.rate[s], movement.dt) for s in BENT[piece.step] if s in movement.rate
+    }
     if piece.step == "flexion_all":  # the thumb may take part
-        bent = {s: b for s, b in bent.items() if not s.startswith("thumb") or b.extent >= params.step_extent * DEG}
+        bent = {
+            s: b
+            for s, b in bent.items()
+            if not s.startswith("thumb") or b.extent >= params.step_extent * DEG
+        }
     what = f"the {STEPS[piece.step]} at {piece.onset:.1f} s"
     if not bent:
-        return replace(piece, problems=(f"{what} has no samples of a sensor that bends: record it again",))
-    flat, apart = min(bent, key=lambda s: bent[s].planarity), max(bent, key=lambda s: bent[s].repeatability)
-    little, few = min(bent, key=lambda s: bent[s].extent), min(bent, key=lambda s: bent[s].repetitions)
+        return replace(
+            piece, problems=(f"{what} has no samples of a sensor that bends: record it again",)
+        )
+    flat, apart = (
+        min(bent, key=lambda s: bent[s].planarity),
+        max(bent, key=lambda s: bent[s].repeatability),
+    )
+    little, few = (
+        min(bent, key=lambda s: bent[s].extent),
+        min(bent, key=lambda s: bent[s].repetitions),
+    )
     size = max(float(np.sqrt((movement.rate[s] ** 2).sum(axis=1).mean())) for s in bent)
-    moved = float(np.sqrt((movement.rate["hand"] ** 2).sum(axis=1).mean())) / size if "hand" in movement.rate else 0.0
+    moved = (
+        float(np.sqrt((movement.rate["hand"] ** 2).sum(axis=1).mean())) / size
+        if "hand" in movement.rate
+        else 0.0
+    )
     quality = {
         "planarity": bent[flat].planarity,
         "repeatability": bent[apart].repeatability,
@@ -145,15 +224,23 @@ def _bent(params: FunctionalParams, piece: Piece, movement: Movement) -> Piece:
     }
     problems, again = [], f"{REST[piece.step]} and repeat it"
     if quality["extent"] < params.step_extent * DEG:
-        problems.append(f"{what} was small ({little}: {quality['extent'] / DEG:.0f} deg): bend further and repeat it")
+        problems.append(
+            f"{what} was small ({little}: {quality['extent'] / DEG:.0f} deg): bend further and repeat it"
+        )
     elif quality["repetitions"] < 2:
         problems.append(f"{what} was done once ({few}): bend and stretch three times")
     if moved > params.step_hand:
-        problems.append(f"the hand moved with {what} ({100 * moved:.0f} % of the fingers' rate): rest the hand and repeat it")
+        problems.append(
+            f"the hand moved with {what} ({100 * moved:.0f} % of the fingers' rate): rest the hand and repeat it"
+        )
     elif quality["planarity"] < params.step_planarity:
-        problems.append(f"{what} was not in one plane ({flat}: {100 * quality['planarity']:.0f} %): {again}")
+        problems.append(
+            f"{what} was not in one plane ({flat}: {100 * quality['planarity']:.0f} %): {again}"
+        )
     elif quality["repeatability"] > params.step_repeatability * DEG:
-        problems.append(f"{what} was not the same each time ({apart}: {quality['repeatability'] / DEG:.0f} deg apart): {again}")
+        problems.append(
+            f"{what} was not the same each time ({apart}: {quality['repeatability'] / DEG:.0f} deg apart): {again}"
+        )
     return replace(piece, bent=bent, quality=quality, problems=tuple(problems))
 
 
@@ -161,8 +248,12 @@ def _together(params: FunctionalParams, piece: Piece, movement: Movement) -> Pie
     """How every sensor is turned against the hand's while all move as one body."""
     what = f"the figure of eight at {piece.onset:.1f} s"
     if "hand" not in movement.rate:
-        return replace(piece, problems=(f"{what} has no samples of the hand's sensor: record it again",))
-    together = {s: common_rotation(movement.rate["hand"], rate) for s, rate in movement.rate.items()}
+        return replace(
+            piece, problems=(f"{what} has no samples of the hand's sensor: record it again",)
+        )
+    together = {
+        s: common_rotation(movement.rate["hand"], rate) for s, rate in movement.rate.items()
+    }
     fingers = [s for s in together if s != "forearm"]
     loose = max(fingers, key=lambda s: together[s].residual)
     quality = {"spread": together["hand"].spread, "residual": together[loose].residual}
@@ -179,13 +270,19 @@ def _together(params: FunctionalParams, piece: Piece, movement: Movement) -> Pie
     return replace(piece, together=kept, quality=quality, problems=tuple(problems))
 
 
-def _movement(window: Sequence[Block], onset: float, end: float, bias: Mapping[str, Array]) -> Movement:
+def _movement(
+    window: Sequence[Block], onset: float, end: float, bias: Mapping[str, Array]
+) -> Movement:
     """Rates of the sensors that hardly miss a sample, on one time base."""
     t, rates = np.arange(onset, end, 1.0 / RATE), {}
     for block in (b for b in window if len(b.t)):
         whole, gyr = complete(block), block.of(GYR)
         for k, name in enumerate(block.stream.sensors):
-            if name in SEGMENTS and whole[:, k].sum() > max(PRESENT * (end - onset) * block.stream.rate, 10):
+            if name in SEGMENTS and whole[:, k].sum() > max(
+                PRESENT * (end - onset) * block.stream.rate, 10
+            ):
                 seen = block.t[whole[:, k]]
-                rates[name] = np.stack([np.interp(t, seen, gyr[whole[:, k], k, a]) for a in range(3)], axis=1) - bias.get(name, np.zeros(3))
+                rates[name] = np.stack(
+                    [np.interp(t, seen, gyr[whole[:, k], k, a]) for a in range(3)], axis=1
+                ) - bias.get(name, np.zeros(3))
     return Movement(1.0 / RATE, rates)

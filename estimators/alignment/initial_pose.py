@@ -48,16 +48,30 @@ class PoseParams:
         ("full", "common", "heading"),
     )
     pose_duration: float = option(
-        3.0, "s", "shortest pose; of a longer one the stillest such stretch counts", "Salchow-Hoemmen 2019, 2.4.2", least=0.5, most=60.0
+        3.0,
+        "s",
+        "shortest pose; of a longer one the stillest such stretch counts",
+        "Salchow-Hoemmen 2019, 2.4.2",
+        least=0.5,
+        most=60.0,
     )
     pose_rate: float = option(
-        3.0, "deg/s", "largest wander of a sensor's one-second mean angular rate in a still pose", "ours: 1.5 times VQF's rest threshold"
+        3.0,
+        "deg/s",
+        "largest wander of a sensor's one-second mean angular rate in a still pose",
+        "ours: 1.5 times VQF's rest threshold",
     )
     pose_tilt: float = option(
-        3.0, "deg", "largest change of gravity's direction in a sensor during a still pose", "ours: the angle that 1 s at 3 deg/s makes"
+        3.0,
+        "deg",
+        "largest change of gravity's direction in a sensor during a still pose",
+        "ours: the angle that 1 s at 3 deg/s makes",
     )
     pose_bias: float = option(
-        20.0, "deg/s", "largest mean rate that may be a gyroscope's bias", "LSM330DLC and MPU-9250 data sheets: zero-rate level 5-20 deg/s"
+        20.0,
+        "deg/s",
+        "largest mean rate that may be a gyroscope's bias",
+        "LSM330DLC and MPU-9250 data sheets: zero-rate level 5-20 deg/s",
     )
 
 
@@ -86,7 +100,12 @@ def pose_of(event: Event) -> Pose:
         raise InputError(
             f"the initial pose at {event.onset:.1f} s gives the thumb's angles {angles}; they are numbers of degrees"
         ) from None
-    return Pose(event.onset, event.duration, (known[0] * DEG, known[1] * DEG, known[2] * DEG), event.details.get("held_by") == THERAPIST)
+    return Pose(
+        event.onset,
+        event.duration,
+        (known[0] * DEG, known[1] * DEG, known[2] * DEG),
+        event.details.get("held_by") == THERAPIST,
+    )
 
 
 def segments_in_pose(pose: Pose) -> dict[str, Array]:
@@ -96,10 +115,17 @@ def segments_in_pose(pose: Pose) -> dict[str, Array]:
 
 
 def calibrate(
-    params: PoseParams, hand: Hand, geometry: HandGeometry, mounting: Mapping[str, Array], blocks: Sequence[Block], pose: Pose
+    params: PoseParams,
+    hand: Hand,
+    geometry: HandGeometry,
+    mounting: Mapping[str, Array],
+    blocks: Sequence[Block],
+    pose: Pose,
 ) -> Calibration:
     """Calibrate from the inertial samples of the pose (one block a stream); refuses a pose that is short, incomplete or not still."""
-    window = _stillest(params, [b.between(pose.onset, pose.end) for b in blocks if b.stream.inertial], pose)
+    window = _stillest(
+        params, [b.between(pose.onset, pose.end) for b in blocks if b.stream.inertial], pose
+    )
     still = {name: s for b in window for name, s in held(b, params.pose_duration).items()}
     if "hand" not in still:
         raise InputError(
@@ -109,30 +135,85 @@ def calibrate(
     _refuse_movement(params, quality, pose)
     q_GS, q_BS = _orient(params, still, mounting, pose, palm_down(hand))
     bias = {name: s.mean[:3] for name, s in still.items()}
-    quality = {name: _with_misalignment(q, mounting.get(name, quat.IDENTITY), q_BS[name]) for name, q in quality.items()}
+    quality = {
+        name: _with_misalignment(q, mounting.get(name, quat.IDENTITY), q_BS[name])
+        for name, q in quality.items()
+    }
     start, end = min(b.t[0] for b in window if len(b.t)), max(b.t[-1] for b in window if len(b.t))
     rates = measured_rates(b.between(pose.onset, pose.end) for b in blocks)
-    warnings = (*_warnings(still, mounting, q_GS, pose), *rate_warnings(rates, [b.stream for b in blocks]))
+    warnings = (
+        *_warnings(still, mounting, q_GS, pose),
+        *rate_warnings(rates, [b.stream for b in blocks]),
+    )
     north = _norths(q_GS, [b.between(start, end) for b in blocks])
     source = "initial pose given by the therapist" if pose.passive else "initial pose"
-    return Calibration(hand, geometry, float(start), float(end), q_GS, q_BS, bias, source, quality, warnings, north, rates)
+    return Calibration(
+        hand,
+        geometry,
+        float(start),
+        float(end),
+        q_GS,
+        q_BS,
+        bias,
+        source,
+        quality,
+        warnings,
+        north,
+        rates,
+    )
 
 
-def uncalibrated(hand: Hand, geometry: HandGeometry, mounting: Mapping[str, Array], sensors: Sequence[str], t: float) -> Calibration:
+def uncalibrated(
+    hand: Hand,
+    geometry: HandGeometry,
+    mounting: Mapping[str, Array],
+    sensors: Sequence[str],
+    t: float,
+) -> Calibration:
     """What is known without any pose: the nominal mounting; headings come from magnetometers or are guesses."""
-    nominal = {s: quat.normalize(np.asarray(mounting.get(s, quat.IDENTITY), dtype=float)) for s in sensors if s in SEGMENTS}
+    nominal = {
+        s: quat.normalize(np.asarray(mounting.get(s, quat.IDENTITY), dtype=float))
+        for s in sensors
+        if s in SEGMENTS
+    }
     return Calibration(hand, geometry, t, t, {}, nominal, {}, "none")
 
 
-def guessed(params: PoseParams, hand: Hand, geometry: HandGeometry, mounting: Mapping[str, Array], blocks: Sequence[Block]) -> Calibration:
+def guessed(
+    params: PoseParams,
+    hand: Hand,
+    geometry: HandGeometry,
+    mounting: Mapping[str, Array],
+    blocks: Sequence[Block],
+) -> Calibration:
     """Without any pose, for a method that needs one: nominal mounting, gravity of this moment, headings as if every segment pointed as the hand does."""
     window = [b for b in blocks if b.stream.inertial and len(b.t)]
     still = {name: s for b in window for name, s in held(b).items()}
     if "hand" not in still:
-        raise InputError("there are no samples of the hand's sensor; every other segment is measured against it")
+        raise InputError(
+            "there are no samples of the hand's sensor; every other segment is measured against it"
+        )
     start, end = min(float(b.t[0]) for b in window), max(float(b.t[-1]) for b in window)
-    q_GS, q_BS = _orient(replace(params, alignment="heading"), still, mounting, Pose(start, end - start), palm_down(hand))
-    return Calibration(hand, geometry, start, end, q_GS, q_BS, {}, "none", {}, (UNCALIBRATED,), _norths(q_GS, blocks))
+    q_GS, q_BS = _orient(
+        replace(params, alignment="heading"),
+        still,
+        mounting,
+        Pose(start, end - start),
+        palm_down(hand),
+    )
+    return Calibration(
+        hand,
+        geometry,
+        start,
+        end,
+        q_GS,
+        q_BS,
+        {},
+        "none",
+        {},
+        (UNCALIBRATED,),
+        _norths(q_GS, blocks),
+    )
 
 
 def rate_warnings(rates: Mapping[str, float], streams: Sequence[Stream]) -> tuple[str, ...]:
@@ -171,14 +252,24 @@ class _Still:
 def held(block: Block, duration: float = 0.0) -> dict[str, _Still]:
     """The sensors that gave at least half of the block's samples and of those that `duration` s have."""
     values = np.concatenate([block.of(GYR), block.of(ACC)], axis=-1)
-    pieces, least = max(1, round(len(block.t) / block.stream.rate)), max(2.0, 0.5 * len(block.t), 0.5 * duration * block.stream.rate)
+    pieces, least = (
+        max(1, round(len(block.t) / block.stream.rate)),
+        max(2.0, 0.5 * len(block.t), 0.5 * duration * block.stream.rate),
+    )
     found = {}
     whole = complete(block)
     for k, name in enumerate(block.stream.sensors):
         samples = values[whole[:, k], k]
         if name in SEGMENTS and len(samples) >= least:
-            sure = _mean_sd(samples[:, :3], QUARTERS * pieces), white_noise(samples[:, :3], block.stream.rate)
-            found[name] = _Still(samples.mean(axis=0), np.array([p.mean(axis=0) for p in np.array_split(samples, pieces) if len(p)]), *sure)
+            sure = (
+                _mean_sd(samples[:, :3], QUARTERS * pieces),
+                white_noise(samples[:, :3], block.stream.rate),
+            )
+            found[name] = _Still(
+                samples.mean(axis=0),
+                np.array([p.mean(axis=0) for p in np.array_split(samples, pieces) if len(p)]),
+                *sure,
+            )
     return found
 
 
@@ -199,7 +290,9 @@ def white_noise(samples: Array, rate: float) -> float | None:
     if len(samples) < LEAST_SAMPLES:
         return None
     differences = np.diff(samples, DIFFERENCES, axis=0)
-    return float(np.sqrt((differences**2).mean() / math.comb(2 * DIFFERENCES, DIFFERENCES) / (rate / 2)))
+    return float(
+        np.sqrt((differences**2).mean() / math.comb(2 * DIFFERENCES, DIFFERENCES) / (rate / 2))
+    )
 
 
 def _stillest(params: PoseParams, window: list[Block], pose: Pose) -> list[Block]:
@@ -213,7 +306,14 @@ def _stillest(params: PoseParams, window: list[Block], pose: Pose) -> list[Block
     if slack < 0.25:
         return window
     starts = min(b.t[0] for b in window if len(b.t)) + np.arange(0.0, slack, 0.1)
-    best = float(min(starts, key=lambda s: _restless([b.between(s, s + params.pose_duration) for b in window], params.pose_duration)))
+    best = float(
+        min(
+            starts,
+            key=lambda s: _restless(
+                [b.between(s, s + params.pose_duration) for b in window], params.pose_duration
+            ),
+        )
+    )
     return [b.between(best, best + params.pose_duration) for b in window]
 
 
@@ -237,7 +337,9 @@ def stillness(still: _Still) -> SensorQuality:
     direction = still.pieces[:, 3:] / np.linalg.norm(still.pieces[:, 3:], axis=1, keepdims=True)
     tilt = max(float(np.arccos(np.clip(d @ direction.T, -1, 1)).max()) for d in direction)
     wander, bias = float(np.linalg.norm(rates, axis=1).max()), float(np.linalg.norm(still.mean[:3]))
-    return SensorQuality(wander, tilt, bias, 0.0, bias_sd=still.rate_sd, rate_noise=still.rate_noise)
+    return SensorQuality(
+        wander, tilt, bias, 0.0, bias_sd=still.rate_sd, rate_noise=still.rate_noise
+    )
 
 
 def _refuse_movement(params: PoseParams, quality: Mapping[str, SensorQuality], pose: Pose) -> None:
@@ -256,23 +358,45 @@ def _refuse_movement(params: PoseParams, quality: Mapping[str, SensorQuality], p
 
 
 def _orient(
-    params: PoseParams, still: Mapping[str, _Still], mounting: Mapping[str, Array], pose: Pose, q_GH_guess: Array
+    params: PoseParams,
+    still: Mapping[str, _Still],
+    mounting: Mapping[str, Array],
+    pose: Pose,
+    q_GH_guess: Array,
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Sensor orientations with gravity's inclination and the pose's heading, and the sensor-to-segment rotations."""
-    nominal = {name: quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), dtype=float)) for name in still}
+    nominal = {
+        name: quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), dtype=float))
+        for name in still
+    }
     on_hand, q_GS, q_BS = segments_in_pose(pose), {}, {}
-    agreeing = [name for name in still if name != "forearm"] if params.alignment == "common" else ["hand"]
+    agreeing = (
+        [name for name in still if name != "forearm"] if params.alignment == "common" else ["hand"]
+    )
     q_GH = upright(q_GH_guess, _up_in_hand(still, nominal, on_hand, agreeing))
     for name, samples in still.items():
         q_GB = quat.multiply(q_GH, on_hand[name])
         q_GS[name] = upright(quat.multiply(q_GB, nominal[name]), samples.mean[3:])
-        q_BS[name] = quat.relative(q_GB, q_GS[name]) if params.alignment != "heading" else nominal[name]
+        q_BS[name] = (
+            quat.relative(q_GB, q_GS[name]) if params.alignment != "heading" else nominal[name]
+        )
     return q_GS, q_BS
 
 
-def _up_in_hand(still: Mapping[str, _Still], nominal: Mapping[str, Array], on_hand: Mapping[str, Array], names: Sequence[str]) -> Array:
+def _up_in_hand(
+    still: Mapping[str, _Still],
+    nominal: Mapping[str, Array],
+    on_hand: Mapping[str, Array],
+    names: Sequence[str],
+) -> Array:
     """Upwards (3,) in the hand's frame as most of these sensors have it: each sits askew in its own way, and the pose makes their segments agree."""
-    ups = [quat.rotate(quat.multiply(on_hand[n], nominal[n]), still[n].mean[3:] / np.linalg.norm(still[n].mean[3:])) for n in names]
+    ups = [
+        quat.rotate(
+            quat.multiply(on_hand[n], nominal[n]),
+            still[n].mean[3:] / np.linalg.norm(still[n].mean[3:]),
+        )
+        for n in names
+    ]
     return np.asarray(np.median(ups, axis=0))
 
 
@@ -286,16 +410,27 @@ def _with_misalignment(q: SensorQuality, nominal: Array, q_BS: Array) -> SensorQ
     return replace(q, misalignment=float(quat.angle(quat.relative(nominal, q_BS))))
 
 
-def _warnings(still: Mapping[str, _Still], mounting: Mapping[str, Array], q_GS: Mapping[str, Array], pose: Pose) -> tuple[str, ...]:
+def _warnings(
+    still: Mapping[str, _Still],
+    mounting: Mapping[str, Array],
+    q_GS: Mapping[str, Array],
+    pose: Pose,
+) -> tuple[str, ...]:
     said = []
     for name, samples in still.items():
         g = float(np.linalg.norm(samples.mean[3:]))
         if abs(g - GRAVITY) > 1.0:
-            said.append(f"{name}: the resting accelerometer reads {g:.1f} m/s^2 instead of {GRAVITY:.1f}; check its calibration")
+            said.append(
+                f"{name}: the resting accelerometer reads {g:.1f} m/s^2 instead of {GRAVITY:.1f}; check its calibration"
+            )
     return tuple(said)
 
 
 def reoriented(calibration: Calibration, beginning: Sequence[Block]) -> dict[str, Array]:
     """Orientations of the sensors at another moment (4,) by segment: inclination from these samples, headings as in the calibration's pose."""
     still = {name: s for b in beginning for name, s in held(b).items()}
-    return {name: upright(q_GS, still[name].mean[3:]) for name, q_GS in calibration.q_GS.items() if name in still}
+    return {
+        name: upright(q_GS, still[name].mean[3:])
+        for name, q_GS in calibration.q_GS.items()
+        if name in still
+    }

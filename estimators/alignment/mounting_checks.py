@@ -27,7 +27,9 @@ from handscope.estimators.numerics.quaternions import Array
 
 OFF = np.radians(45.0)  # from here on the next right angle is nearer than the nominal mounting
 EXCHANGED = np.radians(30.0)  # mean misfit of two strips in their own places ...
-FITS = np.radians(25.0)  # ... and in each other's: twice the 5 to 10 deg of misalignment (Salchow-Hoemmen 2019, 5)
+FITS = np.radians(
+    25.0
+)  # ... and in each other's: twice the 5 to 10 deg of misalignment (Salchow-Hoemmen 2019, 5)
 BENDS = 0.5  # rad/s
 FIRST = 20.0  # s behind the pose that count as the first flexions
 LEAST_BENT = 0.3  # s of bending
@@ -49,7 +51,9 @@ class _Worn:
 
     def up_on_hand(self, on_hand: Array | None = None) -> Array:
         """Where the hand's up would be if this sensor sat as it should on a segment that lies so."""
-        return quat.rotate(quat.multiply(self.on_hand if on_hand is None else on_hand, self.nominal), self.up)
+        return quat.rotate(
+            quat.multiply(self.on_hand if on_hand is None else on_hand, self.nominal), self.up
+        )
 
     @cached_property
     def size(self) -> Array:
@@ -57,7 +61,12 @@ class _Worn:
         return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
-def check(blocks: Sequence[Block], mounting: Mapping[str, Array], pose: initial_pose.Pose, events: Sequence[Event]) -> list[Finding]:
+def check(
+    blocks: Sequence[Block],
+    mounting: Mapping[str, Array],
+    pose: initial_pose.Pose,
+    events: Sequence[Event],
+) -> list[Finding]:
     """What is turned and what is exchanged."""
     told = _told(events)
     until = max([pose.end + FIRST, *(e.end for e in told)])
@@ -67,10 +76,18 @@ def check(blocks: Sequence[Block], mounting: Mapping[str, Array], pose: initial_
     up = _agreed({n: w.up_on_hand() for n, w in worn.items() if n not in CHAINS["thumb"]})
     exchanged = _thumb_exchanged(worn, up) or _finger_exchanged(worn, told)
     spoken = {f.sensor for f in exchanged if f.severity == "fault"}
-    return exchanged + [f for n, w in worn.items() if n not in spoken for f in [_turned(n, w, worn, up)] if f is not None]
+    return exchanged + [
+        f
+        for n, w in worn.items()
+        if n not in spoken
+        for f in [_turned(n, w, worn, up)]
+        if f is not None
+    ]
 
 
-def _worn(blocks: Sequence[Block], mounting: Mapping[str, Array], pose: initial_pose.Pose, until: float) -> dict[str, _Worn]:
+def _worn(
+    blocks: Sequence[Block], mounting: Mapping[str, Array], pose: initial_pose.Pose, until: float
+) -> dict[str, _Worn]:
     on_hand, found = initial_pose.segments_in_pose(pose), {}
     for block in (b for b in blocks if b.stream.inertial):
         still, later = block.between(pose.onset, pose.end), block.between(pose.end, until)
@@ -81,9 +98,13 @@ def _worn(blocks: Sequence[Block], mounting: Mapping[str, Array], pose: initial_
                 mean = values.mean(axis=0)
                 acc = mean[block.stream.axes(ACC)]
                 if np.linalg.norm(acc) > 1.0:
-                    nominal = quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), dtype=float))
+                    nominal = quat.normalize(
+                        np.asarray(mounting.get(name, quat.IDENTITY), dtype=float)
+                    )
                     rate = np.nan_to_num(later.of(GYR)[:, k] - mean[block.stream.axes(GYR)])
-                    found[name] = _Worn(nominal, on_hand[name], acc / np.linalg.norm(acc), later.t, rate)
+                    found[name] = _Worn(
+                        nominal, on_hand[name], acc / np.linalg.norm(acc), later.t, rate
+                    )
     return found
 
 
@@ -106,22 +127,38 @@ def _thumb_exchanged(worn: Mapping[str, _Worn], up: Array) -> list[Finding]:
         if len(thumb) < 2 or len(strip) < 2:
             continue
         own = [np.mean([_between(w.up_on_hand(), up) for w in part]) for part in (thumb, strip)]
-        crossed = [np.mean([_between(w.up_on_hand(o[0].on_hand), up) for w in part]) for part, o in ((thumb, strip), (strip, thumb))]
+        crossed = [
+            np.mean([_between(w.up_on_hand(o[0].on_hand), up) for w in part])
+            for part, o in ((thumb, strip), (strip, thumb))
+        ]
         if min(own) > EXCHANGED and max(crossed) < FITS:
-            return _pair("thumb", finger, "in the initial pose each strip lies as the other should", worn)
+            return _pair(
+                "thumb", finger, "in the initial pose each strip lies as the other should", worn
+            )
     return []
 
 
 def _pair(one: str, other: str, why: str, worn: Mapping[str, _Worn]) -> list[Finding]:
-    sentence = f"the strips of {one} and {other} finger seem to be exchanged: {why}".replace("thumb and", "the thumb and the")
+    sentence = f"the strips of {one} and {other} finger seem to be exchanged: {why}".replace(
+        "thumb and", "the thumb and the"
+    )
     fix = f"exchange the strips of {one} and {other}, and record again"
-    return [Finding(s, "swapped", sentence, fix, "fault") for f in (one, other) for s in CHAINS[f] if s in worn]
+    return [
+        Finding(s, "swapped", sentence, fix, "fault")
+        for f in (one, other)
+        for s in CHAINS[f]
+        if s in worn
+    ]
 
 
 def _finger_exchanged(worn: Mapping[str, _Worn], events: Sequence[Event]) -> list[Finding]:
     """By what the fingers were told to do."""
     for event in events:
-        if found := _against_wiggle(worn, event) if _task(event) == "wiggle" else _against_one_finger(worn, event, str(_finger(event))):
+        if (
+            found := _against_wiggle(worn, event)
+            if _task(event) == "wiggle"
+            else _against_one_finger(worn, event, str(_finger(event)))
+        ):
             return found
     return []
 
@@ -156,10 +193,21 @@ def _against_wiggle(worn: Mapping[str, _Worn], event: Event) -> list[Finding]:
         return []
     wrong = [f for f, g in zip(due, came) if f != g]
     if len(wrong) == 2:
-        return _pair(wrong[0], wrong[1], "they bent in each other's turn when one finger after the other was to bend", worn)
+        return _pair(
+            wrong[0],
+            wrong[1],
+            "they bent in each other's turn when one finger after the other was to bend",
+            worn,
+        )
     sentence = f"the fingers bent in the order {', '.join(came)} when they were to bend from the thumb to the little finger"
     return [
-        Finding(s, "swapped", sentence, "check which strip is on which finger, and record again", "warning")
+        Finding(
+            s,
+            "swapped",
+            sentence,
+            "check which strip is on which finger, and record again",
+            "warning",
+        )
         for f in wrong
         for s in CHAINS[f][:1]
     ]
@@ -197,17 +245,28 @@ def _against_one_finger(worn: Mapping[str, _Worn], event: Event, finger: str) ->
     most = max(moved, key=lambda f: moved[f], default=finger)
     if finger not in moved or most == finger or moved[most] < max(3 * moved[finger], MOVES):
         return []
-    return _pair(finger, most, f"in {_task(event)} the {most} finger's strip moved and the {finger} finger's did not", worn)
+    return _pair(
+        finger,
+        most,
+        f"in {_task(event)} the {most} finger's strip moved and the {finger} finger's did not",
+        worn,
+    )
 
 
 def _turned(name: str, w: _Worn, worn: Mapping[str, _Worn], up: Array) -> Finding | None:
     """The right-angled turn that explains gravity in the pose and the axis of flexion better than the nominal mounting does."""
-    expected, axis = quat.rotate(quat.conjugate(quat.multiply(w.on_hand, w.nominal)), up), _flexion_axis(name, worn)
+    expected, axis = (
+        quat.rotate(quat.conjugate(quat.multiply(w.on_hand, w.nominal)), up),
+        _flexion_axis(name, worn),
+    )
     z = quat.rotate(quat.conjugate(w.nominal), np.array([0.0, 0, 1]))
 
     def misfit(turn: Array) -> float:
         back = quat.conjugate(turn)
-        return max(_between(quat.rotate(back, expected), w.up), 0.0 if axis is None else _between(quat.rotate(back, z), axis))
+        return max(
+            _between(quat.rotate(back, expected), w.up),
+            0.0 if axis is None else _between(quat.rotate(back, z), axis),
+        )
 
     as_drawn = misfit(quat.IDENTITY)
     if as_drawn < OFF:
@@ -217,8 +276,15 @@ def _turned(name: str, w: _Worn, worn: Mapping[str, _Worn], up: Array) -> Findin
     )  # of those that fit the least turn
     if as_drawn - misfit(best) < OFF / 2:
         return None
-    angle, q = round(float(np.degrees(quat.angle(best)))), quat.normalize(quat.multiply(w.nominal, best))
-    seen = "gravity in the pose and the first flexions say" if axis is not None else "gravity in the pose says"
+    angle, q = (
+        round(float(np.degrees(quat.angle(best)))),
+        quat.normalize(quat.multiply(w.nominal, best)),
+    )
+    seen = (
+        "gravity in the pose and the first flexions say"
+        if axis is not None
+        else "gravity in the pose says"
+    )
     about = "" if axis is None else f" about {_axis_words(best)}"
     sentence = f"it sits turned by about {angle} deg{about} against its nominal mounting, {seen}"
     fix = f"{REMOUNT} and take the pose again" + (
@@ -233,7 +299,12 @@ def _flexion_axis(name: str, worn: Mapping[str, _Worn]) -> Array | None:
     The thumb's carpometacarpal joint has no fixed axis: only what its two hinges do while its metacarpal rests counts.
     """
     finger = name.split("_")[0]
-    if finger not in CHAINS or name not in CHAINS[finger] or name == "thumb_metacarpal" or (bend := _bending(worn, finger)) is None:
+    if (
+        finger not in CHAINS
+        or name not in CHAINS[finger]
+        or name == "thumb_metacarpal"
+        or (bend := _bending(worn, finger)) is None
+    ):
         return None
     w, hand, base = worn[name], worn["hand"], worn[CHAINS[finger][0]]
     if len(w.t) != len(bend[0]) or len(w.t) < 10:
@@ -251,8 +322,15 @@ def _flexion_axis(name: str, worn: Mapping[str, _Worn]) -> Array | None:
         return None
     axis = axes[:, -1]
     turned = np.cumsum(np.where(hand_moves < BENDS, rate @ axis, 0.0)) * period
-    forth, back = float(turned.max()), float(-turned.min())  # from straight a finger can only flex far
-    return None if max(forth, back) < 2 * min(forth, back) else np.asarray(axis if forth > back else -axis)
+    forth, back = (
+        float(turned.max()),
+        float(-turned.min()),
+    )  # from straight a finger can only flex far
+    return (
+        None
+        if max(forth, back) < 2 * min(forth, back)
+        else np.asarray(axis if forth > back else -axis)
+    )
 
 
 def _right_angles() -> list[Array]:
@@ -272,4 +350,8 @@ RIGHT_ANGLES = _right_angles()
 def _axis_words(q: Array) -> str:
     axis = q[1:] / np.linalg.norm(q[1:])
     k = int(np.argmax(np.abs(axis)))
-    return f"its {'-' if axis[k] * (1 if q[0] >= 0 else -1) < 0 else ''}{'xyz'[k]} axis" if abs(axis[k]) > 0.9 else "a diagonal axis"
+    return (
+        f"its {'-' if axis[k] * (1 if q[0] >= 0 else -1) < 0 else ''}{'xyz'[k]} axis"
+        if abs(axis[k]) > 0.9
+        else "a diagonal axis"
+    )

@@ -51,7 +51,9 @@ class Sight:
     ]  # what was to be held straight between what is known and the segment: its flexion misses by the sum of what they miss
     sd: float  # rad, that each of them misses
     roll_sd: float = 1.0 * DEG  # rad, of its turn about its long axis: fingers have no such freedom
-    up_H: Array | None = None  # (3,) seen by the hand's sensor in its frame; None: the posture lay level, x upright
+    up_H: Array | None = (
+        None  # (3,) seen by the hand's sensor in its frame; None: the posture lay level, x upright
+    )
     q_HB: Array | None = None  # (4,) the segment on the hand there
 
 
@@ -68,7 +70,13 @@ class Fit:
         return np.asarray(self.covariance[np.ix_(places, places)])
 
 
-def fit(guess: Mapping[str, Array], movements: Sequence[Movement], sights: Sequence[Sight], hand: Hand, soft_tissue: float) -> Fit:
+def fit(
+    guess: Mapping[str, Array],
+    movements: Sequence[Movement],
+    sights: Sequence[Sight],
+    hand: Hand,
+    soft_tissue: float,
+) -> Fit:
     """Refine the guesses (4,) by segment; `soft_tissue`: turn of a sensor per turn of its segment."""
     places = {segment: np.arange(3 * k, 3 * k + 3) for k, segment in enumerate(guess)}
     thin = [_thinned(m, list(guess), soft_tissue) for m in movements]
@@ -80,7 +88,10 @@ def fit(guess: Mapping[str, Array], movements: Sequence[Movement], sights: Seque
     }
     count += 2 * len(first)
     looks = [s for s in sights if s.segment in guess]
-    misses = {name: count + k for k, name in enumerate(dict.fromkeys(name for s in looks for name in s.held))}
+    misses = {
+        name: count + k
+        for k, name in enumerate(dict.fromkeys(name for s in looks for name in s.held))
+    }
     count += len(misses)
     q_BS, start = dict(guess), np.zeros(count)
     for _ in range(ITERATIONS):
@@ -89,16 +100,33 @@ def fit(guess: Mapping[str, Array], movements: Sequence[Movement], sights: Seque
             off = quat.log(quat.multiply(q_BS[segment], quat.conjugate(guess[segment])))
             system.add([places[segment]], [np.eye(3)], off, np.full(3, 1.0 / UNKNOWN))
         for sight in looks:
-            _look(system, sight, q_BS, places, side_sign(hand), [misses[name] for name in sight.held], start)
+            _look(
+                system,
+                sight,
+                q_BS,
+                places,
+                side_sign(hand),
+                [misses[name] for name in sight.held],
+                start,
+            )
         for name, each in {name: s.sd for s in looks for name in s.held}.items():
-            system.add([np.array([misses[name]])], [np.eye(1)], start[[misses[name]]], np.array([1.0 / each]))
+            system.add(
+                [np.array([misses[name]])],
+                [np.eye(1)],
+                start[[misses[name]]],
+                np.array([1.0 / each]),
+            )
         for (m, name), place in first.items():
             joint = next(j for j in joints if j.name == name)
             _relative(system, thin[m], joint, q_BS, places, place, start[place], soft_tissue)
         step = system.solved()
-        q_BS = {s: quat.normalize(quat.multiply(quat.exp(step[places[s]]), q)) for s, q in q_BS.items()}
+        q_BS = {
+            s: quat.normalize(quat.multiply(quat.exp(step[places[s]]), q)) for s, q in q_BS.items()
+        }
         start += np.where(np.arange(count) >= 3 * len(guess), step, 0.0)
-    covariance: Array = np.asarray(np.linalg.inv(system.normal), float)[: 3 * len(guess), : 3 * len(guess)]
+    covariance: Array = np.asarray(np.linalg.inv(system.normal), float)[
+        : 3 * len(guess), : 3 * len(guess)
+    ]
     sd = np.sqrt(np.diag(covariance))
     return Fit(q_BS, {s: np.asarray(sd[places[s]]) for s in guess}, covariance)
 
@@ -109,7 +137,13 @@ class _System:
     def __init__(self, count: int) -> None:
         self.normal, self.right = np.zeros((count, count)), np.zeros(count)
 
-    def add(self, columns: Sequence[NDArray[np.int_]], parts: Sequence[Array], residual: Array, weight: Array) -> None:
+    def add(
+        self,
+        columns: Sequence[NDArray[np.int_]],
+        parts: Sequence[Array],
+        residual: Array,
+        weight: Array,
+    ) -> None:
         """Rows `residual + sum(parts @ unknown) = 0`, each with its weight 1/sd."""
         J, c = np.concatenate(parts, axis=1) * weight[:, None], np.concatenate(columns)
         self.normal[np.ix_(c, c)] += J.T @ J
@@ -136,10 +170,19 @@ def _thinned(movement: Movement, segments: Sequence[str], soft_tissue: float) ->
     if not seen:
         return _Thin({}, {}, frozenset())
     rate = {s: _means(movement.rate[s], every) for s in seen}
-    turned = _integrated(np.stack([movement.rate[s] for s in seen], axis=1), movement.dt)[every // 2 :: every]
+    turned = _integrated(np.stack([movement.rate[s] for s in seen], axis=1), movement.dt)[
+        every // 2 :: every
+    ]
     size = {s: float(np.sqrt((r * r).sum(axis=1).mean())) for s, r in rate.items()}
     pairs = [(a, b) for j in JOINTS for a, b in ((j.parent, j.child), (j.child, j.parent))]
-    clear = {s for s in seen if size[s] >= CLEAR * soft_tissue * max((size[b] for a, b in pairs if a == s and b in size), default=0.0)}
+    clear = {
+        s
+        for s in seen
+        if size[s]
+        >= CLEAR
+        * soft_tissue
+        * max((size[b] for a, b in pairs if a == s and b in size), default=0.0)
+    }
     return _Thin(rate, {s: turned[: len(rate[s]), k] for k, s in enumerate(seen)}, frozenset(clear))
 
 
@@ -178,8 +221,16 @@ def _look(
         columns, parts = [*columns, places["hand"]], [*parts, R_BH @ quat.skew(on_hand)]
     across = _across(expected)  # the first direction is moved by flexion, the second by a roll
     bent, by_each = float(found[list(misses)].sum()), np.array([[1.0], [0.0]])
-    columns, parts = [*columns, *(np.array([m]) for m in misses)], [*(across @ p for p in parts), *(by_each for _ in misses)]
-    system.add(columns, parts, across @ (up - expected) + by_each[:, 0] * bent, 1.0 / np.array([SEEN, sight.roll_sd]))
+    columns, parts = (
+        [*columns, *(np.array([m]) for m in misses)],
+        [*(across @ p for p in parts), *(by_each for _ in misses)],
+    )
+    system.add(
+        columns,
+        parts,
+        across @ (up - expected) + by_each[:, 0] * bent,
+        1.0 / np.array([SEEN, sight.roll_sd]),
+    )
 
 
 def _across(up: Array) -> Array:
@@ -201,7 +252,9 @@ def _relative(
 ) -> None:
     """The joint's relative rate about axes that are no freedom of it; unknown: both sensors' turns, flexion and deviation at the beginning."""
     hinge = len(joint.dofs) == 1
-    system.add([place], [np.eye(2)], start, 1.0 / np.array([FIRST, (0.1 * DEG if hinge else ASIDE)]))
+    system.add(
+        [place], [np.eye(2)], start, 1.0 / np.array([FIRST, (0.1 * DEG if hinge else ASIDE)])
+    )
     if joint.parent not in seen.rate or joint.child not in seen.rate:
         return
     w_p, w_c = (quat.rotate(q_BS[s], seen.rate[s]) for s in (joint.parent, joint.child))
@@ -216,7 +269,9 @@ def _relative(
         system.add([places[joint.child], places[joint.parent], place], [J], r, weight)
 
 
-def forbidden(w_p: Array, w_c: Array, A_p: Array, A_c: Array, start: Array, hinge: bool) -> tuple[Array, Array]:
+def forbidden(
+    w_p: Array, w_c: Array, A_p: Array, A_c: Array, start: Array, hinge: bool
+) -> tuple[Array, Array]:
     """Relative rates that the joint does not permit (rows, n), and their derivatives (rows, n, 8).
 
     In: rates (n, 3) of parent and child in their segments' frames, what each has turned since the beginning (n, 3, 3), flexion and deviation there.
@@ -224,25 +279,43 @@ def forbidden(w_p: Array, w_c: Array, A_p: Array, A_c: Array, start: Array, hing
     """
     R_start = quat.matrix(joint_angles.compose(np.array([start[0], start[1], 0.0])))
     back = np.swapaxes(A_c, -1, -2)
-    at_start = np.einsum("nij,nj->ni", A_p, w_p)  # the parent's rate in its frame at the beginning ...
+    at_start = np.einsum(
+        "nij,nj->ni", A_p, w_p
+    )  # the parent's rate in its frame at the beginning ...
     in_child = at_start @ R_start  # ... and in the child's there
     carried = np.einsum("nij,nj->ni", back, in_child)
     w_pc_c = w_c - carried
     z_c, x_c = R_start.T @ [0.0, 0.0, 1.0], np.array([1.0, 0.0, 0.0])
-    by_start = np.stack([np.einsum("nij,nj->ni", back, np.cross(e, in_child)) for e in (z_c, x_c)], axis=-1)
+    by_start = np.stack(
+        [np.einsum("nij,nj->ni", back, np.cross(e, in_child)) for e in (z_c, x_c)], axis=-1
+    )
     by_child = quat.skew(carried) - quat.skew(w_c) - back @ quat.skew(in_child)
     by_parent = back @ R_start.T @ quat.skew(at_start)
     J = np.concatenate([by_child, by_parent, by_start], axis=-1)
     if hinge:
         return np.stack([w_pc_c[:, 0], w_pc_c[:, 1]]), np.stack([J[:, 0], J[:, 1]])
     R_pc = np.swapaxes(A_p, -1, -2) @ R_start @ A_c
-    _, deviation, pronation = np.moveaxis(joint_angles.decompose(quat.from_matrix(R_pc))[..., None], -2, 0)
-    turned = np.concatenate(  # the child's turn on its parent that each unknown makes, child frame
-        [back - np.eye(3), back @ R_start.T @ (A_p - np.eye(3)), np.stack([back @ z_c, back @ x_c], axis=-1)], axis=-1
+    _, deviation, pronation = np.moveaxis(
+        joint_angles.decompose(quat.from_matrix(R_pc))[..., None], -2, 0
     )
-    more = np.cos(pronation) * turned[:, 0] + np.sin(pronation) * turned[:, 2]  # that much more deviation
-    t, w_z = np.tan(deviation), w_pc_c[:, 2:]  # a turn about the parent's z shows about y of a child that deviates
-    return (w_pc_c[:, 1:2] - t * w_z)[None, :, 0], (J[:, 1] - t * J[:, 2] - (1 + t * t) * w_z * more)[None]
+    turned = np.concatenate(  # the child's turn on its parent that each unknown makes, child frame
+        [
+            back - np.eye(3),
+            back @ R_start.T @ (A_p - np.eye(3)),
+            np.stack([back @ z_c, back @ x_c], axis=-1),
+        ],
+        axis=-1,
+    )
+    more = (
+        np.cos(pronation) * turned[:, 0] + np.sin(pronation) * turned[:, 2]
+    )  # that much more deviation
+    t, w_z = (
+        np.tan(deviation),
+        w_pc_c[:, 2:],
+    )  # a turn about the parent's z shows about y of a child that deviates
+    return (w_pc_c[:, 1:2] - t * w_z)[None, :, 0], (
+        J[:, 1] - t * J[:, 2] - (1 + t * t) * w_z * more
+    )[None]
 
 
 def _on(q_BS: Array, turned: Array) -> Array:

@@ -22,7 +22,10 @@ GRADES: tuple[Grade, ...] = ("good", "fair", "poor", "none")
 LIMITS = {  # up to here good, up to here fair
     "restless": (1.5 * DEG, 3.0 * DEG),  # rad/s, wander within the pose
     "tilted": (1.5 * DEG, 3.0 * DEG),  # rad, gravity within the pose
-    "turned": (15.0 * DEG, 30.0 * DEG),  # rad against the nominal mounting, where only the pose tells
+    "turned": (
+        15.0 * DEG,
+        30.0 * DEG,
+    ),  # rad against the nominal mounting, where only the pose tells
     "axis": (2.0 * DEG, 5.0 * DEG),  # rad, sd of the flexion axis that movements tell
 }
 
@@ -43,10 +46,14 @@ def measured_fingers(calibration: Calibration) -> list[str]:
 
 def of_joints(calibration: Calibration, faulty: Collection[str] = ()) -> list[JointQuality]:
     """Every joint of the hand."""
-    return [_of_joint(calibration, faulty, joint.name, (joint.child, joint.parent)) for joint in JOINTS]
+    return [
+        _of_joint(calibration, faulty, joint.name, (joint.child, joint.parent)) for joint in JOINTS
+    ]
 
 
-def _of_joint(c: Calibration, faulty: Collection[str], joint: str, segments: tuple[str, str]) -> JointQuality:
+def _of_joint(
+    c: Calibration, faulty: Collection[str], joint: str, segments: tuple[str, str]
+) -> JointQuality:
     if any(s not in c.q_BS for s in segments):
         return JointQuality(joint, "none")
     if c.source == "none":
@@ -54,7 +61,9 @@ def _of_joint(c: Calibration, faulty: Collection[str], joint: str, segments: tup
     for segment in (s for s in segments if s in faulty):
         return JointQuality(joint, "poor", "fault", segment)
     judged = [(reason, value, s) for s in segments for reason, value in _values(c, s).items()]
-    reason, value, segment = max(judged, key=lambda j: j[1] / LIMITS[j[0]][1], default=("restless", 0.0, segments[0]))
+    reason, value, segment = max(
+        judged, key=lambda j: j[1] / LIMITS[j[0]][1], default=("restless", 0.0, segments[0])
+    )
     good, fair = LIMITS[reason]
     grade: Grade = "good" if value <= good else "fair" if value <= fair else "poor"
     return JointQuality(joint, grade, "" if grade == "good" else reason, segment, value)
@@ -64,5 +73,9 @@ def _values(c: Calibration, segment: str) -> dict[str, float]:
     q = c.quality.get(segment)
     if q is None:
         return {}
-    seat = {"axis": float(c.q_BS_sd[segment][0])} if segment in c.q_BS_sd else {"turned": q.misalignment}
+    seat = (
+        {"axis": float(c.q_BS_sd[segment][0])}
+        if segment in c.q_BS_sd
+        else {"turned": q.misalignment}
+    )
     return {"restless": q.rate_wander, "tilted": q.tilt_change, **seat}

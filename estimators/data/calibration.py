@@ -19,8 +19,12 @@ class SensorQuality:
     bias: float  # rad/s, size of the bias removed
     misalignment: float  # rad, between the nominal mounting and the pose
     warnings: tuple[str, ...] = ()
-    bias_sd: float | None = None  # rad/s, of each axis of the bias as the pose's samples scatter; None: not told
-    rate_noise: float | None = None  # rad/s/sqrt(Hz), white noise density of a gyroscope axis; None: too few samples
+    bias_sd: float | None = (
+        None  # rad/s, of each axis of the bias as the pose's samples scatter; None: not told
+    )
+    rate_noise: float | None = (
+        None  # rad/s/sqrt(Hz), white noise density of a gyroscope axis; None: too few samples
+    )
 
 
 @dataclass(frozen=True)
@@ -51,10 +55,18 @@ class Calibration:
     source: str  # "initial pose", "none", ...
     quality: Mapping[str, SensorQuality] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
-    north: Mapping[str, float] = field(default_factory=dict)  # rad, heading of magnetic north as each magnetometer saw it in the pose
-    rates: Mapping[str, float] = field(default_factory=dict)  # Hz, by stream: how fast its samples come where that is not the rate it names
-    q_BS_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) rad about the segment's x, y, z, where the movements told it
-    steps: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # quality of the functional steps used, angles in rad
+    north: Mapping[str, float] = field(
+        default_factory=dict
+    )  # rad, heading of magnetic north as each magnetometer saw it in the pose
+    rates: Mapping[str, float] = field(
+        default_factory=dict
+    )  # Hz, by stream: how fast its samples come where that is not the rate it names
+    q_BS_sd: Mapping[str, Array] = field(
+        default_factory=dict
+    )  # (3,) rad about the segment's x, y, z, where the movements told it
+    steps: Mapping[str, Mapping[str, float]] = field(
+        default_factory=dict
+    )  # quality of the functional steps used, angles in rad
     q_BS_covariance: Array | None = (
         None  # (3 k, 3 k) rad^2 of all that is in q_BS_sd, in its order: what the movements tell of neighbours errs together
     )
@@ -65,13 +77,21 @@ class Calibration:
             return self.q_BS_covariance
         return np.diag(np.concatenate([np.zeros(0), *self.q_BS_sd.values()]) ** 2)
 
-    p_BS: Mapping[str, Array] = field(default_factory=dict)  # (3,) m, where a sensor sits in its segment's frame, where the method finds it
-    acc_bias: Mapping[str, Array] = field(default_factory=dict)  # (3,) m/s^2, where the method finds it
-    lengths_sd: Mapping[str, float] = field(default_factory=dict)  # m, of the geometry's lengths that the method found
+    p_BS: Mapping[str, Array] = field(
+        default_factory=dict
+    )  # (3,) m, where a sensor sits in its segment's frame, where the method finds it
+    acc_bias: Mapping[str, Array] = field(
+        default_factory=dict
+    )  # (3,) m/s^2, where the method finds it
+    lengths_sd: Mapping[str, float] = field(
+        default_factory=dict
+    )  # m, of the geometry's lengths that the method found
     p_BS_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) m
     gyr_bias_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) rad/s
     acc_bias_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) m/s^2
-    stretch: tuple[float, float] | None = None  # s, of the movement that told it, where it is not of a pose from t to end
+    stretch: tuple[float, float] | None = (
+        None  # s, of the movement that told it, where it is not of a pose from t to end
+    )
 
     @property
     def span(self) -> tuple[float, float]:

@@ -12,7 +12,9 @@ class Event:
     onset: float  # s
     duration: float  # s
     trial_type: str
-    details: Mapping[str, Any] = field(default_factory=dict)  # task_name, thumb_cmc_flexion_deg, ...
+    details: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # task_name, thumb_cmc_flexion_deg, ...
 
     @property
     def end(self) -> float:

@@ -12,7 +12,9 @@ class Finding:
     """One fault of one sensor; `fault` means that its segment is not to be trusted, `warning` that it may be."""
 
     sensor: str
-    kind: Literal["turned", "swapped", "dead_axis", "stuck", "saturated", "magnetometer", "gravity", "bias"]
+    kind: Literal[
+        "turned", "swapped", "dead_axis", "stuck", "saturated", "magnetometer", "gravity", "bias"
+    ]
     sentence: str  # what was found, beginning after the sensor's name
     fix: str  # what to do
     severity: Literal["fault", "warning"]

@@ -14,7 +14,15 @@ import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand import forward_kinematics, joint_angles
-from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS, FINGERS, IS_DOF, JOINT, SEGMENT, side_sign
+from handscope.estimators.hand.anatomy import (
+    CHAINS,
+    FINGER_JOINTS,
+    FINGERS,
+    IS_DOF,
+    JOINT,
+    SEGMENT,
+    side_sign,
+)
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
@@ -38,23 +46,38 @@ FINGERTIPS: Mapping[str, FingertipSize] = {
 POINTS = ("left", "right", "bottom", "distal")
 
 
-def contact_points(angles: Array, geometry: HandGeometry, finger: str, point: str, fingertip: FingertipSize) -> Array:
+def contact_points(
+    angles: Array, geometry: HandGeometry, finger: str, point: str, fingertip: FingertipSize
+) -> Array:
     """Places (n, 3) in WCS from joint angles (n, joints, 3); an angle that is no freedom of its joint counts as zero."""
     q_pc = joint_angles.compose(np.where(IS_DOF, angles, 0.0))
     q = q_pc[..., JOINT["wrist"], :]
-    q = np.where(np.isnan(q), quat.IDENTITY, q)  # an unknown wrist counts as neutral, as in forward kinematics
+    q = np.where(
+        np.isnan(q), quat.IDENTITY, q
+    )  # an unknown wrist counts as neutral, as in forward kinematics
     for joint in FINGER_JOINTS[finger]:
         q = quat.multiply(q, q_pc[..., JOINT[joint], :])
     tips = forward_kinematics.tips(q_pc, geometry)[..., FINGERS.index(finger), :]
     return np.asarray(tips + quat.rotate(q, offset(geometry, finger, point, fingertip)))
 
 
-def contact_points_of(trajectory: Trajectory, geometry: HandGeometry, finger: str, point: str, fingertip: FingertipSize) -> Array:
+def contact_points_of(
+    trajectory: Trajectory,
+    geometry: HandGeometry,
+    finger: str,
+    point: str,
+    fingertip: FingertipSize,
+) -> Array:
     """The same of a trajectory, from its tips and segment orientations: with all that a method without joint constraints leaves in them."""
     q_GW = trajectory.q_GS[:, SEGMENT["forearm"]]
-    q_GW = np.where(np.isnan(q_GW), trajectory.q_GS[:, SEGMENT["hand"]], q_GW)  # without a forearm sensor WCS moves with the hand
+    q_GW = np.where(
+        np.isnan(q_GW), trajectory.q_GS[:, SEGMENT["hand"]], q_GW
+    )  # without a forearm sensor WCS moves with the hand
     q_WD = quat.relative(q_GW, trajectory.q_GS[:, SEGMENT[CHAINS[finger][-1]]])
-    return np.asarray(trajectory.tips[:, FINGERS.index(finger)] + quat.rotate(q_WD, offset(geometry, finger, point, fingertip)))
+    return np.asarray(
+        trajectory.tips[:, FINGERS.index(finger)]
+        + quat.rotate(q_WD, offset(geometry, finger, point, fingertip))
+    )
 
 
 def offset(geometry: HandGeometry, finger: str, point: str, fingertip: FingertipSize) -> Array:

@@ -30,7 +30,9 @@ def plate_from(table: Mapping[str, Any]) -> Plate | None:
     missing = [name for name in ("places", "moment", "earth") if name not in table]
     places = table.get("places")
     if missing or not isinstance(places, Mapping):
-        raise InputError(f"MagnetSetup has no {', '.join(missing) or 'places by magnetometer'}; it needs places, moment and earth")
+        raise InputError(
+            f"MagnetSetup has no {', '.join(missing) or 'places by magnetometer'}; it needs places, moment and earth"
+        )
     dip = table.get("dip")
     return Plate(
         {str(name): _three(p, f"place of {name}") for name, p in places.items()},
@@ -43,7 +45,10 @@ def plate_from(table: Mapping[str, Any]) -> Plate | None:
 
 def table_of(plate: Plate) -> dict[str, Any]:
     """The inverse of `plate_from`."""
-    told: dict[str, Any] = {"places": {name: list(p) for name, p in plate.places.items()}, "moment": list(plate.moment)}
+    told: dict[str, Any] = {
+        "places": {name: list(p) for name, p in plate.places.items()},
+        "moment": list(plate.moment),
+    }
     told |= {"place": list(plate.place), "earth": plate.earth}
     return told if plate.dip is None else {**told, "dip": plate.dip}
 

@@ -22,10 +22,23 @@ class Description:
 
 
 def option(
-    default: Any, unit: str, meaning: str, source: str, choices: tuple[str, ...] = (), least: float = 0.0, most: float = UNBOUNDED
+    default: Any,
+    unit: str,
+    meaning: str,
+    source: str,
+    choices: tuple[str, ...] = (),
+    least: float = 0.0,
+    most: float = UNBOUNDED,
 ) -> Any:
     """A dataclass field with its unit, meaning and source; `choices` lists the words allowed where it is one, `least` and `most` bound a number."""
-    words = {"unit": unit, "meaning": meaning, "source": source, "choices": choices, "least": least, "most": most}
+    words = {
+        "unit": unit,
+        "meaning": meaning,
+        "source": source,
+        "choices": choices,
+        "least": least,
+        "most": most,
+    }
     return field(default=default, metadata=words)
 
 
@@ -35,5 +48,7 @@ def describe(params_type: type) -> list[Description]:
 
 
 def _describe(f: "Field[Any]") -> Description:
-    assert f.default is not MISSING and {"unit", "meaning", "source"} <= set(f.metadata), f"option {f.name} is not declared by option(...)"
+    assert f.default is not MISSING and {"unit", "meaning", "source"} <= set(f.metadata), (
+        f"option {f.name} is not declared by option(...)"
+    )
     return Description(f.name, f.default, type(f.default).__name__, **f.metadata)

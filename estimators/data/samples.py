@@ -21,9 +21,15 @@ from handscope.estimators.numerics.quaternions import Array
 GYR, ACC, MAG, FORCE, TORQUE = "gyr", "acc", "mag", "force", "torque"
 SATURATION = 0.98  # of full scale counts as saturated; ours: sensors clip a little early, and fast tapping comes near 2000 deg/s
 UNITS = {GYR: "rad/s", ACC: "m/s^2", MAG: "T", FORCE: "N", TORQUE: "Nm"}
-TRUNK = "trunk"  # base of the magnet's array: an inertial sensor, and a magnetometer where it has one
-TRUNK_MAGNETOMETERS = tuple(f"trunk_mag_{k}" for k in range(1, 33))  # more magnetometers on the trunk, rigid with it
-FORCE_POINTS = tuple(f"{finger}_tip_force" for finger in ("thumb", "index", "middle", "ring", "little"))
+TRUNK = (
+    "trunk"  # base of the magnet's array: an inertial sensor, and a magnetometer where it has one
+)
+TRUNK_MAGNETOMETERS = tuple(
+    f"trunk_mag_{k}" for k in range(1, 33)
+)  # more magnetometers on the trunk, rigid with it
+FORCE_POINTS = tuple(
+    f"{finger}_tip_force" for finger in ("thumb", "index", "middle", "ring", "little")
+)
 TRACKED_POINTS = (*SEGMENTS, TRUNK, *FORCE_POINTS, *TRUNK_MAGNETOMETERS)
 
 
@@ -33,10 +39,14 @@ class Stream:
 
     name: str
     sensors: tuple[str, ...]  # names of TRACKED_POINTS
-    quantities: tuple[str, ...]  # of GYR, ACC, MAG, FORCE, TORQUE (of a force sensor with six axes, about its origin)
+    quantities: tuple[
+        str, ...
+    ]  # of GYR, ACC, MAG, FORCE, TORQUE (of a force sensor with six axes, about its origin)
     rate: float  # Hz, nominal
     clock: str = "recording"
-    full_scale: Mapping[str, float] = field(default_factory=dict)  # largest value of a quantity that the sensor can give, where known
+    full_scale: Mapping[str, float] = field(
+        default_factory=dict
+    )  # largest value of a quantity that the sensor can give, where known
     scale_sd: Mapping[str, float] = field(
         default_factory=dict
     )  # by force sensor that was calibrated, share by which its forces may be wrong
@@ -133,7 +143,11 @@ beyond_row = beyond.row  # as other kernels call it
 
 def join(blocks: list[Block]) -> Block:
     """One block of consecutive blocks of the same stream."""
-    return Block(blocks[0].stream, np.concatenate([b.t for b in blocks]), np.concatenate([b.values for b in blocks]))
+    return Block(
+        blocks[0].stream,
+        np.concatenate([b.t for b in blocks]),
+        np.concatenate([b.values for b in blocks]),
+    )
 
 
 def joined(blocks: Sequence[Block]) -> list[Block]:

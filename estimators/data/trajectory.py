@@ -16,7 +16,9 @@ class Flag(IntFlag):
     """What is to be known about a segment's sample before it is trusted."""
 
     MISSING = 1  # no sensor sample at this time: bridged or held
-    HEADING_LOST = 2  # a gap too long to bridge: the segment's heading is unknown until the next calibration
+    HEADING_LOST = (
+        2  # a gap too long to bridge: the segment's heading is unknown until the next calibration
+    )
     SATURATED = 4  # the gyroscope or accelerometer was at its limit
     UNCALIBRATED = 8  # no initial pose: heading and alignment are guesses
     MAGNETIC = 16  # the magnetometer disagreed with the field learnt before
@@ -60,7 +62,9 @@ class PlaceFlag(IntFlag):
     """What is to be known about the hand's place before it is trusted."""
 
     MISSING = 1  # no samples of hand, trunk or magnetometers near
-    OUT_OF_REACH = 2  # the magnet is not heard well enough: the place is known to some centimetres at best
+    OUT_OF_REACH = (
+        2  # the magnet is not heard well enough: the place is known to some centimetres at best
+    )
     DOUBTFUL = 4  # the readings contradict what was told of magnetometers, magnet and room
     SATURATED = 8  # a magnetometer was at its limit
 
@@ -85,23 +89,37 @@ class Trajectory:
     flags: NDArray[np.uint8]  # (n, segments) Flag bits
     angles_sd: Array | None = None  # (n, joints, 3) rad, where the method knows it
     tips_sd: Array | None = None  # (n, 5, 3) m
-    forces: Array | None = None  # (n, 5, 3) N, exerted by each fingertip on what it touches, in the global frame; NaN where not measured
+    forces: Array | None = (
+        None  # (n, 5, 3) N, exerted by each fingertip on what it touches, in the global frame; NaN where not measured
+    )
     forces_sd: Array | None = None  # (n, 5, 3) N
-    forces_alike_sd: Array | None = None  # (n, 5, 3) N, of that what a hold does not average out: zero, scale, orientation
+    forces_alike_sd: Array | None = (
+        None  # (n, 5, 3) N, of that what a hold does not average out: zero, scale, orientation
+    )
     force_flags: NDArray[np.uint8] | None = None  # (n, 5) ForceFlag bits
-    force_scale_sd: Array | None = None  # (n, 5) share of each force that may be wrong in all samples alike, where a sensor was calibrated
+    force_scale_sd: Array | None = (
+        None  # (n, 5) share of each force that may be wrong in all samples alike, where a sensor was calibrated
+    )
     torques: Array | None = (
         None  # (n, 5, 3) Nm, exerted by each fingertip about its force sensor's origin, in the global frame; of sensors with six axes
     )
     torques_sd: Array | None = None  # (n, 5, 3) Nm
-    lifting: Array | None = None  # (n, 3) m/s^2, mean specific force g + a of the fingertips with force sensors, in the global frame
+    lifting: Array | None = (
+        None  # (n, 3) m/s^2, mean specific force g + a of the fingertips with force sensors, in the global frame
+    )
 
-    place: Array | None = None  # (n, 3) m, the hand's sensor from the trunk's, trunk's axes: forward, up, right; NaN where not known
+    place: Array | None = (
+        None  # (n, 3) m, the hand's sensor from the trunk's, trunk's axes: forward, up, right; NaN where not known
+    )
     place_sd: Array | None = None  # (n, 3) m
     place_flags: NDArray[np.uint8] | None = None  # (n,) PlaceFlag bits
-    q_trunk: Array | None = None  # (n, 4) of the trunk, z up, y where the horizontal field points: not the heading of q_GS
+    q_trunk: Array | None = (
+        None  # (n, 4) of the trunk, z up, y where the horizontal field points: not the heading of q_GS
+    )
     q_trunk_sd: Array | None = None  # (n, 3) rad about the axes of the trunk's sensor
-    signal: Array | None = None  # (n,) dB of the magnetometer that hears most, (5.23); 0: the earth's field alone
+    signal: Array | None = (
+        None  # (n,) dB of the magnetometer that hears most, (5.23); 0: the earth's field alone
+    )
 
     def __len__(self) -> int:
         return len(self.t)
@@ -129,7 +147,9 @@ class Trajectory:
     def _each(self, change: "object") -> "Trajectory":
         assert callable(change)
         values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return Trajectory(**{name: change(v) if isinstance(v, np.ndarray) else v for name, v in values.items()})
+        return Trajectory(
+            **{name: change(v) if isinstance(v, np.ndarray) else v for name, v in values.items()}
+        )
 
 
 @cache
@@ -166,7 +186,9 @@ def join(pieces: Iterable[Trajectory], hand: Hand) -> Trajectory:
         return empty(hand)
     for values in grown.values():
         values.resize((rows, *values.shape[1:]), refcheck=False)
-    return Trajectory(hand, **{name: None if name in partial else grown[name] for name in (*grown, *partial)})  # type: ignore[arg-type]
+    return Trajectory(
+        hand, **{name: None if name in partial else grown[name] for name in (*grown, *partial)}
+    )  # type: ignore[arg-type]
 
 
 def _appended(grown: Array | None, rows: int, values: Array) -> Array:
@@ -175,6 +197,8 @@ def _appended(grown: Array | None, rows: int, values: Array) -> Array:
         grown = np.empty((0, *values.shape[1:]), values.dtype)
     needed = rows + len(values)
     if needed > len(grown):
-        grown.resize((max(needed, len(grown) * 9 // 8), *grown.shape[1:]), refcheck=False)  # the system moves pages, it copies nothing
+        grown.resize(
+            (max(needed, len(grown) * 9 // 8), *grown.shape[1:]), refcheck=False
+        )  # the system moves pages, it copies nothing
     grown[rows:needed] = values
     return grown

@@ -30,7 +30,13 @@ from handscope.estimators.finger_ekf import measurements as finger_ekf_measureme
 from handscope.estimators.finger_ekf.magnetic_heading import MagnetometerParams
 from handscope.estimators.finger_ekf.measurements import IS_FREE, LIMITS, RATE_GATE, UpdateParams
 from handscope.estimators.finger_ekf.preintegration import MAG_ERROR
-from handscope.estimators.finger_ekf.sensor_to_segment import APART, SIZE, SeatParams, Seats, put_right
+from handscope.estimators.finger_ekf.sensor_to_segment import (
+    APART,
+    SIZE,
+    SeatParams,
+    Seats,
+    put_right,
+)
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, rowwise
 from handscope.estimators.numerics.kalman import correct
@@ -48,7 +54,11 @@ MUCH = math.radians(0.5) ** 2  # rad^2 that a sensor may have missed since the u
 @dataclass(frozen=True, kw_only=True)
 class FilterParams(UpdateParams, SeatParams, MagnetometerParams):
     update: float = option(
-        0.2, "s", "time between two updates; the gyroscopes count at every sample", "ours: what they correct is slower", least=0.01
+        0.2,
+        "s",
+        "time between two updates; the gyroscopes count at every sample",
+        "ours: what they correct is slower",
+        least=0.01,
     )
     gyr_noise: float = option(
         0.03,
@@ -57,9 +67,17 @@ class FilterParams(UpdateParams, SeatParams, MagnetometerParams):
         "LSM330DLC data sheet; Kortier's Table 2.1 has 5e-4 rad/s at 200 Hz, a tenth of it",
         least=1e-6,
     )
-    gyr_scale: float = option(0.003, "1", "scale error of a gyroscope axis", "ours: left after a calibration on a turntable")
+    gyr_scale: float = option(
+        0.003,
+        "1",
+        "scale error of a gyroscope axis",
+        "ours: left after a calibration on a turntable",
+    )
     bias_walk: float = option(
-        0.001, "deg/s/sqrt(s)", "random walk of a gyroscope's bias", "ours: consumer MEMS, 10 deg/h; Kortier's Table 2.1 has 1e-4 rad/s"
+        0.001,
+        "deg/s/sqrt(s)",
+        "random walk of a gyroscope's bias",
+        "ours: consumer MEMS, 10 deg/h; Kortier's Table 2.1 has 1e-4 rad/s",
     )
     bias_sd: float = option(
         0.01,
@@ -81,7 +99,9 @@ class Samples:
     doubt: Array  # (n, F, 4) rad^2, variance of what `turn` may have missed
     known: Bools  # (n, F, 3) both segments of the joint are measured
     q_first: Array  # (n, F, 3, 4) q_pc to start a joint from that was not known before
-    mag: Array | None = None  # (n, F, 2, 3) uT, fields at the chain's first and last sensor, NaN where not known; None: not asked for
+    mag: Array | None = (
+        None  # (n, F, 2, 3) uT, fields at the chain's first and last sensor, NaN where not known; None: not asked for
+    )
 
     def __len__(self) -> int:
         return len(self.t)
@@ -95,9 +115,7 @@ class State:
     bias: Array  # (F, 4, 3) rad/s
     seat: Array  # (F, 4, 4) takes vectors from the segment to its sensor's frame while the joint is straight
     skin: Array  # (F, 3, 3) rad per rad of the joint's flexion that the child's sensor turns by on its segment
-    apart: (
-        Array  # (F, 2) uT by which the field at the chain's end differs from that at its beginning, across it; how often that was unlikely
-    )
+    apart: Array  # (F, 2) uT by which the field at the chain's end differs from that at its beginning, across it; how often that was unlikely
     P: Array  # (F, 43, 43) covariance of the errors [dth_1..3, db_1..4, dm_1..4, dk_1..3, da] of the five above, q_true = q exp(dth), m alike
     known: Bools  # (F, 3) the joint has a rotation
     free: Bools  # (F, 3, 3) the joint has flexion, deviation, pronation
@@ -112,7 +130,9 @@ class State:
     rest: Array  # (F, 4) s, how long each sensor has hardly turned
     crept: Array  # (F, 4, 3) rad that it has seemed to turn by in that time, its bias included
     rested: Array  # (F, 4, 3) rad/s, so at the rest before; NaN before the first
-    creep: Array  # (F, 2) half the squared differences between such rates, (rad/s)^2, and their number
+    creep: (
+        Array  # (F, 2) half the squared differences between such rates, (rad/s)^2, and their number
+    )
     up: Array  # (F, 4, 3) the vertical over a long time, zero where not known
     lively: Array  # (F, 4) (rad/s)^2, rates squared over the time that errors of the vertical last
     began: Array  # (F, 4, 3) the vertical at first, zero where not known
@@ -127,7 +147,13 @@ class Estimate:
     P: Array  # (u, F, 9, 9) rad^2, of the three joints' errors
 
 
-def start(bias_sd: Array, seats: Seats, free: Bools = IS_FREE, limits: Array = LIMITS, apart_sd: float = 0.0) -> State:
+def start(
+    bias_sd: Array,
+    seats: Seats,
+    free: Bools = IS_FREE,
+    limits: Array = LIMITS,
+    apart_sd: float = 0.0,
+) -> State:
     """Nothing known but the size of the biases, bias_sd (F, 4) rad/s, how sensors may sit and by what (uT) fields may differ; the first sample with a
     joint's two segments starts it."""
     chains = len(free)
@@ -166,7 +192,15 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
     numbers, told, P, first = _numbers(params), [], [], 0
     q_joint, known = np.empty((len(samples), *state.q_pc.shape)), samples.known.astype(float)
     while first < len(samples):
-        last, closes = _window(state.t + params.update - 1e-9, first, samples.t, samples.doubt, state.doubt, known, state.known)
+        last, closes = _window(
+            state.t + params.update - 1e-9,
+            first,
+            samples.t,
+            samples.doubt,
+            state.doubt,
+            known,
+            state.known,
+        )
         if last == first:
             state = _started(params, numbers, state, samples, first)
             told.append(first)
@@ -175,16 +209,32 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
         state, q_joint[first : int(last)] = _turned(state, samples, first, int(last))
         first = int(last)
         if closes:
-            mag = np.full((len(state.q_pc), 2, 3), np.nan) if samples.mag is None else samples.mag[first - 1]
-            state, q_joint[first - 1], of_joints = _told(numbers, state, samples.acc[first - 1], mag)
+            mag = (
+                np.full((len(state.q_pc), 2, 3), np.nan)
+                if samples.mag is None
+                else samples.mag[first - 1]
+            )
+            state, q_joint[first - 1], of_joints = _told(
+                numbers, state, samples.acc[first - 1], mag
+            )
             told.append(first - 1)
             P.append(of_joints)
-    return state, Estimate(q_joint, np.array(told, np.intp), np.array(P).reshape(-1, len(state.q_pc), 9, 9))
+    return state, Estimate(
+        q_joint, np.array(told, np.intp), np.array(P).reshape(-1, len(state.q_pc), 9, 9)
+    )
 
 
 @rowwise("(),(),(n),(n,f,s),(f,s),(n,f,j),(f,j)->(),()")
 def _window(
-    due: float, first: float, t: Array, doubt: Array, doubt_before: Array, known: Array, known_now: Array, last: Array, closes: Array
+    due: float,
+    first: float,
+    t: Array,
+    doubt: Array,
+    doubt_before: Array,
+    known: Array,
+    known_now: Array,
+    last: Array,
+    closes: Array,
 ) -> None:
     """From row `first` up to which row the window goes on before it closes or a joint appears or goes, and whether it closes with the last of them.
 
@@ -207,9 +257,13 @@ def _window(
 
 def _turned(state: State, samples: Samples, first: int, last: int) -> tuple[State, Array]:
     """Add the turns of rows first..last to the open window; the true joints after each of them (rows, F, 3, 4)."""
-    turn, bias_time, doubt = (x[first:last].swapaxes(0, 1) for x in (samples.turn, samples.bias_time, samples.doubt))
+    turn, bias_time, doubt = (
+        x[first:last].swapaxes(0, 1) for x in (samples.turn, samples.bias_time, samples.doubt)
+    )
     window = state.turned, state.by_bias, state.bias_time, state.doubt
-    q_joint, *grown = _gone_on(turn, bias_time, doubt, state.bias, *window, state.q_pc, state.seat, state.skin)
+    q_joint, *grown = _gone_on(
+        turn, bias_time, doubt, state.bias, *window, state.q_pc, state.seat, state.skin
+    )
     ended = dict(zip(("turned", "by_bias", "bias_time", "doubt"), grown))
     return replace(state, newest=float(samples.t[last - 1]), **ended), q_joint.swapaxes(0, 1)
 
@@ -219,12 +273,20 @@ def _told(numbers: Array, state: State, acc: Array, mag: Array) -> tuple[State, 
     covariance (F, 9, 9) of their errors as the joints were seen before."""
     window = _span(state), state.turned, state.by_bias, state.bias_time, state.doubt, acc, mag
     *found, q_joint, of_joints = _updated(
-        numbers, *window, state.known, state.free, state.limits, *(getattr(state, name) for name in UPDATED), np.zeros(9)
+        numbers,
+        *window,
+        state.known,
+        state.free,
+        state.limits,
+        *(getattr(state, name) for name in UPDATED),
+        np.zeros(9),
     )
     return replace(state, **_opened(state), **dict(zip(UPDATED, found))), q_joint, of_joints
 
 
-@rowwise("(n,s,v),(n,s),(n,s),(s,v),(s,q),(s,v,v),(s),(s),(j,q),(s,q),(j,v)->(n,j,q),(s,q),(s,v,v),(s),(s)")
+@rowwise(
+    "(n,s,v),(n,s),(n,s),(s,v),(s,q),(s,v,v),(s),(s),(j,q),(s,q),(j,v)->(n,j,q),(s,q),(s,v,v),(s),(s)"
+)
 def _gone_on(
     turn: Array, time: Array, missed: Array, bias: Array, turned: Array, by_bias: Array, bias_time: Array, doubt: Array,
     q_pc: Array, seat: Array, skin: Array,
@@ -232,7 +294,9 @@ def _gone_on(
 ) -> None:  # fmt: skip
     """The window goes on over all rows; where the joints are after each of them."""
     after, q, m, k = np.empty((turn.shape[0], 4, 4)), q_pc.copy(), seat.copy(), skin.copy()
-    preintegration.wound_row(turn, time, missed, bias, turned, by_bias, bias_time, doubt, after, J, timed, doubted)
+    preintegration.wound_row(
+        turn, time, missed, bias, turned, by_bias, bias_time, doubt, after, J, timed, doubted
+    )
     for row in range(turn.shape[0]):
         sensor_to_segment.joints_row(q, m, k, after[row], q_joint[row])
         put(after[row], T)
@@ -250,8 +314,19 @@ def _headed(
         and known[2] > 0
         and math.isfinite(mag[0, 0] + mag[0, 1] + mag[0, 2] + mag[1, 0] + mag[1, 1] + mag[1, 2])
     )
-    if p[MAG_ERROR] > 0 and seen and told[0] > 0 and told[3] > 0 and max(rates[0], rates[3]) < p[RATE_GATE]:
-        missed, H, noise, change = np.zeros(1), np.zeros((1, SIZE)), np.zeros((1, 1)), np.empty(SIZE)
+    if (
+        p[MAG_ERROR] > 0
+        and seen
+        and told[0] > 0
+        and told[3] > 0
+        and max(rates[0], rates[3]) < p[RATE_GATE]
+    ):
+        missed, H, noise, change = (
+            np.zeros(1),
+            np.zeros((1, SIZE)),
+            np.zeros((1, 1)),
+            np.empty(SIZE),
+        )
         if magnetic_heading.heading_row(p, q, mag.copy(), up, apart, P, missed, H, noise):
             correct(P, missed, H, noise, change)
             put_right(q, bias, seat, skin, apart, change)
@@ -271,19 +346,49 @@ def _updated(
 ) -> None:  # fmt: skip
     """A window's end: the vertical as neighbours see it and what joints cannot do, then the biases of sensors at rest."""
     q, C, T, left = np.empty((3, 4)), np.empty(P.shape), turned.copy(), np.empty(1)
-    b, m, k, o, resting, creeping = bias.copy(), seat.copy(), skin.copy(), apart.copy(), rest.copy(), crept.copy()
-    shown, differed, fast, first, lies, give = rested.copy(), creep.copy(), lively.copy(), began.copy(), lain.copy(), given.copy()
+    b, m, k, o, resting, creeping = (
+        bias.copy(),
+        seat.copy(),
+        skin.copy(),
+        apart.copy(),
+        rest.copy(),
+        crept.copy(),
+    )
+    shown, differed, fast, first, lies, give = (
+        rested.copy(),
+        creep.copy(),
+        lively.copy(),
+        began.copy(),
+        lain.copy(),
+        given.copy(),
+    )
     preintegration.alike_row(p, T, left)
     o[0] *= left[0]
     preintegration.window_row(p, span, T, by_bias.copy(), doubt, q_pc.copy(), P.copy(), q, C)
     vertical, q_joint, A = up.copy(), np.empty((3, 4)), np.zeros((9, SIZE))
     sensor_to_segment.seated_row(q, m, k, q_joint, A)
     if span > 0:
-        seen, told, rates, usable, change = np.zeros((4, 3)), np.empty(4), np.empty(4), np.empty(3), np.empty(SIZE)
+        seen, told, rates, usable, change = (
+            np.zeros((4, 3)),
+            np.empty(4),
+            np.empty(4),
+            np.empty(3),
+            np.empty(SIZE),
+        )
         wrong, gives = np.empty(4), np.empty(3)
         for s in range(4):
-            told[s] = 1.0 if math.isfinite(acc[s, 0]) and math.isfinite(acc[s, 1]) and math.isfinite(acc[s, 2]) else 0.0
-            rates[s] = 2 * math.atan2(math.sqrt(T[s, 1] ** 2 + T[s, 2] ** 2 + T[s, 3] ** 2), abs(T[s, 0])) / span
+            told[s] = (
+                1.0
+                if math.isfinite(acc[s, 0])
+                and math.isfinite(acc[s, 1])
+                and math.isfinite(acc[s, 2])
+                else 0.0
+            )
+            rates[s] = (
+                2
+                * math.atan2(math.sqrt(T[s, 1] ** 2 + T[s, 2] ** 2 + T[s, 3] ** 2), abs(T[s, 0]))
+                / span
+            )
             for a in range(3):
                 seen[s, a] = acc[s, a] if told[s] > 0 else 0.0
         for j in range(3):
@@ -292,14 +397,20 @@ def _updated(
         missed, H, noise = np.zeros(18), np.zeros((18, SIZE)), np.zeros((18, 18))
         inclination_noise.seen_row(p, span, seen, told, rates, fast, first, lies)
         inclination_noise.variances_row(p, fast, wrong)
-        finger_ekf_measurements.vectors_row(p, q, seen, vertical, wrong, rates, usable, span, missed, H, noise)
+        finger_ekf_measurements.vectors_row(
+            p, q, seen, vertical, wrong, rates, usable, span, missed, H, noise
+        )
         joint_compliance.believed_row(p, give, gives)
-        finger_ekf_measurements.joints_row(p, q_joint, A, C, gives, free, limits, known, span, missed, H, noise)
+        finger_ekf_measurements.joints_row(
+            p, q_joint, A, C, gives, free, limits, known, span, missed, H, noise
+        )
         joint_compliance.learnt_row(p, q_pc, q, C, free, gives, span, missed, H, noise, give)
         correct(C, missed, H, noise, change)
         put_right(q, b, m, k, o, change)
         _headed(p, mag, vertical, rates, known, told, q, b, m, k, o, C)
-        zero_rate_update.rested_row(p, T, bias_time, span, rates, q, b, m, k, o, C, resting, creeping, shown, differed)
+        zero_rate_update.rested_row(
+            p, T, bias_time, span, rates, q, b, m, k, o, C, resting, creeping, shown, differed
+        )
     spread(A, C, of_joints)
     inclination_noise.by_biases_row(p, q_joint, first, lies, of_joints)
     for s in range(4):  # what opens now has not turned
@@ -324,7 +435,9 @@ def _updated(
 
 
 @rowwise("(j,q),(s,q),(j,v),(e,e),(d)->(d,d)")
-def _covariance(q_pc: Array, seat: Array, skin: Array, P: Array, row: Array, of_joints: Array) -> None:
+def _covariance(
+    q_pc: Array, seat: Array, skin: Array, P: Array, row: Array, of_joints: Array
+) -> None:
     """That of the true joints' errors."""
     q_joint, A = np.empty((3, 4)), np.zeros((9, SIZE))
     sensor_to_segment.seated_row(q_pc.copy(), seat.copy(), skin.copy(), q_joint, A)
@@ -336,13 +449,17 @@ def _span(state: State) -> float:
     return state.newest - state.t if np.isfinite(state.t) else 0.0
 
 
-def _started(params: FilterParams, numbers: Array, state: State, samples: Samples, row: int) -> State:
+def _started(
+    params: FilterParams, numbers: Array, state: State, samples: Samples, row: int
+) -> State:
     """Joints that were not known before begin where the samples put them, as sure as a pose leaves them; the open window is settled first."""
     if state.newest > state.t:
         state = _settled(numbers, state)
     fresh = samples.known[row] & ~state.known
     q_pc, P = np.where(fresh[..., None], samples.q_first[row], state.q_pc), state.P.copy()
-    posed = sensor_to_segment.after_pose(params, q_pc, np.nan_to_num(samples.acc[row]), state.free, state.seats)
+    posed = sensor_to_segment.after_pose(
+        params, q_pc, np.nan_to_num(samples.acc[row]), state.free, state.seats
+    )
     for f in np.flatnonzero(fresh.any(axis=1)):
         own = _own(fresh[f], first=bool(not state.known[f].any()))
         P[np.ix_([f], own, np.arange(SIZE))] = 0.0
@@ -359,15 +476,25 @@ def _own(fresh: Bools, first: bool) -> NDArray[np.intp]:
 
 def _settled(numbers: Array, state: State) -> State:
     """The open window's end becomes the state; the covariance goes along."""
-    q_pc, P = preintegration.carried(numbers, _span(state), state.turned, state.by_bias, state.doubt, state.q_pc, state.P)
-    apart = np.stack([state.apart[:, 0] * preintegration.alike(numbers, state.turned), state.apart[:, 1]], axis=1)
+    q_pc, P = preintegration.carried(
+        numbers, _span(state), state.turned, state.by_bias, state.doubt, state.q_pc, state.P
+    )
+    apart = np.stack(
+        [state.apart[:, 0] * preintegration.alike(numbers, state.turned), state.apart[:, 1]], axis=1
+    )
     return replace(state, **_opened(state), q_pc=q_pc, apart=apart, P=P)
 
 
 def _opened(state: State) -> dict[str, Any]:
     """A new window begins with the newest sample."""
     by_bias, bias_time, doubt = _nothing(len(state.q_pc))
-    return {"t": state.newest, "turned": _still(len(state.q_pc)), "by_bias": by_bias, "bias_time": bias_time, "doubt": doubt}
+    return {
+        "t": state.newest,
+        "turned": _still(len(state.q_pc)),
+        "by_bias": by_bias,
+        "bias_time": bias_time,
+        "doubt": doubt,
+    }
 
 
 def _still(chains: int) -> Array:
@@ -385,4 +512,6 @@ def _nothing(chains: int) -> tuple[Array, Array, Array]:
 def _numbers(params: FilterParams) -> Array:
     """Options as the kernels take them."""
     of_gyr = np.radians(params.gyr_noise), params.gyr_scale, np.radians(params.bias_walk)
-    return np.concatenate([finger_ekf_measurements.numbers(params), of_gyr, magnetic_heading.numbers(params)])
+    return np.concatenate(
+        [finger_ekf_measurements.numbers(params), of_gyr, magnetic_heading.numbers(params)]
+    )

@@ -10,7 +10,12 @@ Limits  seats count as straight where biases are told of joints; scales of accel
 
 import numpy as np
 
-from handscope.estimators.finger_ekf.measurements import ACC_BIAS, INCLINATION, INCLINATION_TIME, TURNING
+from handscope.estimators.finger_ekf.measurements import (
+    ACC_BIAS,
+    INCLINATION,
+    INCLINATION_TIME,
+    TURNING,
+)
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.jit import inlined
@@ -19,7 +24,16 @@ from handscope.estimators.numerics.small_matrices import spread
 
 
 @inlined
-def seen_row(p: Array, span: float, acc: Array, told: Array, rates: Array, lively: Array, began: Array, lies: Array) -> None:
+def seen_row(
+    p: Array,
+    span: float,
+    acc: Array,
+    told: Array,
+    rates: Array,
+    lively: Array,
+    began: Array,
+    lies: Array,
+) -> None:
     """Over the time that errors of the vertical stay alike: squared rates (4,) and verticals `lies` (4, 3); `began` (4, 3) is the first, 0 before it."""
     weight = span / max(span, p[INCLINATION_TIME])
     for s in range(4):
@@ -46,7 +60,13 @@ def by_biases_row(p: Array, q_joint: Array, began: Array, lies: Array, of_joints
 
     (u - u_0) x b of the child's sensor, -R_cp of its parent's: neighbours share a sensor.
     """
-    biases, G, R, added, u = np.zeros((12, 12)), np.zeros((9, 12)), np.empty((3, 3)), np.empty((9, 9)), np.empty(3)
+    biases, G, R, added, u = (
+        np.zeros((12, 12)),
+        np.zeros((9, 12)),
+        np.empty((3, 3)),
+        np.empty((9, 9)),
+        np.empty(3),
+    )
     size = (p[ACC_BIAS] / GRAVITY) ** 2
     for s in range(4):
         for a in range(3):

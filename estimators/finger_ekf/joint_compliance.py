@@ -39,7 +39,12 @@ def learnt_row(
     window and after it."""
     lasts = max(1.0, p[CORRELATION] / span)
     for j in range(3):
-        alike = abs(q[j, 0] * q_before[j, 0] + q[j, 1] * q_before[j, 1] + q[j, 2] * q_before[j, 2] + q[j, 3] * q_before[j, 3])
+        alike = abs(
+            q[j, 0] * q_before[j, 0]
+            + q[j, 1] * q_before[j, 1]
+            + q[j, 2] * q_before[j, 2]
+            + q[j, 3] * q_before[j, 3]
+        )
         share = min(1.0 / lasts, 2 * math.acos(min(alike, 1.0)) / ANOTHER)
         for a in range(3):
             row = 9 + 3 * j + a

@@ -24,7 +24,9 @@ from handscope.estimators.numerics.small_matrices import variance_of
 
 LEAST = 3.0  # uT: a horizontal field that is weaker tells no heading
 UNLIKELY = 3.0  # standard deviations
-KNOWN = math.radians(5.0)  # a heading that is known so well before the look tells what the room is like
+KNOWN = math.radians(
+    5.0
+)  # a heading that is known so well before the look tells what the room is like
 LOOKS = 50.0  # over which that is averaged: 10 s of updates
 DISTURBED = 0.1  # share of unlikely looks from which on a room is not trusted
 
@@ -38,7 +40,11 @@ class MagnetometerParams:
         "Kortier thesis, 2.2.3, (2.24)-(2.27)",
     )
     mag_noise: float = option(
-        0.6, "uT", "white noise of a magnetometer axis", "MPU-9250 product specification: 4 counts of 0.15 uT", least=1e-3
+        0.6,
+        "uT",
+        "white noise of a magnetometer axis",
+        "MPU-9250 product specification: 4 counts of 0.15 uT",
+        least=1e-3,
     )
     mag_error: float = option(
         1.5,
@@ -57,11 +63,23 @@ class MagnetometerParams:
 
 def numbers(params: MagnetometerParams) -> Array:
     """The options as kernels take them; nothing errs, and nothing is used, where magnetometers are not asked for."""
-    return np.array([params.mag_noise, params.mag_error if params.magnetometers else 0.0, params.mag_gate])
+    return np.array(
+        [params.mag_noise, params.mag_error if params.magnetometers else 0.0, params.mag_gate]
+    )
 
 
 @inlined
-def heading_row(p: Array, q_pc: Array, mag: Array, up: Array, apart: Array, P: Array, missed: Array, H: Array, noise: Array) -> bool:
+def heading_row(
+    p: Array,
+    q_pc: Array,
+    mag: Array,
+    up: Array,
+    apart: Array,
+    P: Array,
+    missed: Array,
+    H: Array,
+    noise: Array,
+) -> bool:
     """Row 0 of an update: the heading of the tip's field against the hand's, but for what they are `apart` (2,) (uT; the share of looks left out
     while the heading was known); false where it must not be used.
 
@@ -78,14 +96,19 @@ def heading_row(p: Array, q_pc: Array, mag: Array, up: Array, apart: Array, P: A
     quat.rotate_row(q, mag[1], y)
     u, at_hand, b = up[0], mag[0].copy(), np.empty(3)
     down_hand, down = _dot(u, at_hand), _dot(u, y)
-    gates = abs(math.sqrt(_dot(at_hand, at_hand)) - math.sqrt(_dot(y, y))) < p[MAG_GATE] and abs(down_hand - down) < p[MAG_GATE]  # (2.27)
+    gates = (
+        abs(math.sqrt(_dot(at_hand, at_hand)) - math.sqrt(_dot(y, y))) < p[MAG_GATE]
+        and abs(down_hand - down) < p[MAG_GATE]
+    )  # (2.27)
     for a in range(3):
         at_hand[a] -= down_hand * u[a]
         b[a] = y[a] - down * u[a]
     size, least = math.sqrt(_dot(b, b)), math.sqrt(_dot(at_hand, at_hand))
     if not min(size, least) > LEAST:
         return False
-    across = u[0] * (at_hand[1] * b[2] - at_hand[2] * b[1]) + u[1] * (at_hand[2] * b[0] - at_hand[0] * b[2])
+    across = u[0] * (at_hand[1] * b[2] - at_hand[2] * b[1]) + u[1] * (
+        at_hand[2] * b[0] - at_hand[0] * b[2]
+    )
     across += u[2] * (at_hand[0] * b[1] - at_hand[1] * b[0])
     missed[0] = apart[0] / size - math.atan2(across, _dot(at_hand, b))
     for j in range(3):

@@ -18,7 +18,15 @@ from handscope.estimators.data.options import option
 from handscope.estimators.finger_ekf.sensor_to_segment import SIZE
 from handscope.estimators.hand import anatomy as hand_anatomy
 from handscope.estimators.hand import joint_angles
-from handscope.estimators.hand.anatomy import DEVIATION, FINGER_JOINTS, FINGERS, FLEXION, IS_DOF, JOINT, PRONATION
+from handscope.estimators.hand.anatomy import (
+    DEVIATION,
+    FINGER_JOINTS,
+    FINGERS,
+    FLEXION,
+    IS_DOF,
+    JOINT,
+    PRONATION,
+)
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.jit import inlined, rowwise
@@ -66,21 +74,47 @@ class UpdateParams:
         "MPU-9250 specification, table 2, after a calibration of the strip; size ours, as angle_sd",
         least=0.0,
     )
-    inclination_time: float = option(3.0, "s", "time over which that error stays alike", "VQF's tauAcc", least=0.0)
-    acc_noise: float = option(0.04, "m/s^2", "white noise of an accelerometer axis", "Kortier thesis, Table 2.1", least=1e-4)
+    inclination_time: float = option(
+        3.0, "s", "time over which that error stays alike", "VQF's tauAcc", least=0.0
+    )
+    acc_noise: float = option(
+        0.04,
+        "m/s^2",
+        "white noise of an accelerometer axis",
+        "Kortier thesis, Table 2.1",
+        least=1e-4,
+    )
     acc_error: float = option(
-        0.1, "m/s^2", "what two accelerometers at rest may differ by else: bias, scale", "ours; of the thesis' model none"
+        0.1,
+        "m/s^2",
+        "what two accelerometers at rest may differ by else: bias, scale",
+        "ours; of the thesis' model none",
     )
     acc_gate: float = option(
-        0.5, "m/s^2", "accelerometers whose magnitudes differ by more are left out", "Kortier thesis, (2.27): eps_a; size ours"
+        0.5,
+        "m/s^2",
+        "accelerometers whose magnitudes differ by more are left out",
+        "Kortier thesis, (2.27): eps_a; size ours",
     )
     rate_gate: float = option(
-        2.0, "rad/s", "accelerometers of segments that turn faster are left out", "Kortier thesis, (2.28): eps_b; size ours", least=0.01
+        2.0,
+        "rad/s",
+        "accelerometers of segments that turn faster are left out",
+        "Kortier thesis, (2.28): eps_b; size ours",
+        least=0.01,
     )
     lever: float = option(
-        0.04, "m", "distance between neighbouring sensors, over which turning makes them feel different accelerations", "ours: a phalanx"
+        0.04,
+        "m",
+        "distance between neighbouring sensors, over which turning makes them feel different accelerations",
+        "ours: a phalanx",
     )
-    dimensions: bool = option(True, "", "use what the joints cannot do", "Kortier thesis, (2.29)-(2.32); ranges: hand_anatomy.py")
+    dimensions: bool = option(
+        True,
+        "",
+        "use what the joints cannot do",
+        "Kortier thesis, (2.29)-(2.32); ranges: hand_anatomy.py",
+    )
     dimension_noise: float = option(
         2.0,
         "deg",
@@ -89,7 +123,11 @@ class UpdateParams:
         least=1e-5,
     )
     correlation: float = option(
-        1.0, "s", "time over which errors of accelerometers and joints stay alike", "ours: half a movement", least=0.0
+        1.0,
+        "s",
+        "time over which errors of accelerometers and joints stay alike",
+        "ours: half a movement",
+        least=0.0,
     )
     rest_rate: float = option(
         0.5,
@@ -114,11 +152,27 @@ class UpdateParams:
 
 def numbers(params: UpdateParams) -> Array:
     """The options in SI units."""
-    of_vectors = params.vertical == "fused", np.radians(params.inclination), params.inclination_time, params.acc_noise, params.acc_error
+    of_vectors = (
+        params.vertical == "fused",
+        np.radians(params.inclination),
+        params.inclination_time,
+        params.acc_noise,
+        params.acc_error,
+    )
     of_gates = params.acc_gate, params.rate_gate, params.lever
     of_joints = params.dimensions, np.radians(params.dimension_noise), params.correlation
     of_rests = np.radians(params.rest_rate), np.radians(params.creeping)
-    return np.array([*of_vectors, *of_gates, *of_joints, *of_rests, params.inclination_by_rate, params.acc_bias], float)
+    return np.array(
+        [
+            *of_vectors,
+            *of_gates,
+            *of_joints,
+            *of_rests,
+            params.inclination_by_rate,
+            params.acc_bias,
+        ],
+        float,
+    )
 
 
 def angle_jacobian(angles: Array) -> Array:
@@ -158,7 +212,9 @@ def vectors_row(
             apart, fastest = abs(_norm(acc[j]) - _norm(acc[j + 1])), max(rates[j], rates[j + 1])
             if usable[j] > 0 and apart < p[ACC_GATE] and fastest < p[RATE_GATE]:  # (2.27), (2.28)
                 used[j] = 1.0
-            variance[j] = 2 * p[ACC_NOISE] ** 2 + p[ACC_ERROR] ** 2 + apart**2 + (p[LEVER] * fastest**2) ** 2
+            variance[j] = (
+                2 * p[ACC_NOISE] ** 2 + p[ACC_ERROR] ** 2 + apart**2 + (p[LEVER] * fastest**2) ** 2
+            )
         for a in range(3):
             noise[3 * j + a, 3 * j + a] = lasts * variance[j]
             v[a] = GRAVITY * up[j + 1, a]
@@ -166,13 +222,23 @@ def vectors_row(
             vector_jacobian_row(R_pc[j], v, 3 * j, 3 * j, H)
             for a in range(3):
                 r = R_pc[j, a]
-                missed[3 * j + a] = acc[j, a] - (r[0] * acc[j + 1, 0] + r[1] * acc[j + 1, 1] + r[2] * acc[j + 1, 2])  # (2.25)
+                missed[3 * j + a] = acc[j, a] - (
+                    r[0] * acc[j + 1, 0] + r[1] * acc[j + 1, 1] + r[2] * acc[j + 1, 2]
+                )  # (2.25)
     for j in range(2):
-        both = GRAVITY**2 * wrong[j + 1] if p[FUSED] > 0 else 0.5 * math.sqrt(variance[j] * variance[j + 1])
-        shared = -lasts * both * used[j] * used[j + 1]  # what is not used misses nothing, and tells nothing
+        both = (
+            GRAVITY**2 * wrong[j + 1]
+            if p[FUSED] > 0
+            else 0.5 * math.sqrt(variance[j] * variance[j + 1])
+        )
+        shared = (
+            -lasts * both * used[j] * used[j + 1]
+        )  # what is not used misses nothing, and tells nothing
         for a in range(3):
             for b in range(3):
-                noise[3 * j + a, 3 * j + 3 + b] = noise[3 * j + 3 + b, 3 * j + a] = shared * R_pc[j, a, b]
+                noise[3 * j + a, 3 * j + 3 + b] = noise[3 * j + 3 + b, 3 * j + a] = (
+                    shared * R_pc[j, a, b]
+                )
 
 
 @inlined
@@ -186,7 +252,9 @@ def vector_jacobian_row(R_pc: Array, v_c: Array, row: int, column: int, H: Array
 
 
 @inlined
-def settled_row(up: Array, turned: Array, acc: Array, told: Array, span: float, settled: Array) -> None:
+def settled_row(
+    up: Array, turned: Array, acc: Array, told: Array, span: float, settled: Array
+) -> None:
     """The vertical (4, 3) over a long time in frames that have turned by `turned` (4, 4), drawn towards what is `told` (4,) now."""
     back, carried = np.empty(4), np.empty(3)
     for s in range(4):
@@ -194,8 +262,12 @@ def settled_row(up: Array, turned: Array, acc: Array, told: Array, span: float, 
         quat.rotate_row(back, up[s], carried)
         if told[s] > 0:
             size = _norm(acc[s])
-            along = (carried[0] * acc[s, 0] + carried[1] * acc[s, 1] + carried[2] * acc[s, 2]) / size
-            weight = 1.0 if along < FAR else min(1.0, span / SETTLED)  # far: a beginning, or after a gap
+            along = (
+                carried[0] * acc[s, 0] + carried[1] * acc[s, 1] + carried[2] * acc[s, 2]
+            ) / size
+            weight = (
+                1.0 if along < FAR else min(1.0, span / SETTLED)
+            )  # far: a beginning, or after a gap
             for a in range(3):
                 carried[a] += weight * (acc[s, a] / size - carried[a])
         size = _norm(carried)
@@ -233,11 +305,17 @@ def joints_row(
         unsure = max(P[3 * j, 3 * j], P[3 * j + 1, 3 * j + 1], P[3 * j + 2, 3 * j + 2])
         for a in range(3):
             row, outside = 9 + 3 * j + a, allowed[a] - angles[a]
-            variance = (give[j] if free[j, a] == 0 else p[DIMENSION_NOISE] ** 2) + 0.5 * unsure * unsure
+            variance = (
+                give[j] if free[j, a] == 0 else p[DIMENSION_NOISE] ** 2
+            ) + 0.5 * unsure * unsure
             if known[j] > 0 and p[DIMENSIONS] > 0 and (free[j, a] == 0 or outside != 0):
                 missed[row] = outside
                 for k in range(SIZE):
-                    H[row, k] = J[a, 0] * A[3 * j, k] + J[a, 1] * A[3 * j + 1, k] + J[a, 2] * A[3 * j + 2, k]
+                    H[row, k] = (
+                        J[a, 0] * A[3 * j, k]
+                        + J[a, 1] * A[3 * j + 1, k]
+                        + J[a, 2] * A[3 * j + 2, k]
+                    )
                 variance += variance_of(H[row], P) if free[j, a] > 0 else 0.0
             noise[row, row] = variance * lasts
 
@@ -250,7 +328,12 @@ def _norm(v: Array) -> float:
 @rowwise("(a),(v)->(a,v)")
 def _angle_jacobian(angles: Array, row: Array, J: Array) -> None:
     deviation = min(max(angles[DEVIATION], -STEEPEST), STEEPEST)
-    c, s, cd, td = math.cos(angles[PRONATION]), math.sin(angles[PRONATION]), math.cos(deviation), math.tan(deviation)
+    c, s, cd, td = (
+        math.cos(angles[PRONATION]),
+        math.sin(angles[PRONATION]),
+        math.cos(deviation),
+        math.tan(deviation),
+    )
     J[FLEXION, 0], J[FLEXION, 1], J[FLEXION, 2] = -s / cd, 0.0, c / cd
     J[DEVIATION, 0], J[DEVIATION, 1], J[DEVIATION, 2] = c, 0.0, s
     J[PRONATION, 0], J[PRONATION, 1], J[PRONATION, 2] = s * td, 1.0, -c * td

@@ -18,15 +18,21 @@ from handscope.estimators.numerics.jit import inlined, rowwise
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import variance_of
 
-JOINTS_OF: Array = np.vstack([CHAIN_JOINTS, np.full(3, JOINT["wrist"])]).astype(float)  # (6 chains, 3) as kernels take them
+JOINTS_OF: Array = np.vstack([CHAIN_JOINTS, np.full(3, JOINT["wrist"])]).astype(
+    float
+)  # (6 chains, 3) as kernels take them
 
 
-def of_hand(angles: Array, q_pc: Array, P: Array, geometry: HandGeometry, of_lengths: Array) -> tuple[Array, Array, Array]:
+def of_hand(
+    angles: Array, q_pc: Array, P: Array, geometry: HandGeometry, of_lengths: Array
+) -> tuple[Array, Array, Array]:
     """Standard deviations of all joints' angles, finite for those that are no freedom, too; of the tips: of the fingers' rotations, of the wrist's where
     it is measured, and of lengths with the covariance `of_lengths` (5, 6, 6) of length_errors.py; and the largest variance (n, 6 chains, 3 joints)
     of a rotation about any axis.
     """
-    angles_sd, tips_sd, largest = _of_hand(JOINTS_OF, geometry.roots(), geometry.chain_offsets(), of_lengths, angles, q_pc, P)
+    angles_sd, tips_sd, largest = _of_hand(
+        JOINTS_OF, geometry.roots(), geometry.chain_offsets(), of_lengths, angles, q_pc, P
+    )
     return angles_sd, tips_sd, largest
 
 
@@ -45,13 +51,19 @@ def tip_row(q_WH: Array, q_pc: Array, root: Array, offsets: Array, J: Array, bon
             q[a] = turned[a]
         quat.matrix_row(q, arm, R[j])
         quat.rotate_row(q, offsets[j], bones[j + 1])
-    for k in range(3, -1, -1):  # from the tip back; the frame that turns a bone is the joint's at its beginning
+    for k in range(
+        3, -1, -1
+    ):  # from the tip back; the frame that turns a bone is the joint's at its beginning
         j = k - 1 if k > 0 else 3
         for a in range(3):
             arm[a] += bones[k, a]
         for b in range(3):
             x, y, z = R[j, 0, b], R[j, 1, b], R[j, 2, b]
-            J[0, 3 * j + b], J[1, 3 * j + b], J[2, 3 * j + b] = y * arm[2] - z * arm[1], z * arm[0] - x * arm[2], x * arm[1] - y * arm[0]
+            J[0, 3 * j + b], J[1, 3 * j + b], J[2, 3 * j + b] = (
+                y * arm[2] - z * arm[1],
+                z * arm[0] - x * arm[2],
+                x * arm[1] - y * arm[0],
+            )
 
 
 @rowwise("(c,k),(f,v),(f,k,v),(f,l,l),(j,a),(j,q),(c,e,e)->(j,a),(f,v),(c,k)")
@@ -59,8 +71,20 @@ def _of_hand(
     joints: Array, roots: Array, offsets: Array, of_lengths: Array, angles: Array, q_pc: Array, P: Array,
     angles_sd: Array, tips_sd: Array, largest: Array,
 ) -> None:  # fmt: skip
-    C, J_tip, bones, q, places = np.zeros((12, 12)), np.empty((3, 12)), np.empty((4, 3)), np.empty((4, 4)), np.empty((4, 3))
-    J, own, C_own, of_root, by_length = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(6)
+    C, J_tip, bones, q, places = (
+        np.zeros((12, 12)),
+        np.empty((3, 12)),
+        np.empty((4, 3)),
+        np.empty((4, 4)),
+        np.empty((4, 3)),
+    )
+    J, own, C_own, of_root, by_length = (
+        np.empty((3, 3)),
+        np.empty(3),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+        np.empty(6),
+    )
     for a in range(4):  # an unknown wrist counts as neutral, as in forward kinematics
         q[3, a] = q_pc[0, a] if math.isfinite(q_pc[0, 0]) else (1.0 if a == 0 else 0.0)
     for c in range(joints.shape[0] - 1, -1, -1):  # the wrist's, the last, first
@@ -94,4 +118,6 @@ def _of_hand(
         for a in range(3):
             for k in range(3):
                 by_length[k], by_length[3 + k] = of_root[a, k], bones[1 + k, a]
-            tips_sd[c, a] = math.sqrt(variance_of(by_length, of_lengths[c]) + max(variance_of(J_tip[a], C), 0.0))
+            tips_sd[c, a] = math.sqrt(
+                variance_of(by_length, of_lengths[c]) + max(variance_of(J_tip[a], C), 0.0)
+            )

@@ -19,7 +19,9 @@ from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import block, product, put, spread
 
 # places of the options in what a kernel takes of them
-(GYR_NOISE, GYR_SCALE, BIAS_WALK, MAG_NOISE, MAG_ERROR, MAG_GATE) = range(ACC_BIAS + 1, ACC_BIAS + 7)
+(GYR_NOISE, GYR_SCALE, BIAS_WALK, MAG_NOISE, MAG_ERROR, MAG_GATE) = range(
+    ACC_BIAS + 1, ACC_BIAS + 7
+)
 
 
 @rowwise("(n,s,v),(n,s),(n,s),(s,v),(s,q),(s,v,v),(s),(s)->(n,s,q),(s,v,v),(s),(s)")
@@ -68,14 +70,30 @@ alike_row = alike.row  # as other kernels call it
 
 
 @inlined
-def window_row(p: Array, span: float, T: Array, J: Array, doubt: Array, q_pc: Array, P: Array, q: Array, P_new: Array) -> None:
+def window_row(
+    p: Array,
+    span: float,
+    T: Array,
+    J: Array,
+    doubt: Array,
+    q_pc: Array,
+    P: Array,
+    q: Array,
+    P_new: Array,
+) -> None:
     """How rotations and covariance go on over a window. (2.16), (2.20)-(2.22), not linearised in dt
 
     With q_new = conj(T_p) q T_c and T(b + db) = T exp(J db): dth_new = R(T_c)' dth + J_c db_c - R(q_new)' J_p db_p, and a sensor that turned by e more
     than it told adds e to the joint whose child it is, -R(q_new)' e to that whose parent it is.
     """
     F, G = np.zeros((9, 21)), np.zeros((9, 12))
-    back, R_cp, R_cs, by_parent, row = np.empty(4), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    back, R_cp, R_cs, by_parent, row = (
+        np.empty(4),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+        np.empty(3),
+    )
     sensor_to_segment.carried_row(q_pc, T, q)
     for j in range(3):
         quat.conjugate_row(q[j], back)
@@ -119,7 +137,17 @@ def window_row(p: Array, span: float, T: Array, J: Array, doubt: Array, q_pc: Ar
 
 
 @rowwise("(p),(),(s,q),(s,v,v),(s),(j,q),(e,e)->(j,q),(e,e)")
-def carried(p: Array, span: float, turned: Array, by_bias: Array, doubt: Array, q_pc: Array, P: Array, q_new: Array, P_new: Array) -> None:
+def carried(
+    p: Array,
+    span: float,
+    turned: Array,
+    by_bias: Array,
+    doubt: Array,
+    q_pc: Array,
+    P: Array,
+    q_new: Array,
+    P_new: Array,
+) -> None:
     """Over the window of every chain, as `window_row`."""
     q, C = np.empty((3, 4)), np.empty(P.shape)
     window_row(p, span, turned.copy(), by_bias.copy(), doubt, q_pc.copy(), P.copy(), q, C)

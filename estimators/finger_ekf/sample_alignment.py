@@ -33,10 +33,14 @@ from handscope.estimators.sensors.missing_samples import complete_row
 
 MISSING, UNSURE = int(Flag.MISSING), int(Flag.MISSING | Flag.SATURATED)
 _WRIST = [SEGMENT[s] for s in ("forearm", "hand", "hand", "hand")]
-SENSORS = np.vstack([np.column_stack([np.full(5, SEGMENT["hand"]), CHAIN_SEGMENTS]), _WRIST])  # (6, 4) segments of each chain's sensors
+SENSORS = np.vstack(
+    [np.column_stack([np.full(5, SEGMENT["hand"]), CHAIN_SEGMENTS]), _WRIST]
+)  # (6, 4) segments of each chain's sensors
 _SENSORS: Array = SENSORS.astype(float)  # as a kernel takes them
 _UNKNOWN: Array = np.full((len(SEGMENTS), 3), np.nan)
-_JOINTS = np.array([[1.0] * 3] * 5 + [[1.0, 0.0, 0.0]])  # (6, 3) which of them are joints: the wrist's chain has one
+_JOINTS = np.array(
+    [[1.0] * 3] * 5 + [[1.0, 0.0, 0.0]]
+)  # (6, 3) which of them are joints: the wrist's chain has one
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,9 @@ class Waiting:
 
 @dataclass(frozen=True)
 class State:
-    strange: NDArray[np.bool_]  # (segments,) the pose knows nothing of the sensor, and it has given nothing yet
+    strange: NDArray[
+        np.bool_
+    ]  # (segments,) the pose knows nothing of the sensor, and it has given nothing yet
     noisy: Array  # (segments,) rad^2/s that its gyroscope's noise turns it by more than the filters assume
     posed: Array  # (segments, 4) q_GB in the pose, NaN where it is not known
     pose_end: float  # s, until when they lie so
@@ -76,13 +82,17 @@ class State:
 
 def start(calibration: Calibration, gyr_noise: float) -> State:
     """Before the first samples; filters count with `gyr_noise`, rad/s/sqrt(Hz), and a sensor that was noisier in the pose misses that much more."""
-    seen = [calibration.quality[s].rate_noise if s in calibration.quality else None for s in SEGMENTS]
+    seen = [
+        calibration.quality[s].rate_noise if s in calibration.quality else None for s in SEGMENTS
+    ]
     noisy = np.array([max((n or 0.0) ** 2 - gyr_noise**2, 0.0) / 2 for n in seen])
     posed = np.full((len(SEGMENTS), 4), np.nan)
     for s, q_GS in calibration.q_GS.items():
         if s in calibration.q_BS:
             posed[SEGMENT[s]] = quat.multiply(q_GS, quat.conjugate(calibration.q_BS[s]))
-    return State(np.array([s not in calibration.q_GS for s in SEGMENTS]), noisy, posed, calibration.end)
+    return State(
+        np.array([s not in calibration.q_GS for s in SEGMENTS]), noisy, posed, calibration.end
+    )
 
 
 def taken(state: State, block: Block, calibration: Calibration, q_SB: Array) -> State:
@@ -93,24 +103,60 @@ def taken(state: State, block: Block, calibration: Calibration, q_SB: Array) -> 
     if not len(before.worn.columns):
         return state
     gyr, acc = _seen(before.worn, block)
-    t, gyr, acc = (np.concatenate(both) for both in ((before.t, block.t), (before.gyr, gyr), (before.acc, acc)))
-    mag = before.mag if before.mag is None else np.concatenate([before.mag, _fields(before.worn, block)])
-    return replace(state, waiting={**state.waiting, block.stream.name: Waiting(block.stream, before.worn, before.period, t, gyr, acc, mag)})
+    t, gyr, acc = (
+        np.concatenate(both) for both in ((before.t, block.t), (before.gyr, gyr), (before.acc, acc))
+    )
+    mag = (
+        before.mag
+        if before.mag is None
+        else np.concatenate([before.mag, _fields(before.worn, block)])
+    )
+    return replace(
+        state,
+        waiting={
+            **state.waiting,
+            block.stream.name: Waiting(block.stream, before.worn, before.period, t, gyr, acc, mag),
+        },
+    )
 
 
-def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, max_gap: float) -> tuple[State, Samples]:
+def aligned(
+    state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, max_gap: float
+) -> tuple[State, Samples]:
     """The filters' samples at the rows, orientations q_GB (n, segments, 4) fused at the same; `instant`: gyroscopes tell the rate at the sample;
     `fused`: the vertical is that of the orientations, else the accelerometers'."""
-    q_first, doubt_first = (q_GB[0], rows.doubt[0]) if state.q_GB is None or state.doubt is None else (state.q_GB, state.doubt)
-    before = np.concatenate([q_first[None], q_GB[:-1]]), np.concatenate([doubt_first[None], rows.doubt[:-1]])
+    q_first, doubt_first = (
+        (q_GB[0], rows.doubt[0])
+        if state.q_GB is None or state.doubt is None
+        else (state.q_GB, state.doubt)
+    )
+    before = (
+        np.concatenate([q_first[None], q_GB[:-1]]),
+        np.concatenate([doubt_first[None], rows.doubt[:-1]]),
+    )
     times = np.concatenate([[state.t if math.isfinite(state.t) else rows.t[0]], rows.t])
     dt = times[1:] - times[:-1]
     rate = acc = _UNKNOWN
     for w in state.waiting.values():
         if len(w.t):
-            rate, acc = _placed(w.t, w.gyr, w.acc, w.worn.segments, w.period, float(instant), float(fused), rows.t, dt, rate, acc)
+            rate, acc = _placed(
+                w.t,
+                w.gyr,
+                w.acc,
+                w.worn.segments,
+                w.period,
+                float(instant),
+                float(fused),
+                rows.t,
+                dt,
+                rate,
+                acc,
+            )
     strange, appears = _appearing(state.strange, q_GB)
-    numbers, more = (float(fused), LOST_DOUBT / max(max_gap, 0.01)), appears + state.noisy * dt[:, None]
+    numbers, more = (
+        (float(fused), LOST_DOUBT / max(max_gap, 0.01)),
+        appears + state.noisy * dt[:, None],
+    )
     turn, bias_time, force, grown, known, q_first = _of_chains(
         _SENSORS, _JOINTS, *numbers, dt, *before, q_GB, rows.doubt, rows.flags, more, rate, acc
     )
@@ -118,8 +164,26 @@ def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, m
     kept = {name: _pruned(w, t) for name, w in state.waiting.items()}
     if state.q_GB is None and rows.t[0] <= state.pose_end:
         q_first[0] = _begun(state.posed, q_GB[0], q_first[0])
-    after = State(strange, state.noisy, state.posed, state.pose_end, kept, t, q_GB[-1].copy(), rows.doubt[-1].copy())
-    return after, Samples(rows.t, turn, bias_time, force, grown, known > 0, q_first, _magnetic(state.waiting.values(), rows.t))
+    after = State(
+        strange,
+        state.noisy,
+        state.posed,
+        state.pose_end,
+        kept,
+        t,
+        q_GB[-1].copy(),
+        rows.doubt[-1].copy(),
+    )
+    return after, Samples(
+        rows.t,
+        turn,
+        bias_time,
+        force,
+        grown,
+        known > 0,
+        q_first,
+        _magnetic(state.waiting.values(), rows.t),
+    )
 
 
 def _begun(posed: Array, q_GB: Array, q_first: Array) -> Array:
@@ -162,14 +226,19 @@ def _nothing(stream: Stream, calibration: Calibration, q_SB: Array) -> Waiting:
     bias = np.array([calibration.gyr_bias.get(name, np.zeros(3)) for name in names]).reshape(-1, 3)
     worn = Worn(np.array(columns, np.intp), segments, bias, quat.conjugate(q_SB[segments]))
     nothing = np.empty((0, len(columns), 3))
-    period, mag = 1.0 / calibration.rates.get(stream.name, stream.rate), nothing if MAG in stream.quantities else None
+    period, mag = (
+        1.0 / calibration.rates.get(stream.name, stream.rate),
+        nothing if MAG in stream.quantities else None,
+    )
     return Waiting(stream, worn, period, np.empty(0), nothing, nothing, mag)
 
 
 def _seen(worn: Worn, block: Block) -> tuple[Array, Array]:
     """Rates and specific forces (n, worn, 3) in segment frames; NaN where missing or at the sensor's limit."""
     limits = [SATURATION * block.stream.full_scale.get(quantity, np.inf) for quantity in (GYR, ACC)]
-    gyr, acc = _in_segments(block.of(GYR), block.of(ACC), worn.columns, worn.bias, worn.q_BS, *limits)
+    gyr, acc = _in_segments(
+        block.of(GYR), block.of(ACC), worn.columns, worn.bias, worn.q_BS, *limits
+    )
     return gyr, acc
 
 
@@ -180,7 +249,15 @@ def _fields(worn: Worn, block: Block) -> Array:
 
 @rowwise("(c,v),(c,v),(w),(w,v),(w,q),(),()->(w,v),(w,v)")
 def _in_segments(
-    gyr: Array, acc: Array, columns: Array, bias: Array, q_BS: Array, fastest: float, hardest: float, rate: Array, force: Array
+    gyr: Array,
+    acc: Array,
+    columns: Array,
+    bias: Array,
+    q_BS: Array,
+    fastest: float,
+    hardest: float,
+    rate: Array,
+    force: Array,
 ) -> None:
     unbiased, whole, told = np.empty(3), np.empty(1, np.bool_), np.empty(1, np.bool_)
     for w in range(columns.shape[0]):
@@ -205,7 +282,9 @@ def _up_row(q_GB: Array, up: Array) -> None:
     up[0], up[1], up[2] = 2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z
 
 
-@rowwise("(c,k),(c,j),(),(),(),(s,q),(s),(s,q),(s),(s),(s),(s,v),(s,v)->(c,k,v),(c,k),(c,k,v),(c,k),(c,j),(c,j,q)")
+@rowwise(
+    "(c,k),(c,j),(),(),(),(s,q),(s),(s,q),(s),(s),(s),(s,v),(s,v)->(c,k,v),(c,k),(c,k,v),(c,k),(c,j),(c,j,q)"
+)
 def _of_chains(
     sensors: Array, joints: Array, fused: float, silent: float, dt: float,
     q_before: Array, doubt_before: Array, q_GB: Array, doubt: Array, flags: Array, appears: Array, rate: Array, acc: Array,
@@ -229,7 +308,13 @@ def _of_chains(
             quat.log_row(step, w, w)
             for a in range(3):
                 by[s, a] = w[a] if math.isfinite(w[a]) else 0.0
-        if present and int(flags[s]) & MISSING and by[s, 0] == 0 and by[s, 1] == 0 and by[s, 2] == 0:
+        if (
+            present
+            and int(flags[s]) & MISSING
+            and by[s, 0] == 0
+            and by[s, 1] == 0
+            and by[s, 2] == 0
+        ):
             more[s] += silent * dt
         more[s] += appears[s]
     for c in range(sensors.shape[0]):
@@ -240,10 +325,14 @@ def _of_chains(
             _up_row(q_GB[s], w)
             for a in range(3):
                 turn[c, k, a] = by[s, a]
-                force[c, k, a] = math.nan if unsure else (GRAVITY * w[a] if fused > 0 else acc[s, a])
+                force[c, k, a] = (
+                    math.nan if unsure else (GRAVITY * w[a] if fused > 0 else acc[s, a])
+                )
         for j in range(joints.shape[1]):
             p, s = int(sensors[c, j]), int(sensors[c, j + 1])
-            known[c, j] = joints[c, j] if math.isfinite(q_GB[p, 0]) and math.isfinite(q_GB[s, 0]) else 0.0
+            known[c, j] = (
+                joints[c, j] if math.isfinite(q_GB[p, 0]) and math.isfinite(q_GB[s, 0]) else 0.0
+            )
             if known[c, j] > 0:
                 quat.relative_row(q_GB[p], q_GB[s], q_first[c, j])
             else:
@@ -269,9 +358,15 @@ def _placed(
     for w in range(segments.shape[0]):
         s = int(segments[w])
         for a in range(3):
-            own[a] = 0.5 * (gyr[after, w, a] + gyr[before, w, a]) if instant > 0 else gyr[after, w, a]
+            own[a] = (
+                0.5 * (gyr[after, w, a] + gyr[before, w, a]) if instant > 0 else gyr[after, w, a]
+            )
             if fused == 0 and (at == t or inside):
-                force[s, a] = acc[after, w, a] if at == t else acc[before, w, a] * (1 - weight) + acc[after, w, a] * weight
+                force[s, a] = (
+                    acc[after, w, a]
+                    if at == t
+                    else acc[before, w, a] * (1 - weight) + acc[after, w, a] * weight
+                )
         if regular and math.isfinite(own[0]) and math.isfinite(own[1]) and math.isfinite(own[2]):
             rate[s, 0], rate[s, 1], rate[s, 2] = own[0], own[1], own[2]
 
@@ -279,5 +374,10 @@ def _placed(
 def _pruned(waiting: Waiting, t: float) -> Waiting:
     """Forget what lies before the last sample not after t."""
     first = max(int(waiting.t.searchsorted(t, side="right")) - 1, 0)
-    kept = waiting.t[first:], waiting.gyr[first:], waiting.acc[first:], None if waiting.mag is None else waiting.mag[first:]
+    kept = (
+        waiting.t[first:],
+        waiting.gyr[first:],
+        waiting.acc[first:],
+        None if waiting.mag is None else waiting.mag[first:],
+    )
     return Waiting(waiting.stream, waiting.worn, waiting.period, *kept)

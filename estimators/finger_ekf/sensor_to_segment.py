@@ -35,13 +35,25 @@ class SeatParams:
         least=1e-3,
     )
     skin: float = option(
-        2.0, "deg", "turn of a sensor on its segment while its joint bends by 90 deg", "skin moves with the joint; size ours", least=1e-3
+        2.0,
+        "deg",
+        "turn of a sensor on its segment while its joint bends by 90 deg",
+        "skin moves with the joint; size ours",
+        least=1e-3,
     )
     pose_sd: float = option(
-        1.45, "deg", "what a person misses the initial pose by, each freedom of a joint", "ours: at most 2.5 deg, evenly spread", least=1e-3
+        1.45,
+        "deg",
+        "what a person misses the initial pose by, each freedom of a joint",
+        "ours: at most 2.5 deg, evenly spread",
+        least=1e-3,
     )
     angle_sd: float = option(
-        0.3, "deg", "error of gravity's direction in a sensor in the pose", "ours: 0.05 m/s^2 of accelerometer bias", least=1e-6
+        0.3,
+        "deg",
+        "error of gravity's direction in a sensor in the pose",
+        "ours: 0.05 m/s^2 of accelerometer bias",
+        least=1e-6,
     )
 
 
@@ -55,7 +67,9 @@ class Seats:
     ]  # (F, 4) the pose has turned its frame until gravity agrees, so it is tilted as the chain's first; else it is as it is
 
 
-def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: NDArray[np.bool_], seats: Seats) -> Array:
+def after_pose(
+    params: SeatParams, q_pc: Array, acc: Array, free: NDArray[np.bool_], seats: Seats
+) -> Array:
     """Covariance (F, 43, 43) of the error states of joints and seats once the pose has told q_pc (F, 3, 4); acc (F, 4, 3) points up in it.
 
     The pose knows the true joints but for what the person misses, and gravity in every sensor; it never sees turns about the vertical. The
@@ -64,22 +78,37 @@ def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: NDArray[np.boo
     chains = len(q_pc)
     L = np.zeros((chains, SIZE, 42))
     missed, seen = np.radians(params.pose_sd), np.radians(params.angle_sd)
-    skin = np.radians(params.skin) / (np.pi / 2) / np.sqrt(3) * np.array([np.sqrt(2), 1.0, 1.0])  # of the first joint that of both sensors
+    skin = (
+        np.radians(params.skin) / (np.pi / 2) / np.sqrt(3) * np.array([np.sqrt(2), 1.0, 1.0])
+    )  # of the first joint that of both sensors
     L[:, 21:33, 0:12] = _root(seats.covariance)
     L[:, range(33, 42), range(33, 42)] = np.repeat(skin, 3)
     R_cp = quat.matrix(quat.conjugate(q_pc))
     angles = joint_angles.decompose(q_pc)
-    by_skin = angles[..., FLEXION, None, None] * L[:, 33:42].reshape(chains, 3, 3, 42)  # what turns the sensors already
+    by_skin = angles[..., FLEXION, None, None] * L[:, 33:42].reshape(
+        chains, 3, 3, 42
+    )  # what turns the sensors already
     for j in range(3):
         up = _upwards(acc[:, j + 1])
         about = up[:, :, None] * up[:, None, :]
         level, place, gravity = np.eye(3) - about, slice(24 + 3 * j, 27 + 3 * j), 12 + 3 * j
         pose, tilt = np.zeros((chains, 3, 42)), np.zeros((chains, 3, 42))
-        pose[:, :, 24 + 3 * j : 27 + 3 * j] = missed * free[:, j, None] * joint_angles.axes(angles[:, j])
-        tilt[:, :, gravity : gravity + 3], tilt[:, :, gravity + 3 : gravity + 6] = -seen * level @ R_cp[:, j], seen * level
+        pose[:, :, 24 + 3 * j : 27 + 3 * j] = (
+            missed * free[:, j, None] * joint_angles.axes(angles[:, j])
+        )
+        tilt[:, :, gravity : gravity + 3], tilt[:, :, gravity + 3 : gravity + 6] = (
+            -seen * level @ R_cp[:, j],
+            seen * level,
+        )
         parent = L[:, 21 + 3 * j : 24 + 3 * j] - (by_skin[:, j - 1] if j else 0.0)
-        asked = pose + R_cp[:, j] @ parent + by_skin[:, j]  # dth + m_c: the joint is as asked but for what is missed
-        seat = np.where(seats.aligned[:, j + 1, None, None], about @ L[:, place] + level @ (asked - tilt), L[:, place])
+        asked = (
+            pose + R_cp[:, j] @ parent + by_skin[:, j]
+        )  # dth + m_c: the joint is as asked but for what is missed
+        seat = np.where(
+            seats.aligned[:, j + 1, None, None],
+            about @ L[:, place] + level @ (asked - tilt),
+            L[:, place],
+        )
         L[:, place] = seat
         L[:, 3 * j : 3 * j + 3] = tilt + about @ (asked - seat)
     return np.asarray(L @ L.transpose(0, 2, 1))
@@ -112,13 +141,22 @@ def carried_row(q_pc: Array, turned: Array, q_new: Array) -> None:
 @inlined
 def bent_row(q_pc: Array, seat: Array, skin: Array, q: Array, q_SB: Array, flexion: Array) -> None:
     """True joints (3, 4), seats of their children as the skin has turned them (3, 4), flexions (3,) that count for the skin."""
-    inverse, half, bent, by_skin, before, turn = np.empty(4), np.empty(4), np.empty(4), np.empty(4), np.empty(4), np.empty(3)
+    inverse, half, bent, by_skin, before, turn = (
+        np.empty(4),
+        np.empty(4),
+        np.empty(4),
+        np.empty(4),
+        np.empty(4),
+        np.empty(3),
+    )
     for j in range(3):
         quat.conjugate_row(seat[j], inverse)
         quat.multiply_row(inverse, q_pc[j], half)
         quat.multiply_row(half, seat[j + 1], bent)  # were it not for the skin
         w, x, y, z = bent[0], bent[1], bent[2], bent[3]
-        flexion[j] = math.atan2(2 * (w * z - x * y), w * w - x * x + y * y - z * z)  # as joint_angles.decompose
+        flexion[j] = math.atan2(
+            2 * (w * z - x * y), w * w - x * x + y * y - z * z
+        )  # as joint_angles.decompose
         for a in range(3):
             turn[a] = -flexion[j] * skin[j, a]
         quat.exp_row(turn, half, by_skin)
@@ -172,7 +210,9 @@ def joints_row(q_pc: Array, seat: Array, skin: Array, turned: Array, q: Array) -
 
 
 @inlined
-def put_right(q_pc: Array, bias: Array, seat: Array, skin: Array, apart: Array, change: Array) -> None:
+def put_right(
+    q_pc: Array, bias: Array, seat: Array, skin: Array, apart: Array, change: Array
+) -> None:
     """The errors found are put into the rotations, whose covariance changes by that only in the second order."""
     d, by, turned = np.empty(3), np.empty(4), np.empty(4)
     for i in range(7):

@@ -43,7 +43,12 @@ def rested_row(
         if rest[s] >= REST - 1e-9:
             due[s], some = 1.0, True
     if some:
-        missed, H, noise, change = np.zeros(12), np.zeros((12, SIZE)), np.zeros((12, 12)), np.empty(SIZE)
+        missed, H, noise, change = (
+            np.zeros(12),
+            np.zeros((12, SIZE)),
+            np.zeros((12, 12)),
+            np.empty(SIZE),
+        )
         learnt_row(crept, rest, due, rested, creep)
         resting_row(p, crept, rest, due, bias, P, creep, missed, H, noise)
         correct(P, missed, H, noise, change)
@@ -69,7 +74,16 @@ def learnt_row(crept: Array, rest: Array, due: Array, rested: Array, creep: Arra
 
 @inlined
 def resting_row(
-    p: Array, crept: Array, rest: Array, due: Array, bias: Array, P: Array, creep: Array, missed: Array, H: Array, noise: Array
+    p: Array,
+    crept: Array,
+    rest: Array,
+    due: Array,
+    bias: Array,
+    P: Array,
+    creep: Array,
+    missed: Array,
+    H: Array,
+    noise: Array,
 ) -> None:
     """Three rows a sensor: what it seemed to turn by, (4, 3) rad in `rest` (4,) s, was its bias; of those that are `due`."""
     variance = (ASSUMED * p[CREEPING] ** 2 + creep[0]) / (ASSUMED + creep[1])

@@ -27,7 +27,14 @@ GLOVE = {"hand", *(segment for chain in CHAINS.values() for segment in chain)}
 def shown(likely: float, blocks: Sequence[Block]) -> float:
     """The standard deviation of an axis, m/s^2."""
     missed = np.concatenate(
-        [_beside(b, k) for b in blocks if b.stream.inertial for k, s in enumerate(b.stream.sensors) if s in GLOVE] or [np.empty(0)]
+        [
+            _beside(b, k)
+            for b in blocks
+            if b.stream.inertial
+            for k, s in enumerate(b.stream.sensors)
+            if s in GLOVE
+        ]
+        or [np.empty(0)]
     )
     return float(np.sqrt((LIKELY * likely**2 + missed @ missed) / (LIKELY + len(missed))))
 
@@ -36,7 +43,11 @@ def _beside(block: Block, k: int) -> Array:
     """What the k-th sensor reads beside gravity at rest (m,) m/s^2, in each inclination once."""
     acc, gyr = block.of(ACC)[:, k], block.of(GYR)[:, k]
     known = every(np.isfinite(acc)) & every(np.isfinite(gyr))
-    starts = np.searchsorted(block.t, np.arange(block.t[0], block.t[-1], WINDOW)) if len(block.t) else np.empty(0, int)
+    starts = (
+        np.searchsorted(block.t, np.arange(block.t[0], block.t[-1], WINDOW))
+        if len(block.t)
+        else np.empty(0, int)
+    )
     found: list[tuple[Array, list[float]]] = []  # an inclination, and what was read in it
     for a, b in zip(starts, starts[1:]):
         if b - a > 3 and known[a:b].all() and _rests(acc[a:b], gyr[a:b]):
@@ -51,4 +62,7 @@ def _beside(block: Block, k: int) -> Array:
 
 
 def _rests(acc: Array, gyr: Array) -> bool:
-    return float(np.linalg.norm(acc, axis=1).std()) < SETTLED and float(np.linalg.norm(gyr.std(axis=0))) < RATE
+    return (
+        float(np.linalg.norm(acc, axis=1).std()) < SETTLED
+        and float(np.linalg.norm(gyr.std(axis=0))) < RATE
+    )

@@ -21,10 +21,16 @@ from handscope.estimators.numerics.quaternions import Array
 @dataclass(frozen=True, kw_only=True)
 class ContactParams:
     grasp: float = option(
-        0.6, "N", "sum of the forces above which something is held", "ours: six times the noise of two sensors", least=0.05
+        0.6,
+        "N",
+        "sum of the forces above which something is held",
+        "ours: six times the noise of two sensors",
+        least=0.05,
     )
     release: float = option(0.35, "N", "and below which it is let go", "ours", least=0.02)
-    shortest: float = option(0.3, "s", "a shorter touch is none", "ours: four samples at 12 Hz", least=0.0)
+    shortest: float = option(
+        0.3, "s", "a shorter touch is none", "ours: four samples at 12 Hz", least=0.0
+    )
     pause: float = option(0.2, "s", "a shorter pause is none", "ours", least=0.0)
 
 
@@ -41,8 +47,17 @@ def grasps(params: ContactParams, t: Array, sizes: Array, thumb: int | None = No
     total = np.nansum(sizes, axis=1)
     stretches = _stretches(params, t, total)
     if thumb is not None and sizes.shape[1] > 1:
-        opposed = _stretches(params, t, 2 * np.minimum(np.nan_to_num(sizes[:, thumb]), np.nansum(np.delete(sizes, thumb, axis=1), axis=1)))
-        alone = [g for g in stretches if not any(o.onset < g.end and g.onset < o.end for o in opposed)]
+        opposed = _stretches(
+            params,
+            t,
+            2
+            * np.minimum(
+                np.nan_to_num(sizes[:, thumb]), np.nansum(np.delete(sizes, thumb, axis=1), axis=1)
+            ),
+        )
+        alone = [
+            g for g in stretches if not any(o.onset < g.end and g.onset < o.end for o in opposed)
+        ]
         stretches = sorted([*opposed, *alone], key=lambda g: g.onset)
     return [g for g in stretches if g.end - g.onset >= params.shortest]
 
@@ -51,7 +66,10 @@ def _stretches(params: ContactParams, t: Array, total: Array) -> list[Grasp]:
     """Where the signal is above the thresholds, over short pauses, however short."""
     found: list[Grasp] = []
     for a, b in runs(_with_hysteresis(total, params.grasp, params.release)):
-        onset, end = _crossing(t, total, a, params.release), _crossing(t, total, b + 1, params.release)
+        onset, end = (
+            _crossing(t, total, a, params.release),
+            _crossing(t, total, b + 1, params.release),
+        )
         if found and onset - found[-1].end < params.pause:
             onset = found.pop().onset
         found.append(Grasp(onset, end))
@@ -65,7 +83,11 @@ def thumb_among(fingers: Sequence[str]) -> int | None:
 
 def inside(t: Array, found: list[Grasp]) -> NDArray[np.bool_]:
     """Which instants (n,) lie within a grasp."""
-    return np.asarray(np.any([(t >= g.onset) & (t <= g.end) for g in found], axis=0)) if found else np.zeros(len(t), bool)
+    return (
+        np.asarray(np.any([(t >= g.onset) & (t <= g.end) for g in found], axis=0))
+        if found
+        else np.zeros(len(t), bool)
+    )
 
 
 def _with_hysteresis(total: Array, high: float, low: float) -> NDArray[np.bool_]:
@@ -80,7 +102,10 @@ def _crossing(t: Array, total: Array, k: int, level: float) -> float:
     """Between samples k - 1 and k the signal crosses the level: when."""
     if not 0 < k < len(t) or total[k] == total[k - 1]:
         return float(t[min(max(k, 0), len(t) - 1)])
-    return float(t[k - 1] + np.clip((level - total[k - 1]) / (total[k] - total[k - 1]), 0.0, 1.0) * (t[k] - t[k - 1]))
+    return float(
+        t[k - 1]
+        + np.clip((level - total[k - 1]) / (total[k] - total[k - 1]), 0.0, 1.0) * (t[k] - t[k - 1])
+    )
 
 
 def runs(inside: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -18,7 +18,15 @@ from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import ACC, FORCE, GYR, TORQUE, Block, beyond
 from handscope.estimators.data.trajectory import FORCE_WORDS, ForceFlag, Trajectory
-from handscope.estimators.force import accelerometer_error, contact, fingertip_torques, force_balance, interpolation, tip_orientation, zero
+from handscope.estimators.force import (
+    accelerometer_error,
+    contact,
+    fingertip_torques,
+    force_balance,
+    interpolation,
+    tip_orientation,
+    zero,
+)
 from handscope.estimators.force.contact import ContactParams, Grasp
 from handscope.estimators.force.sensor import old, stuck
 from handscope.estimators.force.tip_orientation import TipParams, Tips
@@ -38,12 +46,31 @@ LOST = 1.0  # s without a force sample, beyond which no force is told
 @dataclass(frozen=True, kw_only=True)
 class ForceParams(TipParams, ContactParams, ZeroParams):
     bridged: float = option(
-        0.25, "s", "distance to the nearest force sample beyond which it counts as missing", "ours: three samples at 12 Hz", least=0.01
+        0.25,
+        "s",
+        "distance to the nearest force sample beyond which it counts as missing",
+        "ours: three samples at 12 Hz",
+        least=0.01,
     )
-    doubt: float = option(4.0, "1", "standard deviations beyond which a zero has drifted, or forces do not balance", "ours", least=1.0)
-    torque_drift: float = option(1.5e-4, "Nm/sqrt(s)", "random walk of the zero of a torque", "ours: `drift` at a lever of 5 mm")
+    doubt: float = option(
+        4.0,
+        "1",
+        "standard deviations beyond which a zero has drifted, or forces do not balance",
+        "ours",
+        least=1.0,
+    )
+    torque_drift: float = option(
+        1.5e-4,
+        "Nm/sqrt(s)",
+        "random walk of the zero of a torque",
+        "ours: `drift` at a lever of 5 mm",
+    )
     shared: float = option(
-        2.0, "1", "standard deviations of the rest along the push beyond which another finger may carry part of the load", "ours", least=1.0
+        2.0,
+        "1",
+        "standard deviations of the rest along the push beyond which another finger may carry part of the load",
+        "ours",
+        least=1.0,
     )
 
 
@@ -60,30 +87,53 @@ class Sensor:
 
 
 def attached(
-    params: ForceParams, moved: Trajectory, blocks: Sequence[Block], mounting: Mapping[str, Array], calibrations: Sequence[Calibration]
+    params: ForceParams,
+    moved: Trajectory,
+    blocks: Sequence[Block],
+    mounting: Mapping[str, Array],
+    calibrations: Sequence[Calibration],
 ) -> tuple[Trajectory, list[str]]:
     """The trajectory with the forces of its fingertips, and sentences of what is to be known; as it was where there are none."""
     sensors = _sensors(blocks)
     if not sensors or not len(moved):
-        return moved, [f"{', '.join(untold)}: {UNUSED}"] if len(moved) and (untold := _torque_blocks(blocks)) else []
+        return moved, [f"{', '.join(untold)}: {UNUSED}"] if len(moved) and (
+            untold := _torque_blocks(blocks)
+        ) else []
     fingers = [s.finger for s in sensors]
     rows = [FINGERS.index(f) for f in fingers]
     read = [_read(params, s.block, moved.t) for s in sensors]
-    force, sd, zero_sd, flags = (np.stack([getattr(r, name) for r in read], axis=1) for name in ("force", "sd", "zero_sd", "flags"))
+    force, sd, zero_sd, flags = (
+        np.stack([getattr(r, name) for r in read], axis=1)
+        for name in ("force", "sd", "zero_sd", "flags")
+    )
     scale = _scales(params, sensors)
     acc_error = accelerometer_error.shown(params.acc_error, blocks)
-    aligning = replace(params, force_scale=float(np.sqrt((scale**2).mean())), cuff_sd=_cuff_sd(params, sensors), acc_error=acc_error)
+    aligning = replace(
+        params,
+        force_scale=float(np.sqrt((scale**2).mean())),
+        cuff_sd=_cuff_sd(params, sensors),
+        acc_error=acc_error,
+    )
     q_GF, acc, gyr = _cuffs(moved, blocks, _seated(mounting, blocks), calibrations, fingers)
-    found = contact.grasps(params, moved.t, np.linalg.norm(force, axis=2), contact.thumb_among(fingers))
+    found = contact.grasps(
+        params, moved.t, np.linalg.norm(force, axis=2), contact.thumb_among(fingers)
+    )
     unknown = (aligning.tip_sd**2 + aligning.cuff_sd**2) * DEG**2
-    turn, inertial, covariance = *np.zeros((2, *force.shape[:2], 3)), np.tile(np.eye(3) * unknown, (*force.shape[:2], 1, 1))
+    turn, inertial, covariance = (
+        *np.zeros((2, *force.shape[:2], 3)),
+        np.tile(np.eye(3) * unknown, (*force.shape[:2], 1, 1)),
+    )
     known = np.asarray(np.isfinite(q_GF).all(axis=2))
     for grasp, following in zip(found, [*found[1:], None]):
         a, b = np.searchsorted(moved.t, [grasp.onset, grasp.end])
-        flags[a:b, _left_reading(params, sensors, read, moved.t, grasp, following)] |= np.uint8(ForceFlag.DRIFT)
+        flags[a:b, _left_reading(params, sensors, read, moved.t, grasp, following)] |= np.uint8(
+            ForceFlag.DRIFT
+        )
         here = np.flatnonzero(known[a:b].all(axis=0))
         if b - a > 3 and len(here) >= 2:
-            told = tip_orientation.corrected(aligning, Tips(moved.t[a:b], *(v[a:b, here] for v in (q_GF, force, acc, gyr))))
+            told = tip_orientation.corrected(
+                aligning, Tips(moved.t[a:b], *(v[a:b, here] for v in (q_GF, force, acc, gyr)))
+            )
             for j, s in enumerate(here):
                 turn[a:b, s], inertial[a:b, s] = told.turn[:, j], told.inertial[:, j]
                 covariance[a:b, s] = told.covariance[:, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3]
@@ -93,7 +143,9 @@ def attached(
                 quat.rotate(quat.multiply(quat.exp(by), q_GF[a:b, here]), v[a:b, here])
                 for by, v in ((told.turn, force), (told.inertial, acc))
             )
-            rest, rest_sd = force_balance.rest_along_push(pushed, specific, told.covariance, sd[a:b, here], scale[here])
+            rest, rest_sd = force_balance.rest_along_push(
+                pushed, specific, told.covariance, sd[a:b, here], scale[here]
+            )
             if abs(rest) > params.shared * rest_sd:
                 flags[a:b, here] |= np.uint8(ForceFlag.SHARED)
     q, q_inertial = (quat.multiply(quat.exp(by), q_GF) for by in (turn, inertial))
@@ -101,7 +153,10 @@ def attached(
     own, in_global = quat.rotate(q_inertial, acc), quat.rotate(q, force)
     skew = quat.skew(in_global)
     turned = np.einsum("nsij,nsjk,nsik->nsi", skew, covariance, skew)
-    alike, total = (np.sqrt(own_sd[..., None] ** 2 + (scale[:, None] * in_global) ** 2 + turned) for own_sd in (zero_sd, sd))
+    alike, total = (
+        np.sqrt(own_sd[..., None] ** 2 + (scale[:, None] * in_global) ** 2 + turned)
+        for own_sd in (zero_sd, sd)
+    )
     spread = _Spread(len(moved), rows)
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(own).all(axis=2, keepdims=True)
@@ -112,7 +167,9 @@ def attached(
         forces_sd=spread.over_fingers(total),
         forces_alike_sd=spread.over_fingers(alike),
         force_flags=spread.over_fingers(flags, 0),
-        force_scale_sd=spread.over_fingers(np.tile(scale, (len(moved), 1))) if any(s.calibrated for s in sensors) else None,
+        force_scale_sd=spread.over_fingers(np.tile(scale, (len(moved), 1)))
+        if any(s.calibrated for s in sensors)
+        else None,
         lifting=lifting,
     )
     twisted, doubts = _with_torques(params, felt, spread, blocks, sensors, read, q, covariance)
@@ -140,7 +197,9 @@ def newest(
     For the eye: at once and without what a grasp tells of the tips' orientations.
     """
     fingers, told = list(zeros), np.full((len(FINGERS), 3), np.nan)
-    q_GF, _, _ = _cuffs(moved.between(moved.t[-1], np.inf), (), _seated(mounting, blocks), calibrations, fingers)
+    q_GF, _, _ = _cuffs(
+        moved.between(moved.t[-1], np.inf), (), _seated(mounting, blocks), calibrations, fingers
+    )
     for block in blocks:
         for k, point in enumerate(block.stream.sensors if FORCE in block.stream.quantities else ()):
             if (finger := point.removesuffix("_tip_force")) in zeros:
@@ -176,16 +235,26 @@ def _with_torques(
 ) -> tuple[Trajectory, list[str]]:
     """The trajectory with the torques of sensors with six axes, and what is to be known of them; as it was where there are none."""
     told, doubts = _torque_blocks(blocks), []
-    values, sd = np.full((len(felt), len(sensors), 3), np.nan), np.full((len(felt), len(sensors)), np.nan)
+    values, sd = (
+        np.full((len(felt), len(sensors), 3), np.nan),
+        np.full((len(felt), len(sensors)), np.nan),
+    )
     for s, sensor in enumerate(sensors):
         if (block := told.pop(sensor.finger, None)) is not None:
             if fingertip_torques.impossible(block):
-                doubts.append(f"{sensor.finger}: torques that no fingertip exerts were left out; check their unit")
+                doubts.append(
+                    f"{sensor.finger}: torques that no fingertip exerts were left out; check their unit"
+                )
             raw = block.of(TORQUE)[:, 0]
             limited = block.at_limit(TORQUE)[:, 0] | stuck(raw / fingertip_torques.LEVER)
-            torque = fingertip_torques.read(block, limited, params.torque_drift, sensor.block.t, read[s].free, felt.t)
+            torque = fingertip_torques.read(
+                block, limited, params.torque_drift, sensor.block.t, read[s].free, felt.t
+            )
             if torque is not None:
-                values[:, s], sd[:, s] = np.where(_around(block.t, limited, felt.t)[:, None], np.nan, torque.values), torque.sd
+                values[:, s], sd[:, s] = (
+                    np.where(_around(block.t, limited, felt.t)[:, None], np.nan, torque.values),
+                    torque.sd,
+                )
     if told:
         doubts.append(f"{', '.join(told)}: {UNUSED}")
     if not np.isfinite(values).any():
@@ -193,8 +262,12 @@ def _with_torques(
     in_global = quat.rotate(q_GF, values)
     skew = quat.skew(in_global)
     turned = np.einsum("nsij,nsjk,nsik->nsi", skew, covariance, skew)
-    total = np.sqrt(sd[..., None] ** 2 + (_scales(params, sensors)[:, None] * in_global) ** 2 + turned)
-    return replace(felt, torques=spread.over_fingers(in_global), torques_sd=spread.over_fingers(total)), doubts
+    total = np.sqrt(
+        sd[..., None] ** 2 + (_scales(params, sensors)[:, None] * in_global) ** 2 + turned
+    )
+    return replace(
+        felt, torques=spread.over_fingers(in_global), torques_sd=spread.over_fingers(total)
+    ), doubts
 
 
 def _torque_blocks(blocks: Sequence[Block]) -> dict[str, Block]:
@@ -204,7 +277,11 @@ def _torque_blocks(blocks: Sequence[Block]) -> dict[str, Block]:
         if TORQUE in block.stream.quantities:
             for k, point in enumerate(block.stream.sensors):
                 own, finger = _alone(block, k), point.removesuffix("_tip_force")
-                if finger in FINGERS and np.isfinite(own.of(TORQUE)).any() and (finger not in found or len(found[finger].t) < len(own.t)):
+                if (
+                    finger in FINGERS
+                    and np.isfinite(own.of(TORQUE)).any()
+                    and (finger not in found or len(found[finger].t) < len(own.t))
+                ):
                     found[finger] = own
     return {f: found[f] for f in FINGERS if f in found}
 
@@ -212,18 +289,30 @@ def _torque_blocks(blocks: Sequence[Block]) -> dict[str, Block]:
 def _alone(block: Block, k: int) -> Block:
     """The block with its k-th sensor alone."""
     point = block.stream.sensors[k]
-    scale, turn = ({point: told[point]} if point in told else {} for told in (block.stream.scale_sd, block.stream.turn_sd))
-    return replace(block, stream=replace(block.stream, sensors=(point,), scale_sd=scale, turn_sd=turn), values=block.values[:, k : k + 1])
+    scale, turn = (
+        {point: told[point]} if point in told else {}
+        for told in (block.stream.scale_sd, block.stream.turn_sd)
+    )
+    return replace(
+        block,
+        stream=replace(block.stream, sensors=(point,), scale_sd=scale, turn_sd=turn),
+        values=block.values[:, k : k + 1],
+    )
 
 
 def _scales(params: ForceParams, sensors: Sequence[Sensor]) -> Array:
     """Share (S,) by which the forces of each sensor may be wrong alike: its calibration's, or what is usual."""
-    return np.array([next(iter(s.block.stream.scale_sd.values()), params.force_scale) for s in sensors])
+    return np.array(
+        [next(iter(s.block.stream.scale_sd.values()), params.force_scale) for s in sensors]
+    )
 
 
 def _cuff_sd(params: ForceParams, sensors: Sequence[Sensor]) -> float:
     """Turn, deg, of the force sensors against the inertial sensors on their cuffs: of those whose calibration tells it and the others together."""
-    each = [np.degrees(next(iter(s.block.stream.turn_sd.values()), params.cuff_sd * DEG)) for s in sensors]
+    each = [
+        np.degrees(next(iter(s.block.stream.turn_sd.values()), params.cuff_sd * DEG))
+        for s in sensors
+    ]
     return float(np.sqrt(np.mean(np.square(each))))
 
 
@@ -244,7 +333,11 @@ def _sensors(blocks: Sequence[Block]) -> list[Sensor]:
             for k, point in enumerate(block.stream.sensors):
                 own, finger = _alone(block, k), point.removesuffix("_tip_force")
                 longer = finger not in found or len(found[finger].block.t) < len(block.t)
-                if finger in FINGERS and longer and np.isfinite(own.of(FORCE)).all(axis=(1, 2)).sum() >= LEAST:
+                if (
+                    finger in FINGERS
+                    and longer
+                    and np.isfinite(own.of(FORCE)).all(axis=(1, 2)).sum() >= LEAST
+                ):
                     found[finger] = Sensor(finger, own)
     return [found[f] for f in FINGERS if f in found]
 
@@ -271,7 +364,11 @@ def _levelled(params: ForceParams, block: Block) -> tuple[Array, NDArray[np.bool
     values = np.where(limited[:, None, None], np.nan, raw)
     noise = interpolation.noise_of(block.t, values)
     nothing = zero.found(params, block.t, values, noise)
-    told_again = old(raw[:, 0]) & ~limited & (np.linalg.norm((raw - nothing.level)[:, 0], axis=1) > params.grasp)
+    told_again = (
+        old(raw[:, 0])
+        & ~limited
+        & (np.linalg.norm((raw - nothing.level)[:, 0], axis=1) > params.grasp)
+    )
     return np.where(told_again[:, None, None], np.nan, values), limited, noise, nothing
 
 
@@ -284,26 +381,47 @@ def _around(t: Array, limited: NDArray[np.bool_], at: Array) -> NDArray[np.bool_
 
 
 def _left_reading(
-    params: ForceParams, sensors: Sequence[Sensor], read: Sequence[_Read], at: Array, grasp: Grasp, following: Grasp | None
+    params: ForceParams,
+    sensors: Sequence[Sensor],
+    read: Sequence[_Read],
+    at: Array,
+    grasp: Grasp,
+    following: Grasp | None,
 ) -> NDArray[np.bool_]:
     """Which sensors (S,) go on behind a grasp with a force beyond doubt while another reads nothing: their zero jumped as they held."""
     start, stop = grasp.end + SETTLED, grasp.end + SETTLED + BEHIND
     behind = [r.free[(s.block.t > start) & (s.block.t < stop)] for s, r in zip(sensors, read)]
-    if (following and following.onset < stop) or at[-1] < stop or min(len(free) for free in behind) < LEAST:
+    if (
+        (following and following.onset < stop)
+        or at[-1] < stop
+        or min(len(free) for free in behind) < LEAST
+    ):
         return np.zeros(len(sensors), bool)
     shares, rows = np.array([free.mean() for free in behind]), (at > start) & (at < stop)
-    left = [np.linalg.norm(np.median(r.force[rows], axis=0)) / np.sqrt(3.0) / np.median(r.sd[rows]) for r in read]
+    left = [
+        np.linalg.norm(np.median(r.force[rows], axis=0)) / np.sqrt(3.0) / np.median(r.sd[rows])
+        for r in read
+    ]
     return np.asarray((shares == 0) & (shares.max() > 0.5) & (np.array(left) > params.doubt))
 
 
 def _seated(mounting: Mapping[str, Array], blocks: Sequence[Block]) -> dict[str, Array]:
     """The mountings, with force sensors that were calibrated in the axes of their cuff's inertial sensor mounted as that is."""
     points = [point for block in blocks for point in block.stream.turn_sd]
-    return {**mounting, **{p: mounting.get(CHAINS[p.removesuffix("_tip_force")][-1], quat.IDENTITY) for p in points}}
+    return {
+        **mounting,
+        **{
+            p: mounting.get(CHAINS[p.removesuffix("_tip_force")][-1], quat.IDENTITY) for p in points
+        },
+    }
 
 
 def _cuffs(
-    moved: Trajectory, blocks: Sequence[Block], mounting: Mapping[str, Array], calibrations: Sequence[Calibration], fingers: Sequence[str]
+    moved: Trajectory,
+    blocks: Sequence[Block],
+    mounting: Mapping[str, Array],
+    calibrations: Sequence[Calibration],
+    fingers: Sequence[str],
 ) -> tuple[Array, Array, Array]:
     """Of every cuff its orientation (n, S, 4), specific force and angular rate (n, S, 3) in the force sensor's frame."""
     n, S = len(moved), len(fingers)
@@ -311,20 +429,28 @@ def _cuffs(
     for s, finger in enumerate(fingers):
         segment = CHAINS[finger][-1]
         nominal = mounting.get(segment, quat.IDENTITY)
-        q_IF = quat.multiply(quat.conjugate(nominal), mounting.get(f"{finger}_tip_force", quat.IDENTITY))
+        q_IF = quat.multiply(
+            quat.conjugate(nominal), mounting.get(f"{finger}_tip_force", quat.IDENTITY)
+        )
         q_BI = _calibrated(moved.t, segment, nominal, calibrations)
         q_GF[:, s] = quat.multiply(moved.q_GS[:, SEGMENT[segment]], quat.multiply(q_BI, q_IF))
         for block in blocks:
             if block.stream.inertial and segment in block.stream.sensors and len(block.t) > 1:
                 k = block.stream.sensors.index(segment)
                 for out, quantity in ((acc, ACC), (gyr, GYR)):
-                    out[:, s] = quat.rotate(quat.conjugate(q_IF), _at(block.t, block.of(quantity)[:, k], moved.t))
+                    out[:, s] = quat.rotate(
+                        quat.conjugate(q_IF), _at(block.t, block.of(quantity)[:, k], moved.t)
+                    )
     return q_GF, acc, gyr
 
 
-def _calibrated(t: Array, segment: str, nominal: Array, calibrations: Sequence[Calibration]) -> Array:
+def _calibrated(
+    t: Array, segment: str, nominal: Array, calibrations: Sequence[Calibration]
+) -> Array:
     """How the inertial sensor sits on its segment (n, 4): as the calibration of the time found it."""
-    q_BI = np.tile(calibrations[0].q_BS.get(segment, nominal) if calibrations else nominal, (len(t), 1))
+    q_BI = np.tile(
+        calibrations[0].q_BS.get(segment, nominal) if calibrations else nominal, (len(t), 1)
+    )
     for c in calibrations[1:]:
         q_BI[t >= c.t] = c.q_BS.get(segment, nominal)
     return q_BI
@@ -335,12 +461,16 @@ def _at(t: Array, values: Array, at: Array) -> Array:
     return np.stack([np.interp(at, t, v, left=np.nan, right=np.nan) for v in values.T], axis=1)
 
 
-def _said(fingers: Sequence[str], flags: NDArray[np.uint8], t: Array, found: list[Grasp]) -> list[str]:
+def _said(
+    fingers: Sequence[str], flags: NDArray[np.uint8], t: Array, found: list[Grasp]
+) -> list[str]:
     """One sentence for each kind of doubt within the grasps."""
     held = contact.inside(t, found)
     sentences = []
     for flag, words in FORCE_WORDS.items():
-        concerned = [f for s, f in enumerate(fingers) if held.any() and ((flags[held, s] & flag) != 0).any()]
+        concerned = [
+            f for s, f in enumerate(fingers) if held.any() and ((flags[held, s] & flag) != 0).any()
+        ]
         if concerned:
             sentences.append(f"{', '.join(concerned)}: {words}")
     return sentences

@@ -17,8 +17,12 @@ from handscope.estimators.force import interpolation, zero
 from handscope.estimators.numerics.quaternions import Array
 
 LEVER = 5e-3  # m: interpolation.py knows how forces change; a torque is taken for one of them at this lever; ours
-IMPOSSIBLE = 5.0  # Nm: 500 N at a lever of a centimetre; no fingertip does that, the unit is another
-BRIDGED = 0.25  # s to the nearest sample, beyond which no torque is told, as forces count as missing
+IMPOSSIBLE = (
+    5.0  # Nm: 500 N at a lever of a centimetre; no fingertip does that, the unit is another
+)
+BRIDGED = (
+    0.25  # s to the nearest sample, beyond which no torque is told, as forces count as missing
+)
 PUSHES = 0.5  # N along the normal, below which nothing is told of what twists: ours
 LEAST = 8  # samples of a sensor that is used
 
@@ -29,7 +33,14 @@ class Torque:
     sd: Array  # (n,) Nm, of each axis
 
 
-def read(block: Block, limited: NDArray[np.bool_], drift: float, t: Array, free: NDArray[np.bool_], at: Array) -> Torque | None:
+def read(
+    block: Block,
+    limited: NDArray[np.bool_],
+    drift: float,
+    t: Array,
+    free: NDArray[np.bool_],
+    at: Array,
+) -> Torque | None:
     """The torques of a block with one sensor at the instants `at`; None where there are too few.
 
     `limited` (samples,) are at the end of a range, known or not, and tell nothing; `drift` is that of the zero, Nm a root of a second; `free` tells for instants `t` of its forces whether it touched nothing.
@@ -41,10 +52,15 @@ def read(block: Block, limited: NDArray[np.bool_], drift: float, t: Array, free:
     noise = max(LEVER * float(interpolation.noise_of(block.t, values[:, None] / LEVER)[0]), 1e-6)
     near = np.clip(np.searchsorted(t, block.t), 0, len(t) - 1)
     level, level_sd = zero.known_from(block.t, values, free[near], noise, drift)
-    told = interpolation.brought(block.t, (values - level)[:, None] / LEVER, np.array([noise / LEVER]), at)
+    told = interpolation.brought(
+        block.t, (values - level)[:, None] / LEVER, np.array([noise / LEVER]), at
+    )
     then = np.clip(np.searchsorted(block.t, at), 0, len(block.t) - 1)
     lost = told.distance[:, 0] > BRIDGED
-    return Torque(np.where(lost[:, None], np.nan, LEVER * told.values[:, 0]), np.hypot(LEVER * told.sd[:, 0], level_sd[then]))
+    return Torque(
+        np.where(lost[:, None], np.nan, LEVER * told.values[:, 0]),
+        np.hypot(LEVER * told.sd[:, 0], level_sd[then]),
+    )
 
 
 def twist(forces: Array, torques: Array, torques_sd: Array, normal: Array) -> tuple[Array, Array]:
@@ -54,7 +70,9 @@ def twist(forces: Array, torques: Array, torques_sd: Array, normal: Array) -> tu
     """
     pushes = (forces * normal).sum(axis=-1)
     pushes = np.where(pushes > PUSHES, pushes, np.nan)
-    return (torques * forces).sum(axis=-1) / pushes, np.sqrt(((torques_sd * forces) ** 2).sum(axis=-1)) / pushes
+    return (torques * forces).sum(axis=-1) / pushes, np.sqrt(
+        ((torques_sd * forces) ** 2).sum(axis=-1)
+    ) / pushes
 
 
 def impossible(block: Block) -> bool:

@@ -17,7 +17,9 @@ from handscope.estimators.numerics.quaternions import Array
 LEAST = 0.5  # N: who pushes less tells nothing
 
 
-def rest_along_push(force: Array, acc: Array, covariance: Array, sd: Array, scale: float | Array) -> tuple[float, float]:
+def rest_along_push(
+    force: Array, acc: Array, covariance: Array, sd: Array, scale: float | Array
+) -> tuple[float, float]:
     """Mean of the net force along the horizontal part of the push, and its standard deviation, N; NaN where nobody pushes against another."""
     S = force.shape[1]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -27,7 +29,9 @@ def rest_along_push(force: Array, acc: Array, covariance: Array, sd: Array, scal
         level = push - (push * up).sum(axis=1, keepdims=True) * up
         size = np.linalg.norm(level, axis=1, keepdims=True)
         along = level / size
-    used = (size[:, 0] > LEAST) & np.isfinite(along).all(axis=1) & np.isfinite(force).all(axis=(1, 2))
+    used = (
+        (size[:, 0] > LEAST) & np.isfinite(along).all(axis=1) & np.isfinite(force).all(axis=(1, 2))
+    )
     if S < 2 or used.sum() < 8:
         return np.nan, np.nan
     along, force = along[used], force[used]

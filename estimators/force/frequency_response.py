@@ -39,7 +39,9 @@ class Response:
     @property
     def phase_sd(self) -> Array:
         """(f,) rad, random part and timing together."""
-        return np.hypot(self.sd / np.maximum(np.abs(self.P), 1e-300), TIMING * 2 * np.pi * self.frequency)
+        return np.hypot(
+            self.sd / np.maximum(np.abs(self.P), 1e-300), TIMING * 2 * np.pi * self.frequency
+        )
 
     @property
     def excited(self) -> NDArray[np.bool_]:
@@ -78,8 +80,12 @@ def response(t: Array, u: Array, y: Array, length: float = 3.0) -> Response:
     """By Welch's method with segments of `length` s that overlap by half; (6.16)."""
     rate = (len(t) - 1) / float(t[-1] - t[0])
     n = min(len(t), round(length * rate))
-    (frequency, S_uu), (_, S_yy), (_, S_uy) = (csd(a, b, fs=rate, nperseg=n) for a, b in ((u, u), (y, y), (u, y)))
-    segments = max(1.0, (2 * len(t) / n - 1) * 9 / 11)  # half overlap of Hann windows: 9/11 as many count (Welch 1967)
+    (frequency, S_uu), (_, S_yy), (_, S_uy) = (
+        csd(a, b, fs=rate, nperseg=n) for a, b in ((u, u), (y, y), (u, y))
+    )
+    segments = max(
+        1.0, (2 * len(t) / n - 1) * 9 / 11
+    )  # half overlap of Hann windows: 9/11 as many count (Welch 1967)
     power = np.abs(S_uu)
     coherence = np.abs(S_uy) ** 2 / np.maximum(power * np.abs(S_yy), 1e-300)
     P = np.asarray(S_uy / np.maximum(power, 1e-300), complex)
@@ -93,7 +99,16 @@ def conditions(r: Response) -> Conditions:
     total = np.cumsum(r.power[1:])
     force_bandwidth = float(r.frequency[1:][np.searchsorted(total, BANDWIDTH * total[-1])])
     if r.segments < LEAST or not excited.any():
-        return Conditions(None, None, None, float("nan"), force_bandwidth, float("nan"), float("nan"), float("nan"))
+        return Conditions(
+            None,
+            None,
+            None,
+            float("nan"),
+            force_bandwidth,
+            float("nan"),
+            float("nan"),
+            float("nan"),
+        )
     coherence = float(np.average(r.coherence[excited], weights=r.power[excited]))
     seen = excited & (r.coherence > COHERENT)
     size, f = np.abs(r.P[seen]), r.frequency[seen]
@@ -103,7 +118,16 @@ def conditions(r: Response) -> Conditions:
     lag, random = _lag(r, seen)
     back = bool(lag + 2 * random + TIMING < 0)
     passive = not back if seen.any() else None
-    return Conditions(coherence > COHERENT, wide, passive, coherence, force_bandwidth, load_bandwidth, lag, float(np.hypot(random, TIMING)))
+    return Conditions(
+        coherence > COHERENT,
+        wide,
+        passive,
+        coherence,
+        force_bandwidth,
+        load_bandwidth,
+        lag,
+        float(np.hypot(random, TIMING)),
+    )
 
 
 def _lag(r: Response, seen: NDArray[np.bool_]) -> tuple[float, float]:

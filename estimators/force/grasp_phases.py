@@ -39,14 +39,18 @@ class Holding:
     speed: Array  # (n,) m/s upwards
     height: Array  # (n,) m above where it was grasped
     flags: NDArray[np.uint8]  # (n, S)
-    turning: Array | None = None  # (n,) W that the fingertips' torques put into it; None where not all of them are known all the time
+    turning: Array | None = (
+        None  # (n,) W that the fingertips' torques put into it; None where not all of them are known all the time
+    )
     turning_sd: Array | None = None  # (n,) W
     velocity: Array | None = None  # (n, 3) m/s of the object, in the global frame
     twist: Array | None = (
         None  # (n, S) Nm about the normal of each fingertip, as a right-handed screw driven the way its pad faces; NaN where not known
     )
     twist_sd: Array | None = None  # (n, S) Nm
-    scale_sd: Array | None = None  # (S,) share by which each sensor's forces may be wrong alike, where one was calibrated
+    scale_sd: Array | None = (
+        None  # (S,) share by which each sensor's forces may be wrong alike, where one was calibrated
+    )
 
     @property
     def net(self) -> Array:
@@ -95,12 +99,22 @@ class Holding:
 
     def flagged(self, within: NDArray[np.bool_], but: int = 0) -> str:
         """What must be known of the samples within, in words."""
-        present = int(np.bitwise_or.reduce(self.flags[within] & ~np.uint8(but), axis=None)) if within.any() else 0
+        present = (
+            int(np.bitwise_or.reduce(self.flags[within] & ~np.uint8(but), axis=None))
+            if within.any()
+            else 0
+        )
         return "; ".join(words for flag, words in FORCE_WORDS.items() if present & flag)
 
 
 UNREAD = ForceFlag.MISSING | ForceFlag.SATURATED  # forces that nobody read
-UNSURE = int(ForceFlag.MISSING | ForceFlag.SATURATED | ForceFlag.DRIFT | ForceFlag.UNBALANCED | ForceFlag.UNORIENTED)
+UNSURE = int(
+    ForceFlag.MISSING
+    | ForceFlag.SATURATED
+    | ForceFlag.DRIFT
+    | ForceFlag.UNBALANCED
+    | ForceFlag.UNORIENTED
+)
 
 
 def measured(trajectory: Trajectory) -> tuple[str, ...]:
@@ -110,7 +124,9 @@ def measured(trajectory: Trajectory) -> tuple[str, ...]:
     return tuple(f for k, f in enumerate(FINGERS) if np.isfinite(trajectory.forces[:, k]).any())
 
 
-def holdings(params: ContactParams, trajectory: Trajectory, geometry: HandGeometry | None = None) -> list[Holding]:
+def holdings(
+    params: ContactParams, trajectory: Trajectory, geometry: HandGeometry | None = None
+) -> list[Holding]:
     """Every grasp of the stretch, in order; with a geometry places are those of the pads, without those of the bones' ends."""
     fingers = measured(trajectory)
     if not fingers or trajectory.forces is None:
@@ -131,7 +147,9 @@ def untold_share(h: Holding, used: NDArray[np.bool_]) -> float:
 
 def _holding(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | None) -> Holding:
     rows = [FINGERS.index(f) for f in fingers]
-    assert part.forces is not None and part.forces_sd is not None and part.forces_alike_sd is not None
+    assert (
+        part.forces is not None and part.forces_sd is not None and part.forces_alike_sd is not None
+    )
     assert part.force_flags is not None and part.lifting is not None
     axis, distance = _between(part, _pads(part, fingers, geometry), part.forces[:, rows], fingers)
     return Holding(
@@ -146,41 +164,68 @@ def _holding(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | 
         *_risen(part.t, part.lifting[:, 2] - GRAVITY),
         part.force_flags[:, rows],
         *_turning(part, fingers),
-        np.stack([_risen(part.t, a)[0] for a in (part.lifting - np.array([0.0, 0.0, GRAVITY])).T], axis=1),
+        np.stack(
+            [_risen(part.t, a)[0] for a in (part.lifting - np.array([0.0, 0.0, GRAVITY])).T], axis=1
+        ),
         *_twist(part, fingers),
-        part.force_scale_sd[:, rows].mean(axis=0) if part.force_scale_sd is not None and len(part) else None,
+        part.force_scale_sd[:, rows].mean(axis=0)
+        if part.force_scale_sd is not None and len(part)
+        else None,
     )
 
 
 def _turning(part: Trajectory, fingers: Sequence[str]) -> tuple[Array | None, Array | None]:
     """(n,) W of the torques of all fingertips that hold it, which turn with their distal phalanges, and its standard deviation (n,)."""
     rows = [FINGERS.index(f) for f in fingers]
-    if part.torques is None or part.torques_sd is None or len(part) < 3 or not np.isfinite(part.torques[:, rows]).all():
+    if (
+        part.torques is None
+        or part.torques_sd is None
+        or len(part) < 3
+        or not np.isfinite(part.torques[:, rows]).all()
+    ):
         return None, None
     q = part.q_GS[:, [SEGMENT[CHAINS[f][-1]] for f in fingers]]
-    step = quat.log(quat.multiply(q[2:], quat.conjugate(q[:-2]))) / (part.t[2:] - part.t[:-2])[:, None, None]
+    step = (
+        quat.log(quat.multiply(q[2:], quat.conjugate(q[:-2])))
+        / (part.t[2:] - part.t[:-2])[:, None, None]
+    )
     rates = np.concatenate([step[:1], step, step[-1:]])
-    return load_exchange.turning(part.torques[:, rows], rates), np.sqrt(((part.torques_sd[:, rows] * rates) ** 2).sum(axis=(1, 2)))
+    return load_exchange.turning(part.torques[:, rows], rates), np.sqrt(
+        ((part.torques_sd[:, rows] * rates) ** 2).sum(axis=(1, 2))
+    )
 
 
 def _twist(part: Trajectory, fingers: Sequence[str]) -> tuple[Array | None, Array | None]:
     """Torque that twists each fingertip on what it touches (n, S) Nm, and its standard deviation."""
     rows = [FINGERS.index(f) for f in fingers]
-    if part.forces is None or part.torques is None or part.torques_sd is None or not np.isfinite(part.torques[:, rows]).any():
+    if (
+        part.forces is None
+        or part.torques is None
+        or part.torques_sd is None
+        or not np.isfinite(part.torques[:, rows]).any()
+    ):
         return None, None
-    palmar = np.array([1.0 if part.hand == "right" else -1.0, 0.0, 0.0])  # of every segment: docs/conventions.md
+    palmar = np.array(
+        [1.0 if part.hand == "right" else -1.0, 0.0, 0.0]
+    )  # of every segment: docs/conventions.md
     normal = quat.rotate(part.q_GS[:, [SEGMENT[CHAINS[f][-1]] for f in fingers]], palmar)
-    return fingertip_torques.twist(part.forces[:, rows], part.torques[:, rows], part.torques_sd[:, rows], normal)
+    return fingertip_torques.twist(
+        part.forces[:, rows], part.torques[:, rows], part.torques_sd[:, rows], normal
+    )
 
 
 def _pads(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | None) -> Array:
     """Where the fingers touch (n, S, 3) in the wrist frame."""
     if geometry is None:
         return part.tips[:, [FINGERS.index(f) for f in fingers]]
-    return np.stack([contact_points_of(part, geometry, f, "bottom", FINGERTIPS[f]) for f in fingers], axis=1)
+    return np.stack(
+        [contact_points_of(part, geometry, f, "bottom", FINGERTIPS[f]) for f in fingers], axis=1
+    )
 
 
-def _between(part: Trajectory, pads: Array, forces: Array, fingers: Sequence[str]) -> tuple[Array, Array]:
+def _between(
+    part: Trajectory, pads: Array, forces: Array, fingers: Sequence[str]
+) -> tuple[Array, Array]:
     """The line from the other fingers to the thumb in the global frame, and how far apart they are along it.
 
     The forces tell the line, as they push along it; two places some centimetres apart and each wrong by one would be off by ten degrees.
@@ -190,8 +235,12 @@ def _between(part: Trajectory, pads: Array, forces: Array, fingers: Sequence[str
     k = fingers.index("thumb")
     apart = pads[:, k] - np.delete(pads, k, axis=1).mean(axis=1)
     q_GW = part.q_GS[:, SEGMENT["forearm"]]
-    q_GW = np.where(np.isfinite(q_GW), q_GW, part.q_GS[:, SEGMENT["hand"]])  # without a forearm sensor WCS moves with the hand
-    push = quat.rotate(quat.conjugate(q_GW), np.delete(forces, k, axis=1).sum(axis=1) - forces[:, k])
+    q_GW = np.where(
+        np.isfinite(q_GW), q_GW, part.q_GS[:, SEGMENT["hand"]]
+    )  # without a forearm sensor WCS moves with the hand
+    push = quat.rotate(
+        quat.conjugate(q_GW), np.delete(forces, k, axis=1).sum(axis=1) - forces[:, k]
+    )
     line = np.nansum(push, axis=0)
     line = line / max(float(np.linalg.norm(line)), 1e-9)
     return quat.rotate(q_GW, line), np.asarray(apart @ line)

@@ -81,22 +81,32 @@ def begun(size: Array) -> Recursive:
     return Recursive(np.zeros(len(size)), np.diag(prior), prior)
 
 
-def step(state: Recursive, t: float, y: Array, H: Array, sd: float, memory: float = np.inf) -> Recursive:
+def step(
+    state: Recursive, t: float, y: Array, H: Array, sd: float, memory: float = np.inf
+) -> Recursive:
     """One sample y (m,), H (m, p): what is `memory` s old counts for 1/e."""
     keep = float(np.exp(-(t - state.t) / memory)) if np.isfinite(state.t) else 1.0
-    P = state.P / keep if (np.diag(state.P) <= keep * state.most).all() else state.P  # what no sample tells is forgotten only so far
+    P = (
+        state.P / keep if (np.diag(state.P) <= keep * state.most).all() else state.P
+    )  # what no sample tells is forgotten only so far
     S = H @ P @ H.T + sd**2 * np.eye(len(y))
     missed = y - H @ state.theta
     gain = np.linalg.solve(S, H @ P).T
     left = np.eye(len(P)) - gain @ H
-    P = left @ P @ left.T + sd**2 * gain @ gain.T  # Joseph's form: from a prior this vague the plain one ends below zero
+    P = (
+        left @ P @ left.T + sd**2 * gain @ gain.T
+    )  # Joseph's form: from a prior this vague the plain one ends below zero
     P = 0.5 * (P + P.T)
     share = 1 - keep if np.isfinite(memory) else 0.05
-    surprise = state.surprise + max(share, 0.02) * (float(missed @ np.linalg.solve(S, missed)) / len(y) - state.surprise)
+    surprise = state.surprise + max(share, 0.02) * (
+        float(missed @ np.linalg.solve(S, missed)) / len(y) - state.surprise
+    )
     return replace(state, theta=state.theta + gain @ missed, P=P, surprise=surprise, t=t)
 
 
-def run(state: Recursive, t: Array, y: Array, H: Array, sd: Array, memory: float = np.inf) -> tuple[Recursive, Array, Array]:
+def run(
+    state: Recursive, t: Array, y: Array, H: Array, sd: Array, memory: float = np.inf
+) -> tuple[Recursive, Array, Array]:
     """Samples in a row: the state behind them, theta and its standard deviations (n, p) after each; cut anywhere, the same."""
     track, spread = np.empty((len(t), len(state.theta))), np.empty((len(t), len(state.theta)))
     for k in range(len(t)):
@@ -114,7 +124,15 @@ class Running:
     sd: Array  # (n,)
 
 
-def followed(t: Array, y: Array, H: Array, sd: float, size: Array, memory: float, alike: Callable[[Array], Array]) -> Running:
+def followed(
+    t: Array,
+    y: Array,
+    H: Array,
+    sd: float,
+    size: Array,
+    memory: float,
+    alike: Callable[[Array], Array],
+) -> Running:
     """The first parameter by recursive least squares; `sd` counts samples that err alike as one, `alike` (of values) is what errs the same in all of them."""
     _, track, spread = run(begun(size), t, y, H, np.full(len(t), sd), memory)
     value = track[:, 0]

@@ -35,7 +35,9 @@ def _spread(third: Array) -> float:
     size = np.abs(third[np.isfinite(third).all(axis=-1)])
     if len(size) < 8:
         return 0.05
-    quiet = np.sort(size, axis=0)[: max(4, len(size) // 2)]  # the smaller half of |normal|: its largest is 0.6745 standard deviations
+    quiet = np.sort(size, axis=0)[
+        : max(4, len(size) // 2)
+    ]  # the smaller half of |normal|: its largest is 0.6745 standard deviations
     return float(np.median(quiet[-1]) / 0.6745 / np.sqrt(20.0))
 
 
@@ -55,12 +57,19 @@ def _one(t: Array, y: Array, noise: float, at: Array) -> tuple[Array, Array, Arr
     h, s = np.diff(t)[k], np.clip(at - t[k], 0.0, np.diff(t)[k])
     beyond = np.abs(at - np.clip(at, t[0], t[-1]))
     u = s / h
-    H = np.stack([1 - u * u * (3 - 2 * u), s * (1 - u) ** 2, u * u * (3 - 2 * u), h * u * u * (u - 1)], axis=-1)  # Hermite's cubic
+    H = np.stack(
+        [1 - u * u * (3 - 2 * u), s * (1 - u) ** 2, u * u * (3 - 2 * u), h * u * u * (u - 1)],
+        axis=-1,
+    )  # Hermite's cubic
     ends = np.concatenate([x[k], x[k + 1]], axis=-1)  # (m, 3, 4): value and rate at both ends
     covariance = np.block([[P[k], joint[k]], [joint[k].transpose(0, 2, 1), P[k + 1]]])
-    variance = np.einsum("mi,mij,mj->m", H, covariance, H) + wander[k] * (s * (h - s) / h) ** 3 / 3  # of the bridge between two samples
+    variance = (
+        np.einsum("mi,mij,mj->m", H, covariance, H) + wander[k] * (s * (h - s) / h) ** 3 / 3
+    )  # of the bridge between two samples
     distance = np.minimum(np.abs(at - t[k]), np.abs(t[k + 1] - at))
-    variance += wander.mean() * beyond**3 / 3 + (ends[..., 1::2] ** 2).mean(axis=(1, 2)) * beyond**2  # held while the rate goes on
+    variance += (
+        wander.mean() * beyond**3 / 3 + (ends[..., 1::2] ** 2).mean(axis=(1, 2)) * beyond**2
+    )  # held while the rate goes on
     return np.einsum("mai,mi->ma", ends, H), np.sqrt(np.maximum(variance, 0.0)), distance
 
 
@@ -69,7 +78,9 @@ def _wander(t: Array, y: Array, noise: float) -> Array:
     h = np.diff(t)
     bend = np.diff(np.diff(y, axis=0) / h[:, None], axis=0)
     own = noise * (1 / h[:-1] ** 2 + (1 / h[:-1] + 1 / h[1:]) ** 2 + 1 / h[1:] ** 2)
-    unseen = np.sqrt(2 / (3 * NEAR)) * own  # so much may hide in the noise: counted as if it were there
+    unseen = (
+        np.sqrt(2 / (3 * NEAR)) * own
+    )  # so much may hide in the noise: counted as if it were there
     seen = uniform_filter1d((bend**2).mean(axis=1) - own, min(NEAR, len(bend)), mode="nearest")
     near = np.maximum(3 * (np.maximum(seen, 0.0) + unseen) / (h[:-1] + h[1:]), CALM**2)
     return np.concatenate([near[:1], 0.5 * (near[:-1] + near[1:]), near[-1:]])
@@ -79,7 +90,10 @@ def _smoothed(t: Array, y: Array, noise: float, wander: Array) -> tuple[Array, A
     """Value and rate (n, 3, 2), their covariance (n, 2, 2), and that of neighbours (n - 1, 2, 2)."""
     n = len(t)
     x, foretold, gains = np.empty((n, 3, 2)), np.empty((n, 3, 2)), np.empty((n, 2, 2))
-    P, ahead = np.empty((n, 3)), np.empty((n, 3))  # of symmetric matrices: value, both, rate. numbers take half the time of matrices
+    P, ahead = (
+        np.empty((n, 3)),
+        np.empty((n, 3)),
+    )  # of symmetric matrices: value, both, rate. numbers take half the time of matrices
     value, rate, (p, b, r) = y[0], np.zeros(3), (noise, 0.0, 1e4)
     x[0], P[0] = np.stack([value, rate], axis=1), (p, b, r)
     for k, h, q, row in zip(range(1, n), np.diff(t).tolist(), wander.tolist(), y[1:]):
@@ -88,7 +102,10 @@ def _smoothed(t: Array, y: Array, noise: float, wander: Array) -> tuple[Array, A
         c, d = p + h * b, b + h * r  # of F P, F = [[1, h], [0, 1]]
         A, B, R = c + h * d + q * h**3 / 3, d + q * h**2 / 2, r + q * h
         det = A * R - B * B
-        gains[k - 1] = ((c * R - b * B) / det, (b * A - c * B) / det), ((d * R - r * B) / det, (r * A - d * B) / det)
+        gains[k - 1] = (
+            ((c * R - b * B) / det, (b * A - c * B) / det),
+            ((d * R - r * B) / det, (r * A - d * B) / det),
+        )
         ahead[k] = A, B, R
         own, other, missed = A / (A + noise), B / (A + noise), row - value
         value, rate = value + own * missed, rate + other * missed

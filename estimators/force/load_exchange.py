@@ -12,10 +12,14 @@ import numpy as np
 from handscope.estimators.numerics.quaternions import Array
 
 
-def power(forces: Array, velocities: Array, torques: Array | None = None, rates: Array | None = None) -> Array:
+def power(
+    forces: Array, velocities: Array, torques: Array | None = None, rates: Array | None = None
+) -> Array:
     """Summed over the fingertips; without torques that of the forces alone."""
     total = (forces * velocities).sum(axis=(1, 2))
-    return np.asarray(total if torques is None or rates is None else total + turning(torques, rates))
+    return np.asarray(
+        total if torques is None or rates is None else total + turning(torques, rates)
+    )
 
 
 def turning(torques: Array, rates: Array) -> Array:

@@ -35,16 +35,43 @@ DISCARDED = 0.2  # share of the loads that may be left out
 @dataclass(frozen=True, kw_only=True)
 class SolveParams:
     load_error: float = option(
-        0.005, "1", "share by which all known loads may be wrong alike", "ours: weights of a kitchen, places to a millimetre", least=0.0
+        0.005,
+        "1",
+        "share by which all known loads may be wrong alike",
+        "ours: weights of a kitchen, places to a millimetre",
+        least=0.0,
     )
     chance: float = option(
-        1e-3, "1", "chance of luck below which a load that does not fit the others is left out", "ours", least=0.0, most=0.1
+        1e-3,
+        "1",
+        "chance of luck below which a load that does not fit the others is left out",
+        "ours",
+        least=0.0,
+        most=0.1,
     )
-    worst: float = option(0.1, "1", "share by which forces may be wrong, beyond which the calibration is refused", "ours", least=0.01)
+    worst: float = option(
+        0.1,
+        "1",
+        "share by which forces may be wrong, beyond which the calibration is refused",
+        "ours",
+        least=0.01,
+    )
     level: float = option(
-        0.3, "deg", "error of the directions that an accelerometer tells", "ours: a bias of 0.05 m/s^2", least=0.0, most=10.0
+        0.3,
+        "deg",
+        "error of the directions that an accelerometer tells",
+        "ours: a bias of 0.05 m/s^2",
+        least=0.0,
+        most=10.0,
     )
-    gravity: float = option(GRAVITY, "m/s^2", "of the place where the weights hung", "standard gravity", least=9.7, most=9.9)
+    gravity: float = option(
+        GRAVITY,
+        "m/s^2",
+        "of the place where the weights hung",
+        "standard gravity",
+        least=9.7,
+        most=9.9,
+    )
 
 
 @dataclass(frozen=True)
@@ -85,31 +112,49 @@ def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = 
     m, most = loads.shape[1], int(DISCARDED * len(rows))
     _require(raw[rows], loads[rows])
     left_out: list[int] = []
-    while len(left_out) < most and len(strange := _strangers(params.chance, raw[rows], loads[rows])):
+    while len(left_out) < most and len(
+        strange := _strangers(params.chance, raw[rows], loads[rows])
+    ):
         if len(strange) > 1:
             both = _named(sorted(int(row) for row in rows[strange[:2]]), names)
-            raise InputError(f"{both} of the table contradict each other; look at both, directions and signs first")
+            raise InputError(
+                f"{both} of the table contradict each other; look at both, directions and signs first"
+            )
         left_out.append(int(rows[strange[0]]))
-        if len(left_out) > 1 and len(rows) + len(left_out) - 1 < m + 1 + SPARE * (len(left_out) + 1):
+        if len(left_out) > 1 and len(rows) + len(left_out) - 1 < m + 1 + SPARE * (
+            len(left_out) + 1
+        ):
             said = _named(sorted(left_out), names)
-            raise InputError(f"{said} of the table do not belong to the others, and those are too few to tell; look at them, or add loads")
+            raise InputError(
+                f"{said} of the table do not belong to the others, and those are too few to tell; look at them, or add loads"
+            )
         rows = np.delete(rows, strange[0])
         _require(raw[rows], loads[rows])
     raw, loads = raw[rows], loads[rows]
     design = _design(loads)
-    answer, *_ = np.linalg.lstsq(design, raw, rcond=None)  # raw = loads @ C + offset: the loads are exact, the readings noisy
+    answer, *_ = np.linalg.lstsq(
+        design, raw, rcond=None
+    )  # raw = loads @ C + offset: the loads are exact, the readings noisy
     matrix, offset = np.asarray(np.linalg.pinv(answer[:m].T)), np.asarray(answer[m])
     free = len(raw) - m - 1
     missed = raw - design @ answer
     left_over = matrix @ (missed.T @ missed / free) @ matrix.T  # (m, m) of one reading, as a load
-    unknown = np.asarray(np.linalg.inv(design.T @ design)) * free / (free - 2)  # Student's: the noise is known from so few alone
-    matrix_sd = np.sqrt(np.outer(np.diag(left_over), np.diag(matrix.T @ unknown[:m, :m] @ matrix)))  # dM = -M dC' M
+    unknown = (
+        np.asarray(np.linalg.inv(design.T @ design)) * free / (free - 2)
+    )  # Student's: the noise is known from so few alone
+    matrix_sd = np.sqrt(
+        np.outer(np.diag(left_over), np.diag(matrix.T @ unknown[:m, :m] @ matrix))
+    )  # dM = -M dC' M
     offset_sd = np.sqrt(unknown[m, m] * (missed**2).sum(axis=0) / free)
     left = np.asarray(np.sqrt(np.diag(left_over)))
     missed_share = _missed(loads, left, unknown[:m, :m])
-    each = missed_share / np.sqrt(3.0)  # of the matrix's nine entries, alike: the force's own direction takes one of each row
+    each = missed_share / np.sqrt(
+        3.0
+    )  # of the matrix's nine entries, alike: the force's own direction takes one of each row
     scale = float(np.hypot(each, params.load_error))
-    turn = float(np.hypot(_turned(loads, params.level * np.pi / 180), each / np.sqrt(2.0)))  # the halves that turn
+    turn = float(
+        np.hypot(_turned(loads, params.level * np.pi / 180), each / np.sqrt(2.0))
+    )  # the halves that turn
     if (whole := float(np.hypot(missed_share, params.load_error))) > params.worst:
         raise InputError(
             f"the readings do not follow the loads: forces would be wrong by {100 * whole:.0f} %; check the units, the directions and that the sensor is connected as the table says"
@@ -117,7 +162,17 @@ def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = 
     one_way = tuple(AXES[a] for a in range(m) if min(loads[:, a].max(), -loads[:, a].min()) <= 0)
     heaviest = float(np.linalg.norm(loads[:, :3], axis=1).max())
     calibration = ForceCalibration(matrix, offset, scale)
-    return Solved(calibration, matrix_sd, offset_sd, left, len(raw), tuple(sorted(left_out)), one_way, heaviest, turn)
+    return Solved(
+        calibration,
+        matrix_sd,
+        offset_sd,
+        left,
+        len(raw),
+        tuple(sorted(left_out)),
+        one_way,
+        heaviest,
+        turn,
+    )
 
 
 def _named(rows: Sequence[int], names: Sequence[str]) -> str:
@@ -151,7 +206,11 @@ def old(values: Array) -> NDArray[np.bool_]:
     values = np.where(np.isfinite(values), values, np.nan)
     again = np.concatenate([[False], (np.diff(values, axis=0) == 0).all(axis=1)])
     found, fresh = np.zeros(len(values), bool), values[~again]
-    if len(fresh) < 8 or (np.diff(fresh, axis=0) == 0).mean() > COARSE or len(np.unique(fresh, axis=0)) < (1 - COARSE) * len(fresh):
+    if (
+        len(fresh) < 8
+        or (np.diff(fresh, axis=0) == 0).mean() > COARSE
+        or len(np.unique(fresh, axis=0)) < (1 - COARSE) * len(fresh)
+    ):
         return found
     stretches = runs(again)
     first = np.zeros(len(values), bool)
@@ -165,7 +224,13 @@ def old(values: Array) -> NDArray[np.bool_]:
 def _by_luck(again: NDArray[np.bool_], among: NDArray[np.bool_]) -> int:
     """How often in a row readings repeat themselves by luck, once in a recording of a hundred, where among so many so many do."""
     share, n = float(again.sum() / max(among.sum(), 1)), len(again)
-    return int(np.ceil(np.log(LUCK / max(n, 1)) / np.log(share))) if 0 < share < 1 else n if share else 0
+    return (
+        int(np.ceil(np.log(LUCK / max(n, 1)) / np.log(share)))
+        if 0 < share < 1
+        else n
+        if share
+        else 0
+    )
 
 
 def _design(loads: Array) -> Array:
@@ -176,17 +241,25 @@ def _require(raw: Array, loads: Array) -> None:
     """InputError where there are too few loads, they leave a direction out, or nobody reads them."""
     m = loads.shape[1]
     if len(raw) < m + 1 + SPARE:
-        raise InputError(f"{len(raw)} known loads are too few; give at least {m + 1 + SPARE}, in all directions")
+        raise InputError(
+            f"{len(raw)} known loads are too few; give at least {m + 1 + SPARE}, in all directions"
+        )
     if raw.shape[1] < m:
-        raise InputError(f"{raw.shape[1]} channels cannot tell {m} axes; name at least as many channels as axes")
+        raise InputError(
+            f"{raw.shape[1]} channels cannot tell {m} axes; name at least as many channels as axes"
+        )
     size = np.abs(loads).max(axis=0)
     missing = [AXES[a] for a in np.flatnonzero(size == 0)]
     spread = np.linalg.svd(_design(loads / np.where(size > 0, size, 1.0)))
     if not missing and spread.S[-1] * CONDITION < spread.S[0]:
-        missing = [name for name, part in zip((*AXES[:m], NOTHING), spread.Vh[-1]) if abs(part) > 0.3]
+        missing = [
+            name for name, part in zip((*AXES[:m], NOTHING), spread.Vh[-1]) if abs(part) > 0.3
+        ]
     if missing:
         how = "each by itself" if len(missing) > 1 else "both ways"
-        raise InputError(f"the known loads do not tell {', '.join(missing)}; load the sensor along each axis, {how}, and once not at all")
+        raise InputError(
+            f"the known loads do not tell {', '.join(missing)}; load the sensor along each axis, {how}, and once not at all"
+        )
     answer, *_ = np.linalg.lstsq(_design(loads), raw, rcond=None)
     parts = np.linalg.svd(answer[:m] * size[:, None], compute_uv=False)
     if parts[-1] * 1e4 < parts[0] or parts[0] == 0:
@@ -213,7 +286,9 @@ def _strangers(chance: float, raw: Array, loads: Array) -> NDArray[np.int_]:
     falls = squares / np.maximum(1 - (q**2).sum(axis=1), 1e-9)[:, None]
     rest = np.maximum(squares.sum(axis=0) - falls, 1e-12 * squares.sum(axis=0))
     each = stats.f.logsf(falls / rest * (n - 1 - p), 1, n - 1 - p)
-    luck = n * stats.chi2.sf(-2 * each.sum(axis=1), 2 * raw.shape[1])  # Fisher's: the channels' noise is taken to be independent
+    luck = n * stats.chi2.sf(
+        -2 * each.sum(axis=1), 2 * raw.shape[1]
+    )  # Fisher's: the channels' noise is taken to be independent
     order = np.argsort(luck)
     strange = order[luck[order] < chance]
     more = stats.f.logsf(rest[strange] / rest[order[0]], n - 1 - p, n - 1 - p)

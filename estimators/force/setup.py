@@ -46,25 +46,44 @@ def setups_from(table: Mapping[str, Any]) -> dict[str, ForceSetup]:
 
 def table_of(setup: ForceSetup) -> dict[str, Any]:
     """The inverse, of one point."""
-    known = {"scale_sd": setup.scale_sd} | ({} if setup.turn_sd is None else {"turn_sd": setup.turn_sd})
+    known = {"scale_sd": setup.scale_sd} | (
+        {} if setup.turn_sd is None else {"turn_sd": setup.turn_sd}
+    )
     if setup.calibration is None:
         return known
-    told: dict[str, Any] = {"channels": [{"name": c.name, "units": c.units} for c in setup.channels]}
-    told |= {"matrix": setup.calibration.matrix.tolist(), "offset": setup.calibration.offset.tolist()}
+    told: dict[str, Any] = {
+        "channels": [{"name": c.name, "units": c.units} for c in setup.channels]
+    }
+    told |= {
+        "matrix": setup.calibration.matrix.tolist(),
+        "offset": setup.calibration.offset.tolist(),
+    }
     return told | known
 
 
 def _setup_from(point: str, told: Any) -> ForceSetup:
     if point not in FORCE_POINTS:
-        raise InputError(f"ForceSetup names {point}; force sensors are at {', '.join(FORCE_POINTS)}")
+        raise InputError(
+            f"ForceSetup names {point}; force sensors are at {', '.join(FORCE_POINTS)}"
+        )
     if not isinstance(told, Mapping):
-        raise InputError(f"ForceSetup of {point} is no object; `handscope calibrate-force` writes one")
+        raise InputError(
+            f"ForceSetup of {point} is no object; `handscope calibrate-force` writes one"
+        )
     scale = _numbers(point, "scale_sd", told.get("scale_sd"), ())
     if not 0 <= scale < 1:
-        raise InputError(f"ForceSetup of {point}: scale_sd is {scale:g}; it is a share between 0 and 1")
-    turn = float(_numbers(point, "turn_sd", told["turn_sd"], ())) if told.get("turn_sd") is not None else None
+        raise InputError(
+            f"ForceSetup of {point}: scale_sd is {scale:g}; it is a share between 0 and 1"
+        )
+    turn = (
+        float(_numbers(point, "turn_sd", told["turn_sd"], ()))
+        if told.get("turn_sd") is not None
+        else None
+    )
     if turn is not None and not 0 <= turn < 1:
-        raise InputError(f"ForceSetup of {point}: turn_sd is {turn:g}; it is an angle between 0 and 1 rad")
+        raise InputError(
+            f"ForceSetup of {point}: turn_sd is {turn:g}; it is an angle between 0 and 1 rad"
+        )
     if "matrix" not in told:
         return ForceSetup(float(scale), turn_sd=turn)
     channels = _channels(point, told.get("channels"))
@@ -75,10 +94,14 @@ def _setup_from(point: str, told: Any) -> ForceSetup:
 
 
 def _channels(point: str, told: Any) -> tuple[Channel, ...]:
-    fits = isinstance(told, Sequence) and all(isinstance(c, Mapping) and {"name", "units"} <= c.keys() for c in told)
+    fits = isinstance(told, Sequence) and all(
+        isinstance(c, Mapping) and {"name", "units"} <= c.keys() for c in told
+    )
     channels = tuple(Channel(str(c["name"]), str(c["units"])) for c in told) if fits else ()
     if not channels or len({c.name for c in channels}) < len(channels):
-        raise InputError(f"ForceSetup of {point}: channels are objects with name and units, each channel once")
+        raise InputError(
+            f"ForceSetup of {point}: channels are objects with name and units, each channel once"
+        )
     return channels
 
 
@@ -89,5 +112,7 @@ def _numbers(point: str, what: str, told: Any, shape: tuple[int, ...]) -> Array:
         found = np.full(shape, np.nan)
     if found.shape != shape or not np.isfinite(found).all():
         how = " by ".join(str(n) for n in shape) or "one"
-        raise InputError(f"ForceSetup of {point}: {what} is not {how} finite numbers; `handscope calibrate-force` writes it")
+        raise InputError(
+            f"ForceSetup of {point}: {what} is not {how} finite numbers; `handscope calibrate-force` writes it"
+        )
     return found

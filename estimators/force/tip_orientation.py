@@ -34,9 +34,15 @@ class TipParams:
         least=0.1,
     )
     cuff_sd: float = option(
-        1.0, "deg", "turn of the force sensor against the inertial sensor on its cuff, in each axis", "3D print; ours", least=0.0
+        1.0,
+        "deg",
+        "turn of the force sensor against the inertial sensor on its cuff, in each axis",
+        "3D print; ours",
+        least=0.0,
     )
-    tip_walk: float = option(0.2, "deg/sqrt(s)", "how that error wanders", "ours: skin and sensor under load", least=1e-3)
+    tip_walk: float = option(
+        0.2, "deg/sqrt(s)", "how that error wanders", "ours: skin and sensor under load", least=1e-3
+    )
     acc_error: float = option(
         0.1,
         "m/s^2",
@@ -44,18 +50,36 @@ class TipParams:
         "ours: bias of 0.05 and scale of 0.3 %",
         least=1e-3,
     )
-    alike: float = option(10.0, "s", "for which such errors stay alike", "ours: longer than a grasp", least=0.1)
-    still: float = option(0.5, "m/s^2", "deviation from gravity of a tip that tells the vertical", "ours", least=0.01)
+    alike: float = option(
+        10.0, "s", "for which such errors stay alike", "ours: longer than a grasp", least=0.1
+    )
+    still: float = option(
+        0.5, "m/s^2", "deviation from gravity of a tip that tells the vertical", "ours", least=0.01
+    )
     still_rate: float = option(30.0, "deg/s", "angular rate of such a tip", "ours", least=0.1)
     together: float = option(
-        0.5, "m/s^2", "difference of the sizes of specific force of tips that move together", "Kortier thesis (2.27); size ours", least=0.01
+        0.5,
+        "m/s^2",
+        "difference of the sizes of specific force of tips that move together",
+        "Kortier thesis (2.27); size ours",
+        least=0.01,
     )
     together_rate: float = option(
-        10.0, "deg/s", "and of their angular rates", "Kortier thesis (6.14), Skog et al. 2010; size ours", least=0.1
+        10.0,
+        "deg/s",
+        "and of their angular rates",
+        "Kortier thesis (6.14), Skog et al. 2010; size ours",
+        least=0.1,
     )
-    force_noise: float = option(0.1, "N", "error of a force, in each axis", "ours: noise and zero", least=1e-3)
+    force_noise: float = option(
+        0.1, "N", "error of a force, in each axis", "ours: noise and zero", least=1e-3
+    )
     force_scale: float = option(
-        0.025, "1", "share of a force by which it may be wrong", "BioMed Eng OnLine 11:90, Table 4: 0 to 4 % of full scale", least=0.0
+        0.025,
+        "1",
+        "share of a force by which it may be wrong",
+        "BioMed Eng OnLine 11:90, Table 4: 0 to 4 % of full scale",
+        least=0.0,
     )
     update: float = option(0.05, "s", "time between two corrections", "ours", least=0.005, most=1.0)
 
@@ -84,7 +108,10 @@ def corrected(params: TipParams, tips: Tips) -> Turned:
     S = tips.force.shape[1]
     rows = _rows(tips.t, params.update)
     walk = np.repeat([(params.tip_walk * DEG) ** 2, 0.0], 3 * S)
-    x, P = np.zeros(6 * S), np.diag(np.repeat([(params.tip_sd * DEG) ** 2, (params.cuff_sd * DEG) ** 2], 3 * S))
+    x, P = (
+        np.zeros(6 * S),
+        np.diag(np.repeat([(params.tip_sd * DEG) ** 2, (params.cuff_sd * DEG) ** 2], 3 * S)),
+    )
     states, covariances, ahead = [], [], []
     before = tips.t[rows[0]]
     for k in rows:
@@ -105,7 +132,9 @@ def corrected(params: TipParams, tips: Tips) -> Turned:
     return _told(tips, rows, np.array(states), np.array(covariances), params)
 
 
-def _told(tips: Tips, rows: NDArray[np.int_], states: Array, covariances: Array, params: TipParams) -> Turned:
+def _told(
+    tips: Tips, rows: NDArray[np.int_], states: Array, covariances: Array, params: TipParams
+) -> Turned:
     """From the rows at which something was corrected to all instants."""
     n, S = tips.force.shape[:2]
     x = np.stack([np.interp(tips.t, tips.t[rows], s) for s in states.T], axis=1)
@@ -127,27 +156,56 @@ def _in_global(q: Array) -> Array:
     return turned
 
 
-def _measurements(params: TipParams, tips: Tips, k: int, x: Array) -> list[tuple[Array, Array, Array]]:
+def _measurements(
+    params: TipParams, tips: Tips, k: int, x: Array
+) -> list[tuple[Array, Array, Array]]:
     """What is missed, its Jacobian and noise, of everything that may be used at row k."""
     S, used = tips.force.shape[1], []
     turn, cuff = x[: 3 * S].reshape(S, 3), x[3 * S :].reshape(S, 3)
     q = quat.multiply(quat.exp(turn), tips.q_GF[k])
-    acc, gyr, force = quat.rotate(q, tips.acc[k]), quat.rotate(q, tips.gyr[k]), quat.rotate(q, quat.rotate(quat.exp(cuff), tips.force[k]))
+    acc, gyr, force = (
+        quat.rotate(q, tips.acc[k]),
+        quat.rotate(q, tips.gyr[k]),
+        quat.rotate(q, quat.rotate(quat.exp(cuff), tips.force[k])),
+    )
     alike = params.alike / params.update
     own = np.flatnonzero(every(np.isfinite(acc)) & every(np.isfinite(gyr)))
     size, rate = np.linalg.norm(acc, axis=1), np.linalg.norm(gyr, axis=1)
     for s in (int(one) for one in own):
         if abs(size[s] - GRAVITY) < params.still and rate[s] < params.still_rate * DEG:
-            used.append((np.array([0.0, 0.0, size[s]]) - acc[s], _turning(S, {s: acc[s]}), np.eye(3) * params.acc_error**2 * alike))
-    if S > 1 and len(own) == S and np.ptp(size) < params.together and np.ptp(rate) < params.together_rate * DEG:
+            used.append(
+                (
+                    np.array([0.0, 0.0, size[s]]) - acc[s],
+                    _turning(S, {s: acc[s]}),
+                    np.eye(3) * params.acc_error**2 * alike,
+                )
+            )
+    if (
+        S > 1
+        and len(own) == S
+        and np.ptp(size) < params.together
+        and np.ptp(rate) < params.together_rate * DEG
+    ):
         for s in range(1, S):
             # the tips' lever arms make their specific forces differ as the hand turns: so much more noise
             lever = 0.1 * max(rate[0], rate[s]) ** 2
-            used.append((acc[0] - acc[s], _turning(S, {s: acc[s], 0: -acc[0]}), np.eye(3) * ((2 * params.acc_error**2) * alike + lever**2)))
             used.append(
-                (gyr[0] - gyr[s], _turning(S, {s: gyr[s], 0: -gyr[0]}), np.eye(3) * (0.5 * params.together_rate * DEG) ** 2 * alike)
+                (
+                    acc[0] - acc[s],
+                    _turning(S, {s: acc[s], 0: -acc[0]}),
+                    np.eye(3) * ((2 * params.acc_error**2) * alike + lever**2),
+                )
             )
-    used = [(missed, np.hstack([H, np.zeros_like(H)]), R) for missed, H, R in used]  # the cuff turns what the force sensor reads alone
+            used.append(
+                (
+                    gyr[0] - gyr[s],
+                    _turning(S, {s: gyr[s], 0: -gyr[0]}),
+                    np.eye(3) * (0.5 * params.together_rate * DEG) ** 2 * alike,
+                )
+            )
+    used = [
+        (missed, np.hstack([H, np.zeros_like(H)]), R) for missed, H, R in used
+    ]  # the cuff turns what the force sensor reads alone
     if len(own) and np.isfinite(force).all():
         up = acc[own].mean(axis=0)
         across = _across(up)
@@ -156,7 +214,13 @@ def _measurements(params: TipParams, tips: Tips, k: int, x: Array) -> list[tuple
         tilted = H.copy()  # the vertical is the tips' own: it turns with them
         for s in (int(one) for one in own):
             tilted[:, 3 * s : 3 * s + 3] += np.cross(across, force.sum(axis=0)) / len(own)
-        used.append((-across @ force.sum(axis=0), np.hstack([tilted, H @ _in_global(q)]), np.eye(2) * noise * alike))
+        used.append(
+            (
+                -across @ force.sum(axis=0),
+                np.hstack([tilted, H @ _in_global(q)]),
+                np.eye(2) * noise * alike,
+            )
+        )
     return used
 
 
@@ -183,13 +247,19 @@ def _unbalanced(params: TipParams, tips: Tips, turn: Array, covariance: Array) -
     force, acc = quat.rotate(q, tips.force), quat.rotate(q, tips.acc)
     read = np.isfinite(acc)
     with np.errstate(invalid="ignore"):
-        up = np.where(read, acc, 0.0).sum(axis=1) / read.sum(axis=1) if read.any() else np.tile([0.0, 0.0, 1.0], (len(tips.t), 1))
+        up = (
+            np.where(read, acc, 0.0).sum(axis=1) / read.sum(axis=1)
+            if read.any()
+            else np.tile([0.0, 0.0, 1.0], (len(tips.t), 1))
+        )
         up = up / np.linalg.norm(up, axis=1, keepdims=True)
     net = force.sum(axis=1)
     net = net - (net * up).sum(axis=1, keepdims=True) * up
     H = np.concatenate([-quat.skew(force[:, s]) for s in range(S)], axis=2)
     turned = np.einsum("nij,njk,nik->n", H, covariance, H) / 3
-    variance = S * params.force_noise**2 + params.force_scale**2 * (force**2).sum(axis=(1, 2)) / 3 + turned
+    variance = (
+        S * params.force_noise**2 + params.force_scale**2 * (force**2).sum(axis=(1, 2)) / 3 + turned
+    )
     return np.asarray(np.linalg.norm(net, axis=1) / np.sqrt(variance))
 
 

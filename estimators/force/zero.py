@@ -31,7 +31,11 @@ LIKELY = 2.5  # of what it may have drifted by meanwhile: more would take a ligh
 @dataclass(frozen=True, kw_only=True)
 class ZeroParams:
     least: float = option(
-        0.25, "N", "a change of the reading of a free sensor below this is no contact", "ours: five times its noise", least=0.01
+        0.25,
+        "N",
+        "a change of the reading of a free sensor below this is no contact",
+        "ours: five times its noise",
+        least=0.01,
     )
     drift: float = option(
         0.03,
@@ -40,7 +44,10 @@ class ZeroParams:
         "ours: 0.2 N in a minute; Kortier thesis 6.4 names it without a size",
     )
     guard: float = option(
-        0.15, "s", "samples so near to a contact tell no zero", "ours: a force builds up for longer than one sample at 12 Hz"
+        0.15,
+        "s",
+        "samples so near to a contact tell no zero",
+        "ours: a force builds up for longer than one sample at 12 Hz",
     )
 
 
@@ -49,9 +56,7 @@ class Zero:
     level: Array  # (n, S, 3) N
     sd: Array  # (n, S) N, of each axis: more where the zeros before and behind a contact differ by more than it seemed to walk
     free: NDArray[np.bool_]  # (n, S) nothing is touched
-    jump: (
-        Array  # (n, S) how far these differ, in standard deviations of a zero that walks as is likely or faster; 0 where free or not known
-    )
+    jump: Array  # (n, S) how far these differ, in standard deviations of a zero that walks as is likely or faster; 0 where free or not known
     drift: Array  # (S,) N/sqrt(s) by which each zero was taken to walk
 
 
@@ -68,29 +73,41 @@ def found(params: ZeroParams, t: Array, readings: Array, noise: Array) -> Zero:
         for a, b in runs(~free[:, s]):
             if a > 0 and b < n - 1:
                 seemed = _jump(*of, walk, a, b)
-                jump[a : b + 1, s] = seemed if walk >= params.drift**2 else _jump(*of, params.drift**2, a, b)
+                jump[a : b + 1, s] = (
+                    seemed if walk >= params.drift**2 else _jump(*of, params.drift**2, a, b)
+                )
                 variance[a : b + 1, s] *= max(1.0, seemed**2)
     return Zero(level, np.sqrt(variance), free, jump, drift)
 
 
-def _jump(t: Array, y: Array, free: NDArray[np.bool_], noise: float, drift: float, a: int, b: int) -> float:
+def _jump(
+    t: Array, y: Array, free: NDArray[np.bool_], noise: float, drift: float, a: int, b: int
+) -> float:
     """How far the zeros before the a-th and behind the b-th reading differ, in standard deviations of a walk with this variance a second."""
-    before, behind = (_smoothed(t[k], y[k], free[k], noise, drift) for k in (slice(0, a), slice(b + 1, len(t))))
+    before, behind = (
+        _smoothed(t[k], y[k], free[k], noise, drift) for k in (slice(0, a), slice(b + 1, len(t)))
+    )
     off = float(((before[0][-1] - behind[0][0]) ** 2).mean())
     return float(np.sqrt(off / (before[1][-1] + behind[1][0] + drift * (t[b] - t[a]))))
 
 
-def known_from(t: Array, readings: Array, free: NDArray[np.bool_], noise: float, drift: float) -> tuple[Array, Array]:
+def known_from(
+    t: Array, readings: Array, free: NDArray[np.bool_], noise: float, drift: float
+) -> tuple[Array, Array]:
     """Zero (n, 3) and its standard deviation (n,) of other readings (n, 3) of the same sensor, where it is known when it was free (n,).
 
     `noise` is that of one reading, `drift` that of the zero in the same unit a root of a second; more or less where the free sensor shows it.
     """
     used = free & every(np.isfinite(readings))
-    level, variance = _smoothed(t, readings, used, noise**2, _walk(t, readings, used, noise, drift) ** 2)
+    level, variance = _smoothed(
+        t, readings, used, noise**2, _walk(t, readings, used, noise, drift) ** 2
+    )
     return level, np.sqrt(variance)
 
 
-def _free_and_walk(params: ZeroParams, t: Array, y: Array, noise: float) -> tuple[NDArray[np.bool_], float]:
+def _free_and_walk(
+    params: ZeroParams, t: Array, y: Array, noise: float
+) -> tuple[NDArray[np.bool_], float]:
     """Where the sensor touches nothing (n,), and how fast its zero walks meanwhile."""
     drift = params.drift
     for _ in range(ROUNDS):
@@ -111,7 +128,11 @@ def _free(params: ZeroParams, t: Array, y: Array, noise: float, drift: float) ->
     free = np.zeros(len(t), bool)
     if known.sum() < 3:
         return free
-    many = min(int(np.ceil((SURE * noise / params.least) ** 2)), int(MEMORY / np.median(np.diff(t))), len(t))
+    many = min(
+        int(np.ceil((SURE * noise / params.least) ** 2)),
+        int(MEMORY / np.median(np.diff(t))),
+        len(t),
+    )
     if many > 1:
         y, noise = _evened(y, known, many), noise / np.sqrt(many)
     gate = max(params.least, SURE * noise)
@@ -121,7 +142,9 @@ def _free(params: ZeroParams, t: Array, y: Array, noise: float, drift: float) ->
         here, since = level.copy(), t[start]
         for k in order:
             off = np.linalg.norm(y[k] - here)
-            if known[k] and off < max(gate, LIKELY * np.sqrt(noise**2 + drift**2 * abs(t[k] - since))):
+            if known[k] and off < max(
+                gate, LIKELY * np.sqrt(noise**2 + drift**2 * abs(t[k] - since))
+            ):
                 here = here + (1 - np.exp(-abs(t[k] - since) / MEMORY)) * (y[k] - here)
                 since, free[k] = t[k], True
     period = float(np.median(np.diff(t)))
@@ -132,8 +155,12 @@ def _free(params: ZeroParams, t: Array, y: Array, noise: float, drift: float) ->
 def _evened(y: Array, known: NDArray[np.bool_], many: int) -> Array:
     """Means (n, 3) of so many readings around each, of those that are known; NaN where it is not."""
     around = np.ones(many)
-    sums = np.stack([np.convolve(np.where(known, axis, 0.0), around, "same") for axis in y.T], axis=1)
-    return np.where(known[:, None], sums / np.maximum(np.convolve(known, around, "same"), 1.0)[:, None], np.nan)
+    sums = np.stack(
+        [np.convolve(np.where(known, axis, 0.0), around, "same") for axis in y.T], axis=1
+    )
+    return np.where(
+        known[:, None], sums / np.maximum(np.convolve(known, around, "same"), 1.0)[:, None], np.nan
+    )
 
 
 def _walk(t: Array, y: Array, free: NDArray[np.bool_], noise: float, likely: float) -> float:
@@ -142,9 +169,13 @@ def _walk(t: Array, y: Array, free: NDArray[np.bool_], noise: float, likely: flo
     Each stretch by itself tells by what its readings surprise a Kalman filter, one for each walk of a grid; what is `likely` where there is none.
     """
     walks = likely * WALKS
-    chances = -0.5 * (np.log(WALKS) / FACTOR + FACTOR) ** 2  # its mean square is that of what is likely
+    chances = (
+        -0.5 * (np.log(WALKS) / FACTOR + FACTOR) ** 2
+    )  # its mean square is that of what is likely
     for a, b in runs(free):
-        chances += _likelihood(*_means(t[a : b + 1], y[a : b + 1]), max(noise, 1e-3 * likely) ** 2, walks**2)
+        chances += _likelihood(
+            *_means(t[a : b + 1], y[a : b + 1]), max(noise, 1e-3 * likely) ** 2, walks**2
+        )
     weights = np.exp(chances - chances.max())
     return float(np.sqrt(weights @ walks**2 / weights.sum()))
 
@@ -181,7 +212,9 @@ def _resting(y: Array, gate: float) -> Array:
     return np.asarray(thin[np.argmax(near)])
 
 
-def _smoothed(t: Array, y: Array, used: NDArray[np.bool_], noise: float, drift: float) -> tuple[Array, Array]:
+def _smoothed(
+    t: Array, y: Array, used: NDArray[np.bool_], noise: float, drift: float
+) -> tuple[Array, Array]:
     """Zero (n, 3) and variance (n,) of a random walk seen where it is used."""
     n = len(t)
     x, p, ahead = np.zeros((n, 3)), [0.0] * n, [0.0] * n  # ahead: variance foretold

@@ -20,8 +20,12 @@ Hand = Literal["left", "right"]
 HANDS: tuple[Hand, Hand] = ("left", "right")
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
-PHALANGES = dict.fromkeys(FINGERS, ("proximal", "middle", "distal")) | {"thumb": ("metacarpal", "proximal", "distal")}
-CHAINS = {finger: tuple(f"{finger}_{phalanx}" for phalanx in PHALANGES[finger]) for finger in FINGERS}
+PHALANGES = dict.fromkeys(FINGERS, ("proximal", "middle", "distal")) | {
+    "thumb": ("metacarpal", "proximal", "distal")
+}
+CHAINS = {
+    finger: tuple(f"{finger}_{phalanx}" for phalanx in PHALANGES[finger]) for finger in FINGERS
+}
 SEGMENTS = ("forearm", "hand", *(segment for finger in FINGERS for segment in CHAINS[finger]))
 SEGMENT = {name: k for k, name in enumerate(SEGMENTS)}
 
@@ -51,7 +55,13 @@ _PAPER = "Salchow-Hoemmen 2019, 2.4.3"
 
 JOINTS: tuple[Joint, ...] = (
     Joint("wrist", "forearm", "hand", {FLEXION: (-90, 100), DEVIATION: (-40, 50)}, _WRIST),
-    Joint("thumb_cmc", "hand", "thumb_metacarpal", {FLEXION: (-90, 90), DEVIATION: (-100, 60), PRONATION: (-120, 120)}, _CMC),
+    Joint(
+        "thumb_cmc",
+        "hand",
+        "thumb_metacarpal",
+        {FLEXION: (-90, 90), DEVIATION: (-100, 60), PRONATION: (-120, 120)},
+        _CMC,
+    ),
     Joint(
         "thumb_mcp",
         "thumb_metacarpal",
@@ -64,7 +74,13 @@ JOINTS: tuple[Joint, ...] = (
         joint
         for f in FINGERS[1:]
         for joint in (
-            Joint(f"{f}_mcp", "hand", f"{f}_proximal", {FLEXION: (-65, 110), DEVIATION: (-52, 52)}, _MCP),
+            Joint(
+                f"{f}_mcp",
+                "hand",
+                f"{f}_proximal",
+                {FLEXION: (-65, 110), DEVIATION: (-52, 52)},
+                _MCP,
+            ),
             Joint(f"{f}_pip", f"{f}_proximal", f"{f}_middle", {FLEXION: (-20, 120)}, _PAPER),
             Joint(f"{f}_dip", f"{f}_middle", f"{f}_distal", {FLEXION: (-20, 100)}, _PAPER),
         )
@@ -74,8 +90,13 @@ JOINT = {joint.name: k for k, joint in enumerate(JOINTS)}
 PARENTS = np.array([SEGMENT[joint.parent] for joint in JOINTS])
 CHILDREN = np.array([SEGMENT[joint.child] for joint in JOINTS])
 IS_DOF = np.array([[a in joint.limits for a in range(3)] for joint in JOINTS])
-LIMITS: Array = np.radians([[joint.limits.get(a, (0.0, 0.0)) for a in range(3)] for joint in JOINTS])  # (joints, 3 angles, 2) rad
-FINGER_JOINTS = {finger: tuple(joint.name for joint in JOINTS if joint.child in CHAINS[finger]) for finger in FINGERS}
+LIMITS: Array = np.radians(
+    [[joint.limits.get(a, (0.0, 0.0)) for a in range(3)] for joint in JOINTS]
+)  # (joints, 3 angles, 2) rad
+FINGER_JOINTS = {
+    finger: tuple(joint.name for joint in JOINTS if joint.child in CHAINS[finger])
+    for finger in FINGERS
+}
 DOF_NAMES = tuple(f"{joint.name}_{ANGLES[a]}" for joint in JOINTS for a in joint.dofs)
 
 

@@ -7,15 +7,26 @@ Source  Salchow-Hoemmen 2019, (23)-(27)
 
 import numpy as np
 
-from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS, FINGERS, JOINT, SEGMENT, SEGMENTS
+from handscope.estimators.hand.anatomy import (
+    CHAINS,
+    FINGER_JOINTS,
+    FINGERS,
+    JOINT,
+    SEGMENT,
+    SEGMENTS,
+)
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import dual_quaternions as dual
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import rowwise
 from handscope.estimators.numerics.quaternions import Array
 
-CHAIN_JOINTS = np.array([[JOINT[name] for name in FINGER_JOINTS[finger]] for finger in FINGERS])  # (5 fingers, 3 joints)
-CHAIN_SEGMENTS = np.array([[SEGMENT[name] for name in CHAINS[finger]] for finger in FINGERS])  # (5 fingers, 3 segments)
+CHAIN_JOINTS = np.array(
+    [[JOINT[name] for name in FINGER_JOINTS[finger]] for finger in FINGERS]
+)  # (5 fingers, 3 joints)
+CHAIN_SEGMENTS = np.array(
+    [[SEGMENT[name] for name in CHAINS[finger]] for finger in FINGERS]
+)  # (5 fingers, 3 segments)
 
 
 def tips(q_pc: Array, geometry: HandGeometry) -> Array:
@@ -26,15 +37,24 @@ def tips(q_pc: Array, geometry: HandGeometry) -> Array:
 def joint_places(q_pc: Array, geometry: HandGeometry) -> Array:
     """Distal ends of all chain segments (..., 5 fingers, 3 segments, 3) in the wrist frame, m; the last are the tips."""
     q_wrist = q_pc[..., JOINT["wrist"], :]
-    q_wrist = np.where(np.isfinite(q_wrist), q_wrist, quat.IDENTITY)  # an unknown wrist counts as neutral
-    return _places(q_wrist[..., None, :], q_pc[..., CHAIN_JOINTS, :], geometry.roots(), geometry.chain_offsets())
+    q_wrist = np.where(
+        np.isfinite(q_wrist), q_wrist, quat.IDENTITY
+    )  # an unknown wrist counts as neutral
+    return _places(
+        q_wrist[..., None, :],
+        q_pc[..., CHAIN_JOINTS, :],
+        geometry.roots(),
+        geometry.chain_offsets(),
+    )
 
 
 def segments_on(q_GH: Array, q_pc: Array) -> Array:
     """Orientations of all segments (..., segments, 4) from the hand's (..., 4) and the joints' rotations."""
     q = np.empty((*q_pc.shape[:-2], len(SEGMENTS), 4))
     q[..., SEGMENT["hand"], :] = q_GH
-    q[..., SEGMENT["forearm"], :] = quat.multiply(q_GH, quat.conjugate(q_pc[..., JOINT["wrist"], :]))
+    q[..., SEGMENT["forearm"], :] = quat.multiply(
+        q_GH, quat.conjugate(q_pc[..., JOINT["wrist"], :])
+    )
     q[..., CHAIN_SEGMENTS, :] = _chained(q_GH[..., None, :], q_pc[..., CHAIN_JOINTS, :])
     return q
 

@@ -32,10 +32,33 @@ FINGER_LENGTH = {
 }
 MCP_DISTAL = {"index": 0.447, "middle": 0.446, "ring": 0.409, "little": 0.368}  # of hand length
 MCP_ULNAR = {"index": -0.251, "middle": 0.0, "ring": 0.206, "little": 0.402}  # of hand breadth
-RATIOS = {"thumb": (0.98,), "index": (1.86, 1.24), "middle": (1.72, 1.36), "ring": (1.70, 1.29), "little": (1.91, 1.06)}
-RATIO_CI95 = {"index": (0.018, 0.018), "middle": (0.013, 0.016), "ring": (0.016, 0.016), "little": (0.022, 0.022)}  # of the same two ratios
-TIP_TISSUE = {"thumb": 5.67e-3, "index": 3.84e-3, "middle": 3.95e-3, "ring": 3.95e-3, "little": 3.73e-3}
-TIP_TISSUE_SD = {"thumb": 0.61e-3, "index": 0.59e-3, "middle": 0.61e-3, "ring": 0.60e-3, "little": 0.62e-3}
+RATIOS = {
+    "thumb": (0.98,),
+    "index": (1.86, 1.24),
+    "middle": (1.72, 1.36),
+    "ring": (1.70, 1.29),
+    "little": (1.91, 1.06),
+}
+RATIO_CI95 = {
+    "index": (0.018, 0.018),
+    "middle": (0.013, 0.016),
+    "ring": (0.016, 0.016),
+    "little": (0.022, 0.022),
+}  # of the same two ratios
+TIP_TISSUE = {
+    "thumb": 5.67e-3,
+    "index": 3.84e-3,
+    "middle": 3.95e-3,
+    "ring": 3.95e-3,
+    "little": 3.73e-3,
+}
+TIP_TISSUE_SD = {
+    "thumb": 0.61e-3,
+    "index": 0.59e-3,
+    "middle": 0.61e-3,
+    "ring": 0.60e-3,
+    "little": 0.62e-3,
+}
 PLAUSIBLE = {
     "hand_length": (0.05, 0.30),
     "hand_breadth": (0.02, 0.15),
@@ -55,20 +78,32 @@ class HandMeasures:
     hand_length: float | None = None
     hand_breadth: float | None = None
     palm_length: float | None = None  # wrist centre to MCP 3
-    finger_length: Mapping[str, float] = field(default_factory=dict)  # MCP centre to the outer tip, by finger
-    segment_length: Mapping[str, float] = field(default_factory=dict)  # functional length by segment
+    finger_length: Mapping[str, float] = field(
+        default_factory=dict
+    )  # MCP centre to the outer tip, by finger
+    segment_length: Mapping[str, float] = field(
+        default_factory=dict
+    )  # functional length by segment
     tip_tissue: Mapping[str, float] = field(default_factory=dict)  # by finger
     joint_positions: Mapping[str, tuple[float, float, float]] = field(
         default_factory=dict
     )  # in the hand's frame from the wrist's centre, by joint
-    measured: frozenset[str] | None = None  # which of all these were measured where others were derived before; None: all of them
+    measured: frozenset[str] | None = (
+        None  # which of all these were measured where others were derived before; None: all of them
+    )
 
     def told(self) -> frozenset[str]:
         """What was measured: names of the hand's lengths, fingers whose total is known, segments, joints."""
         if self.measured is not None:
             return self.measured
-        scalars = (name for name in ("hand_length", "hand_breadth", "palm_length") if getattr(self, name) is not None)
-        return frozenset((*scalars, *self.finger_length, *self.segment_length, *self.joint_positions))
+        scalars = (
+            name
+            for name in ("hand_length", "hand_breadth", "palm_length")
+            if getattr(self, name) is not None
+        )
+        return frozenset(
+            (*scalars, *self.finger_length, *self.segment_length, *self.joint_positions)
+        )
 
 
 @dataclass(frozen=True)
@@ -76,11 +111,17 @@ class HandGeometry:
     """The sized hand: everything forward kinematics needs."""
 
     hand: Hand
-    lengths: Mapping[str, float]  # m, joint centre to joint centre by segment, a distal phalanx to the end of its bone; forearm 0 = unknown
-    joint_positions: Mapping[str, tuple[float, float, float]]  # m, MCP and thumb CMC centres in the hand's frame from the wrist's centre
+    lengths: Mapping[
+        str, float
+    ]  # m, joint centre to joint centre by segment, a distal phalanx to the end of its bone; forearm 0 = unknown
+    joint_positions: Mapping[
+        str, tuple[float, float, float]
+    ]  # m, MCP and thumb CMC centres in the hand's frame from the wrist's centre
     tip_tissue: Mapping[str, float]  # m, by finger
     palm_length: float  # m
-    measured: frozenset[str] = frozenset()  # what of it was measured, as HandMeasures.told names it; the rest is derived: length_errors.py
+    measured: frozenset[str] = (
+        frozenset()
+    )  # what of it was measured, as HandMeasures.told names it; the rest is derived: length_errors.py
 
     def roots(self) -> Array:
         """Where the five chains begin in the hand's frame (5, 3), thumb first."""
@@ -93,8 +134,13 @@ class HandGeometry:
     @cached_property
     def _arrays(self) -> tuple[Array, Array]:
         """Both as they are needed at every step of a live view."""
-        roots, offsets = np.array([self.joint_positions[root_joint(finger)] for finger in FINGERS]), np.zeros((5, 3, 3))
-        offsets[..., 1] = [[side_sign(self.hand) * self.lengths[s] for s in CHAINS[finger]] for finger in FINGERS]
+        roots, offsets = (
+            np.array([self.joint_positions[root_joint(finger)] for finger in FINGERS]),
+            np.zeros((5, 3, 3)),
+        )
+        offsets[..., 1] = [
+            [side_sign(self.hand) * self.lengths[s] for s in CHAINS[finger]] for finger in FINGERS
+        ]
         roots.flags.writeable = offsets.flags.writeable = False
         return roots, offsets
 
@@ -112,14 +158,27 @@ def sized(hand: Hand, measures: HandMeasures | None = None) -> HandGeometry:
     breadth = breadth if breadth is not None else length * MEAN_HAND_BREADTH / MEAN_HAND_LENGTH
     tissue = {finger: m.tip_tissue.get(finger, TIP_TISSUE[finger]) for finger in FINGERS}
     lengths = {"forearm": m.segment_length.get("forearm", 0.0), "hand": _palm_length(m, length)}
-    lengths["thumb_metacarpal"] = m.segment_length.get("thumb_metacarpal", THUMB_METACARPAL * length)
+    lengths["thumb_metacarpal"] = m.segment_length.get(
+        "thumb_metacarpal", THUMB_METACARPAL * length
+    )
     for finger in FINGERS:
         outer = m.finger_length.get(finger)
-        lengths |= _phalanges(finger, m.segment_length, outer, FINGER_LENGTH[finger] * length, tissue[finger])
-    return HandGeometry(hand, lengths, _joint_positions(hand, m, lengths["hand"], breadth), tissue, lengths["hand"], m.told())
+        lengths |= _phalanges(
+            finger, m.segment_length, outer, FINGER_LENGTH[finger] * length, tissue[finger]
+        )
+    return HandGeometry(
+        hand,
+        lengths,
+        _joint_positions(hand, m, lengths["hand"], breadth),
+        tissue,
+        lengths["hand"],
+        m.told(),
+    )
 
 
-def with_found(geometry: HandGeometry, limb: str, found: Mapping[str, float], off: float = 0.0) -> HandGeometry:
+def with_found(
+    geometry: HandGeometry, limb: str, found: Mapping[str, float], off: float = 0.0
+) -> HandGeometry:
     """The hand with lengths (m) of a finger, or of the forearm, that movement told; the others of it are off by a share.
 
     A last phalanx that was measured stays, of a finger whose total was measured it is what is left, else it grows as its finger did.
@@ -128,14 +187,23 @@ def with_found(geometry: HandGeometry, limb: str, found: Mapping[str, float], of
     rest = {s: geometry.lengths[s] for s in chain if s not in found}
     if found and chain[-1] in rest and chain[-1] not in geometry.measured:
         rest[chain[-1]] = _last_length(geometry, limb, found)
-    return replace(geometry, lengths={**geometry.lengths, **found, **{s: length * (1 + off) for s, length in rest.items()}})
+    return replace(
+        geometry,
+        lengths={
+            **geometry.lengths,
+            **found,
+            **{s: length * (1 + off) for s, length in rest.items()},
+        },
+    )
 
 
 def _last_length(geometry: HandGeometry, finger: str, found: Mapping[str, float]) -> float:
     """Of a finger's last phalanx beside the others as they were found, m."""
     chain, given = CHAINS[finger], geometry.lengths
     grown = given[chain[-1]] * sum(found.values()) / sum(given[s] for s in found)
-    counted = set(chain[-len(RATIOS[finger]) - 1 :]) & set(found)  # the thumb's metacarpal is not of its length
+    counted = set(chain[-len(RATIOS[finger]) - 1 :]) & set(
+        found
+    )  # the thumb's metacarpal is not of its length
     left = given[chain[-1]] - sum(found[s] - given[s] for s in counted)
     return left if finger in geometry.measured and left >= PLAUSIBLE["segment"][0] else grown
 
@@ -152,17 +220,30 @@ def hand_length(m: HandMeasures) -> float:
 
 def check(m: HandMeasures) -> None:
     """Refuse a length that no hand has: most often millimetres given as metres."""
-    given: dict[str, tuple[Any, str]] = {name: (getattr(m, name), name) for name in ("hand_length", "hand_breadth", "palm_length")}
-    given |= {f"finger_length {finger}": (value, "finger") for finger, value in m.finger_length.items()}
-    given |= {f"length of {s}": (value, "forearm" if s == "forearm" else "segment") for s, value in m.segment_length.items()}
+    given: dict[str, tuple[Any, str]] = {
+        name: (getattr(m, name), name) for name in ("hand_length", "hand_breadth", "palm_length")
+    }
+    given |= {
+        f"finger_length {finger}": (value, "finger") for finger, value in m.finger_length.items()
+    }
+    given |= {
+        f"length of {s}": (value, "forearm" if s == "forearm" else "segment")
+        for s, value in m.segment_length.items()
+    }
     given |= {f"tip_tissue {finger}": (value, "tissue") for finger, value in m.tip_tissue.items()}
     for name, (value, kind) in given.items():
         low, high = PLAUSIBLE[kind]
         if value is not None and not low <= value <= high:
-            raise InputError(f"the hand geometry's {name} is {value:g} m, outside {low:g}-{high:g} m; give lengths in metres")
+            raise InputError(
+                f"the hand geometry's {name} is {value:g} m, outside {low:g}-{high:g} m; give lengths in metres"
+            )
     for joint, position in m.joint_positions.items():
         low, high = PLAUSIBLE["thumb_cmc" if joint == "thumb_cmc" else "palm_length"]
-        if joint not in {root_joint(f) for f in FINGERS} or len(position) != 3 or not low <= np.linalg.norm(position) <= high:
+        if (
+            joint not in {root_joint(f) for f in FINGERS}
+            or len(position) != 3
+            or not low <= np.linalg.norm(position) <= high
+        ):
             raise InputError(
                 f"the hand geometry's joint_positions {joint}: {list(position)} is not the place of an MCP or thumb CMC joint in metres from the wrist"
             )
@@ -170,25 +251,53 @@ def check(m: HandMeasures) -> None:
 
 def measures_from(table: Mapping[str, Any]) -> HandMeasures:
     """Read the contract's `HandGeometry` object: named measures, and functional lengths by segment name."""
-    known = {"hand_length", "hand_breadth", "palm_length", "finger_length", "tip_tissue", "joint_positions", "measured"}
+    known = {
+        "hand_length",
+        "hand_breadth",
+        "palm_length",
+        "finger_length",
+        "tip_tissue",
+        "joint_positions",
+        "measured",
+    }
     unknown = set(table) - known - set(SEGMENTS)
     if unknown:
-        raise InputError(f"HandGeometry has unknown entries {sorted(unknown)}; known are {sorted(known)} and segment names")
+        raise InputError(
+            f"HandGeometry has unknown entries {sorted(unknown)}; known are {sorted(known)} and segment names"
+        )
     try:
-        scalars = {name: float(table[name]) for name in ("hand_length", "hand_breadth", "palm_length") if table.get(name) is not None}
+        scalars = {
+            name: float(table[name])
+            for name in ("hand_length", "hand_breadth", "palm_length")
+            if table.get(name) is not None
+        }
         if table.get("hand") is not None:  # the hand's functional length is the palm's
             scalars.setdefault("palm_length", float(table["hand"]))
-        by_finger = {name: {f: float(v) for f, v in dict(table.get(name) or {}).items()} for name in ("finger_length", "tip_tissue")}
-        segments = {s: float(table[s]) for s in SEGMENTS if s != "hand" and table.get(s) is not None}
-        positions = {j: (float(x), float(y), float(z)) for j, (x, y, z) in dict(table.get("joint_positions") or {}).items()}
-        measured = None if table.get("measured") is None else frozenset(str(name) for name in table["measured"])
+        by_finger = {
+            name: {f: float(v) for f, v in dict(table.get(name) or {}).items()}
+            for name in ("finger_length", "tip_tissue")
+        }
+        segments = {
+            s: float(table[s]) for s in SEGMENTS if s != "hand" and table.get(s) is not None
+        }
+        positions = {
+            j: (float(x), float(y), float(z))
+            for j, (x, y, z) in dict(table.get("joint_positions") or {}).items()
+        }
+        measured = (
+            None
+            if table.get("measured") is None
+            else frozenset(str(name) for name in table["measured"])
+        )
     except (TypeError, ValueError) as problem:
         raise InputError(
             f"HandGeometry cannot be read ({problem}); lengths are numbers in metres, finger_length and tip_tissue objects by finger"
         ) from None
     for name, values in by_finger.items():
         if set(values) - set(FINGERS):
-            raise InputError(f"HandGeometry {name} names {sorted(set(values) - set(FINGERS))}; fingers are {', '.join(FINGERS)}")
+            raise InputError(
+                f"HandGeometry {name} names {sorted(set(values) - set(FINGERS))}; fingers are {', '.join(FINGERS)}"
+            )
     measures = HandMeasures(
         **scalars,
         finger_length=by_finger["finger_length"],
@@ -205,7 +314,11 @@ def table_of(geometry: HandGeometry) -> dict[str, Any]:
     """The contract's `HandGeometry` object of a sized hand: reading it back gives the same hand."""
     return {
         "palm_length": geometry.palm_length,
-        **{segment: value for segment, value in geometry.lengths.items() if segment != "hand" and value > 0},
+        **{
+            segment: value
+            for segment, value in geometry.lengths.items()
+            if segment != "hand" and value > 0
+        },
         "tip_tissue": dict(geometry.tip_tissue),
         "joint_positions": {joint: list(p) for joint, p in geometry.joint_positions.items()},
         "measured": sorted(geometry.measured),
@@ -218,9 +331,13 @@ def _palm_length(m: HandMeasures, hand: float) -> float:
     return m.palm_length if m.palm_length is not None else MCP_DISTAL["middle"] * hand
 
 
-def _phalanges(finger: str, measured: Mapping[str, float], outer: float | None, typical: float, tissue: float) -> dict[str, float]:
+def _phalanges(
+    finger: str, measured: Mapping[str, float], outer: float | None, typical: float, tissue: float
+) -> dict[str, float]:
     """Split a finger by the ratios of Table 2; measured phalanges stay, the others share what is left."""
-    segments = CHAINS[finger][-len(RATIOS[finger]) - 1 :]  # the thumb's ratio covers its two phalanges
+    segments = CHAINS[finger][
+        -len(RATIOS[finger]) - 1 :
+    ]  # the thumb's ratio covers its two phalanges
     share = np.cumprod([1.0, *RATIOS[finger][::-1]])[::-1]  # distal = 1, then up the finger
     known = {s: measured[s] for s in segments if s in measured}
     free = {s: w for s, w in zip(segments, share) if s not in known}
@@ -229,7 +346,9 @@ def _phalanges(finger: str, measured: Mapping[str, float], outer: float | None, 
     if outer is not None:
         scale = (outer - tissue - sum(known.values())) / sum(free.values())
         if scale <= 0:
-            raise InputError(f"the {finger}'s measured phalanges are together longer than its finger_length {outer:g} m; check both")
+            raise InputError(
+                f"the {finger}'s measured phalanges are together longer than its finger_length {outer:g} m; check both"
+            )
     elif known:
         scale = sum(known.values()) / sum(w for s, w in zip(segments, share) if s in known)
     else:
@@ -237,11 +356,21 @@ def _phalanges(finger: str, measured: Mapping[str, float], outer: float | None, 
     return known | {s: float(w * scale) for s, w in free.items()}
 
 
-def _joint_positions(hand: Hand, m: HandMeasures, palm: float, breadth: float) -> dict[str, tuple[float, float, float]]:
+def _joint_positions(
+    hand: Hand, m: HandMeasures, palm: float, breadth: float
+) -> dict[str, tuple[float, float, float]]:
     length = palm / MCP_DISTAL["middle"]
-    dorsal_distal_ulnar = {f"{f}_mcp": (0.0, MCP_DISTAL[f] * length, MCP_ULNAR[f] * breadth) for f in MCP_DISTAL}
+    dorsal_distal_ulnar = {
+        f"{f}_mcp": (0.0, MCP_DISTAL[f] * length, MCP_ULNAR[f] * breadth) for f in MCP_DISTAL
+    }
     reach = THUMB_CMC_DISTANCE * length
-    dorsal_distal_ulnar["thumb_cmc"] = (0.0, float(reach * np.cos(THUMB_ANGLE)), float(-reach * np.sin(THUMB_ANGLE)))
+    dorsal_distal_ulnar["thumb_cmc"] = (
+        0.0,
+        float(reach * np.cos(THUMB_ANGLE)),
+        float(-reach * np.sin(THUMB_ANGLE)),
+    )
     sign = side_sign(hand)
-    derived = {joint: (sign * x, sign * y, sign * z) for joint, (x, y, z) in dorsal_distal_ulnar.items()}
+    derived = {
+        joint: (sign * x, sign * y, sign * z) for joint, (x, y, z) in dorsal_distal_ulnar.items()
+    }
     return derived | dict(m.joint_positions)

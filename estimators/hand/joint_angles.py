@@ -11,7 +11,15 @@ import math
 import numpy as np
 
 from handscope.estimators.hand.anatomy import ANGLES as ANGLES
-from handscope.estimators.hand.anatomy import CHILDREN, DEVIATION, FLEXION, IS_DOF, LIMITS, PARENTS, PRONATION
+from handscope.estimators.hand.anatomy import (
+    CHILDREN,
+    DEVIATION,
+    FLEXION,
+    IS_DOF,
+    LIMITS,
+    PARENTS,
+    PRONATION,
+)
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import rowwise
 from handscope.estimators.numerics.quaternions import Array
@@ -60,14 +68,24 @@ def _decompose(q: Array, row: Array, angles: Array) -> None:
     w, x, y, z = q[0], q[1], q[2], q[3]
     ww, xx, yy, zz = w * w, x * x, y * y, z * z
     angles[FLEXION] = math.atan2(2 * (w * z - x * y), ww - xx + yy - zz)  # (20)
-    angles[DEVIATION] = math.asin(min(max(2 * (w * x + y * z), -1.0), 1.0))  # (21), rounding may leave [-1, 1]
+    angles[DEVIATION] = math.asin(
+        min(max(2 * (w * x + y * z), -1.0), 1.0)
+    )  # (21), rounding may leave [-1, 1]
     angles[PRONATION] = math.atan2(2 * (w * y - x * z), ww - xx - yy + zz)  # (22)
 
 
 @rowwise("(a),(q)->(q)")
 def _compose(angles: Array, row: Array, q: Array) -> None:
-    cz, cx, cy = math.cos(0.5 * angles[FLEXION]), math.cos(0.5 * angles[DEVIATION]), math.cos(0.5 * angles[PRONATION])
-    sz, sx, sy = math.sin(0.5 * angles[FLEXION]), math.sin(0.5 * angles[DEVIATION]), math.sin(0.5 * angles[PRONATION])
+    cz, cx, cy = (
+        math.cos(0.5 * angles[FLEXION]),
+        math.cos(0.5 * angles[DEVIATION]),
+        math.cos(0.5 * angles[PRONATION]),
+    )
+    sz, sx, sy = (
+        math.sin(0.5 * angles[FLEXION]),
+        math.sin(0.5 * angles[DEVIATION]),
+        math.sin(0.5 * angles[PRONATION]),
+    )
     a, b, d, e = cz * cx, cz * sx, sz * sx, sz * cx  # q_z q_x = (a, b, d, e)
     q[0], q[1], q[2], q[3] = a * cy - d * sy, b * cy - e * sy, d * cy + a * sy, e * cy + b * sy
 
@@ -83,4 +101,8 @@ def _constrained(angles: Array, free: Array, limits: Array, allowed: Array) -> N
             allowed[a] = limits[a, 1] if angles[a] > limits[a, 1] else angles[a]
 
 
-decompose_row, compose_row, constrained_row = _decompose.row, _compose.row, _constrained.row  # as other kernels call them
+decompose_row, compose_row, constrained_row = (
+    _decompose.row,
+    _compose.row,
+    _constrained.row,
+)  # as other kernels call them

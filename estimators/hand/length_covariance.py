@@ -37,11 +37,21 @@ def _root(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
     joint = root_joint(finger)
     x, y, z = geometry.joint_positions[joint]
     distance = float(np.hypot(y, z))
-    along = MEASURED_SD / distance if joint == "middle_mcp" and "palm_length" in geometry.measured else length_sd
+    along = (
+        MEASURED_SD / distance
+        if joint == "middle_mcp" and "palm_length" in geometry.measured
+        else length_sd
+    )
     if joint in geometry.measured:
         return along * np.array([[x, y, z]]).T
-    turned, broad = (THUMB_ANGLE_SD, 0.0) if finger == "thumb" else (0.0, 0.0 if "hand_breadth" in geometry.measured else BREADTH_SD)
-    return np.array([[along * x, along * y, along * z], [0.0, 0.0, broad * z], [0.0, -turned * z, turned * y]]).T
+    turned, broad = (
+        (THUMB_ANGLE_SD, 0.0)
+        if finger == "thumb"
+        else (0.0, 0.0 if "hand_breadth" in geometry.measured else BREADTH_SD)
+    )
+    return np.array(
+        [[along * x, along * y, along * z], [0.0, 0.0, broad * z], [0.0, -turned * z, turned * y]]
+    ).T
 
 
 def _bones(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
@@ -49,12 +59,20 @@ def _bones(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
     chain = CHAINS[finger]
     if geometry.measured & set(chain):
         return length_sd * np.eye(3)
-    sharing = chain[-len(RATIOS[finger]) - 1 :]  # the thumb's metacarpal is not counted to its length
+    sharing = chain[
+        -len(RATIOS[finger]) - 1 :
+    ]  # the thumb's metacarpal is not counted to its length
     size = sum(geometry.lengths[s] for s in sharing)
     share = np.array([geometry.lengths[s] / size for s in sharing])
-    above = np.triu(np.ones((len(share), len(share) - 1)))  # a ratio makes all bones before it longer against those behind
+    above = np.triu(
+        np.ones((len(share), len(share) - 1))
+    )  # a ratio makes all bones before it longer against those behind
     by_ratio = length_sd * (above - share @ above)
-    total = np.hypot(MEASURED_SD, TIP_TISSUE_SD[finger]) / size if finger in geometry.measured else length_sd
+    total = (
+        np.hypot(MEASURED_SD, TIP_TISSUE_SD[finger]) / size
+        if finger in geometry.measured
+        else length_sd
+    )
     bones = np.column_stack([by_ratio, np.full(len(share), total)])
     if len(sharing) == len(chain):
         return bones

@@ -12,7 +12,12 @@ import numpy as np
 
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import CHILDREN, IS_DOF, JOINT, LIMITS, PARENTS, SEGMENT
-from handscope.estimators.hand.forward_kinematics import CHAIN_JOINTS, CHAIN_SEGMENTS, chained_row, places_row
+from handscope.estimators.hand.forward_kinematics import (
+    CHAIN_JOINTS,
+    CHAIN_SEGMENTS,
+    chained_row,
+    places_row,
+)
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, rowwise
@@ -42,7 +47,11 @@ def between(q_GB: Array) -> Array:
 def posed(q_pc: Array, q_GB: Array, geometry: HandGeometry, constraints: bool) -> Pose:
     """The hand of joint rotations (n, joints, 4), oriented as told q_GB (n, segments, 4); `constraints`: what joints cannot do is taken away."""
     anatomy = _FREE, LIMITS, _CHAIN_JOINTS, _CHAIN_SEGMENTS
-    return Pose(*_posed(float(constraints), *anatomy, geometry.roots(), geometry.chain_offsets(), q_pc, q_GB))
+    return Pose(
+        *_posed(
+            float(constraints), *anatomy, geometry.roots(), geometry.chain_offsets(), q_pc, q_GB
+        )
+    )
 
 
 @rowwise("(j),(j),(s,q)->(j,q)")
@@ -63,7 +72,13 @@ def _posed(
     constraints: float, free: Array, limits: Array, joints: Array, segments: Array, roots: Array, offsets: Array, q_told: Array, q_GB: Array,
     angles: Array, freedoms: Array, q_pc: Array, q_GS: Array, tips: Array,
 ) -> None:  # fmt: skip
-    q_wrist, inverse, q_finger, chained, places = np.empty(4), np.empty(4), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 3))
+    q_wrist, inverse, q_finger, chained, places = (
+        np.empty(4),
+        np.empty(4),
+        np.empty((3, 4)),
+        np.empty((3, 4)),
+        np.empty((3, 3)),
+    )
     for j in range(q_told.shape[0]):
         joint_angles.decompose_row(q_told[j], angles[j], angles[j])
         if constraints > 0:

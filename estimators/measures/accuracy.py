@@ -46,7 +46,11 @@ METHODS = {
 
 def accuracy_of(method: str, calibrations: Sequence[Calibration] = ()) -> Accuracy:
     """What to expect of a method, m2's where it has no table, after these calibrations (the worst counts)."""
-    tilt = {s: max(c.quality[s].tilt_change for c in calibrations if s in c.quality) for c in calibrations for s in c.quality}
+    tilt = {
+        s: max(c.quality[s].tilt_change for c in calibrations if s in c.quality)
+        for c in calibrations
+        for s in c.quality
+    }
     return replace(METHODS.get(method, DEFAULT), tilt=tilt)
 
 
@@ -63,7 +67,9 @@ def with_sd(trajectory: Trajectory, accuracy: Accuracy) -> tuple[Trajectory, str
     tips_sd = np.broadcast_to(tips[None, :, None], (n, len(FINGERS), 3))
     own_angles, own_tips = trajectory.angles_sd, trajectory.tips_sd
     return replace(
-        trajectory, angles_sd=angles_sd if own_angles is None else own_angles, tips_sd=tips_sd if own_tips is None else own_tips
+        trajectory,
+        angles_sd=angles_sd if own_angles is None else own_angles,
+        tips_sd=tips_sd if own_tips is None else own_tips,
     ), accuracy.source
 
 
@@ -76,4 +82,6 @@ def _angle(accuracy: Accuracy, tilt: Array, unposed: Array, joint: Joint) -> flo
 
 def _tip(accuracy: Accuracy, unposed: Array, segments: list[int]) -> float:
     """Standard deviation of each coordinate: the RMS error of the place shared by three."""
-    return float((max(accuracy.tip, TIP_UNPOSED) if unposed[segments].any() else accuracy.tip) / np.sqrt(3.0))
+    return float(
+        (max(accuracy.tip, TIP_UNPOSED) if unposed[segments].any() else accuracy.tip) / np.sqrt(3.0)
+    )

@@ -42,7 +42,14 @@ def assess(
     told = [e for e in events if e.trial_type == "task"]
     tasks = [e for e in told if not e.details.get("excluded")]
     if not told and len(trajectory):
-        tasks = [Event(float(trajectory.t[0]), float(trajectory.t[-1] - trajectory.t[0]), "task", {"task_name": "whole recording"})]
+        tasks = [
+            Event(
+                float(trajectory.t[0]),
+                float(trajectory.t[-1] - trajectory.t[0]),
+                "task",
+                {"task_name": "whole recording"},
+            )
+        ]
     known, basis = with_sd(trajectory, accuracy)
     results = []
     for event in tasks:
@@ -53,7 +60,18 @@ def assess(
             params = (options or {}).get(name) or module.Params()
             details = module.measure(params, counted, event.onset, event.end, geometry, asked)
             figures = tuple(module.figures(details))
-            results.append(TaskResult(asked.task, name, event.onset, event.end, details, figures, module.shown(details), basis))
+            results.append(
+                TaskResult(
+                    asked.task,
+                    name,
+                    event.onset,
+                    event.end,
+                    details,
+                    figures,
+                    module.shown(details),
+                    basis,
+                )
+            )
     return results
 
 

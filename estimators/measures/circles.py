@@ -27,10 +27,20 @@ SOURCE = "task: Kortier, thesis Table 3.1; definition ours: ellipse of the covar
 KINDS = kinds(
     Kind("circles_count", "1", "whole turns about the middle of the movement", SOURCE),
     Kind("circles_rate", "Hz", "turns per second", SOURCE),
-    Kind("circles_long", "rad", "longer half axis of the mean ellipse of flexion and deviation", SOURCE),
+    Kind(
+        "circles_long",
+        "rad",
+        "longer half axis of the mean ellipse of flexion and deviation",
+        SOURCE,
+    ),
     Kind("circles_short", "rad", "shorter half axis of that ellipse", SOURCE),
     Kind("circles_roundness", "1", "shorter over longer half axis: 1 is a circle", SOURCE),
-    Kind("circles_scatter_share", "1", "rms distance from the mean ellipse, in shares of its size", SOURCE),
+    Kind(
+        "circles_scatter_share",
+        "1",
+        "rms distance from the mean ellipse, in shares of its size",
+        SOURCE,
+    ),
 )
 PART = "index_mcp"
 
@@ -38,7 +48,9 @@ PART = "index_mcp"
 @dataclass(frozen=True, kw_only=True)
 class Params:
     lowpass: float = option(10.0, "Hz", "what is faster is taken for noise", "ours", least=1.0)
-    smallest: float = option(0.035, "rad", "a half axis below this is no circle", "ours: 2 deg, the methods' error")
+    smallest: float = option(
+        0.035, "rad", "a half axis below this is no circle", "ours: 2 deg, the methods' error"
+    )
 
 
 @dataclass(frozen=True)
@@ -71,7 +83,11 @@ def measure(
     angles = part.angles[:, JOINT[PART]]
     if len(part) < 3 or np.isfinite(angles[:, [FLEXION, DEVIATION]]).all(axis=1).sum() < 3:
         return _nothing("the index finger was not measured")
-    sd = None if part.angles_sd is None else float(np.sqrt(np.nanmean(part.angles_sd[:, JOINT[PART], [FLEXION, DEVIATION]] ** 2)))
+    sd = (
+        None
+        if part.angles_sd is None
+        else float(np.sqrt(np.nanmean(part.angles_sd[:, JOINT[PART], [FLEXION, DEVIATION]] ** 2)))
+    )
     graded = grade_of(part.flags[:, [SEGMENT["hand"], SEGMENT["index_proximal"]]])
     return of_angles(part.t, angles[:, FLEXION], angles[:, DEVIATION], params, sd, graded)
 
@@ -91,9 +107,22 @@ def of_angles(
     xy = np.array([s.values[:n] - s.values[:n].mean() for s in signals])
     sizes, axes = np.linalg.eigh(np.cov(xy))
     short, long = (float(np.sqrt(2 * max(v, 0.0))) for v in sizes)
-    curves = tuple(Curve(f"{PART}_{name}", "rad", s.t, s.values) for name, s in zip(("flexion", "deviation"), signals))
+    curves = tuple(
+        Curve(f"{PART}_{name}", "rad", s.t, s.values)
+        for name, s in zip(("flexion", "deviation"), signals)
+    )
     if short < params.smallest:
-        return Circles(0.0, np.nan, long, short, np.nan, sd, "poor", "no circle: the finger moved along a line, or hardly", curves)
+        return Circles(
+            0.0,
+            np.nan,
+            long,
+            short,
+            np.nan,
+            sd,
+            "poor",
+            "no circle: the finger moved along a line, or hardly",
+            curves,
+        )
     unit = axes.T @ xy / np.array([[short], [long]])  # on the mean ellipse of length 1
     turned = np.unwrap(np.arctan2(unit[1], unit[0]))
     turns = abs(float(turned[-1] - turned[0])) / (2 * np.pi)
@@ -105,11 +134,18 @@ def of_angles(
 def figures(c: Circles) -> list[Figure]:
     """The flat list of figures; both half axes have an angle's error at either end, independent."""
     told, axis_sd = (c.grade, c.reason), None if c.sd is None else c.sd / np.sqrt(2.0)
-    round_sd = None if axis_sd is None or not c.long > 0 else float(axis_sd / c.long * np.hypot(1.0, c.short / c.long))
+    round_sd = (
+        None
+        if axis_sd is None or not c.long > 0
+        else float(axis_sd / c.long * np.hypot(1.0, c.short / c.long))
+    )
     scatter_sd = c.scatter / np.sqrt(2 * max(c.turns, 1.0)) if np.isfinite(c.scatter) else None
     rows: dict[str, tuple[float, float | None]] = {
         "circles_count": (float(np.floor(c.turns + 0.05)) if np.isfinite(c.turns) else np.nan, 0.0),
-        "circles_rate": (c.rate, c.rate / max(c.turns, 1.0) * c.scatter / (2 * np.pi) if np.isfinite(c.rate) else None),
+        "circles_rate": (
+            c.rate,
+            c.rate / max(c.turns, 1.0) * c.scatter / (2 * np.pi) if np.isfinite(c.rate) else None,
+        ),
         "circles_long": (c.long, axis_sd),
         "circles_short": (c.short, axis_sd),
         "circles_roundness": (c.short / c.long if c.long > 0 else np.nan, round_sd),

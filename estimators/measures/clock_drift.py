@@ -30,14 +30,19 @@ from handscope.estimators.numerics.quaternions import Array
 
 MOST = 1e-3  # of a clock; larger ones are no clocks of one kind
 SHORTEST, WINDOWS = 2.0, 24  # s of a window, how many at most
-LEAST, MANY = 6, 10  # windows that tell something: for a line with a standard deviation, and for one without its outliers
+LEAST, MANY = (
+    6,
+    10,
+)  # windows that tell something: for a line with a standard deviation, and for one without its outliers
 FITTING = 0.6  # correlation of a window that tells something
 MOVING = 0.05  # variance of a window against the mean of all
 STEP = 0.02  # s of the search within a window
 PART, TRIED = 120.0, 3  # s of a stretch, how many are tried where the whole fits nowhere
 CHANCE = 1e-3  # how often no drift is taken for one
 MATTERS = 1e-3  # s over what both show: the tenth of a sample
-BIWEIGHT = 4.685  # standard deviations; 95 % as efficient as least squares where there are no outliers
+BIWEIGHT = (
+    4.685  # standard deviations; 95 % as efficient as least squares where there are no outliers
+)
 
 
 def synchronised_clocks(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
@@ -80,9 +85,15 @@ def with_drift(a: Signal, b: Signal, lag: Lag, around: float | None = None) -> L
         return replace(lag, drift=drift)
     found = replace(lag, seconds=start, at=float(a.t[0]), drift=drift)
     better = pooled(a.values, interpolated(b, found.on_b(a.t)))
-    if better < pooled(a.values, interpolated(b, a.t - lag.seconds)):  # the windows have followed something else
+    if better < pooled(
+        a.values, interpolated(b, a.t - lag.seconds)
+    ):  # the windows have followed something else
         return replace(lag, drift=replace(drift, applied=False))
-    return replace(found, correlation=pooled(samples_a.values, interpolated(samples_b, found.on_b(a.t))), overlap=span)
+    return replace(
+        found,
+        correlation=pooled(samples_a.values, interpolated(samples_b, found.on_b(a.t))),
+        overlap=span,
+    )
 
 
 def _busiest(a: Signal) -> list[Signal]:
@@ -90,28 +101,46 @@ def _busiest(a: Signal) -> list[Signal]:
     count = int((a.t[-1] - a.t[0]) // PART)
     edges = np.linspace(a.t[0], a.t[-1], count + 1) if count > 1 else np.zeros(0)
     parts = [_between(a, first, last) for first, last in zip(edges[:-1], edges[1:])]
-    return sorted((p for p in parts if len(p.t) > 2), key=lambda p: -float(variance(p.values).sum()))[:TRIED]
+    return sorted(
+        (p for p in parts if len(p.t) > 2), key=lambda p: -float(variance(p.values).sum())
+    )[:TRIED]
 
 
-def _followed(parts: list[Signal], b: Signal, lag: Lag, around: float | None) -> tuple[Array, Array, Array]:
+def _followed(
+    parts: list[Signal], b: Signal, lag: Lag, around: float | None
+) -> tuple[Array, Array, Array]:
     """Middle, lag and weight of every window that tells something: from the middle of the movement outwards, each looking near its neighbour."""
     power = np.array([variance(p.values).sum() * len(p.t) if len(p.t) else 0.0 for p in parts])
     ends = np.array([p.t[-1] if len(p.t) else np.inf for p in parts])
-    seed = int(np.searchsorted(np.cumsum(power), 0.5 * power.sum()) if around is None else np.searchsorted(ends[:-1], around))
-    reach = MOST * 0.5 * lag.overlap  # the lag of the whole is that of the middle of the movement, about
+    seed = int(
+        np.searchsorted(np.cumsum(power), 0.5 * power.sum())
+        if around is None
+        else np.searchsorted(ends[:-1], around)
+    )
+    reach = (
+        MOST * 0.5 * lag.overlap
+    )  # the lag of the whole is that of the middle of the movement, about
     found: dict[int, tuple[float, float, float]] = {}
     for order in (range(seed, len(parts)), range(seed - 1, -1, -1)):
-        near, t_near = (lag.seconds, None) if seed not in found else (found[seed][1], found[seed][0])
+        near, t_near = (
+            (lag.seconds, None) if seed not in found else (found[seed][1], found[seed][0])
+        )
         for k in order:
             part = parts[k]
             if len(part.t) < 3 or power[k] <= MOVING * power.mean():
                 continue
             middle = float(part.t.mean())
-            seconds, r = _locally(part, b, near, reach if t_near is None else MOST * abs(middle - t_near))
+            seconds, r = _locally(
+                part, b, near, reach if t_near is None else MOST * abs(middle - t_near)
+            )
             if r < FITTING:
                 continue
             near, t_near = seconds, middle
-            found[k] = (middle, seconds, _bandwidth(part) ** 2 * len(part.t) * min(r * r / max(1 - r * r, 1e-9), 1e4))
+            found[k] = (
+                middle,
+                seconds,
+                _bandwidth(part) ** 2 * len(part.t) * min(r * r / max(1 - r * r, 1e-9), 1e4),
+            )
     told = np.array([found[k] for k in sorted(found)]).reshape(-1, 3)
     return told[:, 0], told[:, 1], told[:, 2]
 
@@ -129,7 +158,9 @@ def _locally(part: Signal, b: Signal, near: float, reach: float) -> tuple[float,
         return near, -1.0
     steps = near + np.arange(-np.ceil(reach / STEP), np.ceil(reach / STEP) + 1) * STEP
     best = steps[int(np.argmin([misfit(float(s)) for s in steps]))]
-    found = minimize_scalar(misfit, bounds=(best - STEP, best + STEP), method="bounded", options={"xatol": 1e-6})
+    found = minimize_scalar(
+        misfit, bounds=(best - STEP, best + STEP), method="bounded", options={"xatol": 1e-6}
+    )
     return float(found.x), -float(found.fun)
 
 
@@ -153,7 +184,9 @@ def _line(t: Array, lags: Array, weights: Array) -> tuple[float, float, float]:
 
 def _shared(a: Signal, b: Signal, lag: Lag) -> tuple[float, float]:
     """What both show, on A's clock."""
-    return max(float(a.t[0]), float(b.t[0]) + lag.seconds), min(float(a.t[-1]), float(b.t[-1]) + lag.seconds)
+    return max(float(a.t[0]), float(b.t[0]) + lag.seconds), min(
+        float(a.t[-1]), float(b.t[-1]) + lag.seconds
+    )
 
 
 def _between(signal: Signal, start: float, stop: float) -> Signal:

@@ -21,8 +21,12 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
 
 LIMIT = 1.96  # standard deviations: 95 % of normally distributed differences
-UNKNOWN = np.uint8(Flag.MISSING | Flag.HEADING_LOST | Flag.FAULTY)  # what the instrument itself does not claim to know; clipping stays in
-TURNED = np.radians(10.0)  # rad/s that a segment's rate must reach; ours: the noise of a gyroscope stays below a tenth of it
+UNKNOWN = np.uint8(
+    Flag.MISSING | Flag.HEADING_LOST | Flag.FAULTY
+)  # what the instrument itself does not claim to know; clipping stays in
+TURNED = np.radians(
+    10.0
+)  # rad/s that a segment's rate must reach; ours: the noise of a gyroscope stays below a tenth of it
 TIPS = "thumb_index_distance"
 WHOLE = "whole recording"
 
@@ -45,7 +49,9 @@ class Pair:
 
     def between(self, start: float, stop: float) -> "Pair":
         first, last = np.searchsorted(self.t, [start, np.nextafter(stop, np.inf)])
-        return Pair(self.name, self.unit, self.t[first:last], self.a[first:last], self.b[first:last])
+        return Pair(
+            self.name, self.unit, self.t[first:last], self.a[first:last], self.b[first:last]
+        )
 
 
 @dataclass(frozen=True)
@@ -114,13 +120,22 @@ def paired(a: Trajectory, b: Trajectory, lag: float) -> list[Pair]:
         return []
     angles = [] if names == [TIPS] else _pairs(names, "rad", on_a, on_b, lag)
     tips = [Signal(x.t, tip_distance(x)[:, None]) for x in (a, b)]
-    return angles + (_pairs([TIPS], "m", tips[0], tips[1], lag) if all(np.isfinite(s.values).any() for s in tips) else [])
+    return angles + (
+        _pairs([TIPS], "m", tips[0], tips[1], lag)
+        if all(np.isfinite(s.values).any() for s in tips)
+        else []
+    )
 
 
-def stretches(a: Sequence[Event], b: Sequence[Event], lag: float, span: tuple[float, float]) -> list[tuple[str, float, float]]:
+def stretches(
+    a: Sequence[Event], b: Sequence[Event], lag: float, span: tuple[float, float]
+) -> list[tuple[str, float, float]]:
     """Name, onset and end on A's clock of the whole recording and of each task: those of A, or of B where A tells none."""
     tasks = [(e, 0.0) for e in a if _is_task(e)] or [(e, lag) for e in b if _is_task(e)]
-    return [(WHOLE, *span), *((str(e.details.get("task_name", "task")), e.onset + s, e.end + s) for e, s in tasks)]
+    return [
+        (WHOLE, *span),
+        *((str(e.details.get("task_name", "task")), e.onset + s, e.end + s) for e, s in tasks),
+    ]
 
 
 def agreements(pairs: Sequence[Pair], parts: Sequence[tuple[str, float, float]]) -> list[Agreement]:
@@ -137,7 +152,11 @@ def agreements(pairs: Sequence[Pair], parts: Sequence[tuple[str, float, float]])
 
 def tip_distance(moved: Trajectory) -> Array:
     """Distance (n,) m between the tips of thumb and index: the amplitude of tapping."""
-    return np.asarray(np.linalg.norm(moved.tips[:, FINGERS.index("thumb")] - moved.tips[:, FINGERS.index("index")], axis=-1))
+    return np.asarray(
+        np.linalg.norm(
+            moved.tips[:, FINGERS.index("thumb")] - moved.tips[:, FINGERS.index("index")], axis=-1
+        )
+    )
 
 
 def gyroscope_consistency(
@@ -162,21 +181,33 @@ def gyroscope_consistency(
             q_GS = moved.q_GS[:, SEGMENT[segment]]
             estimated = np.linalg.norm(quat.log(quat.relative(q_GS[:-1], q_GS[1:])), axis=-1) / dt
             gyr = block.of(GYR)[:, k] - biases.get(segment, np.zeros(3))
-            norm = np.linalg.norm([np.interp(middle, t, w, left=np.nan, right=np.nan) for w in gyr.T], axis=0)
+            norm = np.linalg.norm(
+                [np.interp(middle, t, w, left=np.nan, right=np.nan) for w in gyr.T], axis=0
+            )
             apart = estimated - norm
             if np.isfinite(apart).any():
-                found.append(Consistency(segment, float(np.sqrt(np.nanmean(apart**2))), float(np.nanmax(np.linalg.norm(gyr, axis=-1)))))
+                found.append(
+                    Consistency(
+                        segment,
+                        float(np.sqrt(np.nanmean(apart**2))),
+                        float(np.nanmax(np.linalg.norm(gyr, axis=-1))),
+                    )
+                )
     return found
 
 
 def _known_angles(moved: Trajectory) -> Array:
     """Angles (n, joints, 3), NaN where a segment's flags say that the instrument does not know them."""
     unknown = (moved.flags & UNKNOWN) != 0
-    of_joint = np.stack([unknown[:, SEGMENT[j.parent]] | unknown[:, SEGMENT[j.child]] for j in JOINTS], axis=-1)
+    of_joint = np.stack(
+        [unknown[:, SEGMENT[j.parent]] | unknown[:, SEGMENT[j.child]] for j in JOINTS], axis=-1
+    )
     return np.where(of_joint[..., None], np.nan, moved.angles)
 
 
-def _pairs(names: Sequence[str], unit: Literal["rad", "m"], a: Signal, b: Signal, lag: float) -> list[Pair]:
+def _pairs(
+    names: Sequence[str], unit: Literal["rad", "m"], a: Signal, b: Signal, lag: float
+) -> list[Pair]:
     values = interpolated(b, a.t - lag)
     return [
         Pair(name, unit, a.t, a.values[:, k], values[:, k])

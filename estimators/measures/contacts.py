@@ -70,15 +70,28 @@ def touched(contact: Contact, part: Trajectory, geometry: HandGeometry | None) -
     numbers = [FINGERS.index(f) for f in fingers]
     points = [part.tips[:, k] for k in numbers]
     if geometry is not None and len(part):
-        points = [contact_points_of(part, geometry, f, p, FINGERTIPS[f]) for f, p in (contact.a, contact.b)]
+        points = [
+            contact_points_of(part, geometry, f, p, FINGERTIPS[f])
+            for f, p in (contact.a, contact.b)
+        ]
     apart = points[0] - points[1]
     distance = np.sqrt((apart**2).sum(axis=-1))
     sd = None
     if part.tips_sd is not None and len(part):
-        both = np.sqrt((part.tips_sd[:, numbers] ** 2).sum(axis=1).mean(axis=-1))  # of each coordinate, both fingers
+        both = np.sqrt(
+            (part.tips_sd[:, numbers] ** 2).sum(axis=1).mean(axis=-1)
+        )  # of each coordinate, both fingers
         sd = float(np.nanmean(both)) if np.isfinite(both).any() else None
     if np.isfinite(distance).sum() < 3:
-        return Touched(contact, part.t, distance, None, geometry is not None, "poor", f"{' or '.join(fingers)} not measured")
+        return Touched(
+            contact,
+            part.t,
+            distance,
+            None,
+            geometry is not None,
+            "poor",
+            f"{' or '.join(fingers)} not measured",
+        )
     return Touched(contact, part.t, distance, sd, geometry is not None, *graded(part, segments))
 
 
@@ -88,7 +101,11 @@ def errors(distance: Array, true: float) -> Mapping[str, float]:
     off = off[np.isfinite(off)]
     if not len(off):
         return {"mean": np.nan, "sd": np.nan, "rmse": np.nan}
-    return {"mean": float(off.mean()), "sd": float(off.std(ddof=1)) if len(off) > 1 else 0.0, "rmse": float(np.sqrt((off**2).mean()))}
+    return {
+        "mean": float(off.mean()),
+        "sd": float(off.std(ddof=1)) if len(off) > 1 else 0.0,
+        "rmse": float(np.sqrt((off**2).mean())),
+    }
 
 
 def _number(text: str) -> float | None:

@@ -29,9 +29,16 @@ def time_kinds(prefix: str, one: str) -> Mapping[str, Kind]:
     fatigue = "mean time from closing to closing in the last {0} % of the {1}s taken off that in the first {0} %"
     return kinds(
         Kind(f"{prefix}_count", "1", f"complete {one}s, from one closing to the next", RETAP),
-        Kind(f"{prefix}_rate", "Hz", f"{one}s per second, of the time that complete ones took", RETAP),
+        Kind(
+            f"{prefix}_rate", "Hz", f"{one}s per second, of the time that complete ones took", RETAP
+        ),
         Kind(f"{prefix}_interval_mean", "s", "mean time from one closing to the next", RETAP),
-        Kind(f"{prefix}_interval_cv", "1", "standard deviation of the times between closings over their mean", RETAP),
+        Kind(
+            f"{prefix}_interval_cv",
+            "1",
+            "standard deviation of the times between closings over their mean",
+            RETAP,
+        ),
         Kind(
             f"{prefix}_interval_slope",
             "s",
@@ -40,7 +47,10 @@ def time_kinds(prefix: str, one: str) -> Mapping[str, Kind]:
             detail=True,
         ),
         Kind(f"{prefix}_first_rate", "Hz", f"rate of the first ten {one}s", FIRST),
-        *(Kind(f"{prefix}_fatigue{p}", "s", fatigue.format(p, one), FATIGUE, detail=p != 25) for p in FATIGUE_SHARES),
+        *(
+            Kind(f"{prefix}_fatigue{p}", "s", fatigue.format(p, one), FATIGUE, detail=p != 25)
+            for p in FATIGUE_SHARES
+        ),
     )
 
 
@@ -48,19 +58,54 @@ def size_kinds(prefix: str, one: str, unit: str, opening: str) -> Mapping[str, K
     """Kinds of figures about how far and how fast; `opening` says what opens."""
     change = f"change of amplitude from {one} to {one}, by least squares"
     return kinds(
-        Kind(f"{prefix}_amplitude_mean", unit, f"mean over the {one}s of the largest {opening}, that at the closings taken off", SLOPE),
-        Kind(f"{prefix}_amplitude_cv", "1", "standard deviation of the amplitudes over their mean", SLOPE),
-        Kind(f"{prefix}_opening_speed_mean", f"{unit}/s", f"mean over the {one}s of the fastest opening", SPEED),
-        Kind(f"{prefix}_closing_speed_mean", f"{unit}/s", f"mean over the {one}s of the fastest closing", SPEED),
+        Kind(
+            f"{prefix}_amplitude_mean",
+            unit,
+            f"mean over the {one}s of the largest {opening}, that at the closings taken off",
+            SLOPE,
+        ),
+        Kind(
+            f"{prefix}_amplitude_cv",
+            "1",
+            "standard deviation of the amplitudes over their mean",
+            SLOPE,
+        ),
+        Kind(
+            f"{prefix}_opening_speed_mean",
+            f"{unit}/s",
+            f"mean over the {one}s of the fastest opening",
+            SPEED,
+        ),
+        Kind(
+            f"{prefix}_closing_speed_mean",
+            f"{unit}/s",
+            f"mean over the {one}s of the fastest closing",
+            SPEED,
+        ),
         Kind(f"{prefix}_decrement_slope", unit, change, SLOPE),
         Kind(
-            f"{prefix}_decrement_ratio", "1", f"mean amplitude of the last five {one}s less that of the first five, over the latter", RETAP
+            f"{prefix}_decrement_ratio",
+            "1",
+            f"mean amplitude of the last five {one}s less that of the first five, over the latter",
+            RETAP,
         ),
         Kind(
-            f"{prefix}_half_decrement", unit, f"mean amplitude of the first half of the {one}s less that of the second", HALVES, detail=True
+            f"{prefix}_half_decrement",
+            unit,
+            f"mean amplitude of the first half of the {one}s less that of the second",
+            HALVES,
+            detail=True,
         ),
-        Kind(f"{prefix}_first_amplitude_mean", unit, f"mean amplitude of the first ten {one}s", FIRST),
-        Kind(f"{prefix}_first_decrement_slope", unit, f"{change}, of the first ten {one}s", FIRST, detail=True),
+        Kind(
+            f"{prefix}_first_amplitude_mean", unit, f"mean amplitude of the first ten {one}s", FIRST
+        ),
+        Kind(
+            f"{prefix}_first_decrement_slope",
+            unit,
+            f"{change}, of the first ten {one}s",
+            FIRST,
+            detail=True,
+        ),
     )
 
 
@@ -79,7 +124,9 @@ def stop_kinds(prefix: str, of: str) -> Mapping[str, Kind]:
     )
 
 
-def time_figures(params: Params, kinds: Mapping[str, Kind], prefix: str, c: Cycles, graded: Graded) -> list[Figure]:
+def time_figures(
+    params: Params, kinds: Mapping[str, Kind], prefix: str, c: Cycles, graded: Graded
+) -> list[Figure]:
     intervals, instant = c.intervals, np.sqrt(2.0) * c.period / np.sqrt(12.0)
     first = c.first(params.first)
     rows: dict[str, tuple[float, float | None, str]] = {
@@ -88,14 +135,24 @@ def time_figures(params: Params, kinds: Mapping[str, Kind], prefix: str, c: Cycl
         "interval_mean": (_mean(intervals), _over(instant, len(intervals)), ""),
         "interval_cv": (_cv(intervals), _cv_sd(intervals), ""),
         "interval_slope": (*_slope(params, intervals), _few(params, c)),
-        "first_rate": (*_first(params, c, (first.rate, _over(first.rate * instant, first.intervals.sum()))), _few_first(params, c)),
+        "first_rate": (
+            *_first(params, c, (first.rate, _over(first.rate * instant, first.intervals.sum()))),
+            _few_first(params, c),
+        ),
     }
     for p in FATIGUE_SHARES:
         rows[f"fatigue{p}"] = _fatigue(params, intervals, p)
     return _figures(kinds, prefix, rows, graded)
 
 
-def size_figures(params: Params, kinds: Mapping[str, Kind], prefix: str, c: Cycles, sd: float | None, graded: Graded) -> list[Figure]:
+def size_figures(
+    params: Params,
+    kinds: Mapping[str, Kind],
+    prefix: str,
+    c: Cycles,
+    sd: float | None,
+    graded: Graded,
+) -> list[Figure]:
     """`sd` is that of the opening's error at one instant."""
     amplitudes, first = c.amplitudes, c.first(params.first).amplitudes
     mean = _mean(amplitudes)
@@ -109,14 +166,22 @@ def size_figures(params: Params, kinds: Mapping[str, Kind], prefix: str, c: Cycl
         "closing_speed_mean": (_mean(c.closing_speeds), _times(scale, _mean(c.closing_speeds)), ""),
         "decrement_slope": (*_scaled(_slope(params, amplitudes), scale), _few(params, c)),
         "decrement_ratio": (*_ratio(params, amplitudes), _few(params, c)),
-        "half_decrement": (*_scaled(_fall(params, amplitudes[:half], amplitudes[half:]), scale), _few(params, c)),
+        "half_decrement": (
+            *_scaled(_fall(params, amplitudes[:half], amplitudes[half:]), scale),
+            _few(params, c),
+        ),
         "first_amplitude_mean": (*_first(params, c, (_mean(first), off)), _few_first(params, c)),
-        "first_decrement_slope": (*_first(params, c, _scaled(_slope(params, first), scale)), _few_first(params, c)),
+        "first_decrement_slope": (
+            *_first(params, c, _scaled(_slope(params, first), scale)),
+            _few_first(params, c),
+        ),
     }
     return _figures(kinds, prefix, rows, graded)
 
 
-def stop_figures(params: Params, kinds: Mapping[str, Kind], prefix: str, each: Sequence[Stops], graded: Graded) -> list[Figure]:
+def stop_figures(
+    params: Params, kinds: Mapping[str, Kind], prefix: str, each: Sequence[Stops], graded: Graded
+) -> list[Figure]:
     """From the stops at the threshold speed, at four and at six fifths of it."""
     longest = [float(s.durations.max(initial=0.0)) for s in each]
     rows: dict[str, tuple[float, float | None, str]] = {}
@@ -132,10 +197,17 @@ def decrement(params: Params, amplitudes: Array) -> tuple[float, float]:
     return _slope(params, amplitudes)[0], _ratio(params, amplitudes)[0]
 
 
-def _figures(kinds: Mapping[str, Kind], prefix: str, rows: Mapping[str, tuple[float, float | None, str]], graded: Graded) -> list[Figure]:
+def _figures(
+    kinds: Mapping[str, Kind],
+    prefix: str,
+    rows: Mapping[str, tuple[float, float | None, str]],
+    graded: Graded,
+) -> list[Figure]:
     grade, reason = graded
     return [
-        kinds[f"{prefix}_{name}"].of(value, sd, grade, (why if not np.isfinite(value) else "") or reason)
+        kinds[f"{prefix}_{name}"].of(
+            value, sd, grade, (why if not np.isfinite(value) else "") or reason
+        )
         for name, (value, sd, why) in rows.items()
     ]
 
@@ -198,7 +270,9 @@ def _error(values: Array) -> float:
     return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else 0.0
 
 
-def _first(params: Params, c: Cycles, known: tuple[float, float | None]) -> tuple[float, float | None]:
+def _first(
+    params: Params, c: Cycles, known: tuple[float, float | None]
+) -> tuple[float, float | None]:
     return known if c.count >= params.first else (float("nan"), None)
 
 

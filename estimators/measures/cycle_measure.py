@@ -17,7 +17,11 @@ from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
 from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.numerics.quaternions import Array
 
-STILL = (1.0, 0.8, 1.2)  # of the speed that counts as hardly any movement: itself, and how far the counts hang on it
+STILL = (
+    1.0,
+    0.8,
+    1.2,
+)  # of the speed that counts as hardly any movement: itself, and how far the counts hang on it
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,12 @@ class Repeated:
 
 
 def measured(
-    params: Params, t: Array, angle: Array, within: tuple[float, float], graded: tuple[Grade, str], sd: float | None = None
+    params: Params,
+    t: Array,
+    angle: Array,
+    within: tuple[float, float],
+    graded: tuple[Grade, str],
+    sd: float | None = None,
 ) -> Repeated:
     """Cycles within [onset, end] of an angle (n,) in rad."""
     if np.isfinite(angle).sum() < 3:
@@ -78,9 +87,14 @@ def figures_of(words: Words, r: Repeated) -> list[Figure]:
     graded = (r.grade, r.reason)
     if r.cycles is None or not r.cycles.count:
         count = np.nan if r.cycles is None else 0.0
-        return [k.of(count if k.what.endswith("_count") else np.nan, 0.0, *graded) for k in words.kinds().values()]
+        return [
+            k.of(count if k.what.endswith("_count") else np.nan, 0.0, *graded)
+            for k in words.kinds().values()
+        ]
     made = cycle_figures.time_figures(r.params, words.times(), words.prefix, r.cycles, graded)
-    made += cycle_figures.size_figures(r.params, words.sizes(), words.prefix, r.cycles, r.sd, graded)
+    made += cycle_figures.size_figures(
+        r.params, words.sizes(), words.prefix, r.cycles, r.sd, graded
+    )
     return made + cycle_figures.stop_figures(r.params, words.stops(), words.prefix, r.stops, graded)
 
 
@@ -93,5 +107,7 @@ def shown_of(words: Words, r: Repeated) -> Shown:
         Curve(f"{words.prefix}_angle", "rad", c.t, c.opening),
         Curve(f"{words.prefix}_amplitude", "rad", np.arange(1.0, c.count + 1), c.amplitudes, "1"),
     )
-    marks = {"closing": c.closings} | ({"freeze": r.stops[0].lasting(r.params.freeze)} if r.stops else {})
+    marks = {"closing": c.closings} | (
+        {"freeze": r.stops[0].lasting(r.params.freeze)} if r.stops else {}
+    )
     return Shown(curves, marks)

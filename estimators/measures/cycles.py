@@ -27,10 +27,20 @@ RETAP = "ReTap (Habets 2023, doi 10.3390/s23115238)"
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
-    prominence: float = option(0.25, "", "least prominence of a closing, as a share of the 5-95 % range", "ours", least=0.01, most=1.0)
+    prominence: float = option(
+        0.25,
+        "",
+        "least prominence of a closing, as a share of the 5-95 % range",
+        "ours",
+        least=0.01,
+        most=1.0,
+    )
     cycle_min: float = option(0.1, "s", "shortest cycle", "ours", least=0.01)
     smallest: float = option(
-        0.005, "m", "movement smaller than this is none, where distances are measured", "ours: below the methods' tip error"
+        0.005,
+        "m",
+        "movement smaller than this is none, where distances are measured",
+        "ours: below the methods' tip error",
     )
     smallest_turn: float = option(
         5.1 * DEG,
@@ -38,13 +48,30 @@ class Params:
         "movement smaller than this is none, where angles are measured",
         "Stamatakis 2013 (Comput Intell Neurosci 717853), smallest of 86",
     )
-    lowpass: float = option(20.0, "Hz", "what is faster is taken for noise; 0: nothing", "ours: as the reference values were computed")
-    max_gap: float = option(0.1, "s", "longest hole in the samples that is bridged", "ours: the shortest cycle")
+    lowpass: float = option(
+        20.0,
+        "Hz",
+        "what is faster is taken for noise; 0: nothing",
+        "ours: as the reference values were computed",
+    )
+    max_gap: float = option(
+        0.1, "s", "longest hole in the samples that is bridged", "ours: the shortest cycle"
+    )
     min_taps_for_decrement: int = option(8, "", "fewer cycles have no decrement", RETAP, least=2)
-    ends: int = option(5, "", "cycles at either end that the decrement ratio compares", RETAP, least=1)
-    first: int = option(10, "", "cycles that the figures of the first ones rest on", "MDS-UPDRS items 3.4 to 3.6: ten movements", least=2)
+    ends: int = option(
+        5, "", "cycles at either end that the decrement ratio compares", RETAP, least=1
+    )
+    first: int = option(
+        10,
+        "",
+        "cycles that the figures of the first ones rest on",
+        "MDS-UPDRS items 3.4 to 3.6: ten movements",
+        least=2,
+    )
     still_speed: float = option(50 * DEG, "rad/s", "slower than this is hardly any movement", ISLAM)
-    interruption: float = option(0.2, "s", "hardly any movement for this long is an interruption", ISLAM)
+    interruption: float = option(
+        0.2, "s", "hardly any movement for this long is an interruption", ISLAM
+    )
     freeze: float = option(0.3, "s", "and for this long a freeze", ISLAM)
 
 
@@ -100,22 +127,45 @@ class Stops:
         return self.onsets[self.durations >= least - 1e-9]
 
 
-def found(params: Params, t: Array, opening: Array, smallest: float, within: tuple[float, float] = (-np.inf, np.inf)) -> Cycles:
+def found(
+    params: Params,
+    t: Array,
+    opening: Array,
+    smallest: float,
+    within: tuple[float, float] = (-np.inf, np.inf),
+) -> Cycles:
     """The complete cycles between two instants, looked for in the whole signal."""
     signal = even(t, opening, params.max_gap, params.lowpass)
     closed, counts = _closed(params, signal, smallest, within), []
     for share in (0.8, 1.2):
-        looser = _closed(replace(params, prominence=min(1.0, share * params.prominence)), signal, smallest, within)
+        looser = _closed(
+            replace(params, prominence=min(1.0, share * params.prominence)),
+            signal,
+            smallest,
+            within,
+        )
         counts.append(len(_complete(signal, looser)))
-    small = len(_complete(signal, _closed(replace(params, prominence=SMALL * params.prominence), signal, smallest, within)))
+    small = len(
+        _complete(
+            signal,
+            _closed(
+                replace(params, prominence=SMALL * params.prominence), signal, smallest, within
+            ),
+        )
+    )
     made = at(params, signal, closed)
-    return replace(made, count_sd=0.5 * abs(counts[0] - counts[1]), smaller=max(0, small - made.count))
+    return replace(
+        made, count_sd=0.5 * abs(counts[0] - counts[1]), smaller=max(0, small - made.count)
+    )
 
 
 def said_of(c: Cycles, told: tuple[Grade, str]) -> tuple[Grade, str]:
     """Grade and reason of a trial, with what its cycles leave out."""
     if c.count and c.smaller > OVERLOOKED * c.count:
-        return worse(told, ("fair", f"{c.smaller} movements of less than a quarter of the range are not counted"))
+        return worse(
+            told,
+            ("fair", f"{c.smaller} movements of less than a quarter of the range are not counted"),
+        )
     return told
 
 
@@ -124,15 +174,29 @@ def require_fast(params: Params, t: Array, values: Array) -> None:
     t, values = checked(t, values)
     period = float(np.median(np.diff(t)))
     if period > params.cycle_min:
-        raise InputError(f"samples come every {period:g} s, too slowly for movements of {params.cycle_min:g} s; are the times in seconds?")
+        raise InputError(
+            f"samples come every {period:g} s, too slowly for movements of {params.cycle_min:g} s; are the times in seconds?"
+        )
 
 
 def at(params: Params, signal: Even, closed: np.ndarray) -> Cycles:
     """The cycles between closings (indices) that are known already."""
     pairs = _complete(signal, closed)
-    amplitudes, opening, closing = np.array([_cycle(signal, a, b) for a, b in pairs]).reshape(-1, 3).T
+    amplitudes, opening, closing = (
+        np.array([_cycle(signal, a, b) for a, b in pairs]).reshape(-1, 3).T
+    )
     onsets, ends = (signal.t[[pair[k] for pair in pairs]] for k in (0, 1))
-    return Cycles(signal.t, signal.gapped, signal.t[closed], onsets, ends, amplitudes, opening, closing, signal.lost)
+    return Cycles(
+        signal.t,
+        signal.gapped,
+        signal.t[closed],
+        onsets,
+        ends,
+        amplitudes,
+        opening,
+        closing,
+        signal.lost,
+    )
 
 
 def closings(params: Params, signal: Even, smallest: float) -> np.ndarray:
@@ -141,27 +205,42 @@ def closings(params: Params, signal: Even, smallest: float) -> np.ndarray:
     if high - low < smallest:
         return np.empty(0, int)
     apart = max(1, round(params.cycle_min / signal.period))
-    return np.asarray(find_peaks(-signal.values, prominence=params.prominence * (high - low), distance=apart)[0])
+    return np.asarray(
+        find_peaks(-signal.values, prominence=params.prominence * (high - low), distance=apart)[0]
+    )
 
 
-def stops(params: Params, t: Array, angle: Array, within: tuple[float, float], share: float = 1.0) -> Stops:
+def stops(
+    params: Params, t: Array, angle: Array, within: tuple[float, float], share: float = 1.0
+) -> Stops:
     """Where an angle (rad) changes by at most a share of `still_speed` for `interruption` or longer, between two instants."""
     signal = even(t, angle, params.max_gap, params.lowpass)
-    slow = (np.abs(signal.slope()) <= share * params.still_speed) & signal.known & (signal.t >= within[0]) & (signal.t <= within[1])
+    slow = (
+        (np.abs(signal.slope()) <= share * params.still_speed)
+        & signal.known
+        & (signal.t >= within[0])
+        & (signal.t <= within[1])
+    )
     spans = [(signal.t[a], (b - a + 1) * signal.period) for a, b in stretches(slow)]
     long = np.array([s for s in spans if s[1] >= params.interruption - 1e-9]).reshape(-1, 2)
     return Stops(long[:, 0], long[:, 1])
 
 
-def _closed(params: Params, signal: Even, smallest: float, within: tuple[float, float]) -> np.ndarray:
+def _closed(
+    params: Params, signal: Even, smallest: float, within: tuple[float, float]
+) -> np.ndarray:
     closed = closings(params, signal, smallest)
     t = signal.t[closed]
-    return np.asarray(closed[(t >= within[0] - params.cycle_min) & (t <= within[1] + params.cycle_min)])
+    return np.asarray(
+        closed[(t >= within[0] - params.cycle_min) & (t <= within[1] + params.cycle_min)]
+    )
 
 
 def _complete(signal: Even, closed: np.ndarray) -> list[tuple[int, int]]:
     """Neighbouring closings without a hole between them."""
-    return [(int(a), int(b)) for a, b in zip(closed[:-1], closed[1:]) if signal.known[a : b + 1].all()]
+    return [
+        (int(a), int(b)) for a, b in zip(closed[:-1], closed[1:]) if signal.known[a : b + 1].all()
+    ]
 
 
 def _cycle(signal: Even, a: int, b: int) -> tuple[float, float, float]:

@@ -28,7 +28,9 @@ UP = np.array([0.0, 0.0, 1.0])
 Span = tuple[float, float]
 
 
-def repetitions(trajectory: Trajectory, onset: float, end: float, details: Iterable[Any] = ()) -> list[Span]:
+def repetitions(
+    trajectory: Trajectory, onset: float, end: float, details: Iterable[Any] = ()
+) -> list[Span]:
     """Of the first of the measures' details that has cycles those, else excursions."""
     for found in (getattr(d, "cycles", None) for d in details):
         if isinstance(found, Cycles):
@@ -49,9 +51,15 @@ def excursions(t: Array, away: Array) -> list[Span]:
     share = (away - bottom) / (top - bottom)
     sides = (share > HIGH).astype(int) - (share < LOW)
     beyond = np.flatnonzero(sides)
-    runs = np.split(beyond, np.flatnonzero(np.diff(sides[beyond])) + 1)  # stays on one side, samples between the thresholds left out
+    runs = np.split(
+        beyond, np.flatnonzero(np.diff(sides[beyond])) + 1
+    )  # stays on one side, samples between the thresholds left out
     rests = [(float(t[r[0]]), float(t[r[-1]])) for r in runs if sides[r[0]] < 0]
-    return [_span(rests, float(t[r[0]]), float(t[r[-1]]), (float(t[0]), float(t[-1]))) for r in runs if sides[r[0]] > 0]
+    return [
+        _span(rests, float(t[r[0]]), float(t[r[-1]]), (float(t[0]), float(t[-1])))
+        for r in runs
+        if sides[r[0]] > 0
+    ]
 
 
 def _span(rests: list[Span], start: float, stop: float, ends: Span) -> Span:
@@ -63,7 +71,9 @@ def _span(rests: list[Span], start: float, stop: float, ends: Span) -> Span:
 def _away(part: Trajectory) -> Array:
     """Distance (n,) from the posture at the beginning, each angle as a share of its own range; without a unit, NaN where nothing moves."""
     up = quat.rotate(quat.conjugate(part.q_GS[:, SEGMENT["hand"]]), UP)
-    columns = np.column_stack([part.angles.reshape(len(part), -1), up])  # a component of a direction changes as its angle does
+    columns = np.column_stack(
+        [part.angles.reshape(len(part), -1), up]
+    )  # a component of a direction changes as its angle does
     columns = columns[:, np.isfinite(columns).mean(axis=0) > KNOWN]
     if not columns.size:
         return np.full(len(part), np.nan)
@@ -71,5 +81,7 @@ def _away(part: Trajectory) -> Array:
     moving = ranges > max(LEAST, SMALL * float(ranges.max()))
     if not moving.any():
         return np.full(len(part), np.nan)
-    apart = columns[:, moving] - np.nanmedian(columns[part.t <= part.t[0] + BEGIN][:, moving], axis=0)
+    apart = columns[:, moving] - np.nanmedian(
+        columns[part.t <= part.t[0] + BEGIN][:, moving], axis=0
+    )
     return np.asarray(np.sqrt(np.nansum((apart / ranges[moving]) ** 2, axis=1)))

@@ -23,13 +23,17 @@ class Figure:
     value: float
     unit: str  # rad, m, s, Hz, 1, ...
     source: str  # definition: a paper, or ours
-    sd: float | None = None  # of the value's error: instrument and calibration, and sampling where it sums up repetitions; None: not known
+    sd: float | None = (
+        None  # of the value's error: instrument and calibration, and sampling where it sums up repetitions; None: not known
+    )
     grade: Grade = "good"
     reason: str = ""
     part: str = ""  # finger, joint or pair of fingers that it is about, "" = the whole task
     what: str = ""  # key of its words: flexion_max, tapping_rate, ...
     meaning: str = ""  # the definition in one sentence
-    category: str = ""  # what the scheme that `source` names calls such a value: "good"; "" without a scheme
+    category: str = (
+        ""  # what the scheme that `source` names calls such a value: "good"; "" without a scheme
+    )
     detail: bool = False  # one of many that a page leaves to its tables
 
 
@@ -44,7 +48,13 @@ class Kind:
     detail: bool = False  # one of many that a page leaves to its tables
 
     def of(
-        self, value: float, sd: float | None = None, grade: Grade = "good", reason: str = "", part: str = "", category: str = ""
+        self,
+        value: float,
+        sd: float | None = None,
+        grade: Grade = "good",
+        reason: str = "",
+        part: str = "",
+        category: str = "",
     ) -> Figure:
         """A figure of this kind; what is not measured has no standard deviation, and its grade is poor."""
         if not np.isfinite(value):
@@ -52,7 +62,18 @@ class Kind:
         known = None if sd is None or not np.isfinite(sd) else float(sd)
         name = f"{part}_{self.what}" if part else self.what
         return Figure(
-            name, float(value), self.unit, self.source, known, grade, reason, part, self.what, self.meaning, category, self.detail
+            name,
+            float(value),
+            self.unit,
+            self.source,
+            known,
+            grade,
+            reason,
+            part,
+            self.what,
+            self.meaning,
+            category,
+            self.detail,
         )
 
 
@@ -81,4 +102,6 @@ def grade_of(flags: NDArray[np.uint8]) -> tuple[Grade, str]:
 
 def worse(*graded: tuple[Grade, str]) -> tuple[Grade, str]:
     """The worst grade, with all reasons."""
-    return max((g for g, _ in graded), key=GRADES.index), "; ".join(dict.fromkeys(r for _, r in graded if r))
+    return max((g for g, _ in graded), key=GRADES.index), "; ".join(
+        dict.fromkeys(r for _, r in graded if r)
+    )

@@ -11,7 +11,14 @@ from handscope.estimators.hand.anatomy import DEVIATION, FINGERS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import sustained_angles
 from handscope.estimators.measures.figure import Kind, kinds
-from handscope.estimators.measures.sustained_angles import Angle, Params, Reached, figures, joint_angle, shown
+from handscope.estimators.measures.sustained_angles import (
+    Angle,
+    Params,
+    Reached,
+    figures,
+    joint_angle,
+    shown,
+)
 from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
 
 TITLE = "Finger spread"

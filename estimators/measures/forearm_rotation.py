@@ -21,11 +21,17 @@ from handscope.estimators.numerics.quaternions import Array
 TITLE = "Turning the forearm"
 SOURCE = "AAOS (Norkin App. A) for zero and directions; read against gravity: ours"
 KINDS = kinds(
-    Kind("supination", "rad", "largest turn of the palm upwards from the thumb pointing up", SOURCE),
-    Kind("pronation", "rad", "largest turn of the palm downwards from the thumb pointing up", SOURCE),
+    Kind(
+        "supination", "rad", "largest turn of the palm upwards from the thumb pointing up", SOURCE
+    ),
+    Kind(
+        "pronation", "rad", "largest turn of the palm downwards from the thumb pointing up", SOURCE
+    ),
 )
 THUMB_DOWN = -120.0 * np.pi / 180  # that nobody turns to from above
-INCLINATION = 1.7 * np.pi / 180  # rad, of the hand's inclination: the worst of ten real trials (docs/reproduction.md, BROAD)
+INCLINATION = (
+    1.7 * np.pi / 180
+)  # rad, of the hand's inclination: the worst of ten real trials (docs/reproduction.md, BROAD)
 
 __all__ = ["Params", "applies", "figures", "measure", "shown"]
 
@@ -46,7 +52,10 @@ def angles(moved: Trajectory) -> list[Angle]:
     """Both ways from the thumb up."""
     up = palm_turn(moved) - np.pi / 2
     sd = np.full(len(up), INCLINATION)
-    return [Angle(KINDS["supination"], "", up, sd, [SEGMENT["hand"]]), Angle(KINDS["pronation"], "", -up, sd, [SEGMENT["hand"]])]
+    return [
+        Angle(KINDS["supination"], "", up, sd, [SEGMENT["hand"]]),
+        Angle(KINDS["pronation"], "", -up, sd, [SEGMENT["hand"]]),
+    ]
 
 
 def measure(

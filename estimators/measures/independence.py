@@ -28,11 +28,21 @@ TITLE = "Finger independence"
 DEG = np.pi / 180
 NOORT = "van den Noort 2016 (PLoS ONE 0168636)"
 KINDS = kinds(
-    Kind("sum_range", "rad", "from the smallest to the largest sum of the finger's flexions", NOORT),
     Kind(
-        "individuation_index", "1", "1: no other finger moves with this one; 0: all move as far", "Schieber 1991 (J Neurophysiol 65:1381)"
+        "sum_range", "rad", "from the smallest to the largest sum of the finger's flexions", NOORT
     ),
-    Kind("enslaving_share", "1", "summed range of the finger that was to stay, over that of the finger asked for (its neighbour)", NOORT),
+    Kind(
+        "individuation_index",
+        "1",
+        "1: no other finger moves with this one; 0: all move as far",
+        "Schieber 1991 (J Neurophysiol 65:1381)",
+    ),
+    Kind(
+        "enslaving_share",
+        "1",
+        "summed range of the finger that was to stay, over that of the finger asked for (its neighbour)",
+        NOORT,
+    ),
     Kind(
         "independent_share",
         "1",
@@ -44,8 +54,15 @@ KINDS = kinds(
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
-    onset: float = option(5 * DEG, "rad", "a finger that moved further than this is enslaved", NOORT)
-    smallest: float = option(20 * DEG, "rad", "a finger asked for that bent less has no index", "ours: four times the onset")
+    onset: float = option(
+        5 * DEG, "rad", "a finger that moved further than this is enslaved", NOORT
+    )
+    smallest: float = option(
+        20 * DEG,
+        "rad",
+        "a finger asked for that bent less has no index",
+        "ours: four times the onset",
+    )
 
 
 @dataclass(frozen=True)
@@ -84,9 +101,15 @@ def measure(
     sums = {f: s for f, s in sums.items() if np.isfinite(s).sum() >= 3}
     if len(sums) < 2:
         return []
-    rounds = {f: [(m.onset, m.end) for m in asked.marks if m.phase == f] for f in FINGERS if any(m.phase == f for m in asked.marks)}
+    rounds = {
+        f: [(m.onset, m.end) for m in asked.marks if m.phase == f]
+        for f in FINGERS
+        if any(m.phase == f for m in asked.marks)
+    }
     if not rounds:
-        named = [f for f in asked.fingers() if f in sums] or [max(sums, key=lambda f: float(np.ptp(sums[f][np.isfinite(sums[f])])))]
+        named = [f for f in asked.fingers() if f in sums] or [
+            max(sums, key=lambda f: float(np.ptp(sums[f][np.isfinite(sums[f])])))
+        ]
         rounds = {f: [(onset, end)] for f in named}
     found = []
     for finger, spans in rounds.items():
@@ -97,8 +120,14 @@ def measure(
         graded = grade_of(part.flags[inside][:, segments])
         sd = None
         if part.angles_sd is not None:
-            sd = float(np.sqrt((part.angles_sd[:, joints[finger], FLEXION] ** 2).mean(axis=0).sum()))
-        found.append(of_sums(finger, {f: s[inside] for f, s in sums.items()}, params, sd, part.t[inside], graded))
+            sd = float(
+                np.sqrt((part.angles_sd[:, joints[finger], FLEXION] ** 2).mean(axis=0).sum())
+            )
+        found.append(
+            of_sums(
+                finger, {f: s[inside] for f, s in sums.items()}, params, sd, part.t[inside], graded
+            )
+        )
     return found
 
 
@@ -113,7 +142,9 @@ def of_sums(
     """A finger asked for, from the summed flexions (n,) in rad of all fingers, by finger."""
     params = params or Params()
     if finger not in sums or len({len(s) for s in sums.values()}) != 1 or len(sums) < 2:
-        raise InputError(f"sums hold {sorted(sums)}; give the summed flexions of {finger} and of at least one other finger, equally long")
+        raise InputError(
+            f"sums hold {sorted(sums)}; give the summed flexions of {finger} and of at least one other finger, equally long"
+        )
     known = np.all([np.isfinite(s) for s in sums.values()], axis=0)
     kept = {f: np.asarray(s, float)[known] for f, s in sums.items()}
     others = tuple(f for f in FINGERS if f in kept and f != finger)
@@ -138,12 +169,26 @@ def of_sums(
     index = 1.0 - float(np.abs(slopes).sum()) / len(others)  # the finger's own slope is 1
     index_sd = float(np.sqrt((errors**2).sum())) / len(others)
     if sd is not None:  # an error of both ranges' ends, independent
-        index_sd = float(np.hypot(index_sd, np.sqrt(2.0 * (len(others) + (slopes**2).sum())) * sd / extent / len(others)))
+        index_sd = float(
+            np.hypot(
+                index_sd,
+                np.sqrt(2.0 * (len(others) + (slopes**2).sum())) * sd / extent / len(others),
+            )
+        )
     here = FINGERS.index(finger)
     neighbours = [f for f in others if abs(FINGERS.index(f) - here) == 1]
     enslaving = {f: float(np.ptp(kept[f])) / extent for f in neighbours}
     return Alone(
-        finger, others, extent, index, index_sd, enslaving, _independent(params, own, [kept[f] for f in others]), sd, *graded, curves
+        finger,
+        others,
+        extent,
+        index,
+        index_sd,
+        enslaving,
+        _independent(params, own, [kept[f] for f in others]),
+        sd,
+        *graded,
+        curves,
     )
 
 
@@ -165,7 +210,14 @@ def figures(found: list[Alone]) -> list[Figure]:
 
 def shown(found: list[Alone]) -> Shown:
     """The summed flexions of all fingers, round by round."""
-    return Shown(tuple(c for a in found for c in a.curves if c.name in {f"{f}_sum" for f in (a.finger, *a.others)}))
+    return Shown(
+        tuple(
+            c
+            for a in found
+            for c in a.curves
+            if c.name in {f"{f}_sum" for f in (a.finger, *a.others)}
+        )
+    )
 
 
 def _slope(own: Array, other: Array) -> tuple[float, float]:

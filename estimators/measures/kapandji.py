@@ -16,7 +16,17 @@ from handscope.estimators.data.fingertip_contacts import FINGERTIPS, contact_poi
 from handscope.estimators.data.options import option
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand import forward_kinematics, joint_angles
-from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, IS_DOF, JOINT, PRONATION, SEGMENT, side_sign
+from handscope.estimators.hand.anatomy import (
+    CHAINS,
+    FINGER_JOINTS,
+    FINGERS,
+    FLEXION,
+    IS_DOF,
+    JOINT,
+    PRONATION,
+    SEGMENT,
+    side_sign,
+)
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
 from handscope.estimators.measures.plot_data import Curve, Shown
@@ -28,22 +38,47 @@ from handscope.estimators.numerics.quaternions import Array
 TITLE = "Opposition of the thumb (Kapandji)"
 KAPANDJI = "Kapandji 1986 (Ann Chir Main 5:67)"
 PLACES = 10
-CREASE = (0.012, 0.010)  # m, skin below the MCP joint's centre; distal palmar crease nearer to the wrist than that: ours
+CREASE = (
+    0.012,
+    0.010,
+)  # m, skin below the MCP joint's centre; distal palmar crease nearer to the wrist than that: ours
 ESTIMATED = "estimated from fingertip distances: confirm by eye"
-CRAWLING = "none of the places 1 to 3 was reached: a thumb that crawls through the palm is no opposition"
+CRAWLING = (
+    "none of the places 1 to 3 was reached: a thumb that crawls through the palm is no opposition"
+)
 KINDS = kinds(
-    Kind("kapandji_score", "1", "the highest of Kapandji's places that the thumb reached", KAPANDJI),
     Kind(
-        "kapandji_distance", "m", "smallest distance from the thumb's tip or pad to the place that was held", KAPANDJI + "; landmarks ours"
+        "kapandji_score", "1", "the highest of Kapandji's places that the thumb reached", KAPANDJI
     ),
-    Kind("opposition_abduction", "rad", "largest palmar abduction of the thumb's metacarpal meanwhile", "J Hand Surg Eur 2019, 44:728"),
-    Kind("opposition_pronation", "rad", "largest pronation of the thumb's metacarpal meanwhile", "J Hand Surg Eur 2019, 44:728"),
+    Kind(
+        "kapandji_distance",
+        "m",
+        "smallest distance from the thumb's tip or pad to the place that was held",
+        KAPANDJI + "; landmarks ours",
+    ),
+    Kind(
+        "opposition_abduction",
+        "rad",
+        "largest palmar abduction of the thumb's metacarpal meanwhile",
+        "J Hand Surg Eur 2019, 44:728",
+    ),
+    Kind(
+        "opposition_pronation",
+        "rad",
+        "largest pronation of the thumb's metacarpal meanwhile",
+        "J Hand Surg Eur 2019, 44:728",
+    ),
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
-    hold: float = option(0.2, "s", "window of the running median: a contact counts when it lasts half of this", "ours: as range_of_motion")
+    hold: float = option(
+        0.2,
+        "s",
+        "window of the running median: a contact counts when it lasts half of this",
+        "ours: as range_of_motion",
+    )
     tolerance: float = option(
         0.020,
         "m",
@@ -86,11 +121,18 @@ def measure(
     if geometry is None or len(part) < 3:
         return _nothing("the hand's geometry is not known" if len(part) else "no samples")
     window = window_of(part.t, params.hold)
-    gaps, needed = distances(part.angles, geometry), [SEGMENT["hand"], *(SEGMENT[s] for s in CHAINS["thumb"])]
+    gaps, needed = (
+        distances(part.angles, geometry),
+        [SEGMENT["hand"], *(SEGMENT[s] for s in CHAINS["thumb"])],
+    )
     usable, found = usable_in(part, needed), {}
     for k in range(1, PLACES + 1):
         called = [(m.onset, m.end) for m in asked.marks if m.phase == f"position_{k}"]
-        inside = np.any([(part.t >= a) & (part.t <= b) for a, b in called], axis=0) if called else np.ones(len(part), bool)
+        inside = (
+            np.any([(part.t >= a) & (part.t <= b) for a, b in called], axis=0)
+            if called
+            else np.ones(len(part), bool)
+        )
         kept = held(np.where(inside, gaps[:, k - 1], np.nan), usable, window)
         if kept is not None:
             found[k] = float(np.nanmin(kept))
@@ -103,11 +145,30 @@ def measure(
     cmc = part.angles[:, JOINT["thumb_cmc"]]
     turned = [held(cmc[:, a], usable, window) for a in (FLEXION, PRONATION)]
     abduction, pronation = (float(np.nanmax(v)) if v is not None else np.nan for v in turned)
-    sd = None if part.tips_sd is None else float(np.nanmean(part.tips_sd[:, FINGERS.index("thumb")])) * np.sqrt(2.0)
-    angle_sd = None if part.angles_sd is None else float(np.nanmean(part.angles_sd[:, JOINT["thumb_cmc"], FLEXION]))
+    sd = (
+        None
+        if part.tips_sd is None
+        else float(np.nanmean(part.tips_sd[:, FINGERS.index("thumb")])) * np.sqrt(2.0)
+    )
+    angle_sd = (
+        None
+        if part.angles_sd is None
+        else float(np.nanmean(part.angles_sd[:, JOINT["thumb_cmc"], FLEXION]))
+    )
     curves = tuple(Curve(f"position_{k}_distance", "m", part.t, gaps[:, k - 1]) for k in found)
     fair: Grade = "fair" if grade == "good" else grade
-    return Opposition(float(score), 0.5 * abs(bounds[1] - bounds[0]), found, sd, abduction, pronation, angle_sd, fair, said, curves)
+    return Opposition(
+        float(score),
+        0.5 * abs(bounds[1] - bounds[0]),
+        found,
+        sd,
+        abduction,
+        pronation,
+        angle_sd,
+        fair,
+        said,
+        curves,
+    )
 
 
 def score_of(smallest: dict[int, float], tolerance: float) -> tuple[int, bool]:
@@ -121,9 +182,17 @@ def score_of(smallest: dict[int, float], tolerance: float) -> tuple[int, bool]:
 
 def distances(angles: Array, geometry: HandGeometry) -> Array:
     """From the thumb's tip or pad, whichever is nearer, to every place (n, 10), m; NaN where a finger is not measured."""
-    thumb = np.stack([contact_points(angles, geometry, "thumb", p, FINGERTIPS["thumb"]) for p in ("distal", "bottom")], axis=1)
+    thumb = np.stack(
+        [
+            contact_points(angles, geometry, "thumb", p, FINGERTIPS["thumb"])
+            for p in ("distal", "bottom")
+        ],
+        axis=1,
+    )
     places = landmarks(angles, geometry)
-    return np.asarray(np.sqrt(((thumb[:, :, None] - places[:, None]) ** 2).sum(axis=-1)).min(axis=1))
+    return np.asarray(
+        np.sqrt(((thumb[:, :, None] - places[:, None]) ** 2).sum(axis=-1)).min(axis=1)
+    )
 
 
 def landmarks(angles: Array, geometry: HandGeometry) -> Array:
@@ -140,7 +209,10 @@ def landmarks(angles: Array, geometry: HandGeometry) -> Array:
     beside = offset(geometry, "index", "right", FINGERTIPS["index"])
     below = offset(geometry, "little", "bottom", FINGERTIPS["little"])
     mcp = quat.rotate(wrist, np.asarray(geometry.joint_positions["little_mcp"]))
-    skin, back = (quat.rotate(wrist, sign * np.array(v)) for v in ((-CREASE[0], 0.0, 0.0), (0.0, -CREASE[1], 0.0)))
+    skin, back = (
+        quat.rotate(wrist, sign * np.array(v))
+        for v in ((-CREASE[0], 0.0, 0.0), (0.0, -CREASE[1], 0.0))
+    )
     places = [
         0.5 * (ends[:, index, 0] + ends[:, index, 1]) + quat.rotate(q_middle, beside),
         0.5 * (ends[:, index, 1] + ends[:, index, 2]) + quat.rotate(q_distal, beside),
@@ -150,8 +222,17 @@ def landmarks(angles: Array, geometry: HandGeometry) -> Array:
         mcp + skin,
         mcp + skin + back,
     ]
-    needs = [*[("index", 3)] * 2, *((f, 3) for f in FINGERS[1:]), ("little", 2), ("little", 1), ("little", 0), ("little", 0)]
-    lost = np.stack([unknown[:, [JOINT[j] for j in FINGER_JOINTS[f][:k]]].any(axis=1) for f, k in needs], axis=1)
+    needs = [
+        *[("index", 3)] * 2,
+        *((f, 3) for f in FINGERS[1:]),
+        ("little", 2),
+        ("little", 1),
+        ("little", 0),
+        ("little", 0),
+    ]
+    lost = np.stack(
+        [unknown[:, [JOINT[j] for j in FINGER_JOINTS[f][:k]]].any(axis=1) for f, k in needs], axis=1
+    )
     return np.where(lost[:, :, None], np.nan, np.stack(places, axis=1))
 
 
@@ -159,7 +240,10 @@ def figures(o: Opposition) -> list[Figure]:
     """The flat list of figures; a distance's part is its place."""
     told = (o.grade, o.reason)
     made = [KINDS["kapandji_score"].of(o.score, o.score_sd, *told)]
-    made += [KINDS["kapandji_distance"].of(d, o.sd, *told, f"position_{k}") for k, d in o.distances.items()]
+    made += [
+        KINDS["kapandji_distance"].of(d, o.sd, *told, f"position_{k}")
+        for k, d in o.distances.items()
+    ]
     made.append(KINDS["opposition_abduction"].of(o.abduction, o.angle_sd, *told))
     return [*made, KINDS["opposition_pronation"].of(o.pronation, o.angle_sd, *told)]
 

@@ -30,7 +30,9 @@ from handscope.estimators.numerics.quaternions import Array
 TITLE = "Lift"
 KORTIER = "Kortier, thesis ch. 6"
 PHASES = "phases of grasp and transport: PMC3305822, Fig. 1"
-HEIGHT_ERROR = 5e-4  # m/s^2: of an acceleration error of 5 mm/s^2 that changes within the grasp a tenth; ours
+HEIGHT_ERROR = (
+    5e-4  # m/s^2: of an acceleration error of 5 mm/s^2 that changes within the grasp a tenth; ours
+)
 WEIGHS = 2.0  # standard deviations above nothing that are asked of a mass: what is held off the table has one
 QUIET = 1e-3  # N: less than any sensor's noise, so that what is left over tells it
 NONE = "no force was measured; the glove has no force sensors on the fingertips"
@@ -55,15 +57,29 @@ KINDS = kinds(
 @dataclass(frozen=True, kw_only=True)
 class Params(ContactParams):
     lifted: float = option(
-        0.03, "m", "height from which an object counts as lifted", "ours: the height's own error; 3 mm in PMC3305822", least=0.005
+        0.03,
+        "m",
+        "height from which an object counts as lifted",
+        "ours: the height's own error; 3 mm in PMC3305822",
+        least=0.005,
     )
     moving: float = option(
-        0.04, "m/s", "vertical speed at which it leaves the table, and is back", "ours: what the accelerometers leave in 5 s", least=0.005
+        0.04,
+        "m/s",
+        "vertical speed at which it leaves the table, and is back",
+        "ours: what the accelerometers leave in 5 s",
+        least=0.005,
     )
     margin: float = option(
-        0.15, "s", "at both ends of the time off the table that tell no mass", "ours: two force samples at 12 Hz", least=0.0
+        0.15,
+        "s",
+        "at both ends of the time off the table that tell no mass",
+        "ours: two force samples at 12 Hz",
+        least=0.0,
     )
-    shortest: float = option(0.3, "s", "a shorter touch is none", "ours: four samples at 12 Hz", least=0.0)
+    shortest: float = option(
+        0.3, "s", "a shorter touch is none", "ours: four samples at 12 Hz", least=0.0
+    )
     constant: float = option(
         4.0,
         "1",
@@ -72,10 +88,18 @@ class Params(ContactParams):
         least=1.0,
     )
     perhaps: float = option(
-        2.0, "1", "and beyond which it is said, and the mass is as unsure as support or change are large", "ours: as `shared`", least=1.0
+        2.0,
+        "1",
+        "and beyond which it is said, and the mass is as unsure as support or change are large",
+        "ours: as `shared`",
+        least=1.0,
     )
     memory: float = option(
-        1.0, "s", "time after which a sample counts for 1/e in the running estimate", "ours: twelve force samples", least=0.1
+        1.0,
+        "s",
+        "time after which a sample counts for 1/e in the running estimate",
+        "ours: twelve force samples",
+        least=0.1,
     )
     slip: float = option(0.25, "1", "share of the load by which it leaves the mean within the hold, beyond which the object slipped", "ours", least=0.05)  # fmt: skip
 
@@ -121,8 +145,13 @@ def measure(
     found = grasp_phases.holdings(params, part)
     lifts = [made for h in found if (made := _lifted(params, h)) is not None]
     if not lifts:
-        return Lift(True, (), len(found), "poor", "nothing was lifted" if found else "nothing was held")
-    told = [("good" if not one.reason else "fair" if np.isfinite(one.mass) else "poor", one.reason) for one in lifts]
+        return Lift(
+            True, (), len(found), "poor", "nothing was lifted" if found else "nothing was held"
+        )
+    told = [
+        ("good" if not one.reason else "fair" if np.isfinite(one.mass) else "poor", one.reason)
+        for one in lifts
+    ]
     return Lift(True, tuple(lifts), len(found), *worse(*told))  # type: ignore[arg-type]
 
 
@@ -132,27 +161,47 @@ def _lifted(params: Params, h: Holding) -> Lifted | None:
         return None
     moving = np.flatnonzero(np.abs(h.speed) > params.moving)
     first, last = (h.t[moving[0]], h.t[moving[-1]]) if len(moving) else (np.inf, -np.inf)
-    off, sure = (h.t >= first) & (h.t <= last), (h.t >= first + params.margin) & (h.t <= last - params.margin)
+    off, sure = (
+        (h.t >= first) & (h.t <= last),
+        (h.t >= first + params.margin) & (h.t <= last - params.margin),
+    )
     if sure.sum() < 8 or not np.isfinite(h.forces[sure]).all():
-        return Lifted(h, off, np.nan, np.nan, np.empty(0), h.flagged(off) or "the force was not known while the object was held up")
+        return Lifted(
+            h,
+            off,
+            np.nan,
+            np.nan,
+            np.empty(0),
+            h.flagged(off) or "the force was not known while the object was held up",
+        )
     weighed = mass_of(params, h, sure)
     slips = _slips(params, h, sure, weighed.weight)
     reasons = [h.flagged(sure)] + (["the object slipped"] if len(slips) else [])
-    doubtful = bool(h.flags[sure].any() and (np.bitwise_or.reduce(h.flags[sure], axis=None) & UNSURE))
+    doubtful = bool(
+        h.flags[sure].any() and (np.bitwise_or.reduce(h.flags[sure], axis=None) & UNSURE)
+    )
     if weighed.supported > params.constant:
-        reasons.append("part of the load does not change with the acceleration: something not measured carries the object")
+        reasons.append(
+            "part of the load does not change with the acceleration: something not measured carries the object"
+        )
         doubtful = True
     elif weighed.supported > params.perhaps:
-        reasons.append("part of the load hardly changes with the acceleration: something not measured may carry part of the object")
+        reasons.append(
+            "part of the load hardly changes with the acceleration: something not measured may carry part of the object"
+        )
     if weighed.changed > params.constant:
         reasons.append(
             "the load changed while the object was held up: something was added to it or taken away, something else carries it, or a force sensor drifts"
         )
         doubtful = True
     elif weighed.changed > params.perhaps:
-        reasons.append("the load hardly stayed the same while the object was held up: something may have been added to it or taken away")
+        reasons.append(
+            "the load hardly stayed the same while the object was held up: something may have been added to it or taken away"
+        )
     if weighed.mass < WEIGHS * weighed.sd:
-        reasons.append("what was held up hardly weighs anything: something not measured carries it, or a force sensor is wrong")
+        reasons.append(
+            "what was held up hardly weighs anything: something not measured carries it, or a force sensor is wrong"
+        )
         doubtful = True
     mass, running = (np.nan, None) if doubtful else (weighed.mass, weighed.running)
     return Lifted(h, off, mass, weighed.sd, slips, "; ".join(r for r in reasons if r), running)
@@ -177,13 +226,19 @@ def mass_of(params: Params, h: Holding, used: NDArray[np.bool_]) -> Weighed:
     net, s, up = h.net[used], h.lifting[used], h.up[used]
     unknown = np.full(int(used.sum()), QUIET)
     fit = identification.fitted(net, s[..., None], unknown)
-    of_axes = (h.alike_sd[used] ** 2).mean(axis=0).sum(axis=0)  # N^2: inclination, zero and scale are the same in all samples
+    of_axes = (
+        (h.alike_sd[used] ** 2).mean(axis=0).sum(axis=0)
+    )  # N^2: inclination, zero and scale are the same in all samples
     across = net - (net * up).sum(axis=1, keepdims=True) * up
-    unexplained = max(0.0, float((across.mean(axis=0) ** 2).sum() - of_axes[:2].sum()))  # N^2: it may be missing along, too
+    unexplained = max(
+        0.0, float((across.mean(axis=0) ** 2).sum() - of_axes[:2].sum())
+    )  # N^2: it may be missing along, too
     along = (s * up).sum(axis=1)
     since = (h.t[used] - h.t[used].mean()) / np.ptp(h.t[used])
     both, growing = (
-        identification.fitted(h.load[used][:, None], np.stack([along, other], axis=-1)[:, None], unknown)
+        identification.fitted(
+            h.load[used][:, None], np.stack([along, other], axis=-1)[:, None], unknown
+        )
         for other in (np.ones(len(s)), along * since)
     )
     changed = abs(growing.theta[1]) / float(np.hypot(growing.sd[1], np.sqrt(of_axes[2]) / GRAVITY))
@@ -191,13 +246,23 @@ def mass_of(params: Params, h: Holding, used: NDArray[np.bool_]) -> Weighed:
     supported = abs(both.theta[1]) / float(np.hypot(both.sd[1], np.sqrt(of_axes[2])))
     carried = both.theta[1] if supported > params.perhaps else 0.0
     untold = grasp_phases.untold_share(h, used) * fit.theta[0]
-    common = float(np.sqrt((of_axes[2] + unexplained + carried**2) / GRAVITY**2 + untold**2 + gained**2 / 12))  # any of those it had
+    common = float(
+        np.sqrt((of_axes[2] + unexplained + carried**2) / GRAVITY**2 + untold**2 + gained**2 / 12)
+    )  # any of those it had
     each = float(np.sqrt((fit.residuals**2).mean() * len(s) / fit.independent))
     running = identification.followed(
-        h.t[used], net, s[..., None], each, np.ones(1), params.memory, lambda mass: np.full(len(mass), common)
+        h.t[used],
+        net,
+        s[..., None],
+        each,
+        np.ones(1),
+        params.memory,
+        lambda mass: np.full(len(mass), common),
     )
     weight = (fit.theta[0] + gained * since) * np.linalg.norm(s, axis=1)
-    return Weighed(float(fit.theta[0]), float(np.hypot(fit.sd[0], common)), supported, changed, weight, running)
+    return Weighed(
+        float(fit.theta[0]), float(np.hypot(fit.sd[0], common)), supported, changed, weight, running
+    )
 
 
 def _slips(params: Params, h: Holding, used: NDArray[np.bool_], weight: Array) -> Array:
@@ -210,7 +275,11 @@ def _slips(params: Params, h: Holding, used: NDArray[np.bool_], weight: Array) -
 def figures(r: Lift) -> list[Figure]:
     """Means over the lifts with the standard error of their scatter and the instrument's."""
     if not r.measured:
-        return [kind.of(np.nan, None, "poor", r.reason) for what, kind in KINDS.items() if what not in ("force_share", "lift_work_turning")]
+        return [
+            kind.of(np.nan, None, "poor", r.reason)
+            for what, kind in KINDS.items()
+            if what not in ("force_share", "lift_work_turning")
+        ]
     told = (r.grade, r.reason)
     made = [KINDS["lift_count"].of(float(len(r.lifts)), 0.0, *told)]
     each = [_values(one) for one in r.lifts]
@@ -219,17 +288,24 @@ def figures(r: Lift) -> list[Figure]:
         if what not in ("lift_count", "force_share") and (turning or what != "lift_work_turning"):
             made.append(_mean(kind, [e[what] for e in each], told))
     for k, finger in enumerate(r.lifts[0].held.fingers if r.lifts else ()):
-        shares = [(np.nan if _unread(one) else float(one.held.shares[one.off, k].mean()), 0.03) for one in r.lifts]
+        shares = [
+            (np.nan if _unread(one) else float(one.held.shares[one.off, k].mean()), 0.03)
+            for one in r.lifts
+        ]
         made.append(_mean(KINDS["force_share"], shares, told, finger))
     return made
 
 
-def _mean(kind: Kind, each: list[tuple[float, float]], told: tuple[Grade, str], part: str = "") -> Figure:
+def _mean(
+    kind: Kind, each: list[tuple[float, float]], told: tuple[Grade, str], part: str = ""
+) -> Figure:
     known = np.array([e for e in each if np.isfinite(e[0])]).reshape(-1, 2)
     if not len(known):
         return kind.of(np.nan, None, *told, part)
     scatter = float(known[:, 0].std(ddof=1) / np.sqrt(len(known))) if len(known) > 1 else 0.0
-    return kind.of(float(known[:, 0].mean()), float(np.hypot(scatter, known[:, 1].mean())), *told, part)
+    return kind.of(
+        float(known[:, 0].mean()), float(np.hypot(scatter, known[:, 1].mean())), *told, part
+    )
 
 
 def _values(one: Lifted) -> dict[str, tuple[float, float]]:
@@ -237,7 +313,9 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
     h, off = one.held, one.off
     sd = np.sqrt((h.alike_sd[off] ** 2).mean(axis=0))  # (S, 3)
     grip, load, t = float(h.grip[off].mean()), float(h.load[off].mean()), h.t
-    untold = grasp_phases.untold_share(h, off)  # of the push, and perhaps of the load: one side of the grip lacks it
+    untold = grasp_phases.untold_share(
+        h, off
+    )  # of the push, and perhaps of the load: one side of the grip lacks it
     grip_sd = float(np.hypot(0.5 * np.sqrt((sd**2).sum() / 3), 0.5 * untold * grip))
     load_sd = float(np.hypot(np.sqrt((sd[:, 2] ** 2).sum()), untold * load))
     first, last = t[off][0], t[off][-1]
@@ -245,7 +323,8 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
     up = off & (np.arange(len(t)) <= int(np.argmax(h.height)))
     work = lifting_work(h, up)
     turned, turned_sd = (
-        float(load_exchange.work(t[up], v[up])[-1]) if v is not None else np.nan for v in (h.turning, h.turning_sd)
+        float(load_exchange.work(t[up], v[up])[-1]) if v is not None else np.nan
+        for v in (h.turning, h.turning_sd)
     )  # a zero errs all the way
     height, height_sd = float(h.height.max()), HEIGHT_ERROR * (t[-1] - t[0]) ** 2
     if np.isnan(one.mass):  # the sum of the forces is not known: nor is what it did
@@ -258,7 +337,10 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
         "lift_grip_hold": (grip, grip_sd),
         "lift_grip_max": (top, grip_sd),
         "lift_load_hold": (load, load_sd),
-        "lift_grip_over_load": (grip / load, grip / load * float(np.hypot(grip_sd / grip, load_sd / load))),
+        "lift_grip_over_load": (
+            grip / load,
+            grip / load * float(np.hypot(grip_sd / grip, load_sd / load)),
+        ),
         "lift_time_to_lift": (float(first - t[0]), 0.1),
         "lift_time_held": (float(last - first), 0.1),
         "lift_time_to_release": (float(t[-1] - last), 0.1),
@@ -278,7 +360,11 @@ def lifting_work(h: Holding, up: NDArray[np.bool_]) -> float:
     """J that the forces do on the object at the instants `up`: the integral of F'v, F the sum of the fingertips' forces and v the object's velocity."""
     if h.velocity is None or not up.any():
         return float("nan")
-    return float(load_exchange.work(h.t[up], load_exchange.power(h.net[up][:, None], h.velocity[up][:, None]))[-1])
+    return float(
+        load_exchange.work(
+            h.t[up], load_exchange.power(h.net[up][:, None], h.velocity[up][:, None])
+        )[-1]
+    )
 
 
 def shown(r: Lift) -> Shown:
@@ -286,7 +372,8 @@ def shown(r: Lift) -> Shown:
     if not r.lifts:
         return Shown()
     t, grip, load = (
-        np.concatenate([np.append(v, np.nan) for v in vs]) for vs in zip(*((o.held.t, o.held.grip, o.held.load) for o in r.lifts))
+        np.concatenate([np.append(v, np.nan) for v in vs])
+        for vs in zip(*((o.held.t, o.held.grip, o.held.load) for o in r.lifts))
     )
     t = np.where(np.isfinite(t), t, np.concatenate([[0.0], t[:-1]]))
     marks = {
@@ -295,7 +382,14 @@ def shown(r: Lift) -> Shown:
         "slip": np.concatenate([o.slips for o in r.lifts]),
     }
     curves = Curve("grip_force", "N", t, grip), Curve("load_force", "N", t, load)
-    return Shown((*curves, *twist_curves([o.held for o in r.lifts]), *running_curves("mass", "kg", [o.running for o in r.lifts])), marks)
+    return Shown(
+        (
+            *curves,
+            *twist_curves([o.held for o in r.lifts]),
+            *running_curves("mass", "kg", [o.running for o in r.lifts]),
+        ),
+        marks,
+    )
 
 
 def twist_curves(each: Sequence[Holding]) -> tuple[Curve, ...]:
@@ -303,7 +397,11 @@ def twist_curves(each: Sequence[Holding]) -> tuple[Curve, ...]:
     told = [h for h in each if h.twist is not None and h.twist_sd is not None]
     curves: list[Curve] = []
     for k, finger in enumerate(told[0].fingers if told else ()):
-        running = [Running(h.t, h.twist[:, k], h.twist_sd[:, k]) for h in told if h.twist is not None and h.twist_sd is not None]
+        running = [
+            Running(h.t, h.twist[:, k], h.twist_sd[:, k])
+            for h in told
+            if h.twist is not None and h.twist_sd is not None
+        ]
         if any(np.isfinite(one.value).any() for one in running):
             curves += running_curves(f"torque_{finger}", "Nm", running)
     return tuple(curves)
@@ -315,5 +413,11 @@ def running_curves(name: str, unit: str, each: Sequence[Running | None]) -> tupl
     if not told:
         return ()
     t = np.concatenate([np.append(one.t, one.t[-1]) for one in told])
-    value, sd = (np.concatenate([np.append(getattr(one, what), np.nan) for one in told]) for what in ("value", "sd"))
-    return tuple(Curve(f"{name}{which}", unit, t, value + sign * sd) for which, sign in (("", 0.0), ("_low", -1.0), ("_high", 1.0)))
+    value, sd = (
+        np.concatenate([np.append(getattr(one, what), np.nan) for one in told])
+        for what in ("value", "sd")
+    )
+    return tuple(
+        Curve(f"{name}{which}", unit, t, value + sign * sd)
+        for which, sign in (("", 0.0), ("_low", -1.0), ("_high", 1.0))
+    )

@@ -23,12 +23,22 @@ def mass(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:
     """kg, of what was lifted last."""
     params = lift.Params()
     h = _newest(trajectory, geometry)
-    moving = np.flatnonzero(np.abs(h.speed) > params.moving) if h is not None and np.isfinite(h.speed).all() else np.empty(0, int)
+    moving = (
+        np.flatnonzero(np.abs(h.speed) > params.moving)
+        if h is not None and np.isfinite(h.speed).all()
+        else np.empty(0, int)
+    )
     if h is None or not len(moving):
         return None
-    up = h.t[-1] > trajectory.t[-1] - params.shortest and h.height[-1] > params.lifted  # neither let go nor back on the table
+    up = (
+        h.t[-1] > trajectory.t[-1] - params.shortest and h.height[-1] > params.lifted
+    )  # neither let go nor back on the table
     last = np.inf if up else h.t[moving[-1]] - params.margin
-    used = (h.t >= h.t[moving[0]] + params.margin) & (h.t <= last) & np.isfinite(h.forces).all(axis=(1, 2))
+    used = (
+        (h.t >= h.t[moving[0]] + params.margin)
+        & (h.t <= last)
+        & np.isfinite(h.forces).all(axis=(1, 2))
+    )
     if used.sum() < LEAST or _unsure(h, used) or h.height[used].max() < params.lifted:
         return None
     return lift.mass_of(params, h, used).running
@@ -43,14 +53,25 @@ def stiffness(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:
     used = (h.t > h.t[0] + params.margin) & np.isfinite(h.squeeze) & np.isfinite(h.distance)
     if used.sum() < 2 * LEAST or _unsure(h, used):
         return None
-    force, distance = (even(h.t[used], v[used], lowpass=params.lowpass) for v in (h.squeeze, h.distance))
+    force, distance = (
+        even(h.t[used], v[used], lowpass=params.lowpass) for v in (h.squeeze, h.distance)
+    )
     if np.ptp(force.values) < params.least_force or np.ptp(distance.values) < params.least_depth:
         return None
     bent = squeeze.bent(force.t, force.values, distance.values)
-    return squeeze.running(squeeze.knowing(params, h), force.t, force.values, distance.values, grasp_phases.untold_share(h, used), bent)
+    return squeeze.running(
+        squeeze.knowing(params, h),
+        force.t,
+        force.values,
+        distance.values,
+        grasp_phases.untold_share(h, used),
+        bent,
+    )
 
 
-SO_FAR: Mapping[str, tuple[str, Callable[[Trajectory, HandGeometry], Running | None]]] = {  # by measure: what is told of it
+SO_FAR: Mapping[
+    str, tuple[str, Callable[[Trajectory, HandGeometry], Running | None]]
+] = {  # by measure: what is told of it
     "lift": ("mass", mass),
     "squeeze": ("stiffness", stiffness),
 }

@@ -9,7 +9,14 @@ Source  movement: MDS-UPDRS item 3.5 (never its score); the angle is how far the
 import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
-from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
+from handscope.estimators.hand.anatomy import (
+    CHAINS,
+    FINGER_JOINTS,
+    FINGERS,
+    FLEXION,
+    JOINT,
+    SEGMENT,
+)
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import cycle_measure
 from handscope.estimators.measures.cycle_measure import Repeated, Words
@@ -43,7 +50,15 @@ def measure(
     """Fists within [onset, end], of the fingers all of whose joints are measured."""
     part = within(trajectory, onset - MARGIN, end + MARGIN)
     joints = {f: [JOINT[j] for j in FINGER_JOINTS[f]] for f in FINGERS[1:]}
-    measured = [f for f in joints if np.isfinite(part.angles[:, joints[f], FLEXION]).all(axis=1).mean() > 0.5] if len(part) else []
+    measured = (
+        [
+            f
+            for f in joints
+            if np.isfinite(part.angles[:, joints[f], FLEXION]).all(axis=1).mean() > 0.5
+        ]
+        if len(part)
+        else []
+    )
     if not measured:
         return Repeated(params, None, (), None, "poor", "no finger measured")
     segments = [SEGMENT["hand"], *(SEGMENT[s] for f in measured for s in CHAINS[f])]
@@ -51,12 +66,18 @@ def measure(
     flexion = np.mean([part.angles[:, joints[f], FLEXION].sum(axis=1) for f in measured], axis=0)
     sd = None
     if part.angles_sd is not None:
-        squares = sum((part.angles_sd[:, joints[f], FLEXION] ** 2).sum(axis=1).mean() for f in measured)
+        squares = sum(
+            (part.angles_sd[:, joints[f], FLEXION] ** 2).sum(axis=1).mean() for f in measured
+        )
         sd = float(np.sqrt(squares)) / len(measured)
-    return cycle_measure.measured(params, part.t, -flexion, (onset, end), grade_of(part.flags[inside][:, segments]), sd)
+    return cycle_measure.measured(
+        params, part.t, -flexion, (onset, end), grade_of(part.flags[inside][:, segments]), sd
+    )
 
 
-def of_flexion(t: Array, flexion: Array, params: Params | None = None, sd: float | None = None) -> Repeated:
+def of_flexion(
+    t: Array, flexion: Array, params: Params | None = None, sd: float | None = None
+) -> Repeated:
     """Fists in a flexion (n,) in rad at times t (n,) s."""
     return cycle_measure.of_array(params or Params(), t, -np.asarray(flexion, float), sd)
 

@@ -26,18 +26,41 @@ TITLE = "Pinch"
 KORTIER = "Kortier, thesis 2.3.2"
 TIP_TO_TIP = Contact(("thumb", "distal"), ("index", "distal"))
 KINDS = kinds(
-    Kind("pinch_distance_min", "m", "smallest distance between the points of contact that was held", KORTIER),
-    Kind("pinch_distance_closed", "m", "mean over the pinches of the smallest distance in each", KORTIER),
     Kind(
-        "pinch_aperture_max", "m", "largest distance between the points of contact that was held", "ours: the largest of the running median"
+        "pinch_distance_min",
+        "m",
+        "smallest distance between the points of contact that was held",
+        KORTIER,
     ),
-    Kind("pinch_count", "1", "pinches: minima of at least a quarter of the 5-95 % range", "ours: as finger tapping"),
+    Kind(
+        "pinch_distance_closed",
+        "m",
+        "mean over the pinches of the smallest distance in each",
+        KORTIER,
+    ),
+    Kind(
+        "pinch_aperture_max",
+        "m",
+        "largest distance between the points of contact that was held",
+        "ours: the largest of the running median",
+    ),
+    Kind(
+        "pinch_count",
+        "1",
+        "pinches: minima of at least a quarter of the 5-95 % range",
+        "ours: as finger tapping",
+    ),
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
-    hold: float = option(0.2, "s", "window of the running median: a distance counts when it lasts half of this", "ours: as range_of_motion")
+    hold: float = option(
+        0.2,
+        "s",
+        "window of the running median: a distance counts when it lasts half of this",
+        "ours: as range_of_motion",
+    )
 
 
 @dataclass(frozen=True)
@@ -65,7 +88,14 @@ def measure(
 ) -> list[Pinched]:
     """Of every pair that the task names."""
     part = within(trajectory, onset, end)
-    return [_pinched(params, part, touched(c, part, geometry)) for c in contacts_of(asked) or [TIP_TO_TIP]] if len(part) >= 3 else []
+    return (
+        [
+            _pinched(params, part, touched(c, part, geometry))
+            for c in contacts_of(asked) or [TIP_TO_TIP]
+        ]
+        if len(part) >= 3
+        else []
+    )
 
 
 def figures(found: list[Pinched]) -> list[Figure]:
@@ -74,20 +104,34 @@ def figures(found: list[Pinched]) -> list[Figure]:
     for p in found:
         told = (p.touched.grade, p.touched.reason)
         part, sd, count = p.touched.contact.part, p.touched.sd, len(p.closings)
-        rows = {"pinch_distance_min": p.smallest, "pinch_distance_closed": p.closed, "pinch_aperture_max": p.largest}
+        rows = {
+            "pinch_distance_min": p.smallest,
+            "pinch_distance_closed": p.closed,
+            "pinch_aperture_max": p.largest,
+        }
         made += [KINDS[what].of(value, sd, *told, part) for what, value in rows.items()]
-        made.append(KINDS["pinch_count"].of(float(count) if np.isfinite(p.smallest) else np.nan, 0.0, *told, part))
+        made.append(
+            KINDS["pinch_count"].of(
+                float(count) if np.isfinite(p.smallest) else np.nan, 0.0, *told, part
+            )
+        )
     return made
 
 
 def shown(found: list[Pinched]) -> Shown:
     """The distances over time with the pinches."""
-    curves = tuple(Curve(f"{p.touched.contact.part}_distance", "m", p.touched.t, p.touched.distance) for p in found)
+    curves = tuple(
+        Curve(f"{p.touched.contact.part}_distance", "m", p.touched.t, p.touched.distance)
+        for p in found
+    )
     return Shown(curves, {"closing": np.concatenate([p.closings for p in found])} if found else {})
 
 
 def _pinched(params: Params, part: Trajectory, pair: Touched) -> Pinched:
-    segments = [SEGMENT["hand"], *(SEGMENT[s] for f in (pair.contact.a[0], pair.contact.b[0]) for s in CHAINS[f])]
+    segments = [
+        SEGMENT["hand"],
+        *(SEGMENT[s] for f in (pair.contact.a[0], pair.contact.b[0]) for s in CHAINS[f]),
+    ]
     kept = held(pair.distance, usable_in(part, segments), window_of(part.t, params.hold))
     if kept is None:
         return Pinched(pair, np.nan, np.nan, np.nan, np.empty(0))

@@ -23,7 +23,9 @@ class Curve:
 @dataclass(frozen=True)
 class Shown:
     curves: tuple[Curve, ...] = ()
-    marks: Mapping[str, Array] = field(default_factory=dict)  # s of the recording by the key of their words: closing, freeze, ...
+    marks: Mapping[str, Array] = field(
+        default_factory=dict
+    )  # s of the recording by the key of their words: closing, freeze, ...
 
 
 NOTHING = Shown()
@@ -33,13 +35,28 @@ def thinned(curves: Sequence[Curve], most: int) -> tuple[Curve, ...]:
     """Each at most about `most` points; of every stretch left out its smallest and largest value stay, so that no peak is lost. Curves over the same x keep one."""
     alike: list[list[int]] = []
     for k, curve in enumerate(curves):
-        group = next((g for g in alike if curve.x_unit == curves[g[0]].x_unit and np.array_equal(curve.x, curves[g[0]].x)), None)
+        group = next(
+            (
+                g
+                for g in alike
+                if curve.x_unit == curves[g[0]].x_unit and np.array_equal(curve.x, curves[g[0]].x)
+            ),
+            None,
+        )
         if group is None:
             alike.append([k])
         else:
             group.append(k)
-    kept = {k: rows for group in alike for rows in [_kept([curves[k].y for k in group], most)] for k in group}
-    return tuple(c if kept[k] is None else replace(c, x=c.x[kept[k]], y=c.y[kept[k]]) for k, c in enumerate(curves))
+    kept = {
+        k: rows
+        for group in alike
+        for rows in [_kept([curves[k].y for k in group], most)]
+        for k in group
+    }
+    return tuple(
+        c if kept[k] is None else replace(c, x=c.x[kept[k]], y=c.y[kept[k]])
+        for k, c in enumerate(curves)
+    )
 
 
 def _kept(values: Sequence[Array], most: int) -> NDArray[np.int_] | None:
@@ -53,6 +70,10 @@ def _kept(values: Sequence[Array], most: int) -> NDArray[np.int_] | None:
         found = set()
         for y in (v[start : start + width] for v in values):
             known = np.flatnonzero(np.isfinite(y))
-            found |= {start + int(known[k]) for k in (np.argmin(y[known]), np.argmax(y[known]))} if len(known) else set()
+            found |= (
+                {start + int(known[k]) for k in (np.argmin(y[known]), np.argmax(y[known]))}
+                if len(known)
+                else set()
+            )
         rows += sorted(found or {start})
     return np.array(rows)

@@ -44,10 +44,14 @@ def measure(
         return Repeated(params, None, (), None, "poor", "no samples")
     inside = (part.t >= onset) & (part.t <= end)
     graded = grade_of(part.flags[inside][:, [SEGMENT["hand"]]])
-    return cycle_measure.measured(params, part.t, palm_turn(part), (onset, end), graded, INCLINATION)
+    return cycle_measure.measured(
+        params, part.t, palm_turn(part), (onset, end), graded, INCLINATION
+    )
 
 
-def of_turn(t: Array, turn: Array, params: Params | None = None, sd: float | None = None) -> Repeated:
+def of_turn(
+    t: Array, turn: Array, params: Params | None = None, sd: float | None = None
+) -> Repeated:
     """Turns in an angle (n,) in rad at times t (n,) s, smallest with the palm down."""
     return cycle_measure.of_array(params or Params(), t, turn, sd)
 

@@ -21,8 +21,18 @@ from handscope.estimators.measures.time_window import held, usable_in, window_of
 
 TITLE = "Range of motion"
 SOURCE = "ours after VA worksheet DVBCHTF1: extremes of the running median"
-WORDS = {"max": "the largest {} held", "min": "the smallest {} held", "range": "from the smallest to the largest {} held"}
-KINDS = kinds(*(Kind(f"{a}_{end}", "rad", words.format(a), SOURCE) for a in ANGLES for end, words in WORDS.items()))
+WORDS = {
+    "max": "the largest {} held",
+    "min": "the smallest {} held",
+    "range": "from the smallest to the largest {} held",
+}
+KINDS = kinds(
+    *(
+        Kind(f"{a}_{end}", "rad", words.format(a), SOURCE)
+        for a in ANGLES
+        for end, words in WORDS.items()
+    )
+)
 ELSEWHERE = frozenset(
     {"tremor", "check", "selfcheck", "pinch", "pinches", "reach", "lift", "squeeze"}
 )  # tasks that move joints little, or not for their range
@@ -31,7 +41,10 @@ ELSEWHERE = frozenset(
 @dataclass(frozen=True, kw_only=True)
 class Params:
     hold: float = option(
-        0.2, "s", "window of the running median: an angle counts when it lasts half of this", "ours: estimators/measures/range_of_motion.py"
+        0.2,
+        "s",
+        "window of the running median: an angle counts when it lasts half of this",
+        "ours: estimators/measures/range_of_motion.py",
     )
 
 
@@ -83,7 +96,11 @@ def measure(
                 continue
             high, low = int(np.nanargmax(kept)), int(np.nanargmin(kept))
             ends = (float(kept[high]), float(kept[low]), float(part.t[high]), float(part.t[low]))
-            sds = (None, None) if part.angles_sd is None else (float(part.angles_sd[high, j, a]), float(part.angles_sd[low, j, a]))
+            sds = (
+                (None, None)
+                if part.angles_sd is None
+                else (float(part.angles_sd[high, j, a]), float(part.angles_sd[low, j, a]))
+            )
             found.append(Range(joint.name, ANGLES[a], *ends, *grade_of(flags), *sds))
     return found
 
@@ -92,8 +109,16 @@ def figures(ranges: list[Range]) -> list[Figure]:
     """The flat list of figures; the errors of a range's two ends count as independent."""
     made = []
     for r in ranges:
-        both = None if r.sd_largest is None or r.sd_smallest is None else float(np.hypot(r.sd_largest, r.sd_smallest))
-        for end, value, sd in (("max", r.largest, r.sd_largest), ("min", r.smallest, r.sd_smallest), ("range", r.extent, both)):
+        both = (
+            None
+            if r.sd_largest is None or r.sd_smallest is None
+            else float(np.hypot(r.sd_largest, r.sd_smallest))
+        )
+        for end, value, sd in (
+            ("max", r.largest, r.sd_largest),
+            ("min", r.smallest, r.sd_smallest),
+            ("range", r.extent, both),
+        ):
             made.append(KINDS[f"{r.angle}_{end}"].of(value, sd, r.grade, r.reason, r.joint))
     return made
 

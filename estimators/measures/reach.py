@@ -35,29 +35,81 @@ FINGERTIPS = "found in the fingertips' speed against the wrist, as the hand hard
 VALEVICIUS = "Valevicius 2018 (PLoS ONE 0199549)"
 OWN = kinds(
     Kind("reach_count", "1", "reaches that were measured", "ours"),
-    Kind("reach_time", "s", "mean time from where the hand's angular speed rises above 2 % of its peak to where it falls below", DRINKING),
+    Kind(
+        "reach_time",
+        "s",
+        "mean time from where the hand's angular speed rises above 2 % of its peak to where it falls below",
+        DRINKING,
+    ),
     Kind("reach_peak_speed", "rad/s", "mean of the hand's largest angular speed", DRINKING),
     Kind("reach_peak_share", "1", "mean share of the movement time until the peak speed", DRINKING),
-    Kind("reach_path", "rad", "mean of how far the hand turned on its way, in all", "ours: the integral of the angular speed"),
     Kind(
-        "reach_sparc", "1", "mean spectral arc length of the hand's angular speed up to 10 Hz; nearer to zero is smoother", BALASUBRAMANIAN
+        "reach_path",
+        "rad",
+        "mean of how far the hand turned on its way, in all",
+        "ours: the integral of the angular speed",
     ),
-    Kind("reach_ldlj", "1", "mean log dimensionless jerk of the hand's angular speed; nearer to zero is smoother", BALASUBRAMANIAN),
-    Kind("reach_aperture_max", "m", "mean of the largest distance between thumb and index tip on the way", VALEVICIUS),
-    Kind("reach_aperture_share", "1", "mean share of the movement time until the largest aperture", VALEVICIUS),
+    Kind(
+        "reach_sparc",
+        "1",
+        "mean spectral arc length of the hand's angular speed up to 10 Hz; nearer to zero is smoother",
+        BALASUBRAMANIAN,
+    ),
+    Kind(
+        "reach_ldlj",
+        "1",
+        "mean log dimensionless jerk of the hand's angular speed; nearer to zero is smoother",
+        BALASUBRAMANIAN,
+    ),
+    Kind(
+        "reach_aperture_max",
+        "m",
+        "mean of the largest distance between thumb and index tip on the way",
+        VALEVICIUS,
+    ),
+    Kind(
+        "reach_aperture_share",
+        "1",
+        "mean share of the movement time until the largest aperture",
+        VALEVICIUS,
+    ),
 )
 KINDS = {**OWN, **reach_place.KINDS}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Params(PlaceMeasure):
-    threshold: float = option(0.02, "", "share of the peak speed at which a movement begins and ends", DRINKING, least=0.001, most=0.5)
-    lowpass: float = option(10.0, "Hz", "what is faster is taken for noise", "ours: the highest frequency of SPARC", least=2.0)
-    smallest: float = option(0.35, "rad/s", "a peak speed of the hand below this is no reach", "ours: 20 deg/s")
-    smallest_tips: float = option(
-        0.02, "m/s", "a peak speed of the fingertips below this is none", "drinking task (JNER 2021): movement units above 20 mm/s"
+    threshold: float = option(
+        0.02,
+        "",
+        "share of the peak speed at which a movement begins and ends",
+        DRINKING,
+        least=0.001,
+        most=0.5,
     )
-    highest: float = option(10.0, "Hz", "highest frequency of SPARC", "Balasubramanian, Python; 20 in his Matlab", least=1.0)
+    lowpass: float = option(
+        10.0,
+        "Hz",
+        "what is faster is taken for noise",
+        "ours: the highest frequency of SPARC",
+        least=2.0,
+    )
+    smallest: float = option(
+        0.35, "rad/s", "a peak speed of the hand below this is no reach", "ours: 20 deg/s"
+    )
+    smallest_tips: float = option(
+        0.02,
+        "m/s",
+        "a peak speed of the fingertips below this is none",
+        "drinking task (JNER 2021): movement units above 20 mm/s",
+    )
+    highest: float = option(
+        10.0,
+        "Hz",
+        "highest frequency of SPARC",
+        "Balasubramanian, Python; 20 in his Matlab",
+        least=1.0,
+    )
 
 
 @dataclass(frozen=True)
@@ -108,36 +160,62 @@ def measure(
     if not ways and np.isfinite(tips).all(axis=(1, 2)).sum() >= 3:
         speed = np.linalg.norm(np.gradient(tips.mean(axis=1), part.t, axis=0), axis=1)
         signal, turned = even(part.t, speed, lowpass=params.lowpass), False
-        ways = _ways(params, signal, np.interp(signal.t, part.t, np.sqrt((apart**2).sum(axis=-1))), spans, params.smallest_tips)
+        ways = _ways(
+            params,
+            signal,
+            np.interp(signal.t, part.t, np.sqrt((apart**2).sum(axis=-1))),
+            spans,
+            params.smallest_tips,
+        )
     sd = None
     if part.tips_sd is not None:
-        both = np.sqrt((part.tips_sd[:, [FINGERS.index("thumb"), FINGERS.index("index")]] ** 2).sum(axis=1).mean(axis=-1))
+        both = np.sqrt(
+            (part.tips_sd[:, [FINGERS.index("thumb"), FINGERS.index("index")]] ** 2)
+            .sum(axis=1)
+            .mean(axis=-1)
+        )
         sd = float(np.nanmean(both)) if np.isfinite(both).any() else None
     told: tuple[Grade, str] = ("poor", "no reach found: the hand hardly moved")
     if ways:
         told = grade_of(part.flags[:, [SEGMENT["hand"]]])
         told = told if turned else worse(told, ("fair", FINGERTIPS))
     where = reach_place.places(
-        params, part, spans, lambda t, speed, smallest: _found(of_speed(params, t, speed, None, smallest)), height_told(asked.details)
+        params,
+        part,
+        spans,
+        lambda t, speed, smallest: _found(of_speed(params, t, speed, None, smallest)),
+        height_told(asked.details),
     )
-    return Reach(tuple(ways), 0.01, sd, turned, *told, signal.t, signal.values, where)  # 1 %: a gyroscope's scale
+    return Reach(
+        tuple(ways), 0.01, sd, turned, *told, signal.t, signal.values, where
+    )  # 1 %: a gyroscope's scale
 
 
 def _found(way: Way | None) -> reach_place.Found | None:
     return None if way is None else (way.onset, way.end, way.values)
 
 
-def _ways(params: Params, signal: Even, aperture: Array, spans: Sequence[tuple[float, float]], smallest: float) -> list[Way]:
+def _ways(
+    params: Params,
+    signal: Even,
+    aperture: Array,
+    spans: Sequence[tuple[float, float]],
+    smallest: float,
+) -> list[Way]:
     ways = []
     for a, b in spans:
         inside = (signal.t >= a) & (signal.t <= b)
         if inside.sum() >= 8 and signal.known[inside].all():
-            way = of_speed(params, signal.t[inside], signal.values[inside], aperture[inside], smallest)
+            way = of_speed(
+                params, signal.t[inside], signal.values[inside], aperture[inside], smallest
+            )
             ways += [way] if way else []
     return ways
 
 
-def of_speed(params: Params, t: Array, speed: Array, aperture: Array | None = None, smallest: float = 0.0) -> Way | None:
+def of_speed(
+    params: Params, t: Array, speed: Array, aperture: Array | None = None, smallest: float = 0.0
+) -> Way | None:
     """One reach in a speed (n,) on an even grid t (n,) s; None where nothing moved."""
     peak = int(np.argmax(speed))
     least = params.threshold * speed[peak]
@@ -161,32 +239,62 @@ def of_speed(params: Params, t: Array, speed: Array, aperture: Array | None = No
     }
     if aperture is not None and np.isfinite(aperture[a : b + 1]).all():
         widest = a + int(np.argmax(aperture[a : b + 1]))
-        values |= {"aperture_max": float(aperture[widest]), "aperture_share": float((t[widest] - t[a]) / time)}
+        values |= {
+            "aperture_max": float(aperture[widest]),
+            "aperture_share": float((t[widest] - t[a]) / time),
+        }
     return Way(float(t[a]), float(t[b]), values)
 
 
 def figures(r: Reach) -> list[Figure]:
     """The flat list of figures: means over the reaches, with the standard error of their scatter and the instrument's."""
-    told, made = (r.grade, r.reason), [OWN["reach_count"].of(float(len(r.ways)), 0.0, r.grade, r.reason)]
+    told, made = (
+        (r.grade, r.reason),
+        [OWN["reach_count"].of(float(len(r.ways)), 0.0, r.grade, r.reason)],
+    )
     for kind in list(OWN.values())[1:]:
-        each = np.array([w.values[what] for w in r.ways if (what := kind.what.removeprefix("reach_")) in w.values])
+        each = np.array(
+            [
+                w.values[what]
+                for w in r.ways
+                if (what := kind.what.removeprefix("reach_")) in w.values
+            ]
+        )
         each = each[np.isfinite(each)] if r.turned or not kind.unit.startswith("rad") else each[:0]
         mean = float(each.mean()) if len(each) else np.nan
-        own = r.aperture_sd if kind.unit == "m" else r.relative_sd * abs(mean) if kind.unit.startswith("rad") else 0.0
+        own = (
+            r.aperture_sd
+            if kind.unit == "m"
+            else r.relative_sd * abs(mean)
+            if kind.unit.startswith("rad")
+            else 0.0
+        )
         scatter = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 1 else None
         sd = None if scatter is None and not own else float(np.hypot(scatter or 0.0, own or 0.0))
         made.append(kind.of(mean, sd, *told))
     of_place = reach_place.figures(r.where)
-    return [*made, *of_place] if r.where is None else [made[0], *of_place, *made[1:]]  # metres first, where there are any
+    return (
+        [*made, *of_place] if r.where is None else [made[0], *of_place, *made[1:]]
+    )  # metres first, where there are any
 
 
 def shown(r: Reach) -> Shown:
     """The hand's angular speed with the beginnings and ends of the reaches."""
     if not len(r.t):
         return Shown()
-    marks = {"movement_start": np.array([w.onset for w in r.ways]), "movement_end": np.array([w.end for w in r.ways])}
-    curve = Curve("hand_speed", "rad/s", r.t, r.speed) if r.turned else Curve("fingertip_speed", "m/s", r.t, r.speed)
+    marks = {
+        "movement_start": np.array([w.onset for w in r.ways]),
+        "movement_end": np.array([w.end for w in r.ways]),
+    }
+    curve = (
+        Curve("hand_speed", "rad/s", r.t, r.speed)
+        if r.turned
+        else Curve("fingertip_speed", "m/s", r.t, r.speed)
+    )
     if r.where is None:
         return Shown((curve,), marks)
-    of_trunk = Curve("hand_distance", "m", r.where.t, r.where.distance), Curve("trunk_forward", "m", r.where.t, r.where.forward)
+    of_trunk = (
+        Curve("hand_distance", "m", r.where.t, r.where.distance),
+        Curve("trunk_forward", "m", r.where.t, r.where.forward),
+    )
     return Shown((curve, *of_trunk), marks)

@@ -25,7 +25,9 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
 
 LEVIN = "Levin 2002 (Exp Brain Res 143:171)"
-DRINKING = "drinking task (JNER 2021, 10.1186/s12984-021-00895-3); of the hand's speed against the trunk"
+DRINKING = (
+    "drinking task (JNER 2021, 10.1186/s12984-021-00895-3); of the hand's speed against the trunk"
+)
 OF_PLACE = "Balasubramanian, siva82kb/SPARC @3650934; of the hand's speed against the trunk"
 NO_MAGNET = "the hand's place is not known: that takes magnetometers on the trunk and a magnet on the hand (where they are worn, the warnings say what is wrong)"
 NO_HEIGHT = "the height of the trunk's sensor above the hips (trunk_height of the task) is not one between 0.1 and 0.7 m; give it in m"
@@ -65,13 +67,23 @@ OF_EACH = (
 class PlaceMeasure(TrunkParams):
     """How places are looked at."""
 
-    smallest_way: float = option(0.05, "m/s", "a peak speed of the hand against the trunk below this is no reach", "ours")
+    smallest_way: float = option(
+        0.05, "m/s", "a peak speed of the hand against the trunk below this is no reach", "ours"
+    )
     smoothed: float = option(
-        6.0, "Hz", "what is faster in the hand's place is taken for noise", "ours: human reaches end at about 5 Hz", least=2.0
+        6.0,
+        "Hz",
+        "what is faster in the hand's place is taken for noise",
+        "ours: human reaches end at about 5 Hz",
+        least=2.0,
     )
 
-    unit_rise: float = option(0.02, "m/s", "growth of the hand's speed that makes a movement unit", DRINKING, least=0.001)
-    unit_apart: float = option(0.15, "s", "least time between the peaks of two movement units", DRINKING)
+    unit_rise: float = option(
+        0.02, "m/s", "growth of the hand's speed that makes a movement unit", DRINKING, least=0.001
+    )
+    unit_apart: float = option(
+        0.15, "s", "least time between the peaks of two movement units", DRINKING
+    )
 
 
 @dataclass(frozen=True)
@@ -89,38 +101,67 @@ class Where:
     """What the places of a task tell."""
 
     ways: tuple[Single, ...]
-    whole: Mapping[str, tuple[float, float | None]]  # farthest, volume, signal with the instrument's standard deviation
+    whole: Mapping[
+        str, tuple[float, float | None]
+    ]  # farthest, volume, signal with the instrument's standard deviation
     grade: Grade
     reason: str
     t: Array  # (n,) s
     distance: Array  # (n,) m from the trunk
-    forward: (
-        Array  # (n,) m that leaning has carried the trunk's sensor since the first reach was called; NaN where its orientation is not known
-    )
+    forward: Array  # (n,) m that leaning has carried the trunk's sensor since the first reach was called; NaN where its orientation is not known
     height: str = ""  # of the trunk's sensor, with which the trunk's displacement was reckoned
 
 
-Found = tuple[float, float, Mapping[str, float]]  # s, s, and time, path, peak_speed, sparc, ldlj, of a speed
+Found = tuple[
+    float, float, Mapping[str, float]
+]  # s, s, and time, path, peak_speed, sparc, ldlj, of a speed
 OfSpeed = Callable[[Array, Array, float], Found | None]
 
 
 def places(
-    params: PlaceMeasure, part: Trajectory, spans: Sequence[tuple[float, float]], of_speed: OfSpeed, height: float | None = None
+    params: PlaceMeasure,
+    part: Trajectory,
+    spans: Sequence[tuple[float, float]],
+    of_speed: OfSpeed,
+    height: float | None = None,
 ) -> Where | None:
     """What the places say of every stretch that was called; None where there is no magnet.
 
     `of_speed` finds one reach in a speed; `height` of the trunk's sensor above the hips, m, where it was measured, NaN where what was told is none.
     """
-    if part.place is None or part.place_sd is None or part.place_flags is None or part.q_trunk is None or part.q_trunk_sd is None:
+    if (
+        part.place is None
+        or part.place_sd is None
+        or part.place_flags is None
+        or part.q_trunk is None
+        or part.q_trunk_sd is None
+    ):
         return None
     good = ((part.place_flags & UNKNOWN) == 0) & np.isfinite(part.place).all(axis=1)
     grade, reason = _graded(part)
     distance = np.where(good, np.linalg.norm(part.place, axis=1), np.nan)
     forward = _forward(params, part, spans, height)
     if grade == "poor" or good.sum() < FEWEST:
-        return Where((), {}, "poor", reason or "no place of the hand in reach of the magnetometers", part.t, distance, forward)
+        return Where(
+            (),
+            {},
+            "poor",
+            reason or "no place of the hand in reach of the magnetometers",
+            part.t,
+            distance,
+            forward,
+        )
     ways = [w for a, b in spans if (w := _way(params, part, good, a, b, of_speed, height))]
-    return Where(tuple(ways), _whole(part, good), grade, reason, part.t, distance, forward, _height(params, height))
+    return Where(
+        tuple(ways),
+        _whole(part, good),
+        grade,
+        reason,
+        part.t,
+        distance,
+        forward,
+        _height(params, height),
+    )
 
 
 def figures(where: Where | None) -> list[Figure]:
@@ -130,14 +171,24 @@ def figures(where: Where | None) -> list[Figure]:
         if where is None:
             made.append(kind.of(np.nan, None, "poor", NO_MAGNET))
         elif what in OF_EACH:
-            if what == "trunk_forward" and where.ways and not np.isfinite([w.values[what] for w in where.ways]).any():
+            if (
+                what == "trunk_forward"
+                and where.ways
+                and not np.isfinite([w.values[what] for w in where.ways]).any()
+            ):
                 made.append(kind.of(np.nan, None, "poor", NO_HEIGHT))
                 continue
             each = np.array([w.values[what] for w in where.ways if np.isfinite(w.values[what])])
             own = [w.own_sd[what] for w in where.ways if what in w.own_sd]
             grade, reason = _told(where, bool(len(each)))
-            reason = "; ".join(r for r in (reason, where.height if what == "trunk_forward" and len(each) else "") if r)
-            made.append(kind.of(float(each.mean()) if len(each) else np.nan, _sd(each, own), grade, reason))
+            reason = "; ".join(
+                r
+                for r in (reason, where.height if what == "trunk_forward" and len(each) else "")
+                if r
+            )
+            made.append(
+                kind.of(float(each.mean()) if len(each) else np.nan, _sd(each, own), grade, reason)
+            )
         else:
             value, sd = where.whole.get(what, (np.nan, None))
             made.append(kind.of(value, sd, *_told(where, bool(np.isfinite(value)))))
@@ -152,14 +203,22 @@ def _height(params: PlaceMeasure, told: float | None) -> str:
 
 
 def _told(where: Where, known: bool) -> tuple[Grade, str]:
-    return (where.grade, where.reason) if known or where.reason else ("poor", "no reach found: the hand's place hardly changed")
+    return (
+        (where.grade, where.reason)
+        if known or where.reason
+        else ("poor", "no reach found: the hand's place hardly changed")
+    )
 
 
 def _sd(each: Array, own: Sequence[float]) -> float | None:
     """Scatter of the reaches and what the instrument is off by, which does not average out."""
     scatter = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 1 else None
     instrument = float(np.mean(own)) if own else None
-    return None if scatter is None and instrument is None else float(np.hypot(scatter or 0.0, instrument or 0.0))
+    return (
+        None
+        if scatter is None and instrument is None
+        else float(np.hypot(scatter or 0.0, instrument or 0.0))
+    )
 
 
 def _graded(part: Trajectory) -> tuple[Grade, str]:
@@ -170,16 +229,30 @@ def _graded(part: Trajectory) -> tuple[Grade, str]:
         share = float(((part.place_flags & flag) != 0).mean())
         if share > 0.005:
             told.append(
-                ("good" if share <= TRUSTED else "fair" if share <= USABLE else "poor", f"{words} in {100 * share:.0f} % of the samples")
+                (
+                    "good" if share <= TRUSTED else "fair" if share <= USABLE else "poor",
+                    f"{words} in {100 * share:.0f} % of the samples",
+                )
             )
     return worse(*told)
 
 
 def _way(
-    params: PlaceMeasure, part: Trajectory, good: Array, onset: float, end: float, of_speed: OfSpeed, height: float | None
+    params: PlaceMeasure,
+    part: Trajectory,
+    good: Array,
+    onset: float,
+    end: float,
+    of_speed: OfSpeed,
+    height: float | None,
 ) -> Single | None:
     """One reach; None where nothing moved or its place is not known throughout."""
-    assert part.place is not None and part.place_sd is not None and part.q_trunk is not None and part.q_trunk_sd is not None
+    assert (
+        part.place is not None
+        and part.place_sd is not None
+        and part.q_trunk is not None
+        and part.q_trunk_sd is not None
+    )
     inside = (part.t >= onset) & (part.t <= end)
     if inside.sum() < FEWEST or not good[inside].all():
         return None
@@ -193,7 +266,10 @@ def _way(
     a, b, told = found
     first, last = np.searchsorted(grid, [a - 1e-9, b - 1e-9])
     k = np.flatnonzero(inside)
-    here, there = int(k[np.searchsorted(t, a - 1e-9)]), int(k[min(int(np.searchsorted(t, b - 1e-9)), len(t) - 1)])
+    here, there = (
+        int(k[np.searchsorted(t, a - 1e-9)]),
+        int(k[min(int(np.searchsorted(t, b - 1e-9)), len(t) - 1)]),
+    )
     across = place[last] - place[first]
     distance = float(np.linalg.norm(across))
     toward = across / max(distance, 1e-9)
@@ -209,7 +285,11 @@ def _way(
         "hand_speed": told["peak_speed"],
         "hand_sparc": told["sparc"],
         "hand_ldlj": told["ldlj"],
-        "hand_units": float(movement_units(speed[first : last + 1], 1.0 / axes[0].period, params.unit_rise, params.unit_apart)),
+        "hand_units": float(
+            movement_units(
+                speed[first : last + 1], 1.0 / axes[0].period, params.unit_rise, params.unit_apart
+            )
+        ),
         "trunk_lean": lean,
         "trunk_turn": turn,
         "trunk_forward": float(carried.forward[-1]),
@@ -225,13 +305,23 @@ def _way(
     return Single(a, b, values, own)
 
 
-def _forward(params: PlaceMeasure, part: Trajectory, spans: Sequence[tuple[float, float]], height: float | None) -> Array:
+def _forward(
+    params: PlaceMeasure,
+    part: Trajectory,
+    spans: Sequence[tuple[float, float]],
+    height: float | None,
+) -> Array:
     """How far leaning has carried the trunk's sensor since the first of the spans begins (n,); NaN before, and where nothing is known."""
     assert part.q_trunk is not None and part.q_trunk_sd is not None
-    known = np.flatnonzero(np.isfinite(part.q_trunk).all(axis=1) & (part.t >= min((a for a, _ in spans), default=np.inf)))
+    known = np.flatnonzero(
+        np.isfinite(part.q_trunk).all(axis=1)
+        & (part.t >= min((a for a, _ in spans), default=np.inf))
+    )
     forward = np.full(len(part), np.nan)
     if len(known):
-        forward[known] = displacement(params, part.q_trunk[known], part.q_trunk_sd[known], height).forward
+        forward[known] = displacement(
+            params, part.q_trunk[known], part.q_trunk_sd[known], height
+        ).forward
     return forward
 
 
@@ -252,7 +342,10 @@ def _whole(part: Trajectory, good: Array) -> dict[str, tuple[float, float | None
     distance = np.linalg.norm(place, axis=1)
     k = int(distance.argmax())
     told: dict[str, tuple[float, float | None]] = {
-        "farthest": (float(distance[k]), float(np.sqrt(((place[k] / distance[k] * sd[k]) ** 2).sum()))),
+        "farthest": (
+            float(distance[k]),
+            float(np.sqrt(((place[k] / distance[k] * sd[k]) ** 2).sum())),
+        ),
         "volume": volume(place, sd),
     }
     if part.signal is not None and np.isfinite(part.signal).any():

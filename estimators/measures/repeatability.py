@@ -20,7 +20,9 @@ from handscope.estimators.hand.anatomy import DOF_NAMES, JOINTS
 from handscope.estimators.numerics.quaternions import Array
 
 CONFIDENCE = 0.95
-MDC = 1.96 * np.sqrt(2.0)  # of a difference of two measurements that is beyond 95 % of what chance gives
+MDC = 1.96 * np.sqrt(
+    2.0
+)  # of a difference of two measurements that is beyond 95 % of what chance gives
 SETTLING = 1.0  # s at each end of a hold that is left out: the hand still moves there; ours
 
 
@@ -79,14 +81,18 @@ class Within:
     mdc95: Interval
 
 
-def held_angles(moved: Trajectory, holds: Sequence[tuple[float, float]], settling: float = SETTLING) -> Array:
+def held_angles(
+    moved: Trajectory, holds: Sequence[tuple[float, float]], settling: float = SETTLING
+) -> Array:
     """Mean of every freedom's angle (holds, DOF_NAMES) rad over each hold (start, stop) s, its ends left out; NaN where not measured."""
     columns = [(j, a) for j, joint in enumerate(JOINTS) for a in joint.dofs]
     j, a = np.array(columns).T
     found = np.full((len(holds), len(columns)), np.nan)
     for k, (start, stop) in enumerate(holds):
         if stop - start <= 2 * settling:
-            raise InputError(f"the hold at {start:g} s lasts {stop - start:g} s; with {settling:g} s left out at both ends nothing remains")
+            raise InputError(
+                f"the hold at {start:g} s lasts {stop - start:g} s; with {settling:g} s left out at both ends nothing remains"
+            )
         found[k] = _mean(moved.between(start + settling, stop - settling).angles[:, j, a])
     return found
 
@@ -94,7 +100,9 @@ def held_angles(moved: Trajectory, holds: Sequence[tuple[float, float]], settlin
 def spread(held: Array, names: Sequence[str] = DOF_NAMES) -> Spread:
     """Range and SD within each trial from held angles (trials, holds, angles)."""
     if held.ndim != 3 or held.shape[1] < 2 or held.shape[2] != len(names):
-        raise InputError("repeatability needs two holds a trial at least; record the posture again several times")
+        raise InputError(
+            "repeatability needs two holds a trial at least; record the posture again several times"
+        )
     return Spread(tuple(names), held.max(axis=1) - held.min(axis=1), held.std(axis=1, ddof=1))
 
 
@@ -106,9 +114,13 @@ def reliability(values: Array) -> Reliability:
     complete = values[np.isfinite(values).all(axis=1)] if values.ndim == 2 else np.empty((0, 0))
     n, k = complete.shape
     if n < 1 or k < 2:
-        raise InputError("reliability needs at least two sessions of the same person without a missing value; measure again")
+        raise InputError(
+            "reliability needs at least two sessions of the same person without a missing value; measure again"
+        )
     grand, row, column = complete.mean(), complete.mean(axis=1), complete.mean(axis=0)
-    within = ((complete - row[:, None]) ** 2).sum() / (n * (k - 1))  # = EMS + (JMS - EMS) / n: variance of the sessions and of the rest
+    within = ((complete - row[:, None]) ** 2).sum() / (
+        n * (k - 1)
+    )  # = EMS + (JMS - EMS) / n: variance of the sessions and of the rest
     nothing = Interval(np.nan, np.nan, np.nan)
     if n < 2:
         sem = _sem(within, k - 1)
@@ -118,9 +130,21 @@ def reliability(values: Array) -> Reliability:
     free = (n - 1) * (k - 1)
     ems = ((complete - row[:, None] - column + grand) ** 2).sum() / free
     ems = ems if ems > 1e-12 * (bms + jms) else 0.0  # rounding
-    satterthwaite = within**2 / ((jms / n) ** 2 / (k - 1) + ((n - 1) * ems / n) ** 2 / free) if within > 0 else float(n * (k - 1))
+    satterthwaite = (
+        within**2 / ((jms / n) ** 2 / (k - 1) + ((n - 1) * ems / n) ** 2 / free)
+        if within > 0
+        else float(n * (k - 1))
+    )
     sem = _sem(within, satterthwaite)
-    return Reliability(n, k, _icc21(bms, jms, ems, n, k), _icc31(bms, ems, n, k), sem, _sem(ems, free), _scaled(sem, MDC))
+    return Reliability(
+        n,
+        k,
+        _icc21(bms, jms, ems, n, k),
+        _icc31(bms, ems, n, k),
+        sem,
+        _sem(ems, free),
+        _scaled(sem, MDC),
+    )
 
 
 def within(groups: Sequence[Sequence[float]]) -> Within | None:
@@ -152,7 +176,9 @@ def _icc21(bms: float, jms: float, ems: float, n: int, k: int) -> Interval:
     lower, upper = f.ppf(tail, n - 1, v), f.ppf(tail, v, n - 1)
     rest = k * jms + (k * n - k - n) * ems
     return Interval(
-        icc, float(n * (bms - lower * ems) / (lower * rest + n * bms)), float(n * (upper * bms - ems) / (rest + n * upper * bms))
+        icc,
+        float(n * (bms - lower * ems) / (lower * rest + n * bms)),
+        float(n * (upper * bms - ems) / (rest + n * upper * bms)),
     )
 
 

@@ -12,7 +12,14 @@ import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.measures.contacts import SALCHOW, Contact, Touched, contacts_of, errors, touched
+from handscope.estimators.measures.contacts import (
+    SALCHOW,
+    Contact,
+    Touched,
+    contacts_of,
+    errors,
+    touched,
+)
 from handscope.estimators.measures.figure import Figure, Kind, kinds
 from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
@@ -32,7 +39,12 @@ HELD = {  # Table 5; the bottoms of the block are ours (estimators/simulation/mo
     ),
 }
 KINDS = kinds(
-    Kind("contact_error_mean", "m", "mean of the measured distance between the points of contact less the true one", SALCHOW),
+    Kind(
+        "contact_error_mean",
+        "m",
+        "mean of the measured distance between the points of contact less the true one",
+        SALCHOW,
+    ),
     Kind("contact_error_sd", "m", "standard deviation of that difference over the hold", SALCHOW),
     Kind("contact_error_rmse", "m", "root mean square of that difference over the hold", SALCHOW),
 )
@@ -58,9 +70,16 @@ def measure(
 ) -> list[Touched]:
     """Every pair whose true distance is known: from the task's details, else from its name (P1 to P4); only while `closed`, where that is marked."""
     part = within(trajectory, onset, end)
-    shut = [(m.onset + REACTION[0], m.end - REACTION[1]) for m in asked.marks if m.phase == "closed"]
+    shut = [
+        (m.onset + REACTION[0], m.end - REACTION[1]) for m in asked.marks if m.phase == "closed"
+    ]
     if shut:
-        part = part.without([(a, b) for a, b in zip([-np.inf, *(b for _, b in shut)], [*(a for a, _ in shut), np.inf])])
+        part = part.without(
+            [
+                (a, b)
+                for a, b in zip([-np.inf, *(b for _, b in shut)], [*(a for a, _ in shut), np.inf])
+            ]
+        )
     named = next((pairs for name, pairs in HELD.items() if name in words_of(asked.task)), ())
     pairs = [c for c in contacts_of(asked) if c.distance is not None] or list(named)
     return [touched(c, part, geometry) for c in pairs]
@@ -74,7 +93,13 @@ def figures(found: list[Touched]) -> list[Figure]:
         off = errors(r.distance, r.contact.distance)
         told = (
             r.grade,
-            r.reason if r.on_skin else "; ".join(filter(None, [r.reason, "between the ends of the bones: the hand's size is not known"])),
+            r.reason
+            if r.on_skin
+            else "; ".join(
+                filter(
+                    None, [r.reason, "between the ends of the bones: the hand's size is not known"]
+                )
+            ),
         )
         for what in ("mean", "sd", "rmse"):
             made.append(KINDS[f"contact_error_{what}"].of(off[what], r.sd, *told, r.contact.part))
@@ -83,4 +108,10 @@ def figures(found: list[Touched]) -> list[Figure]:
 
 def shown(found: list[Touched]) -> Shown:
     """The distances over time."""
-    return Shown(tuple(Curve(f"{r.contact.part}_distance", "m", r.t, r.distance) for r in found if np.isfinite(r.distance).any()))
+    return Shown(
+        tuple(
+            Curve(f"{r.contact.part}_distance", "m", r.t, r.distance)
+            for r in found
+            if np.isfinite(r.distance).any()
+        )
+    )

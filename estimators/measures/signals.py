@@ -47,7 +47,9 @@ def even(t: Array, values: Array, max_gap: float = 0.1, lowpass: float = 0.0) ->
     t, values = checked(t, values)
     used = np.isfinite(values)
     at, found = t[used], values[used]
-    period = max(float(np.median(np.diff(at))), (at[-1] - at[0]) / (8 * len(at)))  # samples in bursts are no reason for a huge grid
+    period = max(
+        float(np.median(np.diff(at))), (at[-1] - at[0]) / (8 * len(at))
+    )  # samples in bursts are no reason for a huge grid
     grid = at[0] + period * np.arange(round((at[-1] - at[0]) / period) + 1)
     level = np.interp(grid, at, found)
     gap = np.flatnonzero(np.diff(at) > max(max_gap, 1.5 * period))
@@ -64,15 +66,23 @@ def checked(t: Array, values: Array) -> tuple[Array, Array]:
     try:
         t, values = np.asarray(t, float), np.asarray(values, float)
     except (TypeError, ValueError):
-        raise InputError("times and values of a signal are numbers; give two arrays of the same length") from None
+        raise InputError(
+            "times and values of a signal are numbers; give two arrays of the same length"
+        ) from None
     if t.ndim != 1 or t.shape != values.shape:
-        raise InputError(f"times and values of a signal have the shapes {t.shape} and {values.shape}; give two arrays of the same length")
+        raise InputError(
+            f"times and values of a signal have the shapes {t.shape} and {values.shape}; give two arrays of the same length"
+        )
     if not np.isfinite(t).all() or (np.diff(t) <= 0).any():
-        raise InputError("the times of the signal do not increase from sample to sample; sort them, in seconds, without repetitions")
+        raise InputError(
+            "the times of the signal do not increase from sample to sample; sort them, in seconds, without repetitions"
+        )
     if np.isinf(values).any():
         raise InputError("the signal has infinite values; leave them out, or write them as NaN")
     if np.isfinite(values).sum() < 3:
-        raise InputError(f"the signal has {int(np.isfinite(values).sum())} known samples; at least 3 are needed")
+        raise InputError(
+            f"the signal has {int(np.isfinite(values).sum())} known samples; at least 3 are needed"
+        )
     return t, values
 
 

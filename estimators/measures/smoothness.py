@@ -19,7 +19,9 @@ from handscope.estimators.numerics.quaternions import Array
 POWERS = {"speed": 3, "acceleration": 1, "jerk": -1}
 
 
-def sparc(speed: Array, rate: float, highest: float = 10.0, least: float = 0.05, padding: int = 4) -> float:
+def sparc(
+    speed: Array, rate: float, highest: float = 10.0, least: float = 0.05, padding: int = 4
+) -> float:
     """Spectral arc length of a speed profile: `highest` frequency in Hz, `least` share of the spectrum's maximum that counts."""
     v = _checked(speed, rate)
     n = int(2 ** (np.ceil(np.log2(len(v))) + padding))
@@ -37,7 +39,9 @@ def sparc(speed: Array, rate: float, highest: float = 10.0, least: float = 0.05,
     return -float(np.sqrt((np.diff(f) / (f[-1] - f[0])) ** 2 + np.diff(spectrum) ** 2).sum())
 
 
-def dimensionless_jerk(movement: Array, rate: float, kind: Literal["speed", "acceleration", "jerk"] = "speed") -> float:
+def dimensionless_jerk(
+    movement: Array, rate: float, kind: Literal["speed", "acceleration", "jerk"] = "speed"
+) -> float:
     """-(T^p / peak^2) times the integral of jerk squared; p is 3 of a speed, 1 of an acceleration, -1 of a jerk."""
     if kind not in POWERS:
         raise InputError(f"there is no kind of movement {kind!r}; kinds are {', '.join(POWERS)}")
@@ -45,11 +49,19 @@ def dimensionless_jerk(movement: Array, rate: float, kind: Literal["speed", "acc
     dt, peak = 1.0 / rate, float(np.abs(v).max())
     if not peak > 0:
         return float("nan")
-    jerk = np.diff(v, 2) / dt**2 if kind == "speed" else np.diff(v) / dt if kind == "acceleration" else v
+    jerk = (
+        np.diff(v, 2) / dt**2
+        if kind == "speed"
+        else np.diff(v) / dt
+        if kind == "acceleration"
+        else v
+    )
     return -float((len(v) * dt) ** POWERS[kind] / peak**2 * (jerk**2).sum() * dt)
 
 
-def log_dimensionless_jerk(movement: Array, rate: float, kind: Literal["speed", "acceleration", "jerk"] = "speed") -> float:
+def log_dimensionless_jerk(
+    movement: Array, rate: float, kind: Literal["speed", "acceleration", "jerk"] = "speed"
+) -> float:
     """-ln of the size of the dimensionless jerk."""
     size = abs(dimensionless_jerk(movement, rate, kind))
     return -float(np.log(size)) if size > 0 else float("nan")
@@ -69,9 +81,13 @@ def movement_units(speed: Array, rate: float, rise: float, apart: float) -> int:
 def _checked(movement: Array, rate: float) -> Array:
     v = np.asarray(movement, float)
     if v.ndim != 1 or len(v) < 3:
-        raise InputError(f"a movement of the shape {v.shape} has no smoothness; give at least 3 samples of its speed, one after the other")
+        raise InputError(
+            f"a movement of the shape {v.shape} has no smoothness; give at least 3 samples of its speed, one after the other"
+        )
     if not np.isfinite(v).all():
-        raise InputError(f"{int((~np.isfinite(v)).sum())} samples of the movement are not numbers; fill them or cut the movement there")
+        raise InputError(
+            f"{int((~np.isfinite(v)).sum())} samples of the movement are not numbers; fill them or cut the movement there"
+        )
     if not (np.isfinite(rate) and rate > 0):
         raise InputError(f"a sampling rate of {rate} Hz is none; give samples per second")
     return v

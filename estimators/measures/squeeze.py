@@ -15,7 +15,12 @@ from scipy.signal import find_peaks
 
 from handscope.estimators.data.options import option
 from handscope.estimators.data.trajectory import Trajectory
-from handscope.estimators.force import frequency_response, grasp_phases, identification, load_exchange
+from handscope.estimators.force import (
+    frequency_response,
+    grasp_phases,
+    identification,
+    load_exchange,
+)
 from handscope.estimators.force.contact import ContactParams
 from handscope.estimators.force.frequency_response import Conditions, Response
 from handscope.estimators.force.grasp_phases import UNREAD, UNSURE, Holding
@@ -33,12 +38,23 @@ from handscope.estimators.numerics.quaternions import Array
 TITLE = "Squeeze"
 NOISE = 0.1  # N
 BAND = 1.96  # standard deviations to either side: 95 %
-HOLDS, FAILS, OPEN, UNTOLD = "holds", "fails", "nothing speaks against it", "cannot be told"  # of the conditions of 6.5.1
+HOLDS, FAILS, OPEN, UNTOLD = (
+    "holds",
+    "fails",
+    "nothing speaks against it",
+    "cannot be told",
+)  # of the conditions of 6.5.1
 AT = 1e-3  # rad from an end of its range: a joint is held there by the model
-FURTHER = "a joint bends further than it may in the model: how far the fingertips move is not well known"
-TOO_SHORT = "squeezed for too short a time to tell how the object answers; squeeze for 10 s and more"
+FURTHER = (
+    "a joint bends further than it may in the model: how far the fingertips move is not well known"
+)
+TOO_SHORT = (
+    "squeezed for too short a time to tell how the object answers; squeeze for 10 s and more"
+)
 BENT = "the force does not grow evenly with the distance: what is held, or a force sensor, is not linear"
-USUAL = np.array([1e3, 50.0, 10.0])  # sizes of stiffness N/m, force at no distance N, and damping N s/m
+USUAL = np.array(
+    [1e3, 50.0, 10.0]
+)  # sizes of stiffness N/m, force at no distance N, and damping N s/m
 KINDS = kinds(
     Kind("squeeze_count", "1", "times that the object was squeezed", "ours: peaks of the force"),
     Kind("squeeze_force", "N", "mean of the largest force of each squeeze, of the fingers against the thumb", KORTIER),
@@ -59,20 +75,51 @@ KINDS = kinds(
 @dataclass(frozen=True, kw_only=True)
 class Params(ContactParams):
     shortest: float = option(1.0, "s", "a shorter touch is none", "ours", least=0.0)
-    margin: float = option(0.3, "s", "at both ends of a grasp that tell nothing: fingers settle", "ours", least=0.0)
+    margin: float = option(
+        0.3, "s", "at both ends of a grasp that tell nothing: fingers settle", "ours", least=0.0
+    )
     prominence: float = option(
-        0.25, "1", "share of the force's range by which a squeeze stands out", "ours: as of tapping", least=0.05, most=0.9
+        0.25,
+        "1",
+        "share of the force's range by which a squeeze stands out",
+        "ours: as of tapping",
+        least=0.05,
+        most=0.9,
     )
-    least_force: float = option(1.0, "N", "range of the force below which nothing was squeezed", "ours: ten times its error", least=0.1)
+    least_force: float = option(
+        1.0,
+        "N",
+        "range of the force below which nothing was squeezed",
+        "ours: ten times its error",
+        least=0.1,
+    )
     least_depth: float = option(
-        3e-3, "m", "range of the distance below which the object counts as rigid", "ours: what the fingertips' places wander by", least=1e-4
+        3e-3,
+        "m",
+        "range of the distance below which the object counts as rigid",
+        "ours: what the fingertips' places wander by",
+        least=1e-4,
     )
-    memory: float = option(3.0, "s", "time after which a sample counts for 1/e in the running estimate", "ours: two squeezes", least=0.1)
+    memory: float = option(
+        3.0,
+        "s",
+        "time after which a sample counts for 1/e in the running estimate",
+        "ours: two squeezes",
+        least=0.1,
+    )
     gain_sd: float = option(
-        0.055, "1", "error of a change of the fingertips' distance", "docs/reproduction.md, kortier6: RMS over simulated people", least=0.0
+        0.055,
+        "1",
+        "error of a change of the fingertips' distance",
+        "docs/reproduction.md, kortier6: RMS over simulated people",
+        least=0.0,
     )
     scale_sd: float = option(
-        0.02, "1", "error of the forces' scale, where the sensors were not calibrated", "BioMed Eng OnLine 11:90, Table 4", least=0.0
+        0.02,
+        "1",
+        "error of the forces' scale, where the sensors were not calibrated",
+        "BioMed Eng OnLine 11:90, Table 4",
+        least=0.0,
     )
     further: float = option(
         0.1,
@@ -82,7 +129,11 @@ class Params(ContactParams):
         least=0.0,
     )
     timing: float = option(
-        0.01, "s", "by how much forces and places may be shifted against each other", "ours: a sample at 100 Hz", least=0.0
+        0.01,
+        "s",
+        "by how much forces and places may be shifted against each other",
+        "ours: a sample at 100 Hz",
+        least=0.0,
     )
     bent: float = option(
         0.6,
@@ -91,7 +142,13 @@ class Params(ContactParams):
         "ours: 0.5 of one in eight simulated people who squeeze a linear spring, by how their hand differs from the model",
         least=0.05,
     )
-    lowpass: float = option(6.0, "Hz", "what is faster is taken for noise", "ours: the bandwidth of a sensor at 12 Hz", least=1.0)
+    lowpass: float = option(
+        6.0,
+        "Hz",
+        "what is faster is taken for noise",
+        "ours: the bandwidth of a sensor at 12 Hz",
+        least=1.0,
+    )
 
 
 @dataclass(frozen=True)
@@ -110,7 +167,9 @@ class Squeezed:
     conditions: Conditions | None
     reason: str
     running: Running | None = None  # the stiffness as it stood after each sample
-    untold: float = 0.0  # share of the push that is left along it: a finger that is not measured may take it
+    untold: float = (
+        0.0  # share of the push that is left along it: a finger that is not measured may take it
+    )
     bent: float = 0.0  # share by which the stiffness changes over the range of the distance
     answer: Response | None = None  # of the closing, m/N, where the force changes
 
@@ -142,7 +201,13 @@ def measure(
     if not fingers:
         return Squeeze(params, False, (), "poor", NONE)
     if "thumb" not in fingers or len(fingers) < 2:
-        return Squeeze(params, False, (), "poor", "squeezing needs force sensors on the thumb and another finger")
+        return Squeeze(
+            params,
+            False,
+            (),
+            "poor",
+            "squeezing needs force sensors on the thumb and another finger",
+        )
     held = grasp_phases.holdings(params, part, geometry)
     params = knowing(params, held[0]) if held else params
     further = any(_at_an_end(part, h) for h in held)
@@ -150,7 +215,9 @@ def measure(
     found = [made for h in held if (made := _squeezed(params, h)) is not None]
     if not found:
         return Squeeze(params, True, (), "poor", "nothing was squeezed")
-    told = [("good" if not one.reason else "fair" if one.fit else "poor", one.reason) for one in found]
+    told = [
+        ("good" if not one.reason else "fair" if one.fit else "poor", one.reason) for one in found
+    ]
     told += [("fair", FURTHER)] if further else []
     return Squeeze(params, True, tuple(found), *worse(*told))  # type: ignore[arg-type]
 
@@ -175,7 +242,9 @@ def _squeezed(params: Params, h: Holding) -> Squeezed | None:
     known = inside & np.isfinite(h.squeeze) & np.isfinite(h.distance)
     if known.sum() < 32:
         return None
-    force, distance = (even(h.t[known], v[known], lowpass=params.lowpass) for v in (h.squeeze, h.distance))
+    force, distance = (
+        even(h.t[known], v[known], lowpass=params.lowpass) for v in (h.squeeze, h.distance)
+    )
     extent = float(np.ptp(force.values))
     if extent < params.least_force:
         return None
@@ -191,13 +260,31 @@ def _squeezed(params: Params, h: Holding) -> Squeezed | None:
     half = 0.5 * float(np.median(np.diff(t[top]))) if len(top) > 1 else 1.0
     told = (t >= t[top[0]] - half) & (t <= t[top[-1]] + half)  # where the force changes
     bends = bent(t[told], x[told], p[told])
-    answer = frequency_response.response(t[told], x[told], -p[told])  # the push moves the pads towards each other
+    answer = frequency_response.response(
+        t[told], x[told], -p[told]
+    )  # the push moves the pads towards each other
     fit, conditions, reasons = _identified(params, h, inside, answer, t[told], x[told], p[told])
     reasons += [BENT] if fit and bends > params.bent else []
     untold = grasp_phases.untold_share(h, known)
     followed = running(params, t[told], x[told], p[told], untold, bends) if fit else None
     works = total[top] - total[np.array(edges[:-1])]
-    return Squeezed(h, t, x, p, t[top], x[top], depths, works, fit, conditions, "; ".join(reasons), followed, untold, bends, answer)
+    return Squeezed(
+        h,
+        t,
+        x,
+        p,
+        t[top],
+        x[top],
+        depths,
+        works,
+        fit,
+        conditions,
+        "; ".join(reasons),
+        followed,
+        untold,
+        bends,
+        answer,
+    )
 
 
 def _identified(
@@ -212,7 +299,15 @@ def _identified(
     fit = identification.fitted(x[:, None], _spring(t, p), np.full(len(t), NOISE))
     explained = 1 - float((fit.residuals**2).sum() / ((x - x.mean()) ** 2).sum())
     if explained < 0.7 or fit.theta[0] <= 0:
-        return None, told, [*reasons, *told.reasons, "force and distance do not go together as those of a spring do"]
+        return (
+            None,
+            told,
+            [
+                *reasons,
+                *told.reasons,
+                "force and distance do not go together as those of a spring do",
+            ],
+        )
     return (None if doubtful else fit), told, [*reasons, *told.reasons]
 
 
@@ -231,12 +326,16 @@ def bent(t: Array, x: Array, p: Array) -> float:
     return float(abs(2 * theta[3]) / max(abs(theta[0]), 1e-9))
 
 
-def running(params: Params, t: Array, x: Array, p: Array, untold: float = 0.0, bends: float = 0.0) -> Running:
+def running(
+    params: Params, t: Array, x: Array, p: Array, untold: float = 0.0, bends: float = 0.0
+) -> Running:
     """The stiffness as it stood after each sample of force x (n,) N and distance p (n,) m on an even grid."""
     fit = identification.fitted(x[:, None], _spring(t, p), np.full(len(t), NOISE))
     each = NOISE * float(np.sqrt(len(t) / fit.independent))
     alike = _alike(params, untold, bends)
-    return identification.followed(t, x[:, None], _spring(t, p), each, USUAL, params.memory, lambda K: alike * np.abs(K))
+    return identification.followed(
+        t, x[:, None], _spring(t, p), each, USUAL, params.memory, lambda K: alike * np.abs(K)
+    )
 
 
 def _alike(params: Params, untold: float, bends: float) -> float:
@@ -245,7 +344,9 @@ def _alike(params: Params, untold: float, bends: float) -> float:
     The push is the mean of both sides, one of which lacks what is untold; a stiffness that changes is any of those within its range.
     """
     bends = bends if bends > params.bent else 0.0
-    return float(np.sqrt(params.gain_sd**2 + params.scale_sd**2 + (untold / 2) ** 2 + bends**2 / 12))
+    return float(
+        np.sqrt(params.gain_sd**2 + params.scale_sd**2 + (untold / 2) ** 2 + bends**2 / 12)
+    )
 
 
 def figures(r: Squeeze) -> list[Figure]:
@@ -255,20 +356,36 @@ def figures(r: Squeeze) -> list[Figure]:
         return [
             kind.of(0.0 if r.measured and what == "squeeze_count" else np.nan, 0.0, *told)
             for what, kind in KINDS.items()
-            if what not in ("squeeze_share", "squeeze_force_bandwidth", "squeeze_object_bandwidth", "squeeze_lag")
+            if what
+            not in (
+                "squeeze_share",
+                "squeeze_force_bandwidth",
+                "squeeze_object_bandwidth",
+                "squeeze_lag",
+            )
         ]
-    tops, depths, works = (np.concatenate([getattr(one, name) for one in r.grasps]) for name in ("tops", "depths", "work"))
+    tops, depths, works = (
+        np.concatenate([getattr(one, name) for one in r.grasps])
+        for name in ("tops", "depths", "work")
+    )
     spans = [float(one.peaks[-1] - one.peaks[0]) for one in r.grasps]
     gaps = sum(len(one.peaks) - 1 for one in r.grasps)
-    sd = float(np.mean([0.5 * np.sqrt((one.held.sd**2).mean(axis=0).sum() / 3) for one in r.grasps]))
+    sd = float(
+        np.mean([0.5 * np.sqrt((one.held.sd**2).mean(axis=0).sum() / 3) for one in r.grasps])
+    )
     spread = float(tops.std(ddof=1)) if len(tops) > 1 else 0.0
     root = np.sqrt(len(tops))
-    unread = any((one.held.flags & UNREAD).any() for one in r.grasps)  # the tops of the force are not known
+    unread = any(
+        (one.held.flags & UNREAD).any() for one in r.grasps
+    )  # the tops of the force are not known
     if unread:
         tops, spread = np.full(len(tops), np.nan), np.nan
     if unread or _gives_back(r):
         works = np.full(len(tops), np.nan)
-    gain, lacking = r.params.gain_sd, max(one.untold for one in r.grasps) / 2  # of the push, where one side lacks what is untold
+    gain, lacking = (
+        r.params.gain_sd,
+        max(one.untold for one in r.grasps) / 2,
+    )  # of the push, where one side lacks what is untold
     answers = [one.conditions for one in r.grasps if one.conditions]
     made = [
         KINDS["squeeze_count"].of(float(len(tops)), 0.0, *told),
@@ -296,9 +413,12 @@ def _borne_out(answers: Sequence[Conditions], told: tuple[Grade, str]) -> list[F
     seen: an answer that goes on as far as the force does is no fault."""
     short = (told[0], TOO_SHORT) if any(np.isnan(c.coherence) for c in answers) else told
     coherence, lag, lag_sd, force, load = (
-        _seen([getattr(c, name) for c in answers]) for name in ("coherence", "lag", "lag_sd", "force_bandwidth", "load_bandwidth")
+        _seen([getattr(c, name) for c in answers])
+        for name in ("coherence", "lag", "lag_sd", "force_bandwidth", "load_bandwidth")
     )
-    independent, wide, passive = (_all(getattr(c, name) for c in answers) for name in ("independent", "wide", "passive"))
+    independent, wide, passive = (
+        _all(getattr(c, name) for c in answers) for name in ("independent", "wide", "passive")
+    )
     bandwidths = [
         KINDS["squeeze_force_bandwidth"].of(force, None, *told, category=_word(wide, HOLDS)),
         KINDS["squeeze_object_bandwidth"].of(load, None, *told),
@@ -306,7 +426,9 @@ def _borne_out(answers: Sequence[Conditions], told: tuple[Grade, str]) -> list[F
     return [
         KINDS["squeeze_coherence"].of(coherence, None, *short, category=_word(independent, OPEN)),
         *(f for f in bandwidths if np.isfinite(f.value)),
-        KINDS["squeeze_lag"].of(lag, lag_sd, *short, category=_word(passive, HOLDS if lag > 2 * lag_sd else OPEN)),
+        KINDS["squeeze_lag"].of(
+            lag, lag_sd, *short, category=_word(passive, HOLDS if lag > 2 * lag_sd else OPEN)
+        ),
     ]
 
 
@@ -335,7 +457,9 @@ def _parameters(r: Squeeze) -> list[Figure]:
     values = (weights * np.array([f.theta[[0, 2]] for f in fits])).sum(axis=0) / weights.sum(axis=0)
     scatter = 1 / np.sqrt(weights.sum(axis=0))
     alike = max(_alike(r.params, one.untold, one.bent) for one in r.grasps if one.fit)
-    sd = np.hypot(scatter, [alike * values[0], np.hypot(alike * values[1], r.params.timing * values[0])])
+    sd = np.hypot(
+        scatter, [alike * values[0], np.hypot(alike * values[1], r.params.timing * values[0])]
+    )
     if _gives_back(r):
         values[1] = np.nan
     return [kind.of(float(v), float(s), r.grade, r.reason) for kind, v, s in zip(K, values, sd)]
@@ -346,8 +470,15 @@ def shown(r: Squeeze) -> Shown:
     if not r.grasps:
         return Shown()
     one = max(r.grasps, key=lambda g: len(g.t))
-    curves = [Curve("squeeze_force", "N", one.t, one.force), Curve("squeeze_distance", "m", one.t, one.distance)]
-    curves += [*_over_distance(one), *twist_curves([one.held]), *running_curves("stiffness", "N/m", [one.running])]
+    curves = [
+        Curve("squeeze_force", "N", one.t, one.force),
+        Curve("squeeze_distance", "m", one.t, one.distance),
+    ]
+    curves += [
+        *_over_distance(one),
+        *twist_curves([one.held]),
+        *running_curves("stiffness", "N/m", [one.running]),
+    ]
     if one.conditions is not None and one.answer is not None:
         curves += _answer_curves(one.answer, _alike(r.params, one.untold, one.bent))
     return Shown(tuple(curves), {"squeeze": np.concatenate([g.peaks for g in r.grasps])})

@@ -23,7 +23,12 @@ SEGMENTS_OF = {j.name: [SEGMENT[j.parent], SEGMENT[j.child]] for j in JOINTS}
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
-    hold: float = option(0.2, "s", "window of the running median: an angle counts when it lasts half of this", "ours: as range_of_motion")
+    hold: float = option(
+        0.2,
+        "s",
+        "window of the running median: an angle counts when it lasts half of this",
+        "ours: as range_of_motion",
+    )
 
 
 @dataclass(frozen=True)
@@ -51,15 +56,33 @@ class Angle:
     segments: list[int]
 
 
-def joint_angle(kind: Kind, part: str, moved: Trajectory, weights: Sequence[tuple[str, int, float]]) -> Angle:
+def joint_angle(
+    kind: Kind, part: str, moved: Trajectory, weights: Sequence[tuple[str, int, float]]
+) -> Angle:
     """A weighted sum of joint angles (joint, angle, weight); their errors count as independent."""
     values = sum(w * moved.angles[:, JOINT[j], a] for j, a, w in weights)
     known = moved.angles_sd
-    sd = None if known is None else np.sqrt(sum((w * known[:, JOINT[j], a]) ** 2 for j, a, w in weights))
-    return Angle(kind, part, np.asarray(values), sd, sorted({s for j, _, _ in weights for s in SEGMENTS_OF[j]}))
+    sd = (
+        None
+        if known is None
+        else np.sqrt(sum((w * known[:, JOINT[j], a]) ** 2 for j, a, w in weights))
+    )
+    return Angle(
+        kind,
+        part,
+        np.asarray(values),
+        sd,
+        sorted({s for j, _, _ in weights for s in SEGMENTS_OF[j]}),
+    )
 
 
-def reached(hold: float, trajectory: Trajectory, onset: float, end: float, angles: Callable[[Trajectory], list[Angle]]) -> list[Reached]:
+def reached(
+    hold: float,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    angles: Callable[[Trajectory], list[Angle]],
+) -> list[Reached]:
     """The largest held value of every angle that `angles` makes of the task's samples."""
     part = within(trajectory, onset, end)
     if len(part) < 3:
@@ -69,12 +92,24 @@ def reached(hold: float, trajectory: Trajectory, onset: float, end: float, angle
         kept = held(a.values, usable_in(part, a.segments), window)
         if kept is None:
             if np.isfinite(part.q_GS[:, a.segments]).any():
-                found.append(Reached(a.kind, a.part, np.nan, np.nan, None, "poor", "no usable samples"))
+                found.append(
+                    Reached(a.kind, a.part, np.nan, np.nan, None, "poor", "no usable samples")
+                )
             continue
         at = int(np.nanargmax(kept))
         sd = None if a.sd is None else float(a.sd[at])
         curve = Curve(f"{a.part}_{a.kind.what}" if a.part else a.kind.what, "rad", part.t, a.values)
-        found.append(Reached(a.kind, a.part, float(kept[at]), float(part.t[at]), sd, *graded(part, a.segments), curve))
+        found.append(
+            Reached(
+                a.kind,
+                a.part,
+                float(kept[at]),
+                float(part.t[at]),
+                sd,
+                *graded(part, a.segments),
+                curve,
+            )
+        )
     return found
 
 

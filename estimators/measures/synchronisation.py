@@ -24,9 +24,7 @@ LONGEST_GAP = 0.1  # s between known samples that is still interpolated
 LEAST_OVERLAP = 0.25  # of the shorter recording that both must show; ours
 SHORTEST_OVERLAP = 1.0  # s
 LEAST_CORRELATION = 0.6  # of a peak that convinces; more where the overlap is short: _by_chance
-CONVINCING = (
-    0.9  # always convinces: four fifths of the variance. Different simulated tasks, each behind the same initial pose, reach 0.87 at most
-)
+CONVINCING = 0.9  # always convinces: four fifths of the variance. Different simulated tasks, each behind the same initial pose, reach 0.87 at most
 MOVING = 0.05  # of a signal's variance that its part within the overlap must have to be compared
 AS_GOOD = 1.1  # a peak whose unexplained share is at most this times the best one's fits as well
 SLACK = 1e-3  # of correlation between peaks that are the same but for rounding and the grid
@@ -93,7 +91,9 @@ def synchronised(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
         )
     best, rival = _chosen(lags, np.where(usable, r, -np.inf), overlap)
     found = _refined(a, b, float(lags[best]), 1.0 / rate)
-    needed = np.clip(_by_chance(on_a, on_b, float(overlap[best]), rate), LEAST_CORRELATION, CONVINCING)
+    needed = np.clip(
+        _by_chance(on_a, on_b, float(overlap[best]), rate), LEAST_CORRELATION, CONVINCING
+    )
     if found.correlation < needed:
         raise InputError(
             f"the recordings do not fit each other at any lag: the best correlation is {found.correlation:.2f} at {found.seconds:.2f} s, "
@@ -107,7 +107,9 @@ def fit_at(a: Signal, b: Signal, seconds: float) -> Lag:
     shifted = interpolated(b, a.t - seconds)
     both = np.isfinite(a.values) & np.isfinite(shifted)
     if both.any(axis=1).sum() < 3:
-        raise InputError(f"the recordings do not overlap at a lag of {seconds:g} s; choose two recordings of one movement or another lag")
+        raise InputError(
+            f"the recordings do not overlap at a lag of {seconds:g} s; choose two recordings of one movement or another lag"
+        )
     return Lag(seconds, pooled(a.values, shifted), float(both.any(axis=1).sum() / rate_of(a)))
 
 
@@ -132,9 +134,13 @@ def interpolated(signal: Signal, at: Array) -> Array:
     cubic = np.zeros((len(x), v.shape[1]))
     for j in range(4):
         others = [m for m in range(4) if m != j]
-        weight = np.prod([(x - nodes[:, m]) / (nodes[:, j] - nodes[:, m]) for m in others], axis=0)  # Lagrange
+        weight = np.prod(
+            [(x - nodes[:, m]) / (nodes[:, j] - nodes[:, m]) for m in others], axis=0
+        )  # Lagrange
         cubic += weight[:, None] * v[around[smooth, j]]
-    linear[smooth] = np.where(np.isfinite(cubic) & np.isfinite(linear[smooth]), cubic, linear[smooth])
+    linear[smooth] = np.where(
+        np.isfinite(cubic) & np.isfinite(linear[smooth]), cubic, linear[smooth]
+    )
     return linear
 
 
@@ -143,7 +149,10 @@ def rate_of(signal: Signal) -> float:
 
 
 def _on_grid(signal: Signal, rate: float) -> Signal:
-    t = signal.t[0] + np.arange(int(np.floor((signal.t[-1] - signal.t[0]) * rate + 1e-6)) + 1) / rate
+    t = (
+        signal.t[0]
+        + np.arange(int(np.floor((signal.t[-1] - signal.t[0]) * rate + 1e-6)) + 1) / rate
+    )
     return Signal(t, interpolated(signal, t))
 
 
@@ -179,12 +188,20 @@ def _correlations(a: Signal, b: Signal, rate: float) -> tuple[Array, Array, Arra
         moved_b += variance(y[:, None])[0] * n
     overlap = most / rate
     least = max(SHORTEST_OVERLAP, LEAST_OVERLAP * min(n_a, n_b) / rate)
-    enough = (overlap >= least - 1e-9) & (var_a > MOVING * moved_a) & (var_b > MOVING * moved_b) & (moved_a > 0) & (moved_b > 0)
+    enough = (
+        (overlap >= least - 1e-9)
+        & (var_a > MOVING * moved_a)
+        & (var_b > MOVING * moved_b)
+        & (moved_a > 0)
+        & (moved_b > 0)
+    )
     r = np.where(enough, cov / np.sqrt(np.where(enough, var_a * var_b, 1.0)), np.nan)
     return a.t[0] - b.t[0] + shifts / rate, r, overlap
 
 
-def _spectra(x: Array, size: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
+def _spectra(
+    x: Array, size: int
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
     """Spectra of where x is known, of x about its mean, and of its square."""
     known = np.isfinite(x)
     centred = np.where(known, x - (x[known].mean() if known.any() else 0.0), 0.0)
@@ -207,7 +224,11 @@ def _vertex(r: Array, k: int) -> float:
     if not 0 < k < len(r) - 1 or not np.isfinite(r[k - 1 : k + 2]).all():
         return float(r[k])
     curve = r[k - 1] - 2 * r[k] + r[k + 1]
-    return float(min(1.0, r[k] - (r[k + 1] - r[k - 1]) ** 2 / (8 * curve))) if curve < 0 else float(r[k])
+    return (
+        float(min(1.0, r[k] - (r[k + 1] - r[k - 1]) ** 2 / (8 * curve)))
+        if curve < 0
+        else float(r[k])
+    )
 
 
 def smoothed(a: Signal, b: Signal) -> tuple[Signal, Signal]:
@@ -228,12 +249,17 @@ def _smoothed(signal: Signal, sd: float) -> Signal:
 
 def _refined(a: Signal, b: Signal, lag: float, step: float) -> Lag:
     """The lag within a grid step either way at which B, interpolated, fits A's samples best, and the correlation of the samples there."""
-    moving = variance(a.values) > 1e-4 * variance(a.values).max()  # the others tell nothing and cost as much
+    moving = (
+        variance(a.values) > 1e-4 * variance(a.values).max()
+    )  # the others tell nothing and cost as much
     soft_a, soft_b = smoothed(Signal(a.t, a.values[:, moving]), Signal(b.t, b.values[:, moving]))
     thin = max(1, round(rate_of(a) * step))
     at, x = soft_a.t[::thin], soft_a.values[::thin]
     found = minimize_scalar(
-        lambda s: -pooled(x, interpolated(soft_b, at - s)), bounds=(lag - step, lag + step), method="bounded", options={"xatol": 1e-6}
+        lambda s: -pooled(x, interpolated(soft_b, at - s)),
+        bounds=(lag - step, lag + step),
+        method="bounded",
+        options={"xatol": 1e-6},
     )
     s = float(found.x)
     return Lag(s, pooled(a.values, interpolated(b, a.t - s)), np.nan)

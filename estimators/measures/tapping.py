@@ -15,7 +15,14 @@ import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
+from handscope.estimators.hand.anatomy import (
+    CHAINS,
+    FINGER_JOINTS,
+    FINGERS,
+    FLEXION,
+    JOINT,
+    SEGMENT,
+)
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import cycle_figures, cycles
 from handscope.estimators.measures.cycle_figures import size_kinds, stop_kinds, time_kinds
@@ -35,11 +42,26 @@ DISTANCES = size_kinds(PREFIX, "tap", "m", "distance between thumb and index fin
 ANGLES = size_kinds(ANGLE, "tap", "rad", "angle by which thumb and index finger turn apart")
 STOPS = stop_kinds(PREFIX, "the angle between thumb and index finger, seen from the wrist,")
 KINDS = kinds(*TIMES.values(), *DISTANCES.values(), *ANGLES.values(), *STOPS.values())
-STILL = (1.0, 0.8, 1.2)  # of the speed that counts as hardly any movement: itself, and how far the counts hang on it
+STILL = (
+    1.0,
+    0.8,
+    1.2,
+)  # of the speed that counts as hardly any movement: itself, and how far the counts hang on it
 LONGEST, WIDEST = 0.4, 2 * np.pi  # m and rad that no hand opens by
 NOT_MEASURED, NO_TAP = "thumb or index finger not measured", "no complete tap found"
 
-__all__ = ["Params", "Tapping", "applies", "closings", "figures", "measure", "of_angle", "of_distance", "of_rates", "shown"]
+__all__ = [
+    "Params",
+    "Tapping",
+    "applies",
+    "closings",
+    "figures",
+    "measure",
+    "of_angle",
+    "of_distance",
+    "of_rates",
+    "shown",
+]
 
 
 @dataclass(frozen=True)
@@ -59,7 +81,9 @@ class Tapping:
     params: Params = field(default_factory=Params)
     taps: Cycles | None = None  # of the distance
     turns: Cycles | None = None  # of the angle, where one is known
-    stops: tuple[Stops, ...] = ()  # at STILL times the threshold speed; none where no angle is known
+    stops: tuple[
+        Stops, ...
+    ] = ()  # at STILL times the threshold speed; none where no angle is known
     distance_sd: float | None = None  # m, of the error at one instant
     angle_sd: float | None = None  # rad
 
@@ -108,36 +132,61 @@ def measure(
     if not taps.count:
         return _nothing(params, part.t[inside], distance[inside], NO_TAP)
     turned = _turned(params, part, signal)
-    turns = cycles.at(params, turned, np.searchsorted(signal.t, taps.closings - 0.5 * signal.period)) if turned is not None else None
+    turns = (
+        cycles.at(params, turned, np.searchsorted(signal.t, taps.closings - 0.5 * signal.period))
+        if turned is not None
+        else None
+    )
     seen = _from_the_wrist(tips)
     stops = (
-        tuple(cycles.stops(params, part.t, seen, (float(taps.closings[0]), end), share) for share in STILL)
+        tuple(
+            cycles.stops(params, part.t, seen, (float(taps.closings[0]), end), share)
+            for share in STILL
+        )
         if np.isfinite(seen).sum() >= 3
         else ()
     )
-    return _trial(params, part.t[inside], distance[inside], taps, turns, stops, grade, _distance_sd(part, apart), _angle_sd(part))
+    return _trial(
+        params,
+        part.t[inside],
+        distance[inside],
+        taps,
+        turns,
+        stops,
+        grade,
+        _distance_sd(part, apart),
+        _angle_sd(part),
+    )
 
 
-def of_distance(t: Array, distance: Array, params: Params | None = None, sd: float | None = None) -> Tapping:
+def of_distance(
+    t: Array, distance: Array, params: Params | None = None, sd: float | None = None
+) -> Tapping:
     """Taps in a distance (n,) in m between thumb and index finger at times t (n,) s; `sd` is that of its error."""
     cycles.require_fast(params or Params(), t, distance)
     _require_unit(distance, LONGEST, "distance", "metres")
     return _of_signal(params or Params(), t, distance, "m", sd)
 
 
-def of_angle(t: Array, angle: Array, params: Params | None = None, sd: float | None = None) -> Tapping:
+def of_angle(
+    t: Array, angle: Array, params: Params | None = None, sd: float | None = None
+) -> Tapping:
     """Taps in an opening angle (n,) in rad: of a camera, the angle thumb tip - wrist - index tip."""
     cycles.require_fast(params or Params(), t, angle)
     _require_unit(angle, WIDEST, "angle", "radians")
     return _of_signal(params or Params(), t, angle, "rad", sd)
 
 
-def of_rates(t: Array, thumb: Array, index: Array, params: Params | None = None, sd: float | None = None) -> Tapping:
+def of_rates(
+    t: Array, thumb: Array, index: Array, params: Params | None = None, sd: float | None = None
+) -> Tapping:
     """Taps in the angular rates of thumb and index finger, rad/s: (n, 3) as the gyroscopes read, or (n,) about the joints' axis, opening positive."""
     params = params or Params()
     opening = opening_of_rates(params, t, thumb, index)
     cycles.require_fast(params, opening.t, opening.values)
-    return _of_signal(replace(params, lowpass=0.0), opening.t, opening.gapped, "rad", sd)  # the rates were filtered
+    return _of_signal(
+        replace(params, lowpass=0.0), opening.t, opening.gapped, "rad", sd
+    )  # the rates were filtered
 
 
 def opening_of_rates(params: Params, t: Array, thumb: Array, index: Array) -> Even:
@@ -154,7 +203,9 @@ def opening_of_rates(params: Params, t: Array, thumb: Array, index: Array) -> Ev
         )
     known = np.asarray(np.isfinite(np.column_stack([thumb, index])).all(axis=1))
     if known.sum() < 3:
-        raise InputError(f"both fingers' rates are known at {int(known.sum())} samples; at least 3 are needed")
+        raise InputError(
+            f"both fingers' rates are known at {int(known.sum())} samples; at least 3 are needed"
+        )
     rates = [_about_principal(params, t, w, known) for w in (thumb, index)]
     both = rates[0].values - rates[0].values.mean(), rates[1].values - rates[1].values.mean()
     aligned = thumb.ndim == 1
@@ -172,13 +223,19 @@ def figures(tapping: Tapping) -> list[Figure]:
         return []
     made = cycle_figures.time_figures(p, TIMES, PREFIX, c, graded)
     if tapping.taps:
-        made += cycle_figures.size_figures(p, DISTANCES, PREFIX, tapping.taps, tapping.distance_sd, graded)
+        made += cycle_figures.size_figures(
+            p, DISTANCES, PREFIX, tapping.taps, tapping.distance_sd, graded
+        )
     if tapping.turns:
-        made += cycle_figures.size_figures(p, ANGLES, ANGLE, tapping.turns, tapping.angle_sd, graded)
+        made += cycle_figures.size_figures(
+            p, ANGLES, ANGLE, tapping.turns, tapping.angle_sd, graded
+        )
     if tapping.stops and c.count:
         made += cycle_figures.stop_figures(p, STOPS, PREFIX, tapping.stops, graded)
     elif tapping.taps:
-        made += [k.of(np.nan, None, "poor", tapping.reason or "needs an angle") for k in STOPS.values()]
+        made += [
+            k.of(np.nan, None, "poor", tapping.reason or "needs an angle") for k in STOPS.values()
+        ]
     return made
 
 
@@ -189,9 +246,14 @@ def shown(tapping: Tapping) -> Shown:
         return Shown()
     number = np.arange(1.0, c.count + 1)
     unit, name = ("m", "tapping_distance") if tapping.taps else ("rad", "tapping_opening")
-    curves = [Curve(name, unit, c.t, c.opening), Curve("tapping_amplitude", unit, number, c.amplitudes, "1")]
+    curves = [
+        Curve(name, unit, c.t, c.opening),
+        Curve("tapping_amplitude", unit, number, c.amplitudes, "1"),
+    ]
     if tapping.taps and tapping.turns and tapping.turns.count == c.count:
-        curves.append(Curve("tapping_angle_amplitude", "rad", number, tapping.turns.amplitudes, "1"))
+        curves.append(
+            Curve("tapping_angle_amplitude", "rad", number, tapping.turns.amplitudes, "1")
+        )
     marks = {"closing": tapping.closings}
     if tapping.stops:
         marks["freeze"] = tapping.stops[0].lasting(tapping.params.freeze)
@@ -201,7 +263,9 @@ def shown(tapping: Tapping) -> Shown:
 def closings(params: Params, t: Array, distance: Array) -> np.ndarray:
     """Indices of the samples of an even signal at which the fingers close: minima of a distance (n,) in m."""
     period = float(np.median(np.diff(t)))
-    return cycles.closings(params, Even(t, distance, np.isfinite(distance), period), params.smallest)
+    return cycles.closings(
+        params, Even(t, distance, np.isfinite(distance), period), params.smallest
+    )
 
 
 def _of_signal(params: Params, t: Array, values: Array, unit: str, sd: float | None) -> Tapping:
@@ -209,10 +273,14 @@ def _of_signal(params: Params, t: Array, values: Array, unit: str, sd: float | N
     c = cycles.found(params, t, values, params.smallest if distance else params.smallest_turn)
     lost = c.lost / max(len(c.t) * c.period, 1e-9)
     grade: tuple[Grade, str] = (
-        ("good", "") if not lost else ("fair" if lost <= 0.2 else "poor", f"{100 * lost:.0f} % of the time without samples")
+        ("good", "")
+        if not lost
+        else ("fair" if lost <= 0.2 else "poor", f"{100 * lost:.0f} % of the time without samples")
     )
     tapped = (float(c.closings[0]), float(c.closings[-1])) if c.count else (0.0, 0.0)
-    stops = () if distance else tuple(cycles.stops(params, t, values, tapped, share) for share in STILL)
+    stops = (
+        () if distance else tuple(cycles.stops(params, t, values, tapped, share) for share in STILL)
+    )
     grade = ("poor", "; ".join(filter(None, [NO_TAP, grade[1]]))) if not c.count else grade
     samples = np.asarray(t, float)
     drawn = np.asarray(values, float) if distance else np.full(len(samples), np.nan)
@@ -233,7 +301,9 @@ def _require_unit(values: Array, most: float, what: str, unit: str) -> None:
     """InputError where an opening is wider than any hand's: millimetres or degrees given for metres or radians."""
     low, high = np.nanpercentile(np.asarray(values, float), [5, 95])
     if high - low > most:
-        raise InputError(f"the {what} between thumb and index finger changes by {high - low:.3g}, more than a hand opens; give {unit}")
+        raise InputError(
+            f"the {what} between thumb and index finger changes by {high - low:.3g}, more than a hand opens; give {unit}"
+        )
 
 
 def _trial(
@@ -304,7 +374,11 @@ def _distance_sd(part: Trajectory, apart: Array) -> float | None:
     both = (part.tips_sd[:, [FINGERS.index("thumb"), FINGERS.index("index")]] ** 2).sum(axis=1)
     size = (apart**2).sum(axis=-1)
     known = np.isfinite(size) & (size > 0)
-    return float(np.sqrt(np.nanmean((apart[known] ** 2 * both[known]).sum(axis=-1) / size[known]))) if known.any() else None
+    return (
+        float(np.sqrt(np.nanmean((apart[known] ** 2 * both[known]).sum(axis=-1) / size[known])))
+        if known.any()
+        else None
+    )
 
 
 def _angle_sd(part: Trajectory) -> float | None:

@@ -35,7 +35,11 @@ class Asked:
     def fingers(self) -> tuple[str, ...]:
         """The fingers that the details or the task's name say, in the order of the hand; none where neither does."""
         said = self.details.get("fingers", self.details.get("finger"))
-        names = words_of(" ".join(said) if isinstance(said, list | tuple) else str(said)) if said else words_of(self.task)
+        names = (
+            words_of(" ".join(said) if isinstance(said, list | tuple) else str(said))
+            if said
+            else words_of(self.task)
+        )
         return tuple(f for f in FINGERS if f in names)
 
 
@@ -44,17 +48,25 @@ UNKNOWN = Asked()
 
 def asked_of(event: Event, events: Sequence[Event]) -> Asked:
     """What a task's event and the annotations within it say."""
-    return Asked(str(event.details.get("task_name", "task")), event.details, tuple(_marks(event, events)))
+    return Asked(
+        str(event.details.get("task_name", "task")), event.details, tuple(_marks(event, events))
+    )
 
 
 def words_of(task: str) -> frozenset[str]:
     """The words of a task's name: "rom_index_mcp" has rom, index and mcp."""
-    return frozenset(re.findall(r"[a-z]+|[0-9]+", re.sub(r"([a-z])([0-9])", r"\1 \2", task.lower()))) | frozenset(
-        re.findall(r"[a-z0-9]+", task.lower())
-    )
+    return frozenset(
+        re.findall(r"[a-z]+|[0-9]+", re.sub(r"([a-z])([0-9])", r"\1 \2", task.lower()))
+    ) | frozenset(re.findall(r"[a-z0-9]+", task.lower()))
 
 
 def _marks(event: Event, events: Sequence[Event]) -> Iterator[Mark]:
     for e in events:
-        if e.trial_type == "annotation" and e.details.get("phase") and event.onset - 1e-6 <= e.onset <= event.end:
-            yield Mark(e.onset, e.end, str(e.details["phase"]), int(e.details.get("repetition") or 0))
+        if (
+            e.trial_type == "annotation"
+            and e.details.get("phase")
+            and event.onset - 1e-6 <= e.onset <= event.end
+        ):
+            yield Mark(
+                e.onset, e.end, str(e.details["phase"]), int(e.details.get("repetition") or 0)
+            )

@@ -11,14 +11,31 @@ from handscope.estimators.hand.anatomy import DEVIATION, FLEXION, PRONATION
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import sustained_angles
 from handscope.estimators.measures.figure import Kind, kinds
-from handscope.estimators.measures.sustained_angles import Angle, Params, Reached, figures, joint_angle, shown
+from handscope.estimators.measures.sustained_angles import (
+    Angle,
+    Params,
+    Reached,
+    figures,
+    joint_angle,
+    shown,
+)
 from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
 
 TITLE = "Thumb abduction"
 SOURCE = "of the metacarpal, as the Pollexograph-metacarpal (de Kraker 2009, J Hand Surg Am 34:523)"
 KINDS = kinds(
-    Kind("palmar_abduction", "rad", "largest angle of the thumb's metacarpal out of the palm's plane", SOURCE),
-    Kind("radial_abduction", "rad", "largest angle of the thumb's metacarpal away from the fingers, within the palm's plane", SOURCE),
+    Kind(
+        "palmar_abduction",
+        "rad",
+        "largest angle of the thumb's metacarpal out of the palm's plane",
+        SOURCE,
+    ),
+    Kind(
+        "radial_abduction",
+        "rad",
+        "largest angle of the thumb's metacarpal away from the fingers, within the palm's plane",
+        SOURCE,
+    ),
     Kind(
         "pronation",
         "rad",
@@ -32,13 +49,24 @@ __all__ = ["Params", "applies", "figures", "measure", "shown"]
 
 def applies(task_name: str) -> bool:
     words = words_of(task_name)
-    return "thumb" in words and bool(words & {"rom", "prom", "abduction"}) and not words & {"mcp", "ip"}
+    return (
+        "thumb" in words
+        and bool(words & {"rom", "prom", "abduction"})
+        and not words & {"mcp", "ip"}
+    )
 
 
 def angles(moved: Trajectory) -> list[Angle]:
     """The three of them."""
-    each = (("palmar_abduction", FLEXION, 1.0), ("radial_abduction", DEVIATION, -1.0), ("pronation", PRONATION, 1.0))
-    return [joint_angle(KINDS[what], "thumb_cmc", moved, [("thumb_cmc", a, weight)]) for what, a, weight in each]
+    each = (
+        ("palmar_abduction", FLEXION, 1.0),
+        ("radial_abduction", DEVIATION, -1.0),
+        ("pronation", PRONATION, 1.0),
+    )
+    return [
+        joint_angle(KINDS[what], "thumb_cmc", moved, [("thumb_cmc", a, weight)])
+        for what, a, weight in each
+    ]
 
 
 def measure(

@@ -45,8 +45,21 @@ def tip_errors(a: Array, b: Array) -> list[TipError]:
         apart = apart[np.isfinite(apart).all(axis=1)]
         if len(apart) >= 2:
             error = np.linalg.norm(apart, axis=1)  # (30)
-            rmse, parts = float(np.sqrt((error**2).mean())), np.sqrt((apart**2).mean(axis=0))  # (31)
-            found.append(TipError(finger, len(apart), float(error.mean()), float(error.std(ddof=1)), rmse, float(error.max()), parts))
+            rmse, parts = (
+                float(np.sqrt((error**2).mean())),
+                np.sqrt((apart**2).mean(axis=0)),
+            )  # (31)
+            found.append(
+                TipError(
+                    finger,
+                    len(apart),
+                    float(error.mean()),
+                    float(error.std(ddof=1)),
+                    rmse,
+                    float(error.max()),
+                    parts,
+                )
+            )
     return found
 
 
@@ -55,7 +68,9 @@ def brought(b: Array, a: Array, centre: Array | None = None) -> Array:
     known = np.isfinite(a).all(axis=-1) & np.isfinite(b).all(axis=-1)
     if known.sum() < 3:
         return np.full_like(b, np.nan)
-    from_b, to_a = (b[known].mean(axis=0), a[known].mean(axis=0)) if centre is None else (centre, np.zeros(3))
+    from_b, to_a = (
+        (b[known].mean(axis=0), a[known].mean(axis=0)) if centre is None else (centre, np.zeros(3))
+    )
     U, _, Vt = np.linalg.svd((a[known] - to_a).T @ (b[known] - from_b))
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
     return np.asarray(to_a + quat.rotate(quat.from_matrix(R), b - from_b))
@@ -66,7 +81,9 @@ def centre_of_rotation(places: Array) -> Array:
     k = int(np.isfinite(places).all(axis=-1).sum(axis=0).argmax())
     p = places[:, k][np.isfinite(places[:, k]).all(axis=-1)]
     if len(p) < LEAST:
-        raise InputError("no fingertip is seen while the wrist moves; name another stretch with --wrist")
+        raise InputError(
+            "no fingertip is seen while the wrist moves; name another stretch with --wrist"
+        )
     A = np.column_stack([2 * p, np.ones(len(p))])
     start = np.linalg.lstsq(A, (p**2).sum(axis=1), rcond=None)[0][:3]
 
@@ -87,7 +104,9 @@ def centre_of_rotation(places: Array) -> Array:
     def deviations(c: Array) -> float:
         return float(np.abs(_from_mean(p, c)).sum())  # (28)
 
-    found = minimize(deviations, np.asarray(smooth.x, dtype=float), method="Nelder-Mead", options={"xatol": 1e-6})
+    found = minimize(
+        deviations, np.asarray(smooth.x, dtype=float), method="Nelder-Mead", options={"xatol": 1e-6}
+    )
     return np.asarray(found.x)
 
 

@@ -15,7 +15,14 @@ import numpy as np
 from handscope.estimators.data.options import option
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
+from handscope.estimators.hand.anatomy import (
+    CHAINS,
+    FINGER_JOINTS,
+    FINGERS,
+    FLEXION,
+    JOINT,
+    SEGMENT,
+)
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
 from handscope.estimators.measures.plot_data import NOTHING, Shown
@@ -28,7 +35,9 @@ ASSH = "HandLab Clinical Pearl 18 (2012), after the ASSH"
 EATONHAND = "eatonhand.com clf217, tendon injury result grading"
 STRICKLAND = "Strickland & Glogovac 1980, bands as in HandLab Clinical Pearl 18 (2012), 175 deg as in a comparison of five systems"
 BURN = "Johnson's TAM of the burnt hand, medicalalgorithms.com/deep-dermal-burn"
-NORM = {"thumb": 140 * DEG} | dict.fromkeys(FINGERS[1:], 260 * DEG)  # thumb: the top of eatonhand's degrees
+NORM = {"thumb": 140 * DEG} | dict.fromkeys(
+    FINGERS[1:], 260 * DEG
+)  # thumb: the top of eatonhand's degrees
 TAM_JOINTS = {f: tuple(j for j in FINGER_JOINTS[f] if j != "thumb_cmc") for f in FINGERS}
 GRADINGS: Mapping[str, str] = {  # scheme and who says so
     "assh": ASSH,
@@ -39,8 +48,18 @@ GRADINGS: Mapping[str, str] = {  # scheme and who says so
 }
 GRADES = ("excellent", "good", "fair", "poor")
 KINDS = kinds(
-    Kind("taf", "rad", "sum of the flexions of the finger's joints in a fist", "TAF, as the first part of TAM: " + ASSH),
-    Kind("tam", "rad", "sum of the flexions in a fist less the sum of the extension deficits with all fingers stretched", ASSH),
+    Kind(
+        "taf",
+        "rad",
+        "sum of the flexions of the finger's joints in a fist",
+        "TAF, as the first part of TAM: " + ASSH,
+    ),
+    Kind(
+        "tam",
+        "rad",
+        "sum of the flexions in a fist less the sum of the extension deficits with all fingers stretched",
+        ASSH,
+    ),
     Kind(
         "tam_share",
         "1",
@@ -73,7 +92,12 @@ KINDS = kinds(
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
-    hold: float = option(0.2, "s", "window of the running median: a posture counts when it lasts half of this", "ours: as range_of_motion")
+    hold: float = option(
+        0.2,
+        "s",
+        "window of the running median: a posture counts when it lasts half of this",
+        "ours: as range_of_motion",
+    )
     grading: str = option(
         "assh",
         "",
@@ -114,19 +138,29 @@ class Motion:
     def sd(self) -> float | None:
         """Of TAM: the errors of all angles count as independent; a deficit's counts where it may be one."""
         counted = [
-            self.extension_sd[j] for j, left in self.extensions.items() if j in self.extension_sd and left > -2 * self.extension_sd[j]
+            self.extension_sd[j]
+            for j, left in self.extensions.items()
+            if j in self.extension_sd and left > -2 * self.extension_sd[j]
         ]
-        return float(np.sqrt(sum(s**2 for s in [*self.flexion_sd.values(), *counted]))) if self.flexion_sd else None
+        return (
+            float(np.sqrt(sum(s**2 for s in [*self.flexion_sd.values(), *counted])))
+            if self.flexion_sd
+            else None
+        )
 
     @property
     def taf_sd(self) -> float | None:
-        return float(np.sqrt(sum(s**2 for s in self.flexion_sd.values()))) if self.flexion_sd else None
+        return (
+            float(np.sqrt(sum(s**2 for s in self.flexion_sd.values()))) if self.flexion_sd else None
+        )
 
 
 def applies(task_name: str) -> bool:
     """Fists and stretches of all fingers together."""
     words = words_of(task_name)
-    return bool(words & {"rom", "prom"} and words & {"fist", "composite", "hand"}) or bool(words & {"tam", "composite"})
+    return bool(words & {"rom", "prom"} and words & {"fist", "composite", "hand"}) or bool(
+        words & {"tam", "composite"}
+    )
 
 
 def measure(
@@ -144,17 +178,24 @@ def measure(
     window, found = window_of(part.t, params.hold), []
     for finger in FINGERS:
         joints = [JOINT[j] for j in TAM_JOINTS[finger]]
-        segments = [SEGMENT[s] for s in (CHAINS[finger] if finger == "thumb" else ("hand", *CHAINS[finger]))]
+        segments = [
+            SEGMENT[s] for s in (CHAINS[finger] if finger == "thumb" else ("hand", *CHAINS[finger]))
+        ]
         angles = part.angles[:, joints, FLEXION]
         total = held(angles.sum(axis=1), usable_in(part, segments), window)
         if total is None:
             continue
         fist, stretch = int(np.nanargmax(total)), int(np.nanargmin(total))
         kept = [held(a, usable_in(part, segments), window) for a in angles.T]
-        bent, straight = ({j: float(k[i]) for j, k in zip(TAM_JOINTS[finger], kept) if k is not None} for i in (fist, stretch))
+        bent, straight = (
+            {j: float(k[i]) for j, k in zip(TAM_JOINTS[finger], kept) if k is not None}
+            for i in (fist, stretch)
+        )
         sds = _sds(part, finger, fist), _sds(part, finger, stretch)
         when = float(part.t[fist]), float(part.t[stretch])
-        found.append(Motion(finger, bent, straight, *sds, *when, *graded(part, segments), params.grading))
+        found.append(
+            Motion(finger, bent, straight, *sds, *when, *graded(part, segments), params.grading)
+        )
     return found
 
 
@@ -166,9 +207,15 @@ def figures(motions: list[Motion]) -> list[Figure]:
         made.append(KINDS["taf"].of(m.taf, m.taf_sd, *told, m.finger))
         made.append(KINDS["tam"].of(m.tam, sd, *told, m.finger))
         share_sd = None if sd is None else sd / norm
-        made.append(KINDS["tam_share"].of(m.tam / norm, share_sd, *told, m.finger, graded_as(m.scheme, m)))
+        made.append(
+            KINDS["tam_share"].of(m.tam / norm, share_sd, *told, m.finger, graded_as(m.scheme, m))
+        )
         for joint in m.flexions:
-            made.append(KINDS["composite_flexion"].of(m.flexions[joint], m.flexion_sd.get(joint), *told, joint))
+            made.append(
+                KINDS["composite_flexion"].of(
+                    m.flexions[joint], m.flexion_sd.get(joint), *told, joint
+                )
+            )
         for joint, left in m.extensions.items():
             sd_left = m.extension_sd.get(joint)
             made.append(KINDS["extension_deficit"].of(max(0.0, left), sd_left, *told, joint))
@@ -194,26 +241,45 @@ def graded_as(scheme: str, m: Motion, other_hand: float | None = None) -> str:
         case "strickland":
             return "" if m.finger == "thumb" else _banded(round(100 * strickland(m)), (85, 70, 50))
         case "burn":
-            return "" if m.finger == "thumb" else "normal" if degrees >= 260 else _banded(degrees, (220, 180, 180))
+            return (
+                ""
+                if m.finger == "thumb"
+                else "normal"
+                if degrees >= 260
+                else _banded(degrees, (220, 180, 180))
+            )
     raise InputError(f"there is no grading {scheme!r}; gradings are {', '.join(GRADINGS)}")
 
 
-def regraded(figures: Sequence[Figure], scheme: str, other_hand: Mapping[str, float] | None = None) -> tuple[Figure, ...]:
+def regraded(
+    figures: Sequence[Figure], scheme: str, other_hand: Mapping[str, float] | None = None
+) -> tuple[Figure, ...]:
     """Kept figures of a task with the words of a scheme, its source, and shares of the uninjured hand's TAM (rad, by finger) where that is given."""
     if scheme not in GRADINGS:
         raise InputError(f"there is no grading {scheme!r}; gradings are {', '.join(GRADINGS)}")
     angles = {(f.what, f.part): f.value for f in figures}
-    return tuple(_regraded(f, scheme, angles, (other_hand or {}).get(f.part)) if f.what == "tam_share" else f for f in figures)
+    return tuple(
+        _regraded(f, scheme, angles, (other_hand or {}).get(f.part)) if f.what == "tam_share" else f
+        for f in figures
+    )
 
 
-def _regraded(share: Figure, scheme: str, angles: Mapping[tuple[str, str], float], other_hand: float | None) -> Figure:
+def _regraded(
+    share: Figure, scheme: str, angles: Mapping[tuple[str, str], float], other_hand: float | None
+) -> Figure:
     joints = [j for j in TAM_JOINTS[share.part] if ("composite_flexion", j) in angles]
     extensions = {j: angles["extension_deficit", j] - angles["hyperextension", j] for j in joints}
     bent = {j: angles["composite_flexion", j] for j in joints}
     m = Motion(share.part, bent, extensions, {}, {}, 0.0, 0.0, share.grade, share.reason, scheme)
     scale = NORM[share.part] / (other_hand or NORM[share.part])
     sd = None if share.sd is None else share.sd * scale
-    return replace(share, value=share.value * scale, sd=sd, category=graded_as(scheme, m, other_hand), source=GRADINGS[scheme])
+    return replace(
+        share,
+        value=share.value * scale,
+        sd=sd,
+        category=graded_as(scheme, m, other_hand),
+        source=GRADINGS[scheme],
+    )
 
 
 def strickland(m: Motion) -> float:

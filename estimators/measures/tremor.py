@@ -28,10 +28,17 @@ from handscope.estimators.numerics.quaternions import Array
 TITLE = "Tremor"
 DEG = np.pi / 180
 WELCH = "Welch's periodogram of angular rates, windows of 3 s (PMC6806079)"
-PARTS = {"hand": "hand"} | {f: CHAINS[f][-1] for f in FINGERS}  # and the segment whose turning is meant
+PARTS = {"hand": "hand"} | {
+    f: CHAINS[f][-1] for f in FINGERS
+}  # and the segment whose turning is meant
 NO_PEAK = "no peak stands out: no tremor seen"
 KINDS = kinds(
-    Kind("tremor_frequency", "Hz", "where the power density of the turning is largest, between 3 and 15 Hz", WELCH),
+    Kind(
+        "tremor_frequency",
+        "Hz",
+        "where the power density of the turning is largest, between 3 and 15 Hz",
+        WELCH,
+    ),
     Kind(
         "tremor_amplitude",
         "rad",
@@ -46,9 +53,26 @@ KINDS = kinds(
         "Elble 2016 (PMC6174406)",
         detail=True,
     ),
-    Kind("tremor_power_share", "1", "power within 1 Hz of the peak, of all between 3 and 15 Hz", "PMC6806079", detail=True),
-    Kind("tremor_time_share", "1", "windows of 3 s in which a peak stands out, of all", "PMC6806079; that a peak stands out: ours"),
-    Kind("tremor_band_quotient", "1", "power from 4 to 12 Hz over that from 0.5 to 4 Hz", "PMC8960784", detail=True),
+    Kind(
+        "tremor_power_share",
+        "1",
+        "power within 1 Hz of the peak, of all between 3 and 15 Hz",
+        "PMC6806079",
+        detail=True,
+    ),
+    Kind(
+        "tremor_time_share",
+        "1",
+        "windows of 3 s in which a peak stands out, of all",
+        "PMC6806079; that a peak stands out: ours",
+    ),
+    Kind(
+        "tremor_band_quotient",
+        "1",
+        "power from 4 to 12 Hz over that from 0.5 to 4 Hz",
+        "PMC8960784",
+        detail=True,
+    ),
 )
 
 
@@ -56,12 +80,23 @@ KINDS = kinds(
 class Params:
     window: float = option(3.0, "s", "length of a window", "PMC6806079", least=0.5)
     lowest: float = option(
-        3.0, "Hz", "lower end of the band in which a peak is looked for", "ours: parkinsonian tremor begins at 3 Hz (PMC6806079)"
+        3.0,
+        "Hz",
+        "lower end of the band in which a peak is looked for",
+        "ours: parkinsonian tremor begins at 3 Hz (PMC6806079)",
     )
-    highest: float = option(15.0, "Hz", "upper end", "ours: above physiological tremor (8-12 Hz, PMC6806079)")
-    about: float = option(1.0, "Hz", "what lies this near the peak belongs to it", "ours", least=0.3)
-    beside: float = option(3.0, "Hz", "and up to here lies what it is compared with", "ours", least=1.0)
-    stands_out: float = option(5.0, "", "least density at the peak over that beside it", "ours", least=1.0)
+    highest: float = option(
+        15.0, "Hz", "upper end", "ours: above physiological tremor (8-12 Hz, PMC6806079)"
+    )
+    about: float = option(
+        1.0, "Hz", "what lies this near the peak belongs to it", "ours", least=0.3
+    )
+    beside: float = option(
+        3.0, "Hz", "and up to here lies what it is compared with", "ours", least=1.0
+    )
+    stands_out: float = option(
+        5.0, "", "least density at the peak over that beside it", "ours", least=1.0
+    )
 
 
 @dataclass(frozen=True)
@@ -111,7 +146,9 @@ def of_rates(t: Array, rates: Array, params: Params | None = None, part: str = "
     w = np.asarray(rates, float)
     w = w[:, None] if w.ndim == 1 else w
     if w.ndim != 2 or len(w) != len(np.atleast_1d(t)):
-        raise InputError(f"rates of the shape {np.shape(rates)} do not go with {np.size(t)} times; give (n, 3) or (n,) of them")
+        raise InputError(
+            f"rates of the shape {np.shape(rates)} do not go with {np.size(t)} times; give (n, 3) or (n,) of them"
+        )
     return _of(params or Params(), part, np.asarray(t, float), w, ("good", ""))
 
 
@@ -122,13 +159,20 @@ def figures(found: list[Tremor]) -> list[Figure]:
         seen = np.isfinite(r.frequency)
         told = (r.grade, r.reason)
         log = np.log10(r.amplitude / DEG) if seen and r.amplitude > 0 else np.nan
-        share_sd = float(np.sqrt(max(r.time_share * (1 - r.time_share), 0.25 / r.windows) / r.windows)) if r.windows else None
+        share_sd = (
+            float(np.sqrt(max(r.time_share * (1 - r.time_share), 0.25 / r.windows) / r.windows))
+            if r.windows
+            else None
+        )
         rows: dict[str, tuple[float, float | None]] = {
             "tremor_frequency": (r.frequency, r.frequency_sd),
             "tremor_amplitude": (r.amplitude, r.relative_sd * r.amplitude),
             "tremor_rate_rms": (r.rate_rms, r.relative_sd * r.rate_rms),
             "tremor_log_amplitude": (float(log), r.relative_sd / np.log(10)),
-            "tremor_power_share": (r.power_share, 2 * r.relative_sd * r.power_share * (1 - r.power_share)),
+            "tremor_power_share": (
+                r.power_share,
+                2 * r.relative_sd * r.power_share * (1 - r.power_share),
+            ),
             "tremor_time_share": (r.time_share, share_sd),
             "tremor_band_quotient": (r.band_ratio, 2 * np.sqrt(2.0) * r.relative_sd * r.band_ratio),
         }
@@ -138,7 +182,13 @@ def figures(found: list[Tremor]) -> list[Figure]:
 
 def shown(found: list[Tremor]) -> Shown:
     """The spectra up to 20 Hz."""
-    return Shown(tuple(Curve(f"{r.part}_spectrum", "(rad/s)^2/Hz", r.f[r.f <= 20], r.density[r.f <= 20], "Hz") for r in found if len(r.f)))
+    return Shown(
+        tuple(
+            Curve(f"{r.part}_spectrum", "(rad/s)^2/Hz", r.f[r.f <= 20], r.density[r.f <= 20], "Hz")
+            for r in found
+            if len(r.f)
+        )
+    )
 
 
 def _of(params: Params, part: str, t: Array, rates: Array, graded: tuple[Grade, str]) -> Tremor:
@@ -146,7 +196,9 @@ def _of(params: Params, part: str, t: Array, rates: Array, graded: tuple[Grade, 
     period, n = axes[0].period, len(axes[0].t)
     size = round(params.window / period)
     if 0.5 / period < params.highest:
-        return _nothing(part, f"sampled at {1 / period:.0f} Hz: too slow for tremor up to {params.highest:g} Hz")
+        return _nothing(
+            part, f"sampled at {1 / period:.0f} Hz: too slow for tremor up to {params.highest:g} Hz"
+        )
     if n < size:
         return _nothing(part, f"shorter than a window of {params.window:g} s")
     lost = 1.0 - float(np.mean([a.known.mean() for a in axes]))
@@ -160,7 +212,10 @@ def _of(params: Params, part: str, t: Array, rates: Array, graded: tuple[Grade, 
     step = float(f[1])
     band = (f >= params.lowest) & (f <= params.highest)
     near = band & (np.abs(f - peak) <= params.about)
-    rate_power, angle_power = float(density[near].sum() * step), float((density[near] / (2 * np.pi * f[near]) ** 2).sum() * step)
+    rate_power, angle_power = (
+        float(density[near].sum() * step),
+        float((density[near] / (2 * np.pi * f[near]) ** 2).sum() * step),
+    )
     wide = density[(f >= 4) & (f <= 12)].sum() / max(density[(f >= 0.5) & (f < 4)].sum(), 1e-300)
     share = rate_power / max(float(density[band].sum() * step), 1e-300)
     times = float(np.mean([_peak(params, f, d)[1] for d in each]))
@@ -168,15 +223,48 @@ def _of(params: Params, part: str, t: Array, rates: Array, graded: tuple[Grade, 
     grade, reason = graded
     if not out:
         reason, unseen = "; ".join(filter(None, [reason, NO_PEAK])), np.nan
-        return Tremor(part, f, density, unseen, unseen, unseen, unseen, relative, unseen, times, float(wide), count, grade, reason)
+        return Tremor(
+            part,
+            f,
+            density,
+            unseen,
+            unseen,
+            unseen,
+            unseen,
+            relative,
+            unseen,
+            times,
+            float(wide),
+            count,
+            grade,
+            reason,
+        )
     rms, amplitude = float(np.sqrt(rate_power)), float(np.sqrt(2 * angle_power))
-    return Tremor(part, f, density, peak, step / np.sqrt(12.0), rms, amplitude, relative, share, times, float(wide), count, grade, reason)
+    return Tremor(
+        part,
+        f,
+        density,
+        peak,
+        step / np.sqrt(12.0),
+        rms,
+        amplitude,
+        relative,
+        share,
+        times,
+        float(wide),
+        count,
+        grade,
+        reason,
+    )
 
 
 def _windows(values: Array, period: float, size: int) -> tuple[Array, Array]:
     """Frequencies (m,) and the density (windows, m) of every window, half overlapping, all axes together."""
     starts = range(0, values.shape[1] - size + 1, max(1, size // 2))
-    each = [welch(values[:, s : s + size], 1 / period, nperseg=size, detrend="linear")[1].sum(axis=0) for s in starts]  # type: ignore[call-overload]
+    each = [
+        welch(values[:, s : s + size], 1 / period, nperseg=size, detrend="linear")[1].sum(axis=0)
+        for s in starts
+    ]  # type: ignore[call-overload]
     return np.asarray(np.fft.rfftfreq(size, period), float), np.array(each)
 
 
@@ -189,15 +277,38 @@ def _peak(params: Params, f: Array, density: Array) -> tuple[float, bool]:
     a, b, c = np.log(np.maximum(density[k - 1 : k + 2], 1e-300))
     inside = b >= a and b >= c and a + c < 2 * b
     shift = 0.5 * (a - c) / (a - 2 * b + c) if inside else 0.0
-    return float(f[k] + shift * f[1]), bool(inside and density[k] >= params.stands_out * _beside(params, f, density, k))
+    return float(f[k] + shift * f[1]), bool(
+        inside and density[k] >= params.stands_out * _beside(params, f, density, k)
+    )
 
 
 def _beside(params: Params, f: Array, density: Array, k: int) -> float:
     """Density on both sides of a peak."""
-    sides = [(way > params.about) & (way <= params.beside) & (f > 0) for way in (f - f[k], f[k] - f)]
-    return float(np.exp(np.mean([np.log(max(float(np.median(density[s])), 1e-300)) for s in sides if s.any()])))
+    sides = [
+        (way > params.about) & (way <= params.beside) & (f > 0) for way in (f - f[k], f[k] - f)
+    ]
+    return float(
+        np.exp(
+            np.mean([np.log(max(float(np.median(density[s])), 1e-300)) for s in sides if s.any()])
+        )
+    )
 
 
 def _nothing(part: str, reason: str) -> Tremor:
     none = np.empty(0)
-    return Tremor(part, none, none, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, 0, "poor", reason)
+    return Tremor(
+        part,
+        none,
+        none,
+        np.nan,
+        np.nan,
+        np.nan,
+        np.nan,
+        np.nan,
+        np.nan,
+        np.nan,
+        np.nan,
+        0,
+        "poor",
+        reason,
+    )

@@ -28,10 +28,18 @@ LEAST, MOST = 0.1, 0.7  # m, of a height
 class TrunkParams:
     trunk_height: float = option(0.40, "m", "height of the trunk's sensor above the axis of the hips, where none is told", WINTER, least=LEAST, most=MOST)  # fmt: skip
     trunk_height_sd: float = option(
-        0.05, "m", "and its error", "ours: statures (0.03), where on the breastbone and about which axis it leans (0.04)", least=0.0
+        0.05,
+        "m",
+        "and its error",
+        "ours: statures (0.03), where on the breastbone and about which axis it leans (0.04)",
+        least=0.0,
     )
     trunk_slope_sd: float = option(
-        10.0, "deg", "by how much the line from hips to sensor may stand inclined at the beginning", "ours: how people sit", least=0.0
+        10.0,
+        "deg",
+        "by how much the line from hips to sensor may stand inclined at the beginning",
+        "ours: how people sit",
+        least=0.0,
     )
 
 
@@ -53,9 +61,13 @@ def height_told(details: Mapping[str, Any]) -> float | None:
     return height if LEAST <= height <= MOST else float("nan")
 
 
-def displacement(params: TrunkParams, q_trunk: Array, q_trunk_sd: Array, given: float | None) -> Displacement:
+def displacement(
+    params: TrunkParams, q_trunk: Array, q_trunk_sd: Array, given: float | None
+) -> Displacement:
     """From the first of the orientations on, where it is zero; `given` is the sensor's height above the hips where it was measured, m."""
-    height, height_sd = (params.trunk_height, params.trunk_height_sd) if given is None else (given, GIVEN_SD)
+    height, height_sd = (
+        (params.trunk_height, params.trunk_height_sd) if given is None else (given, GIVEN_SD)
+    )
     first = q_trunk[0]
     facing = quat.rotate(first, np.array([1.0, 0.0, 0.0])) * [1.0, 1.0, 0.0]
     facing = facing / max(float(np.linalg.norm(facing)), 1e-9)
@@ -64,5 +76,7 @@ def displacement(params: TrunkParams, q_trunk: Array, q_trunk_sd: Array, given: 
     share, upright = above @ facing, above[:, 2]
     leans = np.sqrt((q_trunk_sd**2).mean(axis=1))
     sloped = np.radians(params.trunk_slope_sd) * (1.0 - upright)
-    sd = np.sqrt((share * height_sd) ** 2 + (height * upright * leans) ** 2 + (height * sloped) ** 2)
+    sd = np.sqrt(
+        (share * height_sd) ** 2 + (height * upright * leans) ** 2 + (height * sloped) ** 2
+    )
     return Displacement(np.asarray(height * share), np.asarray(sd))

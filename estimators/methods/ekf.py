@@ -50,7 +50,12 @@ class Params(FilterParams, orientation_fusion.FusionParams, functional_movements
         "zero the angles that are no freedom of their joint and clip the rest to the permitted range",
         "Salchow-Hoemmen 2019, 2.4.3",
     )
-    heading_known: float = option(10.0, "deg", "a joint of larger standard deviation counts as of lost heading", "ours, as in m2")
+    heading_known: float = option(
+        10.0,
+        "deg",
+        "a joint of larger standard deviation counts as of lost heading",
+        "ours, as in m2",
+    )
     length_sd: float = option(
         0.03,
         "1",
@@ -89,10 +94,22 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
     for name, q_BS in calibration.q_BS.items():
         q_SB[SEGMENT[name]] = quat.conjugate(q_BS)
     inertial = [s for s in streams if s.inertial]
-    sensors = {s.name: _fused(calibration, _inertial(s) if params.magnetometers else s) for s in inertial}
-    magnetic, apart_sd = (magnetometer_resampling.start(streams), math.sqrt(2) * params.mag_error) if params.magnetometers else (None, 0.0)
-    chains = finger_ekf_filter.start(_bias_sd(params, calibration)[SENSORS], _seats(params, calibration), apart_sd=apart_sd)
-    sure = Sure(np.full((len(JOINTS), 3), np.nan), np.full((len(FINGERS), 3), np.nan), np.zeros(len(SEGMENTS), bool))
+    sensors = {
+        s.name: _fused(calibration, _inertial(s) if params.magnetometers else s) for s in inertial
+    }
+    magnetic, apart_sd = (
+        (magnetometer_resampling.start(streams), math.sqrt(2) * params.mag_error)
+        if params.magnetometers
+        else (None, 0.0)
+    )
+    chains = finger_ekf_filter.start(
+        _bias_sd(params, calibration)[SENSORS], _seats(params, calibration), apart_sd=apart_sd
+    )
+    sure = Sure(
+        np.full((len(JOINTS), 3), np.nan),
+        np.full((len(FINGERS), 3), np.nan),
+        np.zeros(len(SEGMENTS), bool),
+    )
     return State(
         calibration,
         q_SB,
@@ -113,7 +130,10 @@ def _bias_sd(params: Params, calibration: Calibration) -> Array:
     means does.
     """
     told = [calibration.quality.get(s) for s in SEGMENTS]
-    scatter = [max(q.rate_wander / 3.0, q.bias_sd or 0.0) if q else np.radians(params.pose_rate) for q in told]
+    scatter = [
+        max(q.rate_wander / 3.0, q.bias_sd or 0.0) if q else np.radians(params.pose_rate)
+        for q in told
+    ]
     return np.asarray(np.hypot(np.radians(params.bias_sd), scatter))
 
 
@@ -124,19 +144,28 @@ def _seats(params: Params, calibration: Calibration) -> Seats:
     places = (3 * np.array(told, int)[:, None] + np.arange(3)).ravel()
     covariance[np.ix_(places, places)] = calibration.told_together()
     chains = (3 * SENSORS[..., None] + np.arange(3)).reshape(len(SENSORS), 12)
-    aligned = np.array([params.alignment != "heading" and k not in told for k in range(len(SEGMENTS))])
+    aligned = np.array(
+        [params.alignment != "heading" and k not in told for k in range(len(SEGMENTS))]
+    )
     return Seats(covariance[chains[:, :, None], chains[:, None, :]], aligned[SENSORS])
 
 
 def _askew(params: Params, calibration: Calibration) -> float:
     """Standard deviation of a sensor's turn about each axis, rad: as the option says, or as those about the two level axes that the pose has seen."""
     seen = np.array([q.misalignment for q in calibration.quality.values()])
-    return max(float(np.radians(params.misalignment)), float(np.sqrt((seen**2).mean() / 2)) if len(seen) else 0.0)
+    return max(
+        float(np.radians(params.misalignment)),
+        float(np.sqrt((seen**2).mean() / 2)) if len(seen) else 0.0,
+    )
 
 
 def _fused(calibration: Calibration, stream: Stream) -> orientation_fusion.StreamState:
     return orientation_fusion.start(
-        stream, calibration.q_GS, calibration.gyr_bias, calibration.end, rate=calibration.rates.get(stream.name)
+        stream,
+        calibration.q_GS,
+        calibration.gyr_bias,
+        calibration.end,
+        rate=calibration.rates.get(stream.name),
     )
 
 
@@ -164,7 +193,9 @@ def finish(params: Params, state: State) -> tuple[State, Trajectory]:
     return state, join([*pieces, piece], state.calibration.hand)
 
 
-def _without_waiting(params: Params, state: State, patience: float) -> tuple[State, list[Trajectory]]:
+def _without_waiting(
+    params: Params, state: State, patience: float
+) -> tuple[State, list[Trajectory]]:
     """Inertial samples that wait for magnetometers go on without them."""
     if state.magnetic is None:
         return state, []
@@ -177,9 +208,15 @@ def _fuse(params: Params, state: State, blocks: Sequence[Block]) -> tuple[State,
     """Orientations of the blocks' sensors, and the hand at every instant that is complete."""
     pieces = []
     for block in blocks:
-        inertial = block if state.magnetic is None else Block(_inertial(block.stream), block.t, block.values[..., :6])
+        inertial = (
+            block
+            if state.magnetic is None
+            else Block(_inertial(block.stream), block.t, block.values[..., :6])
+        )
         fusion = state.sensors.get(block.stream.name)
-        if fusion is None or fusion.stream != inertial.stream:  # plugged in later, or with another rate or other sensors than before
+        if (
+            fusion is None or fusion.stream != inertial.stream
+        ):  # plugged in later, or with another rate or other sensors than before
             fusion = _fused(state.calibration, inertial.stream)
         fusion, oriented = orientation_fusion.step(params, fusion, inertial)
         rows, given = resampling.step(state.rows, inertial.stream, oriented)
@@ -201,7 +238,12 @@ def _hand(params: Params, state: State, rows: resampling.Rows) -> tuple[State, T
         return state, empty(state.calibration.hand)
     q_GB = quat.multiply(rows.q_GS, state.q_SB)
     raw, samples = sample_alignment.aligned(
-        state.raw, rows, q_GB, params.gyr_reading == "instant", params.vertical == "fused", params.max_gap
+        state.raw,
+        rows,
+        q_GB,
+        params.gyr_reading == "instant",
+        params.vertical == "fused",
+        params.max_gap,
     )
     chains, found = finger_ekf_filter.step(params, state.chains, samples)
     q_pc = _by_joint(JOINTS_OF, found.q_joint, samples.known, np.zeros(len(JOINTS)))
@@ -241,16 +283,30 @@ def _sure(params: Params, state: State, found: finger_ekf_filter.Estimate, pose:
     if not len(found.told):
         return before
     angles, q_pc = pose.angles[found.told], pose.q_pc[found.told]
-    angles_sd, tips_sd, largest = output_covariance.of_hand(angles, q_pc, found.P, state.calibration.geometry, state.of_lengths)
+    angles_sd, tips_sd, largest = output_covariance.of_hand(
+        angles, q_pc, found.P, state.calibration.geometry, state.of_lengths
+    )
     return Sure(
         np.concatenate([before.angles_sd, joint_angles.only_freedoms(angles_sd)]),
         np.concatenate([before.tips_sd, tips_sd]),
-        np.concatenate([before.lost, _lost(CHAIN_SEGMENTS, largest, math.radians(params.heading_known) ** 2, np.zeros(len(SEGMENTS)))]),
+        np.concatenate(
+            [
+                before.lost,
+                _lost(
+                    CHAIN_SEGMENTS,
+                    largest,
+                    math.radians(params.heading_known) ** 2,
+                    np.zeros(len(SEGMENTS)),
+                ),
+            ]
+        ),
     )
 
 
 @told_by_row("(f,k),(c,k),(),(s)->(s)")
-def _lost(segments: Array, largest: Array, most: float, row: Array, lost: NDArray[np.bool_]) -> None:
+def _lost(
+    segments: Array, largest: Array, most: float, row: Array, lost: NDArray[np.bool_]
+) -> None:
     """Which segments are not known against the hand, of the largest variances of the chains' joints: an unsure joint stands between them."""
     for f in range(segments.shape[0]):
         unsure = False

@@ -28,7 +28,11 @@ UNSURE = np.uint8(Flag.MISSING | Flag.SATURATED)  # samples that tell no heading
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params(orientation_fusion.FusionParams, functional_movements.FunctionalParams, heading_constraints.HeadingParams):
+class Params(
+    orientation_fusion.FusionParams,
+    functional_movements.FunctionalParams,
+    heading_constraints.HeadingParams,
+):
     MAGNETOMETER: ClassVar[bool] = False  # whether headings come from magnetometers
     constraints: bool = option(
         True,
@@ -57,11 +61,20 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
         q_SB[SEGMENT[name]] = quat.conjugate(q_BS)
     inertial = [s for s in streams if s.inertial]
     magnetic = magnetometer_resampling.start(streams) if params.MAGNETOMETER else None
-    used = [magnetometer_resampling.joined_stream(s) for s in inertial] if params.MAGNETOMETER else inertial
+    used = (
+        [magnetometer_resampling.joined_stream(s) for s in inertial]
+        if params.MAGNETOMETER
+        else inertial
+    )
     sensors = {s.name: _sensors(params, calibration, s) for s in used}
     corrected = params.heading_correction and not params.MAGNETOMETER
     return State(
-        calibration, q_SB, sensors, resampling.start(used), magnetic, heading_constraints.start(calibration.q_BS_sd) if corrected else None
+        calibration,
+        q_SB,
+        sensors,
+        resampling.start(used),
+        magnetic,
+        heading_constraints.start(calibration.q_BS_sd) if corrected else None,
     )
 
 
@@ -102,7 +115,9 @@ def _fuse(params: Params, state: State, blocks: list[Block]) -> tuple[State, Tra
     sensors, pieces = dict(state.sensors), []
     for block in blocks:
         fusion = sensors.get(block.stream.name)
-        if fusion is None or fusion.stream != block.stream:  # plugged in later, or with another rate or other sensors than before
+        if (
+            fusion is None or fusion.stream != block.stream
+        ):  # plugged in later, or with another rate or other sensors than before
             fusion = _sensors(params, state.calibration, block.stream)
         sensors[block.stream.name], oriented = orientation_fusion.step(params, fusion, block)
         rows, given = resampling.step(state.rows, block.stream, oriented)
@@ -111,10 +126,14 @@ def _fuse(params: Params, state: State, blocks: list[Block]) -> tuple[State, Tra
     return replace(state, sensors=sensors), join(pieces, state.calibration.hand)
 
 
-def _sensors(params: Params, calibration: Calibration, stream: Stream) -> orientation_fusion.StreamState:
+def _sensors(
+    params: Params, calibration: Calibration, stream: Stream
+) -> orientation_fusion.StreamState:
     north = calibration.north if params.MAGNETOMETER else {}
     rate = calibration.rates.get(stream.name)
-    return orientation_fusion.start(stream, calibration.q_GS, calibration.gyr_bias, calibration.end, north, rate)
+    return orientation_fusion.start(
+        stream, calibration.q_GS, calibration.gyr_bias, calibration.end, north, rate
+    )
 
 
 def _hand(params: Params, state: State, rows: resampling.Rows) -> tuple[State, Trajectory]:
@@ -123,9 +142,16 @@ def _hand(params: Params, state: State, rows: resampling.Rows) -> tuple[State, T
         return state, empty(state.calibration.hand)
     q_GB, flags = quat.multiply(rows.q_GS, state.q_SB), rows.flags
     if state.headings is not None:
-        headings, q_GB, lost = heading_constraints.step(params, state.headings, rows.t, q_GB, rows.doubt, (rows.flags & UNSURE) == 0)
-        state, flags = replace(state, headings=headings), (flags & ~np.uint8(Flag.HEADING_LOST)) | np.uint8(Flag.HEADING_LOST) * lost
-    pose = hand_pose.posed(hand_pose.between(q_GB), q_GB, state.calibration.geometry, params.constraints)
+        headings, q_GB, lost = heading_constraints.step(
+            params, state.headings, rows.t, q_GB, rows.doubt, (rows.flags & UNSURE) == 0
+        )
+        state, flags = (
+            replace(state, headings=headings),
+            (flags & ~np.uint8(Flag.HEADING_LOST)) | np.uint8(Flag.HEADING_LOST) * lost,
+        )
+    pose = hand_pose.posed(
+        hand_pose.between(q_GB), q_GB, state.calibration.geometry, params.constraints
+    )
     q_GS = pose.q_GS if params.constraints else q_GB
     q_GS[:, SEGMENT["forearm"]] = q_GB[:, SEGMENT["forearm"]]
     return state, Trajectory(state.calibration.hand, rows.t, pose.freedoms, q_GS, pose.tips, flags)

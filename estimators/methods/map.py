@@ -42,7 +42,12 @@ from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.pipeline.run import run
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
 from handscope.estimators.self_calibration import messages as self_calibration_messages
-from handscope.estimators.self_calibration import normal_equations, sample_preparation, segments, solver
+from handscope.estimators.self_calibration import (
+    normal_equations,
+    sample_preparation,
+    segments,
+    solver,
+)
 from handscope.estimators.self_calibration import result as self_calibration_result
 from handscope.estimators.self_calibration.problem import (
     LIMBS,
@@ -70,17 +75,25 @@ ALONE = (
     "hand and fingers as one problem did not come to an end: each finger is as it was found alone; skin under the hand's sensor was not counted,"
     " first phalanges' lengths may be off by several of their standard deviations"
 )
-TOGETHER = Limits(iterations=25, least_gain=0.25)  # begun where each finger has its minimum: the next step would gain a hundredth of that
+TOGETHER = Limits(
+    iterations=25, least_gain=0.25
+)  # begun where each finger has its minimum: the next step would gain a hundredth of that
 RIGID = 1e-3  # share of skin's movement that nobody notices
 SHARE = 0.6  # of the time, for which fingers are solved one by one
-UNKNOWN = np.radians(60.0)  # standard deviation of an angle of which nothing is known: what joints can do at all
+UNKNOWN = np.radians(
+    60.0
+)  # standard deviation of an angle of which nothing is known: what joints can do at all
 UNKNOWN_TIP = 0.05  # m, the same of a fingertip, which moves about over a decimetre
 
 
 @dataclass(frozen=True, kw_only=True)
 class Params(fusion_pipeline.Params, Noise, Asked):
     longest: float = option(
-        60.0, "s", "longest stretch that is calibrated from: the one with most movement", "ours: the thesis' 40 s and some more", least=5.0
+        60.0,
+        "s",
+        "longest stretch that is calibrated from: the one with most movement",
+        "ours: the thesis' 40 s and some more",
+        least=5.0,
     )
     length_guess: float = option(
         0.05,
@@ -97,7 +110,10 @@ class Params(fusion_pipeline.Params, Noise, Asked):
         least=0.0,
     )
     tracked: float = option(
-        2.0, "deg", "standard deviation that tracking adds before and after the stretch", "docs/reproduction.md, Table 6, m2: 1.8"
+        2.0,
+        "deg",
+        "standard deviation that tracking adds before and after the stretch",
+        "docs/reproduction.md, Table 6, m2: 1.8",
     )
 
 
@@ -108,25 +124,39 @@ def solve(
     blocks = [b for b in whole_streams(list(recording.blocks())) if b.stream.inertial and len(b.t)]
     worn = {name for b in blocks for name in b.stream.sensors}
     if "hand" not in worn:
-        raise InputError("the recording has no inertial sensor on the hand; self-calibration needs it: use m2 with an initial pose")
+        raise InputError(
+            "the recording has no inertial sensor on the hand; self-calibration needs it: use m2 with an initial pose"
+        )
     start, stop, said = _stretch(params, recording, blocks)
     limbs: list[_Limb] = []
     problems: list[str] = []
     for name in (name for name, links in LIMBS.items() if links[0] in worn):
         try:
-            links, silent = sample_preparation.speaking(blocks, chain([s for s in ("hand", *LIMBS[name]) if s in worn]), start, stop)
-            said += self_calibration_messages.silence(
-                name, silent, any(sample_preparation.clipped(blocks, s, start, stop) for s in silent[:1])
+            links, silent = sample_preparation.speaking(
+                blocks, chain([s for s in ("hand", *LIMBS[name]) if s in worn]), start, stop
             )
-            limbs.append(_Limb(name, links, *sample_preparation.readings(blocks, links.sensors, start, stop)))
+            said += self_calibration_messages.silence(
+                name,
+                silent,
+                any(sample_preparation.clipped(blocks, s, start, stop) for s in silent[:1]),
+            )
+            limbs.append(
+                _Limb(name, links, *sample_preparation.readings(blocks, links.sensors, start, stop))
+            )
         except InputError as problem:
             problems.append(str(problem))
-    alone = parallel.finished(lambda limb, done: _calibrated(params, recording, limb, done), limbs, lambda share: progress(SHARE * share))
+    alone = parallel.finished(
+        lambda limb, done: _calibrated(params, recording, limb, done),
+        limbs,
+        lambda share: progress(SHARE * share),
+    )
     problems += dict.fromkeys(str(problem) for problem in alone if isinstance(problem, InputError))
     fingers = [finger for finger in alone if isinstance(finger, Finger)]
     if not any(f.name in CHAINS for f in fingers):
         raise InputError(
-            problems[0] if problems else "no finger has a sensor on its first phalanx; self-calibration needs hand and phalanges"
+            problems[0]
+            if problems
+            else "no finger has a sensor on its first phalanx; self-calibration needs hand and phalanges"
         )
     fingers, of_hand = _together(params, recording, fingers, progress)
     said += [
@@ -141,7 +171,9 @@ def solve(
     return _over_the_wrist(params, moved, calibration.geometry), [calibration], said
 
 
-def _stretch(params: Params, recording: Recording, blocks: Sequence[Block]) -> tuple[float, float, list[str]]:
+def _stretch(
+    params: Params, recording: Recording, blocks: Sequence[Block]
+) -> tuple[float, float, list[str]]:
     """When the hand moved freely, and what is to be said of it: what an event says, else all; of that the liveliest part."""
     told = [e for e in recording.events if e.trial_type == "free_movement"]
     start, stop = max(b.t[0] for b in blocks), min(b.t[-1] for b in blocks)
@@ -166,12 +198,19 @@ class _Limb:
     read: Readings
 
 
-def _calibrated(params: Params, recording: Recording, limb: _Limb, progress: Callable[[float], None]) -> Finger:
+def _calibrated(
+    params: Params, recording: Recording, limb: _Limb, progress: Callable[[float], None]
+) -> Finger:
     noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
     links, t, read = limb.links, limb.t, limb.read
     self_calibration_messages.require_movement(params, limb.name, read)
-    guess = self_calibration_initialisation.unknowns(links, noise, read, mounted(links, recording.mounting, Z))
-    problem = measured(posed(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting), recording.geometry.lengths)
+    guess = self_calibration_initialisation.unknowns(
+        links, noise, read, mounted(links, recording.mounting, Z)
+    )
+    problem = measured(
+        posed(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting),
+        recording.geometry.lengths,
+    )
     found = solver.learnt(
         problem,
         guess,
@@ -179,9 +218,19 @@ def _calibrated(params: Params, recording: Recording, limb: _Limb, progress: Cal
         lambda k, cost: _heard(progress, min(0.9, k / 25)),
     )
     self_calibration_messages.require_one_minimum(params, limb.name, read, found, float(t[0]))
-    described = _described(params, recording, limb.name, t, found, posterior.draws(found.problem, found.at, found.factor, DRAWS))
+    described = _described(
+        params,
+        recording,
+        limb.name,
+        t,
+        found,
+        posterior.draws(found.problem, found.at, found.factor, DRAWS),
+    )
     self_calibration_messages.require_possible(described)
-    return replace(described, solution=replace(found, factor=normal_equations.remembered(found.factor.covariance)))
+    return replace(
+        described,
+        solution=replace(found, factor=normal_equations.remembered(found.factor.covariance)),
+    )
 
 
 def _together(
@@ -194,7 +243,12 @@ def _together(
     try:
         found = whole_hand_solver.solve(
             [f.solution for f in alone],
-            replace(noise, skin_turn=turn * noise.skin_turn, skin_slide=slide * noise.skin_slide, skin_law=law * noise.skin_law),
+            replace(
+                noise,
+                skin_turn=turn * noise.skin_turn,
+                skin_slide=slide * noise.skin_slide,
+                skin_law=law * noise.skin_law,
+            ),
             TOGETHER,
             lambda k, cost: _heard(progress, min(0.95, SHARE + (0.95 - SHARE) * k / 4)),
         )
@@ -208,7 +262,11 @@ def _together(
     return [
         _described(params, recording, f.name, f.t, replace(limb, jolts=f.solution.jolts), draws)
         for f, limb, draws in zip(alone, whole_hand_solver.of_limbs(found), drawn)
-    ], [word for f, misfit in zip(alone, whole_hand_solver.misfits(found)) for word in self_calibration_messages.not_assumed(f, *misfit)]
+    ], [
+        word
+        for f, misfit in zip(alone, whole_hand_solver.misfits(found))
+        for word in self_calibration_messages.not_assumed(f, *misfit)
+    ]
 
 
 def _softness(params: Params, alone: Sequence[Finger]) -> tuple[float, float, float]:
@@ -220,12 +278,25 @@ def _softness(params: Params, alone: Sequence[Finger]) -> tuple[float, float, fl
         turns.append(found.at.skin_turn.ravel() ** 2 + variance[c.skin_turn])
         slides.append(found.at.skin_slide.ravel() ** 2 + variance[c.skin_slide])
         laws.append(found.at.law**2 + variance[c.law])
-    turn, slide, law = (float(np.sqrt(np.concatenate(squares).mean())) for squares in (turns, slides, laws))
+    turn, slide, law = (
+        float(np.sqrt(np.concatenate(squares).mean())) for squares in (turns, slides, laws)
+    )
     quarter = np.pi / 2
-    return quarter * turn / np.radians(params.skin_turn), quarter * slide / (1e-3 * params.skin_slide), law / params.skin_law
+    return (
+        quarter * turn / np.radians(params.skin_turn),
+        quarter * slide / (1e-3 * params.skin_slide),
+        law / params.skin_law,
+    )
 
 
-def _described(params: Params, recording: Recording, finger: str, t: Array, found: Solution, draws: Iterable[Unknowns]) -> Finger:
+def _described(
+    params: Params,
+    recording: Recording,
+    finger: str,
+    t: Array,
+    found: Solution,
+    draws: Iterable[Unknowns],
+) -> Finger:
     """What a solution says of a finger."""
     told = segments.of_solution(found, recording.hand, recording.mounting)
     sure = monte_carlo.of_finger(
@@ -234,7 +305,9 @@ def _described(params: Params, recording: Recording, finger: str, t: Array, foun
         recording.hand,
         recording.mounting,
         np.radians(params.mounting),
-        lambda drawn, luck: with_found(recording.geometry, finger, drawn.lengths, params.length_guess * luck),
+        lambda drawn, luck: with_found(
+            recording.geometry, finger, drawn.lengths, params.length_guess * luck
+        ),
     )
     return Finger(finger, t, found, told, sure)
 
@@ -244,11 +317,17 @@ def _heard(progress: Callable[[float], None], share: float) -> bool:
     return True
 
 
-def _joined(params: Params, recording: Recording, fingers: Sequence[Finger], worn: set[str]) -> Calibration:
+def _joined(
+    params: Params, recording: Recording, fingers: Sequence[Finger], worn: set[str]
+) -> Calibration:
     """One calibration of all fingers: they share the hand's orientation, that of the first."""
     first = fingers[0]
     known = initial_pose.uncalibrated(
-        recording.hand, recording.geometry, recording.mounting, sorted(worn & set(SEGMENTS)), float(first.t[0])
+        recording.hand,
+        recording.geometry,
+        recording.mounting,
+        sorted(worn & set(SEGMENTS)),
+        float(first.t[0]),
     )
     q_GS, q_BS, bias = dict(known.q_GS), dict(known.q_BS), dict(known.gyr_bias)
     for finger in fingers:
@@ -270,16 +349,31 @@ def _joined(params: Params, recording: Recording, fingers: Sequence[Finger], wor
         stretch=(max(float(f.t[0]) for f in fingers), min(float(f.t[-1]) for f in fingers)),
         warnings=(TRIED,),
         p_BS=_first_of(nearest, lambda f: _placed(params, f, _places(f, geometry))),
-        acc_bias={n: f.solution.at.bias_acc[s] for f in reversed(fingers) for s, n in enumerate(f.solution.problem.chain.sensors)},
+        acc_bias={
+            n: f.solution.at.bias_acc[s]
+            for f in reversed(fingers)
+            for s, n in enumerate(f.solution.problem.chain.sensors)
+        },
         q_BS_sd=_first_of(fingers, lambda f: f.sure.q_BS),
         p_BS_sd=_first_of(nearest, lambda f: _placed(params, f, _places_sd(params, f, geometry))),
-        gyr_bias_sd=_first_of(fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_gyr)),
-        acc_bias_sd=_first_of(fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_acc)),
-        lengths_sd={s: sd for f in fingers for s, sd in f.segments.lengths_sd.items() if self_calibration_result.known(params, f, s)},
+        gyr_bias_sd=_first_of(
+            fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_gyr)
+        ),
+        acc_bias_sd=_first_of(
+            fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_acc)
+        ),
+        lengths_sd={
+            s: sd
+            for f in fingers
+            for s, sd in f.segments.lengths_sd.items()
+            if self_calibration_result.known(params, f, s)
+        },
     )
 
 
-def _first_of(fingers: Sequence[Finger], known: Callable[[Finger], Mapping[str, Array]]) -> dict[str, Array]:
+def _first_of(
+    fingers: Sequence[Finger], known: Callable[[Finger], Mapping[str, Array]]
+) -> dict[str, Array]:
     """By segment; of the hand as the first of these fingers has it."""
     return {s: value for f in reversed(fingers) for s, value in known(f).items()}
 
@@ -291,7 +385,9 @@ def _bias_sd(finger: Finger, where: slice) -> dict[str, Array]:
 
 def _placed(params: Params, finger: Finger, known: Mapping[str, Array]) -> dict[str, Array]:
     """Of the sensors whose places movement told."""
-    return {s: value for s, value in known.items() if self_calibration_result.placed(params, finger, s)}
+    return {
+        s: value for s, value in known.items() if self_calibration_result.placed(params, finger, s)
+    }
 
 
 def _places(finger: Finger, geometry: HandGeometry) -> dict[str, Array]:
@@ -300,14 +396,20 @@ def _places(finger: Finger, geometry: HandGeometry) -> dict[str, Array]:
     found["hand"] = found["hand"] + _end(finger, geometry)
     if finger.name in CHAINS:
         last = finger.solution.problem.chain.sensors[-1]
-        along = geometry.lengths[last] if last == CHAINS[finger.name][-1] else np.nan  # a joint that no sensor shows
+        along = (
+            geometry.lengths[last] if last == CHAINS[finger.name][-1] else np.nan
+        )  # a joint that no sensor shows
         found[last] = found[last] - side_sign(geometry.hand) * np.array([0.0, along, 0.0])
     return {s: p for s, p in found.items() if np.isfinite(p).all()}
 
 
 def _end(finger: Finger, geometry: HandGeometry) -> Array:
     """Where a finger, or the forearm, hangs on the hand (3,) m, from the hand's origin."""
-    ends = geometry.joint_positions[root_joint(finger.name)] if finger.name in CHAINS else (0.0, 0.0, 0.0)
+    ends = (
+        geometry.joint_positions[root_joint(finger.name)]
+        if finger.name in CHAINS
+        else (0.0, 0.0, 0.0)
+    )
     return np.subtract(ends, geometry.joint_positions["middle_mcp"])
 
 
@@ -324,12 +426,18 @@ def _places_sd(params: Params, finger: Finger, geometry: HandGeometry) -> dict[s
 def _resized(params: Params, geometry: HandGeometry, fingers: Sequence[Finger]) -> HandGeometry:
     """With the lengths that movement told."""
     for finger in fingers:
-        known = {s: v for s, v in finger.segments.lengths.items() if self_calibration_result.known(params, finger, s)}
+        known = {
+            s: v
+            for s, v in finger.segments.lengths.items()
+            if self_calibration_result.known(params, finger, s)
+        }
         geometry = with_found(geometry, finger.name, known)
     return geometry
 
 
-def _with_found(tracked: Trajectory, geometry: HandGeometry, fingers: Sequence[Finger]) -> Trajectory:
+def _with_found(
+    tracked: Trajectory, geometry: HandGeometry, fingers: Sequence[Finger]
+) -> Trajectory:
     """The tracked movement with the stretch as self-calibration found it, fingers on the hand's tracked orientation."""
     q_GS, t = tracked.q_GS.copy(), tracked.t
     start, stop = max(f.t[0] for f in fingers), min(f.t[-1] for f in fingers)
@@ -360,10 +468,16 @@ def _with_deviations(params: Params, moved: Trajectory, fingers: Sequence[Finger
             angles[:, j, a] = np.hypot(np.interp(moved.t, knots, sure.angles[:, j, a]), drift)
         reach = sum(finger.segments.lengths.values())
         for axis in range(3 if finger.name in CHAINS else 0):
-            tips[:, FINGERS.index(finger.name), axis] = np.hypot(np.interp(moved.t, knots, sure.tip[:, axis]), drift * reach)
+            tips[:, FINGERS.index(finger.name), axis] = np.hypot(
+                np.interp(moved.t, knots, sure.tip[:, axis]), drift * reach
+            )
     lost = outside[:, None] & (moved.flags & np.uint8(Flag.HEADING_LOST) > 0)
-    angles = np.where((lost[:, PARENTS] | lost[:, CHILDREN])[..., None] & np.isfinite(angles), UNKNOWN, angles)
-    on_fingers = np.stack([lost[:, [SEGMENT[s] for s in links]].any(axis=1) for links in CHAINS.values()], axis=1)
+    angles = np.where(
+        (lost[:, PARENTS] | lost[:, CHILDREN])[..., None] & np.isfinite(angles), UNKNOWN, angles
+    )
+    on_fingers = np.stack(
+        [lost[:, [SEGMENT[s] for s in links]].any(axis=1) for links in CHAINS.values()], axis=1
+    )
     tips = np.where(on_fingers[..., None] & np.isfinite(tips), UNKNOWN_TIP, tips)
     known = {s for f in fingers for s in f.solution.problem.chain.sensors}
     for name in SEGMENTS:
@@ -379,11 +493,15 @@ def _over_the_wrist(params: Params, moved: Trajectory, geometry: HandGeometry) -
     for axis in (FLEXION, DEVIATION):
         turned = angles.copy()
         turned[:, JOINT["wrist"], axis] += moved.angles_sd[:, JOINT["wrist"], axis]
-        here, there = (forward_kinematics.tips(joint_angles.compose(a), geometry) for a in (angles, turned))
+        here, there = (
+            forward_kinematics.tips(joint_angles.compose(a), geometry) for a in (angles, turned)
+        )
         tips = np.hypot(tips, np.nan_to_num(there - here))  # an unknown wrist counts as neutral
     turn = quat.matrix(joint_angles.compose(np.nan_to_num(angles[:, JOINT["wrist"]])))
     of_roots = length_covariance.covariance(geometry, params.length_guess)[:, :3, :3]
-    return replace(moved, tips_sd=np.hypot(tips, np.sqrt(np.einsum("nij,fjk,nik->nfi", turn, of_roots, turn))))
+    return replace(
+        moved, tips_sd=np.hypot(tips, np.sqrt(np.einsum("nij,fjk,nik->nfi", turn, of_roots, turn)))
+    )
 
 
 def _at(t: Array, known: Array, q: Array) -> Array:

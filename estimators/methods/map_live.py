@@ -38,7 +38,13 @@ DECISION = "ours: docs/decisions/0007-map-live.md"
 @dataclass(frozen=True, kw_only=True)
 class Params(ekf.Params, Noise):
     window: float = option(0.6, "s", "length of the window", DECISION, least=0.6, most=5.0)
-    lag: float = option(0.1, "s", "how far behind the newest sample of the window the hand is given out", DECISION, most=0.3)
+    lag: float = option(
+        0.1,
+        "s",
+        "how far behind the newest sample of the window the hand is given out",
+        DECISION,
+        most=0.3,
+    )
     length: float = option(
         2.0,
         "mm",
@@ -73,13 +79,23 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
     fingers = [sliding_window_limb.of_worn(f, worn) for f in FINGERS]
     reference = next(s for s in streams if s.name == begun.rows.reference)
     rows = trajectory.empty(calibration.hand)
-    return State(begun, rows, -np.inf, streaming_samples.start(reference), tuple(f for f in fingers if f is not None))
+    return State(
+        begun,
+        rows,
+        -np.inf,
+        streaming_samples.start(reference),
+        tuple(f for f in fingers if f is not None),
+    )
 
 
 def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
     """Advance by one block of any length, 0 included; blocks of streams that the method does not use change nothing."""
     after, rows = ekf.step(params, state.filter, block)
-    return _advanced(params, replace(state, filter=after, readings=streaming_samples.taken(state.readings, block)), rows)
+    return _advanced(
+        params,
+        replace(state, filter=after, readings=streaming_samples.taken(state.readings, block)),
+        rows,
+    )
 
 
 def release(params: Params, state: State, patience: float) -> tuple[State, Trajectory]:
@@ -96,16 +112,22 @@ def finish(params: Params, state: State) -> tuple[State, Trajectory]:
     if left >= LEAST:
         state = _nodes(params, state, left)
     last = _given_out(params, state, state.rows)
-    return replace(state, rows=trajectory.empty(state.rows.hand)), trajectory.join([given, last], state.rows.hand)
+    return replace(state, rows=trajectory.empty(state.rows.hand)), trajectory.join(
+        [given, last], state.rows.hand
+    )
 
 
 def _advanced(params: Params, state: State, rows: Trajectory) -> tuple[State, Trajectory]:
     """Take what the filter made of new samples; windows go on as soon as there are nodes enough."""
     hand, given = state.rows.hand, []
-    if not np.isfinite(state.readings.begin):  # the stream that sets the pace is silent: there are no nodes
+    if not np.isfinite(
+        state.readings.begin
+    ):  # the stream that sets the pace is silent: there are no nodes
         return state, rows
     if len(rows):
-        state = replace(state, rows=trajectory.join([state.rows, rows], hand), reached=float(rows.t[-1]))
+        state = replace(
+            state, rows=trajectory.join([state.rows, rows], hand), reached=float(rows.t[-1])
+        )
     while streaming_samples.ready((state := _resumed(state)).readings, state.reached) >= NODES:
         state = _nodes(params, state, NODES)
         newest = state.readings.taken - 2
@@ -117,10 +139,18 @@ def _advanced(params: Params, state: State, rows: Trajectory) -> tuple[State, Tr
 
 def _resumed(state: State) -> State:
     """Where nothing came for long, windows begin again behind it."""
-    readings = streaming_samples.resumed(state.readings, float(state.rows.t[0])) if len(state.rows) else state.readings
+    readings = (
+        streaming_samples.resumed(state.readings, float(state.rows.t[0]))
+        if len(state.rows)
+        else state.readings
+    )
     if readings is state.readings:
         return state
-    return replace(state, readings=readings, fingers=tuple(sliding_window_limb.given_up(f) for f in state.fingers))
+    return replace(
+        state,
+        readings=readings,
+        fingers=tuple(sliding_window_limb.given_up(f) for f in state.fingers),
+    )
 
 
 def _nodes(params: Params, state: State, count: int) -> State:
@@ -154,7 +184,11 @@ def _given_out(params: Params, state: State, rows: Trajectory) -> Trajectory:
     for finger in state.fingers:
         if finger.on_hand is None or finger.lengths is None or finger.sure is None:
             continue
-        own, n, last = [*finger.on_hand], len(finger.on_hand[finger.chain.sensors[1]]), state.readings.taken - 1
+        own, n, last = (
+            [*finger.on_hand],
+            len(finger.on_hand[finger.chain.sensors[1]]),
+            state.readings.taken - 1,
+        )
         at = state.readings.instants(last - n, last)
         inside = np.flatnonzero(rows.t > at[0] - node)
         for name in own:

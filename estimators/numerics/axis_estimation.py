@@ -60,7 +60,13 @@ def bending(rate: Array, dt: float) -> Bending:
     apart = [float(np.arccos(min(1.0, abs(float(s @ axis))))) for s in single]
     total = float((rate * rate).sum())
     planarity = float(((rate @ axis) ** 2).sum()) / total if total else 0.0
-    return Bending(axis, planarity, len(single), max(apart, default=0.0) if len(single) > 1 else 0.0, float(np.ptp(angle)))
+    return Bending(
+        axis,
+        planarity,
+        len(single),
+        max(apart, default=0.0) if len(single) > 1 else 0.0,
+        float(np.ptp(angle)),
+    )
 
 
 def common_rotation(rate_a: Array, rate_b: Array, offset: float = 0.0) -> CommonRotation:
@@ -70,16 +76,28 @@ def common_rotation(rate_a: Array, rate_b: Array, offset: float = 0.0) -> Common
     left = rate_a - rate_b @ R_ab.T
     total = float(np.sqrt((rate_a * rate_a).sum() + 1e-30))
     principal = np.linalg.svd(rate_a, compute_uv=False)
-    return CommonRotation(quat.from_matrix(R_ab), float(np.linalg.norm(left)) / total, float(principal[1] / (principal[0] + 1e-30)), offset)
+    return CommonRotation(
+        quat.from_matrix(R_ab),
+        float(np.linalg.norm(left)) / total,
+        float(principal[1] / (principal[0] + 1e-30)),
+        offset,
+    )
 
 
-def of_two_clocks(t_a: Array, rate_a: Array, t_b: Array, rate_b: Array, largest: float = 0.5) -> CommonRotation:
+def of_two_clocks(
+    t_a: Array, rate_a: Array, t_b: Array, rate_b: Array, largest: float = 0.5
+) -> CommonRotation:
     """The same of sensors with clocks of their own: first the offset (at most `largest` s) at which they turn equally fast, then the rotation."""
     dt = float(np.median(np.diff(t_a)))
     lags = np.arange(-round(largest / dt), round(largest / dt) + 1) * dt
     grid = t_a[(t_a >= t_b[0] + largest) & (t_a <= t_b[-1] - largest)]
-    speed_a, speed_b = np.interp(grid, t_a, np.linalg.norm(rate_a, axis=1)), np.linalg.norm(rate_b, axis=1)
-    misfit = np.array([np.mean((np.interp(grid - lag, t_b, speed_b) - speed_a) ** 2) for lag in lags])
+    speed_a, speed_b = (
+        np.interp(grid, t_a, np.linalg.norm(rate_a, axis=1)),
+        np.linalg.norm(rate_b, axis=1),
+    )
+    misfit = np.array(
+        [np.mean((np.interp(grid - lag, t_b, speed_b) - speed_a) ** 2) for lag in lags]
+    )
     k = int(np.clip(np.argmin(misfit), 1, len(lags) - 2))
     before, here, after = misfit[k - 1 : k + 2]
     curvature = before - 2 * here + after

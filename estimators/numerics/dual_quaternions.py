@@ -10,7 +10,9 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import rowwise
 from handscope.estimators.numerics.quaternions import Array
 
-ROW = np.zeros(8)  # of the length of a dual quaternion, where nothing that a compiled row takes has it
+ROW = np.zeros(
+    8
+)  # of the length of a dual quaternion, where nothing that a compiled row takes has it
 
 
 def rotation(q_ab: Array) -> Array:
@@ -65,10 +67,46 @@ def _multiply(a: Array, b: Array, product: Array) -> None:
     product[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
     product[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
     product[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
-    product[4] = a[0] * b[4] - a[1] * b[5] - a[2] * b[6] - a[3] * b[7] + a[4] * b[0] - a[5] * b[1] - a[6] * b[2] - a[7] * b[3]
-    product[5] = a[0] * b[5] + a[1] * b[4] + a[2] * b[7] - a[3] * b[6] + a[4] * b[1] + a[5] * b[0] + a[6] * b[3] - a[7] * b[2]
-    product[6] = a[0] * b[6] - a[1] * b[7] + a[2] * b[4] + a[3] * b[5] + a[4] * b[2] - a[5] * b[3] + a[6] * b[0] + a[7] * b[1]
-    product[7] = a[0] * b[7] + a[1] * b[6] - a[2] * b[5] + a[3] * b[4] + a[4] * b[3] + a[5] * b[2] - a[6] * b[1] + a[7] * b[0]
+    product[4] = (
+        a[0] * b[4]
+        - a[1] * b[5]
+        - a[2] * b[6]
+        - a[3] * b[7]
+        + a[4] * b[0]
+        - a[5] * b[1]
+        - a[6] * b[2]
+        - a[7] * b[3]
+    )
+    product[5] = (
+        a[0] * b[5]
+        + a[1] * b[4]
+        + a[2] * b[7]
+        - a[3] * b[6]
+        + a[4] * b[1]
+        + a[5] * b[0]
+        + a[6] * b[3]
+        - a[7] * b[2]
+    )
+    product[6] = (
+        a[0] * b[6]
+        - a[1] * b[7]
+        + a[2] * b[4]
+        + a[3] * b[5]
+        + a[4] * b[2]
+        - a[5] * b[3]
+        + a[6] * b[0]
+        + a[7] * b[1]
+    )
+    product[7] = (
+        a[0] * b[7]
+        + a[1] * b[6]
+        - a[2] * b[5]
+        + a[3] * b[4]
+        + a[4] * b[3]
+        + a[5] * b[2]
+        - a[6] * b[1]
+        + a[7] * b[0]
+    )
 
 
 @rowwise("(d),(v)->(v)")
@@ -78,4 +116,8 @@ def _origin(Q: Array, row: Array, p: Array) -> None:
     p[2] = 2.0 * (-Q[4] * Q[3] - Q[5] * Q[2] + Q[6] * Q[1] + Q[7] * Q[0])
 
 
-link_row, multiply_row, origin_row = _link.row, _multiply.row, _origin.row  # for one row, as other kernels call them
+link_row, multiply_row, origin_row = (
+    _link.row,
+    _multiply.row,
+    _origin.row,
+)  # for one row, as other kernels call them

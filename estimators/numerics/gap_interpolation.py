@@ -23,7 +23,10 @@ def bridge(t: Array, values: Array, known: NDArray[np.bool_]) -> Array:
     a, b = before[gap], behind[gap]
     length = (t[b] - t[a])[:, None]
     secant = (values[b] - values[a]) / length
-    rise, fall = _slopes(t, values, known, a, a - 1, secant), _slopes(t, values, known, b, b + 1, secant)
+    rise, fall = (
+        _slopes(t, values, known, a, a - 1, secant),
+        _slopes(t, values, known, b, b + 1, secant),
+    )
     s = (t[gap] - t[a])[:, None] / length
     filled = values.copy()
     filled[gap] = (
@@ -45,12 +48,21 @@ def missed(t: Array, gyr: Array, known: NDArray[np.bool_]) -> Array:
     length = t[behind] - t[first - 1]
     rates = np.sqrt((gyr * gyr).sum(axis=-1))
     found[first] = (
-        np.maximum(rates[first - 1], rates[behind]) * length * np.minimum(1.0, (2 * np.pi * FREQUENCY * length) ** 4 / 720)
+        np.maximum(rates[first - 1], rates[behind])
+        * length
+        * np.minimum(1.0, (2 * np.pi * FREQUENCY * length) ** 4 / 720)
     ) ** 2
     return found
 
 
-def _slopes(t: Array, values: Array, known: NDArray[np.bool_], at: NDArray[np.int_], beside: NDArray[np.int_], secant: Array) -> Array:
+def _slopes(
+    t: Array,
+    values: Array,
+    known: NDArray[np.bool_],
+    at: NDArray[np.int_],
+    beside: NDArray[np.int_],
+    secant: Array,
+) -> Array:
     """Slopes at rows `at` towards their neighbours `beside`, which lie away from the gap; the gap's own secant where a neighbour is not known."""
     inside = (beside >= 0) & (beside < len(t))
     neighbour = np.where(inside, beside, at)

@@ -61,7 +61,9 @@ def looped(kernel: Callable[..., Any]) -> Callable[..., Any]:
 
 def _over_rows(kernel: Callable[..., None], layout: str, gives: Any) -> Any:
     taken, given = layout.split("->")
-    types = [_typed(core, float64, float64) for core in _cores(taken)] + [_typed(core, gives, gives[:]) for core in _cores(given)]
+    types = [_typed(core, float64, float64) for core in _cores(taken)] + [
+        _typed(core, gives, gives[:]) for core in _cores(given)
+    ]
     row = inlined(kernel)
     _name_by_calls(kernel)
     ufunc = guvectorize([tuple(types)], layout, nopython=True, cache=True)(kernel).ufunc

@@ -33,7 +33,12 @@ def explained(P: Array, missed: Array, H: Array, noise: Array, W: Array, change:
     m, e = H.shape
     clear(W)
     L, y = np.empty((m, m)), np.empty(m)
-    used, columns, filled, n = np.empty(m, np.intp), np.empty((m, e), np.intp), np.zeros(m, np.intp), 0
+    used, columns, filled, n = (
+        np.empty(m, np.intp),
+        np.empty((m, e), np.intp),
+        np.zeros(m, np.intp),
+        0,
+    )
     for row in range(m):
         for k in range(e):
             if H[row, k] != 0.0:

@@ -37,7 +37,9 @@ def threads() -> Iterator[Each]:
 
 
 def finished(
-    work: Callable[[A, Callable[[float], None]], B], pieces: Sequence[A], progress: Callable[[float], None]
+    work: Callable[[A, Callable[[float], None]], B],
+    pieces: Sequence[A],
+    progress: Callable[[float], None],
 ) -> list[B | InputError]:
     """What work made of every piece, or why it refused it. `progress` hears the share of all that is done, in the caller's thread.
 

@@ -16,7 +16,10 @@ from handscope.estimators.numerics.jit import rowwise
 
 Array = NDArray[np.float64]
 IDENTITY: Array = np.array([1.0, 0.0, 0.0, 0.0])
-ROW, AXES = np.zeros(4), np.zeros(3)  # of the length of what a compiled row gives, where nothing that it takes has it
+ROW, AXES = (
+    np.zeros(4),
+    np.zeros(3),
+)  # of the length of what a compiled row gives, where nothing that it takes has it
 
 
 def multiply(q_ab: Array, q_bc: Array) -> Array:
@@ -105,9 +108,18 @@ def from_matrix(R_ab: Array) -> Array:
     """Quaternion of rotation matrices (..., 3, 3) -> (..., 4), scalar part not negative."""
     R = np.asarray(R_ab, dtype=float)
     flat = R.reshape(-1, 3, 3)
-    k = np.empty((len(flat), 4, 4))  # the symmetric matrix whose largest eigenvector is q: Bar-Itzhack 2000
+    k = np.empty(
+        (len(flat), 4, 4)
+    )  # the symmetric matrix whose largest eigenvector is q: Bar-Itzhack 2000
     k[:, 0, 0] = np.trace(flat, axis1=1, axis2=2)
-    off = np.stack([flat[:, 2, 1] - flat[:, 1, 2], flat[:, 0, 2] - flat[:, 2, 0], flat[:, 1, 0] - flat[:, 0, 1]], axis=-1)
+    off = np.stack(
+        [
+            flat[:, 2, 1] - flat[:, 1, 2],
+            flat[:, 0, 2] - flat[:, 2, 0],
+            flat[:, 1, 0] - flat[:, 0, 1],
+        ],
+        axis=-1,
+    )
     k[:, 0, 1:], k[:, 1:, 0] = off, off
     k[:, 1:, 1:] = flat + flat.transpose(0, 2, 1) - k[:, 0, 0, None, None] * np.eye(3)
     q = np.linalg.eigh(k)[1][:, :, -1]
@@ -154,7 +166,11 @@ def _relative(a: Array, b: Array, seen: Array) -> None:
 def _rotate(q: Array, v: Array, turned: Array) -> None:
     w, x, y, z = q[0], q[1], q[2], q[3]
     tx, ty, tz = 2 * (y * v[2] - z * v[1]), 2 * (z * v[0] - x * v[2]), 2 * (x * v[1] - y * v[0])
-    turned[0], turned[1], turned[2] = v[0] + w * tx + y * tz - z * ty, v[1] + w * ty + z * tx - x * tz, v[2] + w * tz + x * ty - y * tx
+    turned[0], turned[1], turned[2] = (
+        v[0] + w * tx + y * tz - z * ty,
+        v[1] + w * ty + z * tx - x * tz,
+        v[2] + w * tz + x * ty - y * tx,
+    )
 
 
 @rowwise("(q)->(q)")
@@ -197,13 +213,28 @@ def _headed(q: Array, theta: float, turned: Array) -> None:
 @rowwise("(q),(v)->(v,v)")
 def _matrix(q: Array, row: Array, R: Array) -> None:
     w, x, y, z = q[0], q[1], q[2], q[3]
-    xx, yy, zz, xy, xz, yz, wx, wy, wz = x * x, y * y, z * z, x * y, x * z, y * z, w * x, w * y, w * z
+    xx, yy, zz, xy, xz, yz, wx, wy, wz = (
+        x * x,
+        y * y,
+        z * z,
+        x * y,
+        x * z,
+        y * z,
+        w * x,
+        w * y,
+        w * z,
+    )
     R[0, 0], R[0, 1], R[0, 2] = 1 - 2 * (yy + zz), 2 * (xy - wz), 2 * (xz + wy)
     R[1, 0], R[1, 1], R[1, 2] = 2 * (xy + wz), 1 - 2 * (xx + zz), 2 * (yz - wx)
     R[2, 0], R[2, 1], R[2, 2] = 2 * (xz - wy), 2 * (yz + wx), 1 - 2 * (xx + yy)
 
 
 # for one row, as other kernels call them
-multiply_row, conjugate_row, rotate_row, normalize_row = _multiply.row, _conjugate.row, _rotate.row, _normalize.row
+multiply_row, conjugate_row, rotate_row, normalize_row = (
+    _multiply.row,
+    _conjugate.row,
+    _rotate.row,
+    _normalize.row,
+)
 relative_row, log_row = _relative.row, _log.row
 exp_row, log_row, angle_row, matrix_row = _exp.row, _log.row, _angle.row, _matrix.row

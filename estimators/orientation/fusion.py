@@ -28,7 +28,9 @@ from handscope.estimators.orientation.vqf_bank import Filters, Kept, begun, upda
 from handscope.estimators.orientation.vqf_bank import FusionParams as FusionParams
 from handscope.estimators.sensors.missing_samples import looked_at, with_missing_instants
 
-LOST_DOUBT = np.radians(60.0) ** 2  # rad^2, ours: what a hand may have turned while a sensor was silent
+LOST_DOUBT = (
+    np.radians(60.0) ** 2
+)  # rad^2, ours: what a hand may have turned while a sensor was silent
 
 
 def start(
@@ -44,7 +46,10 @@ def start(
     `rate` (Hz) is that at which samples come, where it is not the one that the stream names.
     """
     known = norths or {}
-    sensors = (SensorState(starts.get(s), biases.get(s, np.zeros(3)), known_until, known.get(s)) for s in stream.sensors)
+    sensors = (
+        SensorState(starts.get(s), biases.get(s, np.zeros(3)), known_until, known.get(s))
+        for s in stream.sensors
+    )
     return StreamState(stream, tuple(sensors), 1.0 / (rate or stream.rate))
 
 
@@ -53,12 +58,18 @@ def step(params: FusionParams, state: StreamState, block: Block) -> tuple[Stream
     block, sampled = with_missing_instants(block, state.t, state.period, params.max_gap)
     block, sampled = _with_held(state, block, sampled)
     whole, limit = looked_at(block)
-    return _advance(params, state, block, sampled, whole, limit, _settled(params, state, block.t, whole))
+    return _advance(
+        params, state, block, sampled, whole, limit, _settled(params, state, block.t, whole)
+    )
 
 
 def finish(params: FusionParams, state: StreamState) -> tuple[StreamState, Oriented]:
     """Give out what is still held: at the end of the recording an open gap is a loss."""
-    nothing = Block(state.stream, np.empty(0), np.empty((0, len(state.stream.sensors), 3 * len(state.stream.quantities))))
+    nothing = Block(
+        state.stream,
+        np.empty(0),
+        np.empty((0, len(state.stream.sensors), 3 * len(state.stream.quantities))),
+    )
     held, sampled = _with_held(state, nothing, np.empty(0, bool))
     whole, limit = looked_at(held)
     return _advance(params, state, held, sampled, whole, limit, len(held.t))
@@ -74,38 +85,67 @@ def _advance(
     count: int,
 ) -> tuple[StreamState, Oriented]:
     """Process the first `count` rows and hold the others; `limit` (n, sensors) tells samples at the sensor's limit."""
-    settled, held = Block(block.stream, block.t[:count], block.values[:count]), Block(block.stream, block.t[count:], block.values[count:])
+    settled, held = (
+        Block(block.stream, block.t[:count], block.values[:count]),
+        Block(block.stream, block.t[count:], block.values[count:]),
+    )
     fused = state.fused
     if count and isinstance(fused, Together) and whole[:count].all():  # what is almost always so
         fused, q_GS = _go_on(params, fused, state.period, settled)
         flags = np.uint8(Flag.SATURATED) * limit[:count] | fused.headless
         doubt = np.repeat(fused.doubt[None], count, axis=0)
     else:
-        flags = np.uint8(Flag.SATURATED) * limit[:count] | np.uint8(Flag.MISSING) * ~(whole | limit)[:count]
-        vqf, sensors, q_GS, doubt = begun(params, state.period), [], np.empty((count, whole.shape[1], 4)), np.empty((count, whole.shape[1]))
+        flags = (
+            np.uint8(Flag.SATURATED) * limit[:count]
+            | np.uint8(Flag.MISSING) * ~(whole | limit)[:count]
+        )
+        vqf, sensors, q_GS, doubt = (
+            begun(params, state.period),
+            [],
+            np.empty((count, whole.shape[1], 4)),
+            np.empty((count, whole.shape[1])),
+        )
         for k, sensor in enumerate(state.sensors):
-            after, q_GS[:, k], more, doubt[:, k] = _fuse(params, sensor, vqf, block, whole[:, k], k, count)
+            after, q_GS[:, k], more, doubt[:, k] = _fuse(
+                params, sensor, vqf, block, whole[:, k], k, count
+            )
             flags[:, k] |= more
             sensors.append(after)
         fused = _joined(params, state.period, tuple(sensors), block.values)
     newest = float(block.t[-1]) if len(block.t) else state.t
-    after_all = StreamState(state.stream, fused, state.period, newest, held if len(held.t) else None, sampled[count:])
+    after_all = StreamState(
+        state.stream, fused, state.period, newest, held if len(held.t) else None, sampled[count:]
+    )
     return after_all, Oriented(settled.t, q_GS, flags, doubt, sampled[:count])
 
 
-def _joined(params: FusionParams, period: float, sensors: tuple[SensorState, ...], samples: Array) -> tuple[SensorState, ...] | Together:
+def _joined(
+    params: FusionParams, period: float, sensors: tuple[SensorState, ...], samples: Array
+) -> tuple[SensorState, ...] | Together:
     """The sensors together where all go on, and from gyroscope and accelerometer alone."""
     if not sensors or not all(s.goes_on and not _has_north(s, samples) for s in sensors):
         return sensors
-    filters = Filters(params, period, tuple(Kept(s.filter_state, 0) for s in sensors if s.filter_state is not None))
-    bias, headless, doubt, last, q_GS = (np.array([getattr(s, n) for s in sensors]) for n in ("bias", "headless", "doubt", "last", "q_GS"))
+    filters = Filters(
+        params,
+        period,
+        tuple(Kept(s.filter_state, 0) for s in sensors if s.filter_state is not None),
+    )
+    bias, headless, doubt, last, q_GS = (
+        np.array([getattr(s, n) for s in sensors])
+        for n in ("bias", "headless", "doubt", "last", "q_GS")
+    )
     return Together(sensors, bias, headless, doubt, filters, last, sensors[0].last_t, q_GS)
 
 
-def _with_held(state: StreamState, block: Block, sampled: NDArray[np.bool_]) -> tuple[Block, NDArray[np.bool_]]:
+def _with_held(
+    state: StreamState, block: Block, sampled: NDArray[np.bool_]
+) -> tuple[Block, NDArray[np.bool_]]:
     if state.held is None:
         return block, sampled
-    t, values = np.concatenate([state.held.t, block.t]), np.concatenate([state.held.values, block.values])
+    t, values = (
+        np.concatenate([state.held.t, block.t]),
+        np.concatenate([state.held.values, block.values]),
+    )
     return Block(block.stream, t, values), np.concatenate([state.held_sampled, sampled])
 
 
@@ -115,13 +155,18 @@ def _settled(params: FusionParams, state: StreamState, t: Array, whole: NDArray[
     if whole.all():
         return count
     while True:
-        fewer = min((_before_gap(params, s, t, c, count) for s, c in zip(state.sensors, whole.T)), default=count)
+        fewer = min(
+            (_before_gap(params, s, t, c, count) for s, c in zip(state.sensors, whole.T)),
+            default=count,
+        )
         if fewer == count:
             return count
         count = fewer
 
 
-def _before_gap(params: FusionParams, sensor: SensorState, t: Array, whole: NDArray[np.bool_], count: int) -> int:
+def _before_gap(
+    params: FusionParams, sensor: SensorState, t: Array, whole: NDArray[np.bool_], count: int
+) -> int:
     """`count`, or where the sensor's gap begins that may be bridged and reaches beyond the first `count` rows or to the last row but one."""
     good = np.flatnonzero(whole[:count])
     first = int(good[-1]) + 1 if len(good) else 0
@@ -133,7 +178,9 @@ def _before_gap(params: FusionParams, sensor: SensorState, t: Array, whole: NDAr
     return first if end - before <= params.max_gap else count
 
 
-def _before_last_gap(params: FusionParams, sensor: SensorState, t: Array, good: NDArray[np.int_], count: int) -> int:
+def _before_last_gap(
+    params: FusionParams, sensor: SensorState, t: Array, good: NDArray[np.int_], count: int
+) -> int:
     """`count`, or where the gap begins that ends just before the last row: the row behind it has yet to tell the slope."""
     first = int(good[-2]) + 1 if len(good) > 1 else 0
     if first == count - 1:
@@ -143,25 +190,56 @@ def _before_last_gap(params: FusionParams, sensor: SensorState, t: Array, good: 
 
 
 def _fuse(
-    params: FusionParams, sensor: SensorState, vqf: VQF, block: Block, whole: NDArray[np.bool_], k: int, count: int
+    params: FusionParams,
+    sensor: SensorState,
+    vqf: VQF,
+    block: Block,
+    whole: NDArray[np.bool_],
+    k: int,
+    count: int,
 ) -> tuple[SensorState, Array, NDArray[np.uint8], Array]:
     """Over the first `count` rows bridge short gaps, run the filter over what is known, hold the orientation where nothing is."""
     q_GS, flags, doubt = np.full((count, 4), np.nan), np.zeros(count, np.uint8), np.empty(count)
     for first, last, known in _stretches(params, sensor, block.t[:count], whole[:count]):
         if known:
-            late = sensor.start is not None and sensor.filter_state is None and block.t[first] - sensor.known_until > params.max_gap
+            late = (
+                sensor.start is not None
+                and sensor.filter_state is None
+                and block.t[first] - sensor.known_until > params.max_gap
+            )
             sensor = replace(sensor, lost=True, doubt=sensor.doubt + LOST_DOUBT) if late else sensor
             filled, doubt[first:last] = _bridged(sensor, block, k, whole, first, last)
-            sensor, q_GS[first:last], disturbed = _filter(params, sensor, vqf, block, filled, first, last)
-            fresh = _from_first(every(np.isfinite(filled[:, 6:]))) if _has_north(sensor, filled) else np.zeros(last - first, bool)
-            flags[first:last] = np.where(fresh, np.uint8(0), sensor.headless) | np.uint8(Flag.MAGNETIC) * disturbed
-            known_now = float(doubt[last - 1]), bool(sensor.lost and not fresh[-1]), bool(sensor.northed or fresh[-1])
-            if known_now != (sensor.doubt, sensor.lost, sensor.northed):  # rarely: a copy of all fields costs as much as the filter's step
-                sensor = replace(sensor, doubt=known_now[0], lost=known_now[1], northed=known_now[2])
+            sensor, q_GS[first:last], disturbed = _filter(
+                params, sensor, vqf, block, filled, first, last
+            )
+            fresh = (
+                _from_first(every(np.isfinite(filled[:, 6:])))
+                if _has_north(sensor, filled)
+                else np.zeros(last - first, bool)
+            )
+            flags[first:last] = (
+                np.where(fresh, np.uint8(0), sensor.headless) | np.uint8(Flag.MAGNETIC) * disturbed
+            )
+            known_now = (
+                float(doubt[last - 1]),
+                bool(sensor.lost and not fresh[-1]),
+                bool(sensor.northed or fresh[-1]),
+            )
+            if known_now != (
+                sensor.doubt,
+                sensor.lost,
+                sensor.northed,
+            ):  # rarely: a copy of all fields costs as much as the filter's step
+                sensor = replace(
+                    sensor, doubt=known_now[0], lost=known_now[1], northed=known_now[2]
+                )
         else:
             begins = not sensor.absent and sensor.q_GS is not None
             sensor = replace(
-                sensor, absent=True, lost=sensor.lost or sensor.q_GS is not None, doubt=sensor.doubt + (LOST_DOUBT if begins else 0.0)
+                sensor,
+                absent=True,
+                lost=sensor.lost or sensor.q_GS is not None,
+                doubt=sensor.doubt + (LOST_DOUBT if begins else 0.0),
             )
             doubt[first:last] = sensor.doubt
             q_GS[first:last] = sensor.q_GS if sensor.q_GS is not None else np.nan
@@ -179,7 +257,9 @@ def _has_north(sensor: SensorState, samples: Array) -> bool:
     return samples.shape[-1] > 6 and (sensor.start is None or sensor.north is not None)
 
 
-def _stretches(params: FusionParams, sensor: SensorState, t: Array, whole: NDArray[np.bool_]) -> list[tuple[int, int, bool]]:
+def _stretches(
+    params: FusionParams, sensor: SensorState, t: Array, whole: NDArray[np.bool_]
+) -> list[tuple[int, int, bool]]:
     """Cut rows into (first, last, known): known rows are complete or lie in a gap that is bridged."""
     if whole.all():
         return [(0, len(t), True)] if len(t) else []
@@ -192,15 +272,21 @@ def _stretches(params: FusionParams, sensor: SensorState, t: Array, whole: NDArr
     return [(int(a), int(b), bool(known[a])) for a, b in itertools.pairwise(cuts) if b > a]
 
 
-def _bridged(sensor: SensorState, block: Block, k: int, whole: NDArray[np.bool_], first: int, last: int) -> tuple[Array, Array]:
+def _bridged(
+    sensor: SensorState, block: Block, k: int, whole: NDArray[np.bool_], first: int, last: int
+) -> tuple[Array, Array]:
     """Rows first..last of sensor k with gaps filled in, and the variance (rows,) of the heading that gaps have cost so far."""
     inside = block.values[first:last, k, : 9 if MAG in block.stream.quantities else 6]
     if whole[first:last].all():
         return inside, np.full(last - first, sensor.doubt)
     rows = slice(first, last + 1)  # one row behind tells the slope
     t = np.concatenate([[sensor.previous_t, sensor.last_t], block.t[rows]])
-    values = np.concatenate([[_or_nan(sensor.previous)], [_or_nan(sensor.last)], block.values[rows, k, :6]])
-    known = np.concatenate([[sensor.previous is not None, sensor.last is not None and not sensor.absent], whole[rows]])
+    values = np.concatenate(
+        [[_or_nan(sensor.previous)], [_or_nan(sensor.last)], block.values[rows, k, :6]]
+    )
+    known = np.concatenate(
+        [[sensor.previous is not None, sensor.last is not None and not sensor.absent], whole[rows]]
+    )
     filled = bridge(t, values, known)
     steps = missed(t[1:], values[1:, :3] - sensor.bias, known[1:])[1 : 1 + last - first]
     doubt = np.cumsum(np.concatenate([[sensor.doubt], steps]))[1:]
@@ -211,7 +297,9 @@ def _or_nan(sample: Array | None) -> Array:
     return np.full(6, np.nan) if sample is None else sample
 
 
-def _go_on(params: FusionParams, before: Together, period: float, block: Block) -> tuple[Together, Array]:
+def _go_on(
+    params: FusionParams, before: Together, period: float, block: Block
+) -> tuple[Together, Array]:
     """All sensors over complete samples, orientations (n, sensors, 4): what is alike of all is done at once."""
     samples, t = np.ascontiguousarray(block.values[..., :6].swapaxes(0, 1)), block.t
     rates = samples[..., :3]
@@ -222,7 +310,9 @@ def _go_on(params: FusionParams, before: Together, period: float, block: Block) 
     if filters.params is not params:  # saved and loaded, or other options from here on
         filters = Filters(params, period, tuple(Kept(state, 0) for state in filters.states()))
     filters, q_GS = filters.gone_on(gyr, acc)
-    previous, previous_t = (samples[:, -2].copy(), float(t[-2])) if len(t) > 1 else (before.last, before.last_t)
+    previous, previous_t = (
+        (samples[:, -2].copy(), float(t[-2])) if len(t) > 1 else (before.last, before.last_t)
+    )
     newest = filters, samples[:, -1].copy(), float(t[-1]), q_GS[-1].copy(), previous, previous_t
     return Together(before.begun, before.bias, before.headless, before.doubt, *newest), q_GS
 
@@ -230,32 +320,67 @@ def _go_on(params: FusionParams, before: Together, period: float, block: Block) 
 def _after(sensor: SensorState, vqf: VQF, t: Array, samples: Array, q_GS: Array) -> SensorState:
     """A sensor behind samples (n, 6 or more) at t (n,), its newest orientation q_GS (4,)."""
     before = samples[-2, :6].copy() if len(t) > 1 else None if sensor.absent else sensor.last
-    before_t, last, last_t = float(t[-2]) if len(t) > 1 else sensor.last_t, samples[-1, :6].copy(), float(t[-1])
-    known = sensor.start, sensor.bias, sensor.known_until, sensor.north  # `replace` would cost as much as the filter's step
+    before_t, last, last_t = (
+        float(t[-2]) if len(t) > 1 else sensor.last_t,
+        samples[-1, :6].copy(),
+        float(t[-1]),
+    )
+    known = (
+        sensor.start,
+        sensor.bias,
+        sensor.known_until,
+        sensor.north,
+    )  # `replace` would cost as much as the filter's step
     return SensorState(
-        *known, vqf.state, last, last_t, before, before_t, q_GS.copy(), sensor.doubt, sensor.lost, sensor.northed, absent=False
+        *known,
+        vqf.state,
+        last,
+        last_t,
+        before,
+        before_t,
+        q_GS.copy(),
+        sensor.doubt,
+        sensor.lost,
+        sensor.northed,
+        absent=False,
     )
 
 
 def _filter(
-    params: FusionParams, sensor: SensorState, vqf: VQF, block: Block, samples: Array, first: int, last: int
+    params: FusionParams,
+    sensor: SensorState,
+    vqf: VQF,
+    block: Block,
+    samples: Array,
+    first: int,
+    last: int,
 ) -> tuple[SensorState, Array, NDArray[np.bool_]]:
     """Orientations (n, 4) of rows first..last, and where the magnetometer saw another field than the one learnt (n,)."""
     if not sensor.goes_on:
         vqf.resetState()
-    vqf.state = sensor.filter_state if sensor.goes_on else _filter_start(vqf.state, sensor, samples[0])
+    vqf.state = (
+        sensor.filter_state if sensor.goes_on else _filter_start(vqf.state, sensor, samples[0])
+    )
     rates = samples[:, :3]
     if params.gyr_reading != "mean":
-        rates = _midway(rates[:1] if sensor.absent or sensor.last is None else sensor.last[None, :3], rates)
+        rates = _midway(
+            rates[:1] if sensor.absent or sensor.last is None else sensor.last[None, :3], rates
+        )
     gyr, acc = np.ascontiguousarray(rates - sensor.bias), np.ascontiguousarray(samples[:, 3:6])
     if _has_north(sensor, samples):
         q_GS, disturbed = _with_north(vqf, sensor, gyr, acc, samples[:, 6:])
     else:
         q_GS, disturbed = updated(vqf, gyr, acc), np.zeros(last - first, bool)
-    return _after(sensor, vqf, block.t[first:last], samples, q_GS[-1]), q_GS, disturbed & params.mag_rejection
+    return (
+        _after(sensor, vqf, block.t[first:last], samples, q_GS[-1]),
+        q_GS,
+        disturbed & params.mag_rejection,
+    )
 
 
-def _with_north(vqf: VQF, sensor: SensorState, gyr: Array, acc: Array, mag: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _with_north(
+    vqf: VQF, sensor: SensorState, gyr: Array, acc: Array, mag: Array
+) -> tuple[Array, NDArray[np.bool_]]:
     """Orientations (n, 4) with the heading that the magnetometer keeps; where its samples are missing the gyroscope carries it on.
 
     And where its field is not the one that the filter has learnt (n,): before it has learnt one nothing is said.
@@ -265,13 +390,19 @@ def _with_north(vqf: VQF, sensor: SensorState, gyr: Array, acc: Array, mag: Arra
     pieces, disturbed, learnt = [], np.zeros(len(mag), bool), vqf.state["magRefNorm"] > 0
     for first, last in itertools.pairwise(cuts):
         if known[first]:
-            fused = vqf.updateBatch(gyr[first:last], acc[first:last], np.ascontiguousarray(mag[first:last] * 1e6))
+            fused = vqf.updateBatch(
+                gyr[first:last], acc[first:last], np.ascontiguousarray(mag[first:last] * 1e6)
+            )
             pieces.append(fused["quat9D"])
-            disturbed[first:last] = fused["magDistDetected"] & (learnt | _from_first(~fused["magDistDetected"]))
+            disturbed[first:last] = fused["magDistDetected"] & (
+                learnt | _from_first(~fused["magDistDetected"])
+            )
             learnt = vqf.state["magRefNorm"] > 0
         else:
             delta = vqf.state["delta"]
-            pieces.append(quat.headed(vqf.updateBatch(gyr[first:last], acc[first:last])["quat6D"], delta))
+            pieces.append(
+                quat.headed(vqf.updateBatch(gyr[first:last], acc[first:last])["quat6D"], delta)
+            )
     q_GS = np.concatenate(pieces)
     return (q_GS if sensor.north is None else quat.headed(q_GS, -sensor.north)), disturbed
 
@@ -282,14 +413,22 @@ def _midway(before: Array, gyr: Array) -> Array:
     return np.asarray(0.5 * (gyr + np.concatenate([before, gyr[..., :-1, :]], axis=-2)))
 
 
-def _filter_start(fresh: Mapping[str, Any], sensor: SensorState, sample: Array) -> Mapping[str, Any]:
+def _filter_start(
+    fresh: Mapping[str, Any], sensor: SensorState, sample: Array
+) -> Mapping[str, Any]:
     """A fresh filter's state at its first sample, after a long gap with the old heading, bias and the new inclination."""
     if sensor.filter_state is None:
-        q = sensor.start if sensor.start is not None else upright(np.array([1.0, 0, 0, 0]), sample[3:6])
+        q = (
+            sensor.start
+            if sensor.start is not None
+            else upright(np.array([1.0, 0, 0, 0]), sample[3:6])
+        )
         return {**fresh, "accQuat": [float(x) for x in q], "delta": sensor.north or 0.0}
     assert sensor.q_GS is not None
     kept = {name: sensor.filter_state[name] for name in ("bias", "biasP", "delta")}
-    q_6D = quat.headed(sensor.q_GS, (sensor.north or 0.0) - kept["delta"])  # before the magnetometer's turn
+    q_6D = quat.headed(
+        sensor.q_GS, (sensor.north or 0.0) - kept["delta"]
+    )  # before the magnetometer's turn
     return {**fresh, **kept, "accQuat": [float(x) for x in upright(q_6D, sample[3:6])]}
 
 

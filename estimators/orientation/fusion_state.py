@@ -25,8 +25,12 @@ class SensorState:
 
     start: Array | None  # (4,) q_GS to start from, None = from the first accelerometer sample
     bias: Array  # (3,) rad/s, subtracted before the filter
-    known_until: float = np.inf  # s, `start` holds up to here; a sensor that begins later does not know its heading
-    north: float | None = None  # rad, heading of magnetic north in the pose; None: it is taken from the first magnetometer sample
+    known_until: float = (
+        np.inf
+    )  # s, `start` holds up to here; a sensor that begins later does not know its heading
+    north: float | None = (
+        None  # rad, heading of magnetic north in the pose; None: it is taken from the first magnetometer sample
+    )
     filter_state: Mapping[str, Any] | None = None
     last: Array | None = None  # (6,) newest complete sample, bias still in it
     last_t: float = -np.inf
@@ -46,7 +50,10 @@ class SensorState:
     @property
     def headless(self) -> np.uint8:
         """Flags of a heading that is lost or was never known."""
-        return np.uint8((LOST if self.lost else 0) | (NEVER_KNOWN if self.start is None and not self.northed else 0))
+        return np.uint8(
+            (LOST if self.lost else 0)
+            | (NEVER_KNOWN if self.start is None and not self.northed else 0)
+        )
 
 
 @dataclass(frozen=True)
@@ -70,7 +77,15 @@ class Together:
             return self.begun
         newest = zip(self.begun, self.filters.states(), self.last, self.previous, self.q_GS)
         return tuple(
-            replace(s, filter_state=f, last=last, last_t=self.last_t, previous=before, previous_t=self.previous_t, q_GS=q)
+            replace(
+                s,
+                filter_state=f,
+                last=last,
+                last_t=self.last_t,
+                previous=before,
+                previous_t=self.previous_t,
+                q_GS=q,
+            )
             for s, f, last, before, q in newest
         )
 

@@ -15,7 +15,18 @@ from numpy.typing import NDArray
 
 from handscope.estimators.data.options import option
 from handscope.estimators.hand import joint_angles
-from handscope.estimators.hand.anatomy import CHILDREN, DEVIATION, FLEXION, IS_DOF, JOINTS, LIMITS, PARENTS, PRONATION, SEGMENT, SEGMENTS
+from handscope.estimators.hand.anatomy import (
+    CHILDREN,
+    DEVIATION,
+    FLEXION,
+    IS_DOF,
+    JOINTS,
+    LIMITS,
+    PARENTS,
+    PRONATION,
+    SEGMENT,
+    SEGMENTS,
+)
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import rowwise, told_by_row
 from handscope.estimators.numerics.quaternions import Array
@@ -23,13 +34,22 @@ from handscope.estimators.numerics.quaternions import Array
 DEG = np.pi / 180
 UPDATE = 0.2  # s of recording between two looks at the joints
 VERTICAL = np.array([0.0, 0.0, 1.0])
-_PARENTS, _CHILDREN, _SEGMENTS = PARENTS.astype(float), CHILDREN.astype(float), np.zeros(len(SEGMENTS))  # as kernels take them
+_PARENTS, _CHILDREN, _SEGMENTS = (
+    PARENTS.astype(float),
+    CHILDREN.astype(float),
+    np.zeros(len(SEGMENTS)),
+)  # as kernels take them
 _HAND = SEGMENT["hand"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class HeadingParams:
-    heading_correction: bool = option(True, "", "correct relative headings by what the joints cannot do", "ours; the paper has none")
+    heading_correction: bool = option(
+        True,
+        "",
+        "correct relative headings by what the joints cannot do",
+        "ours; the paper has none",
+    )
     heading_walk: float = option(
         0.35,
         "deg/sqrt(s)",
@@ -50,8 +70,12 @@ class HeadingParams:
         "ours: soft tissue of 1.5 deg and the 1 deg that the calibration leaves",
         least=0.1,
     )
-    joint_play_time: float = option(1.0, "s", "time over which that turn stays alike", "ours: half a movement", least=0.01)
-    heading_known: float = option(10.0, "deg", "a relative heading of larger standard deviation counts as lost", "ours")
+    joint_play_time: float = option(
+        1.0, "s", "time over which that turn stays alike", "ours: half a movement", least=0.01
+    )
+    heading_known: float = option(
+        10.0, "deg", "a relative heading of larger standard deviation counts as lost", "ours"
+    )
 
 
 @dataclass(frozen=True)
@@ -72,33 +96,59 @@ def start(known: Collection[str] = ()) -> State:
 
 
 def step(
-    params: HeadingParams, state: State, t: Array, q_GB: Array, doubt: Array, usable: NDArray[np.bool_]
+    params: HeadingParams,
+    state: State,
+    t: Array,
+    q_GB: Array,
+    doubt: Array,
+    usable: NDArray[np.bool_],
 ) -> tuple[State, Array, NDArray[np.bool_]]:
     """Corrected orientations (n, segments, 4) of orientations q_GB (n, segments, 4) and cumulative heading variances (n, segments) in rad^2,
     and which of their headings are lost (n, segments), none where there is no orientation; joints are looked at where both segments are `usable` (n, segments)."""
     looks = _looks(state.t, t)
     states = [state]
     for row in looks:
-        states.append(_looked(params, states[-1], float(t[row]), q_GB[row], doubt[row], usable[row]))
-    newest = np.searchsorted(looks, np.arange(len(t)), side="right")  # the look that counts in each row
+        states.append(
+            _looked(params, states[-1], float(t[row]), q_GB[row], doubt[row], usable[row])
+        )
+    newest = np.searchsorted(
+        looks, np.arange(len(t)), side="right"
+    )  # the look that counts in each row
     deltas = np.array([s.delta for s in states])
     corrected = quat.headed(q_GB, _by_segment(deltas)[newest]) if deltas.any() else q_GB
-    return states[-1], corrected, _lost(params, states, newest, doubt) & np.isfinite(q_GB).all(axis=-1)
+    return (
+        states[-1],
+        corrected,
+        _lost(params, states, newest, doubt) & np.isfinite(q_GB).all(axis=-1),
+    )
 
 
-def _lost(params: HeadingParams, states: list[State], newest: NDArray[np.int_], doubt: Array) -> NDArray[np.bool_]:
+def _lost(
+    params: HeadingParams, states: list[State], newest: NDArray[np.int_], doubt: Array
+) -> NDArray[np.bool_]:
     """Which headings (n, segments) are not known: by the look before, or because of a gap since."""
-    variance, before = (np.array([getattr(s, name) for s in states])[newest] for name in ("variance", "doubt"))
+    variance, before = (
+        np.array([getattr(s, name) for s in states])[newest] for name in ("variance", "doubt")
+    )
     return _unknown(_PARENTS, _CHILDREN, (params.heading_known * DEG) ** 2, variance, before, doubt)
 
 
 @told_by_row("(j),(j),(),(j),(s),(s)->(s)")
 def _unknown(
-    parents: Array, children: Array, most: float, variance: Array, doubt_before: Array, doubt: Array, lost: NDArray[np.bool_]
+    parents: Array,
+    children: Array,
+    most: float,
+    variance: Array,
+    doubt_before: Array,
+    doubt: Array,
+    lost: NDArray[np.bool_],
 ) -> None:
     for j in range(parents.shape[0]):
         parent, child = int(parents[j]), int(children[j])
-        at_parent, at_child = doubt[parent] - doubt_before[parent], doubt[child] - doubt_before[child]
+        at_parent, at_child = (
+            doubt[parent] - doubt_before[parent],
+            doubt[child] - doubt_before[child],
+        )
         unsure = variance[j] + max(at_parent, 0.0) + max(at_child, 0.0) > most
         if child == _HAND:
             lost[parent], lost[child] = unsure, False
@@ -113,12 +163,21 @@ def _looks(t_last: float, t: Array) -> NDArray[np.int_]:
     return np.flatnonzero(slot > before)
 
 
-def _looked(params: HeadingParams, state: State, t: float, q_GB: Array, doubt: Array, usable: NDArray[np.bool_]) -> State:
+def _looked(
+    params: HeadingParams,
+    state: State,
+    t: float,
+    q_GB: Array,
+    doubt: Array,
+    usable: NDArray[np.bool_],
+) -> State:
     """One Kalman step of every joint at orientations q_GB (segments, 4)."""
     seconds = t - state.t if np.isfinite(state.t) else 0.0
     more = np.maximum(doubt - state.doubt, 0.0)
     walked = state.variance + (params.heading_walk * DEG) ** 2 * seconds
-    slow = np.minimum(walked, np.maximum(state.variance, 0.99 * (params.heading_known * DEG) ** 2))  # only a gap loses a heading
+    slow = np.minimum(
+        walked, np.maximum(state.variance, 0.99 * (params.heading_known * DEG) ** 2)
+    )  # only a gap loses a heading
     predicted = slow + more[PARENTS] + more[CHILDREN]
     doubt = np.maximum(doubt, state.doubt)
     play = (np.where(state.known, params.joint_play_known, params.joint_play) * DEG) ** 2
@@ -127,8 +186,12 @@ def _looked(params: HeadingParams, state: State, t: float, q_GB: Array, doubt: A
     miss, slope = _told(state.delta, np.where(usable[:, None], q_GB, np.nan))
     sharpness = (slope * slope).sum(axis=-1)
     learnt = predicted / (1.0 + predicted * sharpness * UPDATE / (play * params.joint_play_time))
-    variance = np.maximum(learnt, np.minimum(predicted, play))  # the play stays the same for long: no look tells more than it leaves
-    gain = (1.0 - variance / np.where(predicted > 0, predicted, 1.0)) / np.where(sharpness > 0, sharpness, 1.0)
+    variance = np.maximum(
+        learnt, np.minimum(predicted, play)
+    )  # the play stays the same for long: no look tells more than it leaves
+    gain = (1.0 - variance / np.where(predicted > 0, predicted, 1.0)) / np.where(
+        sharpness > 0, sharpness, 1.0
+    )
     delta = state.delta + np.where(predicted > variance, gain * (slope * miss).sum(axis=-1), 0.0)
     return State(delta, variance, doubt, state.known, t)
 
@@ -147,9 +210,15 @@ def _slopes(angles: Array, up: Array) -> Array:
     """How fast each angle (joints, 3) changes while the child turns about the vertical `up` (joints, 3) of its parent."""
     c, s = np.cos(angles[:, FLEXION]), np.sin(angles[:, FLEXION])
     x, y = c * up[:, 0] + s * up[:, 1], c * up[:, 1] - s * up[:, 0]
-    deviation = np.minimum(np.maximum(angles[:, DEVIATION], -80 * DEG), 80 * DEG)  # at 90 deg flexion and pronation are one
+    deviation = np.minimum(
+        np.maximum(angles[:, DEVIATION], -80 * DEG), 80 * DEG
+    )  # at 90 deg flexion and pronation are one
     slopes = np.empty_like(angles)
-    slopes[:, FLEXION], slopes[:, DEVIATION], slopes[:, PRONATION] = up[:, 2] - y * np.tan(deviation), x, y / np.cos(deviation)
+    slopes[:, FLEXION], slopes[:, DEVIATION], slopes[:, PRONATION] = (
+        up[:, 2] - y * np.tan(deviation),
+        x,
+        y / np.cos(deviation),
+    )
     return slopes
 
 

@@ -5,7 +5,10 @@ Out     q_GS of every segment at every sample of the reference stream, as soon a
 Limits  a silent stream holds the rows up until `release` leaves it behind: its segments are then held and marked missing
 """
 
-from bisect import bisect_left, bisect_right  # of a few samples; numpy's search would hand the interpreter to another thread each time
+from bisect import (
+    bisect_left,
+    bisect_right,
+)  # of a few samples; numpy's search would hand the interpreter to another thread each time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cache
@@ -51,13 +54,17 @@ class Rows:
     t: Array  # (n,)
     q_GS: Array  # (n, segments, 4), NaN where no sensor
     flags: NDArray[np.uint8]  # (n, segments)
-    doubt: Array  # (n, segments) rad^2, variance of the heading that gaps have cost each sensor so far
+    doubt: (
+        Array  # (n, segments) rad^2, variance of the heading that gaps have cost each sensor so far
+    )
 
 
 def start(streams: Iterable[Stream]) -> State:
     """Begin with the inertial streams of a recording; the fastest makes the rows, with the hand's sensor where rates are equal."""
     inertial = [s for s in streams if s.inertial and set(s.sensors) & set(SEGMENTS)]
-    return State(_reference(inertial), {s.name: Waiting(s, _nothing(len(s.sensors))) for s in inertial})
+    return State(
+        _reference(inertial), {s.name: Waiting(s, _nothing(len(s.sensors))) for s in inertial}
+    )
 
 
 def step(state: State, stream: Stream, fresh: Oriented) -> tuple[State, Rows]:
@@ -65,7 +72,9 @@ def step(state: State, stream: Stream, fresh: Oriented) -> tuple[State, Rows]:
     before = state.waiting.get(stream.name)
     same = before is not None and before.stream.sensors == stream.sensors
     data = _append(before.data, fresh) if before is not None and same else fresh
-    return _give(replace(state, waiting={**state.waiting, stream.name: Waiting(stream, data)}), np.inf)
+    return _give(
+        replace(state, waiting={**state.waiting, stream.name: Waiting(stream, data)}), np.inf
+    )
 
 
 def release(state: State, patience: float) -> tuple[State, Rows]:
@@ -84,7 +93,9 @@ def finish(state: State) -> tuple[State, Rows]:
 
 
 def drained(
-    params: orientation_fusion.FusionParams, fusions: Mapping[str, orientation_fusion.StreamState], state: State
+    params: orientation_fusion.FusionParams,
+    fusions: Mapping[str, orientation_fusion.StreamState],
+    state: State,
 ) -> tuple[dict[str, orientation_fusion.StreamState], State, Rows]:
     """What the fusions of all streams and the time base still held back: the states behind it, and the rows."""
     after, last = dict(fusions), []
@@ -105,7 +116,9 @@ def measured_rates(blocks: Iterable[Block]) -> dict[str, float]:
     for block in blocks:
         rate, t = block.stream.rate, block.t
         if block.stream.inertial and len(t) > max(10.0, rate) and t[-1] - t[0] > 1.0:
-            measured = float(1.0 / np.polynomial.polynomial.polyfit(_numbers(block), t - t[0], 1)[1])
+            measured = float(
+                1.0 / np.polynomial.polynomial.polyfit(_numbers(block), t - t[0], 1)[1]
+            )
             if abs(measured / rate - 1.0) > NOTICED:
                 found[block.stream.name] = measured
     return found
@@ -129,7 +142,9 @@ def _numbers(block: Block) -> Array:
 
 def _left_out(steps: Array) -> Array:
     """Samples missing before each step's end, of steps (n,) in periods."""
-    scatter = float(np.median(steps) - np.quantile(steps, 0.16))  # of the shorter ones: what is missing makes none of them
+    scatter = float(
+        np.median(steps) - np.quantile(steps, 0.16)
+    )  # of the shorter ones: what is missing makes none of them
     return np.where(steps > 1.0 + max(0.5, SCATTERS * scatter), np.rint(steps) - 1.0, 0.0)
 
 
@@ -153,7 +168,10 @@ def _give(state: State, patience: float) -> tuple[State, Rows]:
     if not len(t):
         return state, _no_rows()
     rows = Rows(
-        t, np.full((len(t), len(SEGMENTS), 4), np.nan), np.zeros((len(t), len(SEGMENTS)), np.uint8), np.zeros((len(t), len(SEGMENTS)))
+        t,
+        np.full((len(t), len(SEGMENTS), 4), np.nan),
+        np.zeros((len(t), len(SEGMENTS)), np.uint8),
+        np.zeros((len(t), len(SEGMENTS))),
     )
     for waiting in state.waiting.values():
         _place(rows, waiting)
@@ -169,23 +187,39 @@ def _place(rows: Rows, waiting: Waiting) -> None:
         return
     first = bisect_left(data.t, t[0])
     own = slice(first, first + len(t))
-    if np.array_equal(data.t[own], t):  # the stream has samples at just these instants: the same bits without interpolation
-        rows.q_GS[:, segments], rows.flags[:, segments] = data.q_GS[own, sensors], data.flags[own, sensors]
+    if np.array_equal(
+        data.t[own], t
+    ):  # the stream has samples at just these instants: the same bits without interpolation
+        rows.q_GS[:, segments], rows.flags[:, segments] = (
+            data.q_GS[own, sensors],
+            data.flags[own, sensors],
+        )
         rows.doubt[:, segments] = data.doubt[own, sensors]
         return
     after = np.minimum(np.searchsorted(data.t, t), len(data.t) - 1)
     before = np.where(data.t[after] == t, after, np.maximum(after - 1, 0))
     span = data.t[after] - data.t[before]
     weight = np.where(span > 0, (t - data.t[before]) / np.where(span > 0, span, 1.0), 0.0)
-    early, late = t < data.t[0] - 1.5 / waiting.stream.rate, t > data.t[-1] + 1.5 / waiting.stream.rate
-    q_GS = quat.slerp(data.q_GS[before][:, sensors], data.q_GS[after][:, sensors], np.clip(weight, 0.0, 1.0)[:, None] * np.ones(count))
+    early, late = (
+        t < data.t[0] - 1.5 / waiting.stream.rate,
+        t > data.t[-1] + 1.5 / waiting.stream.rate,
+    )
+    q_GS = quat.slerp(
+        data.q_GS[before][:, sensors],
+        data.q_GS[after][:, sensors],
+        np.clip(weight, 0.0, 1.0)[:, None] * np.ones(count),
+    )
     q_GS = np.where(early[:, None, None], np.nan, q_GS)
     missing = np.where(early | late, Flag.MISSING, 0).astype(np.uint8)
     flags = data.flags[before][:, sensors] | data.flags[after][:, sensors] | missing[:, None]
-    elsewhere = ((t < data.t[0]) | (t > data.t[-1]))[:, None] & np.isfinite(rows.q_GS[:, segments, 0])
+    elsewhere = ((t < data.t[0]) | (t > data.t[-1]))[:, None] & np.isfinite(
+        rows.q_GS[:, segments, 0]
+    )
     rows.q_GS[:, segments] = np.where(elsewhere[..., None], rows.q_GS[:, segments], q_GS)
     rows.flags[:, segments] = np.where(elsewhere, rows.flags[:, segments], flags)
-    rows.doubt[:, segments] = np.where(elsewhere, rows.doubt[:, segments], data.doubt[after][:, sensors])
+    rows.doubt[:, segments] = np.where(
+        elsewhere, rows.doubt[:, segments], data.doubt[after][:, sensors]
+    )
 
 
 @cache
@@ -198,16 +232,31 @@ def _worn(sensors: tuple[str, ...]) -> tuple[int, Places, Places]:
 def _places(numbers: list[int]) -> Places:
     """What numpy is to be asked for: neighbours as a slice, which it gives without copying."""
     first = numbers[0] if numbers else 0
-    return slice(first, first + len(numbers)) if numbers == list(range(first, first + len(numbers))) else np.array(numbers, np.intp)
+    return (
+        slice(first, first + len(numbers))
+        if numbers == list(range(first, first + len(numbers)))
+        else np.array(numbers, np.intp)
+    )
 
 
 @cache
 def _no_rows() -> Rows:
-    return Rows(np.empty(0), np.empty((0, len(SEGMENTS), 4)), np.empty((0, len(SEGMENTS)), np.uint8), np.empty((0, len(SEGMENTS))))
+    return Rows(
+        np.empty(0),
+        np.empty((0, len(SEGMENTS), 4)),
+        np.empty((0, len(SEGMENTS)), np.uint8),
+        np.empty((0, len(SEGMENTS))),
+    )
 
 
 def _nothing(sensors: int) -> Oriented:
-    return Oriented(np.empty(0), np.empty((0, sensors, 4)), np.empty((0, sensors), np.uint8), np.empty((0, sensors)), np.empty(0, bool))
+    return Oriented(
+        np.empty(0),
+        np.empty((0, sensors, 4)),
+        np.empty((0, sensors), np.uint8),
+        np.empty((0, sensors)),
+        np.empty(0, bool),
+    )
 
 
 def _append(a: Oriented, b: Oriented) -> Oriented:

@@ -26,10 +26,24 @@ class FusionParams:
         "VQF default (Laidig & Seel 2023)",
         least=0.01,
     )
-    rest_bias: bool = option(True, "", "estimate the gyroscope's bias whenever the sensor rests", "VQF default (Laidig & Seel 2023)")
-    motion_bias: bool = option(True, "", "estimate the gyroscope's bias during movement", "VQF default (Laidig & Seel 2023)")
+    rest_bias: bool = option(
+        True,
+        "",
+        "estimate the gyroscope's bias whenever the sensor rests",
+        "VQF default (Laidig & Seel 2023)",
+    )
+    motion_bias: bool = option(
+        True,
+        "",
+        "estimate the gyroscope's bias during movement",
+        "VQF default (Laidig & Seel 2023)",
+    )
     rest_gyr: float = option(
-        2.0, "deg/s", "largest deviation of the angular rate that counts as rest", "VQF default (Laidig & Seel 2023)", least=0.01
+        2.0,
+        "deg/s",
+        "largest deviation of the angular rate that counts as rest",
+        "VQF default (Laidig & Seel 2023)",
+        least=0.01,
     )
     rest_turn: float = option(
         0.1,
@@ -39,10 +53,18 @@ class FusionParams:
         least=0.001,
     )
     rest_acc: float = option(
-        0.5, "m/s^2", "largest deviation of the acceleration that counts as rest", "VQF default (Laidig & Seel 2023)", least=0.01
+        0.5,
+        "m/s^2",
+        "largest deviation of the acceleration that counts as rest",
+        "VQF default (Laidig & Seel 2023)",
+        least=0.01,
     )
     tau_mag: float = option(
-        9.0, "s", "time constant of the magnetometer's correction of the heading", "VQF default (Laidig & Seel 2023)", least=0.01
+        9.0,
+        "s",
+        "time constant of the magnetometer's correction of the heading",
+        "VQF default (Laidig & Seel 2023)",
+        least=0.01,
     )
     gyr_reading: str = option(
         "mean",
@@ -58,7 +80,11 @@ class FusionParams:
         "VQF default (Laidig & Seel 2023); the paper's filter has none",
     )
     max_gap: float = option(
-        0.25, "s", "longest stretch of missing samples that is bridged by interpolation", "ours: docs/methods.md, lost samples", most=1.0
+        0.25,
+        "s",
+        "longest stretch of missing samples that is bridged by interpolation",
+        "ours: docs/methods.md, lost samples",
+        most=1.0,
     )
 
 
@@ -104,7 +130,9 @@ class Filters:
     params: FusionParams
     period: float  # s
     kept: tuple[Kept, ...]
-    since: tuple[tuple[Array, Array], ...] = ()  # rates and specific forces (sensors, n, 3) of the newest blocks
+    since: tuple[
+        tuple[Array, Array], ...
+    ] = ()  # rates and specific forces (sensors, n, 3) of the newest blocks
     count: int = 0
     standing: list[list[VQF]] = field(default_factory=list, repr=False, compare=False)
 
@@ -114,7 +142,10 @@ class Filters:
     def states(self) -> tuple[Mapping[str, Any], ...]:
         """What each filter knows now."""
         filters = self._again()
-        return tuple(f.state if kept.count < self.count else kept.state for f, kept in zip(filters, self.kept))
+        return tuple(
+            f.state if kept.count < self.count else kept.state
+            for f, kept in zip(filters, self.kept)
+        )
 
     def gone_on(self, gyr: Array, acc: Array) -> tuple["Filters", Array]:
         """Behind one more block, (sensors, n, 3) each, and the orientations (n, sensors, 4) at its samples."""

@@ -29,31 +29,88 @@ DEG = np.pi / 180
 
 @dataclass(frozen=True, kw_only=True)
 class HandFilterParams:
-    gyr_reading: str = option("mean", "", "what a gyroscope's sample is, as in the fusion", "as the fusion's", ("mean", "instant"))
-    update: float = option(0.05, "s", "time between two looks for a standstill", "ours", least=0.01, most=0.5)
-    still_window: float = option(0.15, "s", "stretch that is looked at", "Skog et al. 2010: 5 to 30 samples at 100 Hz", least=0.05)
-    still_gyr: float = option(4.0, "deg/s", "angular rate of a hand that stands still", "ours: twice VQF's rest threshold", least=0.01)
+    gyr_reading: str = option(
+        "mean",
+        "",
+        "what a gyroscope's sample is, as in the fusion",
+        "as the fusion's",
+        ("mean", "instant"),
+    )
+    update: float = option(
+        0.05, "s", "time between two looks for a standstill", "ours", least=0.01, most=0.5
+    )
+    still_window: float = option(
+        0.15,
+        "s",
+        "stretch that is looked at",
+        "Skog et al. 2010: 5 to 30 samples at 100 Hz",
+        least=0.05,
+    )
+    still_gyr: float = option(
+        4.0,
+        "deg/s",
+        "angular rate of a hand that stands still",
+        "ours: twice VQF's rest threshold",
+        least=0.01,
+    )
     still_acc: float = option(
-        0.25, "m/s^2", "deviation from gravity of a hand that stands still", "ours: half of VQF's rest threshold", least=0.001
+        0.25,
+        "m/s^2",
+        "deviation from gravity of a hand that stands still",
+        "ours: half of VQF's rest threshold",
+        least=0.001,
     )
-    gyr_noise: float = option(0.03, "deg/s/sqrt(Hz)", "white noise density of a gyroscope axis", "LSM330DLC data sheet", least=1e-6)
+    gyr_noise: float = option(
+        0.03,
+        "deg/s/sqrt(Hz)",
+        "white noise density of a gyroscope axis",
+        "LSM330DLC data sheet",
+        least=1e-6,
+    )
     acc_noise: float = option(
-        0.004, "m/s^2/sqrt(Hz)", "white noise density of an accelerometer axis", "Kortier thesis, Table 2.1: 4e-2 m/s^2 at 100 Hz"
+        0.004,
+        "m/s^2/sqrt(Hz)",
+        "white noise density of an accelerometer axis",
+        "Kortier thesis, Table 2.1: 4e-2 m/s^2 at 100 Hz",
     )
-    gyr_bias_walk: float = option(1e-4, "rad/s/sqrt(s)", "random walk of the gyroscope's bias", "Kortier thesis, Table 2.1")
+    gyr_bias_walk: float = option(
+        1e-4, "rad/s/sqrt(s)", "random walk of the gyroscope's bias", "Kortier thesis, Table 2.1"
+    )
     acc_bias_sd: float = option(
-        0.1, "m/s^2", "constant part of the accelerometer's error in each axis", "ours: scale and misalignment after calibration"
+        0.1,
+        "m/s^2",
+        "constant part of the accelerometer's error in each axis",
+        "ours: scale and misalignment after calibration",
     )
     gyr_bias_sd: float = option(
-        0.1, "deg/s", "what the pose leaves of the gyroscope's bias", "ours: 0.3 deg of turning unseen in a pose of 3 s", least=1e-6
+        0.1,
+        "deg/s",
+        "what the pose leaves of the gyroscope's bias",
+        "ours: 0.3 deg of turning unseen in a pose of 3 s",
+        least=1e-6,
     )
-    inclination_sd: float = option(1.0, "deg", "inclination at the start", "ours: 0.1 m/s^2 of accelerometer error is 0.6 deg", least=1e-6)
-    still_speed: float = option(0.01, "m/s", "speed of a hand that stands still", "ours: tremor", least=1e-6)
-    north_sd: float = option(10.0, "deg", "error of the heading that the magnetometer tells", "ours: indoors", least=0.1)
+    inclination_sd: float = option(
+        1.0,
+        "deg",
+        "inclination at the start",
+        "ours: 0.1 m/s^2 of accelerometer error is 0.6 deg",
+        least=1e-6,
+    )
+    still_speed: float = option(
+        0.01, "m/s", "speed of a hand that stands still", "ours: tremor", least=1e-6
+    )
+    north_sd: float = option(
+        10.0, "deg", "error of the heading that the magnetometer tells", "ours: indoors", least=0.1
+    )
     magnetometer: bool = option(
-        False, "", "keep the heading by the magnetometer of the hand, where there is one", "Kortier thesis 2.2.4; indoors off"
+        False,
+        "",
+        "keep the heading by the magnetometer of the hand, where there is one",
+        "Kortier thesis 2.2.4; indoors off",
     )
-    max_gap: float = option(0.25, "s", "a longer gap forgets the velocity", "as the fusion's", most=1.0)
+    max_gap: float = option(
+        0.25, "s", "a longer gap forgets the velocity", "as the fusion's", most=1.0
+    )
 
 
 @dataclass(frozen=True)
@@ -87,7 +144,14 @@ class HandPath:
         return len(self.t)
 
 
-NOTHING = HandPath(np.empty(0), np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 4)), np.empty((0, 3)), np.empty(0, bool))
+NOTHING = HandPath(
+    np.empty(0),
+    np.empty((0, 3)),
+    np.empty((0, 3)),
+    np.empty((0, 4)),
+    np.empty((0, 3)),
+    np.empty(0, bool),
+)
 
 
 def start(params: HandFilterParams, calibration: Calibration) -> State:
@@ -95,7 +159,13 @@ def start(params: HandFilterParams, calibration: Calibration) -> State:
     q_BS = calibration.q_BS.get("hand", quat.IDENTITY)
     q_GS, bias = calibration.q_GS.get("hand"), np.zeros(6)
     bias[:3] = quat.rotate(q_BS, calibration.gyr_bias.get("hand", np.zeros(3)))
-    sd = [1e-6, params.still_speed, params.inclination_sd * DEG, params.gyr_bias_sd * DEG, params.acc_bias_sd]
+    sd = [
+        1e-6,
+        params.still_speed,
+        params.inclination_sd * DEG,
+        params.gyr_bias_sd * DEG,
+        params.acc_bias_sd,
+    ]
     q_GH = None if q_GS is None else quat.multiply(q_GS, quat.conjugate(q_BS))
     nothing = np.empty((0, 6))
     return State(
@@ -123,10 +193,18 @@ def step(params: HandFilterParams, state: State, block: Block) -> tuple[State, H
         state = replace(state, mag=quat.rotate(state.q_BS, mag[-1])) if len(mag) else state
     if not block.stream.inertial:
         return state, NOTHING
-    samples = np.concatenate([quat.rotate(state.q_BS, block.of(GYR)[:, k]), quat.rotate(state.q_BS, block.of(ACC)[:, k])], axis=1)
+    samples = np.concatenate(
+        [
+            quat.rotate(state.q_BS, block.of(GYR)[:, k]),
+            quat.rotate(state.q_BS, block.of(ACC)[:, k]),
+        ],
+        axis=1,
+    )
     good = np.isfinite(samples).all(axis=1)
     state = replace(
-        state, waiting=np.concatenate([state.waiting, samples[good]]), waiting_t=np.concatenate([state.waiting_t, block.t[good]])
+        state,
+        waiting=np.concatenate([state.waiting, samples[good]]),
+        waiting_t=np.concatenate([state.waiting_t, block.t[good]]),
     )
     return _advance(params, state, whole=False)
 
@@ -152,10 +230,14 @@ def _advance(params: HandFilterParams, state: State, whole: bool) -> tuple[State
         if last > first:
             state, piece = _window(params, state, t[first:last], samples[first:last])
             pieces.append(piece)
-    return replace(state, waiting=samples[edges[-1] :], waiting_t=t[edges[-1] :]), _joined(pieces) if pieces else NOTHING
+    return replace(state, waiting=samples[edges[-1] :], waiting_t=t[edges[-1] :]), _joined(
+        pieces
+    ) if pieces else NOTHING
 
 
-def _window(params: HandFilterParams, state: State, t: Array, samples: Array) -> tuple[State, HandPath]:
+def _window(
+    params: HandFilterParams, state: State, t: Array, samples: Array
+) -> tuple[State, HandPath]:
     """One window of samples: integrate, then correct where the hand stands still."""
     if state.q_GH is None:
         state = replace(state, q_GH=upright(np.array([1.0, 0, 0, 0]), samples[0, 3:]))
@@ -166,10 +248,18 @@ def _window(params: HandFilterParams, state: State, t: Array, samples: Array) ->
     q_GH, p, v, covariance = _integrated(params, state, dt, samples)
     length = max(2, round(params.still_window / max(float(np.median(dt)), 1e-4)))
     recent = np.concatenate([state.recent, samples])[-length:]
-    after = replace(state, q_GH=q_GH[-1], p=p[-1], v=v[-1], covariance=covariance, recent=recent, t=float(t[-1]))
+    after = replace(
+        state, q_GH=q_GH[-1], p=p[-1], v=v[-1], covariance=covariance, recent=recent, t=float(t[-1])
+    )
     still = (
         len(recent) >= length
-        and likelihood_ratio(recent[:, :3] - state.bias[:3], recent[:, 3:] - state.bias[3:], params.still_gyr * DEG, params.still_acc) < 1.0
+        and likelihood_ratio(
+            recent[:, :3] - state.bias[:3],
+            recent[:, 3:] - state.bias[3:],
+            params.still_gyr * DEG,
+            params.still_acc,
+        )
+        < 1.0
     )
     after = _stood(params, after) if still else after
     if params.magnetometer and after.mag is not None and after.north is not None:
@@ -179,14 +269,18 @@ def _window(params: HandFilterParams, state: State, t: Array, samples: Array) ->
     return after, HandPath(t, p, v, q_GH, sd, np.full(len(t), still))
 
 
-def _integrated(params: HandFilterParams, state: State, dt: Array, samples: Array) -> tuple[Array, Array, Array, Array]:
+def _integrated(
+    params: HandFilterParams, state: State, dt: Array, samples: Array
+) -> tuple[Array, Array, Array, Array]:
     """Orientation, place and velocity at every sample and the covariance at the last. (2.33)"""
     assert state.q_GH is not None
     rates = samples[:, :3]
     if params.gyr_reading == "instant":
         before = state.recent[-1:, :3] if len(state.recent) else rates[:1]
         rates = 0.5 * (rates + np.concatenate([before, rates[:-1]]))
-    q_GH = quat.normalize(quat.multiply(state.q_GH, _chained(quat.exp((rates - state.bias[:3]) * dt[:, None]))))
+    q_GH = quat.normalize(
+        quat.multiply(state.q_GH, _chained(quat.exp((rates - state.bias[:3]) * dt[:, None])))
+    )
     force = quat.rotate(q_GH, samples[:, 3:] - state.bias[3:])
     v = state.v + _summed(_between(force) - UP, dt)
     p = state.p + _summed(_between(v, state.v[None]), dt)
@@ -194,17 +288,24 @@ def _integrated(params: HandFilterParams, state: State, dt: Array, samples: Arra
     return q_GH, p, v, covariance
 
 
-def _carried(params: HandFilterParams, covariance: Array, dt: Array, R: Array, force: Array) -> Array:
+def _carried(
+    params: HandFilterParams, covariance: Array, dt: Array, R: Array, force: Array
+) -> Array:
     """The covariance after samples of orientation R (n, 3, 3) and force (n, 3) in the global frame: derivatives summed as the values are."""
     T, F, Q = float(dt.sum()), np.eye(15), np.zeros((15, 15))
     turned = _summed(R, dt)  # dth = -turned db_g
-    pushed = np.concatenate([-quat.skew(force), quat.skew(force) @ turned, -R], axis=2)  # of the force by dth, db_g, db_a
+    pushed = np.concatenate(
+        [-quat.skew(force), quat.skew(force) @ turned, -R], axis=2
+    )  # of the force by dth, db_g, db_a
     faster = _summed(_between(pushed), dt)
     F[P, V], F[TH, BG] = T * np.eye(3), -turned[-1]
     F[V, 6:], F[P, 6:] = faster[-1], _summed(_between(faster, np.zeros_like(faster[:1])), dt)[-1]
     acc = params.acc_noise**2 * np.eye(3)
     Q[V, V], Q[P, P], Q[P, V], Q[V, P] = T * acc, T**3 / 3 * acc, T**2 / 2 * acc, T**2 / 2 * acc
-    Q[TH, TH], Q[BG, BG] = (params.gyr_noise * DEG) ** 2 * T * np.eye(3), params.gyr_bias_walk**2 * T * np.eye(3)
+    Q[TH, TH], Q[BG, BG] = (
+        (params.gyr_noise * DEG) ** 2 * T * np.eye(3),
+        params.gyr_bias_walk**2 * T * np.eye(3),
+    )
     return F @ covariance @ F.T + Q
 
 
@@ -219,7 +320,9 @@ def _chained(turns: Array) -> Array:
 
 def _between(values: Array, first: Array | None = None) -> Array:
     """Means of each value and the one before; before the first there is `first` or nothing else than itself."""
-    return np.asarray(0.5 * (values + np.concatenate([values[:1] if first is None else first, values[:-1]])))
+    return np.asarray(
+        0.5 * (values + np.concatenate([values[:1] if first is None else first, values[:-1]]))
+    )
 
 
 def _summed(values: Array, dt: Array) -> Array:
@@ -232,11 +335,16 @@ def _stood(params: HandFilterParams, state: State) -> State:
     assert state.q_GH is not None
     R = quat.matrix(state.q_GH)
     force = R @ (state.recent[:, 3:].mean(axis=0) - state.bias[3:])
-    H, r = np.zeros((9, 15)), np.concatenate([-state.v, state.recent[:, :3].mean(axis=0) - state.bias[:3], UP - force])
+    H, r = (
+        np.zeros((9, 15)),
+        np.concatenate([-state.v, state.recent[:, :3].mean(axis=0) - state.bias[:3], UP - force]),
+    )
     H[0:3, V], H[3:6, BG], H[6:9, TH], H[6:9, BA] = np.eye(3), np.eye(3), -quat.skew(force), -R
     # windows overlap: each look tells the part of the window that is new
     share = np.sqrt(params.still_window / params.update)
-    sd = np.repeat([params.still_speed, 0.25 * params.still_gyr * DEG * share, params.still_acc * share], 3)
+    sd = np.repeat(
+        [params.still_speed, 0.25 * params.still_gyr * DEG * share, params.still_acc * share], 3
+    )
     return _corrected(state, H, r, sd)
 
 
@@ -244,10 +352,14 @@ def _northed(params: HandFilterParams, state: State) -> State:
     """The horizontal field points to where it pointed in the pose."""
     assert state.q_GH is not None and state.mag is not None and state.north is not None
     x, y, _ = quat.rotate(state.q_GH, state.mag)
-    off = (np.arctan2(x, y) - state.north + np.pi) % (2 * np.pi) - np.pi  # turned clockwise, seen from above
+    off = (np.arctan2(x, y) - state.north + np.pi) % (
+        2 * np.pi
+    ) - np.pi  # turned clockwise, seen from above
     H = np.zeros((1, 15))
     H[0, 8] = 1.0
-    return _corrected(state, H, np.array([off]), np.array([params.north_sd * DEG / np.sqrt(params.update)]))
+    return _corrected(
+        state, H, np.array([off]), np.array([params.north_sd * DEG / np.sqrt(params.update)])
+    )
 
 
 def _corrected(state: State, H: Array, r: Array, sd: Array) -> State:
@@ -276,4 +388,6 @@ def _forgotten(state: State) -> State:
 
 
 def _joined(pieces: list[HandPath]) -> HandPath:
-    return HandPath(*(np.concatenate([getattr(p, f.name) for p in pieces]) for f in fields(HandPath)))
+    return HandPath(
+        *(np.concatenate([getattr(p, f.name) for p in pieces]) for f in fields(HandPath))
+    )

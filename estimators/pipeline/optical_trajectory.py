@@ -19,21 +19,31 @@ from numpy.typing import NDArray
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand import joint_angles
-from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINTS, SEGMENT, SEGMENTS, Hand, side_sign
+from handscope.estimators.hand.anatomy import (
+    CHAINS,
+    FINGERS,
+    JOINTS,
+    SEGMENT,
+    SEGMENTS,
+    Hand,
+    side_sign,
+)
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
 
-NAME = re.compile(rf"(?:.*:)?(?P<segment>{'|'.join(SEGMENTS)})_\d+$", re.IGNORECASE)  # a subject's name before a colon is passed over
+NAME = re.compile(
+    rf"(?:.*:)?(?P<segment>{'|'.join(SEGMENTS)})_\d+$", re.IGNORECASE
+)  # a subject's name before a colon is passed over
 TIP = re.compile(rf"(?:.*:)?(?P<finger>{'|'.join(FINGERS)})_tip$", re.IGNORECASE)
 NAMING = "three or more markers a segment named like index_proximal_1, index_proximal_2, index_proximal_3; tips like index_tip"
 STILL = 0.001  # m, standard deviation of every marker's place in the flat pose; ours, above the noise of optical systems (0.1-0.5 mm)
 UPRIGHT = np.radians(
     45.0
 )  # of fingers that are said to lie flat; ours: clusters on a hand's back and on a finger differ in height by up to 20 deg
-SIDE_BY_SIDE = 0.005  # m between the outermost fingers' clusters from which on their order is looked at
-OTHERWISE = (
-    "another axis of the markers' frame points up (--up), the hand is the other one (--hand), or the stretch is another one (--static)"
+SIDE_BY_SIDE = (
+    0.005  # m between the outermost fingers' clusters from which on their order is looked at
 )
+OTHERWISE = "another axis of the markers' frame points up (--up), the hand is the other one (--hand), or the stretch is another one (--static)"
 FLATNESS = 0.05  # second to first singular value below which a cluster's markers lie on a line and tell no turn about it
 
 
@@ -74,18 +84,22 @@ class Rigidity:
     segment: str
     movement_mean: float  # m
     movement_max: float
-    angle_mean: (
-        float  # rad, between axes laid through the first three markers and those of the rigid body; NaN where these are never seen together
-    )
+    angle_mean: float  # rad, between axes laid through the first three markers and those of the rigid body; NaN where these are never seen together
     angle_max: float
 
 
-def trajectory_of(markers: Markers, fits: Mapping[str, Cluster], hand: Hand, pose: FlatPose) -> Trajectory:
+def trajectory_of(
+    markers: Markers, fits: Mapping[str, Cluster], hand: Hand, pose: FlatPose
+) -> Trajectory:
     """The hand's movement from its clusters; InputError where no joint can be told."""
     joints = [k for k, joint in enumerate(JOINTS) if joint.parent in fits and joint.child in fits]
-    tips = {m["finger"].lower(): k for k, name in enumerate(markers.names) if (m := TIP.match(name))}
+    tips = {
+        m["finger"].lower(): k for k, name in enumerate(markers.names) if (m := TIP.match(name))
+    }
     if not joints and len(tips) < 2:
-        raise InputError(f"the markers give no joint: needed are {NAMING}; there are {', '.join(markers.names[:8])}")
+        raise InputError(
+            f"the markers give no joint: needed are {NAMING}; there are {', '.join(markers.names[:8])}"
+        )
     n = len(markers.t)
     q_GS, angles, places = (
         np.full((n, len(SEGMENTS), 4), np.nan),
@@ -95,10 +109,14 @@ def trajectory_of(markers: Markers, fits: Mapping[str, Cluster], hand: Hand, pos
     if fits:
         q_GH = _lying(fits, hand, pose.up)
         for segment, fit in fits.items():
-            q_GS[:, SEGMENT[segment]] = quat.multiply(fit.q, quat.multiply(q_GH, _in_pose(segment, pose.thumb_cmc)))
+            q_GS[:, SEGMENT[segment]] = quat.multiply(
+                fit.q, quat.multiply(q_GH, _in_pose(segment, pose.thumb_cmc))
+            )
         angles[:, joints] = joint_angles.of_segments(q_GS)[:, joints]
     for finger, k in tips.items():
-        places[:, FINGERS.index(finger)] = _on_hand(markers.places[:, k], q_GS[:, SEGMENT["hand"]], fits.get("hand"))
+        places[:, FINGERS.index(finger)] = _on_hand(
+            markers.places[:, k], q_GS[:, SEGMENT["hand"]], fits.get("hand")
+        )
     return Trajectory(hand, markers.t, angles, q_GS, places, np.zeros((n, len(SEGMENTS)), np.uint8))
 
 
@@ -124,7 +142,11 @@ def clusters(markers: Markers, pose: FlatPose) -> dict[str, Cluster]:
     for k, name in enumerate(markers.names):
         if m := NAME.match(name):
             found.setdefault(m["segment"].lower(), []).append(k)
-    return {s: _cluster(s, markers, tuple(found[s]), still) for s in SEGMENTS if len(found.get(s, ())) >= 3}
+    return {
+        s: _cluster(s, markers, tuple(found[s]), still)
+        for s in SEGMENTS
+        if len(found.get(s, ())) >= 3
+    }
 
 
 def rigidity(fits: Mapping[str, Cluster], markers: Markers) -> list[Rigidity]:
@@ -140,15 +162,27 @@ def rigidity(fits: Mapping[str, Cluster], markers: Markers) -> list[Rigidity]:
             rigid = quat.matrix(fit.q[seen]) @ _axes(fit.rest[None, :3])
             between = np.arccos(np.clip((actual * rigid).sum(axis=1), -1.0, 1.0))
             angle = np.array([between.mean(), between.max()])
-        found.append(Rigidity(segment, float(np.nanmean(fit.apart)), float(np.nanmax(fit.apart)), float(angle[0]), float(angle[1])))
+        found.append(
+            Rigidity(
+                segment,
+                float(np.nanmean(fit.apart)),
+                float(np.nanmax(fit.apart)),
+                float(angle[0]),
+                float(angle[1]),
+            )
+        )
     return found
 
 
-def _cluster(segment: str, markers: Markers, columns: tuple[int, ...], still: NDArray[np.bool_]) -> Cluster:
+def _cluster(
+    segment: str, markers: Markers, columns: tuple[int, ...], still: NDArray[np.bool_]
+) -> Cluster:
     places = markers.places[:, columns]
     lying = places[still]
     if not np.isfinite(lying).all(axis=2).any(axis=0).all():
-        raise InputError(f"a marker of {segment} is hidden during the whole flat pose; name another still stretch with --static")
+        raise InputError(
+            f"a marker of {segment} is hidden during the whole flat pose; name another still stretch with --static"
+        )
     moved = np.nanstd(lying, axis=0).max()
     if moved > STILL:
         raise InputError(
@@ -158,7 +192,9 @@ def _cluster(segment: str, markers: Markers, columns: tuple[int, ...], still: ND
     rest = np.nanmean(lying, axis=0)
     spread = np.linalg.svd(rest - rest.mean(axis=0), compute_uv=False)
     if spread[1] < FLATNESS * spread[0]:
-        raise InputError(f"the markers of {segment} lie on a line: its turn about that line cannot be told; place one of them beside it")
+        raise InputError(
+            f"the markers of {segment} lie on a line: its turn about that line cannot be told; place one of them beside it"
+        )
     q, p, apart = _fitted(rest, places)
     return Cluster(columns, rest, q, p, apart)
 
@@ -194,9 +230,19 @@ def _fitted(rest: Array, places: Array) -> tuple[Array, Array, Array]:
 def _quaternion(R: Array) -> Array:
     """Of rotations (n, 3, 3) that are exact but for rounding: (n, 4), w not negative; a tenth of the time of an eigenvector. Source: Shepperd 1978, J Guid Control 1:223."""
     xx, yy, zz = R[:, 0, 0], R[:, 1, 1], R[:, 2, 2]
-    squares = np.stack([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz], axis=-1)  # 4 w^2, 4 x^2, 4 y^2, 4 z^2
-    a, b, c = R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]  # 4 wx, 4 wy, 4 wz
-    d, e, f = R[:, 0, 1] + R[:, 1, 0], R[:, 0, 2] + R[:, 2, 0], R[:, 1, 2] + R[:, 2, 1]  # 4 xy, 4 xz, 4 yz
+    squares = np.stack(
+        [1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz], axis=-1
+    )  # 4 w^2, 4 x^2, 4 y^2, 4 z^2
+    a, b, c = (
+        R[:, 2, 1] - R[:, 1, 2],
+        R[:, 0, 2] - R[:, 2, 0],
+        R[:, 1, 0] - R[:, 0, 1],
+    )  # 4 wx, 4 wy, 4 wz
+    d, e, f = (
+        R[:, 0, 1] + R[:, 1, 0],
+        R[:, 0, 2] + R[:, 2, 0],
+        R[:, 1, 2] + R[:, 2, 1],
+    )  # 4 xy, 4 xz, 4 yz
     s0, s1, s2, s3 = squares.T
     rows = np.stack([s0, a, b, c, a, s1, d, e, b, d, s2, f, c, e, f, s3], axis=-1).reshape(-1, 4, 4)
     q = rows[np.arange(len(R)), squares.argmax(axis=1)]  # 4 q times its largest component
@@ -216,9 +262,13 @@ def _lying(fits: Mapping[str, Cluster], hand: Hand, up: Array) -> Array:
             bone = centres[-1] - centres[0]
             along += bone / np.linalg.norm(bone)
     if np.linalg.norm(along) < 1e-9:
-        raise InputError(f"no finger from index to little has markers that tell its direction: needed are {NAMING}")
+        raise InputError(
+            f"no finger from index to little has markers that tell its direction: needed are {NAMING}"
+        )
     if (tilt := np.arcsin(abs(along @ up) / np.linalg.norm(along))) > UPRIGHT:
-        raise InputError(f"in the flat pose the fingers stand {np.degrees(tilt):.0f} deg out of the level: {OTHERWISE}")
+        raise InputError(
+            f"in the flat pose the fingers stand {np.degrees(tilt):.0f} deg out of the level: {OTHERWISE}"
+        )
     distal = along - (along @ up) * up
     distal = distal / np.linalg.norm(distal)
     sign = side_sign(hand)

@@ -7,7 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from handscope.estimators.alignment import functional_calibration, functional_movements, initial_pose, mounting_checks
+from handscope.estimators.alignment import (
+    functional_calibration,
+    functional_movements,
+    initial_pose,
+    mounting_checks,
+)
 from handscope.estimators.alignment.functional_movements import STEPS, Piece
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration, Known
@@ -35,7 +40,9 @@ class Processed:
     calibrations: tuple[Calibration, ...]
     warnings: tuple[str, ...]
     findings: tuple[Finding, ...] = ()  # faults of sensors; their segments are flagged
-    told: tuple[str, ...] = ()  # of the warnings those of the method or of calibrating, in their order
+    told: tuple[
+        str, ...
+    ] = ()  # of the warnings those of the method or of calibrating, in their order
 
 
 def process(
@@ -57,32 +64,63 @@ def process(
     if hasattr(method, "solve"):
         moved, calibrations, warnings = method.solve(params, recording, progress)
     else:
-        calibrations, warnings = calibrate(params, recording, calibration_recording) if method.NEEDS_POSE else _without_pose(recording)
+        calibrations, warnings = (
+            calibrate(params, recording, calibration_recording)
+            if method.NEEDS_POSE
+            else _without_pose(recording)
+        )
         if known is not None:
             calibrations = [with_known(c, known) for c in calibrations]
-        moved = trajectory.join(_heard(run(method, params, calibrations, recording), _span(recording), progress), recording.hand)
+        moved = trajectory.join(
+            _heard(run(method, params, calibrations, recording), _span(recording), progress),
+            recording.hand,
+        )
     findings = findings_of(recording, calibrations)
     if method.NEEDS_POSE:
         flag_guesses(moved, calibrations)
-    flag_faults(moved, findings, [c.t for c in calibrations], getattr(params, "MAGNETOMETER", False))
-    moved, of_forces = fingertip_forces.attached(fingertip_forces.ForceParams(), moved, _whole(recording), recording.mounting, calibrations)
-    moved, of_place = hand_position.attached(hand_position.PlaceParams(), moved, _whole(recording), recording.plate, recording.mounting)
+    flag_faults(
+        moved, findings, [c.t for c in calibrations], getattr(params, "MAGNETOMETER", False)
+    )
+    moved, of_forces = fingertip_forces.attached(
+        fingertip_forces.ForceParams(), moved, _whole(recording), recording.mounting, calibrations
+    )
+    moved, of_place = hand_position.attached(
+        hand_position.PlaceParams(), moved, _whole(recording), recording.plate, recording.mounting
+    )
     told = [f.said for f in findings if f.kind != "saturated" or not told_scales]
-    said = [*recording.warnings, *warnings, *(w for c in calibrations for w in c.warnings), *told, *_flag_warnings(moved)]
+    said = [
+        *recording.warnings,
+        *warnings,
+        *(w for c in calibrations for w in c.warnings),
+        *told,
+        *_flag_warnings(moved),
+    ]
     said += [*of_forces, *of_place]
-    return Processed(moved, tuple(calibrations), tuple(dict.fromkeys(said)), findings, tuple(warnings))
+    return Processed(
+        moved, tuple(calibrations), tuple(dict.fromkeys(said)), findings, tuple(warnings)
+    )
 
 
 def with_known(pose: Calibration, known: Known) -> Calibration:
     """The pose of a hand whose lengths, or also whose sensors' seats, were found before; the pose tells the rest. InputError for another hand."""
     if pose.hand != known.hand:
-        raise InputError(f"the calibration is of the {known.hand} hand, the recording of the {pose.hand} one")
+        raise InputError(
+            f"the calibration is of the {known.hand} hand, the recording of the {pose.hand} one"
+        )
     if pose.source == "none":
-        raise InputError(f"{WITHOUT_POSE}: the calibration tells how sensors sit, not where they point; record 3 s of the pose first")
+        raise InputError(
+            f"{WITHOUT_POSE}: the calibration tells how sensors sit, not where they point; record 3 s of the pose first"
+        )
     seats = {s: q for s, q in known.q_BS.items() if s in pose.q_BS}
-    seated = functional_calibration.seated(pose, {"hand": pose.q_BS["hand"]} | seats) if seats and "hand" in pose.q_BS else pose
+    seated = (
+        functional_calibration.seated(pose, {"hand": pose.q_BS["hand"]} | seats)
+        if seats and "hand" in pose.q_BS
+        else pose
+    )
     measured = pose.geometry.measured | set(known.lengths)
-    geometry = replace(pose.geometry, lengths={**pose.geometry.lengths, **known.lengths}, measured=measured)
+    geometry = replace(
+        pose.geometry, lengths={**pose.geometry.lengths, **known.lengths}, measured=measured
+    )
     return replace(
         seated,
         geometry=geometry,
@@ -99,9 +137,23 @@ def findings_of(recording: Recording, calibrations: Sequence[Calibration]) -> tu
         return tuple(fault_detection.check(blocks, (0.0, 0.0)))
     found = fault_detection.check(blocks, (poses[0].t, poses[0].end))
     broken = {f.sensor for f in found if f.severity == "fault" and f.kind != "magnetometer"}
-    pose = replace(initial_pose.pose_of(_poses(recording.events)[0]), onset=poses[0].t, duration=poses[0].end - poses[0].t)
-    mounting = {**recording.mounting, **{s: poses[0].q_BS[s] for s in poses[0].q_BS_sd}}  # told by movements: how it sits is known
-    return (*found, *(f for f in mounting_checks.check(blocks, mounting, pose, recording.events) if f.sensor not in broken))
+    pose = replace(
+        initial_pose.pose_of(_poses(recording.events)[0]),
+        onset=poses[0].t,
+        duration=poses[0].end - poses[0].t,
+    )
+    mounting = {
+        **recording.mounting,
+        **{s: poses[0].q_BS[s] for s in poses[0].q_BS_sd},
+    }  # told by movements: how it sits is known
+    return (
+        *found,
+        *(
+            f
+            for f in mounting_checks.check(blocks, mounting, pose, recording.events)
+            if f.sensor not in broken
+        ),
+    )
 
 
 def _whole(recording: Recording) -> list[Block]:
@@ -109,23 +161,42 @@ def _whole(recording: Recording) -> list[Block]:
     if isinstance(recording, saturation.Scaled):
         return [recording.scaled(b) for b in _whole(recording.recording)]
     streams = getattr(recording, "samples", None)
-    return [b for b in (whole_streams(list(recording.blocks())) if streams is None else streams.values()) if len(b.t)]
+    return [
+        b
+        for b in (whole_streams(list(recording.blocks())) if streams is None else streams.values())
+        if len(b.t)
+    ]
 
 
-def flag_faults(moved: Trajectory, findings: Sequence[Finding], poses: Sequence[float], magnetometer: bool) -> None:
+def flag_faults(
+    moved: Trajectory, findings: Sequence[Finding], poses: Sequence[float], magnetometer: bool
+) -> None:
     """Mark the segments of faulty sensors, of magnetometers only where the method uses them; clipping by the flag that it has.
 
     What a sensor missed while it stood still is missing until the next pose (s): its heading counts as lost.
     """
     for finding in findings:
-        flag = Flag.SATURATED if finding.kind == "saturated" else Flag.FAULTY if finding.severity == "fault" else None
-        if flag is not None and finding.sensor in SEGMENT and (finding.kind != "magnetometer" or magnetometer):
+        flag = (
+            Flag.SATURATED
+            if finding.kind == "saturated"
+            else Flag.FAULTY
+            if finding.severity == "fault"
+            else None
+        )
+        if (
+            flag is not None
+            and finding.sensor in SEGMENT
+            and (finding.kind != "magnetometer" or magnetometer)
+        ):
             for start, stop in finding.spans:
                 _mark(moved, finding.sensor, start, stop, flag)
                 if finding.kind in ("dead_axis", "stuck"):
                     later = min((t for t in poses if t > start), default=np.inf)
                     _mark(
-                        moved, finding.sensor, *((start, later) if start >= poses[0] else (-np.inf, min(stop, poses[0]))), Flag.HEADING_LOST
+                        moved,
+                        finding.sensor,
+                        *((start, later) if start >= poses[0] else (-np.inf, min(stop, poses[0]))),
+                        Flag.HEADING_LOST,
                     )
 
 
@@ -134,7 +205,13 @@ def flag_guesses(moved: Trajectory, calibrations: Sequence[Calibration]) -> None
     ends = [*(c.t for c in calibrations[1:]), np.inf]
     for calibration, end in zip(calibrations, ends):
         for segment in calibration.q_BS if calibration.source == "none" else ():
-            _mark(moved, segment, -np.inf if calibration is calibrations[0] else calibration.t, end, Flag.UNCALIBRATED)
+            _mark(
+                moved,
+                segment,
+                -np.inf if calibration is calibrations[0] else calibration.t,
+                end,
+                Flag.UNCALIBRATED,
+            )
 
 
 def _mark(moved: Trajectory, segment: str, start: float, stop: float, flag: Flag) -> None:
@@ -147,14 +224,20 @@ def _limits_known(recording: Recording) -> bool:
     return all(s.full_scale for s in recording.streams if s.inertial)
 
 
-def _heard(pieces: Iterator[Trajectory], span: tuple[float, float], progress: Callable[[float], None]) -> Iterator[Trajectory]:
+def _heard(
+    pieces: Iterator[Trajectory], span: tuple[float, float], progress: Callable[[float], None]
+) -> Iterator[Trajectory]:
     for piece in pieces:
         if len(piece):
-            progress(float(np.clip((piece.t[-1] - span[0]) / max(span[1] - span[0], 1e-9), 0.0, 1.0)))
+            progress(
+                float(np.clip((piece.t[-1] - span[0]) / max(span[1] - span[0], 1e-9), 0.0, 1.0))
+            )
         yield piece
 
 
-def calibrate(params: Any, recording: Recording, other: Recording | None = None) -> tuple[list[Calibration], list[str]]:
+def calibrate(
+    params: Any, recording: Recording, other: Recording | None = None
+) -> tuple[list[Calibration], list[str]]:
     """Calibrations in order of time from the recording's initial poses, or from another recording's; a bad pose beside a good one is a warning."""
     found: list[Calibration] = []
     refused: list[str] = []
@@ -165,45 +248,76 @@ def calibrate(params: Any, recording: Recording, other: Recording | None = None)
             refused.append(str(problem))
     if found and other is None:
         pieces, spoilt = functional_pieces(params, recording, found)
-        return _functional(params, recording, pieces, found), [*refused, *_flat_hand_told(recording), *spoilt]
+        return _functional(params, recording, pieces, found), [
+            *refused,
+            *_flat_hand_told(recording),
+            *spoilt,
+        ]
     if other is None and (defaults := _defaults(params, recording)):
         return [defaults], refused
     if other is None:
         raise InputError(
-            refused[0] if refused else f"{WITHOUT_POSE}; record 3 s of it, or take one from another recording with --calibration"
+            refused[0]
+            if refused
+            else f"{WITHOUT_POSE}; record 3 s of it, or take one from another recording with --calibration"
         )
     if other.hand != recording.hand:
-        raise InputError(f"the calibration recording is of the {other.hand} hand, the recording of the {recording.hand} one")
+        raise InputError(
+            f"the calibration recording is of the {other.hand} hand, the recording of the {recording.hand} one"
+        )
     borrowed, more = calibrate(params, other)
     return _borrowed(recording, borrowed[-1], found), refused + more
 
 
 def _defaults(params: Any, recording: Recording) -> Calibration | None:
     """What somebody decided to go on with who could not calibrate: an annotation with `calibration: none` says when."""
-    for event in (e for e in recording.events if e.trial_type == "annotation" and e.details.get("calibration") == "none"):
+    for event in (
+        e
+        for e in recording.events
+        if e.trial_type == "annotation" and e.details.get("calibration") == "none"
+    ):
         window = _window(recording, event.onset, event.end)
-        return initial_pose.guessed(params, recording.hand, recording.geometry, recording.mounting, window)
+        return initial_pose.guessed(
+            params, recording.hand, recording.geometry, recording.mounting, window
+        )
     return None
 
 
-def functional_pieces(params: Any, recording: Recording, poses: Sequence[Calibration]) -> tuple[dict[str, Piece], list[str]]:
+def functional_pieces(
+    params: Any, recording: Recording, poses: Sequence[Calibration]
+) -> tuple[dict[str, Piece], list[str]]:
     """Of each functional step among the events the last one that was done well; sentences of the steps that never were."""
     if not getattr(params, "functional", False) or params.alignment == "heading":
         return {}, []
     good: dict[str, Piece] = {}
     spoilt: dict[str, Piece] = {}
-    for event in sorted((e for e in recording.events if e.trial_type in STEPS), key=lambda e: e.onset):
+    for event in sorted(
+        (e for e in recording.events if e.trial_type in STEPS), key=lambda e: e.onset
+    ):
         bias = ([c for c in poses if c.t <= event.onset] or list(poses[:1]))[-1].gyr_bias
         piece = functional_movements.measure(
-            params, event.trial_type, _window(recording, event.onset, event.end), event.onset, event.end, bias
+            params,
+            event.trial_type,
+            _window(recording, event.onset, event.end),
+            event.onset,
+            event.end,
+            bias,
         )
         (spoilt if piece.problems else good)[piece.step] = piece
-    return good, [problem for step, piece in spoilt.items() if step not in good for problem in piece.problems]
+    return good, [
+        problem for step, piece in spoilt.items() if step not in good for problem in piece.problems
+    ]
 
 
-def _functional(params: Any, recording: Recording, pieces: Mapping[str, Piece], poses: list[Calibration]) -> list[Calibration]:
+def _functional(
+    params: Any, recording: Recording, pieces: Mapping[str, Piece], poses: list[Calibration]
+) -> list[Calibration]:
     """The poses' calibrations with what the pieces tell of the sensors' mounting."""
-    return [functional_calibration.combine(params, pieces, c, recording.mounting) for c in poses] if pieces else poses
+    return (
+        [functional_calibration.combine(params, pieces, c, recording.mounting) for c in poses]
+        if pieces
+        else poses
+    )
 
 
 def _flat_hand_told(recording: Recording) -> list[str]:
@@ -218,26 +332,38 @@ def _without_pose(recording: Recording) -> tuple[list[Calibration], list[str]]:
     sensors = [s for stream in recording.streams if stream.inertial for s in stream.sensors]
     start, beginning = _beginning(recording)
     rates = measured_rates(beginning)
-    known = initial_pose.uncalibrated(recording.hand, recording.geometry, recording.mounting, sensors, start)
-    return [replace(known, rates=rates, warnings=initial_pose.rate_warnings(rates, recording.streams))], []
+    known = initial_pose.uncalibrated(
+        recording.hand, recording.geometry, recording.mounting, sensors, start
+    )
+    return [
+        replace(known, rates=rates, warnings=initial_pose.rate_warnings(rates, recording.streams))
+    ], []
 
 
 def _require_magnetometers(params: Any, recording: Recording) -> None:
     """InputError where the method takes headings from magnetometers and there are none."""
-    if getattr(params, "MAGNETOMETER", False) and not any(MAG in s.quantities for s in recording.streams):
-        raise InputError("the method takes headings from magnetometers and the recording has none; use m2")
+    if getattr(params, "MAGNETOMETER", False) and not any(
+        MAG in s.quantities for s in recording.streams
+    ):
+        raise InputError(
+            "the method takes headings from magnetometers and the recording has none; use m2"
+        )
 
 
 def _poses(events: Sequence[Event]) -> list[Event]:
     """The initial poses in order of time; without any, the flat hands of a functional calibration."""
     ordered = sorted(events, key=lambda e: e.onset)
-    return [e for e in ordered if e.trial_type == "initial_pose"] or [e for e in ordered if e.trial_type == "flat_hand"]
+    return [e for e in ordered if e.trial_type == "initial_pose"] or [
+        e for e in ordered if e.trial_type == "flat_hand"
+    ]
 
 
 def _from_pose(params: Any, recording: Recording, event: Event) -> Calibration:
     pose = initial_pose.pose_of(event)
     window = _window(recording, pose.onset, pose.end)
-    return initial_pose.calibrate(params, recording.hand, recording.geometry, recording.mounting, window, pose)
+    return initial_pose.calibrate(
+        params, recording.hand, recording.geometry, recording.mounting, window, pose
+    )
 
 
 def _window(recording: Recording, start: float, stop: float) -> list[Block]:
@@ -251,11 +377,15 @@ def _window(recording: Recording, start: float, stop: float) -> list[Block]:
 
 def _beginning(recording: Recording) -> tuple[float, list[Block]]:
     """When the inertial samples begin (s), and the first of them, one block a stream."""
-    start = min((float(b.t[0]) for b in recording.blocks() if b.stream.inertial and len(b.t)), default=0.0)
+    start = min(
+        (float(b.t[0]) for b in recording.blocks() if b.stream.inertial and len(b.t)), default=0.0
+    )
     return start, [b for b in _window(recording, start, start + BEGINNING) if b.stream.inertial]
 
 
-def _borrowed(recording: Recording, other: Calibration, own: list[Calibration]) -> list[Calibration]:
+def _borrowed(
+    recording: Recording, other: Calibration, own: list[Calibration]
+) -> list[Calibration]:
     """The other recording's mounting and biases; headings from this recording's own poses, or from assuming that it begins in the pose."""
     if own:
         seated = [functional_calibration.seated(c, other.q_BS) if other.steps else c for c in own]
@@ -272,8 +402,13 @@ def _borrowed(recording: Recording, other: Calibration, own: list[Calibration]) 
             for c in seated
         ]
     start, beginning = _beginning(recording)
-    q_GS, rates = initial_pose.reoriented(other, [b.between(start, start + 0.5) for b in beginning]), measured_rates(beginning)
-    warning = f"{WITHOUT_POSE}: headings assume that it begins in the pose of the calibration recording"
+    q_GS, rates = (
+        initial_pose.reoriented(other, [b.between(start, start + 0.5) for b in beginning]),
+        measured_rates(beginning),
+    )
+    warning = (
+        f"{WITHOUT_POSE}: headings assume that it begins in the pose of the calibration recording"
+    )
     return [
         replace(
             other,
@@ -282,7 +417,11 @@ def _borrowed(recording: Recording, other: Calibration, own: list[Calibration]) 
             q_GS=q_GS,
             geometry=recording.geometry,
             source="another recording",
-            warnings=(*other.warnings, *initial_pose.rate_warnings(rates, recording.streams), warning),
+            warnings=(
+                *other.warnings,
+                *initial_pose.rate_warnings(rates, recording.streams),
+                warning,
+            ),
             rates=rates,
         )
     ]
@@ -298,8 +437,12 @@ def _flag_warnings(moved: Trajectory) -> list[str]:
     alike: dict[str, list[str]] = {}
     present = int(np.bitwise_or.reduce(moved.flags, axis=None))
     for flag, what in FLAG_WORDS.items():
-        shares = ((moved.flags & flag) != 0).mean(axis=0) if present & flag else np.zeros(len(SEGMENTS))
+        shares = (
+            ((moved.flags & flag) != 0).mean(axis=0) if present & flag else np.zeros(len(SEGMENTS))
+        )
         for segment, share in zip(SEGMENTS, shares):
             if share >= WORTH_SAYING:
-                alike.setdefault(f"{what} in {100 * share:.1f} % of the samples", []).append(segment)
+                alike.setdefault(f"{what} in {100 * share:.1f} % of the samples", []).append(
+                    segment
+                )
     return [f"{', '.join(segments)}: {said}" for said, segments in alike.items()]

@@ -29,19 +29,35 @@ class Samples(Protocol):
     def blocks(self) -> Iterator[Block]: ...
 
 
-def run(method: ModuleType, params: Any, calibrations: Sequence[Calibration], samples: Samples) -> Iterator[Trajectory]:
+def run(
+    method: ModuleType, params: Any, calibrations: Sequence[Calibration], samples: Samples
+) -> Iterator[Trajectory]:
     """Pieces of the trajectory in order of time; every calibration (in order of time) serves until the next one."""
     first = calibrations[0]
-    before = [b.between(-np.inf, first.end) for b in samples.blocks() if len(b.t) and b.t[0] < first.end]
+    before = [
+        b.between(-np.inf, first.end) for b in samples.blocks() if len(b.t) and b.t[0] < first.end
+    ]
     if any(b.t[0] < first.t for b in before if b.stream.inertial):
-        yield trajectory.join(list(_backwards(method, params, first, samples.streams, before)), first.hand).between(-np.inf, first.t)
+        yield trajectory.join(
+            list(_backwards(method, params, first, samples.streams, before)), first.hand
+        ).between(-np.inf, first.t)
     ends = [c.t for c in calibrations[1:]] + [np.inf]
     for calibration, end in zip(calibrations, ends):
-        yield from _forwards(method, params, calibration, samples.streams, (b.between(calibration.t, end) for b in samples.blocks()))
+        yield from _forwards(
+            method,
+            params,
+            calibration,
+            samples.streams,
+            (b.between(calibration.t, end) for b in samples.blocks()),
+        )
 
 
 def _forwards(
-    method: ModuleType, params: Any, calibration: Calibration, streams: tuple[Stream, ...], blocks: Iterable[Block]
+    method: ModuleType,
+    params: Any,
+    calibration: Calibration,
+    streams: tuple[Stream, ...],
+    blocks: Iterable[Block],
 ) -> Iterator[Trajectory]:
     state = method.start(params, calibration, streams)
     for block in blocks:
@@ -53,15 +69,25 @@ def _forwards(
 
 
 def _backwards(
-    method: ModuleType, params: Any, calibration: Calibration, streams: tuple[Stream, ...], blocks: list[Block]
+    method: ModuleType,
+    params: Any,
+    calibration: Calibration,
+    streams: tuple[Stream, ...],
+    blocks: list[Block],
 ) -> Iterator[Trajectory]:
     biases = {name: -bias for name, bias in calibration.gyr_bias.items()}
     turned = replace(calibration, gyr_bias=biases, t=-calibration.t, end=-calibration.t)
     by_stream: dict[tuple[object, ...], list[Block]] = {}
     for block in blocks:
-        by_stream.setdefault((block.stream.name, block.stream.sensors, block.stream.rate), []).append(block)
+        by_stream.setdefault(
+            (block.stream.name, block.stream.sensors, block.stream.rate), []
+        ).append(block)
     means = getattr(params, "gyr_reading", "instant") == "mean"
-    pieces = list(_forwards(method, params, turned, streams, [_reversed(join(b), means) for b in by_stream.values()]))
+    pieces = list(
+        _forwards(
+            method, params, turned, streams, [_reversed(join(b), means) for b in by_stream.values()]
+        )
+    )
     for piece in reversed(pieces):
         yield replace(piece.reversed(), t=-piece.t[::-1])
 

@@ -27,7 +27,9 @@ def unknowns(chain: Chain, noise: Noise, readings: Readings, flexing: Array) -> 
     for k, (i, j) in enumerate(zip(chain.parents, chain.children)):
         _, heading, far[k], near[k] = met(noise, readings, q_GS, int(i), int(j), flexing)
         q_GS[:, j] = quat.headed(q_GS[:, j], heading)
-    pairs = [common_axis(q_GS[:, chain.parents[k]], q_GS[:, chain.children[k]]) for k in chain.hinges]
+    pairs = [
+        common_axis(q_GS[:, chain.parents[k]], q_GS[:, chain.children[k]]) for k in chain.hinges
+    ]
     axes = np.array(pairs).reshape(-1, 2, 3)
     none, whole = np.zeros((len(far), 3)), np.zeros((len(bias), 3, 3))
     return Unknowns(
@@ -52,17 +54,30 @@ def fused(readings: Readings) -> tuple[Array, Array]:
     """Orientations (n, S, 4), each with a heading of its own, and biases (S, 3) as they are on average."""
     q_GS, bias = np.empty((*readings.gyr.shape[:2], 4)), np.empty((readings.gyr.shape[1], 3))
     for s in range(readings.gyr.shape[1]):
-        out = offlineVQF(np.ascontiguousarray(readings.gyr[:, s]), np.ascontiguousarray(readings.acc[:, s]), None, readings.dt)
+        out = offlineVQF(
+            np.ascontiguousarray(readings.gyr[:, s]),
+            np.ascontiguousarray(readings.acc[:, s]),
+            None,
+            readings.dt,
+        )
         q_GS[:, s], bias[s] = out["quat6D"], out["bias"].mean(axis=0)
     return q_GS, bias
 
 
-def met(noise: Noise, readings: Readings, q_GS: Array, i: int, j: int, flexing: Array) -> tuple[float, float, Array, Array]:
+def met(
+    noise: Noise, readings: Readings, q_GS: Array, i: int, j: int, flexing: Array
+) -> tuple[float, float, Array, Array]:
     """The turn of j about the vertical, and the arms in the frames of i and j, with which their joint moves alike seen from both; before them, how far it does not (squares added)."""
     (A_i, f_i), (A_j, f_j) = (_swung(readings, q_GS[:, s], s) for s in (i, j))
-    M_i, M_j = (np.concatenate([A, f[..., None]], axis=2) for A, f in ((A_i, f_i), (A_j, f_j)))  # (n-2, 3, 4): by the arm, and without it
+    M_i, M_j = (
+        np.concatenate([A, f[..., None]], axis=2) for A, f in ((A_i, f_i), (A_j, f_j))
+    )  # (n-2, 3, 4): by the arm, and without it
     own = [np.einsum("tia,tib->ab", M, M) for M in (M_i, M_j)]
-    turns = np.diag([0.0, 0, 1]), np.diag([1.0, 1, 0]), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]])
+    turns = (
+        np.diag([0.0, 0, 1]),
+        np.diag([1.0, 1, 0]),
+        np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]]),
+    )
     upright, level, across = (np.einsum("tia,ij,tjb->ab", M_i, turn, M_j) for turn in turns)
     z_i, z_j = (quat.rotate(q_GS[:, s], flexing[s]) for s in (i, j))
     alike = [float(np.einsum("ta,ab,tb->t", z_i, turn, z_j).mean()) for turn in turns]
@@ -91,4 +106,8 @@ def _swung(readings: Readings, q: Array, s: int) -> tuple[Array, Array]:
     R = quat.matrix(q)
     f = np.einsum("tij,tj->ti", R, readings.acc[:, s])
     mean = NUMEROV[0] * f[:-2] + NUMEROV[1] * f[1:-1] + NUMEROV[2] * f[2:]
-    return (SECOND_DIFFERENCE[0] * R[:-2] + SECOND_DIFFERENCE[1] * R[1:-1] + SECOND_DIFFERENCE[2] * R[2:]) / readings.dt**2, mean
+    return (
+        SECOND_DIFFERENCE[0] * R[:-2]
+        + SECOND_DIFFERENCE[1] * R[1:-1]
+        + SECOND_DIFFERENCE[2] * R[2:]
+    ) / readings.dt**2, mean

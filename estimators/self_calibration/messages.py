@@ -72,17 +72,24 @@ def silence(finger: str, silent: Sequence[str], clipped: bool) -> list[str]:
             raise InputError(
                 f"{finger}: the sensor of {silent[0]} was at its limit in more than half of its samples; set a larger range, or move more slowly, and record again; it is not calibrated"
             )
-        raise InputError(f"{finger}: the sensor of {silent[0]} gave no samples; it is not calibrated")
+        raise InputError(
+            f"{finger}: the sensor of {silent[0]} gave no samples; it is not calibrated"
+        )
     without = ", ".join(silent)
     if clipped:
         return [
             f"{finger}: the sensor of {silent[0]} was at its limit in more than half of its samples; it is calibrated without {without}, set a larger range, or move more slowly, and record again"
         ]
-    return [f"{finger}: the sensor of {silent[0]} gave no samples; it is calibrated without {without}, find out why and record again"]
+    return [
+        f"{finger}: the sensor of {silent[0]} gave no samples; it is calibrated without {without}, find out why and record again"
+    ]
 
 
 def require_movement(asked: Asked, finger: str, read: Readings) -> None:
-    hand, turning = (float(np.degrees(np.linalg.norm(gyr - gyr.mean(axis=0), axis=1).mean())) for gyr in (read.gyr[:, 0], read.gyr[:, -1]))
+    hand, turning = (
+        float(np.degrees(np.linalg.norm(gyr - gyr.mean(axis=0), axis=1).mean()))
+        for gyr in (read.gyr[:, 0], read.gyr[:, -1])
+    )
     if turning < asked.moving:
         if finger == "forearm":
             raise InputError(
@@ -98,7 +105,9 @@ def require_movement(asked: Asked, finger: str, read: Readings) -> None:
         )
 
 
-def require_one_minimum(asked: Asked, finger: str, read: Readings, found: Solution, begun: float = 0.0) -> None:
+def require_one_minimum(
+    asked: Asked, finger: str, read: Readings, found: Solution, begun: float = 0.0
+) -> None:
     """InputError where a gyroscope was at its limit or knocked too often, a sensor slipped, or the solver did not come to an end: what was found then is of no hand.
 
     `begun` (s): of the readings' first sample.
@@ -120,7 +129,11 @@ def require_one_minimum(asked: Asked, finger: str, read: Readings, found: Soluti
             raise InputError(
                 f"{finger}: the calibration did not come to an end, for {stiff} hardly moved; bend every joint that can move while the hand turns, for 40 s, or use m2 with an initial pose; it is not calibrated"
             )
-        turning = float(np.degrees(np.linalg.norm(read.gyr[:, -1] - read.gyr[:, -1].mean(axis=0), axis=1).mean()))
+        turning = float(
+            np.degrees(
+                np.linalg.norm(read.gyr[:, -1] - read.gyr[:, -1].mean(axis=0), axis=1).mean()
+            )
+        )
         raise InputError(
             f"{finger}: the calibration did not come to an end (it turned at {turning:.0f} deg/s on average; {LIVELY:g} and more do well);"
             " move hand and fingers through their whole range and in all directions, for 40 s, and record again; it is not calibrated"
@@ -131,8 +144,15 @@ def require_possible(finger: Finger) -> None:
     """InputError where a joint would be bent as none can: the hand's sensor, or the last phalanx', does not sit as it is said to."""
     for joint in finger.solution.problem.chain.joints:
         about, q_GB = JOINTS[JOINT[joint]], finger.segments.q_GB
-        angles, limits = joint_angles.decompose(quat.relative(q_GB[about.parent], q_GB[about.child])), LIMITS[JOINT[joint]]
-        beyond = float(np.degrees(np.median(np.maximum(limits[:, 0] - angles, angles - limits[:, 1]).max(axis=1))))
+        angles, limits = (
+            joint_angles.decompose(quat.relative(q_GB[about.parent], q_GB[about.child])),
+            LIMITS[JOINT[joint]],
+        )
+        beyond = float(
+            np.degrees(
+                np.median(np.maximum(limits[:, 0] - angles, angles - limits[:, 1]).max(axis=1))
+            )
+        )
         if beyond > BEYOND:
             name = about.child if about.parent not in ("hand", "forearm") else about.parent
             raise InputError(
@@ -183,7 +203,11 @@ def told(asked: Asked, finger: Finger) -> list[str]:
     """What a person should know of the result."""
     found, said = finger.solution, []
     stiff = self_calibration_result.stiff(asked, found)
-    beside_stiff = {segment for joint in stiff for segment in self_calibration_result.beside(found.problem.chain, joint)}
+    beside_stiff = {
+        segment
+        for joint in stiff
+        for segment in self_calibration_result.beside(found.problem.chain, joint)
+    }
     if "wrist" in stiff:
         said.append(
             f"the wrist hardly moved ({stiff['wrist']:.0f} deg): where it lies between the sensors of hand and forearm is not observable, its angles hold within their standard deviations; bend it more while the hand turns"
@@ -197,13 +221,17 @@ def told(asked: Asked, finger: Finger) -> list[str]:
         )
     said += _doubted(found.problem) + _reversed(finger)
     for segment in finger.segments.p_BS:
-        if segment not in beside_stiff and not self_calibration_result.placed(asked, finger, segment):
+        if segment not in beside_stiff and not self_calibration_result.placed(
+            asked, finger, segment
+        ):
             sd = float(np.linalg.norm(finger.sure.p_BS[segment]))
             said.append(
                 f"where the sensor of {segment} sits for {finger.name} is not observable (give or take {1e3 * sd:.0f} mm) and is left out: angles do not need it; turn the hand in all directions while its joints bend"
             )
     for segment, length in finger.segments.lengths.items():
-        if segment not in beside_stiff and not self_calibration_result.known(asked, finger, segment):
+        if segment not in beside_stiff and not self_calibration_result.known(
+            asked, finger, segment
+        ):
             sd = finger.segments.lengths_sd[segment]
             said.append(
                 f"the length of {segment} is not observable ({1e3 * length:.0f} mm, give or take {1e3 * sd:.0f}): that of the hand's measures is used"
@@ -228,7 +256,9 @@ def _reversed(finger: Finger) -> list[str]:
     bones = {s: at.far[a] - at.near[b] for s, b, a in residuals.bones(problem.chain)}
     for s, name in enumerate(problem.chain.sensors):
         z = quat.rotate(quat.conjugate(finger.segments.q_BS[name]), np.array([0.0, 0.0, 1.0]))
-        ways = [z @ problem.flexing[s]] + ([bones[s] @ problem.distal[s] / np.linalg.norm(bones[s])] if s in bones else [])
+        ways = [z @ problem.flexing[s]] + (
+            [bones[s] @ problem.distal[s] / np.linalg.norm(bones[s])] if s in bones else []
+        )
         tilt = float(np.degrees(np.arccos(np.clip(min(ways), -1.0, 1.0))))
         if tilt > ROUND:
             said.append(
@@ -263,7 +293,9 @@ def knocked(fingers: Sequence[Finger]) -> list[str]:
             said.append(
                 f"the accelerometer of {name} contradicts the other sensors {len(at)} times, first at {at[0]:.1f} s: it was knocked; what it read there is left out"
             )
-    return said + _often(by, max((float(finger.t[-1] - finger.t[0]) for finger in fingers), default=0.0))
+    return said + _often(
+        by, max((float(finger.t[-1] - finger.t[0]) for finger in fingers), default=0.0)
+    )
 
 
 def _often(by: Mapping[tuple[str, str], Sequence[float]], duration: float) -> list[str]:
@@ -291,7 +323,9 @@ def _moments(times: Sequence[float]) -> list[float]:
 def _doubted(problem: Problem) -> list[str]:
     """What was given and is not so."""
     said = []
-    for name, seat_sd, length, length_sd in zip(problem.chain.sensors, problem.seat_sd, problem.length, problem.length_sd):
+    for name, seat_sd, length, length_sd in zip(
+        problem.chain.sensors, problem.seat_sd, problem.length, problem.length_sd
+    ):
         if length_sd > 1e-3 * problem.noise.length:
             said.append(
                 f"the length of {name} is {1e3 * length:.0f} mm by the hand's measures, movement says otherwise by {1e3 * length_sd:.0f} mm: measure again; what movement says is used"

@@ -14,7 +14,14 @@ import numpy as np
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
 from handscope.estimators.self_calibration import solver
-from handscope.estimators.self_calibration.problem import Noise, Problem, Readings, Unknowns, columns, posed
+from handscope.estimators.self_calibration.problem import (
+    Noise,
+    Problem,
+    Readings,
+    Unknowns,
+    columns,
+    posed,
+)
 from handscope.estimators.self_calibration.solver import Limits, Solution
 from handscope.estimators.self_calibration.uncertainty import parameter_covariance
 
@@ -37,15 +44,28 @@ def slips(found: Solution, read: Readings) -> list[Slip]:
     """Most certain first; none where neither the whole nor each half came to an end: what was found then is of no hand."""
     n, whole = len(found.problem), found.outcome == "converged"
     spans = ((0, n // 2), (n // 2, n))
-    halves = [_half(found, *span) if whole else _afresh(found.problem, read, *span) for span in spans]
+    halves = [
+        _half(found, *span) if whole else _afresh(found.problem, read, *span) for span in spans
+    ]
     if not whole and any(half.outcome != "converged" for half in halves):
         return []
     told = []
     for s, name in enumerate(found.problem.chain.sensors):
         shifts, tilts = _shifts(found.problem, halves, s), _tilts(found.problem, halves, s)
-        sure = [size / sd for size, sd in shifts if size > SHIFTED] + [size / sd for size, sd in tilts if size > np.radians(TILTED)]
+        sure = [size / sd for size, sd in shifts if size > SHIFTED] + [
+            size / sd for size, sd in tilts if size > np.radians(TILTED)
+        ]
         if max(sure, default=0.0) > SURE:
-            told.append((max(sure), Slip(name, max(size for size, _ in shifts), max((size for size, _ in tilts), default=0.0))))
+            told.append(
+                (
+                    max(sure),
+                    Slip(
+                        name,
+                        max(size for size, _ in shifts),
+                        max((size for size, _ in tilts), default=0.0),
+                    ),
+                )
+            )
     return [slip for _, slip in sorted(told, key=lambda t: -t[0])]
 
 
@@ -58,25 +78,41 @@ def _half(found: Solution, first: int, stop: int) -> Solution:
 
 def _afresh(whole: Problem, read: Readings, first: int, stop: int) -> Solution:
     """From nothing, with errors as they are believed first: a whole that has no minimum leads its halves astray."""
-    own = Readings(read.dt, *(v[first:stop] for v in (read.gyr, read.acc, read.gyr_doubt, read.acc_doubt)))
+    own = Readings(
+        read.dt, *(v[first:stop] for v in (read.gyr, read.acc, read.gyr_doubt, read.acc_doubt))
+    )
     guess = self_calibration_initialisation.unknowns(whole.chain, Noise(), own, whole.flexing)
-    part = posed(whole.chain, Noise(), own, guess.q_GS[0], "left", {})  # what depends on hand and mounting is known already
-    return _asked(replace(part, distal=whole.distal, flexing=whole.flexing, length=whole.length), guess, AFRESH)
+    part = posed(
+        whole.chain, Noise(), own, guess.q_GS[0], "left", {}
+    )  # what depends on hand and mounting is known already
+    return _asked(
+        replace(part, distal=whole.distal, flexing=whole.flexing, length=whole.length),
+        guess,
+        AFRESH,
+    )
 
 
 def _asked(part: Problem, start: Unknowns, limits: Limits) -> Solution:
     half = solver.solve(part, start, limits)
     made_up = parameter_covariance.apparent(half.problem, half.at, half.factor)
-    return replace(half, factor=parameter_covariance.honest(half.problem, half.at, half.factor, made_up))
+    return replace(
+        half, factor=parameter_covariance.honest(half.problem, half.at, half.factor, made_up)
+    )
 
 
 def _shifts(problem: Problem, halves: Sequence[Solution], s: int) -> list[tuple[float, float]]:
     """How far each joint of a sensor lies elsewhere, and how sure that is, m."""
     chain, c, (at, later) = problem.chain, columns(problem.chain), (h.at for h in halves)
     found = []
-    for joints, where, off in ((chain.children, c.near, later.near - at.near), (chain.parents, c.far, later.far - at.far)):
+    for joints, where, off in (
+        (chain.children, c.near, later.near - at.near),
+        (chain.parents, c.far, later.far - at.far),
+    ):
         sd = _sd(halves, where).reshape(-1, 3)
-        found += [(float(np.linalg.norm(off[k])), float(np.linalg.norm(sd[k]))) for k in np.flatnonzero(joints == s)]
+        found += [
+            (float(np.linalg.norm(off[k])), float(np.linalg.norm(sd[k])))
+            for k in np.flatnonzero(joints == s)
+        ]
     return found
 
 
@@ -90,12 +126,19 @@ def _tilts(problem: Problem, halves: Sequence[Solution], s: int) -> list[tuple[f
     ):
         sd = _sd(halves, where).reshape(-1, 2)
         for h in np.flatnonzero(joints[chain.hinges] == s):
-            found.append((float(np.arccos(min(abs(first[h] @ second[h]), 1.0))), float(np.linalg.norm(sd[h]))))
+            found.append(
+                (
+                    float(np.arccos(min(abs(first[h] @ second[h]), 1.0))),
+                    float(np.linalg.norm(sd[h])),
+                )
+            )
     return found
 
 
 def _sd(halves: Sequence[Solution], where: slice) -> Array:
-    return np.asarray(np.sqrt(np.sum([np.diag(h.factor.covariance)[where] for h in halves], axis=0)))
+    return np.asarray(
+        np.sqrt(np.sum([np.diag(h.factor.covariance)[where] for h in halves], axis=0))
+    )
 
 
 def _part(problem: Problem, start: int, stop: int) -> Problem:

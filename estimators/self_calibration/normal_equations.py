@@ -50,14 +50,30 @@ def remembered(covariance: Array) -> Factor:
 def empty(samples: int, each: int, parameters: int) -> Normal:
     """Nothing known yet of `samples` with `each` unknowns."""
     n, e, p = samples, each, parameters
-    return Normal(np.zeros((n, SPAN, e, e)), np.zeros((n, e, p)), np.zeros((p, p)), np.zeros((n, e)), np.zeros(p))
+    return Normal(
+        np.zeros((n, SPAN, e, e)),
+        np.zeros((n, e, p)),
+        np.zeros((p, p)),
+        np.zeros((n, e)),
+        np.zeros(p),
+    )
 
 
 def add(normal: Normal, terms: Terms) -> None:
     """Take up residuals, in place."""
     if not len(terms.r):
         return
-    _gather(terms.first, terms.knots, terms.r, terms.by_turns, terms.by_parameters, terms.cols, normal.A, normal.B, normal.a)
+    _gather(
+        terms.first,
+        terms.knots,
+        terms.r,
+        terms.by_turns,
+        terms.by_parameters,
+        terms.cols,
+        normal.A,
+        normal.B,
+        normal.a,
+    )
     if len(terms.cols):
         flat = terms.by_parameters.reshape(-1, len(terms.cols))
         normal.C[np.ix_(terms.cols, terms.cols)] += flat.T @ flat
@@ -95,7 +111,9 @@ def step(normal: Normal, factor: Factor) -> Step:
     """Where the minimum of the quadratic model lies from here."""
     y = normal.a.copy()
     _forward(factor.L, y)
-    parameters = factor.covariance @ (factor.Y.reshape(-1, factor.Y.shape[2]).T @ y.ravel() - normal.c)
+    parameters = factor.covariance @ (
+        factor.Y.reshape(-1, factor.Y.shape[2]).T @ y.ravel() - normal.c
+    )
     x = -y - factor.Y @ parameters
     _backward(factor.L, x)
     return Step(x, parameters)
@@ -134,7 +152,9 @@ def whitened(factor: Factor, B: Array) -> Array:
 
 
 @loops
-def _gather(first: int, knots: int, r: Array, J: Array, K: Array, cols: Array, A: Array, B: Array, a: Array) -> None:
+def _gather(
+    first: int, knots: int, r: Array, J: Array, K: Array, cols: Array, A: Array, B: Array, a: Array
+) -> None:
     e, p = A.shape[2], cols.shape[0]
     by_turns, by_parameters = np.empty(knots * e), np.empty(p)
     for t in range(J.shape[0]):

@@ -41,10 +41,15 @@ from handscope.estimators.self_calibration.whole_hand import normal_equations as
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace
 
-SPREAD = (1.0, 99.0)  # per cent of the angles between which a joint's excursion lies, as of self-calibration
+SPREAD = (
+    1.0,
+    99.0,
+)  # per cent of the angles between which a joint's excursion lies, as of self-calibration
 RIGID = 1e-3  # share of skin's movement that nobody notices
 HANDS = 6  # parameters of the skin under the hand's sensor: turn and slide
-SAFE = 4 / 3  # times what self-calibration asks a joint to be bent by, for tracking errs by a few degrees
+SAFE = (
+    4 / 3
+)  # times what self-calibration asks a joint to be bent by, for tracking errs by a few degrees
 
 
 @dataclass(frozen=True)
@@ -60,11 +65,19 @@ class Limb:
     def kept(self) -> Indices:
         """Columns of the parameters that are looked at: all but scales and lag; behind them turn and slide of the skin under the hand's sensor."""
         c = columns(self.links)
-        return np.concatenate([np.arange(c.scale_gyr.start), np.arange(c.axis_far.start, c.delay.start), c.count + np.arange(HANDS)])
+        return np.concatenate(
+            [
+                np.arange(c.scale_gyr.start),
+                np.arange(c.axis_far.start, c.delay.start),
+                c.count + np.arange(HANDS),
+            ]
+        )
 
     def of_kept(self, slopes: Array) -> Array:
         """Derivatives (..., P) by all of a finger's parameters, by those that are kept."""
-        return np.concatenate([slopes, np.zeros((*slopes.shape[:-1], HANDS))], axis=-1)[..., self.kept]
+        return np.concatenate([slopes, np.zeros((*slopes.shape[:-1], HANDS))], axis=-1)[
+            ..., self.kept
+        ]
 
 
 @dataclass(frozen=True)
@@ -73,8 +86,12 @@ class Told:
 
     information: Array  # (P, P) on the parameters that are kept
     made_up: Array  # (P, P) of it by noise
-    squares: Array  # (2,) of what accelerations at joints (m/s^2) and hinges (deg) are off, summed up
-    redundancy: Array  # (2,) of how many numbers these are the squares, less what the unknowns took up
+    squares: (
+        Array  # (2,) of what accelerations at joints (m/s^2) and hinges (deg) are off, summed up
+    )
+    redundancy: (
+        Array  # (2,) of how many numbers these are the squares, less what the unknowns took up
+    )
     seconds: float
     turned: float  # rad, of the last sensor, all its turning added up
     hand_turned: float  # rad, of the hand's
@@ -84,8 +101,14 @@ class Told:
     def noise(self) -> Noise:
         """Sizes of errors as they were met so far, as `posterior.learnt` has them."""
         sizes = np.sqrt(self.squares / np.maximum(self.redundancy, 1.0))
-        acc, hinge = np.where(self.redundancy > 1, sizes / [np.linalg.norm(NUMEROV), 1.0], [Noise().acc, Noise().hinge])
-        return Noise(acc=max(float(acc), posterior.LEAST_ACC), hinge=max(float(hinge), posterior.LEAST_HINGE))
+        acc, hinge = np.where(
+            self.redundancy > 1,
+            sizes / [np.linalg.norm(NUMEROV), 1.0],
+            [Noise().acc, Noise().hinge],
+        )
+        return Noise(
+            acc=max(float(acc), posterior.LEAST_ACC), hinge=max(float(hinge), posterior.LEAST_HINGE)
+        )
 
 
 @dataclass(frozen=True)
@@ -98,7 +121,9 @@ class Observed:
     share: float  # 0 to 1: of what is enough, the least of all that is
 
 
-def limb(finger: str, worn: Sequence[str], geometry: HandGeometry, mounting: Mapping[str, Array]) -> Limb:
+def limb(
+    finger: str, worn: Sequence[str], geometry: HandGeometry, mounting: Mapping[str, Array]
+) -> Limb:
     """Of the segments with a sensor those that hang together with the hand."""
     return Limb(chain([s for s in ("hand", *CHAINS[finger]) if s in worn]), geometry, mounting)
 
@@ -118,21 +143,39 @@ def told(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> Told:
     terms[residuals.meeting] = _on_skin(problem, at, terms[residuals.meeting])
     for each in terms.values():
         normal_equations.add(normal, each)
-    normal = replace(normal, B=normal.B[:, :, kept], C=normal.C[np.ix_(kept, kept)], c=normal.c[kept])
+    normal = replace(
+        normal, B=normal.B[:, :, kept], C=normal.C[np.ix_(kept, kept)], c=normal.c[kept]
+    )
     L, Y, information = normal_equations.eliminated(normal)
     r, slopes = _believed(of, problem, at)
     alone = Factor(L, Y, normal_equations.inverse(information + slopes.T @ slopes))
     step = _whole(of, normal_equations.step(replace(normal, c=normal.c + slopes.T @ r), alone))
     numbers = posterior.normal_numbers(n * L.shape[2] + len(kept), 0)
-    drawn = _whole(of, normal_equations.drawn(alone, numbers[: n * L.shape[2]].reshape(n, -1), numbers[n * L.shape[2] :]))
+    drawn = _whole(
+        of,
+        normal_equations.drawn(
+            alone, numbers[: n * L.shape[2]].reshape(n, -1), numbers[n * L.shape[2] :]
+        ),
+    )
     off = [
         _off(terms[residuals.meeting], step, drawn, noise.acc, 0),
         _off(terms[residuals.hinging], step, drawn, noise.hinge, len(of.links.hinges)),
     ]
     squares, redundancy = np.array(off).T
     made_up = parameter_covariance.apparent(problem, at, alone, 1, [terms[residuals.meeting]])
-    hand_turned, turned = (float(np.linalg.norm(problem.turns[:, s], axis=1).sum()) for s in (0, -1))
-    return Told(information, made_up, squares, redundancy, n * problem.dt, turned, hand_turned, problem.bias_sd)
+    hand_turned, turned = (
+        float(np.linalg.norm(problem.turns[:, s], axis=1).sum()) for s in (0, -1)
+    )
+    return Told(
+        information,
+        made_up,
+        squares,
+        redundancy,
+        n * problem.dt,
+        turned,
+        hand_turned,
+        problem.bias_sd,
+    )
 
 
 def together(a: Told, b: Told) -> Told:
@@ -152,10 +195,17 @@ def together(a: Told, b: Told) -> Told:
 def observed(asked: Asked, of: Limb, so_far: Told, flexion: Mapping[str, Array]) -> list[Observed]:
     """Joint by joint, from what was told so far and the flexion (n,) rad by joint, NaN where it was not followed."""
     sure, problem, at = _sure(of, so_far)
-    lengths = {s: float(np.sqrt(slope @ sure @ slope)) for s, slope in _lengths(of, problem, at).items()}
-    turning = min(so_far.turned / asked.moving, so_far.hand_turned / asked.hand_moving) / max(np.radians(so_far.seconds), 1e-9)
+    lengths = {
+        s: float(np.sqrt(slope @ sure @ slope)) for s, slope in _lengths(of, problem, at).items()
+    }
+    turning = min(so_far.turned / asked.moving, so_far.hand_turned / asked.hand_moving) / max(
+        np.radians(so_far.seconds), 1e-9
+    )
     most = min(1.0, turning, (so_far.seconds + ROUNDED) / asked.shortest)
-    return [_of_joint(asked, of, k, at, sure, lengths, most, flexion[joint]) for k, joint in enumerate(of.links.joints)]
+    return [
+        _of_joint(asked, of, k, at, sure, lengths, most, flexion[joint])
+        for k, joint in enumerate(of.links.joints)
+    ]
 
 
 def _whole(of: Limb, step: Step) -> Step:
@@ -168,13 +218,19 @@ def _whole(of: Limb, step: Step) -> Step:
 def _on_skin(problem: Problem, at: Unknowns, terms: Terms) -> Terms:
     """`meeting` with columns behind all others for the skin that moves the hand's sensor with this finger, which is believed to be rigid."""
     k, T, first = whole_hand_problem.root(problem.chain), len(terms.r), terms.first + 1
-    rigid = HandPlace((at,), np.zeros((len(problem), 3)), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1))
+    rigid = HandPlace(
+        (at,), np.zeros((len(problem), 3)), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1)
+    )
     samples = first + np.arange(T)[:, None] + np.arange(-1, 2)
-    by_skin = hand_equations.pulled(problem, at, rigid, problem.bent[:, [k]], samples)[2][..., :HANDS]
+    by_skin = hand_equations.pulled(problem, at, rigid, problem.bent[:, [k]], samples)[2][
+        ..., :HANDS
+    ]
     seen = residuals.whitening(problem, first, first + T)[:, :, k] / residuals.common_scale(at)
     slopes = np.einsum("tj,tip->tjip", seen, by_skin).reshape(T, -1, HANDS)
     cols = np.concatenate([terms.cols, columns(problem.chain).count + np.arange(HANDS)])
-    return replace(terms, by_parameters=np.concatenate([terms.by_parameters, slopes], axis=2), cols=cols)
+    return replace(
+        terms, by_parameters=np.concatenate([terms.by_parameters, slopes], axis=2), cols=cols
+    )
 
 
 def _believed(of: Limb, problem: Problem, at: Unknowns) -> tuple[Array, Array]:
@@ -194,16 +250,36 @@ def _off(terms: Terms, step: Step, drawn: Step, sd: float, idle: int) -> tuple[f
 
 
 def _of_joint(
-    asked: Asked, of: Limb, k: int, at: Unknowns, sure: Array, lengths: Mapping[int, float], most: float, flexion: Array
+    asked: Asked,
+    of: Limb,
+    k: int,
+    at: Unknowns,
+    sure: Array,
+    lengths: Mapping[int, float],
+    most: float,
+    flexion: Array,
 ) -> Observed:
-    followed, ends = flexion[np.isfinite(flexion)], (int(of.links.parents[k]), int(of.links.children[k]))
+    followed, ends = (
+        flexion[np.isfinite(flexion)],
+        (int(of.links.parents[k]), int(of.links.children[k])),
+    )
     excursion = float(np.ptp(np.percentile(followed, SPREAD))) if len(followed) else 0.0
     beside = {s: lengths[s] for s in ends if s in lengths}
-    good = [asked.length_known * of.geometry.lengths[of.links.sensors[s]] / sd for s, sd in beside.items()]
+    good = [
+        asked.length_known * of.geometry.lengths[of.links.sensors[s]] / sd
+        for s, sd in beside.items()
+    ]
     c = columns(of.links)
-    place = max(_place_sd(sure, arms.start + 3 * k, arm) for arms, arm in ((c.far, at.far[k]), (c.near, at.near[k])))
-    share = min(most, excursion / (SAFE * np.radians(asked.bent)), 1e-3 * asked.place_known / place, *good)
-    return Observed(of.links.joints[k], max(beside.values(), default=place), excursion, float(share))
+    place = max(
+        _place_sd(sure, arms.start + 3 * k, arm)
+        for arms, arm in ((c.far, at.far[k]), (c.near, at.near[k]))
+    )
+    share = min(
+        most, excursion / (SAFE * np.radians(asked.bent)), 1e-3 * asked.place_known / place, *good
+    )
+    return Observed(
+        of.links.joints[k], max(beside.values(), default=place), excursion, float(share)
+    )
 
 
 def _place_sd(sure: Array, row: int, arm: Array) -> float:
@@ -215,13 +291,17 @@ def _place_sd(sure: Array, row: int, arm: Array) -> float:
 def _sure(of: Limb, so_far: Told) -> tuple[Array, Problem, Unknowns]:
     """Covariance (P, P) of the kept parameters, and the place where it was asked for."""
     S = len(of.links.sensors)
-    none = Readings(0.01, np.zeros((2, S, 3)), np.zeros((2, S, 3)), np.ones((2, S)), np.ones((2, S)))
+    none = Readings(
+        0.01, np.zeros((2, S, 3)), np.zeros((2, S, 3)), np.ones((2, S)), np.ones((2, S))
+    )
     problem, at = _place(of, none, np.tile(quat.IDENTITY, (S, 1)), Noise())
     problem = replace(problem, bias_sd=min(so_far.bias_sd, np.radians(problem.noise.gyr_bias)))
     slopes = _believed(of, problem, at)[1]
     before, arms = slopes.T @ slopes, of.of_kept(parameter_covariance.arms(problem, at))
     return (
-        parameter_covariance.without_noise(normal_equations.inverse(so_far.information + before), so_far.made_up, before, arms),
+        parameter_covariance.without_noise(
+            normal_equations.inverse(so_far.information + before), so_far.made_up, before, arms
+        ),
         problem,
         at,
     )
@@ -230,18 +310,40 @@ def _sure(of: Limb, so_far: Told) -> tuple[Array, Problem, Unknowns]:
 def _place(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> tuple[Problem, Unknowns]:
     """The finger of nominal size with sensors in the middle of their segments, that turns as its gyroscopes say."""
     links, geometry = of.links, of.geometry
-    problem = measured(posed(links, noise, read, q_GS, geometry.hand, of.mounting), geometry.lengths)
+    problem = measured(
+        posed(links, noise, read, q_GS, geometry.hand, of.mounting), geometry.lengths
+    )
     half = 0.5 * np.array([geometry.lengths[s] for s in links.sensors])[:, None] * problem.distal
     far = half[links.parents]
     for k in np.flatnonzero(links.parents == 0):
-        on_hand = np.subtract(geometry.joint_positions[links.joints[k]], 0.5 * np.array(geometry.joint_positions["middle_mcp"]))
-        far[k] = quat.rotate(quat.conjugate(np.asarray(of.mounting.get("hand", quat.IDENTITY))), on_hand)
+        on_hand = np.subtract(
+            geometry.joint_positions[links.joints[k]],
+            0.5 * np.array(geometry.joint_positions["middle_mcp"]),
+        )
+        far[k] = quat.rotate(
+            quat.conjugate(np.asarray(of.mounting.get("hand", quat.IDENTITY))), on_hand
+        )
     S, J = len(links.sensors), len(links.joints)
     none, skin, whole = np.zeros((S, 3)), np.zeros((J, 3)), np.zeros((S, 3, 3))
-    axes = (problem.flexing[links.parents[links.hinges]], problem.flexing[links.children[links.hinges]])
+    axes = (
+        problem.flexing[links.parents[links.hinges]],
+        problem.flexing[links.children[links.hinges]],
+    )
     turned = _turned(q_GS, problem.turns)
     at = Unknowns(
-        turned, far, -half[links.children], none, none, whole, whole, *axes, skin, skin, np.zeros(1), np.zeros((J, 2)), np.zeros(J)
+        turned,
+        far,
+        -half[links.children],
+        none,
+        none,
+        whole,
+        whole,
+        *axes,
+        skin,
+        skin,
+        np.zeros(1),
+        np.zeros((J, 2)),
+        np.zeros(J),
     )
     return bent(problem, at), at
 

@@ -86,7 +86,14 @@ def jolts(knocks: Knocks, base: Problem, at: Unknowns, off: Array) -> tuple[Jolt
         size, whole = np.linalg.norm(turned, axis=2), np.linalg.norm(turned.sum(axis=0), axis=1)
         brief = bool(knocks.hit[first : stop + 1].any())
         gyroscopes = np.flatnonzero(whole > JOLT if brief else (size > JOLT).any(axis=0))
-        found += [Jolt(int(s), (first + stop) // 2 if brief else first + int(np.argmax(size[:, s] > JOLT)), "gyr") for s in gyroscopes]
+        found += [
+            Jolt(
+                int(s),
+                (first + stop) // 2 if brief else first + int(np.argmax(size[:, s] > JOLT)),
+                "gyr",
+            )
+            for s in gyroscopes
+        ]
         if brief and not len(gyroscopes):
             share = off[first : stop + 1] / usual
             k, s = np.unravel_index(int(np.argmax(share)), share.shape)
@@ -104,7 +111,9 @@ def runs(marked: NDArray[np.bool_], apart: int) -> list[tuple[int, int]]:
 def _beside(strange: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Turns (n-1,) beside strange accelerations (n,): accelerometer or gyroscope may be to blame."""
     found = np.zeros(len(strange) - 1, bool)
-    found[np.clip(np.flatnonzero(strange)[:, None] + np.arange(-BESIDE, BESIDE), 0, len(found) - 1)] = True
+    found[
+        np.clip(np.flatnonzero(strange)[:, None] + np.arange(-BESIDE, BESIDE), 0, len(found) - 1)
+    ] = True
     return found
 
 

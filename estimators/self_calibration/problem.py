@@ -22,10 +22,16 @@ from handscope.estimators.self_calibration.soft_tissue import followed
 
 Indices = NDArray[np.intp]
 THESIS = "Kortier, thesis 4.5.1"
-LIMBS = {**CHAINS, "forearm": ("forearm",)}  # what hangs on the hand with a joint of its own, segments from there on
+LIMBS = {
+    **CHAINS,
+    "forearm": ("forearm",),
+}  # what hangs on the hand with a joint of its own, segments from there on
 Z = np.array([0.0, 0.0, 1.0])  # of a segment: about what it flexes
 TILTING = 1e-5  # rad, between axes whose difference is a derivative
-RESTING_GYR, RESTING_ACC = 0.3, 0.06  # deg/s, m/s^2: standard deviation over a second in which a sensor rests, 3 times an MPU-9250's
+RESTING_GYR, RESTING_ACC = (
+    0.3,
+    0.06,
+)  # deg/s, m/s^2: standard deviation over a second in which a sensor rests, 3 times an MPU-9250's
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,14 +39,22 @@ class Noise:
     """How far each relation may be off: standard deviations of one sample, of one unknown."""
 
     gyr: float = option(1e-3, "rad/s", "noise of a gyroscope's sample", THESIS, least=1e-6)
-    acc: float = option(0.08, "m/s^2", "noise of an accelerometer's sample, play of joints and skin included", THESIS, least=1e-5)
+    acc: float = option(
+        0.08,
+        "m/s^2",
+        "noise of an accelerometer's sample, play of joints and skin included",
+        THESIS,
+        least=1e-5,
+    )
     hinge: float = option(
         1.0,
         "deg",
         "how far the axis of a hinge lies apart in its two segments",
         "Kortier, thesis 4.5.1: 1e-3 rad, a printed hinge; ours for fingers",
     )
-    still: float = option(10.0, "m/s^2", "size of the hand's acceleration, zero on average", f"{THESIS}, (4.15)")
+    still: float = option(
+        10.0, "m/s^2", "size of the hand's acceleration, zero on average", f"{THESIS}, (4.15)"
+    )
     gyr_bias: float = option(
         2.0,
         "deg/s",
@@ -48,7 +62,10 @@ class Noise:
         "MPU-9250 product specification PS-MPU-9250A-01 rev. 1.0, table 1, after one calibration; size ours",
     )
     gyr_bias_walk: float = option(
-        0.001, "deg/s/sqrt(s)", "random walk of a gyroscope's bias, which is looked for as one number", "ours: consumer MEMS, 10 deg/h"
+        0.001,
+        "deg/s/sqrt(s)",
+        "random walk of a gyroscope's bias, which is looked for as one number",
+        "ours: consumer MEMS, 10 deg/h",
     )
     rest: float = option(
         0.05,
@@ -57,7 +74,10 @@ class Noise:
         "ours: a hand on a table; noise of 100 samples is 0.01",
     )
     acc_bias: float = option(
-        0.2, "m/s^2", "bias of an accelerometer", "MPU-9250 product specification: 60 mg before calibration; size ours"
+        0.2,
+        "m/s^2",
+        "bias of an accelerometer",
+        "MPU-9250 product specification: 60 mg before calibration; size ours",
     )
     scale: float = option(
         0.005,
@@ -80,7 +100,12 @@ class Noise:
         "hand length of adults: SD 10 mm of 187, ANSUR (Gordon et al. 1989), and ratios; size ours",
         least=1e-3,
     )
-    place: float = option(0.1, "m", "distance of a joint's centre from a sensor", "Kortier, thesis 4.3.1: 1; a hand's size")
+    place: float = option(
+        0.1,
+        "m",
+        "distance of a joint's centre from a sensor",
+        "Kortier, thesis 4.3.1: 1; a hand's size",
+    )
     bone: float = option(
         0.5,
         "mm",
@@ -94,10 +119,18 @@ class Noise:
         "Kortier, thesis 4.5.2: x = 0; size ours",
     )
     skin_turn: float = option(
-        3.0, "deg", "turn of a sensor on its segment for 90 deg in the joint before it", "skin moves with the joint; size ours", least=1e-6
+        3.0,
+        "deg",
+        "turn of a sensor on its segment for 90 deg in the joint before it",
+        "skin moves with the joint; size ours",
+        least=1e-6,
     )
     skin_slide: float = option(
-        1.5, "mm", "slide of a sensor on its segment for 90 deg in the joint before it", "skin moves with the joint; size ours", least=1e-6
+        1.5,
+        "mm",
+        "slide of a sensor on its segment for 90 deg in the joint before it",
+        "skin moves with the joint; size ours",
+        least=1e-6,
     )
     skin_law: float = option(
         0.5,
@@ -153,7 +186,9 @@ class Problem:
     noise: Noise
     dt: float  # s
     turns: Array  # (n-1, S, 3) rad, rotation vectors between samples, biases in them
-    later: Array  # (n-1, S, 3) rad/s, by how much a turn grows for each s that gyroscopes lag behind
+    later: (
+        Array  # (n-1, S, 3) rad/s, by how much a turn grows for each s that gyroscopes lag behind
+    )
     acc: Array  # (n, S, 3) m/s^2
     turn_sd: Array  # (n-1, S) rad
     acc_sd: Array  # (n, S) m/s^2
@@ -184,7 +219,9 @@ class Unknowns:
     scale_acc: Array  # (S, 3, 3) the same of a specific force
     axis_far: Array  # (H, 3) unit, axis of a hinge in the frame of the parent's sensor
     axis_near: Array  # (H, 3) unit, in that of the child's
-    skin_turn: Array  # (J, 3) rad/rad, how far the child's sensor turns with its joint, in its frame
+    skin_turn: (
+        Array  # (J, 3) rad/rad, how far the child's sensor turns with its joint, in its frame
+    )
     skin_slide: Array  # (J, 3) m/rad, how far it slides
     delay: Array  # (1,) s by which gyroscopes lag behind accelerometers
     tilt: Array  # (J, 2) rad, of the axis about which a joint that is no hinge is counted as flexed, off the nominal one: skin is pulled by that
@@ -214,7 +251,11 @@ class Columns:
         return int(self.law.stop)
 
 
-def chain(segments: Sequence[str], joints: Sequence[str] | None = None, hinges: Sequence[str] | None = None) -> Chain:
+def chain(
+    segments: Sequence[str],
+    joints: Sequence[str] | None = None,
+    hinges: Sequence[str] | None = None,
+) -> Chain:
     """The tree of those of `segments` that hang together from the first; which joints are hinges is the hand's anatomy's unless told otherwise.
 
     The hand as the first has the forearm behind the wrist.
@@ -238,7 +279,14 @@ def chain(segments: Sequence[str], joints: Sequence[str] | None = None, hinges: 
     )
 
 
-def posed(chain: Chain, noise: Noise, readings: Readings, start: Array, hand: Hand, mounting: Mapping[str, Array]) -> Problem:
+def posed(
+    chain: Chain,
+    noise: Noise,
+    readings: Readings,
+    start: Array,
+    hand: Hand,
+    mounting: Mapping[str, Array],
+) -> Problem:
     """The problem of these readings; orientations begin near `start` (S, 4); `mounting` is the nominal one, q_BS by segment."""
     bias_told, bias_sd = at_rest(noise, readings)
     w, dt = readings.gyr, readings.dt
@@ -274,15 +322,22 @@ def mounted(chain: Chain, mounting: Mapping[str, Array], axis: Array) -> Array:
 
 def measured(problem: Problem, lengths: Mapping[str, float]) -> Problem:
     """The problem with lengths of segments given, m by segment."""
-    return replace(problem, length=np.array([lengths.get(s, np.nan) for s in problem.chain.sensors], float))
+    return replace(
+        problem, length=np.array([lengths.get(s, np.nan) for s in problem.chain.sensors], float)
+    )
 
 
 def at_rest(noise: Noise, readings: Readings) -> tuple[Array, float]:
     """Biases of gyroscopes (S, 3) and their standard deviation, from the seconds in which every sensor rests; nothing but their size where none does."""
     each = max(1, round(1 / readings.dt))
     seconds = len(readings) // each
-    gyr, acc = (v[: seconds * each].reshape(seconds, each, *v.shape[1:]) for v in (readings.gyr, readings.acc))
-    still = (gyr.std(axis=1).max(axis=(1, 2)) < np.radians(RESTING_GYR)) & (acc.std(axis=1).max(axis=(1, 2)) < RESTING_ACC)
+    gyr, acc = (
+        v[: seconds * each].reshape(seconds, each, *v.shape[1:])
+        for v in (readings.gyr, readings.acc)
+    )
+    still = (gyr.std(axis=1).max(axis=(1, 2)) < np.radians(RESTING_GYR)) & (
+        acc.std(axis=1).max(axis=(1, 2)) < RESTING_ACC
+    )
     if not still.any():
         return np.zeros(readings.gyr.shape[1:]), float(np.radians(noise.gyr_bias))
     return gyr[still].mean(axis=(0, 1)), float(np.radians(noise.rest))
@@ -291,7 +346,9 @@ def at_rest(noise: Noise, readings: Readings) -> tuple[Array, float]:
 def resized(problem: Problem, noise: Noise, acc_doubt: Array | float = 1.0) -> Problem:
     """The same readings with errors of other sizes; accelerations count as uncertain by factors (n, S) more."""
     grown = problem.acc_sd * noise.acc / problem.noise.acc * acc_doubt
-    return replace(problem, noise=noise, turn_sd=problem.turn_sd * noise.gyr / problem.noise.gyr, acc_sd=grown)
+    return replace(
+        problem, noise=noise, turn_sd=problem.turn_sd * noise.gyr / problem.noise.gyr, acc_sd=grown
+    )
 
 
 def turned(w: Array, dt: float) -> Array:
@@ -304,7 +361,9 @@ def turned(w: Array, dt: float) -> Array:
 def columns(chain: Chain) -> Columns:
     """The layout of the parameters' increment."""
     J, S, H = len(chain.joints), len(chain.sensors), len(chain.hinges)
-    ends = np.cumsum([0, 3 * J, 3 * J, 3 * S, 3 * S, 9 * S, 9 * S, 2 * H, 2 * H, 3 * J, 3 * J, 1, 2 * J, J]).tolist()
+    ends = np.cumsum(
+        [0, 3 * J, 3 * J, 3 * S, 3 * S, 9 * S, 9 * S, 2 * H, 2 * H, 3 * J, 3 * J, 1, 2 * J, J]
+    ).tolist()
     return Columns(*(slice(a, b) for a, b in zip(ends, ends[1:])))
 
 
@@ -361,11 +420,18 @@ def bent(problem: Problem, at: Unknowns) -> Problem:
     for k, (i, j) in enumerate(zip(chain.parents, chain.children)):
         before, behind = (quat.rotate(q_GS[:, s], _bone(problem, at, int(s))) for s in (i, j))
         if k in hinge:
-            axis = at.axis_far[hinge[k]] * (1.0 if at.axis_far[hinge[k]] @ problem.flexing[i] >= 0 else -1.0)
+            axis = at.axis_far[hinge[k]] * (
+                1.0 if at.axis_far[hinge[k]] @ problem.flexing[i] >= 0 else -1.0
+            )
             found[:, k] = _flexed(quat.rotate(q_GS[:, i], axis), before, behind)
             continue
-        axes = tilted(np.tile(problem.flexing[i], (3, 1)), at.tilt[k] + TILTING * np.array([[0, 0], [1, 0], [0, 1]]))
-        found[:, k], *others = (_flexed(quat.rotate(q_GS[:, i], axis), before, behind) for axis in axes)
+        axes = tilted(
+            np.tile(problem.flexing[i], (3, 1)),
+            at.tilt[k] + TILTING * np.array([[0, 0], [1, 0], [0, 1]]),
+        )
+        found[:, k], *others = (
+            _flexed(quat.rotate(q_GS[:, i], axis), before, behind) for axis in axes
+        )
         by_tilt[:, k] = np.stack([other - found[:, k] for other in others], axis=1) / TILTING
     return replace(problem, bent=found, by_tilt=by_tilt, tilt=at.tilt)
 
@@ -373,25 +439,35 @@ def bent(problem: Problem, at: Unknowns) -> Problem:
 def _flexed(z: Array, before: Array, behind: Array) -> Array:
     """How far the second direction is turned from the first about a third, all (n, 3): (n,) rad."""
     side = np.einsum("ni,ni->n", z, np.cross(before, behind))
-    along = np.einsum("ni,ni->n", before, behind) - np.einsum("ni,ni->n", z, before) * np.einsum("ni,ni->n", z, behind)
+    along = np.einsum("ni,ni->n", before, behind) - np.einsum("ni,ni->n", z, before) * np.einsum(
+        "ni,ni->n", z, behind
+    )
     return np.asarray(np.arctan2(side, along))
 
 
 def bending(problem: Problem, at: Unknowns, samples: Indices) -> Array:
     """How far joints are flexed (..., J) rad at samples (...), about axes tilted as here."""
-    return np.asarray(problem.bent[samples] + np.einsum("...jx,jx->...j", problem.by_tilt[samples], at.tilt - problem.tilt))
+    return np.asarray(
+        problem.bent[samples]
+        + np.einsum("...jx,jx->...j", problem.by_tilt[samples], at.tilt - problem.tilt)
+    )
 
 
 def unskinned(problem: Problem, at: Unknowns) -> Array:
     """Orientations (n, S, 4) that the sensors would have if no skin turned them on their segments."""
     back = np.zeros(at.q_GS.shape[:2] + (3,))
-    back[:, problem.chain.children] = -followed(bending(problem, at, np.arange(len(back))), at.law)[..., None] * at.skin_turn
+    back[:, problem.chain.children] = (
+        -followed(bending(problem, at, np.arange(len(back))), at.law)[..., None] * at.skin_turn
+    )
     return quat.multiply(at.q_GS, quat.exp(back))
 
 
 def _bone(problem: Problem, at: Unknowns, s: int) -> Array:
     """The distal direction (3,) of a sensor's segment in the sensor's frame."""
-    before, behind = np.flatnonzero(problem.chain.children == s), np.flatnonzero(problem.chain.parents == s)
+    before, behind = (
+        np.flatnonzero(problem.chain.children == s),
+        np.flatnonzero(problem.chain.parents == s),
+    )
     if len(before) != 1 or len(behind) != 1:
         return np.asarray(problem.distal[s])
     bone = at.far[behind[0]] - at.near[before[0]]

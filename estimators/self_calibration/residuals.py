@@ -14,12 +14,26 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.self_calibration import soft_tissue
-from handscope.estimators.self_calibration.problem import Chain, Columns, Indices, Problem, Unknowns, bending, columns, tangents
+from handscope.estimators.self_calibration.problem import (
+    Chain,
+    Columns,
+    Indices,
+    Problem,
+    Unknowns,
+    bending,
+    columns,
+    tangents,
+)
 from handscope.estimators.self_calibration.soft_tissue import Skin, right_jacobian
 
 SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0])
-NUMEROV = np.array([1.0, 10.0, 1.0]) / 12  # p(t+T) - 2 p(t) + p(t-T) = T^2 times this mean of the accelerations, to T^6: Numerov 1924
-BEGINNING_SD, HEADING_SD = 1.0, 1e-3  # rad: (4.16); the root's heading is free (no magnetometer) and is held at what was first believed
+NUMEROV = (
+    np.array([1.0, 10.0, 1.0]) / 12
+)  # p(t+T) - 2 p(t) + p(t-T) = T^2 times this mean of the accelerations, to T^6: Numerov 1924
+BEGINNING_SD, HEADING_SD = (
+    1.0,
+    1e-3,
+)  # rad: (4.16); the root's heading is free (no magnetometer) and is held at what was first believed
 
 
 @dataclass(frozen=True)
@@ -39,7 +53,12 @@ def turning(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     S, c, dt = len(problem.chain.sensors), columns(problem.chain), problem.dt
     stop = min(stop, len(problem) - 1)
     felt = problem.turns[start:stop]
-    phi = felt + np.einsum("sij,tsj->tsi", at.scale_gyr, felt) - dt * at.bias_gyr + at.delay * problem.later[start:stop]
+    phi = (
+        felt
+        + np.einsum("sij,tsj->tsi", at.scale_gyr, felt)
+        - dt * at.bias_gyr
+        + at.delay * problem.later[start:stop]
+    )
     q_ab = quat.relative(at.q_GS[start:stop], at.q_GS[start + 1 : stop + 1])
     r = quat.log(quat.multiply(quat.exp(-phi), q_ab))
     sd = problem.turn_sd[start:stop, :, None]
@@ -53,7 +72,9 @@ def turning(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
         by[:, s, :, 1, s] = right[:, s] / sd[:, s, :, None]
         by[:, s, :, 0, s] = back[:, s]
         by_parameters[:, s, :, 3 * s : 3 * s + 3] = -dt * of_phi[:, s]
-        by_parameters[:, s, :, 3 * S + 9 * s : 3 * S + 9 * s + 9] = (of_phi[:, s, :, :, None] * felt[:, s, None, None]).reshape(T, 3, 9)
+        by_parameters[:, s, :, 3 * S + 9 * s : 3 * S + 9 * s + 9] = (
+            of_phi[:, s, :, :, None] * felt[:, s, None, None]
+        ).reshape(T, 3, 9)
     by_parameters[..., -1] = np.einsum("tsij,tsj->tsi", of_phi, problem.later[start:stop])
     return Terms(
         start,
@@ -82,30 +103,53 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     felt = over_three(NUMEROV, R)
     scaled = over_three(NUMEROV, R[..., None] * read[:, :, None, None]).reshape(T, S, 3, 9)
     pulling = R @ quat.skew(_true(at, read))
-    pulled, pull = [_skin(problem, at, s, samples) for s in range(S)], _by_pull(problem, at, samples)
+    pulled, pull = (
+        [_skin(problem, at, s, samples) for s in range(S)],
+        _by_pull(problem, at, samples),
+    )
     for k in range(J):
-        for sign, s, still, place in ((1.0, chain.children[k], at.near[k], 3 * J + 3 * k), (-1.0, chain.parents[k], at.far[k], 3 * k)):
+        for sign, s, still, place in (
+            (1.0, chain.children[k], at.near[k], 3 * J + 3 * k),
+            (-1.0, chain.parents[k], at.far[k], 3 * k),
+        ):
             swinging = R[:, s] @ quat.skew(soft_tissue.seen(pulled[s], still))
             for knot in range(3):
                 three = slice(knot, knot + T)
-                by[:, k, :, knot, s] = -sign * (swing[knot] * swinging[three] + NUMEROV[knot] * pulling[three, s])
+                by[:, k, :, knot, s] = -sign * (
+                    swing[knot] * swinging[three] + NUMEROV[knot] * pulling[three, s]
+                )
             carried = R[:, s] @ pulled[s].back
             by_parameters[:, k, :, place : place + 3] = sign * over_three(swing, carried)
             by_parameters[:, k, :, 15 * J + 3 * s : 15 * J + 3 * s + 3] = -sign * felt[:, s]
-            by_parameters[:, k, :, 15 * J + 3 * S + 9 * s : 15 * J + 3 * S + 9 * s + 9] = sign * scaled[:, s]
+            by_parameters[:, k, :, 15 * J + 3 * S + 9 * s : 15 * J + 3 * S + 9 * s + 9] = (
+                sign * scaled[:, s]
+            )
             for m in np.flatnonzero(chain.children == s):
                 bent = pulled[s].bent[..., None]
-                by_turn = over_three(swing, R[:, s] @ (bent * soft_tissue.by_turn(pulled[s], still)))
+                by_turn = over_three(
+                    swing, R[:, s] @ (bent * soft_tissue.by_turn(pulled[s], still))
+                )
                 by_parameters[:, k, :, 6 * J + 3 * m : 6 * J + 3 * m + 3] = sign * by_turn
-                by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * over_three(swing, bent * carried)
-                by_bent = soft_tissue.by_bending(pulled[s], at.skin_turn[m], at.skin_slide[m], still)
-                by_pull = sign * over_three(swing, R[:, s] @ (by_bent[..., None] * pull[:, m, None]))  # by tilt and law
+                by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * over_three(
+                    swing, bent * carried
+                )
+                by_bent = soft_tissue.by_bending(
+                    pulled[s], at.skin_turn[m], at.skin_slide[m], still
+                )
+                by_pull = sign * over_three(
+                    swing, R[:, s] @ (by_bent[..., None] * pull[:, m, None])
+                )  # by tilt and law
                 by_parameters[:, k, :, 12 * J + 2 * m : 12 * J + 2 * m + 2] = by_pull[..., :2]
                 by_parameters[:, k, :, 14 * J + m] = by_pull[..., 2]
     L = whitening(problem, start, stop)
     r, grown = met(problem, at, start, stop), common_scale(at)
-    mixed = [(L @ x.reshape(T, J, 3 * size)).reshape(T, 3 * J, size) / grown for x, size in ((by, 9 * S), (by_parameters, 15 * J + 12 * S))]
-    mixed[1][..., 15 * J + 3 * S :] -= r[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
+    mixed = [
+        (L @ x.reshape(T, J, 3 * size)).reshape(T, 3 * J, size) / grown
+        for x, size in ((by, 9 * S), (by_parameters, 15 * J + 12 * S))
+    ]
+    mixed[1][..., 15 * J + 3 * S :] -= (
+        r[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
+    )
     cols = _cols(c.far, c.near, c.skin_turn, c.skin_slide, c.tilt, c.law, c.bias_acc, c.scale_acc)
     return Terms(start - 1, 3, r, mixed[0], mixed[1], cols)
 
@@ -117,10 +161,15 @@ def met(problem: Problem, at: Unknowns, start: int, stop: int) -> Array:
     samples, e = np.arange(start - 1, stop + 1), np.zeros((stop - start, len(chain.joints), 3))
     pulled = [_skin(problem, at, s, samples) for s in range(len(chain.sensors))]
     for k in range(len(chain.joints)):
-        for sign, s, still in ((1.0, chain.children[k], at.near[k]), (-1.0, chain.parents[k], at.far[k])):
+        for sign, s, still in (
+            (1.0, chain.children[k], at.near[k]),
+            (-1.0, chain.parents[k], at.far[k]),
+        ):
             arm = np.einsum("tij,tj->ti", R[:, s], soft_tissue.seen(pulled[s], still))
             force = np.einsum("tij,tj->ti", R[:, s], f[:, s])
-            e[:, k] += sign * (over_three(SECOND_DIFFERENCE / problem.dt**2, arm) + over_three(NUMEROV, force))
+            e[:, k] += sign * (
+                over_three(SECOND_DIFFERENCE / problem.dt**2, arm) + over_three(NUMEROV, force)
+            )
     white = whitening(problem, start, stop) @ e
     return np.asarray(white.reshape(len(e), 3 * len(chain.joints)) / common_scale(at))
 
@@ -139,21 +188,29 @@ def _skin(problem: Problem, at: Unknowns, s: int, samples: Indices) -> Skin:
     """Of a sensor at samples (...), pulled by the joint before its segment, if one is."""
     before = problem.chain.children == s
     return soft_tissue.pulled(
-        soft_tissue.followed(bending(problem, at, samples), at.law)[..., before], at.skin_turn[before], at.skin_slide[before]
+        soft_tissue.followed(bending(problem, at, samples), at.law)[..., before],
+        at.skin_turn[before],
+        at.skin_slide[before],
     )
 
 
 def _by_pull(problem: Problem, at: Unknowns, samples: Indices) -> Array:
     """How far skin follows each joint at samples (...), derivatives (..., J, 3) by the joint's tilt (2) and its law."""
     by_bending, law = soft_tissue.by_law(bending(problem, at, samples), at.law)
-    return np.concatenate([by_bending[..., None] * problem.by_tilt[samples], law[..., None]], axis=-1)
+    return np.concatenate(
+        [by_bending[..., None] * problem.by_tilt[samples], law[..., None]], axis=-1
+    )
 
 
 def whitening(problem: Problem, start: int, stop: int) -> Array:
     """What makes the joints' rows (T, J, J) of one size and independent: the inverse root of the covariance that the sensors' noise has at the joints."""
     v = problem.acc_sd**2
     share = NUMEROV**2 / (NUMEROV**2).sum()
-    v = share[0] * v[start - 1 : stop - 1] + share[1] * v[start:stop] + share[2] * v[start + 1 : stop + 1]
+    v = (
+        share[0] * v[start - 1 : stop - 1]
+        + share[1] * v[start:stop]
+        + share[2] * v[start + 1 : stop + 1]
+    )
     a = problem.chain.incidence
     return np.asarray(np.linalg.inv(np.linalg.cholesky((a * v[:, None]) @ a.T)))
 
@@ -162,29 +219,55 @@ def hinging(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     """(4.10a), (4.13): both segments of a hinge have its axis in common."""
     chain, c = problem.chain, columns(problem.chain)
     stop = min(stop, len(problem))
-    T, H, S, sd = stop - start, len(chain.hinges), len(chain.sensors), np.radians(problem.noise.hinge)
+    T, H, S, sd = (
+        stop - start,
+        len(chain.hinges),
+        len(chain.sensors),
+        np.radians(problem.noise.hinge),
+    )
     R = quat.matrix(at.q_GS[start:stop])
     J, samples = len(chain.joints), np.arange(start, stop)
     pull = _by_pull(problem, at, samples)
-    r, by, by_parameters = np.zeros((T, H, 3)), np.zeros((T, H, 3, S, 3)), np.zeros((T, H, 3, 4 * H + 6 * J))
+    r, by, by_parameters = (
+        np.zeros((T, H, 3)),
+        np.zeros((T, H, 3, S, 3)),
+        np.zeros((T, H, 3, 4 * H + 6 * J)),
+    )
     for h, joint in enumerate(chain.hinges):
         for sign, s, still, own in (
             (1.0 / sd, chain.parents[joint], at.axis_far[h], 2 * h),
             (-1.0 / sd, chain.children[joint], at.axis_near[h], 2 * H + 2 * h),
         ):
-            pulled = replace(_skin(problem, at, int(s), samples), slide=np.zeros((T, 3)))  # a direction is the same everywhere
+            pulled = replace(
+                _skin(problem, at, int(s), samples), slide=np.zeros((T, 3))
+            )  # a direction is the same everywhere
             axis = soft_tissue.seen(pulled, still)
             r[:, h] += sign * np.einsum("tij,tj->ti", R[:, s], axis)
             by[:, h, :, s] = -sign * R[:, s] @ quat.skew(axis)
-            by_parameters[:, h, :, own : own + 2] = sign * R[:, s] @ pulled.back @ tangents(still[None])[0]
+            by_parameters[:, h, :, own : own + 2] = (
+                sign * R[:, s] @ pulled.back @ tangents(still[None])[0]
+            )
             for m in np.flatnonzero(chain.children == s):
                 by_turn, place = soft_tissue.by_turn(pulled, still), 4 * H + 3 * J + 2 * m
-                by_parameters[:, h, :, 4 * H + 3 * m : 4 * H + 3 * m + 3] = sign * pulled.bent[..., None] * R[:, s] @ by_turn
-                by_bent = sign * R[:, s] @ soft_tissue.by_bending(pulled, at.skin_turn[m], np.zeros(3), still)[..., None]
+                by_parameters[:, h, :, 4 * H + 3 * m : 4 * H + 3 * m + 3] = (
+                    sign * pulled.bent[..., None] * R[:, s] @ by_turn
+                )
+                by_bent = (
+                    sign
+                    * R[:, s]
+                    @ soft_tissue.by_bending(pulled, at.skin_turn[m], np.zeros(3), still)[..., None]
+                )
                 by_parameters[:, h, :, place : place + 2] = by_bent * pull[:, m, None, :2]
                 by_parameters[:, h, :, 4 * H + 5 * J + m] = by_bent[..., 0] * pull[:, m, 2:]
     cols = _cols(c.axis_far, c.axis_near, c.skin_turn, c.tilt, c.law)
-    return Terms(start, 1, r.reshape(T, 3 * H), by.reshape(T, 3 * H, 3 * S), by_parameters.reshape(T, 3 * H, 4 * H + 6 * J), cols)
+    return Terms(
+        start,
+        1,
+        r.reshape(T, 3 * H),
+        by.reshape(T, 3 * H, 3 * S),
+        by_parameters.reshape(T, 3 * H, 4 * H + 6 * J),
+        cols,
+    )
 
 
 def staying(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
@@ -203,8 +286,17 @@ def staying(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     by[:, :, 0] = -R @ quat.skew(f) / sd
     scaled = -r[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
     scaled[..., :9] += (R[..., None] * read[:, 0, None, None] / sd).reshape(-1, 3, 9)
-    cols = np.concatenate([c.bias_acc.start + np.arange(3), np.arange(c.scale_acc.start, c.scale_acc.stop)])
-    return Terms(start, 1, r, by.reshape(stop - start, 3, 3 * S), np.concatenate([-R / sd, scaled], axis=2), cols)
+    cols = np.concatenate(
+        [c.bias_acc.start + np.arange(3), np.arange(c.scale_acc.start, c.scale_acc.stop)]
+    )
+    return Terms(
+        start,
+        1,
+        r,
+        by.reshape(stop - start, 3, 3 * S),
+        np.concatenate([-R / sd, scaled], axis=2),
+        cols,
+    )
 
 
 def _true(at: Unknowns, read: Array) -> Array:
@@ -219,13 +311,30 @@ def beginning(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     sd[0, 2] = HEADING_SD
     off = quat.log(quat.multiply(at.q_GS[:T], quat.conjugate(problem.start)))
     by = np.zeros((T, S, 3, S, 3))
-    turned = inverse_jacobian(-off) @ quat.matrix(quat.normalize(at.q_GS[:T])) if T else np.empty((0, S, 3, 3))
+    turned = (
+        inverse_jacobian(-off) @ quat.matrix(quat.normalize(at.q_GS[:T]))
+        if T
+        else np.empty((0, S, 3, 3))
+    )
     for s in range(S):
         by[:, s, :, s] = turned[:, s] / sd[s, :, None]
-    return Terms(0, 1, (off / sd).reshape(T, 3 * S), by.reshape(T, 3 * S, 3 * S), np.empty((T, 3 * S, 0)), np.empty(0, np.intp))
+    return Terms(
+        0,
+        1,
+        (off / sd).reshape(T, 3 * S),
+        by.reshape(T, 3 * S, 3 * S),
+        np.empty((T, 3 * S, 0)),
+        np.empty(0, np.intp),
+    )
 
 
-EVERY_SAMPLE: tuple[Callable[[Problem, Unknowns, int, int], Terms], ...] = (turning, meeting, hinging, staying, beginning)
+EVERY_SAMPLE: tuple[Callable[[Problem, Unknowns, int, int], Terms], ...] = (
+    turning,
+    meeting,
+    hinging,
+    staying,
+    beginning,
+)
 
 
 def priors(problem: Problem, at: Unknowns) -> tuple[Array, Array]:
@@ -303,7 +412,9 @@ def sizing(problem: Problem, at: Unknowns) -> list[Told]:
         slope[0, c.far.start + 3 * a : c.far.start + 3 * a + 3] = along / size
         slope[0, c.near.start + 3 * b : c.near.start + 3 * b + 3] = -along / size
         if np.isfinite(problem.length[s]):
-            found.append(Told(s, np.array([size - problem.length[s]]), float(problem.length_sd[s]), slope))
+            found.append(
+                Told(s, np.array([size - problem.length[s]]), float(problem.length_sd[s]), slope)
+            )
     return found
 
 
@@ -325,7 +436,9 @@ def _framing(problem: Problem, at: Unknowns, c: Columns, h: int) -> list[tuple[f
         (chain.children[joint], at.axis_near[h], c.axis_near.start + 2 * h),
     ):
         before, after = np.flatnonzero(chain.children == s), np.flatnonzero(chain.parents == s)
-        arms = [(1.0, at.near[k], c.near.start + 3 * k) for k in before] + [(1.0, at.far[k], c.far.start + 3 * k) for k in after]
+        arms = [(1.0, at.near[k], c.near.start + 3 * k) for k in before] + [
+            (1.0, at.far[k], c.far.start + 3 * k) for k in after
+        ]
         sums = [([arm], problem.noise.aside) for arm in arms]
         if len(before) == 1 and len(after) == 1:  # a bone between two joints
             sums.append(([(-1.0, *arms[0][1:]), arms[1]], problem.noise.bone))
@@ -345,7 +458,9 @@ def inverse_jacobian(v: Array) -> Array:
     small = size < 1e-3
     safe = np.where(small, 1.0, size)
     K = quat.skew(v)
-    two = np.where(small, 1 / 12 + size**2 / 720, 1 / safe**2 - (1 + np.cos(safe)) / (2 * safe * np.sin(safe)))
+    two = np.where(
+        small, 1 / 12 + size**2 / 720, 1 / safe**2 - (1 + np.cos(safe)) / (2 * safe * np.sin(safe))
+    )
     return np.asarray(np.eye(3) + 0.5 * K + two * K @ K)
 
 

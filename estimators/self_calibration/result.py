@@ -21,21 +21,38 @@ class Asked:
     """What is asked of a recording and of what is found in it."""
 
     shortest: float = option(
-        10.0, "s", "shortest stretch of free movement that may calibrate", "ours: below, lengths are not known within 2 %", least=3.0
+        10.0,
+        "s",
+        "shortest stretch of free movement that may calibrate",
+        "ours: below, lengths are not known within 2 %",
+        least=3.0,
     )
-    moving: float = option(20.0, "deg/s", "least average turning of a finger's last sensor that counts as free movement", "ours")
+    moving: float = option(
+        20.0,
+        "deg/s",
+        "least average turning of a finger's last sensor that counts as free movement",
+        "ours",
+    )
     hand_moving: float = option(
         8.0,
         "deg/s",
         "least average turning of the hand's sensor that counts as free movement",
         "ours: skin under it turns it by 6 while the hand rests",
     )
-    bent: float = option(15.0, "deg", "a joint that was bent by less tells neither its axis nor lengths", "ours")
+    bent: float = option(
+        15.0, "deg", "a joint that was bent by less tells neither its axis nor lengths", "ours"
+    )
     length_known: float = option(
-        0.05, "1", "largest standard deviation of a phalanx's length, share of it, with which it is used", "ours: what ratios are good for"
+        0.05,
+        "1",
+        "largest standard deviation of a phalanx's length, share of it, with which it is used",
+        "ours: what ratios are good for",
     )
     place_known: float = option(
-        10.0, "mm", "largest standard deviation of a sensor's place on its segment with which it is told", "ours: half a phalanx"
+        10.0,
+        "mm",
+        "largest standard deviation of a sensor's place on its segment with which it is told",
+        "ours: half a phalanx",
     )
 
 
@@ -75,8 +92,13 @@ def known(asked: Asked, finger: Finger, segment: str) -> bool:
 
 def placed(asked: Asked, finger: Finger, segment: str) -> bool:
     """Whether movement told where the sensor sits on its segment: both joints bent, and it is sure."""
-    return float(np.linalg.norm(finger.sure.p_BS[segment])) < 1e-3 * asked.place_known and not _beside_stiff(asked, finger, segment)
+    return float(
+        np.linalg.norm(finger.sure.p_BS[segment])
+    ) < 1e-3 * asked.place_known and not _beside_stiff(asked, finger, segment)
 
 
 def _beside_stiff(asked: Asked, finger: Finger, segment: str) -> bool:
-    return any(segment in beside(finger.solution.problem.chain, joint) for joint in stiff(asked, finger.solution))
+    return any(
+        segment in beside(finger.solution.problem.chain, joint)
+        for joint in stiff(asked, finger.solution)
+    )

@@ -21,7 +21,9 @@ from handscope.estimators.sensors import saturation
 
 RATE = 100.0  # Hz, of the thesis: faster samples are averaged down to about this
 DOUBTFUL = 1e3  # factor on the noise of a sample that is not one
-LONGEST_GAP = 0.06  # s, of missing samples that are bridged; after a longer one a sensor's heading is another
+LONGEST_GAP = (
+    0.06  # s, of missing samples that are bridged; after a longer one a sensor's heading is another
+)
 MARGIN = 0.5  # s beside a stretch from which samples are taken
 LINED = 100  # samples that tell an even clock
 LIVELY = 1.0  # s over which movement is summed up
@@ -36,7 +38,9 @@ class Hole:
     stop: float
 
 
-def readings(blocks: Sequence[Block], sensors: Sequence[str], start: float, stop: float) -> tuple[Array, Readings]:
+def readings(
+    blocks: Sequence[Block], sensors: Sequence[str], start: float, stop: float
+) -> tuple[Array, Readings]:
     """Times (n,) and readings of these sensors between two instants, s; doubt counts from the noise of a sample at RATE."""
     worn = [evened(b.between(start - MARGIN, stop + MARGIN)) for b in blocks if b.stream.inertial]
     where = {name: (b, k) for b in worn for k, name in enumerate(b.stream.sensors)}
@@ -46,10 +50,15 @@ def readings(blocks: Sequence[Block], sensors: Sequence[str], start: float, stop
     values, doubts = zip(*(_even(where[s][0], where[s][1], grid) for s in sensors))
     each = max(1, round(1 / period / RATE))
     n = len(grid) // each * each
-    t, v, d = (x[:n].reshape(n // each, each, *x.shape[1:]).mean(axis=1) for x in (grid, np.stack(values, 1), np.stack(doubts, 1)))
+    t, v, d = (
+        x[:n].reshape(n // each, each, *x.shape[1:]).mean(axis=1)
+        for x in (grid, np.stack(values, 1), np.stack(doubts, 1))
+    )
     noisier = 1 / np.sqrt(each * period * RATE)
     v = at_middles(v, each)
-    return t, Readings(each * period, v[..., :3], v[..., 3:], noisier * d[..., 0], noisier * d[..., 1])
+    return t, Readings(
+        each * period, v[..., :3], v[..., 3:], noisier * d[..., 0], noisier * d[..., 1]
+    )
 
 
 def evened(block: Block) -> Block:
@@ -75,9 +84,16 @@ def at_middles(means: Array, each: int) -> Array:
     return v
 
 
-def speaking(blocks: Sequence[Block], links: Chain, start: float, stop: float) -> tuple[Chain, tuple[str, ...]]:
+def speaking(
+    blocks: Sequence[Block], links: Chain, start: float, stop: float
+) -> tuple[Chain, tuple[str, ...]]:
     """The chain up to its first sensor that gives less than half of its samples; that and those behind it."""
-    where = {name: (b.between(start, stop), k) for b in blocks if b.stream.inertial for k, name in enumerate(b.stream.sensors)}
+    where = {
+        name: (b.between(start, stop), k)
+        for b in blocks
+        if b.stream.inertial
+        for k, name in enumerate(b.stream.sensors)
+    }
     for k, name in enumerate(links.sensors):
         block, row = where[name]
         if any(_sound(block, row, quantity).sum() < 0.5 * len(block.t) for quantity in (GYR, ACC)):
@@ -88,9 +104,15 @@ def speaking(blocks: Sequence[Block], links: Chain, start: float, stop: float) -
 def clipped(blocks: Sequence[Block], sensor: str, start: float, stop: float) -> bool:
     """Whether a sensor gives samples, but more than half of them stand at a limit."""
     block, k = next(
-        (b.between(start, stop), b.stream.sensors.index(sensor)) for b in blocks if b.stream.inertial and sensor in b.stream.sensors
+        (b.between(start, stop), b.stream.sensors.index(sensor))
+        for b in blocks
+        if b.stream.inertial and sensor in b.stream.sensors
     )
-    whole = [every(np.isfinite(block.of(quantity)[:, k])).mean() > 0.5 for quantity in (GYR, ACC)] if len(block.t) else [False]
+    whole = (
+        [every(np.isfinite(block.of(quantity)[:, k])).mean() > 0.5 for quantity in (GYR, ACC)]
+        if len(block.t)
+        else [False]
+    )
     return all(whole) and any(_sound(block, k, quantity).mean() < 0.5 for quantity in (GYR, ACC))
 
 
@@ -104,7 +126,10 @@ def _sound(block: Block, k: int, quantity: str) -> NDArray[np.bool_]:
 def gapless(blocks: Sequence[Block], start: float, stop: float) -> tuple[float, float]:
     """The longest part of a stretch without holes."""
     edge, best = start, (start, start)
-    for begun, over in (*sorted((hole.start, hole.stop) for hole in holes(blocks, start, stop)), (stop, stop)):
+    for begun, over in (
+        *sorted((hole.start, hole.stop) for hole in holes(blocks, start, stop)),
+        (stop, stop),
+    ):
         if begun - edge > best[1] - best[0]:
             best = (edge, begun)
         edge = max(edge, over)
@@ -116,14 +141,21 @@ def holes(blocks: Sequence[Block], start: float, stop: float) -> list[Hole]:
     found: list[Hole] = []
     for block in (b.between(start, stop) for b in blocks if b.stream.inertial):
         for k, name in enumerate(block.stream.sensors):
-            t = block.t[every(np.isfinite(block.of(GYR)[:, k])) & every(np.isfinite(block.of(ACC)[:, k]))]
+            t = block.t[
+                every(np.isfinite(block.of(GYR)[:, k])) & every(np.isfinite(block.of(ACC)[:, k]))
+            ]
             if len(t) > 0.5 * (stop - start) * block.stream.rate:
                 t = np.concatenate([[start], t, [stop]])  # a sensor may begin late or end early
-                found += [Hole(name, float(t[i]), float(t[i + 1])) for i in np.flatnonzero(np.diff(t) > LONGEST_GAP)]
+                found += [
+                    Hole(name, float(t[i]), float(t[i + 1]))
+                    for i in np.flatnonzero(np.diff(t) > LONGEST_GAP)
+                ]
     return found
 
 
-def liveliest(blocks: Sequence[Block], start: float, stop: float, longest: float) -> tuple[float, float]:
+def liveliest(
+    blocks: Sequence[Block], start: float, stop: float, longest: float
+) -> tuple[float, float]:
     """The stretch of at most `longest` s with most turning."""
     if stop - start <= longest:
         return start, stop

@@ -25,7 +25,9 @@ class Segments:
     """By segment name."""
 
     q_BS: Mapping[str, Array]  # (4,) straight hand
-    p_BS: Mapping[str, Array]  # (3,) m from the segment's distal joint; the last phalanx: from its only one
+    p_BS: Mapping[
+        str, Array
+    ]  # (3,) m from the segment's distal joint; the last phalanx: from its only one
     lengths: Mapping[str, float]  # m, of segments between two joints
     lengths_sd: Mapping[str, float]
     q_GB: Mapping[str, Array]  # (n, 4)
@@ -34,7 +36,10 @@ class Segments:
 def of_solution(found: Solution, hand: Hand, mounting: Mapping[str, Array]) -> Segments:
     """The segments of the chain."""
     at, chain, q_BS, p_BS, lengths, sds = found.at, found.problem.chain, {}, {}, {}, {}
-    nominals = [quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), float)) for name in chain.sensors]
+    nominals = [
+        quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), float))
+        for name in chain.sensors
+    ]
     axes = _flexing(at, chain, nominals)
     for s, name in enumerate(chain.sensors):
         near, far = _arms(chain, at, s)
@@ -44,13 +49,21 @@ def of_solution(found: Solution, hand: Hand, mounting: Mapping[str, Array]) -> S
         if near is not None and far is not None:
             lengths[name] = float(np.linalg.norm(far - near))
             sds[name] = _length_sd(found, s)
-    return Segments(q_BS, p_BS, lengths, sds, {name: _turned(found, s, q_BS[name]) for s, name in enumerate(chain.sensors)})
+    return Segments(
+        q_BS,
+        p_BS,
+        lengths,
+        sds,
+        {name: _turned(found, s, q_BS[name]) for s, name in enumerate(chain.sensors)},
+    )
 
 
 def _arms(chain: Chain, at: Unknowns, s: int) -> tuple[Array | None, Array | None]:
     """From a sensor to the joint before its segment and to the one behind it, where there is just one."""
     before, after = np.flatnonzero(chain.children == s), np.flatnonzero(chain.parents == s)
-    return at.near[before[0]] if len(before) else None, at.far[after[0]] if len(after) == 1 else None
+    return at.near[before[0]] if len(before) else None, at.far[after[0]] if len(
+        after
+    ) == 1 else None
 
 
 def _flexing(at: Unknowns, chain: Chain, nominals: Sequence[Array]) -> list[Array | None]:
@@ -59,16 +72,26 @@ def _flexing(at: Unknowns, chain: Chain, nominals: Sequence[Array]) -> list[Arra
     own: list[list[tuple[int, Array]]] = [[] for _ in chain.sensors]
     for h, joint in enumerate(chain.hinges):
         parent = own[chain.parents[joint]]
-        signs.append(signs[parent[0][0]] * float(np.sign(parent[0][1] @ at.axis_far[h])) if parent else 1.0)
+        signs.append(
+            signs[parent[0][0]] * float(np.sign(parent[0][1] @ at.axis_far[h])) if parent else 1.0
+        )
         parent.append((h, at.axis_far[h]))
         own[chain.children[joint]].append((h, at.axis_near[h]))
     sums = [np.sum([signs[h] * axis for h, axis in axes], axis=0) if axes else None for axes in own]
-    along = [0.0 if z is None else float(z @ quat.rotate(quat.conjugate(q), Z)) for z, q in zip(sums, nominals)]
+    along = [
+        0.0 if z is None else float(z @ quat.rotate(quat.conjugate(q), Z))
+        for z, q in zip(sums, nominals)
+    ]
     told = float(np.sign(np.sum(np.sign(along))))
-    return [None if z is None else (told or np.sign(one)) * z / np.linalg.norm(z) for z, one in zip(sums, along)]
+    return [
+        None if z is None else (told or np.sign(one)) * z / np.linalg.norm(z)
+        for z, one in zip(sums, along)
+    ]
 
 
-def _seat(z: Array | None, near: Array | None, far: Array | None, sign: float, nominal: Array) -> Array:
+def _seat(
+    z: Array | None, near: Array | None, far: Array | None, sign: float, nominal: Array
+) -> Array:
     """q_BS (4,): z from the hinges on either side, y from the bone, x square to both; what is not told as nominal."""
     if z is None or near is None:
         return nominal

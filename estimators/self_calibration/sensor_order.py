@@ -25,9 +25,18 @@ def exchanged(chain: Chain, noise: Noise, readings: Readings, flexing: Array) ->
         return ()
     q_GS, apart = self_calibration_initialisation.fused(readings)[0], np.zeros((S, S))
     for i, j in itertools.combinations(range(S), 2):
-        apart[i, j] = apart[j, i] = np.log(self_calibration_initialisation.met(noise, readings, q_GS, i, j, flexing)[0])
-    cost = {order: sum(apart[a, b] for a, b in itertools.pairwise(order)) for order in itertools.permutations(range(S))}
+        apart[i, j] = apart[j, i] = np.log(
+            self_calibration_initialisation.met(noise, readings, q_GS, i, j, flexing)[0]
+        )
+    cost = {
+        order: sum(apart[a, b] for a, b in itertools.pairwise(order))
+        for order in itertools.permutations(range(S))
+    }
     best = min(cost, key=lambda order: cost[order])
     best = best if speed[best[0]] < speed[best[-1]] else best[::-1]
     own = tuple(range(S))
-    return tuple(chain.sensors[s] for s in best) if best != own and cost[own] - cost[best] > np.log(CLEARLY) else ()
+    return (
+        tuple(chain.sensors[s] for s in best)
+        if best != own and cost[own] - cost[best] > np.log(CLEARLY)
+        else ()
+    )

@@ -51,7 +51,9 @@ def by_turn(skin: Skin, place: Array) -> Array:
 
 def by_bending(skin: Skin, turn: Array, slide: Array, place: Array) -> Array:
     """The derivative (..., 3) of `seen` by how far the only joint is bent that turns the sensor by `turn` (3,) rad/rad and slides it by `slide` (3,) m/rad."""
-    return -np.asarray(np.einsum("...ij,...j->...i", skin.back, np.cross(turn, place - skin.slide) + slide))
+    return -np.asarray(
+        np.einsum("...ij,...j->...i", skin.back, np.cross(turn, place - skin.slide) + slide)
+    )
 
 
 def right_jacobian(v: Array) -> Array:

@@ -17,8 +17,14 @@ from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.sensors import saturation, stuck_axes
 from handscope.estimators.sensors.stuck_axes import WORDS, runs
 
-GRAVITY_DOUBT, GRAVITY_FAULT = 0.5, 1.0  # m/s^2 that |a| at rest may be off: 0.5 is 5 sd of the errors of a calibrated MPU-9250
-BIAS_DOUBT, BIAS_FAULT = 10.0, 20.0  # deg/s: zero-rate level at most 5 (MPU-9250), 20 (LSM330DLC at 2000 deg/s)
+GRAVITY_DOUBT, GRAVITY_FAULT = (
+    0.5,
+    1.0,
+)  # m/s^2 that |a| at rest may be off: 0.5 is 5 sd of the errors of a calibrated MPU-9250
+BIAS_DOUBT, BIAS_FAULT = (
+    10.0,
+    20.0,
+)  # deg/s: zero-rate level at most 5 (MPU-9250), 20 (LSM330DLC at 2000 deg/s)
 FIELD = (15e-6, 100e-6)  # T, the Earth's is 22 to 67 uT (IGRF), half as much again for a building
 
 
@@ -26,7 +32,9 @@ def check(blocks: Sequence[Block], rest: tuple[float, float]) -> list[Finding]:
     """All faults of single sensors; `rest` (s) is a stretch in which the hand is still."""
     found = stuck_axes.check(blocks)
     frozen = {f.sensor for f in found if f.kind == "stuck"}
-    found += [f for b in blocks for q in (GYR, ACC) if q in b.stream.quantities for f in _clipped(b, q)]
+    found += [
+        f for b in blocks for q in (GYR, ACC) if q in b.stream.quantities for f in _clipped(b, q)
+    ]
     return found + [f for b in blocks for f in _at_rest(b.between(*rest)) if f.sensor not in frozen]
 
 
@@ -38,7 +46,16 @@ def _clipped(block: Block, quantity: str) -> list[Finding]:
         if hit[:, k].any():
             spans = tuple((float(block.t[a]), float(block.t[b - 1])) for a, b in runs(hit[:, k]))
             sentence = f"its {WORDS[quantity]} was at its limit {len(spans)} times, first at {spans[0][0]:.1f} s"
-            found.append(Finding(sensor, "saturated", sentence, "set a larger range, or repeat the movement more slowly", "warning", spans))
+            found.append(
+                Finding(
+                    sensor,
+                    "saturated",
+                    sentence,
+                    "set a larger range, or repeat the movement more slowly",
+                    "warning",
+                    spans,
+                )
+            )
     return found
 
 
@@ -49,7 +66,9 @@ def _at_rest(block: Block) -> list[Finding]:
             samples = block.of(quantity)[:, k]
             samples = samples[np.isfinite(samples).all(axis=1) & (samples != 0).any(axis=1)]
             if len(samples) >= 0.5 * max(len(block.t), 1):
-                found += [f for f in [_RESTING[quantity](sensor, samples.mean(axis=0))] if f is not None]
+                found += [
+                    f for f in [_RESTING[quantity](sensor, samples.mean(axis=0))] if f is not None
+                ]
     return found
 
 
@@ -58,7 +77,13 @@ def _gravity(sensor: str, mean: Array) -> Finding | None:
     if abs(g - GRAVITY) <= GRAVITY_DOUBT:
         return None
     sentence = f"the resting accelerometer reads {g:.1f} m/s^2 instead of {GRAVITY:.1f}"
-    return Finding(sensor, "gravity", sentence, "check its calibration", "fault" if abs(g - GRAVITY) > GRAVITY_FAULT else "warning")
+    return Finding(
+        sensor,
+        "gravity",
+        sentence,
+        "check its calibration",
+        "fault" if abs(g - GRAVITY) > GRAVITY_FAULT else "warning",
+    )
 
 
 def _bias(sensor: str, mean: Array) -> Finding | None:
@@ -67,7 +92,11 @@ def _bias(sensor: str, mean: Array) -> Finding | None:
         return None
     sentence = f"the resting gyroscope reads {rate:.0f} deg/s"
     return Finding(
-        sensor, "bias", sentence, "let it warm up and calibrate its strip, or change it", "fault" if rate > BIAS_FAULT else "warning"
+        sensor,
+        "bias",
+        sentence,
+        "let it warm up and calibrate its strip, or change it",
+        "fault" if rate > BIAS_FAULT else "warning",
     )
 
 
@@ -76,7 +105,13 @@ def _field(sensor: str, mean: Array) -> Finding | None:
     if FIELD[0] <= size <= FIELD[1]:
         return None
     sentence = f"its magnetometer reads {size * 1e6:.0f} uT, the Earth's field is 22 to 67"
-    return Finding(sensor, "magnetometer", sentence, "go away from iron and magnets, or calibrate its strip", "warning")
+    return Finding(
+        sensor,
+        "magnetometer",
+        sentence,
+        "go away from iron and magnets, or calibrate its strip",
+        "warning",
+    )
 
 
 _RESTING = {GYR: _bias, ACC: _gravity, MAG: _field}

@@ -24,7 +24,9 @@ class ImuCalibration:
     """By quantity; one that is absent is taken as it reads."""
 
     matrix: Mapping[str, Array] = field(default_factory=dict)  # (3, 3)
-    bias: Mapping[str, Array] = field(default_factory=dict)  # (3,) rad/s, m/s^2, T: the reading's own units
+    bias: Mapping[str, Array] = field(
+        default_factory=dict
+    )  # (3,) rad/s, m/s^2, T: the reading's own units
 
     def of(self, quantity: str) -> tuple[Array, Array]:
         """Matrix (3, 3) and bias (3,) of a quantity."""
@@ -33,7 +35,9 @@ class ImuCalibration:
     @property
     def trivial(self) -> bool:
         """Whether it changes nothing."""
-        return all(np.array_equal(m, np.eye(3)) and not np.any(b) for m, b in map(self.of, CALIBRATED))
+        return all(
+            np.array_equal(m, np.eye(3)) and not np.any(b) for m, b in map(self.of, CALIBRATED)
+        )
 
 
 @dataclass(frozen=True)
@@ -51,10 +55,17 @@ def correction(calibrations: Sequence[ImuCalibration], quantities: Sequence[str]
     parts = [[c.of(q) for q in quantities] for c in calibrations]
     known = [[q in c.matrix or q in c.bias for q in quantities] for c in calibrations]
     matrix, bias = ([[np.asarray(part[k], float) for part in row] for row in parts] for k in (0, 1))
-    return Correction(np.array(matrix), np.array(bias), np.array(known, float), np.array([q == ACC for q in quantities], float))
+    return Correction(
+        np.array(matrix),
+        np.array(bias),
+        np.array(known, float),
+        np.array([q == ACC for q in quantities], float),
+    )
 
 
-def apply(calibrations: Sequence[ImuCalibration], quantities: Sequence[str], values: Array) -> Array:
+def apply(
+    calibrations: Sequence[ImuCalibration], quantities: Sequence[str], values: Array
+) -> Array:
     """Corrected values (..., sensors, 3 * quantities) by one calibration a sensor."""
     return corrected(correction(calibrations, quantities), values)
 
@@ -67,11 +78,15 @@ def corrected(by: Correction, values: Array) -> Array:
     reading = values.reshape(*values.shape[:-1], values.shape[-1] // 3, 3)
     assert reading.shape[-3:] == by.bias.shape
     with np.errstate(over="ignore"):
-        return np.asarray(_corrected(reading, by.matrix, by.bias, by.known, by.acc)).reshape(values.shape)
+        return np.asarray(_corrected(reading, by.matrix, by.bias, by.known, by.acc)).reshape(
+            values.shape
+        )
 
 
 @rowwise("(a),(a,a),(a),(),()->(a)")
-def _corrected(reading: Array, matrix: Array, bias: Array, known: float, acc: float, made: Array) -> None:
+def _corrected(
+    reading: Array, matrix: Array, bias: Array, known: float, acc: float, made: Array
+) -> None:
     """One reading; `known` and `acc` are 1 where the sensor's calibration tells the quantity, and where it is specific force."""
     made[0], made[1], made[2] = reading[0], reading[1], reading[2]
     if known > 0 and not (acc > 0 and reading[0] == 0 and reading[1] == 0 and reading[2] == 0):

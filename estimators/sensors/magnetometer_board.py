@@ -16,10 +16,17 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.sensors.imu_calibration import ImuCalibration
-from handscope.estimators.sensors.magnetometer_ellipsoid import Sphere, common_axes, fitted, not_on_the_plate
+from handscope.estimators.sensors.magnetometer_ellipsoid import (
+    Sphere,
+    common_axes,
+    fitted,
+    not_on_the_plate,
+)
 from handscope.estimators.sensors.six_position_calibration import Solved
 
-AGAINST_GRAVITY = "how the magnetometers are turned against gravity: no inertial sensor was beside them"
+AGAINST_GRAVITY = (
+    "how the magnetometers are turned against gravity: no inertial sensor was beside them"
+)
 
 
 @dataclass(frozen=True)
@@ -46,12 +53,17 @@ def calibrated(names: Sequence[str], mag: Array, q_BS: Array) -> Calibrated:
     rows = [list(names).index(name) for name in spheres]
     nominal = q_BS[rows]
     share = {name: strength / s.strength for name, s in spheres.items()}
-    own = np.stack([share[name] * s.corrected(mag[:, k]) for k, (name, s) in zip(rows, spheres.items())], axis=1)
+    own = np.stack(
+        [share[name] * s.corrected(mag[:, k]) for k, (name, s) in zip(rows, spheres.items())],
+        axis=1,
+    )
     common = common_axes(quat.rotate(nominal, own))
     apart = not_on_the_plate(tuple(spheres), common)
     R = quat.matrix(quat.multiply(quat.conjugate(nominal), quat.multiply(common.q_1l, nominal)))
     solved = {
-        name: _solved(s, share[name], sign * turn) for (name, s), sign, turn in zip(spheres.items(), common.signs, R) if name not in apart
+        name: _solved(s, share[name], sign * turn)
+        for (name, s), sign, turn in zip(spheres.items(), common.signs, R)
+        if name not in apart
     }
     return Calibrated(solved, [*refused, *apart.values()], strength)
 

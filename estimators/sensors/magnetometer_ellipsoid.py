@@ -58,7 +58,9 @@ class Common:
     """How the axes of magnetometers on one plate are turned against the first one's."""
 
     q_1l: Array  # (magnetometers, 4) into the first one's axes, of readings that are turned round where mirrored
-    mirrored: NDArray[np.bool_]  # (magnetometers,) left-handed, or the others are: an axis points the other way than on most
+    mirrored: NDArray[
+        np.bool_
+    ]  # (magnetometers,) left-handed, or the others are: an axis points the other way than on most
     left: Array  # (magnetometers,) share of the field that does not agree with the first
 
     @property
@@ -114,11 +116,15 @@ def common_axes(mag: Array) -> Common:
     good, many = np.isfinite(mag).all(axis=(-1, -2)), mag.shape[1]
     q_1l, mirrored, left = np.tile(quat.IDENTITY, (many, 1)), np.zeros(many, bool), np.zeros(many)
     for k in range(1, many):
-        as_is, flipped = (common_rotation(mag[good, 0], sign * mag[good, k]) for sign in (1.0, -1.0))
+        as_is, flipped = (
+            common_rotation(mag[good, 0], sign * mag[good, k]) for sign in (1.0, -1.0)
+        )
         mirrored[k] = flipped.residual < MIRRORED * as_is.residual
         found = flipped if mirrored[k] else as_is
         q_1l[k], left[k] = found.q_ab, found.residual
-    return Common(q_1l, ~mirrored if mirrored.mean() > 0.5 else mirrored, left)  # the first may be the odd one
+    return Common(
+        q_1l, ~mirrored if mirrored.mean() > 0.5 else mirrored, left
+    )  # the first may be the odd one
 
 
 def not_on_the_plate(names: Sequence[str], common: Common) -> dict[str, str]:
@@ -147,7 +153,9 @@ def _slopes(x: Array, z: Array) -> Array:
     A, d = _symmetric(x[:6]), z - x[6:]
     v = d @ A
     u = v / np.linalg.norm(v, axis=1, keepdims=True)
-    return np.column_stack([*(u[:, i] * d[:, j] + (u[:, j] * d[:, i] if i != j else 0.0) for i, j in ENTRIES), -u @ A])
+    return np.column_stack(
+        [*(u[:, i] * d[:, j] + (u[:, j] * d[:, i] if i != j else 0.0) for i, j in ENTRIES), -u @ A]
+    )
 
 
 def _quadric(z: Array, name: str) -> Array:

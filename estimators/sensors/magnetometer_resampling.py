@@ -47,13 +47,19 @@ def step(state: State, block: Block) -> tuple[State, list[Block]]:
         return state, []
     if block.stream.inertial:
         waiting = state.waiting.get(block.stream.name)
-        block = block if waiting is None or waiting.stream != block.stream else join([waiting, block])
-        return _give(replace(state, waiting={**state.waiting, block.stream.name: block}), {block.stream.name})
+        block = (
+            block if waiting is None or waiting.stream != block.stream else join([waiting, block])
+        )
+        return _give(
+            replace(state, waiting={**state.waiting, block.stream.name: block}), {block.stream.name}
+        )
     if MAG not in block.stream.quantities:
         return state, []
     known = state.magnetic.get(block.stream.name)
     block = block if known is None or known.stream != block.stream else join([known, block])
-    return _give(replace(state, magnetic={**state.magnetic, block.stream.name: block}), set(state.waiting))
+    return _give(
+        replace(state, magnetic={**state.magnetic, block.stream.name: block}), set(state.waiting)
+    )
 
 
 def release(state: State, patience: float) -> tuple[State, list[Block]]:
@@ -66,14 +72,22 @@ def _give(state: State, names: set[str], anyway: float = -np.inf) -> tuple[State
     waiting, newest, given = dict(state.waiting), dict(state.given), []
     for name in sorted(names):
         block = waiting.pop(name)
-        count = int(np.searchsorted(block.t, max(_reached(state, block.stream), anyway), side="right"))
+        count = int(
+            np.searchsorted(block.t, max(_reached(state, block.stream), anyway), side="right")
+        )
         if count < len(block.t):
             waiting[name] = Block(block.stream, block.t[count:], block.values[count:])
         if count:
-            given.append(_with_magnetometer(state, Block(block.stream, block.t[:count], block.values[:count])))
+            given.append(
+                _with_magnetometer(
+                    state, Block(block.stream, block.t[:count], block.values[:count])
+                )
+            )
             newest[name] = float(block.t[count - 1])
     needed = min(newest.values(), default=-np.inf)
-    magnetic = {n: _pruned(b, max(needed, float(b.t[-1]) - MOST_KEPT)) for n, b in state.magnetic.items()}
+    magnetic = {
+        n: _pruned(b, max(needed, float(b.t[-1]) - MOST_KEPT)) for n, b in state.magnetic.items()
+    }
     return replace(state, waiting=waiting, magnetic=magnetic, given=newest), given
 
 
@@ -82,12 +96,19 @@ def _reached(state: State, stream: Stream) -> float:
     if MAG in stream.quantities:
         return float("inf")
     serving = {state.serving[s][0] for s in stream.sensors if s in state.serving}
-    return min((float(state.magnetic[n].t[-1]) if n in state.magnetic else -np.inf for n in serving), default=np.inf)
+    return min(
+        (float(state.magnetic[n].t[-1]) if n in state.magnetic else -np.inf for n in serving),
+        default=np.inf,
+    )
 
 
 def _with_magnetometer(state: State, block: Block) -> Block:
     stream = joined_stream(block.stream)
-    parts = [block.of(GYR), block.of(ACC), block.of(MAG) if MAG in block.stream.quantities else _held(state, block)]
+    parts = [
+        block.of(GYR),
+        block.of(ACC),
+        block.of(MAG) if MAG in block.stream.quantities else _held(state, block),
+    ]
     return Block(stream, block.t, np.concatenate(parts, axis=-1))
 
 
@@ -100,9 +121,14 @@ def _held(state: State, block: Block) -> Array:
             name, column = state.serving[sensor]
             served.setdefault(name, []).append((k, column))
     for name in served.keys() & state.magnetic.keys():
-        source, (sensors, columns) = state.magnetic[name], (np.array(each) for each in zip(*served[name]))
+        source, (sensors, columns) = (
+            state.magnetic[name],
+            (np.array(each) for each in zip(*served[name])),
+        )
         newest = np.searchsorted(source.t, block.t, side="right") - 1
-        usable = np.flatnonzero((newest >= 0) & (block.t - source.t[np.maximum(newest, 0)] <= MOST_AGE))
+        usable = np.flatnonzero(
+            (newest >= 0) & (block.t - source.t[np.maximum(newest, 0)] <= MOST_AGE)
+        )
         held[usable[:, None], sensors] = source.of(MAG)[newest[usable][:, None], columns]
     return held
 

@@ -23,7 +23,9 @@ def complete(block: Block) -> NDArray[np.bool_]:
 def looked_at(block: Block) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which samples (n, sensors) are whole: all six inertial values are there and the rate is within its limit, beyond which it is bridged as a missing
     one is; and which rates or accelerations are at the sensor's limit."""
-    fastest, hardest = (SATURATION * block.stream.full_scale.get(quantity, math.nan) for quantity in (GYR, ACC))
+    fastest, hardest = (
+        SATURATION * block.stream.full_scale.get(quantity, math.nan) for quantity in (GYR, ACC)
+    )
     whole, limit = _looked_at(block.of(GYR), block.of(ACC), fastest, hardest)
     return whole, limit
 
@@ -38,7 +40,14 @@ complete_row = _complete.row  # as other kernels call it
 
 
 @told_by_row("(v),(v),(),()->(),()")
-def _looked_at(gyr: Array, acc: Array, fastest: float, hardest: float, whole: NDArray[np.bool_], limit: NDArray[np.bool_]) -> None:
+def _looked_at(
+    gyr: Array,
+    acc: Array,
+    fastest: float,
+    hardest: float,
+    whole: NDArray[np.bool_],
+    limit: NDArray[np.bool_],
+) -> None:
     complete_row(gyr, acc, whole)
     beyond_row(gyr, fastest, limit)
     whole[0] = whole[0] and not limit[0]
@@ -46,28 +55,40 @@ def _looked_at(gyr: Array, acc: Array, fastest: float, hardest: float, whole: ND
         beyond_row(acc, hardest, limit)
 
 
-def with_missing_instants(block: Block, newest: float, period: float, max_gap: float) -> tuple[Block, NDArray[np.bool_]]:
+def with_missing_instants(
+    block: Block, newest: float, period: float, max_gap: float
+) -> tuple[Block, NDArray[np.bool_]]:
     """Put rows of NaN where the stream's clock (`period` s, `newest` sample before the block) says that samples are missing; the mask tells the others."""
     if not _misses(block.t, newest, period, max_gap):
         return block, np.ones(len(block.t), bool)
     previous = np.concatenate([[newest], block.t[:-1]])
     jump = block.t - previous
     jump[np.isinf(jump)] = period
-    counts = np.where(jump <= max_gap, np.rint(jump / period) - 1, np.where(jump > 1.5 * period, 1, 0)).astype(int)
+    counts = np.where(
+        jump <= max_gap, np.rint(jump / period) - 1, np.where(jump > 1.5 * period, 1, 0)
+    ).astype(int)
     counts = np.maximum(counts, 0)
     where = np.repeat(np.arange(len(block.t)), counts)
     rank = np.arange(len(where)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
     t_missing = previous[where] + rank * jump[where] / (counts[where] + 1)
-    filled = Block(block.stream, np.insert(block.t, where, t_missing), np.insert(block.values, where, np.nan, axis=0))
+    filled = Block(
+        block.stream,
+        np.insert(block.t, where, t_missing),
+        np.insert(block.values, where, np.nan, axis=0),
+    )
     return filled, np.insert(np.ones(len(block.t), bool), where, False)
 
 
 @told_by_row("(n),(),(),()->()")
-def _misses(t: Array, newest: float, period: float, max_gap: float, told: NDArray[np.bool_]) -> None:
+def _misses(
+    t: Array, newest: float, period: float, max_gap: float, told: NDArray[np.bool_]
+) -> None:
     """Whether some sample is missing between those at t, or before them."""
     told[0], before = False, newest
     for k in range(t.shape[0]):
         jump = t[k] - before
         if not math.isinf(jump):
-            told[0] = told[0] or (np.rint(jump / period) > 1 if jump <= max_gap else jump > 1.5 * period)
+            told[0] = told[0] or (
+                np.rint(jump / period) > 1 if jump <= max_gap else jump > 1.5 * period
+            )
         before = t[k]

@@ -19,11 +19,17 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.quaternions import Array
 
-USUAL = {GYR: np.radians([245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0]), ACC: GRAVITY * np.array([2.0, 4.0, 8.0, 16.0])}
+USUAL = {
+    GYR: np.radians([245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0]),
+    ACC: GRAVITY * np.array([2.0, 4.0, 8.0, 16.0]),
+}
 LEAST = {GYR: np.radians(240.0), ACC: 1.9 * GRAVITY}
 NEAR = 0.02  # of a usual full scale: what a scale error leaves
 OFTEN = 3  # equal largest readings: in a row anywhere, apart only near a usual full scale
-SLOW, PLATEAUS = np.radians(60.0), 3  # rad/s: a gyroscope clips below LEAST, too, where so many rows of equal largest readings say so
+SLOW, PLATEAUS = (
+    np.radians(60.0),
+    3,
+)  # rad/s: a gyroscope clips below LEAST, too, where so many rows of equal largest readings say so
 
 
 def limits(block: Block, quantity: str) -> Array:
@@ -31,7 +37,9 @@ def limits(block: Block, quantity: str) -> Array:
     if quantity in block.stream.full_scale:
         return np.full(len(block.stream.sensors), block.stream.full_scale[quantity])
     values = block.of(quantity)
-    furthest = np.maximum(np.fmax.reduce(values, axis=0, initial=0.0), -np.fmin.reduce(values, axis=0, initial=0.0))
+    furthest = np.maximum(
+        np.fmax.reduce(values, axis=0, initial=0.0), -np.fmin.reduce(values, axis=0, initial=0.0)
+    )
     least = SLOW if quantity == GYR else LEAST[quantity]
     if (furthest < least).all():
         return np.full(len(furthest), np.inf)
@@ -52,7 +60,11 @@ def found(blocks: Iterable[Block]) -> dict[str, dict[str, float]]:
     for block in (b for b in blocks if b.stream.inertial):
         for quantity in (q for q in (GYR, ACC) if q not in block.stream.full_scale):
             limit, values = limits(block, quantity).min(initial=np.inf), block.of(quantity)
-            if np.isfinite(limit) and np.max(np.abs(values), initial=0.0, where=np.isfinite(values)) <= (1 + NEAR) * limit:
+            if (
+                np.isfinite(limit)
+                and np.max(np.abs(values), initial=0.0, where=np.isfinite(values))
+                <= (1 + NEAR) * limit
+            ):
                 seen.setdefault(block.stream.name, {})[quantity] = float(limit)
     return seen
 

@@ -23,17 +23,40 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.sensors.imu_calibration import ImuCalibration
-from handscope.estimators.sensors.static_segments import Rest, RestParams, find, missing_positions, positions, turns
+from handscope.estimators.sensors.static_segments import (
+    Rest,
+    RestParams,
+    find,
+    missing_positions,
+    positions,
+    turns,
+)
 
-LOWER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # entries of a symmetric matrix: scales first
-SEEN = {ACC: 0.01, GYR: 0.02, MAG: 0.05}  # largest standard deviation of a matrix entry that still counts as observed
+LOWER = (
+    (0, 0),
+    (1, 1),
+    (2, 2),
+    (0, 1),
+    (0, 2),
+    (1, 2),
+)  # entries of a symmetric matrix: scales first
+SEEN = {
+    ACC: 0.01,
+    GYR: 0.02,
+    MAG: 0.05,
+}  # largest standard deviation of a matrix entry that still counts as observed
 DIPS = 4  # positions with a magnetometer that fix its turn against gravity
 FIELD_SAMPLES = 2000  # magnetometer samples that the ellipsoid is drawn through
 
 
 @dataclass(frozen=True, kw_only=True)
 class SolveParams(RestParams):
-    gravity: float = option(GRAVITY, "m/s^2", "local gravity", "standard gravity, CGPM 1901; between 9.780 and 9.832 on Earth (WGS 84)")
+    gravity: float = option(
+        GRAVITY,
+        "m/s^2",
+        "local gravity",
+        "standard gravity, CGPM 1901; between 9.780 and 9.832 on Earth (WGS 84)",
+    )
 
 
 @dataclass(frozen=True)
@@ -59,7 +82,15 @@ class _Fit:
     after: float
 
 
-def solve(params: SolveParams, name: str, t: Array, gyr: Array, acc: Array, t_mag: Array | None = None, mag: Array | None = None) -> Solved:
+def solve(
+    params: SolveParams,
+    name: str,
+    t: Array,
+    gyr: Array,
+    acc: Array,
+    t_mag: Array | None = None,
+    mag: Array | None = None,
+) -> Solved:
     """Calibrate one sensor from its samples (n, 3); InputError names the position or turn that is missing."""
     rests = find(params, t, gyr, acc) if len(t) > 2 else []
     found = positions(rests)
@@ -79,13 +110,23 @@ def solve(params: SolveParams, name: str, t: Array, gyr: Array, acc: Array, t_ma
             unobserved.append(fitted)
         else:
             matrix[MAG], bias[MAG], (matrix_sd[MAG], bias_sds[MAG]), residuals[MAG] = fitted
-    return Solved(ImuCalibration(matrix, bias), matrix_sd, bias_sds, residuals, len(found), len(ways), tuple(unobserved))
+    return Solved(
+        ImuCalibration(matrix, bias),
+        matrix_sd,
+        bias_sds,
+        residuals,
+        len(found),
+        len(ways),
+        tuple(unobserved),
+    )
 
 
 def _require_positions(name: str, found: list[Array]) -> None:
     missing = missing_positions(found)
     if missing:
-        wanted = ", ".join(f"{m[1]} axis pointing {'up' if m[0] == '+' else 'down'}" for m in missing)
+        wanted = ", ".join(
+            f"{m[1]} axis pointing {'up' if m[0] == '+' else 'down'}" for m in missing
+        )
         raise InputError(
             f"{name}: {len(found)} position{'s' * (len(found) != 1)} at rest found, none with its {wanted}; lay it down so, for 2 s and more each, and record again"
         )
@@ -108,8 +149,15 @@ def _accelerometer(
         entries = LOWER[:3]
         fit = _norm_fit(mean, sd, params.gravity, entries)
     n = len(entries)
-    M_sd = _symmetric(fit.sd[:n], entries, 0.0) + np.where(np.eye(3) > 0, 0.0, np.inf if n == 3 else 0.0)
-    return _symmetric(fit.x[:n], entries, 0.0), fit.x[n:], (M_sd, fit.sd[n:]), (fit.before, fit.after)
+    M_sd = _symmetric(fit.sd[:n], entries, 0.0) + np.where(
+        np.eye(3) > 0, 0.0, np.inf if n == 3 else 0.0
+    )
+    return (
+        _symmetric(fit.x[:n], entries, 0.0),
+        fit.x[n:],
+        (M_sd, fit.sd[n:]),
+        (fit.before, fit.after),
+    )
 
 
 def _norm_fit(y: Array, sd: Array, g: float, entries: tuple[tuple[int, int], ...]) -> _Fit:
@@ -117,7 +165,9 @@ def _norm_fit(y: Array, sd: Array, g: float, entries: tuple[tuple[int, int], ...
     begin = np.concatenate([[1.0 if i == j else 0.0 for i, j in entries], np.zeros(3)])
 
     def left(x: Array) -> Array:
-        return np.asarray((np.linalg.norm((y - x[n:]) @ _symmetric(x[:n], entries, 0.0), axis=1) - g) / sd)
+        return np.asarray(
+            (np.linalg.norm((y - x[n:]) @ _symmetric(x[:n], entries, 0.0), axis=1) - g) / sd
+        )
 
     def slope(x: Array) -> Array:  # d|v|/dx with v = M (y - b), u = v / |v|
         M, d = _symmetric(x[:n], entries, 0.0), y - x[n:]
@@ -139,7 +189,13 @@ def _gyroscope_bias(rests: list[Rest]) -> tuple[Array, Array]:
 
 
 def _gyroscope(
-    name: str, t: Array, rate: Array, rests: list[Rest], up: list[Array], ways: list[tuple[int, int]], unobserved: list[str]
+    name: str,
+    t: Array,
+    rate: Array,
+    rests: list[Rest],
+    up: list[Array],
+    ways: list[tuple[int, int]],
+    unobserved: list[str],
 ) -> tuple[Array, Array, tuple[float, float]]:
     """Matrix (3, 3) with which the integrated rate takes the direction of gravity from each position to the next; scales alone where no more shows."""
     if len(ways) < 5:
@@ -162,7 +218,9 @@ def _gyroscope(
     return M, M_sd, (fit.before, fit.after)
 
 
-def _turn_fit(steps: Array, start: Array, end: Array, sd: Array, free: NDArray[np.bool_]) -> tuple[_Fit, Array, Array]:
+def _turn_fit(
+    steps: Array, start: Array, end: Array, sd: Array, free: NDArray[np.bool_]
+) -> tuple[_Fit, Array, Array]:
     """The fit with the matrix's `free` entries, the matrix and its standard deviations, infinite where not free."""
 
     def entries(x: Array, rest: Array) -> Array:
@@ -185,7 +243,14 @@ def _direction_sd(noise: float, a: Rest, b: Rest, dt: Array) -> float:
     """Expected error (rad) of a direction taken over a turn: noise walked through, what is left of the bias, noise of both rests."""
     walked = noise * float(np.sqrt((dt**2).sum()))
     bias = noise / np.sqrt(min(len(a), len(b))) * float(dt.sum())
-    return float(np.sqrt(walked**2 + bias**2 + sum((r.acc_noise / GRAVITY) ** 2 / len(r) for r in (a, b)))) + 1e-6
+    return (
+        float(
+            np.sqrt(
+                walked**2 + bias**2 + sum((r.acc_noise / GRAVITY) ** 2 / len(r) for r in (a, b))
+            )
+        )
+        + 1e-6
+    )
 
 
 def _steps(t: Array, rate: Array, ways: list[tuple[int, int]]) -> tuple[Array, list[Array]]:
@@ -218,12 +283,20 @@ def _magnetometer(t: Array, t_mag: Array, mag: Array, rests: list[Rest], up: lis
         return f"the magnetometer: it has samples in {len(used)} positions, {DIPS} are needed"
     centre, size = 0.5 * (mag.max(axis=0) + mag.min(axis=0)), 0.5 * float(np.ptp(mag, axis=0).max())
     y = (mag[:: max(1, len(mag) // FIELD_SAMPLES)] - centre) / size
-    mean, count = (np.array([pieces[k].mean(axis=0) for k in used]) - centre) / size, np.array([len(pieces[k]) for k in used])
-    noise = max(float(np.sqrt(np.mean([pieces[k].var(axis=0, ddof=1).mean() for k in used]))) / size, 1e-6)
+    mean, count = (
+        (np.array([pieces[k].mean(axis=0) for k in used]) - centre) / size,
+        np.array([len(pieces[k]) for k in used]),
+    )
+    noise = max(
+        float(np.sqrt(np.mean([pieces[k].var(axis=0, ddof=1).mean() for k in used]))) / size, 1e-6
+    )
     fit = _dip_fit(y, mean, np.array([up[k] for k in used]), noise, noise / np.sqrt(count))
     if not fit.sd[:9].max() < SEEN[MAG]:
         return "the magnetometer: it was not turned through all directions"
-    M, scale = fit.x[:9].reshape(3, 3), np.cbrt(np.linalg.det(fit.x[:9].reshape(3, 3)))  # strength of the field: the readings' own mean
+    M, scale = (
+        fit.x[:9].reshape(3, 3),
+        np.cbrt(np.linalg.det(fit.x[:9].reshape(3, 3))),
+    )  # strength of the field: the readings' own mean
     sd = fit.sd[:9].reshape(3, 3) / scale, fit.sd[9:12] * size
     return M / scale, centre + size * fit.x[9:12], sd, (fit.before, fit.after)
 
@@ -238,11 +311,15 @@ def _dip_fit(y: Array, mean: Array, up: Array, sd: float, mean_sd: Array) -> _Fi
         dip = (up * ((mean - x[9:12]) @ x[:9].reshape(3, 3).T)).sum(axis=1) - x[12]
         return np.concatenate([strength(x) / sd, dip / mean_sd])
 
-    begin = np.concatenate([np.eye(3).ravel(), np.zeros(3), [float((up * mean).sum(axis=1).mean())]])
+    begin = np.concatenate(
+        [np.eye(3).ravel(), np.zeros(3), [float((up * mean).sum(axis=1).mean())]]
+    )
     return _fitted(left, begin, "2-point", lambda x: float(np.sqrt(np.mean(strength(x) ** 2))))
 
 
-def _fitted(left: Callable[[Array], Array], begin: Array, slope: Any, rms: Callable[[Array], float]) -> _Fit:
+def _fitted(
+    left: Callable[[Array], Array], begin: Array, slope: Any, rms: Callable[[Array], float]
+) -> _Fit:
     """Least squares of whitened residuals; standard deviations from their curvature, larger where the residuals are larger than told."""
     found = least_squares(left, begin, jac=slope, method="trf", x_scale="jac")
     s, V = np.linalg.svd(np.asarray(found.jac), full_matrices=False)[1:]

@@ -15,21 +15,39 @@ from handscope.estimators.data.options import option
 from handscope.estimators.numerics.quaternions import Array
 
 NEIGHBOUR = np.radians(20.0)  # positions closer than this count as one
-ODD_RATE = np.radians(2.0)  # rad/s that the mean rate of a stretch may differ from the median of all
+ODD_RATE = np.radians(
+    2.0
+)  # rad/s that the mean rate of a stretch may differ from the median of all
 
 
 @dataclass(frozen=True, kw_only=True)
 class RestParams:
-    window: float = option(0.5, "s", "window over which the samples' spread is looked at", "ours; 1 s in Tedaldi et al. 2014")
-    rest_time: float = option(1.0, "s", "shortest stretch at rest", "1-4 s in Tedaldi et al. 2014, IV")
+    window: float = option(
+        0.5,
+        "s",
+        "window over which the samples' spread is looked at",
+        "ours; 1 s in Tedaldi et al. 2014",
+    )
+    rest_time: float = option(
+        1.0, "s", "shortest stretch at rest", "1-4 s in Tedaldi et al. 2014, IV"
+    )
     rest_gyr: float = option(
-        1.0, "deg/s", "largest spread of the angular rate at rest", "half of VQF's rest threshold (Laidig & Seel 2023)"
+        1.0,
+        "deg/s",
+        "largest spread of the angular rate at rest",
+        "half of VQF's rest threshold (Laidig & Seel 2023)",
     )
     rest_acc: float = option(
-        0.25, "m/s^2", "largest spread of the acceleration at rest", "half of VQF's rest threshold (Laidig & Seel 2023)"
+        0.25,
+        "m/s^2",
+        "largest spread of the acceleration at rest",
+        "half of VQF's rest threshold (Laidig & Seel 2023)",
     )
     longest_turn: float = option(
-        30.0, "s", "longest way from one position to the next that is integrated", "ours: bias drift of MEMS gyroscopes"
+        30.0,
+        "s",
+        "longest way from one position to the next that is integrated",
+        "ours: bias drift of MEMS gyroscopes",
     )
 
 
@@ -59,8 +77,14 @@ def find(params: RestParams, t: Array, gyr: Array, acc: Array) -> list[Rest]:
     window = max(3, round(params.window * rate))
     if len(t) < 2 * window:
         return []
-    quiet = (_spread(gyr, window) < np.radians(params.rest_gyr)) & (_spread(acc, window) < params.rest_acc)
-    runs = [(a + window // 2, b + window // 2) for a, b in _runs(quiet) if b - a >= params.rest_time * rate]
+    quiet = (_spread(gyr, window) < np.radians(params.rest_gyr)) & (
+        _spread(acc, window) < params.rest_acc
+    )
+    runs = [
+        (a + window // 2, b + window // 2)
+        for a, b in _runs(quiet)
+        if b - a >= params.rest_time * rate
+    ]
     found = [_rest(gyr, acc, a, b) for a, b in runs]
     middle = np.median([r.gyr for r in found], axis=0) if found else np.zeros(3)
     return [r for r in found if np.linalg.norm(r.gyr - middle) < ODD_RATE]
@@ -77,7 +101,11 @@ def positions(rests: list[Rest]) -> list[Array]:
 
 def missing_positions(found: list[Array]) -> list[str]:
     """Sensor axes, with sign, that no position turns upwards within 60 deg; an octahedron in any direction misses none."""
-    wanted = {f"{sign}{name}": s * np.eye(3)[k] for k, name in enumerate("xyz") for sign, s in (("+", 1.0), ("-", -1.0))}
+    wanted = {
+        f"{sign}{name}": s * np.eye(3)[k]
+        for k, name in enumerate("xyz")
+        for sign, s in (("+", 1.0), ("-", -1.0))
+    }
     return [name for name, axis in wanted.items() if not any(axis @ up > 0.5 for up in found)]
 
 
@@ -88,7 +116,11 @@ def turns(params: RestParams, t: Array, gyr: Array, rests: list[Rest]) -> list[t
     for k, (a, b) in enumerate(zip(rests, rests[1:])):
         way = slice(a.last - 1, b.first + 1)
         whole = np.isfinite(gyr[way]).all() and np.diff(t[way]).max() < 3 * step
-        if whole and t[b.first] - t[a.last - 1] <= params.longest_turn and a.up @ b.up < np.cos(NEIGHBOUR):
+        if (
+            whole
+            and t[b.first] - t[a.last - 1] <= params.longest_turn
+            and a.up @ b.up < np.cos(NEIGHBOUR)
+        ):
             kept.append((k, k + 1))
     return kept
 
@@ -101,10 +133,21 @@ def _rest(gyr: Array, acc: Array, first: int, last: int) -> Rest:
 def _spread(x: Array, window: int) -> Array:
     """Standard deviation (n - window + 1,) over a sliding window, of the axis that varies most; infinite where a sample is missing."""
     whole = np.asarray(np.isfinite(x).all(axis=1))
-    y = np.where(whole[:, None], x - x[whole].mean(axis=0), 0.0) if whole.any() else np.zeros_like(x)
-    sums = [np.concatenate([np.zeros((1, s.shape[1])), np.cumsum(s, axis=0)]) for s in (y, y**2, ~whole[:, None] * np.ones(3))]
+    y = (
+        np.where(whole[:, None], x - x[whole].mean(axis=0), 0.0)
+        if whole.any()
+        else np.zeros_like(x)
+    )
+    sums = [
+        np.concatenate([np.zeros((1, s.shape[1])), np.cumsum(s, axis=0)])
+        for s in (y, y**2, ~whole[:, None] * np.ones(3))
+    ]
     mean, square, broken = ((s[window:] - s[:-window]) / window for s in sums)
-    return np.asarray(np.where(broken[:, 0] > 1e-9, np.inf, np.sqrt(np.maximum(square - mean**2, 0.0).max(axis=1))))
+    return np.asarray(
+        np.where(
+            broken[:, 0] > 1e-9, np.inf, np.sqrt(np.maximum(square - mean**2, 0.0).max(axis=1))
+        )
+    )
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -22,7 +22,11 @@ from handscope.estimators.numerics.jit import Compiled, rowwise
 from handscope.estimators.numerics.quaternions import Array
 
 WINDOW = 1.0  # s
-STILL = {GYR: 1e-6, ACC: 1e-5, MAG: 1e-11}  # rad/s, m/s^2, T: far below a count of any sensor, far above rounding
+STILL = {
+    GYR: 1e-6,
+    ACC: 1e-5,
+    MAG: 1e-11,
+}  # rad/s, m/s^2, T: far below a count of any sensor, far above rounding
 NOISELESS = 0.95  # share of all directions that stand still in some second
 OTHERS = 0.8  # share of the other sensors' directions that must change meanwhile
 MOVES = 0.2  # rad/s, root mean square of the angular rate in a second of movement
@@ -42,19 +46,41 @@ class _Seen:
 def check(blocks: Sequence[Block]) -> list[Finding]:
     """All that stands still although it should not."""
     spans = [(b.t[0], b.t[-1]) for b in blocks if len(b.t)]
-    edges = np.arange(min((s for s, _ in spans), default=0.0), max((e for _, e in spans), default=0.0) + WINDOW, WINDOW)
+    edges = np.arange(
+        min((s for s, _ in spans), default=0.0),
+        max((e for _, e in spans), default=0.0) + WINDOW,
+        WINDOW,
+    )
     if len(edges) < 2:
         return []
-    seen = {(s, q): own for b in blocks for q in b.stream.quantities if q in WORDS for s, own in zip(b.stream.sensors, _seen(b, q, edges))}
-    moves = {s: moved for b in blocks if GYR in b.stream.quantities for s, moved in zip(b.stream.sensors, _moves(b, edges).T)}
+    seen = {
+        (s, q): own
+        for b in blocks
+        for q in b.stream.quantities
+        if q in WORDS
+        for s, own in zip(b.stream.sensors, _seen(b, q, edges))
+    }
+    moves = {
+        s: moved
+        for b in blocks
+        if GYR in b.stream.quantities
+        for s, moved in zip(b.stream.sensors, _moves(b, edges).T)
+    }
     inertial = [s for (_, q), s in seen.items() if q != MAG]
-    if not inertial or _share([s.dead for s in inertial], [s.known for s in inertial]).max() >= NOISELESS:
+    if (
+        not inertial
+        or _share([s.dead for s in inertial], [s.known for s in inertial]).max() >= NOISELESS
+    ):
         return []
     found = []
     for (sensor, quantity), own in seen.items():
         if own.dead.any():
             others = _others(sensor, quantity, seen)
-            near = [m for s, m in moves.items() if sensor in ("hand", "forearm") or _finger(s) == _finger(sensor)]
+            near = [
+                m
+                for s, m in moves.items()
+                if sensor in ("hand", "forearm") or _finger(s) == _finger(sensor)
+            ]
             moved = np.any(near, axis=0) if near else np.ones(len(edges) - 1, bool)
             found += _standing(sensor, quantity, own, others, moved, edges)
     return _merged(found)
@@ -67,7 +93,10 @@ def _seen(block: Block, quantity: str, edges: Array) -> list[_Seen]:
     enough = np.diff(first) >= max(3.0, 0.5 * WINDOW * block.stream.rate)
     known = enough[:, None] & np.isfinite(covariance).all(axis=(-2, -1))
     covariance[~known] = 0.0
-    suspect = known & (np.linalg.det(covariance) <= STILL[quantity] ** 2 * np.trace(covariance, axis1=-2, axis2=-1) ** 2)
+    suspect = known & (
+        np.linalg.det(covariance)
+        <= STILL[quantity] ** 2 * np.trace(covariance, axis1=-2, axis2=-1) ** 2
+    )
     dead, axis = np.zeros((*known.shape, 3), bool), np.zeros((*known.shape, 3), np.intp)
     if suspect.any():
         extent, directions = np.linalg.eigh(covariance[suspect])
@@ -81,7 +110,9 @@ def _moves(block: Block, edges: Array) -> NDArray[np.bool_]:
     return _by_second(_mean_square, block, GYR, np.searchsorted(block.t, edges), ()) > MOVES**2
 
 
-def _by_second(measure: Compiled, block: Block, quantity: str, first: NDArray[np.intp], shape: tuple[int, ...]) -> Array:
+def _by_second(
+    measure: Compiled, block: Block, quantity: str, first: NDArray[np.intp], shape: tuple[int, ...]
+) -> Array:
     """What `measure` gives of each sensor's samples in each second (seconds, sensors, *shape); zeros where there are none."""
     values = np.moveaxis(block.of(quantity), 1, 0)
     found = np.zeros((len(first) - 1, len(values), *shape))
@@ -122,18 +153,33 @@ def _finger(sensor: str) -> str:
 def _share(dead: Sequence[NDArray[np.bool_]], known: Sequence[NDArray[np.bool_]]) -> Array:
     """Share (seconds,) of directions that stand still, of those known."""
     counted = np.sum(known, axis=0)
-    return np.asarray(np.where(counted > 0, np.sum([d.sum(axis=1) for d in dead], axis=0) / np.maximum(3 * counted, 1), 0.0))
+    return np.asarray(
+        np.where(
+            counted > 0,
+            np.sum([d.sum(axis=1) for d in dead], axis=0) / np.maximum(3 * counted, 1),
+            0.0,
+        )
+    )
 
 
 def _others(sensor: str, quantity: str, seen: Mapping[tuple[str, str], _Seen]) -> NDArray[np.bool_]:
     """Seconds in which the same quantity of other fingers changes; where no other has it, seconds in which this one's other axes do."""
-    apart = [s for (name, q), s in seen.items() if q == quantity and _finger(name) != _finger(sensor)]
+    apart = [
+        s for (name, q), s in seen.items() if q == quantity and _finger(name) != _finger(sensor)
+    ]
     if apart:
         return 1.0 - _share([s.dead for s in apart], [s.known for s in apart]) >= OTHERS
     return np.asarray(seen[sensor, quantity].dead.sum(axis=1) < 3)
 
 
-def _standing(sensor: str, quantity: str, own: _Seen, others: NDArray[np.bool_], moved: NDArray[np.bool_], edges: Array) -> list[Finding]:
+def _standing(
+    sensor: str,
+    quantity: str,
+    own: _Seen,
+    others: NDArray[np.bool_],
+    moved: NDArray[np.bool_],
+    edges: Array,
+) -> list[Finding]:
     kept, axes = np.zeros(len(others), bool), ""
     for axis in range(3):
         still = (own.dead & (own.axis == axis)).any(axis=1) & others
@@ -149,7 +195,9 @@ def _standing(sensor: str, quantity: str, own: _Seen, others: NDArray[np.bool_],
     else:
         named = f"the {' and '.join(axes)} {'axis' if len(axes) == 1 else 'axes'} of its {WORDS[quantity]}"
         kind, what = "dead_axis", f"{named} did not change {when}"
-    return [Finding(sensor, "magnetometer" if quantity == MAG else kind, what, CHECK, "fault", spans)]  # type: ignore[arg-type]
+    return [
+        Finding(sensor, "magnetometer" if quantity == MAG else kind, what, CHECK, "fault", spans)
+    ]  # type: ignore[arg-type]
 
 
 def _merged(found: list[Finding]) -> list[Finding]:
@@ -172,5 +220,7 @@ def _merged(found: list[Finding]) -> list[Finding]:
 
 def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Stretches [first, last) of true flags."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, np.int8), [0]]))).reshape(-1, 2)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, np.int8), [0]]))).reshape(
+        -1, 2
+    )
     return [(int(a), int(b)) for a, b in edges]

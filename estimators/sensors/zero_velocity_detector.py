@@ -39,5 +39,7 @@ def _ratio(gyr: Array, acc: Array, gyr_sd: float, acc_sd: float, ratio: Array) -
     total = 0.0
     for k in range(len(acc)):
         for i in range(3):
-            total += ((acc[k, i] - GRAVITY * mean[i] / length) / acc_sd) ** 2 + (gyr[k, i] / gyr_sd) ** 2
+            total += ((acc[k, i] - GRAVITY * mean[i] / length) / acc_sd) ** 2 + (
+                gyr[k, i] / gyr_sd
+            ) ** 2
     ratio[0] = total / len(acc)

@@ -25,7 +25,11 @@ SEGMENTS = ("hand", "index_proximal", "index_middle", "index_distal")
 HINGES = 0.030  # m apart
 DISTANCES = (0.075, 0.018, 0.019, 0.024)  # m, sensor to hinge
 HEIGHT = (0.020, 0.008, 0.008, 0.008)  # m above the line through the hinges; ours
-STOPS = {"index_mcp_flexion": 75.0, "index_pip_flexion": 90.0, "index_dip_flexion": 70.0}  # deg, where each hinge stops; ours
+STOPS = {
+    "index_mcp_flexion": 75.0,
+    "index_pip_flexion": 90.0,
+    "index_dip_flexion": 70.0,
+}  # deg, where each hinge stops; ours
 RESTING = 2.5  # s on the table at either end
 STEP = 0.12  # s between the knots of the movement
 
@@ -45,10 +49,19 @@ def recorded(
     worn = mounted(geometry, errors, rng, turned)
     t = np.arange(round(duration * rate)) / rate
     k = kinematics.of_motion(done, geometry, t)
-    stream = Stream("imu", SEGMENTS, (GYR, ACC), rate, "imu", {GYR: float(np.radians(errors.gyr_range)), ACC: errors.acc_range * GRAVITY})
+    stream = Stream(
+        "imu",
+        SEGMENTS,
+        (GYR, ACC),
+        rate,
+        "imu",
+        {GYR: float(np.radians(errors.gyr_range)), ACC: errors.acc_range * GRAVITY},
+    )
     block = Block(stream, t, sensors.inertial(worn, k, rate, rng))
     mounting = dict(zip(SEGMENTS, worn.nominal))
-    return Simulated(hand, sized(hand), {"imu": block}, (), kinematics.truth(k, hand), worn, mounting)
+    return Simulated(
+        hand, sized(hand), {"imu": block}, (), kinematics.truth(k, hand), worn, mounting
+    )
 
 
 def printed(hand: Hand) -> HandGeometry:
@@ -56,7 +69,9 @@ def printed(hand: Hand) -> HandGeometry:
     return sized(hand, HandMeasures(segment_length=dict.fromkeys(SEGMENTS[1:], HINGES)))
 
 
-def mounted(geometry: HandGeometry, errors: SensorErrors, rng: np.random.Generator, turned: float) -> SensorSet:
+def mounted(
+    geometry: HandGeometry, errors: SensorErrors, rng: np.random.Generator, turned: float
+) -> SensorSet:
     """The sensors on the finger with errors drawn."""
     nominal = np.tile(quat.about(0, np.radians(turned)), (len(SEGMENTS), 1))
     return replace(sensors.mounted(SEGMENTS, geometry, errors, rng, nominal), p_BS=places(geometry))
@@ -67,7 +82,9 @@ def places(geometry: HandGeometry) -> Array:
     along = np.sqrt(np.square(DISTANCES) - np.square(HEIGHT))
     dorsal_distal = np.stack([HEIGHT, [-along[0], *(along[1:] - HINGES)], np.zeros(4)], axis=1)
     p_BS = side_sign(geometry.hand) * dorsal_distal
-    p_BS[0] += np.array(geometry.joint_positions["index_mcp"]) - np.array(geometry.joint_positions["middle_mcp"])
+    p_BS[0] += np.array(geometry.joint_positions["index_mcp"]) - np.array(
+        geometry.joint_positions["middle_mcp"]
+    )
     return np.asarray(p_BS)
 
 
@@ -78,14 +95,22 @@ def moved(rng: np.random.Generator, duration: float) -> Motion:
     x = np.zeros((len(t), SIZE))
     for name, reach, slowest in (
         *((f"wrist_{axis}", 0.10, 0.9) for axis in "xyz"),
-        *((f"forearm_{angle}", np.radians(40.0), 1.6) for angle in ("flexion", "deviation", "pronation")),
+        *(
+            (f"forearm_{angle}", np.radians(40.0), 1.6)
+            for angle in ("flexion", "deviation", "pronation")
+        ),
     ):
         x[:, COORDINATES[name]] = moving * reach * wandering(rng, t, slowest)
     x[:, COORDINATES["wrist_z"]] += 0.15 * moving
-    pulled = np.cumsum(STEP * 2 * np.pi * (1.0 + 0.25 * wandering(rng, t, 2.0)))  # the phase of pulling
+    pulled = np.cumsum(
+        STEP * 2 * np.pi * (1.0 + 0.25 * wandering(rng, t, 2.0))
+    )  # the phase of pulling
     for k, (name, stop) in enumerate(STOPS.items()):
         x[:, COORDINATES[name]] = (
-            moving * np.radians(stop) * (0.5 - 0.5 * np.cos(pulled - 0.5 * k)) * (0.85 + 0.15 * wandering(rng, t, 3.0))
+            moving
+            * np.radians(stop)
+            * (0.5 - 0.5 * np.cos(pulled - 0.5 * k))
+            * (0.85 + 0.15 * wandering(rng, t, 3.0))
         )
     return sampled(t, x)
 

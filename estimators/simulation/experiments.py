@@ -16,7 +16,12 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.simulation import joint_compliance
 from handscope.estimators.simulation.magnetic_field import MagneticField
-from handscope.estimators.simulation.movements import functional_calibration, guided_movements, static_hold, task_performance
+from handscope.estimators.simulation.movements import (
+    functional_calibration,
+    guided_movements,
+    static_hold,
+    task_performance,
+)
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.person import drawn
 from handscope.estimators.simulation.scenario import Simulated, performed
@@ -36,7 +41,9 @@ class Experiment:
     name: str
     fingers: tuple[str, ...]  # whose tips are judged
     perform: Perform  # begins with the initial pose
-    contact: tuple[tuple[str, str], ...] = ()  # (finger, contact point) pair of Table 7; points left, right, bottom, distal
+    contact: tuple[
+        tuple[str, str], ...
+    ] = ()  # (finger, contact point) pair of Table 7; points left, right, bottom, distal
     distance: float = 0.0  # m, true distance between the contact points
 
 
@@ -67,22 +74,45 @@ def recorded(
     true = person.true if length_errors else person.told
     pose, *rest = experiment.perform(true, of_motion)
     pose = task_performance.initial_pose(
-        true, pose.motion.duration, taken=_missed(task_performance.flat(), pose_error_deg, of_pose, wrist_error_deg)
+        true,
+        pose.motion.duration,
+        taken=_missed(task_performance.flat(), pose_error_deg, of_pose, wrist_error_deg),
     )
     calibrating = functional_calibration.all_steps(true, of_steps) if steps else ()
     whole, phase = [pose, *calibrating, *rest], joint_compliance.phases(of_give)
     if give_deg:
-        whole = [replace(p, motion=joint_compliance.Giving(p.motion.spline, np.radians(give_deg), phase)) for p in whole]
-    return performed(whole, hand, true, of_sensors, errors, segments, rate, forearm_rate, field, known=person.told, link=link)
+        whole = [
+            replace(p, motion=joint_compliance.Giving(p.motion.spline, np.radians(give_deg), phase))
+            for p in whole
+        ]
+    return performed(
+        whole,
+        hand,
+        true,
+        of_sensors,
+        errors,
+        segments,
+        rate,
+        forearm_rate,
+        field,
+        known=person.told,
+        link=link,
+    )
 
 
 def judged(made: Simulated) -> Array:
     """Which samples (n,) of the truth lie within what is judged."""
     t = made.truth.t
-    return np.asarray(np.any([(t >= e.onset) & (t <= e.end) for e in made.events if e.trial_type == "task"], axis=0))
+    return np.asarray(
+        np.any(
+            [(t >= e.onset) & (t <= e.end) for e in made.events if e.trial_type == "task"], axis=0
+        )
+    )
 
 
-def _missed(pose: Array, largest_deg: float, rng: np.random.Generator, wrist_deg: float | None) -> Array:
+def _missed(
+    pose: Array, largest_deg: float, rng: np.random.Generator, wrist_deg: float | None
+) -> Array:
     """The pose with every freedom of every joint off by up to `largest_deg`, evenly spread; the wrist's by up to `wrist_deg`."""
     largest = np.full((len(IS_DOF), 1), largest_deg)
     largest[JOINT["wrist"]] = largest_deg if wrist_deg is None else wrist_deg
@@ -94,11 +124,21 @@ def _after_pose(perform: Callable[[HandGeometry, np.random.Generator], Performan
     return lambda geometry, rng: (task_performance.initial_pose(geometry), perform(geometry, rng))
 
 
-def _table6(name: str, finger: str, perform: Callable[[HandGeometry, np.random.Generator, str, str], Performance]) -> Experiment:
-    return Experiment(name, (finger,), _after_pose(lambda geometry, rng: perform(geometry, rng, name, finger)))
+def _table6(
+    name: str,
+    finger: str,
+    perform: Callable[[HandGeometry, np.random.Generator, str, str], Performance],
+) -> Experiment:
+    return Experiment(
+        name, (finger,), _after_pose(lambda geometry, rng: perform(geometry, rng, name, finger))
+    )
 
 
-def _table7(name: str, hold: static_hold.Hold, perform: Callable[[HandGeometry, np.random.Generator], Performance]) -> Experiment:
+def _table7(
+    name: str,
+    hold: static_hold.Hold,
+    perform: Callable[[HandGeometry, np.random.Generator], Performance],
+) -> Experiment:
     return Experiment(name, hold.fingers, _after_pose(perform), (hold.a, hold.b), hold.distance)
 
 
@@ -121,17 +161,40 @@ TABLE7: Mapping[str, Experiment] = {
         _table7("P1 F1-F2", static_hold.SPACER_THUMB_INDEX, static_hold.spacer_thumb_index),
         _table7("P2 F2-F3", static_hold.SPACER_INDEX_MIDDLE, static_hold.spacer_index_middle),
         _table7("P3 F1-F2", static_hold.PINCH, static_hold.pinch_twice),
-        *(_table7(f"P4 {pair}", hold, static_hold.block) for pair, hold in static_hold.BLOCK.items()),
+        *(
+            _table7(f"P4 {pair}", hold, static_hold.block)
+            for pair, hold in static_hold.BLOCK.items()
+        ),
     )
 }
 OTHERS: Mapping[str, Experiment] = {
     e.name: e
     for e in (
-        Experiment("mechanical finger", ("index",), _after_pose(guided_movements.mechanical_finger)),
-        Experiment("tapping", ("thumb", "index"), _after_pose(lambda geometry, rng: task_performance.tapping(geometry))),
-        Experiment("open_close 116/min", ("index", "middle", "ring", "little"), _after_pose(guided_movements.open_close)),
-        Experiment("circles", ("index",), _after_pose(lambda geometry, rng: guided_movements.circling(geometry, rng, "circles", "index"))),
-        Experiment("free", ("thumb", "index", "middle", "ring", "little"), _after_pose(guided_movements.free)),
+        Experiment(
+            "mechanical finger", ("index",), _after_pose(guided_movements.mechanical_finger)
+        ),
+        Experiment(
+            "tapping",
+            ("thumb", "index"),
+            _after_pose(lambda geometry, rng: task_performance.tapping(geometry)),
+        ),
+        Experiment(
+            "open_close 116/min",
+            ("index", "middle", "ring", "little"),
+            _after_pose(guided_movements.open_close),
+        ),
+        Experiment(
+            "circles",
+            ("index",),
+            _after_pose(
+                lambda geometry, rng: guided_movements.circling(geometry, rng, "circles", "index")
+            ),
+        ),
+        Experiment(
+            "free",
+            ("thumb", "index", "middle", "ring", "little"),
+            _after_pose(guided_movements.free),
+        ),
     )
 }
 KORTIER2: Mapping[str, Experiment] = {
@@ -146,8 +209,20 @@ KORTIER2: Mapping[str, Experiment] = {
             (static_hold.PINCH.a, static_hold.PINCH.b),
             static_hold.PINCH.distance,
         ),
-        Experiment("flat hand", FINGERS, _after_pose(lambda geometry, rng: task_performance.TASKS["repeatability_flat"](geometry))),
-        Experiment("clenched mould", FINGERS, _after_pose(lambda geometry, rng: task_performance.TASKS["repeatability_mould"](geometry))),
+        Experiment(
+            "flat hand",
+            FINGERS,
+            _after_pose(
+                lambda geometry, rng: task_performance.TASKS["repeatability_flat"](geometry)
+            ),
+        ),
+        Experiment(
+            "clenched mould",
+            FINGERS,
+            _after_pose(
+                lambda geometry, rng: task_performance.TASKS["repeatability_mould"](geometry)
+            ),
+        ),
     )
 }
 EXPERIMENTS: Mapping[str, Experiment] = {

@@ -26,20 +26,43 @@ class ForceErrors:
     """Sizes (standard deviations unless said otherwise) from which each sensor's own errors are drawn."""
 
     noise: float = option(
-        0.05, "N", "noise of one reading in each axis", "mean error 0.05 to 0.07 N: El-Azizi et al. 2024, arXiv 2410.03481"
+        0.05,
+        "N",
+        "noise of one reading in each axis",
+        "mean error 0.05 to 0.07 N: El-Azizi et al. 2024, arXiv 2410.03481",
     )
-    offset: float = option(0.2, "N", "reading of an axis that nothing touches, when switched on", "ours")
+    offset: float = option(
+        0.2, "N", "reading of an axis that nothing touches, when switched on", "ours"
+    )
     drift: float = option(
-        0.02, "N/sqrt(s)", "random walk of that reading", "supply fluctuations, Kortier thesis 6.4, no size given; ours: 0.15 N in a minute"
+        0.02,
+        "N/sqrt(s)",
+        "random walk of that reading",
+        "supply fluctuations, Kortier thesis 6.4, no size given; ours: 0.15 N in a minute",
     )
     scale: float = option(0.02, "1", "scale error of each axis", PRECISION)
     cross_axis: float = option(0.01, "1", "share of another axis in each axis", PRECISION)
-    cuff: float = option(1.0, "deg", "turn of the force sensor against the inertial sensor on the cuff, in each axis", "3D print; ours")
-    torque_noise: float = option(
-        2.5e-4, "Nm", "noise of one reading of a torque about each axis, of a sensor with six", "ours: `noise` at a lever of 5 mm"
+    cuff: float = option(
+        1.0,
+        "deg",
+        "turn of the force sensor against the inertial sensor on the cuff, in each axis",
+        "3D print; ours",
     )
-    torque_offset: float = option(1e-3, "Nm", "reading of a torque that nothing exerts, when switched on", "ours: `offset` at 5 mm")
-    torque_drift: float = option(1e-4, "Nm/sqrt(s)", "random walk of that reading", "ours: `drift` at 5 mm")
+    torque_noise: float = option(
+        2.5e-4,
+        "Nm",
+        "noise of one reading of a torque about each axis, of a sensor with six",
+        "ours: `noise` at a lever of 5 mm",
+    )
+    torque_offset: float = option(
+        1e-3,
+        "Nm",
+        "reading of a torque that nothing exerts, when switched on",
+        "ours: `offset` at 5 mm",
+    )
+    torque_drift: float = option(
+        1e-4, "Nm/sqrt(s)", "random walk of that reading", "ours: `drift` at 5 mm"
+    )
     off_centre: float = option(
         1.5,
         "mm",
@@ -47,11 +70,24 @@ class ForceErrors:
         "half of its radius: Kortier thesis Fig. 6.1",
     )
     torque_limit: float = option(0.15, "Nm", "full scale of a torque", "ours: `limit` at 5 mm")
-    limit: float = option(30.0, "N", "full scale of an axis", "ours: beyond what a pinch needs (power pinch of adults about 50 N)")
+    limit: float = option(
+        30.0,
+        "N",
+        "full scale of an axis",
+        "ours: beyond what a pinch needs (power pinch of adults about 50 N)",
+    )
 
 
 IDEAL = ForceErrors(
-    noise=0.0, offset=0.0, drift=0.0, scale=0.0, cross_axis=0.0, cuff=0.0, torque_noise=0.0, torque_offset=0.0, torque_drift=0.0
+    noise=0.0,
+    offset=0.0,
+    drift=0.0,
+    scale=0.0,
+    cross_axis=0.0,
+    cuff=0.0,
+    torque_noise=0.0,
+    torque_offset=0.0,
+    torque_drift=0.0,
 )
 
 
@@ -80,7 +116,11 @@ def worn(fingers: Sequence[str], errors: ForceErrors, rng: np.random.Generator) 
     matrix = np.eye(3) + e.cross_axis * rng.normal(size=(n, 3, 3))
     matrix[:, range(3), range(3)] = 1 + e.scale * rng.normal(size=(n, 3))
     return ForceSensors(
-        tuple(fingers), quat.exp(np.radians(e.cuff) * rng.normal(size=(n, 3))), matrix, e.offset * rng.normal(size=(n, 3)), e
+        tuple(fingers),
+        quat.exp(np.radians(e.cuff) * rng.normal(size=(n, 3))),
+        matrix,
+        e.offset * rng.normal(size=(n, 3)),
+        e,
     )
 
 
@@ -93,18 +133,38 @@ def six_axes(sensors: ForceSensors, rng: np.random.Generator) -> SixAxes:
     return SixAxes(touched, e.torque_offset * rng.normal(size=(n, 3)))
 
 
-def readings(sensors: ForceSensors, tips: SensorSet, k: Kinematics, forces: Array, rng: np.random.Generator) -> Array:
+def readings(
+    sensors: ForceSensors, tips: SensorSet, k: Kinematics, forces: Array, rng: np.random.Generator
+) -> Array:
     """Readings (n, fingers, 3) N at the instants of the kinematics of the true forces (n, 5, 3)."""
     e = sensors.errors
-    read = np.einsum("nfi,fji->nfj", in_sensors(sensors, tips, k, forces), sensors.matrix) + sensors.offset
-    return np.asarray(np.clip(read + _errors(k.t, read.shape, e.drift, e.noise, rng), -e.limit, e.limit))
+    read = (
+        np.einsum("nfi,fji->nfj", in_sensors(sensors, tips, k, forces), sensors.matrix)
+        + sensors.offset
+    )
+    return np.asarray(
+        np.clip(read + _errors(k.t, read.shape, e.drift, e.noise, rng), -e.limit, e.limit)
+    )
 
 
-def torques(sensors: ForceSensors, six: SixAxes, tips: SensorSet, k: Kinematics, forces: Array, rng: np.random.Generator) -> Array:
+def torques(
+    sensors: ForceSensors,
+    six: SixAxes,
+    tips: SensorSet,
+    k: Kinematics,
+    forces: Array,
+    rng: np.random.Generator,
+) -> Array:
     """Readings (n, fingers, 3) Nm of the same, about the sensors' origins."""
     e = sensors.errors
     read = np.cross(six.touched, in_sensors(sensors, tips, k, forces)) + six.offset
-    return np.asarray(np.clip(read + _errors(k.t, read.shape, e.torque_drift, e.torque_noise, rng), -e.torque_limit, e.torque_limit))
+    return np.asarray(
+        np.clip(
+            read + _errors(k.t, read.shape, e.torque_drift, e.torque_noise, rng),
+            -e.torque_limit,
+            e.torque_limit,
+        )
+    )
 
 
 def in_sensors(sensors: ForceSensors, tips: SensorSet, k: Kinematics, forces: Array) -> Array:
@@ -114,12 +174,18 @@ def in_sensors(sensors: ForceSensors, tips: SensorSet, k: Kinematics, forces: Ar
         segment = CHAINS[finger][-1]
         row = tips.segments.index(segment)
         q_GI = quat.multiply(k.q_GB[:, SEGMENT[segment]], mounting[:, row])
-        q_GF = quat.multiply(quat.multiply(q_GI, quat.conjugate(tips.nominal[row])), sensors.q_BF[f])
+        q_GF = quat.multiply(
+            quat.multiply(q_GI, quat.conjugate(tips.nominal[row])), sensors.q_BF[f]
+        )
         own[:, f] = quat.rotate(quat.conjugate(q_GF), forces[:, FINGERS.index(finger)])
     return own
 
 
-def _errors(t: Array, shape: tuple[int, ...], drift: float, noise: float, rng: np.random.Generator) -> Array:
+def _errors(
+    t: Array, shape: tuple[int, ...], drift: float, noise: float, rng: np.random.Generator
+) -> Array:
     """A random walk and white noise."""
     steps = np.sqrt(np.diff(t, prepend=t[:1]))[:, None, None]
-    return np.asarray(np.cumsum(drift * steps * rng.normal(size=shape), axis=0) + noise * rng.normal(size=shape))
+    return np.asarray(
+        np.cumsum(drift * steps * rng.normal(size=shape), axis=0) + noise * rng.normal(size=shape)
+    )

@@ -28,7 +28,9 @@ class Giving(Motion):
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Coordinates and derivatives (n, 54) as `Motion.at`; a straight joint gives nothing."""
         x, dx, ddx = super().at(t)
-        f, df, ddf = (v[:, 6:].reshape(len(t), len(JOINTS), 3)[:, :, FLEXION, None] for v in (x, dx, ddx))
+        f, df, ddf = (
+            v[:, 6:].reshape(len(t), len(JOINTS), 3)[:, :, FLEXION, None] for v in (x, dx, ddx)
+        )
         turned, size = BENDS * f + self.phase, np.sqrt(2) * self.size * _GIVES
         slope, bend = BENDS * np.cos(turned), -(BENDS**2) * np.sin(turned)
         given = np.sin(turned) - np.sin(self.phase), slope * df, slope * ddf + bend * df**2

@@ -12,7 +12,16 @@ import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand import joint_angles
-from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINT, JOINTS, SEGMENT, SEGMENTS, Hand, side_sign
+from handscope.estimators.hand.anatomy import (
+    CHAINS,
+    FINGERS,
+    JOINT,
+    JOINTS,
+    SEGMENT,
+    SEGMENTS,
+    Hand,
+    side_sign,
+)
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
@@ -47,35 +56,60 @@ def of_motion(motion: Motion, geometry: HandGeometry, t: Array) -> Kinematics:
     _set(
         k,
         "forearm",
-        *_turned((np.tile(ground, (n, 1)), np.zeros((n, 3)), np.zeros((n, 3))), x[:, 3:6], dx[:, 3:6], ddx[:, 3:6]),
+        *_turned(
+            (np.tile(ground, (n, 1)), np.zeros((n, 3)), np.zeros((n, 3))),
+            x[:, 3:6],
+            dx[:, 3:6],
+            ddx[:, 3:6],
+        ),
         x[:, :3],
         ddx[:, :3],
     )
     for joint in JOINTS:
         j = 6 + 3 * JOINT[joint.name]
-        q, w, dw = _turned(_of(k, joint.parent), x[:, j : j + 3], dx[:, j : j + 3], ddx[:, j : j + 3])
+        q, w, dw = _turned(
+            _of(k, joint.parent), x[:, j : j + 3], dx[:, j : j + 3], ddx[:, j : j + 3]
+        )
         centre, at = _joint_centre(k, joint.name, joint.parent, geometry)
         arm = (
             np.array(geometry.joint_positions["middle_mcp"])
             if joint.child == "hand"
             else sign * np.array([0.0, geometry.lengths[joint.child], 0.0])
         )
-        _set(k, joint.child, q, w, dw, *carried(centre, at, w, dw, quat.rotate(q, np.tile(arm, (n, 1)))))
+        _set(
+            k,
+            joint.child,
+            q,
+            w,
+            dw,
+            *carried(centre, at, w, dw, quat.rotate(q, np.tile(arm, (n, 1)))),
+        )
     wrist, q_GW = k.p[:, SEGMENT["forearm"]], k.q_GB[:, SEGMENT["forearm"]]
     for f, finger in enumerate(FINGERS):
-        k.tips[:, f] = quat.rotate(quat.conjugate(q_GW), k.p[:, SEGMENT[CHAINS[finger][-1]]] - wrist)
+        k.tips[:, f] = quat.rotate(
+            quat.conjugate(q_GW), k.p[:, SEGMENT[CHAINS[finger][-1]]] - wrist
+        )
     return k
 
 
 def in_sequence(parts: Sequence[Kinematics]) -> Kinematics:
     """One after the other."""
-    return Kinematics(*(np.concatenate([getattr(k, f.name) for k in parts]) for f in fields(Kinematics)))
+    return Kinematics(
+        *(np.concatenate([getattr(k, f.name) for k in parts]) for f in fields(Kinematics))
+    )
 
 
 def truth(kinematics: Kinematics, hand: Hand) -> Trajectory:
     """What an ideal method would give."""
     k = kinematics
-    return Trajectory(hand, k.t, joint_angles.only_freedoms(k.angles), k.q_GB, k.tips, np.zeros((len(k.t), len(SEGMENTS)), np.uint8))
+    return Trajectory(
+        hand,
+        k.t,
+        joint_angles.only_freedoms(k.angles),
+        k.q_GB,
+        k.tips,
+        np.zeros((len(k.t), len(SEGMENTS)), np.uint8),
+    )
 
 
 def carried(p: Array, a: Array, w: Array, dw: Array, arm: Array) -> tuple[Array, Array]:
@@ -89,24 +123,39 @@ def base_orientation(hand: Hand) -> Array:
     return np.column_stack([(0, 0, sign), (0, sign, 0), (-1, 0, 0)]).astype(float)
 
 
-def _joint_centre(k: Kinematics, joint: str, parent: str, geometry: HandGeometry) -> tuple[Array, Array]:
+def _joint_centre(
+    k: Kinematics, joint: str, parent: str, geometry: HandGeometry
+) -> tuple[Array, Array]:
     """Place and acceleration of a joint's centre; MCP and thumb CMC lie off the hand's origin."""
     s = SEGMENT[parent]
     if parent != "hand":
         return k.p[:, s], k.a[:, s]
     assert joint in {root_joint(finger) for finger in FINGERS}
-    arm = np.array(geometry.joint_positions[joint]) - np.array(geometry.joint_positions["middle_mcp"])
-    return carried(k.p[:, s], k.a[:, s], k.w[:, s], k.dw[:, s], quat.rotate(k.q_GB[:, s], np.tile(arm, (len(k.t), 1))))
+    arm = np.array(geometry.joint_positions[joint]) - np.array(
+        geometry.joint_positions["middle_mcp"]
+    )
+    return carried(
+        k.p[:, s],
+        k.a[:, s],
+        k.w[:, s],
+        k.dw[:, s],
+        quat.rotate(k.q_GB[:, s], np.tile(arm, (len(k.t), 1))),
+    )
 
 
-def _turned(parent: tuple[Array, Array, Array], angles: Array, rates: Array, accelerations: Array) -> tuple[Array, Array, Array]:
+def _turned(
+    parent: tuple[Array, Array, Array], angles: Array, rates: Array, accelerations: Array
+) -> tuple[Array, Array, Array]:
     """Orientation, angular velocity and acceleration of a child from its parent's and the joint's angles."""
     q_p, w_p, dw_p = parent
     z, x, y = (angles[:, i] for i in range(3))
     q_z = quat.about(2, z)
     q_zx = quat.multiply(q_z, quat.about(0, x))
     e_z = np.tile([0.0, 0.0, 1.0], (len(z), 1))
-    e_x, e_y = quat.rotate(q_z, np.tile([1.0, 0.0, 0.0], (len(z), 1))), quat.rotate(q_zx, np.tile([0.0, 1.0, 0.0], (len(z), 1)))
+    e_x, e_y = (
+        quat.rotate(q_z, np.tile([1.0, 0.0, 0.0], (len(z), 1))),
+        quat.rotate(q_zx, np.tile([0.0, 1.0, 0.0], (len(z), 1))),
+    )
     w_z, w_x, w_y = rates[:, :1] * e_z, rates[:, 1:2] * e_x, rates[:, 2:] * e_y
     relative = w_z + w_x + w_y
     change = (
@@ -117,7 +166,11 @@ def _turned(parent: tuple[Array, Array, Array], angles: Array, rates: Array, acc
         + np.cross(w_z + w_x, w_y)
     )
     w_rel = quat.rotate(q_p, relative)
-    return quat.multiply(q_p, quat.multiply(q_zx, quat.about(1, y))), w_p + w_rel, dw_p + quat.rotate(q_p, change) + np.cross(w_p, w_rel)
+    return (
+        quat.multiply(q_p, quat.multiply(q_zx, quat.about(1, y))),
+        w_p + w_rel,
+        dw_p + quat.rotate(q_p, change) + np.cross(w_p, w_rel),
+    )
 
 
 def _of(k: Kinematics, segment: str) -> tuple[Array, Array, Array]:

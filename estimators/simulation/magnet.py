@@ -24,8 +24,12 @@ REST, STARTING = 1.0, 2.0  # s before a movement begins, and until it is in full
 NEUTRAL = quat.from_matrix(
     np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 )  # q_gb of somebody who sits upright and looks along y
-PLATE = np.array([[0.0, 0.0, 0.0], [0.0, -0.10, 0.0], [-0.12, 0.0, 0.0], [-0.12, -0.10, 0.0]])  # m: the first at the right shoulder
-MOMENT = 1.3 / (4e-7 * np.pi) * np.pi * 0.007**2 * 0.002  # A m^2: remanence of 1.3 T (N42) times the volume
+PLATE = np.array(
+    [[0.0, 0.0, 0.0], [0.0, -0.10, 0.0], [-0.12, 0.0, 0.0], [-0.12, -0.10, 0.0]]
+)  # m: the first at the right shoulder
+MOMENT = (
+    1.3 / (4e-7 * np.pi) * np.pi * 0.007**2 * 0.002
+)  # A m^2: remanence of 1.3 T (N42) times the volume
 ROD = MOMENT * np.array([0.0, 0.0, 1.0])
 MAGNET_PLACE = np.array([0.005, 0.03, 0.0])  # m from the hand's sensor; ours
 
@@ -36,13 +40,30 @@ ARRAY_ERRORS = LSM330DLC_HMC5983
 class MagnetErrors:
     """Standard deviations of what a user tells and of what iron on the plate does."""
 
-    place: float = option(1.0, "mm", "place of a magnetometer or the magnet in each axis", "Kortier 5.2.4: a ruler; size ours")
-    moment: float = option(0.01, "1", "size of the moment", "remanence within a grade of neodymium; size ours")
-    moment_angle: float = option(1.0, "deg", "direction of the moment", "Kortier 5.2.4: a ruler; size ours")
-    hard_iron: float = option(
-        20.0, "uT", "what magnetised parts add to an uncalibrated magnetometer", "BROAD: up to 20 uT before calibration; size ours"
+    place: float = option(
+        1.0,
+        "mm",
+        "place of a magnetometer or the magnet in each axis",
+        "Kortier 5.2.4: a ruler; size ours",
     )
-    soft_iron: float = option(0.05, "1", "share by which soft iron and the axes' scales stretch the field", "HMC5883L data sheet: 5 %")
+    moment: float = option(
+        0.01, "1", "size of the moment", "remanence within a grade of neodymium; size ours"
+    )
+    moment_angle: float = option(
+        1.0, "deg", "direction of the moment", "Kortier 5.2.4: a ruler; size ours"
+    )
+    hard_iron: float = option(
+        20.0,
+        "uT",
+        "what magnetised parts add to an uncalibrated magnetometer",
+        "BROAD: up to 20 uT before calibration; size ours",
+    )
+    soft_iron: float = option(
+        0.05,
+        "1",
+        "share by which soft iron and the axes' scales stretch the field",
+        "HMC5883L data sheet: 5 %",
+    )
     turn: float = option(1.0, "deg", "turn of a magnetometer on the plate", "ours")
 
 
@@ -98,10 +119,15 @@ def worn(
     soft = np.eye(3) + e.soft_iron * rng.normal(size=(n, 3, 3))
     true = places + 1e-3 * e.place * rng.normal(size=places.shape)
     true[0] = places[0]
-    true_moment = quat.rotate(quat.exp(e.moment_angle * np.pi / 180 * rng.normal(size=3)), moment) * (1 + e.moment * rng.normal())
+    true_moment = quat.rotate(
+        quat.exp(e.moment_angle * np.pi / 180 * rng.normal(size=3)), moment
+    ) * (1 + e.moment * rng.normal())
     lever = MAGNET_PLACE + 1e-3 * e.place * rng.normal(size=3)
     sizes = np.repeat([np.radians(errors.gyr_bias), errors.acc_bias], 3)
-    matrices = [np.eye(3) + np.diag(scale * rng.normal(size=3)) for scale in (errors.gyr_scale,) * 2 + (errors.acc_scale,) * 2]
+    matrices = [
+        np.eye(3) + np.diag(scale * rng.normal(size=3))
+        for scale in (errors.gyr_scale,) * 2 + (errors.acc_scale,) * 2
+    ]
     return Worn(
         true,
         quat.exp(turn),
@@ -126,12 +152,20 @@ def inertial(w: Worn, m: Motion, rng: np.random.Generator) -> Array:
     acc = np.einsum("kij,nkj->nki", w.matrix[1], force) + w.bias[:, 3:]
     gyr += np.radians(e.gyr_noise) * np.sqrt(rate / 2) * rng.normal(size=gyr.shape)
     acc += e.acc_noise * GRAVITY * np.sqrt(rate / 2) * rng.normal(size=acc.shape)
-    gyr, acc = np.clip(gyr, *(np.radians(e.gyr_range) * np.array([-1, 1]))), np.clip(acc, *(e.acc_range * GRAVITY * np.array([-1, 1])))
+    gyr, acc = (
+        np.clip(gyr, *(np.radians(e.gyr_range) * np.array([-1, 1]))),
+        np.clip(acc, *(e.acc_range * GRAVITY * np.array([-1, 1]))),
+    )
     return np.concatenate([gyr, acc], axis=-1)
 
 
 def magnetic(
-    w: Worn, m: Motion, room: MagneticField, rng: np.random.Generator, magnet: bool = True, second: MagneticField | None = None
+    w: Worn,
+    m: Motion,
+    room: MagneticField,
+    rng: np.random.Generator,
+    magnet: bool = True,
+    second: MagneticField | None = None,
 ) -> Array:
     """Raw readings (n, magnetometers, 3) in T: room, magnet (if it is there) and whatever `second` adds, through iron, limits and noise."""
     q_gb = m.q[:, None, 0]
@@ -145,30 +179,48 @@ def magnetic(
         square = (r * r).sum(axis=-1, keepdims=True)
         B = B + 1e-7 * (3 * (r * mu).sum(axis=-1, keepdims=True) * r - square * mu) / square**2.5
     own = quat.rotate(quat.conjugate(quat.multiply(q_gb, w.q_bl)), B)
-    raw = np.einsum("lij,nlj->nli", w.soft, own) + w.hard + 1e-6 * w.errors.mag_noise * rng.normal(size=own.shape)
+    raw = (
+        np.einsum("lij,nlj->nli", w.soft, own)
+        + w.hard
+        + 1e-6 * w.errors.mag_noise * rng.normal(size=own.shape)
+    )
     limit = 1e-6 * w.errors.mag_range
     return np.asarray(np.clip(raw, -limit, limit))
 
 
-def turned_about(rng: np.random.Generator, seconds: float = 60.0, rate: float = 60.0, spot: Array | None = None) -> Motion:
+def turned_about(
+    rng: np.random.Generator, seconds: float = 60.0, rate: float = 60.0, spot: Array | None = None
+) -> Motion:
     """The plate turned by hand in all directions within some centimetres, for the calibration of its magnetometers; the magnet is away."""
     swing = _swings(rng, 3, 0.05, 0.15)
     where = np.zeros(3) if spot is None else spot
 
     def orientation(t: Array) -> Array:
         return quat.multiply(
-            quat.about(2, 2 * np.pi * 0.11 * t), quat.multiply(quat.about(0, 2 * np.pi * 0.07 * t), quat.about(1, 2.0 * swing(t)[:, 0]))
+            quat.about(2, 2 * np.pi * 0.11 * t),
+            quat.multiply(quat.about(0, 2 * np.pi * 0.07 * t), quat.about(1, 2.0 * swing(t)[:, 0])),
         )
 
     def place(t: Array) -> Array:
         return where + 0.03 * swing(t)
 
     return _sampled(
-        seconds, rate, place, orientation, lambda t: np.tile([0.0, 0.0, 5.0], (len(t), 1)), lambda t: np.tile(quat.IDENTITY, (len(t), 1))
+        seconds,
+        rate,
+        place,
+        orientation,
+        lambda t: np.tile([0.0, 0.0, 5.0], (len(t), 1)),
+        lambda t: np.tile(quat.IDENTITY, (len(t), 1)),
     )
 
 
-def condition(name: str, rng: np.random.Generator, seconds: float = 70.0, rate: float = 60.0, spot: Array | None = None) -> Motion:
+def condition(
+    name: str,
+    rng: np.random.Generator,
+    seconds: float = 70.0,
+    rate: float = 60.0,
+    spot: Array | None = None,
+) -> Motion:
     """A movement of CONDITIONS: rest, then in full swing. Amplitudes and pace are drawn."""
     return CONDITIONS[name](rng, seconds, rate, np.zeros(3) if spot is None else spot)
 
@@ -209,23 +261,45 @@ def away(m: Motion, begin: float, end: float, by: float = 0.6) -> Motion:
 
 
 def _seated(
-    rng: np.random.Generator, seconds: float, rate: float, spot: Array, trunk: float, near: float, far: float, wrist: float
+    rng: np.random.Generator,
+    seconds: float,
+    rate: float,
+    spot: Array,
+    trunk: float,
+    near: float,
+    far: float,
+    wrist: float,
 ) -> Motion:
     """Trunk turned by `trunk` deg mostly about its long axis, hand between `near` and `far` m of the plate, turned by `wrist` deg against the trunk."""
-    reach, side, turn, lean = _swings(rng, 1, 0.2, 0.4), _swings(rng, 2, 0.1, 0.3), _swings(rng, 3, 0.15, 0.4), _swings(rng, 3, 0.15, 0.35)
+    reach, side, turn, lean = (
+        _swings(rng, 1, 0.2, 0.4),
+        _swings(rng, 2, 0.1, 0.3),
+        _swings(rng, 3, 0.15, 0.4),
+        _swings(rng, 3, 0.15, 0.35),
+    )
     held = quat.exp(np.array([0.0, -0.5 * np.pi, 0.0]) + 0.2 * rng.normal(size=3))
     middle = PLATE.mean(axis=0)
 
     def trunk_turn(t: Array) -> Array:
-        return quat.multiply(NEUTRAL, quat.exp(np.radians(trunk) * lean(t) * np.array([1.0, 0.25, 0.25])))
+        return quat.multiply(
+            NEUTRAL, quat.exp(np.radians(trunk) * lean(t) * np.array([1.0, 0.25, 0.25]))
+        )
 
     def trunk_place(t: Array) -> Array:
         return np.asarray(spot + trunk / 40.0 * 0.05 * lean(t))
 
     def hand_place(t: Array) -> Array:
-        azimuth, elevation = (np.radians(c) for c in (35.0 * side(t)[:, 0], -20.0 + 20.0 * side(t)[:, 1]))
+        azimuth, elevation = (
+            np.radians(c) for c in (35.0 * side(t)[:, 0], -20.0 + 20.0 * side(t)[:, 1])
+        )
         distance = near + (far - near) * 0.5 * (1 - reach(t)[:, 0])
-        toward = np.column_stack([np.sin(elevation), np.cos(elevation) * np.sin(azimuth), np.cos(elevation) * np.cos(azimuth)])
+        toward = np.column_stack(
+            [
+                np.sin(elevation),
+                np.cos(elevation) * np.sin(azimuth),
+                np.cos(elevation) * np.cos(azimuth),
+            ]
+        )
         return np.asarray(middle + distance[:, None] * toward)
 
     def hand_turn(t: Array) -> Array:
@@ -236,11 +310,17 @@ def _seated(
 
 def _swings(rng: np.random.Generator, n: int, slow: float, fast: float) -> Callable[[Array], Array]:
     """n smooth coordinates (len(t), n) within +-1: two oscillations each, of `slow` to `fast` Hz, that begin from rest."""
-    pace, phase, share = rng.uniform(slow, fast, (2, n)), rng.uniform(0, 2 * np.pi, (2, n)), rng.uniform(0.6, 0.8, n)
+    pace, phase, share = (
+        rng.uniform(slow, fast, (2, n)),
+        rng.uniform(0, 2 * np.pi, (2, n)),
+        rng.uniform(0.6, 0.8, n),
+    )
 
     def swing(t: Array) -> Array:
         u = np.clip((t - REST) / STARTING, 0.0, 1.0)
-        own = STARTING * (u**6 - 3 * u**5 + 2.5 * u**4) + np.maximum(t - REST - STARTING, 0.0)  # its slope is a smooth step
+        own = STARTING * (u**6 - 3 * u**5 + 2.5 * u**4) + np.maximum(
+            t - REST - STARTING, 0.0
+        )  # its slope is a smooth step
         a, b = (np.sin(2 * np.pi * np.outer(own, pace[k]) + phase[k]) for k in range(2))
         return np.asarray(share * a + (1 - share) * b)
 
@@ -260,10 +340,17 @@ def _sampled(
     fine = np.arange(-4 * FINE, (n + 3) * FINE + 1) / (rate * FINE)
     clipped = np.maximum(fine, 0.0)
     q_gb, p_b = base_turn(clipped), base_place(clipped)
-    p_t, q_gt = p_b + quat.rotate(q_gb, hand_place(clipped)), quat.multiply(q_gb, hand_turn(clipped))
+    p_t, q_gt = (
+        p_b + quat.rotate(q_gb, hand_place(clipped)),
+        quat.multiply(q_gb, hand_turn(clipped)),
+    )
     at = 4 * FINE + FINE * np.arange(n)
     step = fine[1] - fine[0]
-    w = np.stack([quat.log(quat.relative(q[at - 1], q[at + 1])) / (2 * step) for q in (q_gb, q_gt)], axis=1)
-    a = np.stack([make_interp_spline(fine, p, k=5).derivative(2)(fine[at]) for p in (p_b, p_t)], axis=1)
+    w = np.stack(
+        [quat.log(quat.relative(q[at - 1], q[at + 1])) / (2 * step) for q in (q_gb, q_gt)], axis=1
+    )
+    a = np.stack(
+        [make_interp_spline(fine, p, k=5).derivative(2)(fine[at]) for p in (p_b, p_t)], axis=1
+    )
     p, q = np.stack([p_b[at], p_t[at]], axis=1), np.stack([q_gb[at], q_gt[at]], axis=1)
     return Motion(np.arange(n) / rate, p, q, w, a)

@@ -29,14 +29,19 @@ class MagneticField:
         for place, moment in zip(self.places, self.moments):
             r = p - place
             distance = np.sqrt((r * r).sum(axis=-1, keepdims=True))
-            B += MU0_4PI * (3 * (r * moment).sum(axis=-1, keepdims=True) * r / distance**5 - moment / distance**3)
+            B += MU0_4PI * (
+                3 * (r * moment).sum(axis=-1, keepdims=True) * r / distance**5
+                - moment / distance**3
+            )
         return B
 
 
 def homogeneous(heading: float = 0.0) -> MagneticField:
     """The earth's field alone; magnetic north `heading` rad from the global y axis."""
     horizontal = EARTH * np.cos(DIP)
-    earth = np.array([horizontal * np.sin(heading), horizontal * np.cos(heading), -EARTH * np.sin(DIP)])
+    earth = np.array(
+        [horizontal * np.sin(heading), horizontal * np.cos(heading), -EARTH * np.sin(DIP)]
+    )
     return MagneticField(earth, np.empty((0, 3)), np.empty((0, 3)))
 
 
@@ -50,6 +55,12 @@ def office(rng: np.random.Generator, heading: float = 0.0) -> MagneticField:
     n = 8
     direction = rng.normal(size=(n, 3))
     direction[:, 2] = -np.abs(direction[:, 2])
-    places = direction / np.linalg.norm(direction, axis=1, keepdims=True) * rng.uniform(0.2, 0.6, (n, 1))
+    places = (
+        direction / np.linalg.norm(direction, axis=1, keepdims=True) * rng.uniform(0.2, 0.6, (n, 1))
+    )
     moments = rng.normal(size=(n, 3))
-    return MagneticField(homogeneous(heading).earth, places, 2.0 * moments / np.linalg.norm(moments, axis=1, keepdims=True))
+    return MagneticField(
+        homogeneous(heading).earth,
+        places,
+        2.0 * moments / np.linalg.norm(moments, axis=1, keepdims=True),
+    )

@@ -16,9 +16,23 @@ from handscope.estimators.numerics.quaternions import Array
 
 SIZE = 6 + 3 * len(JOINTS)
 COORDINATES = {
-    name: k for k, name in enumerate(("wrist_x", "wrist_y", "wrist_z", "forearm_flexion", "forearm_deviation", "forearm_pronation"))
+    name: k
+    for k, name in enumerate(
+        (
+            "wrist_x",
+            "wrist_y",
+            "wrist_z",
+            "forearm_flexion",
+            "forearm_deviation",
+            "forearm_pronation",
+        )
+    )
 }
-COORDINATES |= {f"{joint.name}_{angle}": 6 + 3 * JOINT[joint.name] + a for joint in JOINTS for a, angle in enumerate(ANGLES)}
+COORDINATES |= {
+    f"{joint.name}_{angle}": 6 + 3 * JOINT[joint.name] + a
+    for joint in JOINTS
+    for a, angle in enumerate(ANGLES)
+}
 
 
 def posture(base: Array | None = None, **degrees_or_metres: float) -> Array:
@@ -44,7 +58,11 @@ class Motion:
         """Coordinates, their first and second derivatives at t (n,): three (n, 54). Before and after the motion it rests."""
         inside = np.clip(t, self.spline.x[0], self.spline.x[-1])
         moving = (t >= self.spline.x[0]) & (t <= self.spline.x[-1])
-        return self.spline(inside), self.spline(inside, 1) * moving[:, None], self.spline(inside, 2) * moving[:, None]
+        return (
+            self.spline(inside),
+            self.spline(inside, 1) * moving[:, None],
+            self.spline(inside, 2) * moving[:, None],
+        )
 
 
 def through(points: Sequence[tuple[float, Array]]) -> Motion:
@@ -76,11 +94,17 @@ def joined(*motions: Motion) -> Motion:
         assert np.allclose(spline(spline.x[0]), here, atol=1e-9), "the postures do not meet"
         breaks.append(spline.x[1:] - spline.x[0] + breaks[-1][-1])
         here = spline(spline.x[-1])
-    return Motion(PPoly(np.concatenate([m.spline.c for m in motions], axis=1), np.concatenate(breaks)))
+    return Motion(
+        PPoly(np.concatenate([m.spline.c for m in motions], axis=1), np.concatenate(breaks))
+    )
 
 
-def after(state: tuple[Array, Array, Array], points: Sequence[tuple[float, Array]], t: float) -> Motion:
+def after(
+    state: tuple[Array, Array, Array], points: Sequence[tuple[float, Array]], t: float
+) -> Motion:
     """Go on from coordinates with their first and second derivatives (each (54,)) at time t, then through `points` as `through` does."""
     times = np.array([t, *(time for time, _ in points)])
     still = [np.stack([p, np.zeros(SIZE), np.zeros(SIZE)]) for _, p in points]
-    return Motion(PPoly.from_bernstein_basis(BPoly.from_derivatives(times, [np.stack(state), *still])))
+    return Motion(
+        PPoly.from_bernstein_basis(BPoly.from_derivatives(times, [np.stack(state), *still]))
+    )

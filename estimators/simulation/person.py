@@ -36,7 +36,10 @@ class Anatomy:
 
     hand_length: float = option(0.012, "m", "length of the hand", ANSUR)
     finger_length: float = option(
-        0.03, "1", "length of each finger against the hand's", f"{SALCHOW}, 5: ratios vary by a few percents; size ours"
+        0.03,
+        "1",
+        "length of each finger against the hand's",
+        f"{SALCHOW}, 5: ratios vary by a few percents; size ours",
     )
     ratio: float = option(
         0.03,
@@ -44,12 +47,30 @@ class Anatomy:
         "ratio of neighbouring phalanges against the mean ratio",
         f"{SALCHOW}, 5: from subject to subject by a few percents, size ours; Table 2's 95 % CI of 1 to 2 % is the lower bound",
     )
-    tissue: float = option(1.0, "1", "tissue at the fingertip, in standard deviations of Table 3", f"{SALCHOW}, Table 3")
-    breadth: float = option(0.045, "1", "breadth of the hand against its length: where the MCP joints lie sideways", ANSUR)
-    knuckles: float = option(
-        0.03, "1", "distance of each joint on the palm from the wrist, and of the thumb's metacarpal", f"{SALCHOW}, 5; size ours"
+    tissue: float = option(
+        1.0,
+        "1",
+        "tissue at the fingertip, in standard deviations of Table 3",
+        f"{SALCHOW}, Table 3",
     )
-    thumb_angle: float = option(3.0, "deg", "angle between wrist-MCP 3 and wrist-CMC", f"{SALCHOW}, Fig. 3 takes 58 deg for all; size ours")
+    breadth: float = option(
+        0.045,
+        "1",
+        "breadth of the hand against its length: where the MCP joints lie sideways",
+        ANSUR,
+    )
+    knuckles: float = option(
+        0.03,
+        "1",
+        "distance of each joint on the palm from the wrist, and of the thumb's metacarpal",
+        f"{SALCHOW}, 5; size ours",
+    )
+    thumb_angle: float = option(
+        3.0,
+        "deg",
+        "angle between wrist-MCP 3 and wrist-CMC",
+        f"{SALCHOW}, Fig. 3 takes 58 deg for all; size ours",
+    )
 
 
 @dataclass(frozen=True)
@@ -66,22 +87,30 @@ def drawn(hand: Hand, rng: np.random.Generator, anatomy: Anatomy | None = None) 
     outer = {f: FINGER_LENGTH[f] * length * (1 + a.finger_length * _within(rng)) for f in FINGERS}
     tissue = {f: TIP_TISSUE[f] + a.tissue * TIP_TISSUE_SD[f] * _within(rng) for f in FINGERS}
     palm = MCP_DISTAL["middle"] * length
-    segments = {s: v for f in FINGERS for s, v in _phalanges(f, outer[f] - tissue[f], a.ratio, rng).items()}
+    segments = {
+        s: v for f in FINGERS for s, v in _phalanges(f, outer[f] - tissue[f], a.ratio, rng).items()
+    }
     told = sized(hand, HandMeasures(palm_length=palm, finger_length=outer))
-    segments["thumb_metacarpal"] = told.lengths["thumb_metacarpal"] * (1 + a.knuckles * _within(rng))
+    segments["thumb_metacarpal"] = told.lengths["thumb_metacarpal"] * (
+        1 + a.knuckles * _within(rng)
+    )
     usual = sized(hand, HandMeasures(palm_length=palm, hand_breadth=breadth))
     true = sized(hand, HandMeasures(palm_length=palm, segment_length=segments, tip_tissue=tissue))
     return Person(replace(true, joint_positions=_roots(usual, a, rng)), told)
 
 
-def _phalanges(finger: str, bones: float, spread: float, rng: np.random.Generator) -> dict[str, float]:
+def _phalanges(
+    finger: str, bones: float, spread: float, rng: np.random.Generator
+) -> dict[str, float]:
     """The finger's bones, together `bones` long, in this person's own ratios."""
     ratios = [r * (1 + spread * _within(rng)) for r in RATIOS[finger]]
     share = np.cumprod([1.0, *ratios[::-1]])[::-1]
     return {s: float(v) for s, v in zip(CHAINS[finger][-len(share) :], bones * share / share.sum())}
 
 
-def _roots(usual: HandGeometry, a: Anatomy, rng: np.random.Generator) -> dict[str, tuple[float, float, float]]:
+def _roots(
+    usual: HandGeometry, a: Anatomy, rng: np.random.Generator
+) -> dict[str, tuple[float, float, float]]:
     """Where the fingers begin; MCP 3 stays, its distance is the palm length that was measured."""
     places = {}
     for joint, place in usual.joint_positions.items():

@@ -7,7 +7,17 @@ import numpy as np
 
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.magnet_declaration import Plate
-from handscope.estimators.data.samples import ACC, FORCE, GYR, MAG, TORQUE, Block, Event, Stream, join
+from handscope.estimators.data.samples import (
+    ACC,
+    FORCE,
+    GYR,
+    MAG,
+    TORQUE,
+    Block,
+    Event,
+    Stream,
+    join,
+)
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENTS, Hand
@@ -73,9 +83,13 @@ def simulate(
     """The tasks in order, each from and to the relaxed posture; the forearm's sensor in a stream of its own where its rate is given."""
     unknown = [name for name in task_names if name not in task_performance.TASKS]
     if unknown:
-        raise InputError(f"there is no task {unknown[0]!r} to simulate; tasks are {', '.join(task_performance.TASKS)}")
+        raise InputError(
+            f"there is no task {unknown[0]!r} to simulate; tasks are {', '.join(task_performance.TASKS)}"
+        )
     performances = [task_performance.TASKS[name](geometry) for name in task_names]
-    return performed(performances, hand, geometry, rng, errors, segments, rate, forearm_rate, field, link=link)
+    return performed(
+        performances, hand, geometry, rng, errors, segments, rate, forearm_rate, field, link=link
+    )
 
 
 def performed(
@@ -102,7 +116,10 @@ def performed(
     of_mag, of_link, of_force, of_trunk = rng.spawn(4)
     plans = _plans(segments, errors, rate, forearm_rate, mag_rate if field is not None else None)
     fastest = max((p for p in plans if p.inertial), key=lambda p: (p.rate, p.name == "imu"))
-    clocks = {p.name: transmission.clock_rate(link, of_link) if p.clock == "forearm" else 1.0 for p in plans}
+    clocks = {
+        p.name: transmission.clock_rate(link, of_link) if p.clock == "forearm" else 1.0
+        for p in plans
+    }
     parts: dict[str, list[Block]] = {p.name: [] for p in plans}
     carried = trunk.carried(on_trunk, of_trunk) if on_trunk is not None else None
     truths, events, begin = [], [], 0.0
@@ -110,7 +127,10 @@ def performed(
         end = begin + performance.motion.duration
         for stream in plans:
             t = _instants(begin, end, stream.rate, clocks[stream.name])
-            k = replace(kinematics.of_motion(performance.motion, geometry, t / clocks[stream.name] - begin), t=t)
+            k = replace(
+                kinematics.of_motion(performance.motion, geometry, t / clocks[stream.name] - begin),
+                t=t,
+            )
             rows = [worn.segments.index(s) for s in stream.sensors]
             if stream.inertial:
                 read = sensors.inertial(worn, k, stream.rate, rng)
@@ -119,47 +139,95 @@ def performed(
             parts[stream.name].append(Block(stream, t, read[:, rows]))
             if stream is fastest:
                 truths.append(_truth(k, hand, performance, begin, worn, carried))
-        events += [Event(e.onset + begin, e.duration, e.trial_type, e.details) for e in performance.events]
+        events += [
+            Event(e.onset + begin, e.duration, e.trial_type, e.details) for e in performance.events
+        ]
         begin = end
     if force is not None:
         parts["force"] = [_felt(performances, geometry, worn, force, of_force)]
     if carried is not None:
-        parts |= {b.stream.name: [b] for b in _on_trunk(performances, geometry, worn, carried, of_trunk)}
+        parts |= {
+            b.stream.name: [b] for b in _on_trunk(performances, geometry, worn, carried, of_trunk)
+        }
     mounting, plate = ({}, None) if carried is None else (carried.mounting, carried.plate)
-    samples = {name: transmission.through(link, join(blocks), of_link) for name, blocks in parts.items()}
-    return Simulated(hand, known or geometry, samples, tuple(events), trajectory.join(truths, hand), worn, mounting, plate=plate)
+    samples = {
+        name: transmission.through(link, join(blocks), of_link) for name, blocks in parts.items()
+    }
+    return Simulated(
+        hand,
+        known or geometry,
+        samples,
+        tuple(events),
+        trajectory.join(truths, hand),
+        worn,
+        mounting,
+        plate=plate,
+    )
 
 
-def _truth(k: Kinematics, hand: Hand, performance: Performance, begin: float, worn: SensorSet, carried: Carried | None) -> Trajectory:
+def _truth(
+    k: Kinematics,
+    hand: Hand,
+    performance: Performance,
+    begin: float,
+    worn: SensorSet,
+    carried: Carried | None,
+) -> Trajectory:
     moved = kinematics.truth(k, hand)
-    return moved if carried is None else trunk.told(carried, shifted(performance.motion, begin), k, worn, moved)
+    return (
+        moved
+        if carried is None
+        else trunk.told(carried, shifted(performance.motion, begin), k, worn, moved)
+    )
 
 
 def _felt(
-    performances: Sequence[Performance], geometry: HandGeometry, worn: SensorSet, glove: ForceGlove, rng: np.random.Generator
+    performances: Sequence[Performance],
+    geometry: HandGeometry,
+    worn: SensorSet,
+    glove: ForceGlove,
+    rng: np.random.Generator,
 ) -> Block:
     """What the force sensors read over all performances; nothing is touched where a performance has no forces."""
     sensors_worn = force_sensors.worn(glove.fingers, glove.errors, rng)
-    scales = {FORCE: glove.errors.limit} | ({TORQUE: glove.errors.torque_limit} if glove.six_axes else {})
-    stream = Stream("force", tuple(f"{f}_tip_force" for f in glove.fingers), tuple(scales), glove.rate, "imu", scales)
+    scales = {FORCE: glove.errors.limit} | (
+        {TORQUE: glove.errors.torque_limit} if glove.six_axes else {}
+    )
+    stream = Stream(
+        "force",
+        tuple(f"{f}_tip_force" for f in glove.fingers),
+        tuple(scales),
+        glove.rate,
+        "imu",
+        scales,
+    )
     starts = np.cumsum([0.0, *(p.motion.duration for p in performances)])
     moved, forces = [], []
     for performance, begin, end in zip(performances, starts, starts[1:]):
         t = _instants(begin, end, glove.rate, 1.0)
         k = kinematics.of_motion(performance.motion, geometry, t - begin)
-        forces.append(np.zeros((len(t), 5, 3)) if performance.forces is None else performance.forces(k))
+        forces.append(
+            np.zeros((len(t), 5, 3)) if performance.forces is None else performance.forces(k)
+        )
         moved.append(replace(k, t=t))
     whole = kinematics.in_sequence(moved)
     exerted, of_torque = np.concatenate(forces), rng.spawn(1)[0]
     read = force_sensors.readings(sensors_worn, worn, whole, exerted, rng)
     if glove.six_axes:
         six = force_sensors.six_axes(sensors_worn, of_torque)
-        read = np.concatenate([read, force_sensors.torques(sensors_worn, six, worn, whole, exerted, of_torque)], axis=2)
+        read = np.concatenate(
+            [read, force_sensors.torques(sensors_worn, six, worn, whole, exerted, of_torque)],
+            axis=2,
+        )
     return Block(stream, whole.t, read)
 
 
 def _on_trunk(
-    performances: Sequence[Performance], geometry: HandGeometry, worn: SensorSet, c: Carried, rng: np.random.Generator
+    performances: Sequence[Performance],
+    geometry: HandGeometry,
+    worn: SensorSet,
+    c: Carried,
+    rng: np.random.Generator,
 ) -> list[Block]:
     """What the trunk's sensors read over all performances."""
     starts = np.cumsum([0.0, *(p.motion.duration for p in performances)])
@@ -171,18 +239,42 @@ def _on_trunk(
             if stream.inertial:
                 parts.append(Block(stream, t, trunk.inertial(c, motion, t, rng)))
             else:
-                parts.append(Block(stream, t, trunk.magnetic(c, motion, kinematics.of_motion(motion, geometry, t), worn, rng)))
+                parts.append(
+                    Block(
+                        stream,
+                        t,
+                        trunk.magnetic(
+                            c, motion, kinematics.of_motion(motion, geometry, t), worn, rng
+                        ),
+                    )
+                )
         blocks.append(join(parts))
     return blocks
 
 
-def _plans(segments: Sequence[str], errors: SensorErrors, rate: float, forearm_rate: float | None, mag_rate: float | None) -> list[Stream]:
+def _plans(
+    segments: Sequence[str],
+    errors: SensorErrors,
+    rate: float,
+    forearm_rate: float | None,
+    mag_rate: float | None,
+) -> list[Stream]:
     """The streams: one by wire, the forearm's own where it has a rate of its own, magnetometers where they have one."""
     scale = {GYR: float(np.radians(errors.gyr_range)), ACC: errors.acc_range * GRAVITY}
     apart = ("forearm",) if forearm_rate is not None and "forearm" in segments else ()
-    plans = [Stream("imu", tuple(s for s in segments if s not in apart), (GYR, ACC), rate, "imu", scale)]
-    plans += [Stream("forearm", apart, (GYR, ACC), forearm_rate or rate, "forearm", scale)] if apart else []
-    plans += [Stream("mag", tuple(segments), (MAG,), mag_rate, "imu", {MAG: errors.mag_range * 1e-6})] if mag_rate is not None else []
+    plans = [
+        Stream("imu", tuple(s for s in segments if s not in apart), (GYR, ACC), rate, "imu", scale)
+    ]
+    plans += (
+        [Stream("forearm", apart, (GYR, ACC), forearm_rate or rate, "forearm", scale)]
+        if apart
+        else []
+    )
+    plans += (
+        [Stream("mag", tuple(segments), (MAG,), mag_rate, "imu", {MAG: errors.mag_range * 1e-6})]
+        if mag_rate is not None
+        else []
+    )
     return plans
 
 

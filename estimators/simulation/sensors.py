@@ -28,35 +28,61 @@ WALK_LENGTH = 7200  # s of bias random walk drawn for each sensor; it stays wher
 class SensorErrors:
     """Sizes (standard deviations unless said otherwise) from which each sensor's own errors are drawn."""
 
-    gyr_noise: float = option(0.01, "deg/s/sqrt(Hz)", "white noise density of the gyroscope", MPU9250)
-    acc_noise: float = option(300e-6, "g/sqrt(Hz)", "white noise density of the accelerometer", MPU9250)
-    mag_noise: float = option(0.6, "uT", "noise of one magnetometer sample", f"4 counts of 0.15 uT, {MPU9250}; number of counts ours")
+    gyr_noise: float = option(
+        0.01, "deg/s/sqrt(Hz)", "white noise density of the gyroscope", MPU9250
+    )
+    acc_noise: float = option(
+        300e-6, "g/sqrt(Hz)", "white noise density of the accelerometer", MPU9250
+    )
+    mag_noise: float = option(
+        0.6,
+        "uT",
+        "noise of one magnetometer sample",
+        f"4 counts of 0.15 uT, {MPU9250}; number of counts ours",
+    )
     gyr_bias: float = option(0.5, "deg/s", "bias of the gyroscope", CALIBRATED)
     acc_bias: float = option(0.05, "m/s^2", "bias of the accelerometer", CALIBRATED)
     mag_bias: float = option(1.0, "uT", "bias of the magnetometer", CALIBRATED)
     gyr_bias_walk: float = option(
-        0.001, "deg/s/sqrt(s)", "random walk of the gyroscope's bias", "Allan deviations of consumer MEMS, about 10 deg/h; size ours"
+        0.001,
+        "deg/s/sqrt(s)",
+        "random walk of the gyroscope's bias",
+        "Allan deviations of consumer MEMS, about 10 deg/h; size ours",
     )
     gyr_scale: float = option(0.003, "1", "scale error of each gyroscope axis", CALIBRATED)
     acc_scale: float = option(0.003, "1", "scale error of each accelerometer axis", CALIBRATED)
     mag_scale: float = option(0.01, "1", "scale error of each magnetometer axis", CALIBRATED)
     cross_axis: float = option(0.003, "1", "share of another axis in each axis", CALIBRATED)
     misalignment: float = option(
-        7.5, "deg", "middle of the angle of the sensor against its segment, about a random axis", "Salchow-Hoemmen 2019, 5: 5 to 10 deg"
+        7.5,
+        "deg",
+        "middle of the angle of the sensor against its segment, about a random axis",
+        "Salchow-Hoemmen 2019, 5: 5 to 10 deg",
     )
     misalignment_width: float = option(
-        2.5, "deg", "largest difference from that angle, evenly spread", "Salchow-Hoemmen 2019, 5: 5 to 10 deg"
+        2.5,
+        "deg",
+        "largest difference from that angle, evenly spread",
+        "Salchow-Hoemmen 2019, 5: 5 to 10 deg",
     )
     skin_angle: float = option(
-        2.0, "deg", "turn of the sensor on its segment for 90 deg of flexion, about a random axis", "skin moves with the joint; size ours"
+        2.0,
+        "deg",
+        "turn of the sensor on its segment for 90 deg of flexion, about a random axis",
+        "skin moves with the joint; size ours",
     )
     skin_shift: float = option(
-        1.0, "mm", "slide of the sensor along its segment for 90 deg of flexion", "skin moves with the joint; size ours"
+        1.0,
+        "mm",
+        "slide of the sensor along its segment for 90 deg of flexion",
+        "skin moves with the joint; size ours",
     )
     gyr_range: float = option(2000.0, "deg/s", "full scale of the gyroscope", MPU9250)
     acc_range: float = option(16.0, "g", "full scale of the accelerometer", MPU9250)
     mag_range: float = option(4800.0, "uT", "full scale of the magnetometer", MPU9250)
-    bits: int = option(16, "bit", "resolution of gyroscope and accelerometer; 0 = not rounded", MPU9250)
+    bits: int = option(
+        16, "bit", "resolution of gyroscope and accelerometer; 0 = not rounded", MPU9250
+    )
 
 
 IDEAL = SensorErrors(
@@ -83,7 +109,9 @@ IDEAL = SensorErrors(
     bits=0,
 )
 LSM330DLC = "LSM330DLC data sheet; HMC5983 data sheet; Kortier thesis ch. 2"
-LSM330DLC_HMC5983 = SensorErrors(gyr_noise=0.03, acc_noise=220e-6, mag_noise=0.2, acc_range=8.0, mag_range=810.0)
+LSM330DLC_HMC5983 = SensorErrors(
+    gyr_noise=0.03, acc_noise=220e-6, mag_noise=0.2, acc_range=8.0, mag_range=810.0
+)
 PRESET_SOURCES = {
     "MPU-9250": MPU9250,
     "LSM330DLC/HMC5983": LSM330DLC,
@@ -100,16 +128,24 @@ class SensorSet:
     q_BS: Array  # (sensors, 4) true sensor-to-segment rotation of the straight hand, misalignment included
     nominal: Array  # (sensors, 4) mounting as configured
     p_BS: Array  # (sensors, 3) m, lever arm from the segment's origin in its frame, of the straight hand
-    skin_turn: Array  # (sensors, 3) rad of turn on the segment per rad of flexion, in the segment's frame
+    skin_turn: (
+        Array  # (sensors, 3) rad of turn on the segment per rad of flexion, in the segment's frame
+    )
     skin_slide: Array  # (sensors, 3) m of slide per rad of flexion, in the segment's frame
     bias: Array  # (sensors, 9) gyroscope rad/s, accelerometer m/s^2, magnetometer T
-    matrix: Array  # (3 quantities, sensors, 3, 3) scale and cross-axis: reading = matrix @ truth + bias
+    matrix: (
+        Array  # (3 quantities, sensors, 3, 3) scale and cross-axis: reading = matrix @ truth + bias
+    )
     walk: Array  # (WALK_LENGTH + 1, sensors, 3) rad/s, the gyroscope bias's walk at full seconds
     errors: SensorErrors
 
 
 def mounted(
-    segments: Sequence[str], geometry: HandGeometry, errors: SensorErrors, rng: np.random.Generator, nominal: Array | None = None
+    segments: Sequence[str],
+    geometry: HandGeometry,
+    errors: SensorErrors,
+    rng: np.random.Generator,
+    nominal: Array | None = None,
 ) -> SensorSet:
     """Put sensors on the middle of the phalanges' backs, the hand's back and the forearm near the wrist, and draw their errors."""
     n, e = len(segments), errors
@@ -117,7 +153,11 @@ def mounted(
     angle = np.radians(e.misalignment + e.misalignment_width * rng.uniform(-1, 1, (n, 1)))
     tilt = quat.exp(angle * _directions(rng, n))
     sizes = np.repeat([np.radians(e.gyr_bias), e.acc_bias, e.mag_bias * 1e-6], 3)
-    slide = side_sign(geometry.hand) * np.array([0.0, e.skin_shift * 1e-3 / (np.pi / 2), 0.0]) * rng.uniform(-1, 1, (n, 1))
+    slide = (
+        side_sign(geometry.hand)
+        * np.array([0.0, e.skin_shift * 1e-3 / (np.pi / 2), 0.0])
+        * rng.uniform(-1, 1, (n, 1))
+    )
     steps = np.radians(e.gyr_bias_walk) * rng.normal(size=(WALK_LENGTH, n, 3))
     return SensorSet(
         tuple(segments),
@@ -127,7 +167,12 @@ def mounted(
         np.radians(e.skin_angle) / (np.pi / 2) * _directions(rng, n),
         slide,
         sizes * rng.normal(size=(n, 9)),
-        np.stack([_matrices(rng, n, scale, e.cross_axis) for scale in (e.gyr_scale, e.acc_scale, e.mag_scale)]),
+        np.stack(
+            [
+                _matrices(rng, n, scale, e.cross_axis)
+                for scale in (e.gyr_scale, e.acc_scale, e.mag_scale)
+            ]
+        ),
         np.concatenate([np.zeros((1, n, 3)), np.cumsum(steps, axis=0)]),
         e,
     )
@@ -137,19 +182,38 @@ def inertial(sensors: SensorSet, k: Kinematics, rate: float, rng: np.random.Gene
     """Readings (n, sensors, 6): gyroscope and accelerometer at the instants of the kinematics, `rate` Hz for the noise's bandwidth."""
     carried = _carried(sensors, k)
     e, bandwidth = sensors.errors, np.sqrt(rate / 2)
-    gyr = _distorted(sensors, 0, quat.rotate(carried.q_SG, carried.w)) + sensors.bias[:, :3] + _walked(sensors, k.t)
-    acc = _distorted(sensors, 1, quat.rotate(carried.q_SG, carried.a + np.array([0, 0, GRAVITY]))) + sensors.bias[:, 3:6]
+    gyr = (
+        _distorted(sensors, 0, quat.rotate(carried.q_SG, carried.w))
+        + sensors.bias[:, :3]
+        + _walked(sensors, k.t)
+    )
+    acc = (
+        _distorted(sensors, 1, quat.rotate(carried.q_SG, carried.a + np.array([0, 0, GRAVITY])))
+        + sensors.bias[:, 3:6]
+    )
     gyr += np.radians(e.gyr_noise) * bandwidth * rng.normal(size=gyr.shape)
     acc += e.acc_noise * GRAVITY * bandwidth * rng.normal(size=acc.shape)
-    return np.concatenate([_converted(gyr, np.radians(e.gyr_range), e.bits), _converted(acc, e.acc_range * GRAVITY, e.bits)], axis=-1)
+    return np.concatenate(
+        [
+            _converted(gyr, np.radians(e.gyr_range), e.bits),
+            _converted(acc, e.acc_range * GRAVITY, e.bits),
+        ],
+        axis=-1,
+    )
 
 
-def magnetic(sensors: SensorSet, k: Kinematics, field: MagneticField, rng: np.random.Generator) -> Array:
+def magnetic(
+    sensors: SensorSet, k: Kinematics, field: MagneticField, rng: np.random.Generator
+) -> Array:
     """Magnetometer readings (n, sensors, 3) in T at the instants of the kinematics."""
     carried = _carried(sensors, k)
     e = sensors.errors
-    mag = _distorted(sensors, 2, quat.rotate(carried.q_SG, field.at(carried.p))) + sensors.bias[:, 6:]
-    return _converted(mag + e.mag_noise * 1e-6 * rng.normal(size=mag.shape), e.mag_range * 1e-6, e.bits)
+    mag = (
+        _distorted(sensors, 2, quat.rotate(carried.q_SG, field.at(carried.p))) + sensors.bias[:, 6:]
+    )
+    return _converted(
+        mag + e.mag_noise * 1e-6 * rng.normal(size=mag.shape), e.mag_range * 1e-6, e.bits
+    )
 
 
 def true_mounting(sensors: SensorSet, k: Kinematics) -> Array:
@@ -180,10 +244,21 @@ def _carried(sensors: SensorSet, k: Kinematics) -> _Carried:
     q_GB, w, dw = k.q_GB[:, s], k.w[:, s], k.dw[:, s]
     flexion, rate, acceleration = (f[..., None] for f in _flexions(sensors, k))
     arm = quat.rotate(q_GB, sensors.p_BS + flexion * sensors.skin_slide)
-    drift, push = quat.rotate(q_GB, rate * sensors.skin_slide), quat.rotate(q_GB, acceleration * sensors.skin_slide)
-    a = k.a[:, s] + np.cross(dw, arm) + np.cross(w, np.cross(w, arm)) + 2 * np.cross(w, drift) + push
+    drift, push = (
+        quat.rotate(q_GB, rate * sensors.skin_slide),
+        quat.rotate(q_GB, acceleration * sensors.skin_slide),
+    )
+    a = (
+        k.a[:, s]
+        + np.cross(dw, arm)
+        + np.cross(w, np.cross(w, arm))
+        + 2 * np.cross(w, drift)
+        + push
+    )
     q_BS = quat.multiply(quat.exp(flexion * sensors.skin_turn), sensors.q_BS)
-    w_GS = w + quat.rotate(q_GB, rate * sensors.skin_turn)  # the turn's axis is fixed on the segment
+    w_GS = w + quat.rotate(
+        q_GB, rate * sensors.skin_turn
+    )  # the turn's axis is fixed on the segment
     return _Carried(quat.conjugate(quat.multiply(q_GB, q_BS)), w_GS, k.p[:, s] + arm, a)
 
 

@@ -23,15 +23,26 @@ from handscope.estimators.simulation.magnetic_field import DIP, EARTH, MagneticF
 from handscope.estimators.simulation.motion import COORDINATES, Motion
 from handscope.estimators.simulation.sensors import SensorErrors, SensorSet
 
-UP, BACK, LEVER = 0.20, 0.12, 0.40  # m of the breastbone above and behind the wrist at rest, and above the hips; ours
-LEAN, TURN = 0.30, 0.15  # rad a metre that the wrist goes forward: 4 cm of the breastbone in 0.28 m (Levin 2002)
+UP, BACK, LEVER = (
+    0.20,
+    0.12,
+    0.40,
+)  # m of the breastbone above and behind the wrist at rest, and above the hips; ours
+LEAN, TURN = (
+    0.30,
+    0.15,
+)  # rad a metre that the wrist goes forward: 4 cm of the breastbone in 0.28 m (Levin 2002)
 BREATH, BREATHS = 0.008, 0.25  # rad to either side, Hz
-DISC = np.array([0.0, 0.0, 1.3 / (4e-7 * np.pi) * np.pi * 0.010**2 * 0.005])  # A m^2: neodymium of 1.3 T (N42), 20 mm across, 5 mm thick
+DISC = np.array(
+    [0.0, 0.0, 1.3 / (4e-7 * np.pi) * np.pi * 0.010**2 * 0.005]
+)  # A m^2: neodymium of 1.3 T (N42), 20 mm across, 5 mm thick
 MAGNETOMETERS = TRUNK_MAGNETOMETERS[: len(magnet.PLATE)]
 LEFT = MagnetErrors(
     hard_iron=0.2, soft_iron=0.004, turn=0.06
 )  # uT, 1, deg: what turning the plate in an office leaves at most (magnetometer_sphere.py)
-Q_BS = quat.from_matrix(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))  # of the trunk's sensor and magnetometers
+Q_BS = quat.from_matrix(
+    np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+)  # of the trunk's sensor and magnetometers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +74,9 @@ def streams(glove: TrunkGlove) -> tuple[Stream, Stream]:
     """The trunk's inertial sensor, and its magnetometers."""
     e = glove.errors
     scale = {GYR: float(np.radians(e.gyr_range)), ACC: e.acc_range * GRAVITY}
-    array = Stream("trunk_mag", MAGNETOMETERS, (MAG,), glove.mag_rate, "base", {MAG: 1e-6 * e.mag_range})
+    array = Stream(
+        "trunk_mag", MAGNETOMETERS, (MAG,), glove.mag_rate, "base", {MAG: 1e-6 * e.mag_range}
+    )
     return Stream("trunk", (TRUNK,), (GYR, ACC), glove.rate, "base", scale), array
 
 
@@ -71,7 +84,9 @@ def carried(glove: TrunkGlove, rng: np.random.Generator) -> Carried:
     """Draw plate and magnet; the user measures them with a ruler."""
     worn = magnet.worn(rng, glove.errors, glove.plate, moment=DISC)
     places = {name: _place(p) for name, p in zip(MAGNETOMETERS, worn.told_places)}
-    return Carried(glove, worn, Plate(places, _place(worn.told_moment), _place(worn.told_lever), EARTH, DIP))
+    return Carried(
+        glove, worn, Plate(places, _place(worn.told_moment), _place(worn.told_lever), EARTH, DIP)
+    )
 
 
 def inertial(c: Carried, motion: Motion, t: Array, rng: np.random.Generator) -> Array:
@@ -80,7 +95,9 @@ def inertial(c: Carried, motion: Motion, t: Array, rng: np.random.Generator) -> 
     return magnet.inertial(c.worn, m, rng)[:, :1] if len(t) > 1 else np.empty((0, 1, 6))
 
 
-def magnetic(c: Carried, motion: Motion, k: Kinematics, worn: SensorSet, rng: np.random.Generator) -> Array:
+def magnetic(
+    c: Carried, motion: Motion, k: Kinematics, worn: SensorSet, rng: np.random.Generator
+) -> Array:
     """Readings (n, magnetometers, 3) in T."""
     return magnet.magnetic(c.worn, of_hand(moved(c, motion, k.t), k, worn), c.glove.room, rng)
 
@@ -89,7 +106,11 @@ def moved(c: Carried, motion: Motion, t: Array) -> magnet.Motion:
     """The trunk's sensor twice: in the place of the hand's stands its own."""
     y, dy, ddy = (x[:, COORDINATES["wrist_y"]] for x in motion.at(t))
     pace = 2 * np.pi * BREATHS
-    breath = BREATH * np.sin(pace * t), BREATH * pace * np.cos(pace * t), -BREATH * pace**2 * np.sin(pace * t)
+    breath = (
+        BREATH * np.sin(pace * t),
+        BREATH * pace * np.cos(pace * t),
+        -BREATH * pace**2 * np.sin(pace * t),
+    )
     lean, rate, push = (c.glove.lean * v + b for v, b in zip((y, dy, ddy), breath))
     q_lean, none = quat.about(0, -lean), np.zeros(len(t))
     q = quat.multiply(q_lean, quat.multiply(quat.about(2, -TURN * y), NEUTRAL))
@@ -111,7 +132,9 @@ def of_hand(trunk: magnet.Motion, k: Kinematics, worn: SensorSet) -> magnet.Moti
     return magnet.Motion(trunk.t, places, turns, trunk.w, trunk.a)
 
 
-def told(c: Carried, motion: Motion, k: Kinematics, worn: SensorSet, truth: Trajectory) -> Trajectory:
+def told(
+    c: Carried, motion: Motion, k: Kinematics, worn: SensorSet, truth: Trajectory
+) -> Trajectory:
     """The truth with the place of the hand's sensor from the trunk's, and the trunk's orientation."""
     m = of_hand(moved(c, motion, k.t), k, worn)
     n = len(k.t)

@@ -29,7 +29,9 @@ SHORTEST, LONGEST = 12, 256  # characters of a password
 LONGEST_SUBJECT = 400  # characters of issuer and subject
 DIFFERENT = 5  # characters that a password has at least
 _hasher = PasswordHasher()
-_working = threading.BoundedSemaphore(2)  # hashes at once: each takes 64 MiB and a tenth of a second
+_working = threading.BoundedSemaphore(
+    2
+)  # hashes at once: each takes 64 MiB and a tenth of a second
 
 
 def local(db: Session) -> Account:
@@ -89,13 +91,17 @@ def of_subject(db: Session, subject: str, name: str, roles: Sequence[str]) -> Ac
     found.roles = _roles(roles)
     try:
         db.commit()
-    except IntegrityError:  # the same person's first login in two windows at once, or somebody of the same name
+    except (
+        IntegrityError
+    ):  # the same person's first login in two windows at once, or somebody of the same name
         db.rollback()
         return of_subject(db, subject, name, roles)
     return found
 
 
-def change(db: Session, account: Account, roles: Sequence[str] | None = None, disabled: bool | None = None) -> None:
+def change(
+    db: Session, account: Account, roles: Sequence[str] | None = None, disabled: bool | None = None
+) -> None:
     """Other roles, or in and out of use; they count from the next request on."""
     if roles is not None:
         account.roles = _roles(roles)
@@ -113,7 +119,13 @@ def set_password(db: Session, account: Account, password: str) -> None:
 
 def with_passwords(db: Session) -> bool:
     """Whether anybody can log in by name and password."""
-    return bool(db.scalar(select(func.count(Account.id)).where(Account.password.is_not(None), Account.disabled.is_(False))))
+    return bool(
+        db.scalar(
+            select(func.count(Account.id)).where(
+                Account.password.is_not(None), Account.disabled.is_(False)
+            )
+        )
+    )
 
 
 def proved(db: Session, name: str, password: str) -> Account | None:
@@ -158,12 +170,18 @@ def _name(name: str) -> str:
 def _roles(roles: Sequence[str]) -> list[str]:
     unknown = [role for role in roles if role not in ROLES]
     if unknown or not roles:
-        raise InputError(f"an account has one or more of the roles {', '.join(ROLES)}{f', not {unknown[0]!r}' if unknown else ''}")
+        raise InputError(
+            f"an account has one or more of the roles {', '.join(ROLES)}{f', not {unknown[0]!r}' if unknown else ''}"
+        )
     return [role for role in ROLES if role in roles]
 
 
 def _require_good(password: str, name: str) -> None:
     if not SHORTEST <= len(password) <= LONGEST:
-        raise InputError(f"a password has {SHORTEST} to {LONGEST} characters; a sentence is easy to remember")
+        raise InputError(
+            f"a password has {SHORTEST} to {LONGEST} characters; a sentence is easy to remember"
+        )
     if len(set(password)) < DIFFERENT or name.casefold() in password.casefold():
-        raise InputError("this password is easily guessed; take one without the account's name and with more different characters")
+        raise InputError(
+            "this password is easily guessed; take one without the account's name and with more different characters"
+        )

@@ -50,7 +50,9 @@ KINDS: Mapping[type[Base], str] = {
     Result: "result",
     Account: "account",
 }
-BY_ITSELF: Mapping[type[Base], frozenset[str]] = {  # what changes as the work goes on, without anybody's wish
+BY_ITSELF: Mapping[
+    type[Base], frozenset[str]
+] = {  # what changes as the work goes on, without anybody's wish
     Patient: frozenset({"version"}),
     Note: frozenset({"version"}),
     PatientSession: frozenset({"state", "finished", "version"}),
@@ -98,11 +100,20 @@ def tell(db: Session, *happened: Happened) -> None:
 
 
 def lines(
-    db: Session, who: str = "", what: str = "", patient: int | None = None, before: int | None = None, limit: int = 100
+    db: Session,
+    who: str = "",
+    what: str = "",
+    patient: int | None = None,
+    before: int | None = None,
+    limit: int = 100,
 ) -> list[AuditLine]:
     """The newest first; `before` a line's number, to go on from there."""
     query = select(AuditLine).order_by(AuditLine.id.desc()).limit(limit)
-    for column, value in ((AuditLine.who, who), (AuditLine.what, what), (AuditLine.patient, patient)):
+    for column, value in (
+        (AuditLine.who, who),
+        (AuditLine.what, what),
+        (AuditLine.patient, patient),
+    ):
         if value:
             query = query.where(column == value)
     return list(db.scalars(query.where(AuditLine.id < before) if before else query))
@@ -111,30 +122,50 @@ def lines(
 def verified(db: Session, against: Sequence[tuple[int, str]] = ()) -> Verdict:
     """Go along the chain until the first line that does not fit; `against` are numbers and hashes noted before."""
     number, last, noted, before, back = 0, NOTHING, dict(against), None, 0
-    for line in db.execute(select(AuditLine.__table__).order_by(AuditLine.id).execution_options(yield_per=1000)).mappings():
+    for line in db.execute(
+        select(AuditLine.__table__).order_by(AuditLine.id).execution_options(yield_per=1000)
+    ).mappings():
         number += 1
         if line["id"] != number:
             return Verdict(number - 1, last, f"line {number} is missing")
         if line["previous"] != last:
-            return Verdict(number - 1, last, f"line {number} does not follow line {number - 1}: one of them was exchanged")
+            return Verdict(
+                number - 1,
+                last,
+                f"line {number} does not follow line {number - 1}: one of them was exchanged",
+            )
         if line["hash"] != hash_of(line):
             return Verdict(number - 1, last, f"line {number} was changed")
         if noted.pop(number, line["hash"]) != line["hash"]:
-            return Verdict(number - 1, last, f"line {number} has another hash than was noted: the trail was written anew up to there")
+            return Verdict(
+                number - 1,
+                last,
+                f"line {number} has another hash than was noted: the trail was written anew up to there",
+            )
         if before is not None and line["at"] < before and not back:
             back = number
         last, before = line["hash"], line["at"]
     if noted:
-        return Verdict(number, last, f"line {min(noted)} was noted and is missing: the trail was cut off after line {number}")
-    if number == 0 and db.scalar(select(Account.id).limit(1)) is not None:  # making an account is told
-        return Verdict(0, NOTHING, "no line is there, though there are accounts: the trail was emptied")
+        return Verdict(
+            number,
+            last,
+            f"line {min(noted)} was noted and is missing: the trail was cut off after line {number}",
+        )
+    if (
+        number == 0 and db.scalar(select(Account.id).limit(1)) is not None
+    ):  # making an account is told
+        return Verdict(
+            0, NOTHING, "no line is there, though there are accounts: the trail was emptied"
+        )
     return Verdict(number, last, back=back)
 
 
 def head(connection: Connection) -> tuple[int, str] | None:
     """Number and hash of the last line, to be noted elsewhere; None where there is none, or the database is from before the chain."""
     found = inspect(connection)
-    if not found.has_table("audit") or "hash" not in {column["name"] for column in found.get_columns("audit")}:
+    if not found.has_table("audit") or "hash" not in {
+        column["name"] for column in found.get_columns("audit")
+    }:
         return None
     last = connection.execute(text("SELECT id, hash FROM audit ORDER BY id DESC LIMIT 1")).first()
     return (int(last.id), str(last.hash)) if last else None
@@ -144,8 +175,13 @@ def hash_of(line: Mapping[Any, Any]) -> str:
     """SHA-256 of everything a line says and of its predecessor's hash."""
     at: datetime = line["at"]
     names = ("id", "who", "address", "what", "kind", "ref", "patient", "counts", "previous")
-    told = {**{name: line[name] for name in names}, "at": at.astimezone(UTC).isoformat(timespec="microseconds")}
-    return hashlib.sha256(json.dumps(told, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+    told = {
+        **{name: line[name] for name in names},
+        "at": at.astimezone(UTC).isoformat(timespec="microseconds"),
+    }
+    return hashlib.sha256(
+        json.dumps(told, sort_keys=True, separators=(",", ":")).encode()
+    ).hexdigest()
 
 
 def whose(db: Session, happened: Happened) -> Happened:
@@ -163,7 +199,9 @@ def patient_of(db: Session, kind: str, number: int) -> int | None:
         "note": select(Note.patient_id).where(Note.id == number),
         "session": of_session.where(PatientSession.id == number),
         "recording": of_session.join(RecordingFile).where(RecordingFile.id == number),
-        "correction": of_session.join(RecordingFile).join(Correction).where(Correction.id == number),
+        "correction": of_session.join(RecordingFile)
+        .join(Correction)
+        .where(Correction.id == number),
         "self_calibration": select(SelfCalibration.patient_id).where(SelfCalibration.id == number),
         "reuse": of_session.join(Reuse).where(Reuse.id == number),
         "result": of_session.join(RecordingFile).join(Result).where(Result.id == number),
@@ -173,10 +211,16 @@ def patient_of(db: Session, kind: str, number: int) -> int | None:
 
 def _notice(db: Session, _: object) -> None:
     """After a flush: what it added, changed and removed. Removing a patient takes everything with it and is told by who does it."""
-    found = [("created", row, ()) for row in db.new] + [("changed", row, _fields(row)) for row in db.dirty]
+    found = [("created", row, ()) for row in db.new] + [
+        ("changed", row, _fields(row)) for row in db.dirty
+    ]
     if not any(isinstance(row, Patient) for row in db.deleted):
         found += [("erased", row, ()) for row in db.deleted]
-    noted = [(what, KINDS[type(row)], row.id, names) for what, row, names in found if type(row) in KINDS and (what != "changed" or names)]
+    noted = [
+        (what, KINDS[type(row)], row.id, names)
+        for what, row, names in found
+        if type(row) in KINDS and (what != "changed" or names)
+    ]
     db.info.setdefault("rows", []).extend(noted)
 
 
@@ -185,7 +229,11 @@ def _fields(row: object) -> tuple[str, ...]:
     if not isinstance(row, Base) or type(row) not in KINDS:
         return ()
     state, own = inspect(row), BY_ITSELF.get(type(row), frozenset())
-    return tuple(a.key for a in state.mapper.column_attrs if a.key not in own and state.attrs[a.key].history.has_changes())
+    return tuple(
+        a.key
+        for a in state.mapper.column_attrs
+        if a.key not in own and state.attrs[a.key].history.has_changes()
+    )
 
 
 def _write(db: Session) -> None:
@@ -199,7 +247,13 @@ def _write(db: Session) -> None:
 
 def _of_rows(db: Session) -> Iterator[Happened]:
     for what, kind, number, names in db.info.get("rows", ()):
-        yield Happened(what, kind, str(number), patient_of(db, kind, number), {"fields": list(names)} if names else {})
+        yield Happened(
+            what,
+            kind,
+            str(number),
+            patient_of(db, kind, number),
+            {"fields": list(names)} if names else {},
+        )
 
 
 def _append(db: Session, happened: Sequence[Happened]) -> None:
@@ -208,11 +262,26 @@ def _append(db: Session, happened: Sequence[Happened]) -> None:
         db.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": LOCK})
     else:  # SQLite has one writer: this takes its lock, though it changes nothing
         db.execute(update(AuditLine.__table__).where(AuditLine.id < 0).values(ref=""))  # type: ignore[arg-type]
-    last, previous = db.execute(select(AuditLine.id, AuditLine.hash).order_by(AuditLine.id.desc()).limit(1)).first() or (0, NOTHING)
+    last, previous = db.execute(
+        select(AuditLine.id, AuditLine.hash).order_by(AuditLine.id.desc()).limit(1)
+    ).first() or (0, NOTHING)
     who, address, moment, rows = db.info.get("who", SERVER), db.info.get("address", ""), now(), []
     for number, one in enumerate(happened, last + 1):
-        about = {"what": one.what, "kind": one.kind, "ref": one.ref[:LONGEST], "patient": one.patient, "counts": dict(one.counts)}
-        row = {"id": number, "at": moment, "who": who, "address": address, **about, "previous": previous}
+        about = {
+            "what": one.what,
+            "kind": one.kind,
+            "ref": one.ref[:LONGEST],
+            "patient": one.patient,
+            "counts": dict(one.counts),
+        }
+        row = {
+            "id": number,
+            "at": moment,
+            "who": who,
+            "address": address,
+            **about,
+            "previous": previous,
+        }
         previous = row["hash"] = hash_of(row)
         rows.append(row)
     db.execute(insert(AuditLine), rows)

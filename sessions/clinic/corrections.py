@@ -16,17 +16,31 @@ from handscope.sessions.db.tables import Correction, RecordingFile, now
 from handscope.sessions.files.recording import LoadedRecording
 
 UNTOLD = "reason not told"
-Kind = Literal["exclude", "move", "leave_out"]  # a whole trial; its ends; a stretch within it, such as one repetition
+Kind = Literal[
+    "exclude", "move", "leave_out"
+]  # a whole trial; its ends; a stretch within it, such as one repetition
 SHORTEST = 0.5  # s that a trial must keep
 
 
-def add(db: Session, file: RecordingFile, event: int, kind: str, reason: str, onset: float = 0.0, end: float = 0.0) -> Correction:
+def add(
+    db: Session,
+    file: RecordingFile,
+    event: int,
+    kind: str,
+    reason: str,
+    onset: float = 0.0,
+    end: float = 0.0,
+) -> Correction:
     """Keep a correction of the recording's event number `event` (from 0, in its order); `onset` to `end`, s, are the new ends or the stretch."""
     task = _task_of(file, event)
     if kind not in get_args(Kind):
-        raise InputError(f"there is no correction {kind!r}; corrections are {', '.join(get_args(Kind))}")
+        raise InputError(
+            f"there is no correction {kind!r}; corrections are {', '.join(get_args(Kind))}"
+        )
     if not reason.strip():
-        raise InputError("a correction needs a reason: it stands beside the figures for everybody who reads them")
+        raise InputError(
+            "a correction needs a reason: it stands beside the figures for everybody who reads them"
+        )
     if kind == "exclude":
         onset, end = task["onset"], task["onset"] + task["duration"]
     else:
@@ -37,7 +51,9 @@ def add(db: Session, file: RecordingFile, event: int, kind: str, reason: str, on
             raise InputError("this trial is left out already; undo that first")
         if before.kind == kind == "move":
             before.undone = now()  # its ends are moved anew
-    made = Correction(recording=file, event=event, kind=kind, onset=onset, end=end, reason=reason.strip()[:1000])
+    made = Correction(
+        recording=file, event=event, kind=kind, onset=onset, end=end, reason=reason.strip()[:1000]
+    )
     db.add(made)
     db.commit()
     return made
@@ -67,10 +83,15 @@ def standing(file: RecordingFile) -> list[dict[str, Any]]:
 def as_data(rows: Iterable[Correction]) -> list[dict[str, Any]]:
     """Corrections as a result keeps them."""
     ordered = sorted(rows, key=lambda c: (c.event, c.kind, c.onset, c.end, c.id))
-    return [{"event": c.event, "kind": c.kind, "onset": c.onset, "end": c.end, "reason": c.reason} for c in ordered]
+    return [
+        {"event": c.event, "kind": c.kind, "onset": c.onset, "end": c.end, "reason": c.reason}
+        for c in ordered
+    ]
 
 
-def corrected(recording: LoadedRecording, corrections: Sequence[Mapping[str, Any]]) -> LoadedRecording:
+def corrected(
+    recording: LoadedRecording, corrections: Sequence[Mapping[str, Any]]
+) -> LoadedRecording:
     """The recording with its events corrected and a sentence for each correction among its warnings."""
     if not corrections:
         return recording
@@ -97,7 +118,10 @@ def without_reasons(sentence: str, corrections: Iterable[Mapping[str, Any]]) -> 
 def trial_names(events: Iterable[Event]) -> list[str]:
     """ "tapping, trial 2" for every event, counted within its task; without a number where there is one trial only."""
     names = [str(e.details.get("task_name", e.trial_type)).replace("_", " ") for e in events]
-    return [f"{name}, trial {names[: k + 1].count(name)}" if names.count(name) > 1 else name for k, name in enumerate(names)]
+    return [
+        f"{name}, trial {names[: k + 1].count(name)}" if names.count(name) > 1 else name
+        for k, name in enumerate(names)
+    ]
 
 
 def _corrected(event: Event, c: Mapping[str, Any]) -> Event:
@@ -105,7 +129,13 @@ def _corrected(event: Event, c: Mapping[str, Any]) -> Event:
         return replace(event, details={**event.details, "excluded": c["reason"]})
     if c["kind"] == "move":
         return replace(event, onset=c["onset"], duration=c["end"] - c["onset"])
-    return replace(event, details={**event.details, "left_out": [*event.details.get("left_out", ()), (c["onset"], c["end"])]})
+    return replace(
+        event,
+        details={
+            **event.details,
+            "left_out": [*event.details.get("left_out", ()), (c["onset"], c["end"])],
+        },
+    )
 
 
 def _sentence(name: str, c: Mapping[str, Any], event: Event) -> str:
@@ -126,13 +156,25 @@ def _task_of(file: RecordingFile, event: int) -> Mapping[str, Any]:
     return task
 
 
-def _require_stretch(file: RecordingFile, task: Mapping[str, Any], kind: str, onset: float, end: float) -> None:
+def _require_stretch(
+    file: RecordingFile, task: Mapping[str, Any], kind: str, onset: float, end: float
+) -> None:
     first, last = task["onset"], task["onset"] + task["duration"]
     if not end > onset:
         raise InputError("the stretch ends before it begins; move its ends")
-    if kind == "move" and (end - onset < SHORTEST or onset < 0 or end > file.summary.get("duration", end) + 1.0):
-        raise InputError(f"a trial lies within the recording and lasts {SHORTEST:g} s at least; move its ends")
-    if kind == "leave_out" and (onset < first - 0.01 or end > last + 0.01 or (last - first) - (end - onset) < SHORTEST):
-        raise InputError(f"the stretch lies within the trial and leaves {SHORTEST:g} s of it; to leave out all of it, leave out the trial")
+    if kind == "move" and (
+        end - onset < SHORTEST or onset < 0 or end > file.summary.get("duration", end) + 1.0
+    ):
+        raise InputError(
+            f"a trial lies within the recording and lasts {SHORTEST:g} s at least; move its ends"
+        )
+    if kind == "leave_out" and (
+        onset < first - 0.01 or end > last + 0.01 or (last - first) - (end - onset) < SHORTEST
+    ):
+        raise InputError(
+            f"the stretch lies within the trial and leaves {SHORTEST:g} s of it; to leave out all of it, leave out the trial"
+        )
     if kind == "leave_out" and "tap" in str(task.get("task", "")).lower():
-        raise InputError("tapping is judged by taps that follow each other, so no stretch within it can be left out; move the trial's ends")
+        raise InputError(
+            "tapping is judged by taps that follow each other, so no stretch within it can be left out; move the trial's ends"
+        )

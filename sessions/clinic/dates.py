@@ -15,7 +15,9 @@ SLACK = timedelta(minutes=5)  # that two clocks may differ
 OVERNIGHT = timedelta(hours=8)  # longer than any session
 
 
-def doubts(patient: Patient, sessions: Sequence[PatientSession], now: datetime) -> dict[int, list[str]]:
+def doubts(
+    patient: Patient, sessions: Sequence[PatientSession], now: datetime
+) -> dict[int, list[str]]:
     """By session the doubts about its date."""
     found: dict[int, list[str]] = {}
     latest: datetime | None = None
@@ -23,7 +25,8 @@ def doubts(patient: Patient, sessions: Sequence[PatientSession], now: datetime) 
         here = measured_here(s)
         checks = {
             "future": s.started > now + SLACK,
-            "before_birth": patient.year_of_birth is not None and s.started.year < patient.year_of_birth,
+            "before_birth": patient.year_of_birth is not None
+            and s.started.year < patient.year_of_birth,
             "before_last": here and latest is not None and s.started < latest - SLACK,
             "overnight": s.state == "open" and now - s.started > OVERNIGHT,
         }

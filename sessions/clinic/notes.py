@@ -33,7 +33,9 @@ def get(db: Session, note_id: int) -> Note:
     return note
 
 
-def change(db: Session, note_id: int, version: int, text: str | None = None, removed: bool | None = None) -> Note:
+def change(
+    db: Session, note_id: int, version: int, text: str | None = None, removed: bool | None = None
+) -> Note:
     """Correct a note as it stood at `version`, remove it or bring it back; ConflictError where somebody else changed it meanwhile."""
     note = get(db, note_id)
     require_seen("the note", note.version, version)

@@ -18,31 +18,54 @@ from handscope.sessions.db.tables import Note, Patient, PatientSession
 Rows = TypeVarTuple("Rows")
 LONGEST_PSEUDONYM = 64
 YEARS = (1900, 2100)
-CHANGEABLE = ("pseudonym", "year_of_birth", "dominant_hand", "affected_hand", "hand_measures", "trunk_height", "archived")
+CHANGEABLE = (
+    "pseudonym",
+    "year_of_birth",
+    "dominant_hand",
+    "affected_hand",
+    "hand_measures",
+    "trunk_height",
+    "archived",
+)
 
 
-def create(db: Session, pseudonym: str, note: str = "", confirmed: bool = False, **facts: Any) -> Patient:
+def create(
+    db: Session, pseudonym: str, note: str = "", confirmed: bool = False, **facts: Any
+) -> Patient:
     """Keep a new patient, with a first note where one is given; InputError where the pseudonym is empty, taken or, not confirmed, may be a name."""
     taken = db.scalar(select(Patient.id).where(Patient.pseudonym == " ".join(pseudonym.split())))
     require_code(pseudonym, confirmed or taken is not None)
-    patient = Patient(pseudonym=pseudonym, notes=[Note(text=note.strip())] if note.strip() else [], **facts)
+    patient = Patient(
+        pseudonym=pseudonym, notes=[Note(text=note.strip())] if note.strip() else [], **facts
+    )
     _check(patient)
     db.add(patient)
     try:
         db.commit()
     except IntegrityError:
         db.rollback()
-        raise InputError(f"there is already a patient {patient.pseudonym!r}; choose another pseudonym") from None
+        raise InputError(
+            f"there is already a patient {patient.pseudonym!r}; choose another pseudonym"
+        ) from None
     return patient
 
 
-def find(db: Session, search: str = "", archived: bool = False, limit: int = 200, offset: int = 0) -> list[tuple[Patient, int, Any]]:
+def find(
+    db: Session, search: str = "", archived: bool = False, limit: int = 200, offset: int = 0
+) -> list[tuple[Patient, int, Any]]:
     """Patients whose pseudonym contains the search words, the newest first, with how many sessions they have and when the last one was."""
     query = (
-        _matching(select(Patient, func.count(PatientSession.id), func.max(PatientSession.started)), search, archived)
+        _matching(
+            select(Patient, func.count(PatientSession.id), func.max(PatientSession.started)),
+            search,
+            archived,
+        )
         .outerjoin(PatientSession)
         .group_by(Patient.id)
-        .order_by(func.coalesce(func.max(PatientSession.started), Patient.created).desc(), Patient.id.desc())
+        .order_by(
+            func.coalesce(func.max(PatientSession.started), Patient.created).desc(),
+            Patient.id.desc(),
+        )
         .limit(limit)
         .offset(offset)
     )
@@ -69,7 +92,9 @@ def get(db: Session, patient_id: int) -> Patient:
     return patient
 
 
-def change(db: Session, patient_id: int, version: int, confirmed: bool = False, **facts: Any) -> Patient:
+def change(
+    db: Session, patient_id: int, version: int, confirmed: bool = False, **facts: Any
+) -> Patient:
     """Change facts of a patient as it stood at `version`; ConflictError where somebody else changed it meanwhile."""
     patient = get(db, patient_id)
     require_seen(f"patient {patient.pseudonym!r}", patient.version, version)
@@ -85,7 +110,9 @@ def change(db: Session, patient_id: int, version: int, confirmed: bool = False, 
         db.commit()
     except IntegrityError:
         db.rollback()
-        raise InputError(f"there is already a patient {facts.get('pseudonym')!r}; choose another pseudonym") from None
+        raise InputError(
+            f"there is already a patient {facts.get('pseudonym')!r}; choose another pseudonym"
+        ) from None
     except StaleDataError:
         db.rollback()
         raise ConflictError("the patient") from None
@@ -97,10 +124,16 @@ def _check(patient: Patient) -> None:
     if not 1 <= len(patient.pseudonym) <= LONGEST_PSEUDONYM:
         raise InputError(f"a pseudonym has 1 to {LONGEST_PSEUDONYM} characters")
     for what in ("dominant_hand", "affected_hand"):
-        if getattr(patient, what) not in (None, *HANDS, *(("both",) if what == "affected_hand" else ())):
+        if getattr(patient, what) not in (
+            None,
+            *HANDS,
+            *(("both",) if what == "affected_hand" else ()),
+        ):
             raise InputError(f"{what.replace('_', ' ')} is left or right, or not given")
     if patient.year_of_birth is not None and not YEARS[0] <= patient.year_of_birth <= YEARS[1]:
-        raise InputError(f"year of birth {patient.year_of_birth} is outside {YEARS[0]} to {YEARS[1]}")
+        raise InputError(
+            f"year of birth {patient.year_of_birth} is outside {YEARS[0]} to {YEARS[1]}"
+        )
     if patient.trunk_height is not None:
         trunk_height.require_height(patient.trunk_height)
     for hand, measures in (patient.hand_measures or {}).items():

@@ -7,7 +7,24 @@ from handscope.estimators.errors import InputError
 DATE = re.compile(
     r"\b\d{1,2}\s*[./-]\s*\d{1,2}\s*[./-]\s*(?:\d{4}|\d{2})\b|\b(?:19|20)\d{2}[./-]?(?:0[1-9]|1[0-2])[./-]?(?:0[1-9]|[12]\d|3[01])\b"
 )
-FORMS_OF_ADDRESS = {"mr", "mrs", "ms", "miss", "dr", "prof", "herr", "frau", "hr", "fr", "mme", "mlle", "m", "sr", "sra", "sig"}
+FORMS_OF_ADDRESS = {
+    "mr",
+    "mrs",
+    "ms",
+    "miss",
+    "dr",
+    "prof",
+    "herr",
+    "frau",
+    "hr",
+    "fr",
+    "mme",
+    "mlle",
+    "m",
+    "sr",
+    "sra",
+    "sig",
+}
 DOUBTS = {
     "words": "it has words and no number",
     "name": "two words begin with capital letters",
@@ -28,7 +45,9 @@ class UnconfirmedError(InputError):
 def doubts(text: str) -> tuple[str, ...]:
     """Which of DOUBTS a pseudonym raises; none where it is plainly a code."""
     words = [
-        w for w in re.split(r"[\s,;_-]+", text) if len(w.strip(".'")) > 1 and w.strip(".'").replace("'", "").replace("’", "").isalpha()
+        w
+        for w in re.split(r"[\s,;_-]+", text)
+        if len(w.strip(".'")) > 1 and w.strip(".'").replace("'", "").replace("’", "").isalpha()
     ]
     capitalised = [w for w in words if w[0].isupper() and not w.isupper()]
     numbered = any(c.isdigit() for c in text)
@@ -36,7 +55,9 @@ def doubts(text: str) -> tuple[str, ...]:
         "words": not numbered and (len(words) > 1 or len(capitalised) == 1 == len(text.split())),
         "name": len(capitalised) > 1,
         "comma": "," in text,
-        "address": text.split() != [] and text.split()[0].lower().rstrip(".") in FORMS_OF_ADDRESS and len(text.split()) > 1,
+        "address": text.split() != []
+        and text.split()[0].lower().rstrip(".") in FORMS_OF_ADDRESS
+        and len(text.split()) > 1,
         "date": DATE.search(text) is not None,
     }
     return tuple(name for name, so in found.items() if so)
@@ -48,5 +69,6 @@ def require_code(text: str, confirmed: bool) -> None:
     if found:
         reasons = "; ".join(DOUBTS[name] for name in found)
         raise UnconfirmedError(
-            f"{text!r} may be a person's name or date of birth: {reasons}. Choose a code, or confirm that it is one", found
+            f"{text!r} may be a person's name or date of birth: {reasons}. Choose a code, or confirm that it is one",
+            found,
         )

@@ -22,7 +22,14 @@ from sqlalchemy.orm import Mapper, Session, object_session, sessionmaker
 from handscope.estimators.measures.repeatability import Interval, reliability, within
 from handscope.sessions.clinic import corrections, self_calibrations
 from handscope.sessions.clinic.self_calibrations import glove_of
-from handscope.sessions.db.tables import Correction, PatientSession, RecordingFile, Repeatability, Result, Reuse
+from handscope.sessions.db.tables import (
+    Correction,
+    PatientSession,
+    RecordingFile,
+    Repeatability,
+    Result,
+    Reuse,
+)
 
 REPEATED = timedelta(days=7)
 ENOUGH = 4  # degrees of freedom (five sessions in a week): the SEM's upper limit is 2.9 SEM; with one it is 32 SEM, and 30 of 100 changes of nothing exceed 1.96 sqrt(2) SEM
@@ -52,7 +59,11 @@ class Occasion:
     @property
     def way(self) -> tuple[str, str, str]:
         """What must agree before figures are compared."""
-        return self.hand, self.method, json.dumps(dict(self.parameters), sort_keys=True, default=str)
+        return (
+            self.hand,
+            self.method,
+            json.dumps(dict(self.parameters), sort_keys=True, default=str),
+        )
 
 
 @dataclass(frozen=True)
@@ -97,12 +108,18 @@ def refresh(db: Session, changed: Iterable[int]) -> None:
     touched = {(o.patient, o.device) for o in everything if o.result in ids}
     patients, devices = {p for p, _ in touched}, {d for _, d in touched if d}
     if ids - {o.result for o in everything}:  # removed, or replaced by a newer one
-        rows = db.execute(select(Repeatability.patient_id, Repeatability.device, Repeatability.results))
+        rows = db.execute(
+            select(Repeatability.patient_id, Repeatability.device, Repeatability.results)
+        )
         bearing = [(patient, device) for patient, device, results in rows if ids & set(results)]
         patients |= {p for p, _ in bearing if p is not None}
         devices |= {d for _, d in bearing if d}
     db.execute(delete(Repeatability).where(Repeatability.patient_id.in_(patients)))
-    db.execute(delete(Repeatability).where(Repeatability.patient_id.is_(None), Repeatability.device.in_(devices)))
+    db.execute(
+        delete(Repeatability).where(
+            Repeatability.patient_id.is_(None), Repeatability.device.in_(devices)
+        )
+    )
     _store(db, [o for o in everything if o.patient in patients], of_gloves=False)
     _store(db, [o for o in everything if o.device in devices], of_patients=False)
 
@@ -110,14 +127,28 @@ def refresh(db: Session, changed: Iterable[int]) -> None:
 def comparison(db: Session, result: Result) -> Comparison | None:
     """What a result's figures are compared with; None where the patient has no session before that was processed in the same way."""
     mine = _occasion(result)
-    earlier = [o for o in _occasions(db, mine.patient) if o.way == mine.way and o.started < mine.started and o.checksum != mine.checksum]
+    earlier = [
+        o
+        for o in _occasions(db, mine.patient)
+        if o.way == mine.way and o.started < mine.started and o.checksum != mine.checksum
+    ]
     if result.state != "done" or not earlier:
         return None
     last = max(earlier, key=lambda o: o.started)
     figures = _figures(db, [last.result])
     kept = db.scalars(select(Repeatability).where(Repeatability.patient_id == mine.patient))
-    glove = db.scalars(select(Repeatability).where(Repeatability.patient_id.is_(None), Repeatability.device == mine.device))
-    return Comparison(last.started, values(result.figures), figures[last.result], _alike(kept, mine), _alike(glove, mine))
+    glove = db.scalars(
+        select(Repeatability).where(
+            Repeatability.patient_id.is_(None), Repeatability.device == mine.device
+        )
+    )
+    return Comparison(
+        last.started,
+        values(result.figures),
+        figures[last.result],
+        _alike(kept, mine),
+        _alike(glove, mine),
+    )
 
 
 def history(db: Session, patient: int) -> list[Visited]:
@@ -126,13 +157,31 @@ def history(db: Session, patient: int) -> list[Visited]:
     figures = _figures(db, [o.result for o in occasions])
     own = list(db.scalars(select(Repeatability).where(Repeatability.patient_id == patient)))
     devices = {o.device for o in occasions if o.device}
-    gloves = list(db.scalars(select(Repeatability).where(Repeatability.patient_id.is_(None), Repeatability.device.in_(devices))))
-    return [Visited(o, figures[o.result], _alike(own, o), _alike([g for g in gloves if g.device == o.device], o)) for o in occasions]
+    gloves = list(
+        db.scalars(
+            select(Repeatability).where(
+                Repeatability.patient_id.is_(None), Repeatability.device.in_(devices)
+            )
+        )
+    )
+    return [
+        Visited(
+            o,
+            figures[o.result],
+            _alike(own, o),
+            _alike([g for g in gloves if g.device == o.device], o),
+        )
+        for o in occasions
+    ]
 
 
 def enough(kept: Repeatability) -> bool:
     """Whether there are sessions enough to judge a change by; none that came out alike to the last digit."""
-    return kept.freedom >= ENOUGH and kept.mdc95 > 0 and (kept.patient_id is not None or kept.people >= PEOPLE)
+    return (
+        kept.freedom >= ENOUGH
+        and kept.mdc95 > 0
+        and (kept.patient_id is not None or kept.people >= PEOPLE)
+    )
 
 
 def values(figures: Sequence[Mapping[str, Any]]) -> Values:
@@ -192,7 +241,9 @@ def _corrected(mapper: Mapper[Correction], connection: object, correction: Corre
 def _decided(mapper: Mapper[Reuse], connection: Connection, reuse: Reuse) -> None:
     db = object_session(reuse)
     if db is not None:
-        files = connection.scalars(select(RecordingFile.id).where(RecordingFile.session_id == reuse.session_id))
+        files = connection.scalars(
+            select(RecordingFile.id).where(RecordingFile.session_id == reuse.session_id)
+        )
         db.info.setdefault(CORRECTED, set()).update(files)
 
 
@@ -200,7 +251,9 @@ def _decided(mapper: Mapper[Reuse], connection: Connection, reuse: Reuse) -> Non
 def _dated(mapper: Mapper[PatientSession], connection: object, visit: PatientSession) -> None:
     """What was measured again within a day, and what came before, goes by the date; with another height of the trunk's sensor other results count."""
     db, told = object_session(visit), inspect(visit).attrs
-    if db is not None and (told.started.history.has_changes() or told.trunk_corrected.history.has_changes()):
+    if db is not None and (
+        told.started.history.has_changes() or told.trunk_corrected.history.has_changes()
+    ):
         db.info.setdefault(CORRECTED, set()).update(f.id for f in visit.recordings)
 
 
@@ -239,12 +292,39 @@ def _occasions(db: Session, patient: int | None = None) -> list[Occasion]:
         query = query.where(visit.patient_id == patient)
     standing, decisions = _standing(db), self_calibrations.decisions(db)
     newest: dict[Any, Occasion] = {}
-    for id_, session, person, hand, started, checksum, summary, method, parameters, recording, applied, reused, worn, told in db.execute(
-        query
-    ):
-        if applied != standing.get(recording, []) or worn != told or reused != self_calibrations.as_data(decisions.get(session), method):
+    for (
+        id_,
+        session,
+        person,
+        hand,
+        started,
+        checksum,
+        summary,
+        method,
+        parameters,
+        recording,
+        applied,
+        reused,
+        worn,
+        told,
+    ) in db.execute(query):
+        if (
+            applied != standing.get(recording, [])
+            or worn != told
+            or reused != self_calibrations.as_data(decisions.get(session), method)
+        ):
             continue
-        o = Occasion(id_, session, person, hand, started, checksum or "", glove_of(summary), method, parameters)
+        o = Occasion(
+            id_,
+            session,
+            person,
+            hand,
+            started,
+            checksum or "",
+            glove_of(summary),
+            method,
+            parameters,
+        )
         newest[o.session, o.way] = o
     first: dict[Any, Occasion] = {}
     for o in newest.values():
@@ -266,7 +346,9 @@ def _occasion(result: Result) -> Occasion:
     return Occasion(result.id, visit.id, *facts, result.method, result.parameters)
 
 
-def _store(db: Session, occasions: Sequence[Occasion], of_patients: bool = True, of_gloves: bool = True) -> None:
+def _store(
+    db: Session, occasions: Sequence[Occasion], of_patients: bool = True, of_gloves: bool = True
+) -> None:
     """Add the rows of the patients and of the gloves of these occasions."""
     sets: dict[tuple[int | None, str, tuple[str, str, str]], list[Occasion]] = defaultdict(list)
     for o in occasions:
@@ -292,12 +374,21 @@ def _repeated(occasions: Sequence[Occasion]) -> list[list[Occasion]]:
     return [group for of in groups.values() for group in of if len(group) > 1]
 
 
-def _rows(patient: int | None, device: str, groups: Sequence[Sequence[Occasion]], figures: Mapping[int, Values]) -> Iterable[Repeatability]:
+def _rows(
+    patient: int | None,
+    device: str,
+    groups: Sequence[Sequence[Occasion]],
+    figures: Mapping[int, Values],
+) -> Iterable[Repeatability]:
     """A row for every figure that some group has twice."""
     any_one = groups[0][0]
     units = {key: unit for found in figures.values() for key, (_, unit) in found.items()}
     for key, unit in units.items():
-        used = [having for group in groups if len(having := [o for o in group if key in figures[o.result]]) > 1]
+        used = [
+            having
+            for group in groups
+            if len(having := [o for o in group if key in figures[o.result]]) > 1
+        ]
         numbers = [[figures[o.result][key][0] for o in having] for having in used]
         pooled = within(numbers)
         if pooled is None:
@@ -336,12 +427,19 @@ def _icc(used: Sequence[Sequence[Occasion]], numbers: Sequence[Sequence[float]])
 
 
 def _figures(db: Session, results: Sequence[int]) -> dict[int, Values]:
-    return {id_: values(rows) for id_, rows in db.execute(select(Result.id, Result.figures).where(Result.id.in_(results)))}
+    return {
+        id_: values(rows)
+        for id_, rows in db.execute(select(Result.id, Result.figures).where(Result.id.in_(results)))
+    }
 
 
 def _alike(rows: Iterable[Repeatability], o: Occasion) -> dict[Key, Repeatability]:
     """Rows of the occasion's hand, method and options."""
-    return {(r.measure, r.task, r.name): r for r in rows if (r.hand, r.method, r.parameters) == (o.hand, o.method, dict(o.parameters))}
+    return {
+        (r.measure, r.task, r.name): r
+        for r in rows
+        if (r.hand, r.method, r.parameters) == (o.hand, o.method, dict(o.parameters))
+    }
 
 
 def _known(value: float) -> float | None:

@@ -13,7 +13,9 @@ from handscope.sessions.clinic import corrections, self_calibrations
 from handscope.sessions.db.tables import RecordingFile, Result
 
 UNFINISHED = ("queued", "running")
-ATTEMPTS = 2  # how often a computation is begun before a server that died again and again gives it up
+ATTEMPTS = (
+    2  # how often a computation is begun before a server that died again and again gives it up
+)
 STOPPED = "the computation was stopped; process it again when there is time"
 ENDED = "the computation ended unexpectedly; try other options or report this recording"
 
@@ -34,14 +36,28 @@ def key_of(file: RecordingFile, method: str, parameters: Mapping[str, Any], vers
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
-def wanted(db: Session, file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str) -> Result:
+def wanted(
+    db: Session, file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str
+) -> Result:
     """The result with this key, queued when there is none or when it failed before; by the corrections, the trunk's height and the reuse that count now."""
     key = key_of(file, method, parameters, version)
     result = db.scalar(select(Result).where(Result.recording_id == file.id, Result.key == key))
     if result is None:
-        facts: dict[str, Any] = {"method": method, "parameters": dict(parameters), "version": version}
-        facts |= {"corrections": corrections.standing(file), "trunk_height": file.session.trunk_corrected}
-        result = Result(recording=file, key=key, reused=self_calibrations.standing(file.session, method), **facts)
+        facts: dict[str, Any] = {
+            "method": method,
+            "parameters": dict(parameters),
+            "version": version,
+        }
+        facts |= {
+            "corrections": corrections.standing(file),
+            "trunk_height": file.session.trunk_corrected,
+        }
+        result = Result(
+            recording=file,
+            key=key,
+            reused=self_calibrations.standing(file.session, method),
+            **facts,
+        )
         db.add(result)
     elif result.state == "failed":
         result.state, result.error, result.progress, result.attempts = "queued", "", 0.0, 0
@@ -62,10 +78,13 @@ def current(file: RecordingFile) -> list[Result]:
     standing = corrections.standing(file), file.session.trunk_corrected
     newest: dict[str, Result] = {}
     for result in sorted(file.results, key=lambda r: -r.id):
-        if (result.corrections, result.trunk_height) == standing and result.reused == self_calibrations.standing(
-            file.session, result.method
-        ):
-            newest.setdefault(json.dumps([result.method, result.parameters], sort_keys=True, default=str), result)
+        if (
+            result.corrections,
+            result.trunk_height,
+        ) == standing and result.reused == self_calibrations.standing(file.session, result.method):
+            newest.setdefault(
+                json.dumps([result.method, result.parameters], sort_keys=True, default=str), result
+            )
     return list(newest.values())
 
 

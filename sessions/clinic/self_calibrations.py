@@ -13,12 +13,24 @@ from sqlalchemy.orm import Session
 
 from handscope.estimators.data.calibration import Known
 from handscope.estimators.errors import InputError
-from handscope.sessions.db.tables import Patient, PatientSession, RecordingFile, Result, Reuse, SelfCalibration, now
+from handscope.sessions.db.tables import (
+    Patient,
+    PatientSession,
+    RecordingFile,
+    Result,
+    Reuse,
+    SelfCalibration,
+    now,
+)
 from handscope.sessions.tables_io import calibration_result
 
 NOTHING, LENGTHS, ALL = "nothing", "lengths", "lengths_and_seats"
 PARTS = (NOTHING, LENGTHS, ALL)
-USED_BY = ("m1", "m2", "ekf")  # offered methods that begin with a pose; others find everything themselves or take the nominal mounting
+USED_BY = (
+    "m1",
+    "m2",
+    "ekf",
+)  # offered methods that begin with a pose; others find everything themselves or take the nominal mounting
 
 
 @dataclass(frozen=True)
@@ -40,15 +52,24 @@ class Offer:
     barred: str  # why not all of it, in a sentence; empty where all can be
 
 
-def keep(db: Session, file: RecordingFile, found: Found, version: str, glove: str | None = None) -> SelfCalibration:
+def keep(
+    db: Session, file: RecordingFile, found: Found, version: str, glove: str | None = None
+) -> SelfCalibration:
     """Keep it with the recording's patient; what was kept of the same stretch by the same program is that row again."""
     number = glove_of(file.summary) if glove is None else glove
     try:
         calibration_result.known_of(dict(found.table))
     except (KeyError, TypeError, ValueError, AttributeError):
-        raise InputError("this result is no self-calibration; process the recording by map first") from None
+        raise InputError(
+            "this result is no self-calibration; process the recording by map first"
+        ) from None
     for before in file.session.patient.self_calibrations:
-        if (before.recording_id, before.onset, before.end, before.version) == (file.id, found.onset, found.end, version):
+        if (before.recording_id, before.onset, before.end, before.version) == (
+            file.id,
+            found.onset,
+            found.end,
+            version,
+        ):
             return before
     made = SelfCalibration(
         patient_id=file.session.patient_id,
@@ -78,7 +99,9 @@ def get(db: Session, self_calibration_id: int) -> SelfCalibration:
     """The self-calibration; InputError where there is none."""
     found = db.get(SelfCalibration, self_calibration_id)
     if found is None:
-        raise InputError(f"there is no self-calibration {self_calibration_id}; it may have been erased")
+        raise InputError(
+            f"there is no self-calibration {self_calibration_id}; it may have been erased"
+        )
     return found
 
 
@@ -93,7 +116,11 @@ def withdraw(db: Session, self_calibration_id: int, withdrawn: bool) -> SelfCali
 def offers(session: PatientSession) -> list[Offer]:
     """What the session may take over, the newest movement first."""
     worn = _worn(session)
-    ordered = sorted(of_hand(session.patient, session.hand), key=lambda c: (c.recording.session.started, c.onset, c.id), reverse=True)
+    ordered = sorted(
+        of_hand(session.patient, session.hand),
+        key=lambda c: (c.recording.session.started, c.onset, c.id),
+        reverse=True,
+    )
     return [_offer(c, worn) for c in ordered]
 
 
@@ -102,16 +129,24 @@ def of_hand(patient: Patient, hand: str) -> list[SelfCalibration]:
     return [c for c in patient.self_calibrations if c.hand == hand and c.withdrawn is None]
 
 
-def decide(db: Session, session: PatientSession, parts: str, self_calibration_id: int | None = None) -> Reuse:
+def decide(
+    db: Session, session: PatientSession, parts: str, self_calibration_id: int | None = None
+) -> Reuse:
     """A person's decision for a session; InputError where this cannot be taken over."""
     if parts not in PARTS:
-        raise InputError(f"there is no part {parts!r} of a self-calibration; parts are {', '.join(PARTS)}")
+        raise InputError(
+            f"there is no part {parts!r} of a self-calibration; parts are {', '.join(PARTS)}"
+        )
     if (self_calibration_id is None) != (parts == NOTHING):
-        raise InputError("name the self-calibration whose lengths or seats are to be taken over, or take over nothing")
+        raise InputError(
+            "name the self-calibration whose lengths or seats are to be taken over, or take over nothing"
+        )
     chosen = None if self_calibration_id is None else get(db, self_calibration_id)
     if chosen is not None:
         if (chosen.patient_id, chosen.hand) != (session.patient_id, session.hand):
-            raise InputError("this self-calibration is of another hand; choose one of the hand that the session measures")
+            raise InputError(
+                "this self-calibration is of another hand; choose one of the hand that the session measures"
+            )
         if parts not in (offer := _offer(chosen, _worn(session))).parts:
             raise InputError(offer.barred)
     made = Reuse(self_calibration=chosen, parts=parts)
@@ -153,7 +188,9 @@ def decisions(db: Session) -> dict[int, Reuse]:
 
 def known(db: Session, reused: Mapping[str, Any]) -> Known | None:
     """What a result takes over, for the method; None: nothing."""
-    return taken_over(get(db, reused["self_calibration"]).found, reused["parts"]) if reused else None
+    return (
+        taken_over(get(db, reused["self_calibration"]).found, reused["parts"]) if reused else None
+    )
 
 
 def taken_over(found: Mapping[str, Any], parts: str) -> Known:
@@ -176,5 +213,9 @@ def _worn(session: PatientSession) -> str | None:
 def _offer(c: SelfCalibration, worn: str | None) -> Offer:
     """Seats are offered where the same glove may be worn still; an unknown glove is not held against it."""
     if c.glove and worn and c.glove != worn:
-        return Offer(c, (LENGTHS,), "another glove is worn: only the lengths can be taken over of this self-calibration")
+        return Offer(
+            c,
+            (LENGTHS,),
+            "another glove is worn: only the lengths can be taken over of this self-calibration",
+        )
     return Offer(c, (LENGTHS, ALL), "")

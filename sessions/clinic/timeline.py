@@ -15,15 +15,21 @@ class Visit:
     """A session of the patient with what its newest finished result says of the calibration."""
 
     session: PatientSession
-    calibration: Mapping[str, Any] | None  # as app.results keeps it: source, onset, end, quality by sensor; None without a result
+    calibration: (
+        Mapping[str, Any] | None
+    )  # as app.results keeps it: source, onset, end, quality by sensor; None without a result
     warnings: int  # of that result
 
 
 def visits(db: Session, patient_id: int) -> list[Visit]:
     """All visits of a patient, the newest first."""
     of_patient = PatientSession.patient_id == patient_id
-    query = select(PatientSession).where(of_patient).options(selectinload(PatientSession.recordings))
-    sessions = db.scalars(query.order_by(PatientSession.started.desc(), PatientSession.id.desc())).all()
+    query = (
+        select(PatientSession).where(of_patient).options(selectinload(PatientSession.recordings))
+    )
+    sessions = db.scalars(
+        query.order_by(PatientSession.started.desc(), PatientSession.id.desc())
+    ).all()
     told = db.execute(
         select(RecordingFile.session_id, Result.content["calibration"], Result.warnings)
         .join(RecordingFile, Result.recording_id == RecordingFile.id)

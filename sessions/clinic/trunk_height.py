@@ -23,8 +23,14 @@ def require_height(height: float) -> None:
 def require_worn(session: PatientSession) -> None:
     """InputError where the height of this session cannot be told, or would change nothing."""
     if session.state == "open":
-        raise InputError("the session is being measured; correct the height of the trunk's sensor when it is finished")
-    if not any(TRUNK in stream["sensors"] for file in session.recordings for stream in file.summary.get("streams", ())):
+        raise InputError(
+            "the session is being measured; correct the height of the trunk's sensor when it is finished"
+        )
+    if not any(
+        TRUNK in stream["sensors"]
+        for file in session.recordings
+        for stream in file.summary.get("streams", ())
+    ):
         raise InputError("the recording has no sensor on the trunk; there is no height to correct")
 
 
@@ -32,5 +38,8 @@ def applied(recording: LoadedRecording, height: float | None) -> LoadedRecording
     """The recording whose tasks tell this height, m; as it is where none was told afterwards."""
     if height is None:
         return recording
-    events = (replace(e, details={**e.details, "trunk_height": height}) if e.trial_type == "task" else e for e in recording.events)
+    events = (
+        replace(e, details={**e.details, "trunk_height": height}) if e.trial_type == "task" else e
+        for e in recording.events
+    )
     return replace(recording, events=tuple(events))

@@ -22,7 +22,9 @@ class Course:
     """Sessions processed by the same method with the same options."""
 
     visits: tuple[Visit, ...]  # of the same hand in order of time, the result's own session last
-    other: Visit | None  # the other hand's newest until then; the first one after where there is none before
+    other: (
+        Visit | None
+    )  # the other hand's newest until then; the first one after where there is none before
 
 
 def course(db: Session, result: Result) -> Course | None:
@@ -33,7 +35,9 @@ def course(db: Session, result: Result) -> Course | None:
         return None
     alike = [v for v in visited if v.occasion.way[1:] == mine.way[1:]]
     same = [v for v in alike if v.occasion.hand == mine.hand and v.occasion.started <= mine.started]
-    before = [v for v in alike if v.occasion.hand != mine.hand and v.occasion.started <= mine.started]
+    before = [
+        v for v in alike if v.occasion.hand != mine.hand and v.occasion.started <= mine.started
+    ]
     after = [v for v in alike if v.occasion.hand != mine.hand and v.occasion.started > mine.started]
     nearest = before[-1:] or after[:1]
     return Course(tuple(map(_visit, same)), _visit(nearest[0]) if nearest else None)

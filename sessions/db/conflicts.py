@@ -7,7 +7,9 @@ class ConflictError(InputError):
     """What was to be changed is no longer what was seen."""
 
     def __init__(self, what: str) -> None:
-        super().__init__(f"{what} was changed in another window meanwhile; compare with what is stored now and choose")
+        super().__init__(
+            f"{what} was changed in another window meanwhile; compare with what is stored now and choose"
+        )
 
 
 def require_seen(what: str, version: int, seen: int) -> None:

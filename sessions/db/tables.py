@@ -27,7 +27,12 @@ class UtcDateTime(TypeDecorator[datetime]):
 
 
 class Base(DeclarativeBase):
-    type_annotation_map = {datetime: UtcDateTime, dict[str, Any]: JSON, list[Any]: JSON, str: String}  # noqa: RUF012  SQLAlchemy's form
+    type_annotation_map = {
+        datetime: UtcDateTime,
+        dict[str, Any]: JSON,
+        list[Any]: JSON,
+        str: String,
+    }
 
 
 def now() -> datetime:
@@ -43,17 +48,27 @@ class Patient(Base):
     year_of_birth: Mapped[int | None]
     dominant_hand: Mapped[str | None] = mapped_column(String(5))
     affected_hand: Mapped[str | None] = mapped_column(String(5))
-    hand_measures: Mapped[dict[str, Any]] = mapped_column(default=dict)  # HandGeometry by hand: {"left": {...}, "right": {...}}
+    hand_measures: Mapped[dict[str, Any]] = mapped_column(
+        default=dict
+    )  # HandGeometry by hand: {"left": {...}, "right": {...}}
     trunk_height: Mapped[float | None]  # m, of the trunk's sensor above the axis of the hips
     archived: Mapped[bool] = mapped_column(default=False)
     created: Mapped[datetime] = mapped_column(default=now)
-    version: Mapped[int] = mapped_column(default=1)  # counts changes: two editors at once are noticed
+    version: Mapped[int] = mapped_column(
+        default=1
+    )  # counts changes: two editors at once are noticed
 
     sessions: Mapped[list["PatientSession"]] = relationship(
-        back_populates="patient", cascade="all, delete-orphan", order_by="PatientSession.started.desc()"
+        back_populates="patient",
+        cascade="all, delete-orphan",
+        order_by="PatientSession.started.desc()",
     )
-    notes: Mapped[list["Note"]] = relationship(cascade="all, delete-orphan", order_by="Note.id.desc()")
-    self_calibrations: Mapped[list["SelfCalibration"]] = relationship(cascade="all, delete-orphan", order_by="SelfCalibration.id.desc()")
+    notes: Mapped[list["Note"]] = relationship(
+        cascade="all, delete-orphan", order_by="Note.id.desc()"
+    )
+    self_calibrations: Mapped[list["SelfCalibration"]] = relationship(
+        cascade="all, delete-orphan", order_by="SelfCalibration.id.desc()"
+    )
 
     __mapper_args__ = {"version_id_col": version}  # noqa: RUF012  SQLAlchemy's form
 
@@ -65,7 +80,9 @@ class Note(Base):
     __table_args__ = NEVER_AGAIN
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    patient_id: Mapped[int] = mapped_column(ForeignKey("patient.id", ondelete="CASCADE"), index=True)
+    patient_id: Mapped[int] = mapped_column(
+        ForeignKey("patient.id", ondelete="CASCADE"), index=True
+    )
     text: Mapped[str]
     written: Mapped[datetime] = mapped_column(default=now)
     removed: Mapped[datetime | None]
@@ -81,16 +98,24 @@ class PatientSession(Base):
     __table_args__ = NEVER_AGAIN
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    patient_id: Mapped[int] = mapped_column(ForeignKey("patient.id", ondelete="CASCADE"), index=True)
+    patient_id: Mapped[int] = mapped_column(
+        ForeignKey("patient.id", ondelete="CASCADE"), index=True
+    )
     hand: Mapped[str] = mapped_column(String(5))
-    state: Mapped[str] = mapped_column(String(16), default="open", index=True)  # open (being recorded), recorded, processed, failed
+    state: Mapped[str] = mapped_column(
+        String(16), default="open", index=True
+    )  # open (being recorded), recorded, processed, failed
     started: Mapped[datetime] = mapped_column(default=now)
-    recorded_as: Mapped[datetime | None]  # what the clock said, where it was wrong and `started` was corrected
+    recorded_as: Mapped[
+        datetime | None
+    ]  # what the clock said, where it was wrong and `started` was corrected
     date_reason: Mapped[str] = mapped_column(default="", server_default="")  # of that correction
     finished: Mapped[datetime | None]
     examiner: Mapped[str] = mapped_column(default="")
     notes: Mapped[str] = mapped_column(default="")
-    geometry: Mapped[dict[str, Any]] = mapped_column(default=dict)  # hand measures of this session, as HandGeometry
+    geometry: Mapped[dict[str, Any]] = mapped_column(
+        default=dict
+    )  # hand measures of this session, as HandGeometry
     trunk_height: Mapped[float | None]  # m, the patient's when the session began
     trunk_corrected: Mapped[
         float | None
@@ -113,20 +138,26 @@ class RecordingFile(Base):
     __table_args__ = NEVER_AGAIN
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    session_id: Mapped[int] = mapped_column(ForeignKey("session.id", ondelete="CASCADE"), index=True)
+    session_id: Mapped[int] = mapped_column(
+        ForeignKey("session.id", ondelete="CASCADE"), index=True
+    )
     format: Mapped[str] = mapped_column(String(16))  # native, motion-bids
     file: Mapped[str]  # relative to the data folder
     original_name: Mapped[str] = mapped_column(default="")
     sha256: Mapped[str | None] = mapped_column(String(64))  # None while it is being written
     bytes: Mapped[int] = mapped_column(default=0)
     added: Mapped[datetime] = mapped_column(default=now)
-    summary: Mapped[dict[str, Any]] = mapped_column(default=dict)  # duration, streams, losses, warnings: for lists without opening the file
+    summary: Mapped[dict[str, Any]] = mapped_column(
+        default=dict
+    )  # duration, streams, losses, warnings: for lists without opening the file
 
     session: Mapped[PatientSession] = relationship(back_populates="recordings")
     corrections: Mapped[list["Correction"]] = relationship(
         back_populates="recording", cascade="all, delete-orphan", order_by="Correction.id"
     )
-    results: Mapped[list["Result"]] = relationship(back_populates="recording", cascade="all, delete-orphan", order_by="Result.id.desc()")
+    results: Mapped[list["Result"]] = relationship(
+        back_populates="recording", cascade="all, delete-orphan", order_by="Result.id.desc()"
+    )
 
 
 class Correction(Base):
@@ -135,7 +166,9 @@ class Correction(Base):
     __tablename__ = "correction"
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    recording_id: Mapped[int] = mapped_column(ForeignKey("recording.id", ondelete="CASCADE"), index=True)
+    recording_id: Mapped[int] = mapped_column(
+        ForeignKey("recording.id", ondelete="CASCADE"), index=True
+    )
     event: Mapped[int]  # which of the recording's events, from 0
     kind: Mapped[str] = mapped_column(String(16))  # exclude, move, leave_out
     onset: Mapped[float]  # s of the recording
@@ -154,14 +187,22 @@ class SelfCalibration(Base):
     __table_args__ = NEVER_AGAIN
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    patient_id: Mapped[int] = mapped_column(ForeignKey("patient.id", ondelete="CASCADE"), index=True)
-    recording_id: Mapped[int] = mapped_column(ForeignKey("recording.id", ondelete="CASCADE"), index=True)
+    patient_id: Mapped[int] = mapped_column(
+        ForeignKey("patient.id", ondelete="CASCADE"), index=True
+    )
+    recording_id: Mapped[int] = mapped_column(
+        ForeignKey("recording.id", ondelete="CASCADE"), index=True
+    )
     hand: Mapped[str] = mapped_column(String(5))
-    glove: Mapped[str] = mapped_column(String(200), default="")  # its number; "" where the recording does not tell it
+    glove: Mapped[str] = mapped_column(
+        String(200), default=""
+    )  # its number; "" where the recording does not tell it
     onset: Mapped[float]  # s of the recording
     end: Mapped[float]
     version: Mapped[str] = mapped_column(String(32))  # of the program
-    found: Mapped[dict[str, Any]] = mapped_column(default=dict)  # lengths, seats, biases with standard deviations (derivative.py), SI
+    found: Mapped[dict[str, Any]] = mapped_column(
+        default=dict
+    )  # lengths, seats, biases with standard deviations (derivative.py), SI
     told: Mapped[list[Any]] = mapped_column(default=list)  # what it says of itself, in sentences
     kept: Mapped[datetime] = mapped_column(default=now)
     withdrawn: Mapped[datetime | None]  # it is not offered any more
@@ -175,8 +216,12 @@ class Reuse(Base):
     __tablename__ = "reuse"
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    session_id: Mapped[int] = mapped_column(ForeignKey("session.id", ondelete="CASCADE"), index=True)
-    self_calibration_id: Mapped[int | None] = mapped_column(ForeignKey("self_calibration.id", ondelete="CASCADE"), index=True)
+    session_id: Mapped[int] = mapped_column(
+        ForeignKey("session.id", ondelete="CASCADE"), index=True
+    )
+    self_calibration_id: Mapped[int | None] = mapped_column(
+        ForeignKey("self_calibration.id", ondelete="CASCADE"), index=True
+    )
     parts: Mapped[str] = mapped_column(String(20))  # nothing, lengths, lengths_and_seats
     made: Mapped[datetime] = mapped_column(default=now)
 
@@ -190,21 +235,37 @@ class Result(Base):
     __table_args__ = (UniqueConstraint("recording_id", "key", name="one_result_a_key"), NEVER_AGAIN)
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    recording_id: Mapped[int] = mapped_column(ForeignKey("recording.id", ondelete="CASCADE"), index=True)
-    key: Mapped[str] = mapped_column(String(64))  # sha256 of method, parameters, geometry, corrections and version
+    recording_id: Mapped[int] = mapped_column(
+        ForeignKey("recording.id", ondelete="CASCADE"), index=True
+    )
+    key: Mapped[str] = mapped_column(
+        String(64)
+    )  # sha256 of method, parameters, geometry, corrections and version
     method: Mapped[str] = mapped_column(String(32))
     parameters: Mapped[dict[str, Any]] = mapped_column(default=dict)
-    corrections: Mapped[list[Any]] = mapped_column(default=list, server_default="[]")  # that it was computed with
-    reused: Mapped[dict[str, Any]] = mapped_column(default=dict, server_default="{}")  # of an earlier self-calibration; empty: nothing
-    trunk_height: Mapped[float | None]  # m, in place of what the recording tells; None: as the recording tells it
+    corrections: Mapped[list[Any]] = mapped_column(
+        default=list, server_default="[]"
+    )  # that it was computed with
+    reused: Mapped[dict[str, Any]] = mapped_column(
+        default=dict, server_default="{}"
+    )  # of an earlier self-calibration; empty: nothing
+    trunk_height: Mapped[
+        float | None
+    ]  # m, in place of what the recording tells; None: as the recording tells it
     version: Mapped[str] = mapped_column(String(32))
     created: Mapped[datetime] = mapped_column(default=now)
-    state: Mapped[str] = mapped_column(String(16), default="queued")  # queued, running, done, failed
-    attempts: Mapped[int] = mapped_column(default=0, server_default="0")  # how often its computation was begun
+    state: Mapped[str] = mapped_column(
+        String(16), default="queued"
+    )  # queued, running, done, failed
+    attempts: Mapped[int] = mapped_column(
+        default=0, server_default="0"
+    )  # how often its computation was begun
     progress: Mapped[float] = mapped_column(default=0.0)
     error: Mapped[str] = mapped_column(default="")
     figures: Mapped[list[Any]] = mapped_column(default=list)
-    content: Mapped[dict[str, Any]] = mapped_column(default=dict)  # tasks with their details and curves thinned for pages
+    content: Mapped[dict[str, Any]] = mapped_column(
+        default=dict
+    )  # tasks with their details and curves thinned for pages
     warnings: Mapped[list[Any]] = mapped_column(default=list)
 
     recording: Mapped[RecordingFile] = relationship(back_populates="results")
@@ -219,7 +280,9 @@ class Repeatability(Base):
     __tablename__ = "repeatability"
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    patient_id: Mapped[int | None] = mapped_column(ForeignKey("patient.id", ondelete="CASCADE"), index=True)
+    patient_id: Mapped[int | None] = mapped_column(
+        ForeignKey("patient.id", ondelete="CASCADE"), index=True
+    )
     device: Mapped[str] = mapped_column(String(200), default="", index=True)  # the glove's number
     hand: Mapped[str] = mapped_column(String(5))
     method: Mapped[str] = mapped_column(String(32))
@@ -247,14 +310,20 @@ class AuditLine(Base):
 
     __tablename__ = "audit"
 
-    id: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)  # from 1 on, without a gap
+    id: Mapped[int] = mapped_column(
+        primary_key=True, autoincrement=False
+    )  # from 1 on, without a gap
     at: Mapped[datetime]
     who: Mapped[str] = mapped_column(String(64), index=True)  # an account's name
     address: Mapped[str] = mapped_column(String(64))  # where the request came from
-    what: Mapped[str] = mapped_column(String(64))  # viewed, created, changed, exported, erased, logged in, refused
+    what: Mapped[str] = mapped_column(
+        String(64)
+    )  # viewed, created, changed, exported, erased, logged in, refused
     kind: Mapped[str] = mapped_column(String(32))  # patient, session, result, account, ...
     ref: Mapped[str] = mapped_column(String(64))  # its number
-    patient: Mapped[int | None] = mapped_column(index=True)  # whose it is: a number that no other patient gets
+    patient: Mapped[int | None] = mapped_column(
+        index=True
+    )  # whose it is: a number that no other patient gets
     counts: Mapped[dict[str, Any]] = mapped_column(
         default=dict
     )  # names of fields; of an erased patient sessions, recordings, results, notes, bytes
@@ -279,12 +348,18 @@ class Account(Base):
     id: Mapped[int] = mapped_column(primary_key=True)
     name: Mapped[str] = mapped_column(String(64), unique=True)
     roles: Mapped[list[Any]] = mapped_column(default=list)  # of accounts.ROLES
-    password: Mapped[str | None] = mapped_column(String(200))  # argon2id hash with its parameters; None: one-time codes or single sign-on
-    subject: Mapped[str | None] = mapped_column(String(400), unique=True)  # issuer and subject, of an account of single sign-on
+    password: Mapped[str | None] = mapped_column(
+        String(200)
+    )  # argon2id hash with its parameters; None: one-time codes or single sign-on
+    subject: Mapped[str | None] = mapped_column(
+        String(400), unique=True
+    )  # issuer and subject, of an account of single sign-on
     disabled: Mapped[bool] = mapped_column(default=False)
     created: Mapped[datetime] = mapped_column(default=now)
 
-    logins: Mapped[list["Login"]] = relationship(back_populates="account", cascade="all, delete-orphan")
+    logins: Mapped[list["Login"]] = relationship(
+        back_populates="account", cascade="all, delete-orphan"
+    )
 
 
 class Login(Base):
@@ -294,7 +369,9 @@ class Login(Base):
 
     id: Mapped[int] = mapped_column(primary_key=True)
     token_hash: Mapped[str] = mapped_column(String(64), unique=True)
-    account_id: Mapped[int] = mapped_column(ForeignKey("account.id", ondelete="CASCADE"), index=True)
+    account_id: Mapped[int] = mapped_column(
+        ForeignKey("account.id", ondelete="CASCADE"), index=True
+    )
     created: Mapped[datetime] = mapped_column(default=now)
     seen: Mapped[datetime] = mapped_column(default=now)
 
@@ -307,5 +384,7 @@ class Attempt(Base):
     __tablename__ = "attempt"
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    key: Mapped[str] = mapped_column(String(64), index=True)  # hash of the account's name or of the address
+    key: Mapped[str] = mapped_column(
+        String(64), index=True
+    )  # hash of the account's name or of the address
     at: Mapped[datetime] = mapped_column(default=now)

@@ -17,7 +17,9 @@ def absences(recording: LoadedRecording) -> Mapping[str, list[tuple[float, float
     if not filled:
         return {}
     first, last = min(t[0] for t in filled), max(t[-1] for t in filled)
-    found = {name: _gaps(block, float(first), float(last)) for name, block in recording.samples.items()}
+    found = {
+        name: _gaps(block, float(first), float(last)) for name, block in recording.samples.items()
+    }
     return {name: gaps for name, gaps in found.items() if gaps}
 
 

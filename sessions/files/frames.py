@@ -14,7 +14,10 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.measures.assessment import TaskResult
 from handscope.sessions.tables_io.trajectory_table import table_of
 
-READ = {"rad": ("deg", 180 / np.pi), "m": ("mm", 1e3)}  # unit that a person reads, and how many of it
+READ = {
+    "rad": ("deg", 180 / np.pi),
+    "m": ("mm", 1e3),
+}  # unit that a person reads, and how many of it
 
 
 def movement(moved: Trajectory) -> dict[str, Any]:
@@ -28,15 +31,31 @@ def movement(moved: Trajectory) -> dict[str, Any]:
         if len(values) and not np.isfinite(values).any():
             continue
         read, factor = READ.get(unit, ("", 1.0))
-        found[f"{name}_{read}" if read else name] = factor * np.asarray(values) if read else np.asarray(values)
+        found[f"{name}_{read}" if read else name] = (
+            factor * np.asarray(values) if read else np.asarray(values)
+        )
     return found
 
 
 def figures(results: Sequence[TaskResult]) -> dict[str, list[Any]]:
     """Columns of all figures of all tasks, a row a figure: SI values, NaN where not measured."""
     rows = [(r, f) for r in results for f in r.figures]
-    fields = ("name", "part", "what", "value", "sd", "unit", "grade", "reason", "category", "meaning", "source")
-    table: dict[str, list[Any]] = {name: [getattr(r, name) for r, _ in rows] for name in ("task", "measure", "onset", "end")}
+    fields = (
+        "name",
+        "part",
+        "what",
+        "value",
+        "sd",
+        "unit",
+        "grade",
+        "reason",
+        "category",
+        "meaning",
+        "source",
+    )
+    table: dict[str, list[Any]] = {
+        name: [getattr(r, name) for r, _ in rows] for name in ("task", "measure", "onset", "end")
+    }
     table |= {name: [getattr(f, name) for _, f in rows] for name in fields}
     table["sd"] = [np.nan if sd is None else sd for sd in table["sd"]]
     return table

@@ -46,13 +46,21 @@ def read(path: Path) -> Contents:
     except OSError as problem:
         raise InputError(f"{path} cannot be read: {problem.strerror}") from None
     except (ValueError, TypeError, KeyError):
-        raise InputError(f"{path.name} holds an event or metadata that is not Handscope's; it cannot be opened as a recording") from None
+        raise InputError(
+            f"{path.name} holds an event or metadata that is not Handscope's; it cannot be opened as a recording"
+        ) from None
     version = contents.metadata.get("format_version", FORMAT_VERSION if contents.wire else None)
     if version is None:
-        what = "was cut before anything was recorded" if contents.file.ours else f"is no Handscope recording (they end in {SUFFIX})"
+        what = (
+            "was cut before anything was recorded"
+            if contents.file.ours
+            else f"is no Handscope recording (they end in {SUFFIX})"
+        )
         raise InputError(f"{path.name} {what}; there is nothing to open")
     if not isinstance(version, int) or version > FORMAT_VERSION:
-        raise InputError(f"{path.name} has recording format {version}, this program reads up to {FORMAT_VERSION}; use a newer version")
+        raise InputError(
+            f"{path.name} has recording format {version}, this program reads up to {FORMAT_VERSION}; use a newer version"
+        )
     return contents
 
 
@@ -63,12 +71,18 @@ def load(path: Path, hand: Hand | None = None, correct: bool = True) -> LoadedRe
     """
     contents = read(path)
     kept = force_calibrations.of_recording(contents.metadata)
-    assembler, parts = Assembler(correct=correct, exchanged=_exchanged(contents.metadata), kept_forces=kept), _Parts()
+    assembler, parts = (
+        Assembler(correct=correct, exchanged=_exchanged(contents.metadata), kept_forces=kept),
+        _Parts(),
+    )
     for k in range(0, len(contents.wire), TOGETHER):
         parts.add(assembler.feed_all(contents.wire[k : k + TOGETHER]))
     side = _hand(contents.metadata, assembler.identity, hand)
     geometry = sized(side, measures_from(contents.metadata.get("geometry") or {}))
-    mounting = assembler.mounting | {name: np.asarray(q, dtype=float) for name, q in dict(contents.metadata.get("mounting") or {}).items()}
+    mounting = assembler.mounting | {
+        name: np.asarray(q, dtype=float)
+        for name, q in dict(contents.metadata.get("mounting") or {}).items()
+    }
     return LoadedRecording(
         side,
         geometry,
@@ -80,7 +94,11 @@ def load(path: Path, hand: Hand | None = None, correct: bool = True) -> LoadedRe
         checksum=file_checksum(path),
         source=_source(contents.metadata, assembler.identity),
         losses={name: count.lost for name, count in assembler.counts.items()},
-        strip_ids={point: f"{strip.strip_id:x}" for strip in assembler.strips.values() for point in strip.points},
+        strip_ids={
+            point: f"{strip.strip_id:x}"
+            for strip in assembler.strips.values()
+            for point in strip.points
+        },
         plate=plate_from(contents.metadata.get("magnet_setup") or {}) or assembler.plate,
     )
 
@@ -131,7 +149,10 @@ def _keep(contents: Contents, topic: str, message: Message) -> None:
 def _hand(metadata: Mapping[str, Any], identity: Identity | None, wanted: Hand | None) -> Hand:
     said = {
         source: hand
-        for source, hand in (("the recording", metadata.get("hand")), ("the glove", identity.hand if identity else None))
+        for source, hand in (
+            ("the recording", metadata.get("hand")),
+            ("the glove", identity.hand if identity else None),
+        )
         if hand in HANDS
     }
     if len(set(said.values())) > 1:
@@ -146,7 +167,9 @@ def _hand(metadata: Mapping[str, Any], identity: Identity | None, wanted: Hand |
                 )
             return hand
     if wanted is None:
-        raise InputError("neither the recording nor the glove says which hand it is; give --hand left or --hand right")
+        raise InputError(
+            "neither the recording nor the glove says which hand it is; give --hand left or --hand right"
+        )
     return wanted
 
 
@@ -171,12 +194,27 @@ def _warnings(contents: Contents, assembler: Assembler) -> Iterator[str]:
     if assembler.replaced:
         yield "another glove was plugged in during the recording: a calibration holds for the glove that it was made with"
     for finger, on in assembler.exchanged.items():
-        yield f"the strip of the {finger} finger was worn on the {on} finger and is read as that".replace("thumb finger", "thumb")
+        yield f"the strip of the {finger} finger was worn on the {on} finger and is read as that".replace(
+            "thumb finger", "thumb"
+        )
     for name, count in assembler.counts.items():
         if count.lost:
             yield f"stream {name}: {count.lost} of {count.samples + count.lost} samples were lost"
 
 
 def _source(metadata: Mapping[str, Any], identity: Identity | None) -> dict[str, Any]:
-    device = {"device": identity.name, "device_id": f"{identity.device_id:016x}", "firmware": identity.firmware} if identity else {}
-    return {"format": "native", "software": metadata.get("software", ""), "port": metadata.get("port", ""), **device}
+    device = (
+        {
+            "device": identity.name,
+            "device_id": f"{identity.device_id:016x}",
+            "firmware": identity.firmware,
+        }
+        if identity
+        else {}
+    )
+    return {
+        "format": "native",
+        "software": metadata.get("software", ""),
+        "port": metadata.get("port", ""),
+        **device,
+    }

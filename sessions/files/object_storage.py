@@ -20,7 +20,10 @@ from handscope.sessions.tables_io.writing import save_file
 MARK = "object-storage.json"
 PIECE = 2**20
 OPTIONS: dict[str, dict[str, Any]] = {  # by protocol
-    "s3": {"config_kwargs": {"connect_timeout": 5, "read_timeout": 30, "retries": {"max_attempts": 2}}, "use_listings_cache": False},
+    "s3": {
+        "config_kwargs": {"connect_timeout": 5, "read_timeout": 30, "retries": {"max_attempts": 2}},
+        "use_listings_cache": False,
+    },
     "file": {"auto_mkdir": True},
 }
 
@@ -44,14 +47,18 @@ def attached(folder: Path) -> ObjectStorage | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, TypeError):
-        raise InputError(f"{folder / MARK} is damaged; it says where the recordings are: take it from a copy of the folder") from None
+        raise InputError(
+            f"{folder / MARK} is damaged; it says where the recordings are: take it from a copy of the folder"
+        ) from None
 
 
 def attach(folder: Path, url: str) -> ObjectStorage:
     """Have a data folder's files kept there from now on; InputError where they are elsewhere, or where that place is another folder's."""
     known = attached(folder)
     if known is not None and known.url != url:
-        raise InputError(f"the recordings of {folder} are kept in {known.url}, not in {url}; to move them, restore a backup elsewhere")
+        raise InputError(
+            f"the recordings of {folder} are kept in {known.url}, not in {url}; to move them, restore a backup elsewhere"
+        )
     if known is not None:
         return known
     _require_plain(url)
@@ -60,10 +67,14 @@ def attach(folder: Path, url: str) -> ObjectStorage:
         try:
             found = fs.cat_file(f"{root}/{MARK}")
         except FileNotFoundError:
-            fs.pipe_file(f"{root}/{MARK}", json.dumps({"handscope data folder": storage.folder}).encode())
+            fs.pipe_file(
+                f"{root}/{MARK}", json.dumps({"handscope data folder": storage.folder}).encode()
+            )
             found = None
     if found is not None:
-        raise InputError(f"{url} holds the recordings of another data folder; give this one a folder of its own: {url}-2")
+        raise InputError(
+            f"{url} holds the recordings of another data folder; give this one a folder of its own: {url}-2"
+        )
     save_file(json.dumps(asdict(storage)).encode(), folder / MARK)
     return storage
 
@@ -76,7 +87,9 @@ def require(storage: ObjectStorage) -> None:
         except (FileNotFoundError, ValueError, AttributeError):
             whose = None
     if whose != storage.folder:
-        raise UnreachableError(f"the object storage {storage.url} is not the one that the recordings were put into; was it emptied?")
+        raise UnreachableError(
+            f"the object storage {storage.url} is not the one that the recordings were put into; was it emptied?"
+        )
 
 
 def put(storage: ObjectStorage, name: str, path: Path) -> str:
@@ -91,7 +104,10 @@ def put(storage: ObjectStorage, name: str, path: Path) -> str:
 
 def pieces(storage: ObjectStorage, name: str) -> Iterator[bytes]:
     """A file's bytes; FileNotFoundError where it is not there."""
-    with _reached(storage) as (fs, root), fs.open(f"{root}/{name}", "rb", block_size=4 * PIECE) as file:
+    with (
+        _reached(storage) as (fs, root),
+        fs.open(f"{root}/{name}", "rb", block_size=4 * PIECE) as file,
+    ):
         while piece := file.read(PIECE):
             yield piece
 
@@ -129,14 +145,20 @@ def _reached(storage: ObjectStorage) -> Iterator[tuple[Any, str]]:
     except (InputError, FileNotFoundError):
         raise
     except ImportError as problem:
-        raise InputError(f"{storage.url} needs a package ({problem}): pip install 'handscope[s3]'") from None
+        raise InputError(
+            f"{storage.url} needs a package ({problem}): pip install 'handscope[s3]'"
+        ) from None
     except Exception as problem:  # each file system's library has errors of its own
-        raise UnreachableError(f"the object storage {storage.url} cannot be reached ({_words(problem)}); try again later") from problem
+        raise UnreachableError(
+            f"the object storage {storage.url} cannot be reached ({_words(problem)}); try again later"
+        ) from problem
 
 
 def _words(problem: Exception) -> str:
     """The first line of what a library says, without the query of an address."""
-    return (str(problem).strip().splitlines() or [type(problem).__name__])[0].partition("?")[0][:200]
+    return (str(problem).strip().splitlines() or [type(problem).__name__])[0].partition("?")[0][
+        :200
+    ]
 
 
 def _require_plain(url: str) -> None:

@@ -33,7 +33,13 @@ PROFILE = "handscope"
 CHANNELS = {
     topic: Channel(id=k, topic=topic, message_encoding=encoding, metadata={}, schema_id=0)
     for k, (topic, encoding) in enumerate(
-        {"wire": "handscope-wire", "command": "handscope-wire", "event": "json", "metadata": "json"}.items(), start=1
+        {
+            "wire": "handscope-wire",
+            "command": "handscope-wire",
+            "event": "json",
+            "metadata": "json",
+        }.items(),
+        start=1,
     )
 }
 
@@ -42,7 +48,12 @@ class Recorder:
     """A recording being written: a context manager; leaving it finishes the file."""
 
     def __init__(
-        self, path: Path, metadata: Mapping[str, Any], now: float, utc: datetime | None = None, file: IO[bytes] | None = None
+        self,
+        path: Path,
+        metadata: Mapping[str, Any],
+        now: float,
+        utc: datetime | None = None,
+        file: IO[bytes] | None = None,
     ) -> None:
         """`now` is the host's monotonic clock in s, the clock of every `arrival`; `file` replaces the opened path in tests."""
         self._file = file if file is not None else _locked(path)
@@ -51,12 +62,19 @@ class Recorder:
         self._number = 0
         self.bytes_written = 0
         self._file.write(MCAP0_MAGIC + _bytes_of(Header(PROFILE, PROFILE)))
-        self.metadata({"format_version": FORMAT_VERSION, "start_utc": self._utc.isoformat(), **metadata}, now)
+        self.metadata(
+            {"format_version": FORMAT_VERSION, "start_utc": self._utc.isoformat(), **metadata}, now
+        )
 
     def __enter__(self) -> "Recorder":
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.close()
 
     def write(self, chunk: bytes, arrival: float) -> None:
@@ -69,7 +87,13 @@ class Recorder:
 
     def event(self, event_id: str, event: Event | None, at: float) -> None:
         """Keep an event; the same id again replaces it, None takes it back. The earlier ones stay in the file."""
-        self._put("event", _json({"id": event_id, **(asdict(event) if event is not None else {"retracted": True})}), at)
+        self._put(
+            "event",
+            _json(
+                {"id": event_id, **(asdict(event) if event is not None else {"retracted": True})}
+            ),
+            at,
+        )
 
     def metadata(self, changed: Mapping[str, Any], at: float) -> None:
         """Keep facts about the recording; a later value of a name replaces the earlier."""
@@ -86,7 +110,12 @@ class Recorder:
         if self._file.closed:
             return
         try:
-            self._file.write(_bytes_of(DataEnd(0), Footer(summary_start=0, summary_offset_start=0, summary_crc=0)) + MCAP0_MAGIC)
+            self._file.write(
+                _bytes_of(
+                    DataEnd(0), Footer(summary_start=0, summary_offset_start=0, summary_crc=0)
+                )
+                + MCAP0_MAGIC
+            )
             self.sync()
         finally:
             self._file.close()
@@ -94,7 +123,13 @@ class Recorder:
     def _put(self, topic: str, data: bytes, at: float) -> None:
         utc = round(self._utc.timestamp() * 1e9 + (at - self._began) * 1e9)
         channel = CHANNELS[topic]
-        message = Message(channel_id=channel.id, log_time=utc, data=data, publish_time=round(at * 1e9), sequence=self._number)
+        message = Message(
+            channel_id=channel.id,
+            log_time=utc,
+            data=data,
+            publish_time=round(at * 1e9),
+            sequence=self._number,
+        )
         self._number = (self._number + 1) % 2**32
         self._file.write(_chunk(_bytes_of(channel, message), utc))
         self._file.flush()

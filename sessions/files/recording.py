@@ -29,9 +29,13 @@ class LoadedRecording:
     warnings: tuple[str, ...] = ()
     start_utc: str | None = None  # ISO 8601
     checksum: str = ""  # sha256 of the file or, for a folder, of its files in order of name
-    source: Mapping[str, Any] = field(default_factory=dict)  # format, device, firmware, software: provenance in words
+    source: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # format, device, firmware, software: provenance in words
     losses: Mapping[str, int] = field(default_factory=dict)  # samples lost on the way, by stream
-    strip_ids: Mapping[str, str] = field(default_factory=dict)  # which strip each tracked point was on, where the glove says
+    strip_ids: Mapping[str, str] = field(
+        default_factory=dict
+    )  # which strip each tracked point was on, where the glove says
     plate: Plate | None = None  # magnetometers on the trunk and magnet on the hand, where told
 
     @property
@@ -69,5 +73,7 @@ class LoadedRecording:
 def require_samples(recording: LoadedRecording, name: str) -> LoadedRecording:
     """Refuse a recording without inertial samples."""
     if not any(b.stream.inertial and len(b.t) for b in recording.samples.values()):
-        raise InputError(f"{name} has no inertial samples (gyroscope and accelerometer); there is nothing to process")
+        raise InputError(
+            f"{name} has no inertial samples (gyroscope and accelerometer); there is nothing to process"
+        )
     return recording

@@ -28,7 +28,10 @@ RATIO, MOST = (
     4 * 2**30,
 )  # of unpacked to packed in a whole file, and bytes of it: a recorder's chunks hardly shrink, hours are less than a GB
 HEAD = 9  # bytes of a record before its content: opcode and length
-CHUNK_MARK, MARK_AT = b"\x04\0\0\0zstd", 37  # what stands in every chunk record of a recorder, and where
+CHUNK_MARK, MARK_AT = (
+    b"\x04\0\0\0zstd",
+    37,
+)  # what stands in every chunk record of a recorder, and where
 SIZES = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}
 
 
@@ -118,7 +121,9 @@ def _unpacked_size(chunk: Chunk) -> int:
     """Bytes that the data may unpack to: a decompressor believes what the data says, were it more than there is memory."""
     if chunk.compression == "zstd":
         told = zstandard.frame_content_size(chunk.data)
-        return chunk.uncompressed_size if told < 0 else int(told)  # it does not say: then no more is unpacked than the chunk says
+        return (
+            chunk.uncompressed_size if told < 0 else int(told)
+        )  # it does not say: then no more is unpacked than the chunk says
     return LZ4_MOST * len(chunk.data) if chunk.compression == "lz4" else len(chunk.data)
 
 

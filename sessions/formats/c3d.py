@@ -17,7 +17,12 @@ from handscope.estimators.pipeline.optical_trajectory import Markers
 
 SUFFIX = ".c3d"
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-SPELT = {"mete": "m", "metr": "m", "cent": "cm", "mill": "mm"}  # units in full, or what is left of them in four letters
+SPELT = {
+    "mete": "m",
+    "metr": "m",
+    "cent": "cm",
+    "mill": "mm",
+}  # units in full, or what is left of them in four letters
 BLOCK = 512  # bytes
 MOST_FRAMES = 2**16 - 1  # that a header can count
 MOST_BYTES = 2**30  # of a file: an hour of 100 markers at 100 Hz is 0.6 GB
@@ -44,22 +49,37 @@ class MarkerReader(Reader):  # type: ignore[misc]  # c3d has no types
         """ValueError where a contradiction leaves the places or their unit unsure. Scales of analogue channels and the rate may differ."""
         header, scale = self._header, float(self.point_scale)
         if header.point_count != self.point_used:
-            raise ValueError(f"its header counts {header.point_count} points, its parameters {self.point_used}")
-        if header.scale_factor * scale <= 0 or (scale > 0 and header.scale_factor != np.float32(scale)):
-            raise ValueError(f"its header scales lengths by {header.scale_factor:g}, its parameters by {scale:g}")
+            raise ValueError(
+                f"its header counts {header.point_count} points, its parameters {self.point_used}"
+            )
+        if header.scale_factor * scale <= 0 or (
+            scale > 0 and header.scale_factor != np.float32(scale)
+        ):
+            raise ValueError(
+                f"its header scales lengths by {header.scale_factor:g}, its parameters by {scale:g}"
+            )
         self._words = self._analogue_words()
 
     def _analogue_words(self) -> int:
         """Analogue words in a frame: header and parameters may contradict each other, the file's size tells who is right."""
         header = self._header
-        told = {int(header.analog_count), int(Reader.analog_used.fget(self)) * int(header.analog_per_frame)}
+        told = {
+            int(header.analog_count),
+            int(Reader.analog_used.fget(self)) * int(header.analog_per_frame),
+        }
         if len(told) == 1:
             return told.pop()
         room = self._handle.seek(0, SEEK_END) - (header.data_block - 1) * BLOCK
         frames, width = header.last_frame - header.first_frame + 1, 4 if self.point_scale < 0 else 2
-        fitting = [words for words in told if 0 <= room - frames * width * (4 * header.point_count + words) < BLOCK]
+        fitting = [
+            words
+            for words in told
+            if 0 <= room - frames * width * (4 * header.point_count + words) < BLOCK
+        ]
         if len(fitting) != 1:
-            raise ValueError("its header and its parameters tell different numbers of analogue channels")
+            raise ValueError(
+                "its header and its parameters tell different numbers of analogue channels"
+            )
         return fitting[0]
 
     @property
@@ -78,7 +98,11 @@ class MarkerReader(Reader):  # type: ignore[misc]  # c3d has no types
     def last_frame(self) -> int:
         """The header's, unless it cannot count so far; parameters are wrong by one with some programs (OptiTrack)."""
         told = int(Reader.last_frame.fget(self))
-        return told if told > MOST_FRAMES or self._header.last_frame == MOST_FRAMES else int(self._header.last_frame)
+        return (
+            told
+            if told > MOST_FRAMES or self._header.last_frame == MOST_FRAMES
+            else int(self._header.last_frame)
+        )
 
 
 def read_markers(path: Path) -> Markers:
@@ -86,42 +110,71 @@ def read_markers(path: Path) -> Markers:
     if not path.is_file():
         raise InputError(f"{path} does not exist or is no file; give a C3D file")
     if path.stat().st_size > MOST_BYTES:
-        raise InputError(f"{path.name} is larger than {MOST_BYTES / 2**30:.0f} GB; export the stretch of the task only")
+        raise InputError(
+            f"{path.name} is larger than {MOST_BYTES / 2**30:.0f} GB; export the stretch of the task only"
+        )
     try:
         with path.open("rb") as file, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             reader = MarkerReader(file)
             names = _labels(reader) if reader.point_used else ()
             points = _frames(reader) if names else np.empty((0, 0, 5))
-            rate, unit, told = float(reader.point_rate), _unit(reader), int(reader.last_frame) - int(reader.first_frame) + 1
+            rate, unit, told = (
+                float(reader.point_rate),
+                _unit(reader),
+                int(reader.last_frame) - int(reader.first_frame) + 1,
+            )
     except BROKEN as problem:
-        raise InputError(f"{path.name} is no C3D file that can be read ({' '.join(str(problem).split())[:80]}); export it again") from None
+        raise InputError(
+            f"{path.name} is no C3D file that can be read ({' '.join(str(problem).split())[:80]}); export it again"
+        ) from None
     if len(points) < 2 or len(names) < points.shape[1]:
-        raise InputError(f"{path.name} holds no markers over time; export the labelled trajectories")
+        raise InputError(
+            f"{path.name} holds no markers over time; export the labelled trajectories"
+        )
     if unit not in METRES:
-        raise InputError(f"{path.name} has the unknown unit {unit!r} of length (POINT:UNITS); it is {', '.join(METRES)}")
+        raise InputError(
+            f"{path.name} has the unknown unit {unit!r} of length (POINT:UNITS); it is {', '.join(METRES)}"
+        )
     if not np.isfinite(rate) or rate <= 0:
-        raise InputError(f"{path.name} has no usable rate of frames (POINT:RATE is {rate:g}); export it again")
+        raise InputError(
+            f"{path.name} has no usable rate of frames (POINT:RATE is {rate:g}); export it again"
+        )
     if len(points) < told:
-        raise InputError(f"{path.name} was cut off: it holds {len(points)} of {told} frames; copy or export it again")
-    hidden = (points[..., 3] < 0) | ~np.isfinite(points[..., :3]).all(axis=-1)  # a negative residual marks a point that was not seen
+        raise InputError(
+            f"{path.name} was cut off: it holds {len(points)} of {told} frames; copy or export it again"
+        )
+    hidden = (points[..., 3] < 0) | ~np.isfinite(points[..., :3]).all(
+        axis=-1
+    )  # a negative residual marks a point that was not seen
     places = np.where(hidden[..., None], np.nan, points[..., :3] * METRES[unit])
     return Markers(np.arange(len(points)) / rate, names[: points.shape[1]], places)
 
 
 def _frames(reader: Reader) -> np.ndarray:
     """Points (n, markers, 5): place, residual, cameras; as many frames as the file holds."""
-    return np.array([points for _, points, _ in reader.read_frames(analog_transform=False)], dtype=float).reshape(-1, reader.point_used, 5)
+    return np.array(
+        [points for _, points, _ in reader.read_frames(analog_transform=False)], dtype=float
+    ).reshape(-1, reader.point_used, 5)
 
 
 def _labels(reader: Reader) -> tuple[str, ...]:
     """Names of the markers; more than 255 go on in LABELS2, LABELS3, ..."""
     groups = [reader.get(f"POINT:LABELS{k}") for k in ("", *range(2, 10))]
-    return tuple(str(label).strip(" \0") for group in groups if group is not None for label in np.ravel(group.string_array))
+    return tuple(
+        str(label).strip(" \0")
+        for group in groups
+        if group is not None
+        for label in np.ravel(group.string_array)
+    )
 
 
 def _unit(reader: Reader) -> str:
     """The first one told: some programs tell a unit a marker, and fill up with zeros or cut off after four letters; mm where there is none."""
     unit = reader.get("POINT:UNITS")
-    told = [str(word).strip(" \0") for word in np.ravel(unit.string_array)] if unit is not None and unit.total_bytes else ["mm"]
+    told = (
+        [str(word).strip(" \0") for word in np.ravel(unit.string_array)]
+        if unit is not None and unit.total_bytes
+        else ["mm"]
+    )
     return SPELT.get(told[0][:4].lower(), told[0])

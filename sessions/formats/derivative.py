@@ -18,7 +18,9 @@ from handscope.sessions.tables_io.trajectory_table import Column, channels_of
 from handscope.sessions.tables_io.trajectory_table import table_of as table_of_trajectory
 
 
-def tree(processed: Processed, recording: LoadedRecording, method: str, params: Any, software: str) -> dict[str, Data]:
+def tree(
+    processed: Processed, recording: LoadedRecording, method: str, params: Any, software: str
+) -> dict[str, Data]:
     """All files of the derivative by relative path."""
     folder, stem = _place(recording)
     base = f"{folder}/{stem}_tracksys-handscope_desc-{method.replace('-', '')}"  # BIDS: letters and digits only
@@ -28,7 +30,9 @@ def tree(processed: Processed, recording: LoadedRecording, method: str, params: 
         "dataset_description.json": pretty(_description(software)),
         f"{base}_motion.tsv": table,
         f"{base}_channels.tsv": channels_of(columns),
-        f"{base}_motion.json": pretty(_sidecar(processed, recording, method, params, software, columns)),
+        f"{base}_motion.json": pretty(
+            _sidecar(processed, recording, method, params, software, columns)
+        ),
         f"{base}_calibration.json": pretty(calibration_table(calibration)),
     }
 
@@ -75,7 +79,12 @@ def _place(recording: LoadedRecording) -> tuple[str, str]:
 
 
 def _sidecar(
-    processed: Processed, recording: LoadedRecording, method: str, params: Any, software: str, columns: list[Column]
+    processed: Processed,
+    recording: LoadedRecording,
+    method: str,
+    params: Any,
+    software: str,
+    columns: list[Column],
 ) -> dict[str, Any]:
     t = processed.trajectory.t
     kinds = ("LATENCY", "JNTANG", "POS", "ORNT", "MISC")

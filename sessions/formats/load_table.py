@@ -30,7 +30,11 @@ UNITS = {
     "force": {"N": 1.0, "mN": 1e-3},
     "torque": TORQUES,
 }
-DIRECTIONS: dict[str, Array] = {f"{sign}{axis}": float(f"{sign}1") * np.eye(3)[k] for k, axis in enumerate("xyz") for sign in "+-"}
+DIRECTIONS: dict[str, Array] = {
+    f"{sign}{axis}": float(f"{sign}1") * np.eye(3)[k]
+    for k, axis in enumerate("xyz")
+    for sign in "+-"
+}
 MINUS = "\N{MINUS SIGN}"  # as word processors write it
 LARGEST = 2**24  # bytes of a table
 SEPARATED = "leave a cell empty where nothing is told, and separate columns by semicolons where numbers have decimal commas"
@@ -51,40 +55,60 @@ def load_table(path: Path, gravity: float) -> LoadTable:
     with lines_in(path, LARGEST, "16 MB: give one row a load") as lines:
         found = list(lines)
     if len(found) < 2:
-        raise InputError(f"{path.name} holds no loads; its first line names the columns, then comes one row a load")
+        raise InputError(
+            f"{path.name} holds no loads; its first line names the columns, then comes one row a load"
+        )
     columns = _Columns(path.name, found[0][1], found[1:])
-    loads = _of_weights(columns, gravity) if "mass" in columns.names or "down" in columns.names else _of_forces(columns)
+    loads = (
+        _of_weights(columns, gravity)
+        if "mass" in columns.names or "down" in columns.names
+        else _of_forces(columns)
+    )
     channels = columns.channels()
     columns.require_enough(channels, loads.shape[1])
     raw = np.stack([columns.numbers(c.name) for c in channels], axis=1)
-    return LoadTable(channels, raw, loads, tuple(number for number, _ in found[1:]), "acc_x" in columns.names)
+    return LoadTable(
+        channels, raw, loads, tuple(number for number, _ in found[1:]), "acc_x" in columns.names
+    )
 
 
 class _Columns:
     """The columns of one file by their names."""
 
-    def __init__(self, file: str, header: Sequence[str], rows: Sequence[tuple[int, list[str]]]) -> None:
+    def __init__(
+        self, file: str, header: Sequence[str], rows: Sequence[tuple[int, list[str]]]
+    ) -> None:
         self.file, self.rows = file, rows
-        told = [(m["name"], m["unit"]) if (m := HEADER.match(cell)) else (cell, "") for cell in header]
+        told = [
+            (m["name"], m["unit"]) if (m := HEADER.match(cell)) else (cell, "") for cell in header
+        ]
         self.names = [name for name, _ in told]
         self.units = {name: unit.strip() for name, unit in told if unit}
         if len(set(self.names)) < len(self.names):
             raise InputError(f"{file}: two columns have the same name")
         for number, cells in rows:
             if len(cells) != len(header):
-                raise InputError(f"{file}, line {number}: {len(cells)} columns, where the header names {len(header)}; {SEPARATED}")
+                raise InputError(
+                    f"{file}, line {number}: {len(cells)} columns, where the header names {len(header)}; {SEPARATED}"
+                )
 
     def channels(self) -> tuple[Channel, ...]:
         """Columns with a unit that tell no load."""
         own = [name for name in self.units if name not in _LOADS]
         if not own:
-            raise InputError(f"{self.file} has no channels of the sensor; name their columns with a unit, such as f1 [V]")
+            raise InputError(
+                f"{self.file} has no channels of the sensor; name their columns with a unit, such as f1 [V]"
+            )
         return tuple(Channel(name, self.units[name]) for name in own)
 
     def require_enough(self, channels: Sequence[Channel], axes: int) -> None:
         """InputError where a column that lacks its unit may be the channel that is missing."""
         nameless = [name for name in self.names if name not in self.units and name not in _LOADS]
-        readings = [name for name in nameless if name and all(is_number(cell) for _, cell in self.words(name))]
+        readings = [
+            name
+            for name in nameless
+            if name and all(is_number(cell) for _, cell in self.words(name))
+        ]
         readings = [name for name in readings if np.isfinite(self.numbers(name)).any()]
         if len(channels) < axes and readings:
             raise InputError(
@@ -94,7 +118,9 @@ class _Columns:
     def numbers(self, name: str, factor: float = 1.0) -> Array:
         """(n,); NaN where nothing is told."""
         k = self.names.index(name)
-        return factor * np.array([_number(f"{self.file}, line {number}", name, cells[k]) for number, cells in self.rows])
+        return factor * np.array(
+            [_number(f"{self.file}, line {number}", name, cells[k]) for number, cells in self.rows]
+        )
 
     def words(self, name: str) -> list[tuple[int, str]]:
         """Line and cell."""
@@ -108,24 +134,34 @@ class _Columns:
         if not present:
             return None
         if len(present) < 3:
-            raise InputError(f"{self.file} has {', '.join(present)} without the rest of {', '.join(names)}; name all three or none")
+            raise InputError(
+                f"{self.file} has {', '.join(present)} without the rest of {', '.join(names)}; name all three or none"
+            )
         return np.stack([self.numbers(name, self.factor(name, kind)) for name in names], axis=1)
 
     def factor(self, name: str, kind: str) -> float:
         known = UNITS[kind]
         if self.units.get(name) not in known:
             said = f"the unknown unit {self.units[name]!r}" if name in self.units else "no unit"
-            raise InputError(f"{self.file}: {name} has {said}; write it as {name} [{next(iter(known))}] or {name} [{list(known)[-1]}]")
+            raise InputError(
+                f"{self.file}: {name} has {said}; write it as {name} [{next(iter(known))}] or {name} [{list(known)[-1]}]"
+            )
         return known[self.units[name]]
 
 
-_LOADS = {"mass", "down", *(f"{kind}_{axis}" for kind in ("down", "acc", "at", "force", "torque") for axis in "xyz")}
+_LOADS = {
+    "mass",
+    "down",
+    *(f"{kind}_{axis}" for kind in ("down", "acc", "at", "force", "torque") for axis in "xyz"),
+}
 
 
 def _of_weights(columns: _Columns, gravity: float) -> Array:
     """Weights that hang on the sensor: F = -m g d, and where it is told where, M = r x F."""
     if "mass" not in columns.names:
-        raise InputError(f"{columns.file} tells where down is and no mass; add a column mass [g], 0 where nothing hung")
+        raise InputError(
+            f"{columns.file} tells where down is and no mass; add a column mass [g], 0 where nothing hung"
+        )
     mass = columns.numbers("mass", columns.factor("mass", "mass"))
     down = _down(columns)
     down[mass == 0] = 0.0  # nothing hung: it does not matter where down was
@@ -142,14 +178,29 @@ def _down(columns: _Columns) -> Array:
     acc = columns.three("acc")
     if acc is not None:
         if {"down", "down_x", "down_y", "down_z"} & set(columns.names):
-            raise InputError(f"{columns.file} tells where down was twice, by acc_x and by down; leave one of them out")
+            raise InputError(
+                f"{columns.file} tells where down was twice, by acc_x and by down; leave one of them out"
+            )
         return np.asarray(-acc / np.linalg.norm(acc, axis=1, keepdims=True))
     if "down" in columns.names:
-        return np.array([_direction(f"{columns.file}, line {number}", word) for number, word in columns.words("down")])
+        return np.array(
+            [
+                _direction(f"{columns.file}, line {number}", word)
+                for number, word in columns.words("down")
+            ]
+        )
     if "down_x" not in columns.names:
-        raise InputError(f"{columns.file} has masses and does not say where down was; add a column down with +x, -x, +y, -y, +z or -z")
+        raise InputError(
+            f"{columns.file} has masses and does not say where down was; add a column down with +x, -x, +y, -y, +z or -z"
+        )
     down = np.stack(
-        [columns.numbers(f"down_{axis}") if f"down_{axis}" in columns.names else np.zeros(len(columns.rows)) for axis in "xyz"], 1
+        [
+            columns.numbers(f"down_{axis}")
+            if f"down_{axis}" in columns.names
+            else np.zeros(len(columns.rows))
+            for axis in "xyz"
+        ],
+        1,
     )
     size = np.linalg.norm(down, axis=1, keepdims=True)
     return np.asarray(down / np.where(size > 0, size, np.nan))
@@ -161,7 +212,9 @@ def _direction(where: str, word: str) -> Array:
         return np.full(3, np.nan)
     found: Array | None = DIRECTIONS.get(word if word[0] in "+-" else f"+{word}")
     if found is None:
-        raise InputError(f"{where}: down is {word!r}; it is +x, -x, +y, -y, +z or -z of the sensor, or none where nothing hung")
+        raise InputError(
+            f"{where}: down is {word!r}; it is +x, -x, +y, -y, +z or -z of the sensor, or none where nothing hung"
+        )
     return found
 
 
@@ -178,7 +231,11 @@ def _number(where: str, name: str, cell: str) -> float:
     try:
         value = float(cell.replace(MINUS, "-"))
     except ValueError:
-        raise InputError(f"{where}: {name} is {cell!r}, which is no number; write the number alone, or leave the cell empty") from None
+        raise InputError(
+            f"{where}: {name} is {cell!r}, which is no number; write the number alone, or leave the cell empty"
+        ) from None
     if not np.isfinite(value):
-        raise InputError(f"{where}: {name} is {cell!r}; it is a finite number, or empty where it is missing")
+        raise InputError(
+            f"{where}: {name} is {cell!r}; it is a finite number, or empty where it is missing"
+        )
     return value

@@ -23,7 +23,9 @@ def read_markers(path: Path) -> Markers:
         data = path.read_bytes()
         lines = (gzip.decompress(data) if path.suffix == ".gz" else data).decode().splitlines()
     except (OSError, EOFError, UnicodeDecodeError) as problem:
-        raise InputError(f"{path} cannot be read ({problem}); give a Qualisys export as .tsv or .tsv.gz") from None
+        raise InputError(
+            f"{path} cannot be read ({problem}); give a Qualisys export as .tsv or .tsv.gz"
+        ) from None
     names, table = _table(path, lines)
     column = {name: k for k, name in enumerate(names)}
     elbow = next((name for name in ELBOWS if name in column), ELBOWS[-1])
@@ -36,9 +38,14 @@ def read_markers(path: Path) -> Markers:
 
 def _table(path: Path, lines: list[str]) -> tuple[list[str], Array]:
     names = next((line.split("\t")[1:] for line in lines if line.startswith("MARKER_NAMES\t")), [])
-    first = next((k + 1 for k, line in enumerate(lines) if line.startswith("Frame\tTime\t")), len(lines))
+    first = next(
+        (k + 1 for k, line in enumerate(lines) if line.startswith("Frame\tTime\t")), len(lines)
+    )
     try:
-        table = np.array([[float(cell or "nan") for cell in line.split("\t")] for line in lines[first:] if line], dtype=float)
+        table = np.array(
+            [[float(cell or "nan") for cell in line.split("\t")] for line in lines[first:] if line],
+            dtype=float,
+        )
     except ValueError as problem:
         raise InputError(f"{path} is no Qualisys export: {problem}") from None
     if table.ndim != 2 or len(table) < 2 or table.shape[1] != 2 + 3 * len(names):

@@ -9,7 +9,9 @@ from handscope.sessions.files import native
 from handscope.sessions.files.recording import LoadedRecording, require_samples
 
 
-def load(path: Path, hand: Hand | None = None, correct: bool = True, inertial: bool = True) -> LoadedRecording:
+def load(
+    path: Path, hand: Hand | None = None, correct: bool = True, inertial: bool = True
+) -> LoadedRecording:
     """The recording at a path; `hand` is the side to take where it does not say (an error where it says the other).
 
     With `correct` false a native recording's samples are as the sensors read, without their strips' calibrations.

@@ -11,7 +11,9 @@ from pathlib import Path, PurePosixPath
 from handscope.estimators.errors import InputError
 
 MOST_FILES = 10_000
-MOST_BYTES = 4 * 2**30  # of all files together: an hour of 17 sensors at 1 kHz as text is about 3.5 GB
+MOST_BYTES = (
+    4 * 2**30
+)  # of all files together: an hour of 17 sensors at 1 kHz as text is about 3.5 GB
 MOST_RATIO = 400  # of unpacked to packed; numbers as text stay below 20
 WANTED = (".tsv", ".json")
 PIECE = 2**20  # bytes read at a time: a recording is never as a whole in memory as text
@@ -24,7 +26,9 @@ def open_files(path: Path) -> Files:
     if path.is_dir():
         return _folder(path)
     if not path.exists():
-        raise InputError(f"{path} does not exist; give a Motion-BIDS folder or zip, or a native recording")
+        raise InputError(
+            f"{path} does not exist; give a Motion-BIDS folder or zip, or a native recording"
+        )
     if not _is_zip(path):
         with path.open("rb") as file:
             begins_like_zip = file.read(4) == b"PK\x03\x04"
@@ -60,9 +64,15 @@ def _is_zip(path: Path) -> bool:
 
 
 def _folder(path: Path) -> dict[str, Pieces]:
-    found = sorted(p for p in path.rglob("*") if p.suffix in WANTED and p.is_file() and p.resolve().is_relative_to(path.resolve()))
+    found = sorted(
+        p
+        for p in path.rglob("*")
+        if p.suffix in WANTED and p.is_file() and p.resolve().is_relative_to(path.resolve())
+    )
     if len(found) > MOST_FILES:
-        raise InputError(f"{path} holds more than {MOST_FILES} files; give the folder of one recording")
+        raise InputError(
+            f"{path} holds more than {MOST_FILES} files; give the folder of one recording"
+        )
     return {p.relative_to(path).as_posix(): partial(_of_file, p) for p in found}
 
 
@@ -78,7 +88,9 @@ def _zip(path: Path) -> dict[str, Pieces]:
                 entry for entry in archive.infolist() if not entry.filename.endswith("/")
             ]  # is_dir() fails on a name without a letter
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
-        raise InputError(f"{path.name} is a damaged or cut zip; copy or download it again") from None
+        raise InputError(
+            f"{path.name} is a damaged or cut zip; copy or download it again"
+        ) from None
     _refuse_tricks(path.name, entries)
     return {
         e.filename: partial(_unpacked, path, e)
@@ -89,13 +101,23 @@ def _zip(path: Path) -> dict[str, Pieces]:
 
 def _refuse_tricks(name: str, entries: list[zipfile.ZipInfo]) -> None:
     if len(entries) > MOST_FILES:
-        raise InputError(f"{name} holds {len(entries)} files, more than {MOST_FILES}; give a zip of one recording")
+        raise InputError(
+            f"{name} holds {len(entries)} files, more than {MOST_FILES}; give a zip of one recording"
+        )
     for entry in entries:
         parts = PurePosixPath(entry.filename.replace("\\", "/")).parts
-        if ".." in parts or entry.filename.startswith(("/", "\\")) or ":" in entry.filename.split("/")[0]:
-            raise InputError(f"{name} holds a file that would climb out of its folder ({entry.filename!r}); it was not opened")
+        if (
+            ".." in parts
+            or entry.filename.startswith(("/", "\\"))
+            or ":" in entry.filename.split("/")[0]
+        ):
+            raise InputError(
+                f"{name} holds a file that would climb out of its folder ({entry.filename!r}); it was not opened"
+            )
         if entry.external_attr >> 28 == 0xA:
-            raise InputError(f"{name} holds a link ({entry.filename!r}); put the file itself into the zip")
+            raise InputError(
+                f"{name} holds a link ({entry.filename!r}); put the file itself into the zip"
+            )
         if entry.flag_bits & 1:
             raise InputError(f"{name} is encrypted; unpack it and give the folder")
         if entry.file_size > MOST_RATIO * max(entry.compress_size, 1) and entry.file_size > 2**20:
@@ -104,7 +126,9 @@ def _refuse_tricks(name: str, entries: list[zipfile.ZipInfo]) -> None:
             )
     total = sum(entry.file_size for entry in entries)
     if total > MOST_BYTES:
-        raise InputError(f"{name} unpacks to {total / 2**30:.1f} GB, more than {MOST_BYTES / 2**30:.0f} GB; split the recording")
+        raise InputError(
+            f"{name} unpacks to {total / 2**30:.1f} GB, more than {MOST_BYTES / 2**30:.0f} GB; split the recording"
+        )
 
 
 def _unpacked(path: Path, entry: zipfile.ZipInfo) -> Iterator[bytes]:
@@ -114,7 +138,19 @@ def _unpacked(path: Path, entry: zipfile.ZipInfo) -> Iterator[bytes]:
             for piece in iter(partial(file.read, PIECE), b""):
                 length += len(piece)
                 if length > entry.file_size:
-                    raise InputError(f"{path.name} lies about the size of {entry.filename!r}; it was not opened")
+                    raise InputError(
+                        f"{path.name} lies about the size of {entry.filename!r}; it was not opened"
+                    )
                 yield piece
-    except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, NotImplementedError, RuntimeError):
-        raise InputError(f"{path.name} is damaged at {entry.filename!r}; copy or download it again") from None
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        lzma.LZMAError,
+        EOFError,
+        OSError,
+        NotImplementedError,
+        RuntimeError,
+    ):
+        raise InputError(
+            f"{path.name} is damaged at {entry.filename!r}; copy or download it again"
+        ) from None

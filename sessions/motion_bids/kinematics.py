@@ -14,7 +14,16 @@ from handscope.estimators.data.samples import Event
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand import joint_angles
-from handscope.estimators.hand.anatomy import ANGLES, FINGERS, HANDS, JOINT, JOINTS, SEGMENT, SEGMENTS, Hand
+from handscope.estimators.hand.anatomy import (
+    ANGLES,
+    FINGERS,
+    HANDS,
+    JOINT,
+    JOINTS,
+    SEGMENT,
+    SEGMENTS,
+    Hand,
+)
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.pipeline.optical_trajectory import NAME as MARKER
 from handscope.estimators.pipeline.optical_trajectory import Markers
@@ -37,7 +46,9 @@ class Kinematics:
     hand: Hand | None
     trajectory: Trajectory | None
     markers: Markers | None
-    angles_told: bool  # joint angles stood in the file; otherwise they are those of the orientations
+    angles_told: (
+        bool  # joint angles stood in the file; otherwise they are those of the orientations
+    )
     events: tuple[Event, ...]
     warnings: tuple[str, ...]
 
@@ -58,7 +69,10 @@ def tables_at(path: Path) -> tuple[Files, list[str], bool]:
         beside = name.replace("_motion.tsv", "_channels.tsv")
         if not name.endswith("_motion.tsv") or beside not in files or (wanted and name != wanted):
             continue
-        types = {row["type"].upper() for row in rows(whole(files[beside]), PurePosixPath(beside).name, ("type",)).values()}
+        types = {
+            row["type"].upper()
+            for row in rows(whole(files[beside]), PurePosixPath(beside).name, ("type",)).values()
+        }
         raw = not name.startswith("derivatives/") and "_desc-" not in name
         inertial |= raw and "GYRO" in types
         if types & {"JNTANG", "ORNT", "POS"} and "GYRO" not in types:
@@ -74,8 +88,14 @@ def load(files: Files, path: str, hand: Hand | None = None) -> Kinematics:
         raise InputError(f"{PurePosixPath(base).name}_motion.json is missing beside {name}")
     match = NAME.search(path)
     needed = ("name", "component", "type", "tracked_point", "units")
-    channels = list(rows(whole(files[f"{base}_channels.tsv"]), f"{PurePosixPath(base).name}_channels.tsv", needed).values())
-    sidecar = json_object(whole(files[f"{base}_motion.json"]), f"{PurePosixPath(base).name}_motion.json")
+    channels = list(
+        rows(
+            whole(files[f"{base}_channels.tsv"]), f"{PurePosixPath(base).name}_channels.tsv", needed
+        ).values()
+    )
+    sidecar = json_object(
+        whole(files[f"{base}_motion.json"]), f"{PurePosixPath(base).name}_motion.json"
+    )
     system = System(match["system"] if match else name, path, sidecar, channels)
     table = numbers(files[path](), name, len(channels))
     if len(table) < 2:
@@ -100,14 +120,18 @@ def _side(said: object, hand: Hand | None, name: str) -> Hand | None:
     return hand
 
 
-def _trajectory(t: Array, channels: list[dict[str, str]], table: Array, hand: Hand | None, name: str) -> tuple[Trajectory | None, bool]:
+def _trajectory(
+    t: Array, channels: list[dict[str, str]], table: Array, hand: Hand | None, name: str
+) -> tuple[Trajectory | None, bool]:
     angles, told = _angles(channels, table, name)
     q_GS = _orientations(_of("ORNT", channels, table, name), len(t), name)
     tips = _tips(_of("POS", channels, table, name), len(t))
     if not told:
         angles = joint_angles.of_segments(q_GS)
     clustered = any(MARKER.match(c["tracked_point"]) for c in channels)
-    if not any(np.isfinite(values).any() for values in (angles, q_GS, *([] if clustered else [tips]))):
+    if not any(
+        np.isfinite(values).any() for values in (angles, q_GS, *([] if clustered else [tips]))
+    ):
         return None, False
     return Trajectory(hand or "right", t, angles, q_GS, tips, _flags(channels, table)), told
 
@@ -118,7 +142,9 @@ def _angles(channels: list[dict[str, str]], table: Array, name: str) -> tuple[Ar
     for column, channel in enumerate(channels):
         joint, _, angle = channel["name"].rpartition("_")
         if channel["type"].upper() == "JNTANG" and joint in JOINT and angle in ANGLES:
-            angles[:, JOINT[joint], ANGLES.index(angle)] = table[:, column] * _factor(channel, "JNTANG", name)
+            angles[:, JOINT[joint], ANGLES.index(angle)] = table[:, column] * _factor(
+                channel, "JNTANG", name
+            )
             any_told = True
     return angles, any_told
 
@@ -127,7 +153,9 @@ def _orientations(found: Found, n: int, name: str) -> Array:
     q_GS = np.full((n, len(SEGMENTS), 4), np.nan)
     for segment in {point for point, _ in found} & set(SEGMENTS):
         if any((segment, c) not in found for c in "wxyz"):
-            raise InputError(f"{name}: {segment} has not all of quat_w, quat_x, quat_y, quat_z of ORNT; name the four channels or none")
+            raise InputError(
+                f"{name}: {segment} has not all of quat_w, quat_x, quat_y, quat_z of ORNT; name the four channels or none"
+            )
         q = np.stack([found[segment, c] for c in "wxyz"], axis=-1)
         norm = np.linalg.norm(q, axis=-1, keepdims=True)
         if (np.abs(norm[np.isfinite(norm)] - 1) > 0.05).any():
@@ -146,10 +174,16 @@ def _tips(found: Found, n: int) -> Array:
 
 def _markers(t: Array, channels: list[dict[str, str]], table: Array, name: str) -> Markers | None:
     found = _of("POS", channels, table, name)
-    points = [p for p in dict.fromkeys(point for point, _ in found) if all((p, c) in found for c in "xyz")]
+    points = [
+        p for p in dict.fromkeys(point for point, _ in found) if all((p, c) in found for c in "xyz")
+    ]
     if not any(MARKER.match(p) for p in points):
         return None
-    return Markers(t, tuple(points), np.stack([np.stack([found[p, c] for c in "xyz"], axis=-1) for p in points], axis=1))
+    return Markers(
+        t,
+        tuple(points),
+        np.stack([np.stack([found[p, c] for c in "xyz"], axis=-1) for p in points], axis=1),
+    )
 
 
 def _flags(channels: list[dict[str, str]], table: Array) -> np.ndarray:
@@ -161,7 +195,9 @@ def _flags(channels: list[dict[str, str]], table: Array) -> np.ndarray:
             and channel["name"] == f"{channel['tracked_point']}_flags"
             and channel["tracked_point"] in SEGMENT
         ):
-            flags[:, SEGMENT[channel["tracked_point"]]] = np.nan_to_num(table[:, column]).astype(np.uint8)
+            flags[:, SEGMENT[channel["tracked_point"]]] = np.nan_to_num(table[:, column]).astype(
+                np.uint8
+            )
     return flags
 
 
@@ -170,7 +206,9 @@ def _of(kind: str, channels: list[dict[str, str]], table: Array, name: str) -> F
     for column, channel in enumerate(channels):
         if channel["type"].upper() == kind:
             component = channel["component"].lower().removeprefix("quat_")
-            found[channel["tracked_point"], component] = table[:, column] * _factor(channel, kind, name)
+            found[channel["tracked_point"], component] = table[:, column] * _factor(
+                channel, kind, name
+            )
     return found
 
 

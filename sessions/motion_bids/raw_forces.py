@@ -9,7 +9,9 @@ from handscope.estimators.force.setup import ForceSetup
 from handscope.estimators.numerics.quaternions import Array
 
 
-def raw_columns(system: str, channels: Sequence[Mapping[str, str]], setups: Mapping[str, ForceSetup]) -> dict[str, list[int]]:
+def raw_columns(
+    system: str, channels: Sequence[Mapping[str, str]], setups: Mapping[str, ForceSetup]
+) -> dict[str, list[int]]:
     """By tracked point the columns of its calibrated channels, in the calibration's order; without points that have none here."""
     found = {}
     for point, setup in setups.items():
@@ -44,4 +46,6 @@ def require_all(setups: Mapping[str, ForceSetup], found: set[str]) -> None:
 def loads_of(setup: ForceSetup, raw: Array) -> Array:
     """Forces (n, 3) N, or forces and torques (n, 6), of raw readings (n, channels); NaN where one is missing, infinite where one was clipped."""
     assert setup.calibration is not None
-    return np.where(setup.calibration.clipped(raw)[:, None], np.inf, setup.calibration.corrected(raw))
+    return np.where(
+        setup.calibration.clipped(raw)[:, None], np.inf, setup.calibration.corrected(raw)
+    )

@@ -9,7 +9,17 @@ from typing import Any
 import numpy as np
 
 from handscope.estimators.data.magnet_declaration import plate_from
-from handscope.estimators.data.samples import ACC, FORCE, GYR, MAG, TORQUE, TRACKED_POINTS, Block, Event, Stream
+from handscope.estimators.data.samples import (
+    ACC,
+    FORCE,
+    GYR,
+    MAG,
+    TORQUE,
+    TRACKED_POINTS,
+    Block,
+    Event,
+    Stream,
+)
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.setup import ForceSetup, setups_from
 from handscope.estimators.hand.anatomy import HANDS, Hand
@@ -24,17 +34,30 @@ TYPES = {"GYRO": GYR, "ACCEL": ACC, "MAGN": MAG, "MISC": FORCE}
 UNITS: dict[str, dict[str, float]] = {
     "GYRO": {"rad/s": 1.0, "deg/s": np.pi / 180, "°/s": np.pi / 180},
     "ACCEL": {"m/s^2": 1.0, "m/s²": 1.0},
-    "MAGN": {"T": 1.0, "uT": 1e-6, "µT": 1e-6, "μT": 1e-6, "mT": 1e-3, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
+    "MAGN": {
+        "T": 1.0,
+        "uT": 1e-6,
+        "µT": 1e-6,
+        "μT": 1e-6,
+        "mT": 1e-3,
+        "nT": 1e-9,
+        "G": 1e-4,
+        "mG": 1e-7,
+    },
     "MISC": {"N": 1.0},
     "LATENCY": {"s": 1.0},
 }
 TORQUES = {  # units of what a force sensor with six axes tells beside its forces, both of them MISC
     **dict.fromkeys(("N*m", "N·m", "N⋅m", "N m", "Nm"), 1.0),
-    **dict.fromkeys(("N*mm", "N·mm", "N⋅mm", "N mm", "Nmm", "mN*m", "mN·m", "mN⋅m", "mN m", "mNm"), 1e-3),
+    **dict.fromkeys(
+        ("N*mm", "N·mm", "N⋅mm", "N mm", "Nmm", "mN*m", "mN·m", "mN⋅m", "mN m", "mNm"), 1e-3
+    ),
 }
 RATE_TOLERANCE = 0.02  # between the rate told and the rate that the time stamps show, before it is worth a warning
 SAME_RATE = 1e-3  # below this the rate told is taken: 0.1 deg in a movement of 90
-NAME = re.compile(r"(?P<stem>sub-[^_/]+(?:_ses-[^_/]+)?_task-[^_/]+)_tracksys-(?P<system>[^_/]+)(?P<rest>(?:_[a-z]+-[^_/]+)*)_motion\.tsv$")
+NAME = re.compile(
+    r"(?P<stem>sub-[^_/]+(?:_ses-[^_/]+)?_task-[^_/]+)_tracksys-(?P<system>[^_/]+)(?P<rest>(?:_[a-z]+-[^_/]+)*)_motion\.tsv$"
+)
 
 
 @dataclass(frozen=True)
@@ -55,7 +78,9 @@ def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedR
     inside, files = _choose(path)
     systems = _systems(files, inside)
     unsaid = all(s.sidecar.get("MeasuredHand") in (None, MISSING) for s in systems)
-    said = _hand([s.sidecar for s in systems], HANDS[0] if unsaid and not inertial else hand, path.name)
+    said = _hand(
+        [s.sidecar for s in systems], HANDS[0] if unsaid and not inertial else hand, path.name
+    )
     warnings: list[str] = []
     setups = setups_from(_merged(systems, "ForceSetup"))
     samples = {}
@@ -87,10 +112,14 @@ def recordings_in(files: Files) -> list[str]:
     raw = [
         path
         for path in files
-        if not path.startswith("derivatives/") and "_desc-" not in path and PurePosixPath(path).parent.name == "motion"
+        if not path.startswith("derivatives/")
+        and "_desc-" not in path
+        and PurePosixPath(path).parent.name == "motion"
     ]
     found = [(path, NAME.search(path)) for path in raw]
-    return sorted({str(PurePosixPath(path).parent / (m["stem"] + m["rest"])) for path, m in found if m})
+    return sorted(
+        {str(PurePosixPath(path).parent / (m["stem"] + m["rest"])) for path, m in found if m}
+    )
 
 
 def _choose(path: Path) -> tuple[str, Files]:
@@ -100,20 +129,30 @@ def _choose(path: Path) -> tuple[str, Files]:
         root = next((p.parent for p in path.parents if p.name.startswith("sub-")), path.parent)
         files = open_files(root)
         m = NAME.search(path.name)
-        wanted = str(PurePosixPath(path.relative_to(root).parent.as_posix()) / (m["stem"] + m["rest"])) if m else path.name
+        wanted = (
+            str(PurePosixPath(path.relative_to(root).parent.as_posix()) / (m["stem"] + m["rest"]))
+            if m
+            else path.name
+        )
     else:
         files, wanted = open_files(path), ""
     found = recordings_in(files)
     if wanted:
         found = [f for f in found if f == wanted]
     if not found:
-        raise InputError(f"{path.name} holds no Motion-BIDS recording; expected sub-*/[ses-*/]motion/sub-*_task-*_tracksys-*_motion.tsv")
+        raise InputError(
+            f"{path.name} holds no Motion-BIDS recording; expected sub-*/[ses-*/]motion/sub-*_task-*_tracksys-*_motion.tsv"
+        )
     if len(found) > 1:
         raise InputError(
             f"{path.name} holds {len(found)} recordings ({', '.join(PurePosixPath(f).name for f in found[:4])}{', ...' if len(found) > 4 else ''}); give the path of one of their motion.tsv files"
         )
     belongs = found[0].split("/motion/")[0]
-    return found[0], {name: read for name, read in files.items() if name.startswith(f"{belongs}/") or "/" not in name}
+    return found[0], {
+        name: read
+        for name, read in files.items()
+        if name.startswith(f"{belongs}/") or "/" not in name
+    }
 
 
 def _systems(files: Files, inside: str) -> list[System]:
@@ -128,21 +167,44 @@ def _systems(files: Files, inside: str) -> list[System]:
         base = path.removesuffix("_motion.tsv")
         for beside in (f"{base}_motion.json", f"{base}_channels.tsv"):
             if beside not in files:
-                raise InputError(f"{PurePosixPath(beside).name} is missing beside {PurePosixPath(path).name}")
+                raise InputError(
+                    f"{PurePosixPath(beside).name} is missing beside {PurePosixPath(path).name}"
+                )
         needed = ("name", "component", "type", "tracked_point", "units")
-        channels = list(rows(whole(files[f"{base}_channels.tsv"]), PurePosixPath(base).name + "_channels.tsv", needed).values())
+        channels = list(
+            rows(
+                whole(files[f"{base}_channels.tsv"]),
+                PurePosixPath(base).name + "_channels.tsv",
+                needed,
+            ).values()
+        )
         systems.append(
-            System(m["system"], path, json_object(whole(files[f"{base}_motion.json"]), PurePosixPath(base).name + "_motion.json"), channels)
+            System(
+                m["system"],
+                path,
+                json_object(
+                    whole(files[f"{base}_motion.json"]), PurePosixPath(base).name + "_motion.json"
+                ),
+                channels,
+            )
         )
     return systems
 
 
 def _hand(sidecars: list[dict[str, Any]], wanted: Hand | None, name: str) -> Hand:
-    said = {str(s["MeasuredHand"]).lower() for s in sidecars if s.get("MeasuredHand") not in (None, MISSING)}
+    said = {
+        str(s["MeasuredHand"]).lower()
+        for s in sidecars
+        if s.get("MeasuredHand") not in (None, MISSING)
+    }
     if not said <= set(HANDS):
-        raise InputError(f"{name}: MeasuredHand is {sorted(said - set(HANDS))[0]!r}; it is left or right")
+        raise InputError(
+            f"{name}: MeasuredHand is {sorted(said - set(HANDS))[0]!r}; it is left or right"
+        )
     if len(said) > 1:
-        raise InputError(f"{name} holds sensors of two hands (MeasuredHand says left and right); split it into one recording a hand")
+        raise InputError(
+            f"{name} holds sensors of two hands (MeasuredHand says left and right); split it into one recording a hand"
+        )
     if wanted and said and wanted not in said:
         raise InputError(
             f"{name} was recorded on the {said.pop()} hand, not on the {wanted} one; choose the other hand or the other recording"
@@ -150,11 +212,17 @@ def _hand(sidecars: list[dict[str, Any]], wanted: Hand | None, name: str) -> Han
     for hand in HANDS:
         if hand in said or (not said and wanted == hand):
             return hand
-    raise InputError(f"{name} does not say which hand was measured; add MeasuredHand (left or right) to motion.json, or give --hand")
+    raise InputError(
+        f"{name} does not say which hand was measured; add MeasuredHand (left or right) to motion.json, or give --hand"
+    )
 
 
 def _block(
-    system: System, files: Files, warnings: list[str], setups: Mapping[str, ForceSetup], raw: Mapping[str, list[int]]
+    system: System,
+    files: Files,
+    warnings: list[str],
+    setups: Mapping[str, ForceSetup],
+    raw: Mapping[str, list[int]],
 ) -> Block | None:
     """The samples of a tracking system; None where it has nothing for us. `raw`: columns of the force sensors that are calibrated here."""
     name = PurePosixPath(system.path).name
@@ -165,21 +233,42 @@ def _block(
     if not len(table):
         raise InputError(f"{name} has 0 samples; there is nothing to process")
     t, rate = times_of(system, table, name, warnings)
-    kinds = {kind for _, kind, _ in wanted} | {kind for point in raw for kind in (FORCE, TORQUE)[: setups[point].axes // 3]}
+    kinds = {kind for _, kind, _ in wanted} | {
+        kind for point in raw for kind in (FORCE, TORQUE)[: setups[point].axes // 3]
+    }
     points = [p for p in TRACKED_POINTS if p in raw or any(point == p for point, _, _ in wanted)]
     quantities = [q for q in (GYR, ACC, MAG, FORCE, TORQUE) if q in kinds]
     values = np.full((len(table), len(points), 3 * len(quantities)), np.nan)
     for (point, kind, component), (column, factor) in wanted.items():
-        values[:, points.index(point), 3 * quantities.index(kind) + component] = table[:, column] * factor
+        values[:, points.index(point), 3 * quantities.index(kind) + component] = (
+            table[:, column] * factor
+        )
     for point, columns in raw.items():
-        first, loads = 3 * quantities.index(FORCE), raw_forces.loads_of(setups[point], table[:, columns])
+        first, loads = (
+            3 * quantities.index(FORCE),
+            raw_forces.loads_of(setups[point], table[:, columns]),
+        )
         values[:, points.index(point), first : first + loads.shape[1]] = loads
     known = {p: setups[p].scale_sd for p in points if p in setups}
     turned = {p: sd for p in known if (sd := setups[p].turn_sd) is not None}
-    return Block(Stream(system.name, tuple(points), tuple(quantities), rate, system.name, scale_sd=known, turn_sd=turned), t, values)
+    return Block(
+        Stream(
+            system.name,
+            tuple(points),
+            tuple(quantities),
+            rate,
+            system.name,
+            scale_sd=known,
+            turn_sd=turned,
+        ),
+        t,
+        values,
+    )
 
 
-def _columns(system: System, warnings: list[str], raw: Mapping[str, list[int]]) -> dict[tuple[str, str, int], tuple[int, float]]:
+def _columns(
+    system: System, warnings: list[str], raw: Mapping[str, list[int]]
+) -> dict[tuple[str, str, int], tuple[int, float]]:
     """Which column holds which component of which quantity of which point, with the factor to SI; without points that have calibrated `raw` channels."""
     found: dict[tuple[str, str, int], tuple[int, float]] = {}
     strange: set[str] = set()
@@ -193,14 +282,22 @@ def _columns(system: System, warnings: list[str], raw: Mapping[str, list[int]]) 
             strange.add(point)
             continue
         if kind == "MISC" and channel["units"] in TORQUES:
-            torques.setdefault(point, []).append((channel["component"].lower(), column, TORQUES[channel["units"]]))
+            torques.setdefault(point, []).append(
+                (channel["component"].lower(), column, TORQUES[channel["units"]])
+            )
             continue
-        component = "xyz".find(channel["component"].lower()) if len(channel["component"]) == 1 else -1
+        component = (
+            "xyz".find(channel["component"].lower()) if len(channel["component"]) == 1 else -1
+        )
         if component < 0:
-            raise InputError(f"tracksys-{system.name}: channel {channel['name']} has component {channel['component']!r}; it is x, y or z")
+            raise InputError(
+                f"tracksys-{system.name}: channel {channel['name']} has component {channel['component']!r}; it is x, y or z"
+            )
         key, factor = (point, TYPES[kind], component), _factor(system, channel, kind)
         if key in found:
-            raise InputError(f"tracksys-{system.name}: {point} has two {kind} channels for component {channel['component']}")
+            raise InputError(
+                f"tracksys-{system.name}: {point} has two {kind} channels for component {channel['component']}"
+            )
         found[key] = (column, factor)
     for point, kind, _ in list(found):
         if any((point, kind, c) not in found for c in range(3)):
@@ -208,7 +305,9 @@ def _columns(system: System, warnings: list[str], raw: Mapping[str, list[int]]) 
                 f"tracksys-{system.name}: {point} has not all of x, y, z of {kind}; name the three channels in channels.tsv or none"
             )
     if strange:
-        warnings.append(f"tracksys-{system.name}: points unknown to Handscope were left out: {', '.join(sorted(strange))}")
+        warnings.append(
+            f"tracksys-{system.name}: points unknown to Handscope were left out: {', '.join(sorted(strange))}"
+        )
     return found | _torques(system, torques, warnings)
 
 
@@ -216,7 +315,11 @@ def _torques(
     system: System, told: Mapping[str, list[tuple[str, int, float]]], warnings: list[str]
 ) -> dict[tuple[str, str, int], tuple[int, float]]:
     """The torques of the points that tell all three: a sensor with four axes has one alone, and its forces are read without it."""
-    partly = [point for point, channels in told.items() if sorted(c for c, _, _ in channels) != ["x", "y", "z"]]
+    partly = [
+        point
+        for point, channels in told.items()
+        if sorted(c for c, _, _ in channels) != ["x", "y", "z"]
+    ]
     if partly:
         warnings.append(
             f"tracksys-{system.name}: torques are passed over where not each of x, y, z is told once: {', '.join(sorted(partly))}"
@@ -234,10 +337,13 @@ def _refuse_two_hands(point: str, system: System) -> None:
         side
         for side in HANDS
         for c in system.channels
-        if side in c["tracked_point"].lower().split("_") and not c["tracked_point"].startswith("trunk")
+        if side in c["tracked_point"].lower().split("_")
+        and not c["tracked_point"].startswith("trunk")
     }
     if len(sides) > 1:
-        raise InputError(f"tracksys-{system.name} holds sensors of two hands ({point} among them); split it into one recording a hand")
+        raise InputError(
+            f"tracksys-{system.name} holds sensors of two hands ({point} among them); split it into one recording a hand"
+        )
 
 
 def _factor(system: System, channel: dict[str, str], kind: str) -> float:
@@ -273,7 +379,9 @@ def times_of(system: System, table: Array, name: str, warnings: list[str]) -> tu
         )
     seen = _rate_seen(t) if len(t) > 1 else rate or 100.0
     if rate is not None and abs(seen / rate - 1) > RATE_TOLERANCE:
-        warnings.append(f"tracksys-{system.name}: SamplingFrequency says {rate:g} Hz, the time stamps {seen:.4g} Hz; the time stamps count")
+        warnings.append(
+            f"tracksys-{system.name}: SamplingFrequency says {rate:g} Hz, the time stamps {seen:.4g} Hz; the time stamps count"
+        )
     return t, rate if rate is not None and abs(seen / rate - 1) < SAME_RATE else seen
 
 
@@ -281,7 +389,9 @@ def _rate_seen(t: Array) -> float:
     """Samples a second from the first to the last, lost ones counted; time stamps may be rounded to a part of their distance."""
     steps = np.diff(t)
     period = np.median(steps)
-    for _ in range(2):  # the median of rounded steps is off: what it makes of them all together is not
+    for _ in range(
+        2
+    ):  # the median of rounded steps is off: what it makes of them all together is not
         period = (t[-1] - t[0]) / np.maximum(np.rint(steps / period), 1).sum()
     return float(1 / period)
 
@@ -295,8 +405,14 @@ def _refuse_double(samples: Mapping[str, Block]) -> None:
                 if np.isnan(block.of(quantity)[:, k]).all():
                     continue
                 other = seen.setdefault((point, quantity), name)
-                if other != name and block.t[0] <= samples[other].t[-1] and samples[other].t[0] <= block.t[-1]:
-                    raise InputError(f"{point} has {quantity} samples in both tracksys-{other} and tracksys-{name}; keep one")
+                if (
+                    other != name
+                    and block.t[0] <= samples[other].t[-1]
+                    and samples[other].t[0] <= block.t[-1]
+                ):
+                    raise InputError(
+                        f"{point} has {quantity} samples in both tracksys-{other} and tracksys-{name}; keep one"
+                    )
 
 
 def _merged(systems: list[System], entry: str) -> dict[str, Any]:
@@ -310,7 +426,9 @@ def _merged(systems: list[System], entry: str) -> dict[str, Any]:
             raise InputError(f"tracksys-{system.name}: {entry} in motion.json is not an object")
         for key, item in value.items():
             if key in total and total[key] != item:
-                raise InputError(f"{entry} of {key} differs between the recording's tracking systems; make them agree")
+                raise InputError(
+                    f"{entry} of {key} differs between the recording's tracking systems; make them agree"
+                )
             total[key] = item
     return total
 
@@ -318,39 +436,58 @@ def _merged(systems: list[System], entry: str) -> dict[str, Any]:
 def _mounting(table: Mapping[str, Any]) -> dict[str, Array]:
     mounting = {}
     for point, value in table.items():
-        q = np.asarray(value, dtype=float) if isinstance(value, list) and all(isinstance(x, (int, float)) for x in value) else np.empty(0)
+        q = (
+            np.asarray(value, dtype=float)
+            if isinstance(value, list) and all(isinstance(x, (int, float)) for x in value)
+            else np.empty(0)
+        )
         if q.shape != (4,) or not 0.99 < np.linalg.norm(q) < 1.01:
-            raise InputError(f"SensorMounting of {point} is {value}; it is a unit quaternion [w, x, y, z]")
+            raise InputError(
+                f"SensorMounting of {point} is {value}; it is a unit quaternion [w, x, y, z]"
+            )
         mounting[point] = q / np.linalg.norm(q)
     return mounting
 
 
 def events_of(files: Files, inside: str) -> tuple[Event, ...]:
     folder, stem = PurePosixPath(inside).parent, PurePosixPath(inside).name
-    names = [p for p in files if re.sub("_tracksys-[^_/]+", "", p) == str(folder / f"{stem}_events.tsv")]
+    names = [
+        p for p in files if re.sub("_tracksys-[^_/]+", "", p) == str(folder / f"{stem}_events.tsv")
+    ]
     events = []
     for path in sorted(names):
         name = PurePosixPath(path).name
-        for number, row in rows(whole(files[path]), name, ("onset", "duration", "trial_type")).items():
+        for number, row in rows(
+            whole(files[path]), name, ("onset", "duration", "trial_type")
+        ).items():
             events.append(_event(row, f"{name}, line {number}"))
     return tuple(sorted(events, key=lambda e: e.onset))
 
 
 def _event(row: dict[str, str], where: str) -> Event:
     try:
-        onset, duration = float(row["onset"]), 0.0 if row["duration"] == MISSING else float(row["duration"])
+        onset, duration = (
+            float(row["onset"]),
+            0.0 if row["duration"] == MISSING else float(row["duration"]),
+        )
     except ValueError:
-        raise InputError(f"{where}: onset {row['onset']!r} or duration {row['duration']!r} is not a number") from None
+        raise InputError(
+            f"{where}: onset {row['onset']!r} or duration {row['duration']!r} is not a number"
+        ) from None
     if not (np.isfinite(onset) and np.isfinite(duration) and duration >= 0):
         raise InputError(f"{where}: onset and duration must be finite, the duration not negative")
     details: dict[str, Any] = {
-        key: value for key, value in row.items() if key not in ("onset", "duration", "trial_type") and value not in (MISSING, "")
+        key: value
+        for key, value in row.items()
+        if key not in ("onset", "duration", "trial_type") and value not in (MISSING, "")
     }
     for key in [k for k in details if k.endswith("_deg")]:
         try:
             details[key] = float(details[key])
         except ValueError:
-            raise InputError(f"{where}: {key} {details[key]!r} is not a number of degrees") from None
+            raise InputError(
+                f"{where}: {key} {details[key]!r} is not a number of degrees"
+            ) from None
     return Event(onset, duration, row["trial_type"], details)
 
 
@@ -362,6 +499,18 @@ def _provenance(systems: list[System]) -> dict[str, Any]:
         "SoftwareVersions": "software",
         "TaskName": "task",
     }
-    told = {ours: s.sidecar[theirs] for s in systems for theirs, ours in wanted.items() if s.sidecar.get(theirs) not in (None, MISSING)}
-    names = [s.sidecar["TrackingSystemName"] for s in systems if s.sidecar.get("TrackingSystemName") not in (None, MISSING)]
-    return {**({"device": names[0]} if len(names) == 1 else {}), **told}  # of several none is the device's
+    told = {
+        ours: s.sidecar[theirs]
+        for s in systems
+        for theirs, ours in wanted.items()
+        if s.sidecar.get(theirs) not in (None, MISSING)
+    }
+    names = [
+        s.sidecar["TrackingSystemName"]
+        for s in systems
+        if s.sidecar.get("TrackingSystemName") not in (None, MISSING)
+    ]
+    return {
+        **({"device": names[0]} if len(names) == 1 else {}),
+        **told,
+    }  # of several none is the device's

@@ -19,7 +19,9 @@ def json_object(data: bytes, name: str) -> dict[str, Any]:
     try:
         value = json.loads(data.decode("utf-8-sig"))
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as problem:
-        raise InputError(f"{name} is not valid JSON ({problem}); mend it there or export it again") from None
+        raise InputError(
+            f"{name} is not valid JSON ({problem}); mend it there or export it again"
+        ) from None
     if not isinstance(value, dict):
         raise InputError(f'{name} does not hold a JSON object; it begins with {{"TaskName": ...')
     return value
@@ -36,13 +38,17 @@ def rows(data: bytes, name: str, required: tuple[str, ...]) -> dict[int, dict[st
     header = [column.strip() for column in lines[0].split("\t")]
     absent = [column for column in required if column not in header]
     if absent:
-        raise InputError(f"{name} has no column {', '.join(absent)}; its columns are {', '.join(header)}")
+        raise InputError(
+            f"{name} has no column {', '.join(absent)}; its columns are {', '.join(header)}"
+        )
     table = {}
     for number, line in enumerate(lines[1:], start=2):
         if line.strip():
             cells = [cell.strip() for cell in line.split("\t")]
             if len(cells) != len(header):
-                raise InputError(f"{name}, line {number}: {len(cells)} columns instead of {len(header)}")
+                raise InputError(
+                    f"{name}, line {number}: {len(cells)} columns instead of {len(header)}"
+                )
             table[number] = dict(zip(header, cells))
     return table
 
@@ -64,10 +70,14 @@ def numbers(text: Iterable[bytes], name: str, columns: int) -> Array:
 def _parsed(text: bytes, name: str, columns: int, line: int) -> Array:
     """Whole lines of a table, the first of them with number `line`."""
     text = text.replace(b"n/a", b"nan")
-    if b"\n\n" in text or b"\n\r" in text or text[:1] in b"\r\n":  # an empty line would move all samples behind it
+    if (
+        b"\n\n" in text or b"\n\r" in text or text[:1] in b"\r\n"
+    ):  # an empty line would move all samples behind it
         raise InputError(_first_fault(text, name, columns, line))
     try:
-        table: Array = np.loadtxt(io.BytesIO(text), delimiter="\t", ndmin=2, comments=None, encoding="utf-8")
+        table: Array = np.loadtxt(
+            io.BytesIO(text), delimiter="\t", ndmin=2, comments=None, encoding="utf-8"
+        )
     except (ValueError, UnicodeDecodeError):
         raise InputError(_first_fault(text, name, columns, line)) from None
     if table.shape[1] != columns:

@@ -7,7 +7,9 @@ from handscope.sessions.tables_io.number_table import Data
 from handscope.sessions.tables_io.trajectory_table import channels_of, table_of
 
 
-def truth_files(truth: Trajectory, recording: LoadedRecording, subject: str, task: str, software: str) -> dict[str, Data]:
+def truth_files(
+    truth: Trajectory, recording: LoadedRecording, subject: str, task: str, software: str
+) -> dict[str, Data]:
     """Files under derivatives/truth, in the layout of the derivative."""
     base = f"derivatives/truth/sub-{subject}/motion/sub-{subject}_task-{task}_tracksys-truth_desc-truth"
     columns, table = table_of(truth)
@@ -18,4 +20,8 @@ def truth_files(truth: Trajectory, recording: LoadedRecording, subject: str, tas
         "software_version": software,
         "method": "truth",
     }
-    return {f"{base}_motion.tsv": table, f"{base}_channels.tsv": channels_of(columns), f"{base}_motion.json": pretty(about)}
+    return {
+        f"{base}_motion.tsv": table,
+        f"{base}_channels.tsv": channels_of(columns),
+        f"{base}_motion.json": pretty(about),
+    }

@@ -17,7 +17,13 @@ from handscope.sessions.tables_io.number_table import Data, NumberTable, pieces
 from handscope.sessions.tables_io.writing import save_file, save_folder
 
 BIDS_VERSION = "1.10.0"
-TYPES = {GYR: ("GYRO", "rad/s"), ACC: ("ACCEL", "m/s^2"), MAG: ("MAGN", "T"), FORCE: ("MISC", "N"), TORQUE: ("MISC", "N*m")}
+TYPES = {
+    GYR: ("GYRO", "rad/s"),
+    ACC: ("ACCEL", "m/s^2"),
+    MAG: ("MAGN", "T"),
+    FORCE: ("MISC", "N"),
+    TORQUE: ("MISC", "N*m"),
+}
 
 
 def write(
@@ -37,12 +43,20 @@ def write(
         save_folder(files, path)
 
 
-def tree(recording: LoadedRecording, subject: str, task: str, session: str | None = None) -> dict[str, Data]:
+def tree(
+    recording: LoadedRecording, subject: str, task: str, session: str | None = None
+) -> dict[str, Data]:
     """All files of the recording by relative path."""
-    stem = "_".join(filter(None, [f"sub-{subject}", f"ses-{session}" if session else "", f"task-{task}"]))
-    folder = "/".join(filter(None, [f"sub-{subject}", f"ses-{session}" if session else "", "motion"]))
+    stem = "_".join(
+        filter(None, [f"sub-{subject}", f"ses-{session}" if session else "", f"task-{task}"])
+    )
+    folder = "/".join(
+        filter(None, [f"sub-{subject}", f"ses-{session}" if session else "", "motion"])
+    )
     files: dict[str, Data] = {
-        "dataset_description.json": pretty({"Name": "Handscope recording", "BIDSVersion": BIDS_VERSION, "DatasetType": "raw"}),
+        "dataset_description.json": pretty(
+            {"Name": "Handscope recording", "BIDSVersion": BIDS_VERSION, "DatasetType": "raw"}
+        ),
         "README": b"A recording of a hand's movement, written by Handscope.\n",
     }
     for name, block in recording.samples.items():
@@ -72,7 +86,12 @@ def events_table(events: tuple[Event, ...]) -> bytes:
     details = sorted({key for e in events for key in e.details})
     lines = ["\t".join(["onset", "duration", "trial_type", *details])]
     for e in events:
-        cells = [repr(float(e.onset)), repr(float(e.duration)), e.trial_type, *(e.details.get(key) for key in details)]
+        cells = [
+            repr(float(e.onset)),
+            repr(float(e.duration)),
+            e.trial_type,
+            *(e.details.get(key) for key in details),
+        ]
         lines.append("\t".join(_cell(cell) for cell in cells))
     return ("\n".join(lines) + "\n").encode()
 
@@ -92,11 +111,17 @@ def label(name: str) -> str:
 
 
 def _channels(block: Block) -> bytes:
-    lines = ["name\tcomponent\ttype\ttracked_point\tunits\tsampling_frequency", f"time\tn/a\tLATENCY\tn/a\ts\t{block.stream.rate:g}"]
+    lines = [
+        "name\tcomponent\ttype\ttracked_point\tunits\tsampling_frequency",
+        f"time\tn/a\tLATENCY\tn/a\ts\t{block.stream.rate:g}",
+    ]
     for point in block.stream.sensors:
         for quantity in block.stream.quantities:
             kind, unit = TYPES[quantity]
-            lines += [f"{point}_{quantity}_{c}\t{c}\t{kind}\t{point}\t{unit}\t{block.stream.rate:g}" for c in "xyz"]
+            lines += [
+                f"{point}_{quantity}_{c}\t{c}\t{kind}\t{point}\t{unit}\t{block.stream.rate:g}"
+                for c in "xyz"
+            ]
     return ("\n".join(lines) + "\n").encode()
 
 
@@ -109,7 +134,11 @@ def _sidecar(recording: LoadedRecording, name: str, block: Block, task: str) -> 
         "SamplingFrequency": s.rate,
         "TrackingSystemName": name,
         "Manufacturer": str(recording.source.get("manufacturer", "Handscope")),
-        **({"ManufacturersModelName": str(recording.source["device"])} if recording.source.get("device") else {}),
+        **(
+            {"ManufacturersModelName": str(recording.source["device"])}
+            if recording.source.get("device")
+            else {}
+        ),
         "DeviceSerialNumber": str(recording.source.get("device_id", "n/a")),
         "SoftwareVersions": str(recording.source.get("software", "n/a")),
         "TrackedPointsCount": len(s.sensors),
@@ -119,10 +148,23 @@ def _sidecar(recording: LoadedRecording, name: str, block: Block, task: str) -> 
         "MissingValues": "n/a",
         "MeasuredHand": recording.hand,
         "HandGeometry": table_of(recording.geometry),
-        "SensorMounting": {point: [float(x) for x in recording.mounting[point]] for point in s.sensors if point in recording.mounting},
-        **({"MagnetSetup": table_of_plate(recording.plate)} if recording.plate and MAG in s.quantities else {}),
+        "SensorMounting": {
+            point: [float(x) for x in recording.mounting[point]]
+            for point in s.sensors
+            if point in recording.mounting
+        },
         **(
-            {"ForceSetup": {p: table_of_force(ForceSetup(sd, turn_sd=s.turn_sd.get(p))) for p, sd in s.scale_sd.items()}}
+            {"MagnetSetup": table_of_plate(recording.plate)}
+            if recording.plate and MAG in s.quantities
+            else {}
+        ),
+        **(
+            {
+                "ForceSetup": {
+                    p: table_of_force(ForceSetup(sd, turn_sd=s.turn_sd.get(p)))
+                    for p, sd in s.scale_sd.items()
+                }
+            }
             if s.scale_sd
             else {}
         ),

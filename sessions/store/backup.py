@@ -35,7 +35,18 @@ from handscope.sessions.store.store import CACHE, PROBE, free_bytes
 FORMAT = "handscope backup"
 FORMAT_VERSION = 1
 DATABASE, MANIFEST = "database.jsonl", "manifest.json"
-PASSING = ("incoming", "tokens", "address", CACHE, MARK, FILE, f"{FILE}-wal", f"{FILE}-shm", f"{FILE}-journal", RESTORING)
+PASSING = (
+    "incoming",
+    "tokens",
+    "address",
+    CACHE,
+    MARK,
+    FILE,
+    f"{FILE}-wal",
+    f"{FILE}-shm",
+    f"{FILE}-journal",
+    RESTORING,
+)
 DAMAGED = (
     zipfile.BadZipFile,
     zlib.error,
@@ -64,16 +75,22 @@ class Made:
 def write(folder: Path, url: str | None, target: Path, software: str) -> Made:
     """Back up the data folder into `target`, which is there only when it is whole; InputError where there is nothing to back up."""
     if url is None and not (folder / FILE).is_file():
-        raise InputError(f"there is no Handscope data in {folder}; name the data folder with --data")
+        raise InputError(
+            f"there is no Handscope data in {folder}; name the data folder with --data"
+        )
     if target.exists():
-        raise InputError(f"{target} is there already; choose another name, backups are not overwritten")
+        raise InputError(
+            f"{target} is there already; choose another name, backups are not overwritten"
+        )
     if target.absolute().is_relative_to(folder.absolute()):
         raise InputError(f"{target} lies inside the data folder; a backup belongs on another disk")
     partial = target.with_name(f".{target.name}.partial")
     engine = connected(folder, url)
     try:
         for _ in range(TRIES):
-            with os.fdopen(os.open(partial, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600), "w+b") as out:
+            with os.fdopen(
+                os.open(partial, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600), "w+b"
+            ) as out:
                 kept, made = _archived(engine, folder, software, out)
                 out.flush()
                 os.fsync(out.fileno())
@@ -85,22 +102,37 @@ def write(folder: Path, url: str | None, target: Path, software: str) -> Made:
                 return made
         raise InputError("patients were erased while the backup was made; make it again")
     except OSError as problem:
-        raise InputError(f"{target} cannot be written: {problem.strerror}; no backup was made") from None
+        raise InputError(
+            f"{target} cannot be written: {problem.strerror}; no backup was made"
+        ) from None
     except DBAPIError as problem:
-        full = f"; the disk of {folder} is full: make a megabyte of room there" if free_bytes(folder) < PROBE else ""
-        raise InputError(f"the database {place_of(engine)} cannot be read ({problem.orig}){full}; no backup was made") from None
+        full = (
+            f"; the disk of {folder} is full: make a megabyte of room there"
+            if free_bytes(folder) < PROBE
+            else ""
+        )
+        raise InputError(
+            f"the database {place_of(engine)} cannot be read ({problem.orig}){full}; no backup was made"
+        ) from None
     finally:
         partial.unlink(missing_ok=True)
         engine.dispose()
 
 
-def restore(source: Path, folder: Path, url: str | None = None, progress: Callable[[float], None] = lambda share: None) -> dict[str, Any]:
+def restore(
+    source: Path,
+    folder: Path,
+    url: str | None = None,
+    progress: Callable[[float], None] = lambda share: None,
+) -> dict[str, Any]:
     """Put a backup into an empty data folder (and an empty database); gives its manifest. InputError, and nothing stays, where that fails.
 
     The database comes last and a mark lies in the folder until then: an interrupted restore cannot be taken for data.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder} is not an empty folder; a backup is restored into an empty one, nothing was changed")
+        raise InputError(
+            f"{folder} is not an empty folder; a backup is restored into an empty one, nothing was changed"
+        )
     existed = folder.exists()
     with _opened(source) as archive:
         manifest = _manifest(archive, source)
@@ -124,9 +156,13 @@ def restore(source: Path, folder: Path, url: str | None = None, progress: Callab
                 with contextlib.suppress(OSError):
                     folder.rmdir()
             if isinstance(problem, OSError):
-                raise InputError(f"{folder} cannot be written: {problem.strerror}; nothing was restored") from None
+                raise InputError(
+                    f"{folder} cannot be written: {problem.strerror}; nothing was restored"
+                ) from None
             if isinstance(problem, DBAPIError):
-                raise InputError(f"the database {place_of(engine)} refused the backup ({problem.orig}); nothing was restored") from None
+                raise InputError(
+                    f"the database {place_of(engine)} refused the backup ({problem.orig}); nothing was restored"
+                ) from None
             raise
     return manifest
 
@@ -145,12 +181,16 @@ def audit_head(source: Path) -> tuple[int, str]:
     with _opened(source) as archive:
         noted = _manifest(archive, source).get("audit")
     if not noted:
-        raise InputError(f"{source} notes no line of the audit trail: it was made by an earlier version, or of a trail without lines")
+        raise InputError(
+            f"{source} notes no line of the audit trail: it was made by an earlier version, or of a trail without lines"
+        )
     number, total = noted
     return int(number), str(total)
 
 
-def _archived(engine: Engine, folder: Path, software: str, out: IO[bytes]) -> tuple[dict[str, str | None], Made]:
+def _archived(
+    engine: Engine, folder: Path, software: str, out: IO[bytes]
+) -> tuple[dict[str, str | None], Made]:
     """Write the zip; gives the recordings that the database names, with their checksums, and what was put in."""
     made, moment = Made(), now()
     with zipfile.ZipFile(out, "w") as archive:
@@ -195,14 +235,21 @@ def _snapshot(engine: Engine) -> Iterator[Connection]:
 
 def _recordings(connection: Connection) -> dict[str, str | None]:
     """Names of the recordings' files with their checksums; None while one is being written."""
-    return {str(row.file): row.sha256 for row in connection.execute(text("SELECT file, sha256 FROM recording"))}
+    return {
+        str(row.file): row.sha256
+        for row in connection.execute(text("SELECT file, sha256 FROM recording"))
+    }
 
 
 def _others(folder: Path) -> Iterator[str]:
     """Files of the data folder besides recordings, which the database names."""
     for path in folder.rglob("*"):
         name = path.relative_to(folder)
-        if path.is_file() and name.parts[0] not in (*PASSING, "recordings") and not path.name.endswith(".partial"):
+        if (
+            path.is_file()
+            and name.parts[0] not in (*PASSING, "recordings")
+            and not path.name.endswith(".partial")
+        ):
             yield name.as_posix()
 
 
@@ -234,7 +281,9 @@ def _kept(folder: Path, away: ObjectStorage | None, name: str) -> Iterator[bytes
     yield from object_storage.pieces(away, name)
 
 
-def _put(archive: zipfile.ZipFile, made: Made, name: str, pieces: Iterable[bytes], how: int) -> None:
+def _put(
+    archive: zipfile.ZipFile, made: Made, name: str, pieces: Iterable[bytes], how: int
+) -> None:
     entry = zipfile.ZipInfo(name, time.gmtime()[:6])
     entry.compress_type, entry.external_attr = how, 0o600 << 16
     total, size, each = hashlib.sha256(), 0, iter(pieces)
@@ -250,7 +299,9 @@ def _put(archive: zipfile.ZipFile, made: Made, name: str, pieces: Iterable[bytes
 def _verified(path: Path) -> None:
     with zipfile.ZipFile(path) as archive:
         if (bad := archive.testzip()) is not None:
-            raise InputError(f"{bad} could not be read back from the backup; is the disk damaged? No backup was made")
+            raise InputError(
+                f"{bad} could not be read back from the backup; is the disk damaged? No backup was made"
+            )
 
 
 @contextlib.contextmanager
@@ -259,9 +310,13 @@ def _opened(source: Path) -> Iterator[zipfile.ZipFile]:
         with zipfile.ZipFile(source) as archive:
             yield archive
     except DAMAGED as problem:
-        raise InputError(f"{source} is damaged or no backup ({problem}); nothing was restored") from None
+        raise InputError(
+            f"{source} is damaged or no backup ({problem}); nothing was restored"
+        ) from None
     except OSError as problem:  # also where a damaged directory points before the file's beginning
-        raise InputError(f"{source} cannot be read: {problem.strerror}; nothing was restored") from None
+        raise InputError(
+            f"{source} cannot be read: {problem.strerror}; nothing was restored"
+        ) from None
 
 
 def _manifest(archive: zipfile.ZipFile, source: Path) -> dict[str, Any]:
@@ -279,7 +334,12 @@ def _manifest(archive: zipfile.ZipFile, source: Path) -> dict[str, Any]:
     return dict(manifest)
 
 
-def _unpack(archive: zipfile.ZipFile, manifest: dict[str, Any], folder: Path, progress: Callable[[float], None]) -> None:
+def _unpack(
+    archive: zipfile.ZipFile,
+    manifest: dict[str, Any],
+    folder: Path,
+    progress: Callable[[float], None],
+) -> None:
     """Files into their places, each compared with its checksum; the database's lines are only compared."""
     home, done = folder.resolve(), 0
     whole = max(1, sum(told["bytes"] for told in manifest["files"].values()))
@@ -288,7 +348,9 @@ def _unpack(archive: zipfile.ZipFile, manifest: dict[str, Any], folder: Path, pr
             raise InputError(f"{name} is missing in the backup; nothing was restored")
         path = (folder / name).resolve()
         if not path.is_relative_to(home) or path == home / RESTORING:
-            raise InputError(f"{name!r} in the backup lies outside the data folder; nothing was restored")
+            raise InputError(
+                f"{name!r} in the backup lies outside the data folder; nothing was restored"
+            )
         if name == DATABASE:
             _require(name, told, _read(archive, name))
         else:
@@ -331,7 +393,9 @@ def _require(name: str, told: dict[str, Any], pieces: Iterable[bytes]) -> None:
     for piece in pieces:
         total.update(piece)
     if total.hexdigest() != told["sha256"]:
-        raise InputError(f"{name} in the backup is not what was backed up: its checksum is another; nothing was restored")
+        raise InputError(
+            f"{name} in the backup is not what was backed up: its checksum is another; nothing was restored"
+        )
 
 
 def _pieces(file: IO[bytes]) -> Iterator[bytes]:

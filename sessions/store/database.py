@@ -69,7 +69,9 @@ def upgrade(engine: Engine, to: str = "head") -> None:
             connection.commit()
         with connection.begin():
             if sqlite:
-                connection.exec_driver_sql("BEGIN IMMEDIATE")  # all or nothing, one process at a time
+                connection.exec_driver_sql(
+                    "BEGIN IMMEDIATE"
+                )  # all or nothing, one process at a time
             else:
                 connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({UPGRADE_LOCK})")
             config.attributes["connection"] = connection
@@ -83,7 +85,9 @@ def known(revision: str) -> bool:
     """Whether this program knows a revision of the schema."""
     config = Config()
     config.set_main_option("script_location", MIGRATIONS)
-    return revision in {script.revision for script in ScriptDirectory.from_config(config).walk_revisions()}
+    return revision in {
+        script.revision for script in ScriptDirectory.from_config(config).walk_revisions()
+    }
 
 
 def _require_known(engine: Engine) -> None:
@@ -99,6 +103,12 @@ def _require_known(engine: Engine) -> None:
 
 def _prepare_sqlite(connection: object, record: object) -> None:
     cursor = connection.cursor()  # type: ignore[attr-defined]
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=10000", "secure_delete=ON"):
+    for pragma in (
+        "journal_mode=WAL",
+        "synchronous=FULL",
+        "foreign_keys=ON",
+        "busy_timeout=10000",
+        "secure_delete=ON",
+    ):
         cursor.execute(f"PRAGMA {pragma}")
     cursor.close()

@@ -9,7 +9,19 @@ from collections.abc import Iterable, Iterator, Sequence
 from datetime import date, datetime
 from typing import Any
 
-from sqlalchemy import JSON, Column, Connection, Engine, MetaData, Table, func, insert, inspect, select, text
+from sqlalchemy import (
+    JSON,
+    Column,
+    Connection,
+    Engine,
+    MetaData,
+    Table,
+    func,
+    insert,
+    inspect,
+    select,
+    text,
+)
 
 from handscope.estimators.errors import InputError
 from handscope.sessions.store.database import known, upgrade
@@ -25,10 +37,14 @@ def dump(connection: Connection) -> Iterator[bytes]:
     yield _line({"revision": connection.scalar(text(f"SELECT version_num FROM {REVISION}"))})
     for table in metadata.sorted_tables:
         columns = [c.name for c in table.columns]
-        yield _line({"table": table.name, "columns": columns, "last": _last_number(connection, table)})
+        yield _line(
+            {"table": table.name, "columns": columns, "last": _last_number(connection, table)}
+        )
         if table.name in PASSING:
             continue
-        found = connection.execution_options(yield_per=TOGETHER).execute(select(table).order_by(*table.primary_key))
+        found = connection.execution_options(yield_per=TOGETHER).execute(
+            select(table).order_by(*table.primary_key)
+        )
         for row in found:
             yield _line([_plain(value) for value in row])
 
@@ -36,7 +52,9 @@ def dump(connection: Connection) -> Iterator[bytes]:
 def load(engine: Engine, lines: Iterable[bytes]) -> None:
     """Make the schema that the dump had, fill it, bring it up to date; InputError where the database is not empty or the dump is of a newer program."""
     if inspect(engine).get_table_names():
-        raise InputError("the database holds tables already; restore into an empty one, nothing was changed")
+        raise InputError(
+            "the database holds tables already; restore into an empty one, nothing was changed"
+        )
     each = iter(lines)
     revision = json.loads(next(each))["revision"]
     if not known(revision):
@@ -73,7 +91,12 @@ def _fill(connection: Connection, lines: Iterator[bytes]) -> None:
             if value["last"] is not None:
                 _set_last_number(connection, table, value["last"])
         elif table is not None:
-            waiting.append({name: _of_column(table.columns[name], v) for name, v in zip(columns, value, strict=True)})
+            waiting.append(
+                {
+                    name: _of_column(table.columns[name], v)
+                    for name, v in zip(columns, value, strict=True)
+                }
+            )
             if len(waiting) == TOGETHER:
                 put()
     put()
@@ -96,7 +119,9 @@ def _last_number(connection: Connection, table: Table) -> int | None:
     if connection.dialect.name == "sqlite":
         if not inspect(connection).has_table("sqlite_sequence"):
             return None
-        found: int | None = connection.scalar(text("SELECT seq FROM sqlite_sequence WHERE name = :name"), {"name": table.name})
+        found: int | None = connection.scalar(
+            text("SELECT seq FROM sqlite_sequence WHERE name = :name"), {"name": table.name}
+        )
         return found
     sequence = _sequence(connection, table)
     if sequence is None:
@@ -107,8 +132,13 @@ def _last_number(connection: Connection, table: Table) -> int | None:
 
 def _set_last_number(connection: Connection, table: Table, last: int) -> None:
     if connection.dialect.name == "sqlite":
-        connection.execute(text("DELETE FROM sqlite_sequence WHERE name = :name"), {"name": table.name})
-        connection.execute(text("INSERT INTO sqlite_sequence (name, seq) VALUES (:name, :seq)"), {"name": table.name, "seq": last})
+        connection.execute(
+            text("DELETE FROM sqlite_sequence WHERE name = :name"), {"name": table.name}
+        )
+        connection.execute(
+            text("INSERT INTO sqlite_sequence (name, seq) VALUES (:name, :seq)"),
+            {"name": table.name, "seq": last},
+        )
     elif (sequence := _sequence(connection, table)) is not None:
         connection.execute(select(func.setval(sequence, last)))
 
@@ -118,7 +148,9 @@ def _sequence(connection: Connection, table: Table) -> str | None:
     keys: Sequence[Column[Any]] = list(table.primary_key)
     if len(keys) != 1 or keys[0].type.python_type is not int:
         return None
-    name: str | None = connection.scalar(select(func.pg_get_serial_sequence(f'"{table.name}"', keys[0].name)))
+    name: str | None = connection.scalar(
+        select(func.pg_get_serial_sequence(f'"{table.name}"', keys[0].name))
+    )
     return name
 
 

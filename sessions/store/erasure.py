@@ -9,7 +9,14 @@ from sqlalchemy.orm import Session, selectinload
 
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit, patients
-from handscope.sessions.db.tables import AuditLine, ErasedFile, Patient, PatientSession, RecordingFile, Result
+from handscope.sessions.db.tables import (
+    AuditLine,
+    ErasedFile,
+    Patient,
+    PatientSession,
+    RecordingFile,
+    Result,
+)
 from handscope.sessions.files import object_storage
 from handscope.sessions.store import stored_files
 from handscope.sessions.store.store import Store, remove_erased
@@ -19,15 +26,24 @@ def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, i
     """Erase the patient whose pseudonym was typed as it is stored; InputError, and nothing is erased, where it is another or where work goes on; gives what there was."""
     patient = patients.get(db, patient_id)
     if " ".join(typed.split()) != patient.pseudonym:
-        raise InputError(f"to erase this patient, type the code exactly as it is stored: {patient.pseudonym}; nothing was erased")
+        raise InputError(
+            f"to erase this patient, type the code exactly as it is stored: {patient.pseudonym}; nothing was erased"
+        )
     sessions = list(db.scalars(_of(patient)))
     recordings = [f for s in sessions for f in s.recordings]
     results = [r for f in recordings for r in f.results]
     _require_rest(patient, sessions, results)
     if store.away is not None:
         object_storage.require(store.away)
-    files = {f.file for f in recordings} | {name for r in results for name in stored_files.files_of_result(store, r.id)}
-    paths = [path for file in files for path in (store.path_of(file), store.cached(file)) if path.exists()]
+    files = {f.file for f in recordings} | {
+        name for r in results for name in stored_files.files_of_result(store, r.id)
+    }
+    paths = [
+        path
+        for file in files
+        for path in (store.path_of(file), store.cached(file))
+        if path.exists()
+    ]
     counts = {
         "sessions": len(sessions),
         "recordings": len(recordings),
@@ -45,7 +61,13 @@ def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, i
 
 def erasures(db: Session) -> list[AuditLine]:
     """The lines that were left, the newest first."""
-    return list(db.scalars(select(AuditLine).where(AuditLine.what == "erased", AuditLine.kind == "patient").order_by(AuditLine.id.desc())))
+    return list(
+        db.scalars(
+            select(AuditLine)
+            .where(AuditLine.what == "erased", AuditLine.kind == "patient")
+            .order_by(AuditLine.id.desc())
+        )
+    )
 
 
 def _of(patient: Patient) -> Select[PatientSession]:
@@ -55,6 +77,10 @@ def _of(patient: Patient) -> Select[PatientSession]:
 
 def _require_rest(patient: Patient, sessions: list[PatientSession], results: list[Result]) -> None:
     if any(s.state == "open" for s in sessions):
-        raise InputError(f"a session of {patient.pseudonym} is not finished; finish it first, nothing was erased")
+        raise InputError(
+            f"a session of {patient.pseudonym} is not finished; finish it first, nothing was erased"
+        )
     if any(r.state == "running" for r in results):
-        raise InputError(f"results of {patient.pseudonym} are being computed; wait until they are ready, nothing was erased")
+        raise InputError(
+            f"results of {patient.pseudonym} are being computed; wait until they are ready, nothing was erased"
+        )

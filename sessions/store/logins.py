@@ -32,7 +32,9 @@ class ThrottledError(InputError):
     """Too many tries; `wait` s until the next one is taken."""
 
     def __init__(self, wait: float) -> None:
-        super().__init__("too many logins failed for this account or from this address; wait a quarter of an hour and try again")
+        super().__init__(
+            "too many logins failed for this account or from this address; wait a quarter of an hour and try again"
+        )
         self.wait = wait
 
 
@@ -57,7 +59,11 @@ def redeem(db: Session, store: Store, token: str) -> Account | None:
         return None
     if now().timestamp() - made > TOKEN_LIFE.total_seconds():
         return None
-    account = accounts.local(db) if name in ("", LOCAL) else db.scalar(select(Account).where(Account.name == name))
+    account = (
+        accounts.local(db)
+        if name in ("", LOCAL)
+        else db.scalar(select(Account).where(Account.name == name))
+    )
     return account if account is not None and not account.disabled else None
 
 
@@ -79,7 +85,11 @@ def alive(db: Session, cookie: str | None, idle: float, longest: float) -> Login
     if login is None:
         return None
     moment = now()
-    if moment - login.seen > timedelta(seconds=idle) or moment - login.created > timedelta(seconds=longest) or login.account.disabled:
+    if (
+        moment - login.seen > timedelta(seconds=idle)
+        or moment - login.created > timedelta(seconds=longest)
+        or login.account.disabled
+    ):
         db.delete(login)
         db.commit()
         return None
@@ -105,7 +115,9 @@ def end(db: Session, cookie: str | None) -> Account | None:
 
 def end_all(db: Session, account: Account, but: str | None = None) -> None:
     """End all logins of an account, but that of a cookie."""
-    db.execute(delete(Login).where(Login.account_id == account.id, Login.token_hash != _hash(but or "")))
+    db.execute(
+        delete(Login).where(Login.account_id == account.id, Login.token_hash != _hash(but or ""))
+    )
     db.commit()
 
 
@@ -114,7 +126,9 @@ def by_password(db: Session, name: str, password: str, address: str) -> Account 
     tried = _counted(db, name, address)
     account = accounts.proved(db, name, password)
     if account is not None:  # who is in clears the account; the address keeps its other tries
-        db.execute(delete(Attempt).where(Attempt.key.in_([_of_account(name)]) | Attempt.id.in_(tried)))
+        db.execute(
+            delete(Attempt).where(Attempt.key.in_([_of_account(name)]) | Attempt.id.in_(tried))
+        )
     else:
         audit.tell(db, _failed(db, name))
     db.commit()
@@ -129,9 +143,13 @@ def _counted(db: Session, name: str, address: str) -> list[int]:
     db.add_all(made)
     db.commit()
     for attempt, most in zip(made, (MOST_OF_ACCOUNT, MOST_OF_ADDRESS)):
-        count, oldest = db.execute(select(func.count(Attempt.id), func.min(Attempt.at)).where(Attempt.key == attempt.key)).one()
+        count, oldest = db.execute(
+            select(func.count(Attempt.id), func.min(Attempt.at)).where(Attempt.key == attempt.key)
+        ).one()
         if count > most:
-            db.execute(delete(Attempt).where(Attempt.id.in_([a.id for a in made])))  # what is turned away makes nobody wait longer
+            db.execute(
+                delete(Attempt).where(Attempt.id.in_([a.id for a in made]))
+            )  # what is turned away makes nobody wait longer
             db.commit()
             raise ThrottledError(_until(oldest, moment))
     return [a.id for a in made]

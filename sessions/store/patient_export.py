@@ -64,7 +64,16 @@ def write(db: Session, store: Store, patient_id: int, software: str, out: IO[byt
     archive, problems = _Archive(out), list[str]()
     archive.put("README.txt", [README.encode()])
     notes = [_row(note) for note in patient.notes]
-    archive.put("patient.json", _json({**_row(patient), "notes": notes, "self_calibrations": [_row(c) for c in patient.self_calibrations]}))
+    archive.put(
+        "patient.json",
+        _json(
+            {
+                **_row(patient),
+                "notes": notes,
+                "self_calibrations": [_row(c) for c in patient.self_calibrations],
+            }
+        ),
+    )
     for session_id in [session.id for session in patient.sessions]:
         db.expunge_all()  # what was written is let go
         problems += _session(archive, store, records.get(db, session_id))
@@ -72,9 +81,15 @@ def write(db: Session, store: Store, patient_id: int, software: str, out: IO[byt
         "exported": now(),
         "software": software,
         "problems": problems,
-        "files": [{"path": name, "bytes": size, "sha256": total} for name, (size, total) in archive.sums.items()],
+        "files": [
+            {"path": name, "bytes": size, "sha256": total}
+            for name, (size, total) in archive.sums.items()
+        ],
     }
-    archive.put("SHA256SUMS", ["".join(f"{total}  {name}\n" for name, (_, total) in archive.sums.items()).encode()])
+    archive.put(
+        "SHA256SUMS",
+        ["".join(f"{total}  {name}\n" for name, (_, total) in archive.sums.items()).encode()],
+    )
     archive.put("manifest.json", _json(manifest))
     archive.zip.close()
 
@@ -84,7 +99,13 @@ def _session(archive: _Archive, store: Store, session: PatientSession) -> Iterat
     folder = f"sessions/{session.id}"
     archive.put(
         f"{folder}/session.json",
-        _json({**_row(session), "reuses": [_row(r) for r in session.reuses], "recordings": [_recording(f) for f in session.recordings]}),
+        _json(
+            {
+                **_row(session),
+                "reuses": [_row(r) for r in session.reuses],
+                "recordings": [_recording(f) for f in session.recordings],
+            }
+        ),
     )
     for file in session.recordings:
         name = f"{folder}/recording-{file.id}{Path(file.file).suffix}"
@@ -103,16 +124,22 @@ def _session(archive: _Archive, store: Store, session: PatientSession) -> Iterat
         for result in file.results:
             archive.put(f"{folder}/result-{result.id}-{result.method}.json", _json(_row(result)))
             for kept in stored_files.files_of_result(store, result.id):
-                archive.put(f"{folder}/result-{Path(kept).name}", _pieces(stored_files.at_hand(store, kept)))
+                archive.put(
+                    f"{folder}/result-{Path(kept).name}", _pieces(stored_files.at_hand(store, kept))
+                )
 
 
-def _motion_bids(archive: _Archive, store: Store, file: RecordingFile, folder: str) -> Iterator[str]:
+def _motion_bids(
+    archive: _Archive, store: Store, file: RecordingFile, folder: str
+) -> Iterator[str]:
     try:
         recording = records.opened(store, file)
     except InputError as problem:
         yield f"{folder}: {problem}"
         return
-    for name, data in writer.tree(recording, f"{file.session.patient_id}", "session", f"{file.session_id}").items():
+    for name, data in writer.tree(
+        recording, f"{file.session.patient_id}", "session", f"{file.session_id}"
+    ).items():
         archive.put(f"{folder}/{name}", pieces(data))
 
 

@@ -38,11 +38,22 @@ class Upload:
 
 
 def begin(
-    db: Session, store: Store, patient: Patient, hand: Hand, geometry: Mapping[str, Any], examiner: str = ""
+    db: Session,
+    store: Store,
+    patient: Patient,
+    hand: Hand,
+    geometry: Mapping[str, Any],
+    examiner: str = "",
 ) -> tuple[PatientSession, RecordingFile]:
     """A session about to be recorded, with the place of its recording."""
     measures_from(geometry)
-    session = PatientSession(patient=patient, hand=hand, geometry=dict(geometry), trunk_height=patient.trunk_height, examiner=examiner)
+    session = PatientSession(
+        patient=patient,
+        hand=hand,
+        geometry=dict(geometry),
+        trunk_height=patient.trunk_height,
+        examiner=examiner,
+    )
     file = RecordingFile(session=session, format="native", file=store.new_recording(native.SUFFIX))
     db.add_all([session, file])
     db.commit()
@@ -68,10 +79,18 @@ def read_upload(upload: Path, name: str, hand: Hand | None) -> Upload:
         recording = formats_recordings.load(upload, hand)
     except InputError as mistake:
         raise InputError(str(mistake).replace(upload.name, Path(name).name)) from None
-    return Upload(recording.hand, _start_of(recording), upload.stat().st_size, native.file_checksum(upload), summary(recording))
+    return Upload(
+        recording.hand,
+        _start_of(recording),
+        upload.stat().st_size,
+        native.file_checksum(upload),
+        summary(recording),
+    )
 
 
-def keep_upload(db: Session, store: Store, patient: Patient, upload: Path, name: str, found: Upload) -> PatientSession:
+def keep_upload(
+    db: Session, store: Store, patient: Patient, upload: Path, name: str, found: Upload
+) -> PatientSession:
     """Keep an uploaded recording that was read as a session of its own; `upload` is moved into the store.
 
     Until the session is kept the file's place is told as one to be removed, so that a crash between the two leaves no file without a session.
@@ -84,10 +103,14 @@ def keep_upload(db: Session, store: Store, patient: Patient, upload: Path, name:
     shutil.move(upload, store.path_of(place))
     try:
         moment = now()
-        session = PatientSession(patient=patient, hand=found.hand, geometry={}, state="recorded", finished=moment)
+        session = PatientSession(
+            patient=patient, hand=found.hand, geometry={}, state="recorded", finished=moment
+        )
         session.started = found.started or moment
         kind = "native" if suffix == native.SUFFIX else "motion-bids"
-        file = RecordingFile(session=session, format=kind, file=place, original_name=Path(name).name[:200])
+        file = RecordingFile(
+            session=session, format=kind, file=place, original_name=Path(name).name[:200]
+        )
         file.bytes, file.sha256, file.summary = found.bytes, found.sha256, dict(found.summary)
         db.add_all([session, file])
         db.delete(fleeting)
@@ -99,7 +122,9 @@ def keep_upload(db: Session, store: Store, patient: Patient, upload: Path, name:
     return session
 
 
-def add_upload(db: Session, store: Store, patient: Patient, upload: Path, name: str, hand: Hand | None) -> PatientSession:
+def add_upload(
+    db: Session, store: Store, patient: Patient, upload: Path, name: str, hand: Hand | None
+) -> PatientSession:
     """Read an uploaded recording and keep it, only when it can be opened."""
     return keep_upload(db, store, patient, upload, name, read_upload(upload, name, hand))
 
@@ -115,7 +140,9 @@ def get(db: Session, session_id: int) -> PatientSession:
 def opened(store: Store, file: RecordingFile) -> LoadedRecording:
     """A kept recording with its session's hand and geometry."""
     session = file.session
-    recording = formats_recordings.load(stored_files.at_hand(store, file.file, file.sha256), hand_of(session.hand))
+    recording = formats_recordings.load(
+        stored_files.at_hand(store, file.file, file.sha256), hand_of(session.hand)
+    )
     if not session.geometry:
         return recording
     return replace(recording, geometry=sized(recording.hand, measures_from(session.geometry)))
@@ -123,7 +150,13 @@ def opened(store: Store, file: RecordingFile) -> LoadedRecording:
 
 def abandoned(db: Session) -> list[PatientSession]:
     """Sessions that are not finished, the oldest first: they run, or a server that stopped left them open."""
-    return list(db.scalars(select(PatientSession).where(PatientSession.state == "open").order_by(PatientSession.started)))
+    return list(
+        db.scalars(
+            select(PatientSession)
+            .where(PatientSession.state == "open")
+            .order_by(PatientSession.started)
+        )
+    )
 
 
 def hand_of(word: str) -> Hand:
@@ -139,7 +172,9 @@ def _require_finished(path: Path) -> None:
     until = time.monotonic() + FINISH_WAIT
     while path.exists() and being_written(path):
         if time.monotonic() > until:
-            raise InputError("the recording is still being written; unplug the glove, then finish the session")
+            raise InputError(
+                "the recording is still being written; unplug the glove, then finish the session"
+            )
         time.sleep(0.05)
 
 
@@ -171,7 +206,12 @@ def summary(recording: LoadedRecording) -> dict[str, Any]:
         for s, b in ((b.stream, b) for b in recording.samples.values())
     ]
     events = [
-        {"trial_type": e.trial_type, "onset": round(e.onset, 3), "duration": round(e.duration, 3), "task": e.details.get("task_name")}
+        {
+            "trial_type": e.trial_type,
+            "onset": round(e.onset, 3),
+            "duration": round(e.duration, 3),
+            "task": e.details.get("task_name"),
+        }
         | ({"phase": e.details["phase"]} if e.details.get("phase") else {})
         for e in recording.events
     ]

@@ -18,9 +18,13 @@ from handscope.sessions.files.object_storage import ObjectStorage
 from handscope.sessions.store.database import RESTORING, open_database
 
 CACHE = "cache"  # of files that are in the object storage
-AWAY = "away:"  # begins the name of an erased file that is still to be removed from the object storage
+AWAY = (
+    "away:"  # begins the name of an erased file that is still to be removed from the object storage
+)
 PROBE = 2**20  # bytes that must be free to start at all: the database makes files of its own
-FREE = 200 * 2**20  # bytes that must be free to begin a recording: half an hour of 17 sensors at 200 Hz
+FREE = (
+    200 * 2**20
+)  # bytes that must be free to begin a recording: half an hour of 17 sensors at 200 Hz
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,9 @@ class Store:
     folder: Path
     database: sessionmaker[Session]
     url: str | None = None
-    away: ObjectStorage | None = None  # where closed files are moved (sessions/store/stored_files.py); None keeps them in the folder
+    away: ObjectStorage | None = (
+        None  # where closed files are moved (sessions/store/stored_files.py); None keeps them in the folder
+    )
 
     @property
     def recordings(self) -> Path:
@@ -88,9 +94,13 @@ def open_store(folder: Path, url: str | None = None, recordings: str | None = No
         for place in (folder, folder / "recordings", folder / "incoming"):
             place.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
-        raise InputError(f"the data folder {folder} cannot be made: {problem.strerror}; choose another with --data") from None
+        raise InputError(
+            f"the data folder {folder} cannot be made: {problem.strerror}; choose another with --data"
+        ) from None
     if (folder / RESTORING).exists():
-        raise InputError(f"a backup was being restored into {folder} and that did not end; empty the folder and restore again")
+        raise InputError(
+            f"a backup was being restored into {folder} and that did not end; empty the folder and restore again"
+        )
     for leftover in (folder / "incoming").iterdir():
         leftover.unlink() if leftover.is_file() else shutil.rmtree(leftover, ignore_errors=True)
     _require_writable(folder)

@@ -49,13 +49,19 @@ def at_hand(store: Store, file: str, sha256: str | None = None) -> Path:
         except FileNotFoundError:
             return path
     with contextlib.suppress(OSError):
-        os.utime(copy, ns=(time.time_ns(), copy.stat().st_mtime_ns))  # the cache lets go what was not read for longest
+        os.utime(
+            copy, ns=(time.time_ns(), copy.stat().st_mtime_ns)
+        )  # the cache lets go what was not read for longest
     return copy
 
 
 def files_of_result(store: Store, result_id: int) -> list[str]:
     """Names of the files that are kept of a result: `results/7.npz` and whatever else begins like that, wherever they are."""
-    found = {path.name for place in (store.folder, store.folder / CACHE) for path in (place / "results").glob(f"{result_id}.*")}
+    found = {
+        path.name
+        for place in (store.folder, store.folder / CACHE)
+        for path in (place / "results").glob(f"{result_id}.*")
+    }
     away = object_storage.names(store.away, "results", f"{result_id}.") if store.away else []
     return sorted({f"results/{name}" for name in found}.union(away))
 
@@ -85,7 +91,9 @@ def _fetch(store: Store, file: str, copy: Path, sha256: str | None) -> None:
         with partial.open("xb") as out:
             out.writelines(object_storage.pieces(store.away, file))
         if sha256 is not None and file_checksum(partial) != sha256:
-            raise InputError(f"{file} in the object storage is not what was recorded: its checksum is another; restore it from a backup")
+            raise InputError(
+                f"{file} in the object storage is not what was recorded: its checksum is another; restore it from a backup"
+            )
         copy.parent.mkdir(parents=True, exist_ok=True)
         os.replace(partial, copy)
     finally:
@@ -99,10 +107,16 @@ def _moved(store: Store, file: str, sha256: str | None) -> bool:
     try:
         before, total = path.stat(), file_checksum(path)
         if sha256 not in (None, total):
-            log.error("%s is not what was recorded: its checksum was %s; it stays on this disk", file, sha256)
+            log.error(
+                "%s is not what was recorded: its checksum was %s; it stays on this disk",
+                file,
+                sha256,
+            )
             return False
         if object_storage.put(store.away, file, path) != total:
-            raise UnreachableError(f"the object storage {store.away.url} did not give back what was put there; it is tried again")
+            raise UnreachableError(
+                f"the object storage {store.away.url} did not give back what was put there; it is tried again"
+            )
         after = path.stat()
         if (before.st_mtime_ns, before.st_size) != (after.st_mtime_ns, after.st_size):
             return False
@@ -115,13 +129,32 @@ def _moved(store: Store, file: str, sha256: str | None) -> bool:
 
 def _closed(store: Store) -> list[tuple[str, str | None]]:
     """Files that lie in the data folder and may go, with the recordings' checksums: none that is still written."""
-    recordings = {path.name for path in store.recordings.iterdir()} if store.recordings.is_dir() else set()
-    results = [path for path in (store.folder / "results").glob("*.npz") if path.name.split(".")[0].isdecimal()]
+    recordings = (
+        {path.name for path in store.recordings.iterdir()} if store.recordings.is_dir() else set()
+    )
+    results = [
+        path
+        for path in (store.folder / "results").glob("*.npz")
+        if path.name.split(".")[0].isdecimal()
+    ]
     with store.database() as db:
-        query = select(RecordingFile.file, RecordingFile.sha256).where(RecordingFile.sha256.is_not(None))
-        found = [(file, sha256) for file, sha256 in db.execute(query) if Path(file).name in recordings]
-        done = set(db.scalars(select(Result.id).where(Result.state == "done"))) if results else set()
-    return [*found, *((f"results/{path.name}", None) for path in sorted(results) if int(path.name.split(".")[0]) in done)]
+        query = select(RecordingFile.file, RecordingFile.sha256).where(
+            RecordingFile.sha256.is_not(None)
+        )
+        found = [
+            (file, sha256) for file, sha256 in db.execute(query) if Path(file).name in recordings
+        ]
+        done = (
+            set(db.scalars(select(Result.id).where(Result.state == "done"))) if results else set()
+        )
+    return [
+        *found,
+        *(
+            (f"results/{path.name}", None)
+            for path in sorted(results)
+            if int(path.name.split(".")[0]) in done
+        ),
+    ]
 
 
 def _erased(db: Session) -> list[ErasedFile]:
@@ -141,7 +174,9 @@ def _remove_erased(store: Store) -> None:
 
 def _shrink(store: Store, most: int) -> None:
     """Let go of what was not read for longest, until the cache is small enough and the disk has room to record."""
-    lying = sorted(_files(store.folder / CACHE), key=lambda path: path.stat().st_atime_ns, reverse=True)
+    lying = sorted(
+        _files(store.folder / CACHE), key=lambda path: path.stat().st_atime_ns, reverse=True
+    )
     kept = 0
     for path in lying:
         kept += path.stat().st_size

@@ -46,8 +46,14 @@ def change(
     if started is not None:
         started = started if started.tzinfo else started.replace(tzinfo=UTC)
         _require_date(session, started, date_reason)
-    seen = update(PatientSession).where(PatientSession.id == session_id, PatientSession.version == version)
-    claimed = db.execute(seen.values(version=version + 1).returning(PatientSession.id).execution_options(synchronize_session=False)).first()
+    seen = update(PatientSession).where(
+        PatientSession.id == session_id, PatientSession.version == version
+    )
+    claimed = db.execute(
+        seen.values(version=version + 1)
+        .returning(PatientSession.id)
+        .execution_options(synchronize_session=False)
+    ).first()
     if claimed is None:
         db.rollback()
         raise ConflictError("the session")
@@ -77,4 +83,6 @@ def _require_date(session: PatientSession, started: datetime, reason: str) -> No
     if born is not None and started.year < born:
         raise InputError(f"the date is before the patient's year of birth, {born}; check both")
     if started not in (session.recorded_as, session.started) and not reason.strip():
-        raise InputError("a corrected date needs a reason: it stands beside the date for everybody who reads it")
+        raise InputError(
+            "a corrected date needs a reason: it stands beside the date for everybody who reads it"
+        )

@@ -38,9 +38,20 @@ def _lines_of(file: TextIO) -> Iterator[Line]:
             continue
         if mark is None:
             mark = next((m for m in "\t;," if m in text), " ")
-        cells = text.split() if mark == " " else _quoted(text, mark, number) if '"' in text else text.split(mark)
+        cells = (
+            text.split()
+            if mark == " "
+            else _quoted(text, mark, number)
+            if '"' in text
+            else text.split(mark)
+        )
         cells = [cell.strip().strip('"') for cell in cells]
-        yield number, cells if mark == "," else [cell if opened(cell) else cell.replace(",", ".") for cell in cells]
+        yield (
+            number,
+            cells
+            if mark == ","
+            else [cell if opened(cell) else cell.replace(",", ".") for cell in cells],
+        )
 
 
 def _quoted(text: str, mark: str, number: int) -> list[str]:

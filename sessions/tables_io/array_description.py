@@ -11,7 +11,9 @@ import numpy as np
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics.quaternions import Array
 
-PLACE_SD = 5e-4  # m of a magnetometer's place, where nobody tells: between a board's drawing and a ruler
+PLACE_SD = (
+    5e-4  # m of a magnetometer's place, where nobody tells: between a board's drawing and a ruler
+)
 ISO = "iso"
 IN_TURN = "in turn"  # told as `sensor`: rows are those of one magnetometer after the other, in the order of the array's file
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, ISO: 1.0}
@@ -83,7 +85,9 @@ def _described(told: Mapping[str, Any]) -> Described:
     _refuse_others(told, ENTRIES, "the array's file")
     for name, one in each.items():
         _refuse_others(one, OF_EACH, f"magnetometer {name!r}")
-    places = np.array([[_finite(v, f"place of {name}") for v in one["place"]] for name, one in each.items()])
+    places = np.array(
+        [[_finite(v, f"place of {name}") for v in one["place"]] for name, one in each.items()]
+    )
     turns = [one.get("q_bl") for one in each.values()]
     if any(turn is None for turn in turns) and any(turn is not None for turn in turns):
         raise InputError("Tell q_bl of every magnetometer of the array or of none.")
@@ -100,7 +104,11 @@ def _described(told: Mapping[str, Any]) -> Described:
         raise InputError(
             f"Magnetometer {own[0]!r} has `columns` of its own, and every row is one magnetometer's, as `sensor` says: tell `columns` once, beside `sensor`."
         )
-    alike = {} if sensor is None else dict.fromkeys(each, _columns("the array", told.get("columns", ["x", "y", "z"])))
+    alike = (
+        {}
+        if sensor is None
+        else dict.fromkeys(each, _columns("the array", told.get("columns", ["x", "y", "z"])))
+    )
     return Described(
         unit if isinstance(unit, str) else _finite(unit, "unit"),
         tuple(each),
@@ -113,7 +121,8 @@ def _described(told: Mapping[str, Any]) -> Described:
         calibration_sd,
         gradient or 0.0,
         _timing(told.get("time"), rate),
-        alike or {name: _columns(name, one["columns"]) for name, one in each.items() if "columns" in one},
+        alike
+        or {name: _columns(name, one["columns"]) for name, one in each.items() if "columns" in one},
         sensor,
     )
 
@@ -121,7 +130,9 @@ def _described(told: Mapping[str, Any]) -> Described:
 def _refuse_others(told: Mapping[str, Any], known: Sequence[str], what: str) -> None:
     strange = [key for key in told if key not in known]
     if strange:
-        raise InputError(f"There is no entry {strange[0]!r} in {what}; there are {', '.join(known)}.")
+        raise InputError(
+            f"There is no entry {strange[0]!r} in {what}; there are {', '.join(known)}."
+        )
 
 
 def _timing(told: Any, rate: float | None) -> Timing:
@@ -132,13 +143,17 @@ def _timing(told: Any, rate: float | None) -> Timing:
     _refuse_others(told, ("column", "unit"), "the array's `time`")
     unit = told.get("unit", "s")
     if unit not in SECONDS:
-        raise InputError(f"There is no unit {unit!r} of time; units are {', '.join(SECONDS)} (date and time of day).")
+        raise InputError(
+            f"There is no unit {unit!r} of time; units are {', '.join(SECONDS)} (date and time of day)."
+        )
     return Timing(told.get("column", "t"), unit, rate)
 
 
 def _columns(name: str, told: Any) -> tuple[Column, ...]:
     if not isinstance(told, list) or len(told) != 3:
-        raise InputError(f"The columns of {name} are {told!r}; they are three, of x, y and z, by name or counted from 1.")
+        raise InputError(
+            f"The columns of {name} are {told!r}; they are three, of x, y and z, by name or counted from 1."
+        )
     return tuple(told)
 
 

@@ -16,7 +16,16 @@ import numpy as np
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics.quaternions import Array
-from handscope.sessions.tables_io.array_cells import MISSING, Line, is_number, lines_in, number_in, opened, spread, without_end
+from handscope.sessions.tables_io.array_cells import (
+    MISSING,
+    Line,
+    is_number,
+    lines_in,
+    number_in,
+    opened,
+    spread,
+    without_end,
+)
 from handscope.sessions.tables_io.array_description import IN_TURN, ISO, Column, Described, Timing
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log")
@@ -59,15 +68,23 @@ def table(path: Path, told: Described) -> Table:
         second = first if bare else next(lines, None)
         if second is None:
             raise InputError(f"{path.name} holds no readings")
-        wide = [bool(opened(cell)) for cell in second[1]][: len(header)] + [False] * (len(header) - len(second[1]))
-        names = [name + axis for name, three in zip(header, wide) for axis in (AXES if three else ("",))]
+        wide = [bool(opened(cell)) for cell in second[1]][: len(header)] + [False] * (
+            len(header) - len(second[1])
+        )
+        names = [
+            name + axis for name, three in zip(header, wide) for axis in (AXES if three else ("",))
+        ]
         columns = _columns(path.name, [] if bare else names, len(names), told)
-        rows = _rows(path.name, _again(second, lines), wide if any(wide) else [], len(header), columns, told)
+        rows = _rows(
+            path.name, _again(second, lines), wide if any(wide) else [], len(header), columns, told
+        )
     if columns.single:
         return _by_magnetometer(path.name, rows, columns, told)
     t, times = _times(path.name, rows, columns, told.time)
     where = {k: i for i, k in enumerate(columns.all)}
-    return Table(t, {name: rows[:, [where[k] for k in axes]] for name, axes in columns.axes.items()}, times)
+    return Table(
+        t, {name: rows[:, [where[k] for k in axes]] for name, axes in columns.axes.items()}, times
+    )
 
 
 def _again(first: Line, rest: Iterator[Line]) -> Iterator[Line]:
@@ -78,7 +95,9 @@ def _again(first: Line, rest: Iterator[Line]) -> Iterator[Line]:
 def _columns(file: str, header: Sequence[str], many: int, told: Described) -> Columns:
     if len(set(header)) < len(header):
         raise InputError(f"{file}: two columns have the same name")
-    place: dict[Column, int] = {name: k for k, name in enumerate(header)} | {k + 1: k for k in range(many)}
+    place: dict[Column, int] = {name: k for k, name in enumerate(header)} | {
+        k + 1: k for k in range(many)
+    }
     small = {name.lower(): k for k, name in reversed(list(enumerate(header)))}
     time: int | None = None
     if told.time.rate is None:
@@ -93,7 +112,11 @@ def _columns(file: str, header: Sequence[str], many: int, told: Described) -> Co
     axes, own = {}, {}
     for name in told.names:
         asked = told.columns.get(name)
-        found = [small.get(f"{name}_{axis}".lower()) for axis in "xyz"] if asked is None else [place.get(column) for column in asked]
+        found = (
+            [small.get(f"{name}_{axis}".lower()) for axis in "xyz"]
+            if asked is None
+            else [place.get(column) for column in asked]
+        )
         x, y, z = found
         if x is None or y is None or z is None:
             raise InputError(
@@ -105,7 +128,14 @@ def _columns(file: str, header: Sequence[str], many: int, told: Described) -> Co
     return Columns(time, axes, own)
 
 
-def _of_long(file: str, header: Sequence[str], many: int, told: Described, place: Mapping[Column, int], time: int | None) -> Columns:
+def _of_long(
+    file: str,
+    header: Sequence[str],
+    many: int,
+    told: Described,
+    place: Mapping[Column, int],
+    time: int | None,
+) -> Columns:
     """Where every row is one magnetometer's: whose stands in a column of its own."""
     asked = told.columns[told.names[0]]
     x, y, z = (place.get(column) for column in asked)
@@ -118,19 +148,34 @@ def _of_long(file: str, header: Sequence[str], many: int, told: Described, place
 
 
 def _some(header: Sequence[str], many: int) -> str:
-    return ", ".join(header[:6]) + (", ..." if len(header) > 6 else "") if header else f"{many} columns without names, counted from 1"
+    return (
+        ", ".join(header[:6]) + (", ..." if len(header) > 6 else "")
+        if header
+        else f"{many} columns without names, counted from 1"
+    )
 
 
-def _rows(file: str, lines: Iterator[Line], wide: Sequence[bool], many: int, columns: Columns, told: Described) -> Array:
+def _rows(
+    file: str,
+    lines: Iterator[Line],
+    wide: Sequence[bool],
+    many: int,
+    columns: Columns,
+    told: Described,
+) -> Array:
     """The columns asked for (n, k); one number takes 8 bytes, not a Python object. `wide`: which cells hold three, empty where none does."""
     wanted, values = columns.all, numbers("d")
-    reading: list[Callable[[str], float]] = [_instant if k == columns.t and told.time.unit == ISO else number_in for k in wanted]
+    reading: list[Callable[[str], float]] = [
+        _instant if k == columns.t and told.time.unit == ISO else number_in for k in wanted
+    ]
     if columns.whose is not None:
         reading[wanted.index(columns.whose)] = _whose(told.names)
     for number, line in lines:
         cells = without_end(line, many)
         if len(cells) != many:
-            raise InputError(f"{file}, line {number}: {len(cells)} columns where the first line has {many}")
+            raise InputError(
+                f"{file}, line {number}: {len(cells)} columns where the first line has {many}"
+            )
         try:
             cells = spread(cells, wide) if wide else cells
             values.extend(read(cells[k]) for k, read in zip(wanted, reading))
@@ -157,14 +202,18 @@ def _instant(cell: str) -> float:
     return datetime.fromisoformat(cell).timestamp()
 
 
-def _times(file: str, rows: Array, columns: Columns, time: Timing) -> tuple[Array, Mapping[str, Array]]:
+def _times(
+    file: str, rows: Array, columns: Columns, time: Timing
+) -> tuple[Array, Mapping[str, Array]]:
     """Seconds from the first row, and of the magnetometers that have times of their own."""
     if columns.t is None:
         assert time.rate is not None
         return np.arange(len(rows)) / time.rate, {}
     t = rows[:, 0]
     _require_increasing(file, t)
-    return (t - t[0]) * time.seconds, {name: (rows[:, 1 + k] - t[0]) * time.seconds for k, name in enumerate(columns.own)}
+    return (t - t[0]) * time.seconds, {
+        name: (rows[:, 1 + k] - t[0]) * time.seconds for k, name in enumerate(columns.own)
+    }
 
 
 def _by_magnetometer(file: str, rows: Array, columns: Columns, told: Described) -> Table:
@@ -173,7 +222,11 @@ def _by_magnetometer(file: str, rows: Array, columns: Columns, told: Described) 
         raise InputError(
             f"{file} has {len(rows)} rows, no multiple of the array's {len(told.names)} magnetometers: one is missing, or they do not come in turn"
         )
-    whose = np.arange(len(rows)) % len(told.names) if columns.whose is None else rows[:, columns.all.index(columns.whose)]
+    whose = (
+        np.arange(len(rows)) % len(told.names)
+        if columns.whose is None
+        else rows[:, columns.all.index(columns.whose)]
+    )
     parts = {name: rows[whose == k] for k, name in enumerate(told.names)}
     if missing := [name for name, part in parts.items() if not len(part)]:
         raise InputError(f"{file} has no magnetometer {missing[0]!r} in its column {told.sensor!r}")

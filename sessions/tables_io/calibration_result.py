@@ -12,7 +12,9 @@ from handscope.estimators.hand.anatomy import HANDS, SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
 
-SEAT_KNOWN = np.radians(3.0)  # largest standard deviation of a seat that movement told; the others rest on the nominal mounting
+SEAT_KNOWN = np.radians(
+    3.0
+)  # largest standard deviation of a seat that movement told; the others rest on the nominal mounting
 
 
 def read(path: Path) -> Known:
@@ -22,7 +24,9 @@ def read(path: Path) -> Known:
     except OSError as problem:
         raise InputError(f"{path} cannot be read: {problem.strerror}") from None
     except ValueError:
-        raise InputError(f"{path} is no JSON; name a ..._calibration.json that `handscope process --method map` wrote") from None
+        raise InputError(
+            f"{path} is no JSON; name a ..._calibration.json that `handscope process --method map` wrote"
+        ) from None
     try:
         return known_of(table)
     except (KeyError, TypeError, ValueError, AttributeError):
@@ -35,8 +39,14 @@ def known_of(table: dict[str, Any]) -> Known:
     """What movement told, of the table that `derivative.calibration_table` makes; KeyError, TypeError or ValueError where it is none."""
     if table["MeasuredHand"] not in HANDS:
         raise ValueError(table["MeasuredHand"])
-    lengths = {s: float(entry["value"]) for s, entry in table["segment_lengths"].items() if "sd" in entry}
-    seats = {s: quat.normalize(_numbers(seat["q_BS"], 4)) for s, seat in table["sensor_to_segment"].items() if _told(seat)}
+    lengths = {
+        s: float(entry["value"]) for s, entry in table["segment_lengths"].items() if "sd" in entry
+    }
+    seats = {
+        s: quat.normalize(_numbers(seat["q_BS"], 4))
+        for s, seat in table["sensor_to_segment"].items()
+        if _told(seat)
+    }
     biases = {s: _numbers(b, 3) for s, b in table["gyr_bias"].items()}
     if unknown := (set(lengths) | set(seats) | set(biases)) - set(SEGMENTS):
         raise ValueError(unknown)

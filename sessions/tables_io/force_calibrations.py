@@ -13,7 +13,10 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.force.setup import ForceSetup, setups_from, table_of
 
 FOLDER = "force_calibrations"  # in the data folder
-SETUP, SETUPS = "ForceSetup", "force_setups"  # in a file, by point; in a recording, by strip and point
+SETUP, SETUPS = (
+    "ForceSetup",
+    "force_setups",
+)  # in a file, by point; in a recording, by strip and point
 Kept = Mapping[str, Mapping[str, ForceSetup]]  # by strip_id in hexadecimal, then by tracked point
 
 
@@ -31,15 +34,22 @@ def kept(data: Path) -> dict[str, Any]:
 def of_recording(metadata: Mapping[str, Any]) -> Kept:
     """What a recording's metadata holds; InputError where that cannot be read."""
     told = metadata.get(SETUPS) or {}
-    if not isinstance(told, Mapping) or not all(isinstance(table, Mapping) for table in told.values()):
-        raise InputError("the recording's calibrations of force sensors are no tables by strip; it cannot be opened")
+    if not isinstance(told, Mapping) or not all(
+        isinstance(table, Mapping) for table in told.values()
+    ):
+        raise InputError(
+            "the recording's calibrations of force sensors are no tables by strip; it cannot be opened"
+        )
     return {strip: setups_from(table) for strip, table in told.items()}
 
 
 def _read(path: Path) -> dict[str, Any]:
     """By point, what turns readings to forces; how sure each number is stays in the file."""
     try:
-        return {point: table_of(setup) for point, setup in setups_from(json.loads(path.read_text("utf-8"))[SETUP]).items()}
+        return {
+            point: table_of(setup)
+            for point, setup in setups_from(json.loads(path.read_text("utf-8"))[SETUP]).items()
+        }
     except (InputError, OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
         said = problem if isinstance(problem, InputError) else "it is no ForceSetup"
         raise InputError(

@@ -24,7 +24,10 @@ class NumberTable:
         for start in range(0, len(self.parts[0]), SLICE):
             rows = np.column_stack([part[start : start + SLICE] for part in self.parts])
             text = orjson.dumps(np.ascontiguousarray(rows), option=orjson.OPT_SERIALIZE_NUMPY)
-            yield text[2:-2].replace(b"],[", b"\n").replace(b",", b"\t").replace(b"null", b"n/a") + b"\n"
+            yield (
+                text[2:-2].replace(b"],[", b"\n").replace(b",", b"\t").replace(b"null", b"n/a")
+                + b"\n"
+            )
 
     def __bytes__(self) -> bytes:
         return b"".join(self)

@@ -36,12 +36,18 @@ def table_of(moved: Trajectory) -> tuple[list[Column], NumberTable]:
 
 def channels_of(columns: list[Column]) -> bytes:
     """The channels.tsv of the columns."""
-    return ("name\tcomponent\ttype\ttracked_point\tunits\n" + "\n".join("\t".join(c) for c in columns) + "\n").encode()
+    return (
+        "name\tcomponent\ttype\ttracked_point\tunits\n"
+        + "\n".join("\t".join(c) for c in columns)
+        + "\n"
+    ).encode()
 
 
 def measured_segments(moved: Trajectory) -> list[str]:
     """Segments with an orientation at any time."""
-    return [s for k, s in enumerate(SEGMENTS) if len(moved) and np.isfinite(moved.q_GS[:, k, 0]).any()]
+    return [
+        s for k, s in enumerate(SEGMENTS) if len(moved) and np.isfinite(moved.q_GS[:, k, 0]).any()
+    ]
 
 
 def _add_forces(moved: Trajectory, columns: list[Column], data: list[Array]) -> None:
@@ -55,27 +61,54 @@ def _add_forces(moved: Trajectory, columns: list[Column], data: list[Array]) -> 
                 (f"{point}_{c}_sd", c, "MISC", point, "N") for c in "xyz"
             ]
             columns.append((f"{point}_flags", "n/a", "MISC", point, "n/a"))
-            data += [*moved.forces[:, f].T, *moved.forces_sd[:, f].T, moved.force_flags[:, f].astype(float)]
+            data += [
+                *moved.forces[:, f].T,
+                *moved.forces_sd[:, f].T,
+                moved.force_flags[:, f].astype(float),
+            ]
             _add_torques(moved, f, columns, data)
 
 
 def _add_torques(moved: Trajectory, f: int, columns: list[Column], data: list[Array]) -> None:
     """Of a finger whose force sensor has six axes."""
-    if moved.torques is None or moved.torques_sd is None or not np.isfinite(moved.torques[:, f]).any():
+    if (
+        moved.torques is None
+        or moved.torques_sd is None
+        or not np.isfinite(moved.torques[:, f]).any()
+    ):
         return
     point, name = f"{FINGERS[f]}_tip_force", f"{FINGERS[f]}_tip_torque"
-    columns += [(f"{name}_{c}{what}", c, "MISC", point, "N*m") for what in ("", "_sd") for c in "xyz"]
+    columns += [
+        (f"{name}_{c}{what}", c, "MISC", point, "N*m") for what in ("", "_sd") for c in "xyz"
+    ]
     data += [*moved.torques[:, f].T, *moved.torques_sd[:, f].T]
 
 
 def _add_place(moved: Trajectory, columns: list[Column], data: list[Array]) -> None:
     """Where the hand is, seen from the trunk, and how the trunk is turned."""
-    if moved.place is None or moved.place_sd is None or moved.place_flags is None or moved.q_trunk is None or moved.signal is None:
+    if (
+        moved.place is None
+        or moved.place_sd is None
+        or moved.place_flags is None
+        or moved.q_trunk is None
+        or moved.signal is None
+    ):
         return
-    columns += [(f"hand_place_{c}", c, "POS", "hand", "m") for c in "xyz"] + [(f"hand_place_{c}_sd", c, "MISC", "hand", "m") for c in "xyz"]
+    columns += [(f"hand_place_{c}", c, "POS", "hand", "m") for c in "xyz"] + [
+        (f"hand_place_{c}_sd", c, "MISC", "hand", "m") for c in "xyz"
+    ]
     columns += [(f"trunk_quat_{c}", f"quat_{c}", "ORNT", "trunk", "n/a") for c in "wxyz"]
-    columns += [("hand_place_signal", "n/a", "MISC", "hand", "dB"), ("hand_place_flags", "n/a", "MISC", "hand", "n/a")]
-    data += [*moved.place.T, *moved.place_sd.T, *moved.q_trunk.T, moved.signal, moved.place_flags.astype(float)]
+    columns += [
+        ("hand_place_signal", "n/a", "MISC", "hand", "dB"),
+        ("hand_place_flags", "n/a", "MISC", "hand", "n/a"),
+    ]
+    data += [
+        *moved.place.T,
+        *moved.place_sd.T,
+        *moved.q_trunk.T,
+        moved.signal,
+        moved.place_flags.astype(float),
+    ]
 
 
 def _add_deviations(moved: Trajectory, columns: list[Column], data: list[Array]) -> None:

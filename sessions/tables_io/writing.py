@@ -23,7 +23,9 @@ def save_folder(files: Mapping[str, Data], folder: Path) -> None:
                 file.writelines(pieces(data))
         _exchange(staging, folder, list(files))
     except OSError as problem:
-        raise InputError(f"{folder} cannot be written to: {problem.strerror}; nothing was kept") from None
+        raise InputError(
+            f"{folder} cannot be written to: {problem.strerror}; nothing was kept"
+        ) from None
     finally:
         shutil.rmtree(staging, ignore_errors=True)
 

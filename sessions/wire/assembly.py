@@ -13,7 +13,17 @@ from typing import Any
 import numpy as np
 
 from handscope.estimators.data.magnet_declaration import Plate
-from handscope.estimators.data.samples import FORCE, FORCE_POINTS, GYR, MAG, SATURATION, TORQUE, Block, Event, Stream
+from handscope.estimators.data.samples import (
+    FORCE,
+    FORCE_POINTS,
+    GYR,
+    MAG,
+    SATURATION,
+    TORQUE,
+    Block,
+    Event,
+    Stream,
+)
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
@@ -24,13 +34,29 @@ from handscope.sessions.wire import force_calibration
 from handscope.sessions.wire.clock_mapping import ClockMap
 from handscope.sessions.wire.force_calibration import ForceTold
 from handscope.sessions.wire.framing import Counters, Decoder
-from handscope.sessions.wire.messages import Identity, Mark, Message, Pong, Reply, Samples, Status, StreamInfo, Strip, StripCalibration
+from handscope.sessions.wire.messages import (
+    Identity,
+    Mark,
+    Message,
+    Pong,
+    Reply,
+    Samples,
+    Status,
+    StreamInfo,
+    Strip,
+    StripCalibration,
+)
 from handscope.sessions.wire.sample_values import fits, values_of
 
 NS = 1e-9
 SET_BACK = 0.1  # s; as much may a better map of a foreign clock set a burst back: its samples are squeezed together, not dropped
 WAITING = 512  # bursts kept while their stream is not described yet: about 2 s of 17 sensors
-KINDS = {GYR: "", MAG: "_mag", FORCE: "_force", TORQUE: "_torque"}  # behind the strip's name, by the first of these that a stream gives
+KINDS = {
+    GYR: "",
+    MAG: "_mag",
+    FORCE: "_force",
+    TORQUE: "_torque",
+}  # behind the strip's name, by the first of these that a stream gives
 
 
 @dataclass
@@ -56,22 +82,36 @@ class Assembler:
     counts: dict[str, StreamCount] = field(default_factory=dict)  # by stream name
     replies: deque[Reply] = field(default_factory=lambda: deque(maxlen=64))
     calibrations: dict[tuple[int, int], StripCalibration] = field(default_factory=dict)
-    forces: dict[tuple[int, int], ForceTold] = field(default_factory=dict)  # calibrations of force sensors
+    forces: dict[tuple[int, int], ForceTold] = field(
+        default_factory=dict
+    )  # calibrations of force sensors
     kept_forces: Kept = field(default_factory=dict)  # of strips that tell none
     marks: list[Event] = field(default_factory=list)  # events that the device told, in order
-    mounting: dict[str, Array] = field(default_factory=dict)  # nominal q_BS (4,) by tracked point, as the strips tell
-    plate: Plate | None = None  # magnetometers on the trunk and magnet on the hand, as the glove tells
+    mounting: dict[str, Array] = field(
+        default_factory=dict
+    )  # nominal q_BS (4,) by tracked point, as the strips tell
+    plate: Plate | None = (
+        None  # magnetometers on the trunk and magnet on the hand, as the glove tells
+    )
     replaced: int = 0  # times that another device was plugged in
     undescribed: int = 0  # bursts dropped because their stream was never described
-    exchanged: dict[str, str] = field(default_factory=dict)  # by the finger that a strip says it is for, the one that it is on
-    host: ClockMap = field(default_factory=ClockMap)  # base unit's clock to the host's arrival times, s
+    exchanged: dict[str, str] = field(
+        default_factory=dict
+    )  # by the finger that a strip says it is for, the one that it is on
+    host: ClockMap = field(
+        default_factory=ClockMap
+    )  # base unit's clock to the host's arrival times, s
     _told: dict[int, Strip] = field(default_factory=dict)  # strips as they describe themselves
     _readings: dict[int, "_Reading"] = field(default_factory=dict)  # by stream number
     _clocks: dict[int, ClockMap] = field(default_factory=dict)
-    _zero: int | None = None  # base clock at recording time 0, ns; moves when the device begins again
+    _zero: int | None = (
+        None  # base clock at recording time 0, ns; moves when the device begins again
+    )
     _next_index: dict[int, int] = field(default_factory=dict)
     _waiting: deque[tuple[Samples, float]] = field(default_factory=lambda: deque(maxlen=WAITING))
-    _early: deque[Mark] = field(default_factory=lambda: deque(maxlen=64))  # marks that came before the first sample
+    _early: deque[Mark] = field(
+        default_factory=lambda: deque(maxlen=64)
+    )  # marks that came before the first sample
     _host_zero: float | None = None  # arrival time at recording time 0
     _newest: dict[str, float] = field(default_factory=dict)
 
@@ -83,7 +123,11 @@ class Assembler:
         """Blocks completed by this chunk, at most one a stream; `arrival` is the host's clock in s."""
         return self.feed_all([(arrival, chunk)])
 
-    def feed_all(self, chunks: Iterable[tuple[float, bytes]], failed: Callable[[Exception], object] | None = None) -> list[Block]:
+    def feed_all(
+        self,
+        chunks: Iterable[tuple[float, bytes]],
+        failed: Callable[[Exception], object] | None = None,
+    ) -> list[Block]:
         """Blocks completed by many (arrival, chunk), at most one a stream; the same samples as from one chunk after the other, sooner.
 
         A message that fails, by a fault of ours, is left out alone and told to `failed`; the error is raised where nobody is to be told.
@@ -93,14 +137,23 @@ class Assembler:
             for message in self.decoder.feed(chunk):
                 try:
                     for burst in self._take(message, arrival):
-                        bursts.setdefault(id(burst.reading), []).append(burst)  # a stream described anew is another one
+                        bursts.setdefault(id(burst.reading), []).append(
+                            burst
+                        )  # a stream described anew is another one
                 except Exception as fault:
                     if failed is None:
                         raise
                     failed(fault)
-        return [block for parts in bursts.values() for block in self._blocks(parts, failed) if len(block.t)]
+        return [
+            block
+            for parts in bursts.values()
+            for block in self._blocks(parts, failed)
+            if len(block.t)
+        ]
 
-    def _blocks(self, bursts: "list[_Burst]", failed: Callable[[Exception], object] | None) -> list[Block]:
+    def _blocks(
+        self, bursts: "list[_Burst]", failed: Callable[[Exception], object] | None
+    ) -> list[Block]:
         """The bursts of one stream as one block; where one fails each by itself, without those that do."""
         try:
             return [self._block(bursts)]
@@ -132,17 +185,29 @@ class Assembler:
             self._mount(strip)
         self.streams.clear()
         self._rename()
-        names = {name: self.streams[number].name for number, name in before.items() if number in self.streams}
+        names = {
+            name: self.streams[number].name
+            for number, name in before.items()
+            if number in self.streams
+        }
         self.counts = {names.get(name, name): count for name, count in self.counts.items()}
         self._newest = {names.get(name, name): t for name, t in self._newest.items()}
 
     def _worn(self, strip: Strip) -> Strip:
         """The strip with the points of the finger that it is on."""
-        on = {p: q for finger, other in self.exchanged.items() for p, q in zip(CHAINS[finger], CHAINS[other])}
+        on = {
+            p: q
+            for finger, other in self.exchanged.items()
+            for p, q in zip(CHAINS[finger], CHAINS[other])
+        }
         return replace(strip, points=tuple(on.get(p, p) for p in strip.points))
 
     def _mount(self, strip: Strip) -> None:
-        turned = np.reshape(strip.mounting, (-1, 4)) if strip.mounting else np.tile(quat.IDENTITY, (len(strip.points), 1))
+        turned = (
+            np.reshape(strip.mounting, (-1, 4))
+            if strip.mounting
+            else np.tile(quat.IDENTITY, (len(strip.points), 1))
+        )
         self.mounting |= dict(zip(strip.points, quat.normalize(turned)))
 
     def _take(self, message: Message, arrival: float) -> "Iterable[_Burst]":
@@ -175,11 +240,20 @@ class Assembler:
     def _identified(self, identity: Identity) -> None:
         if self.identity is not None and identity.device_id != self.identity.device_id:
             self.replaced += 1
-        if self.identity is not None and (identity.boot_id, identity.device_id) != (self.identity.boot_id, self.identity.device_id):
+        if self.identity is not None and (identity.boot_id, identity.device_id) != (
+            self.identity.boot_id,
+            self.identity.device_id,
+        ):
             self.undescribed += self.waiting
             self._waiting.clear()
             self._early.clear()
-            self.strips, self.infos, self.streams, self._clocks, self.host = {}, {}, {}, {}, ClockMap()
+            self.strips, self.infos, self.streams, self._clocks, self.host = (
+                {},
+                {},
+                {},
+                {},
+                ClockMap(),
+            )
             self._told, self.plate = {}, None
             self.calibrations, self.forces, self._readings = {}, {}, {}
             self._zero, self._next_index = None, {}
@@ -189,8 +263,12 @@ class Assembler:
         self._told[told.slot] = told
         strip = self._worn(told)
         before = self.strips.get(strip.slot)
-        if not strip.attached or (before is not None and before.strip_id != strip.strip_id):  # another strip has another flash
-            self.calibrations = {key: c for key, c in self.calibrations.items() if key[0] != strip.slot}
+        if not strip.attached or (
+            before is not None and before.strip_id != strip.strip_id
+        ):  # another strip has another flash
+            self.calibrations = {
+                key: c for key, c in self.calibrations.items() if key[0] != strip.slot
+            }
             self.forces = {key: c for key, c in self.forces.items() if key[0] != strip.slot}
         if not strip.attached:
             self.strips.pop(strip.slot, None)
@@ -205,7 +283,9 @@ class Assembler:
 
     def _calibrated(self, calibration: StripCalibration | ForceTold) -> None:
         key = calibration.slot, calibration.sensor
-        known: dict[tuple[int, int], Any] = self.forces if isinstance(calibration, ForceTold) else self.calibrations
+        known: dict[tuple[int, int], Any] = (
+            self.forces if isinstance(calibration, ForceTold) else self.calibrations
+        )
         if known.get(key) != calibration:
             known[key] = calibration
             self._rename()
@@ -214,8 +294,13 @@ class Assembler:
         if self._zero is None:
             self._early.append(mark)
             return
-        details = {key: _degrees(value) if key.endswith("_deg") else value for key, value in mark.details.items()}
-        self.marks.append(Event((mark.t - self._zero) * NS, mark.duration * NS, mark.trial_type, details))
+        details = {
+            key: _degrees(value) if key.endswith("_deg") else value
+            for key, value in mark.details.items()
+        }
+        self.marks.append(
+            Event((mark.t - self._zero) * NS, mark.duration * NS, mark.trial_type, details)
+        )
 
     def _described(self, info: StreamInfo) -> None:
         if self.infos.get(info.stream) != info:
@@ -226,7 +311,9 @@ class Assembler:
     def _released(self) -> "Iterable[_Burst]":
         """The bursts whose stream is described by now."""
         ready = [w for w in self._waiting if w[0].stream in self.streams]
-        self._waiting = deque((w for w in self._waiting if w[0].stream not in self.streams), maxlen=WAITING)
+        self._waiting = deque(
+            (w for w in self._waiting if w[0].stream not in self.streams), maxlen=WAITING
+        )
         for samples, arrival in ready:
             yield from self._sampled(samples, arrival)
 
@@ -238,24 +325,59 @@ class Assembler:
             if strip is None or told is None:
                 self.streams.pop(number, None)  # its bursts wait
                 continue
-            name = _label(strip.points) + next((kind for quantity, kind in KINDS.items() if quantity in info.quantities), "_other")
-            if name in {s.name for n, s in self.streams.items() if n != number}:  # two strips for the same finger
+            name = _label(strip.points) + next(
+                (kind for quantity, kind in KINDS.items() if quantity in info.quantities), "_other"
+            )
+            if name in {
+                s.name for n, s in self.streams.items() if n != number
+            }:  # two strips for the same finger
                 name += f"_slot{info.slot}"
             calibrations = [correction_of(m) for m in told]
-            scales = {q: imu_calibration.reach(calibrations, q, f) for q, f in zip(info.quantities, info.full_scale) if f > 0}
+            scales = {
+                q: imu_calibration.reach(calibrations, q, f)
+                for q, f in zip(info.quantities, info.full_scale)
+                if f > 0
+            }
             forces, applied = self._forces_of(strip, info)
             known = {p: f for p, f in zip(strip.points, forces) if f is not None}
             if known and applied:
-                scales = {q: f for q, f in scales.items() if q not in (FORCE, TORQUE)}  # a limit is of what was sent
-            scale_sd, turn_sd = {p: f.scale_sd for p, f in known.items()}, {p: f.turn_sd for p, f in known.items() if f.turn_sd is not None}
-            stream = Stream(name, strip.points, info.quantities, info.rate, f"clock{info.clock}", scales, scale_sd, turn_sd)
+                scales = {
+                    q: f for q, f in scales.items() if q not in (FORCE, TORQUE)
+                }  # a limit is of what was sent
+            scale_sd, turn_sd = (
+                {p: f.scale_sd for p, f in known.items()},
+                {p: f.turn_sd for p, f in known.items() if f.turn_sd is not None},
+            )
+            stream = Stream(
+                name,
+                strip.points,
+                info.quantities,
+                info.rate,
+                f"clock{info.clock}",
+                scales,
+                scale_sd,
+                turn_sd,
+            )
             if self.streams.get(number) != stream:
                 self.streams[number] = stream
             before = self._readings.get(number)
-            if before is None or (before.stream, before.info, before.told, before.forces) != (stream, info, told, forces):
-                correction = imu_calibration.correction(calibrations, info.quantities) if calibrations else None
-                limits = np.repeat([SATURATION * stream.full_scale.get(q, np.inf) for q in stream.quantities], 3)
-                self._readings[number] = _Reading(self.streams[number], info, told, correction, limits, forces, applied)
+            if before is None or (before.stream, before.info, before.told, before.forces) != (
+                stream,
+                info,
+                told,
+                forces,
+            ):
+                correction = (
+                    imu_calibration.correction(calibrations, info.quantities)
+                    if calibrations
+                    else None
+                )
+                limits = np.repeat(
+                    [SATURATION * stream.full_scale.get(q, np.inf) for q in stream.quantities], 3
+                )
+                self._readings[number] = _Reading(
+                    self.streams[number], info, told, correction, limits, forces, applied
+                )
 
     def _corrections_of(self, strip: Strip) -> tuple[StripCalibration, ...] | None:
         """What corrects each sensor of a strip, empty where nothing is to be done; None while the strip has not told it all."""
@@ -267,15 +389,31 @@ class Assembler:
         told = tuple(self.calibrations.get(key, StripCalibration(*key)) for key in keys)
         return () if all(correction_of(c).trivial for c in told) else told
 
-    def _forces_of(self, strip: Strip, info: StreamInfo) -> tuple[tuple[ForceTold | None, ...], bool]:
+    def _forces_of(
+        self, strip: Strip, info: StreamInfo
+    ) -> tuple[tuple[ForceTold | None, ...], bool]:
         """What is known of each force sensor of a stream, empty where nothing is, and whether samples are still to be corrected by it."""
         told = tuple(self.forces.get((strip.slot, k)) for k in range(len(strip.points)))
-        kept = () if any(told) else force_calibration.of_kept(self.kept_forces.get(f"{strip.strip_id:x}", {}), strip.slot, strip.points)
+        kept = (
+            ()
+            if any(told)
+            else force_calibration.of_kept(
+                self.kept_forces.get(f"{strip.strip_id:x}", {}), strip.slot, strip.points
+            )
+        )
         found = told if any(told) else kept
-        return (found, self.correct and (strip.raw or found is kept)) if FORCE in info.quantities and any(found) else ((), False)
+        return (
+            (found, self.correct and (strip.raw or found is kept))
+            if FORCE in info.quantities and any(found)
+            else ((), False)
+        )
 
     def _sampled(self, samples: Samples, arrival: float) -> "Iterable[_Burst]":
-        reading = self._readings.get(samples.stream) if samples.stream in self.streams and samples.stream in self.infos else None
+        reading = (
+            self._readings.get(samples.stream)
+            if samples.stream in self.streams and samples.stream in self.infos
+            else None
+        )
         if reading is None:
             if len(self._waiting) == WAITING:
                 self.undescribed += 1
@@ -304,7 +442,9 @@ class Assembler:
         base = own * NS if info.clock == 0 else self._clocks[info.clock].local(own * NS)
         if self._zero is None:  # the first sample, or the first after the device began again
             self._host_zero = arrival if self._host_zero is None else self._host_zero
-            self._zero = (own if info.clock == 0 else round(base / NS)) - round((arrival - self._host_zero) / NS)
+            self._zero = (own if info.clock == 0 else round(base / NS)) - round(
+                (arrival - self._host_zero) / NS
+            )
             while self._early:
                 self._marked(self._early.popleft())
         first = (own - self._zero) * NS if info.clock == 0 else base - self._zero * NS
@@ -329,11 +469,16 @@ class Assembler:
         if reading.correction is not None:
             values = imu_calibration.corrected(reading.correction, values)
         if reading.forces and reading.raw:
-            values = force_calibration.corrected(values, reading.info.quantities, reading.info.full_scale, reading.forces)
+            values = force_calibration.corrected(
+                values, reading.info.quantities, reading.info.full_scale, reading.forces
+            )
         at_limit = np.abs(values) >= reading.limits
         if at_limit.any():  # hardly ever
             count = self.counts[reading.stream.name]
-            count.saturated += sum(int(at_limit[..., reading.stream.axes(q)].any(axis=-1).sum()) for q in reading.stream.quantities)
+            count.saturated += sum(
+                int(at_limit[..., reading.stream.axes(q)].any(axis=-1).sum())
+                for q in reading.stream.quantities
+            )
         return Block(reading.stream, t, values)
 
 
@@ -345,7 +490,9 @@ class _Reading:
     info: StreamInfo
     told: tuple[StripCalibration, ...]
     correction: Correction | None
-    limits: Array  # (axes,) sizes that count as the sensor's limit, SI; infinite where none is known
+    limits: (
+        Array  # (axes,) sizes that count as the sensor's limit, SI; infinite where none is known
+    )
     forces: tuple[ForceTold | None, ...]  # calibrations of force sensors
     raw: bool  # whether they are still to be applied
 
@@ -384,4 +531,10 @@ def _degrees(value: str) -> float | str:
 def _label(points: tuple[str, ...]) -> str:
     """What people call the strip: its finger, its only point, or where it is worn."""
     fingers = {point.split("_")[0] for point in points}
-    return fingers.pop() if len(fingers) == 1 else "fingertips" if set(points) <= set(FORCE_POINTS) else "_".join(points)
+    return (
+        fingers.pop()
+        if len(fingers) == 1
+        else "fingertips"
+        if set(points) <= set(FORCE_POINTS)
+        else "_".join(points)
+    )

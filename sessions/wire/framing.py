@@ -13,9 +13,7 @@ from cobs import cobs
 from handscope.sessions.wire.messages import BadPayloadError, Identity, Message, decode, encode
 from handscope.sessions.wire.stuffing import unstuffed
 
-LONGEST = (
-    4096  # bytes of a frame on the wire; more without a zero byte is garbage. A burst of 3 sensors, 6 axes of 4 bytes, has 72 a sample
-)
+LONGEST = 4096  # bytes of a frame on the wire; more without a zero byte is garbage. A burst of 3 sensors, 6 axes of 4 bytes, has 72 a sample
 REORDER = 1000  # a sequence number further back than this is a gap forward, not an old frame
 
 
@@ -64,7 +62,11 @@ class Decoder:
 
     def _open(self, frame: bytes) -> Message | None:
         body = unstuffed(frame) if len(frame) <= LONGEST else None
-        if body is None or len(body) < 7 or zlib.crc32(body[:-4]) != struct.unpack("<I", body[-4:])[0]:
+        if (
+            body is None
+            or len(body) < 7
+            or zlib.crc32(body[:-4]) != struct.unpack("<I", body[-4:])[0]
+        ):
             self._count(corrupt=1, garbage_bytes=len(frame) + 1)
             return None
         code, sequence = struct.unpack_from("<BH", body)

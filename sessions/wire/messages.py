@@ -56,7 +56,9 @@ class Strip:
     attached: bool
     strip_id: int
     points: tuple[str, ...]
-    mounting: tuple[float, ...] = ()  # nominal q_BS of each sensor, 4 numbers each; empty = axes along the segment's
+    mounting: tuple[
+        float, ...
+    ] = ()  # nominal q_BS of each sensor, 4 numbers each; empty = axes along the segment's
     raw: bool = False  # samples are as the sensors read; the host corrects them by the StripCalibration of each
 
 
@@ -71,7 +73,9 @@ class StreamInfo:
     format: Format
     rate: float  # Hz
     scale: tuple[float, ...]  # SI units per count, by quantity
-    full_scale: tuple[float, ...]  # largest value of the sensor in SI units, by quantity; 0 = unknown
+    full_scale: tuple[
+        float, ...
+    ]  # largest value of the sensor in SI units, by quantity; 0 = unknown
 
 
 @dataclass(frozen=True)
@@ -245,21 +249,31 @@ def _read_identity(p: bytes) -> Identity:
 
 def _write_identity(m: Identity) -> bytes:
     hand = next(code for code, name in HAND_CODES.items() if name == m.hand)
-    return struct.pack("<HQIB", m.version, m.device_id, m.boot_id, hand) + _text(m.name) + _text(m.firmware)
+    return (
+        struct.pack("<HQIB", m.version, m.device_id, m.boot_id, hand)
+        + _text(m.name)
+        + _text(m.firmware)
+    )
 
 
 def _read_strip(p: bytes) -> Strip:
     slot, attached, strip_id, count = struct.unpack_from("<BBQB", p)
     points = tuple(TRACKED_POINTS[code] for code in struct.unpack_from(f"<{count}B", p, 11))
     mounting = struct.unpack(f"<{4 * count}f", p[11 + count :]) if len(p) > 11 + count else ()
-    if not all(0.99 < np.linalg.norm(mounting[k : k + 4]) < 1.01 for k in range(0, len(mounting), 4)):
+    if not all(
+        0.99 < np.linalg.norm(mounting[k : k + 4]) < 1.01 for k in range(0, len(mounting), 4)
+    ):
         raise ValueError("a mounting is no unit quaternion")
     return Strip(slot, bool(attached & 1), strip_id, points, mounting, bool(attached & 2))
 
 
 def _write_strip(m: Strip) -> bytes:
     head = struct.pack("<BBQB", m.slot, m.attached | 2 * m.raw, m.strip_id, len(m.points))
-    return head + bytes(TRACKED_POINTS.index(point) for point in m.points) + struct.pack(f"<{len(m.mounting)}f", *m.mounting)
+    return (
+        head
+        + bytes(TRACKED_POINTS.index(point) for point in m.points)
+        + struct.pack(f"<{len(m.mounting)}f", *m.mounting)
+    )
 
 
 def _read_stream(p: bytes) -> StreamInfo:
@@ -270,7 +284,16 @@ def _read_stream(p: bytes) -> StreamInfo:
         raise ValueError(f"rate {rate}, quantities {mask:#x}")
     if not np.isfinite(numbers).all():
         raise ValueError(f"scale or full scale of {numbers}")
-    return StreamInfo(stream, slot, clock, quantities, Format(kind), rate, numbers[: len(quantities)], numbers[len(quantities) :])
+    return StreamInfo(
+        stream,
+        slot,
+        clock,
+        quantities,
+        Format(kind),
+        rate,
+        numbers[: len(quantities)],
+        numbers[len(quantities) :],
+    )
 
 
 def _write_stream(m: StreamInfo) -> bytes:
@@ -363,7 +386,11 @@ _CODECS: dict[type, tuple[int, Callable[[Any], bytes], Callable[[bytes], Any]]] 
     Samples: (0x04, _write_samples, _read_samples),
     Status: (0x05, _write_status, _read_status),
     Reply: (0x06, _write_reply, _read_reply),
-    Pong: (0x07, lambda m: struct.pack("<QQ", m.token, m.t), lambda p: Pong(*struct.unpack("<QQ", p))),
+    Pong: (
+        0x07,
+        lambda m: struct.pack("<QQ", m.token, m.t),
+        lambda p: Pong(*struct.unpack("<QQ", p)),
+    ),
     StripCalibration: (0x08, _write_calibration, _read_calibration),
     Mark: (0x09, _write_mark, _read_mark),
     Plate: (0x0A, write_plate, read_plate),
@@ -375,6 +402,10 @@ _CODECS: dict[type, tuple[int, Callable[[Any], bytes], Callable[[bytes], Any]]] 
     Ping: (0x85, lambda m: struct.pack("<Q", m.token), lambda p: Ping(*struct.unpack("<Q", p))),
     Cue: (0x86, _write_cue, _read_cue),
     ReadCalibration: (0x87, lambda m: bytes([m.slot]), lambda p: ReadCalibration(p[0])),
-    WriteCalibration: (0x88, lambda m: _write_calibration(m.calibration), lambda p: WriteCalibration(_read_calibration(p))),
+    WriteCalibration: (
+        0x88,
+        lambda m: _write_calibration(m.calibration),
+        lambda p: WriteCalibration(_read_calibration(p)),
+    ),
 }
 _BY_CODE = {code: read for code, _, read in _CODECS.values()}

@@ -11,7 +11,9 @@ from handscope.estimators.data.samples import TRACKED_POINTS
 def write_plate(m: Plate) -> bytes:
     dip = float("nan") if m.dip is None else m.dip
     head = struct.pack("<8fB", m.earth, dip, *m.moment, *m.place, len(m.places))
-    return head + b"".join(struct.pack("<B3f", TRACKED_POINTS.index(name), *p) for name, p in m.places.items())
+    return head + b"".join(
+        struct.pack("<B3f", TRACKED_POINTS.index(name), *p) for name, p in m.places.items()
+    )
 
 
 def read_plate(p: bytes) -> Plate:
@@ -19,9 +21,13 @@ def read_plate(p: bytes) -> Plate:
     earth, dip, *numbers, count = struct.unpack_from("<8fB", p)
     told = [struct.unpack_from("<B3f", p, 33 + 13 * k) for k in range(count)]
     places = {TRACKED_POINTS[code]: (x, y, z) for code, x, y, z in told}
-    if not np.isfinite([earth, *numbers, *(x for place in places.values() for x in place)]).all() or np.isinf(dip):
+    if not np.isfinite(
+        [earth, *numbers, *(x for place in places.values() for x in place)]
+    ).all() or np.isinf(dip):
         raise ValueError("a plate of numbers that are not finite")
     if len(places) < count:
         raise ValueError("a magnetometer told twice")
     a, b = tuple(numbers[:3]), tuple(numbers[3:])
-    return Plate(places, (a[0], a[1], a[2]), (b[0], b[1], b[2]), earth, None if np.isnan(dip) else dip)
+    return Plate(
+        places, (a[0], a[1], a[2]), (b[0], b[1], b[2]), earth, None if np.isnan(dip) else dip
+    )

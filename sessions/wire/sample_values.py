@@ -12,7 +12,9 @@ MISSING_COUNT = -32768
 
 def fits(samples: Samples, info: StreamInfo, sensors: int) -> bool:
     """Whether a burst has the bytes that its stream's description says."""
-    return len(samples.data) == samples.count * sensors * 3 * len(info.quantities) * (2 if info.format is Format.INT16 else 4)
+    return len(samples.data) == samples.count * sensors * 3 * len(info.quantities) * (
+        2 if info.format is Format.INT16 else 4
+    )
 
 
 def values_of(bursts: Sequence[Samples], info: StreamInfo, sensors: int) -> Any:
@@ -32,4 +34,8 @@ def data_of(values: Any, info: StreamInfo) -> bytes:
     if info.format is Format.FLOAT32:
         return np.asarray(values).astype("<f4").tobytes()
     counts = np.rint(np.asarray(values) / np.repeat(info.scale, 3))
-    return np.where(np.isnan(counts), MISSING_COUNT, np.clip(counts, -32767, 32767)).astype("<i2").tobytes()
+    return (
+        np.where(np.isnan(counts), MISSING_COUNT, np.clip(counts, -32767, 32767))
+        .astype("<i2")
+        .tobytes()
+    )

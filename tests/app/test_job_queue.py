@@ -67,8 +67,15 @@ def queued(store: Store, *methods: str, **state: Any) -> list[int]:
     """Results of these methods in the database."""
     with store.database() as db:
         patient = patients.create(db, "P-1")
-        file = RecordingFile(session=PatientSession(patient=patient, hand="left"), format="native", file="recordings/none.mcap")
-        made = [Result(recording=file, key=str(k), method=m, version="1", **state) for k, m in enumerate(methods)]
+        file = RecordingFile(
+            session=PatientSession(patient=patient, hand="left"),
+            format="native",
+            file="recordings/none.mcap",
+        )
+        made = [
+            Result(recording=file, key=str(k), method=m, version="1", **state)
+            for k, m in enumerate(methods)
+        ]
         db.add_all(made)
         db.commit()
         return [r.id for r in made]
@@ -96,7 +103,9 @@ def quick_leaving(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("death", DEATHS)
-def test_a_result_whose_process_dies_is_failed_and_those_behind_it_are_computed(death: str, store: Store) -> None:
+def test_a_result_whose_process_dies_is_failed_and_those_behind_it_are_computed(
+    death: str, store: Store
+) -> None:
     first, second = queued(store, death, "refused")
     with Jobs(store):
         assert settled(store, first) == ("failed", ENDED)
@@ -112,7 +121,9 @@ def test_a_result_whose_computation_has_a_bug_is_failed(store: Store) -> None:
         assert settled(store, only) == ("failed", ENDED)
 
 
-def test_a_result_that_somebody_stopped_ends_with_its_next_step_or_does_not_begin(store: Store) -> None:
+def test_a_result_that_somebody_stopped_ends_with_its_next_step_or_does_not_begin(
+    store: Store,
+) -> None:
     running, waiting, behind = queued(store, "is stopped", "refused", "refused")
     with store.database() as db:
         stop(db, waiting)
@@ -150,7 +161,9 @@ def test_a_process_told_to_end_leaves_its_result_to_the_next(store: Store) -> No
         assert settled(store, only) == ("failed", "is told to end once, attempt 1")
 
 
-def test_leaving_does_not_wait_for_ever_and_the_next_start_goes_on(store: Store, quick_leaving: None) -> None:
+def test_leaving_does_not_wait_for_ever_and_the_next_start_goes_on(
+    store: Store, quick_leaving: None
+) -> None:
     first, second = queued(store, "takes long", "refused")
     with Jobs(store):
         until = time.monotonic() + WAIT
@@ -161,7 +174,9 @@ def test_leaving_does_not_wait_for_ever_and_the_next_start_goes_on(store: Store,
     assert told(store, second) == ("queued", "", 0)
 
 
-def test_what_was_erased_while_it_was_computed_leaves_nothing(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_was_erased_while_it_was_computed_leaves_nothing(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (only,) = queued(store, "erased meanwhile")
     replay = store.path_of(results_make.replay_file(only))
 

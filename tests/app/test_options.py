@@ -14,7 +14,9 @@ from tests.simulated import pose_and_wiggle
 
 M2 = METHODS["m2"]
 NUMBERS = [d for d in describe(M2.Params) if d.kind == "float"]
-REFUSED = {("pose_duration", 60.0): "hold the pose longer"} | {(name, 0.0): "not still" for name in ("pose_rate", "pose_tilt", "pose_bias")}
+REFUSED = {("pose_duration", 60.0): "hold the pose longer"} | {
+    (name, 0.0): "not still" for name in ("pose_rate", "pose_tilt", "pose_bias")
+}
 EDGES = [(d.name, value) for d in NUMBERS for value in (d.least, d.most)]
 
 
@@ -30,13 +32,17 @@ EDGES = [(d.name, value) for d in NUMBERS for value in (d.least, d.most)]
         ("constraints", "perhaps", "option constraints is 'perhaps'; it is true or false"),
     ],
 )
-def test_a_value_out_of_its_range_is_refused_with_the_range(option: str, value: object, words: str) -> None:
+def test_a_value_out_of_its_range_is_refused_with_the_range(
+    option: str, value: object, words: str
+) -> None:
     with pytest.raises(InputError, match=f"^{re.escape(words)}$"):
         with_options(M2.Params, {option: value})
 
 
 @pytest.mark.parametrize(("name", "value"), EDGES)
-def test_every_value_at_the_edge_of_its_range_gives_a_result_or_a_sentence(name: str, value: float) -> None:
+def test_every_value_at_the_edge_of_its_range_gives_a_result_or_a_sentence(
+    name: str, value: float
+) -> None:
     recording = pose_and_wiggle("left")
     params = with_options(M2.Params, {name: value})
     if refusal := REFUSED.get((name, value)):

@@ -20,12 +20,17 @@ WAYS = (("m2", {}), ("m2", {"alignment": "heading"}), ("m2", {"gyr_reading": "in
 def queued(store: Store) -> list[int]:
     """A kept recording with a result a way, none begun."""
     made = pose_and_wiggle("left")
-    recording = LoadedRecording(made.hand, made.geometry, {}, made.samples, made.events, source={"device": "simulated"})
+    recording = LoadedRecording(
+        made.hand, made.geometry, {}, made.samples, made.events, source={"device": "simulated"}
+    )
     place = store.incoming / "r.zip"
     place.write_bytes(writer.packed(writer.tree(recording, "01", "wiggle")))
     with store.database() as db:
         session = records.add_upload(db, store, patients.create(db, "P-1"), place, "r.zip", None)
-        return [results.wanted(db, session.recordings[0], method, options, software_version()).id for method, options in WAYS]
+        return [
+            results.wanted(db, session.recordings[0], method, options, software_version()).id
+            for method, options in WAYS
+        ]
 
 
 def states(store: Store) -> list[str]:

@@ -36,7 +36,9 @@ class Clinic:
         self._zip, self._migrated = _zipped(), 0
         self._done = self.server.upload(self.patient, self._zip)["result"]
         wait_for(lambda: self._result(self._done)["state"] == "done")
-        self._recorded: dict[int, float] = {}  # by session, s of recording that a browser was shown before the kill
+        self._recorded: dict[
+            int, float
+        ] = {}  # by session, s of recording that a browser was shown before the kill
 
     def kill_during(self, stage: str) -> None:
         """Kill at a random moment of the stage, start again, look at everything."""
@@ -54,28 +56,40 @@ class Clinic:
                 "SELECT session.id, session.state, file, sha256 FROM recording JOIN session ON session.id = session_id"
             ).fetchall()
         kept = {p.relative_to(self.data).as_posix() for p in (self.data / "recordings").iterdir()}
-        assert kept == {name for _, _, name, _ in files if (self.data / name).exists()}, "a file without a row"
+        assert kept == {name for _, _, name, _ in files if (self.data / name).exists()}, (
+            "a file without a row"
+        )
         assert list((self.data / "incoming").iterdir()) == []
         for session, state, name, sha256 in files:
             seen = self._recorded.get(session, 0.0)
             assert state != "open", f"session {session} was left open"
             if sha256 is None:
-                assert state == "failed" and seen == 0.0, f"the recording of session {session} was given up, {seen} s were shown"
+                assert state == "failed" and seen == 0.0, (
+                    f"the recording of session {session} was given up, {seen} s were shown"
+                )
                 continue
             path = self.data / name
             assert native.file_checksum(path) == sha256, f"{name} changed after it was closed"
             if session in self._recorded:
                 recording = native.load(path)
-                assert recording.duration > seen - LOST, f"{seen} s were shown, {recording.duration} s are in the recording"
+                assert recording.duration > seen - LOST, (
+                    f"{seen} s were shown, {recording.duration} s are in the recording"
+                )
 
     def require_results(self) -> None:
         """Every recorded session ends with a result; one whose computation was killed twice is asked for again."""
         for session in self._sessions():
             if session["state"] == "failed":
                 continue
-            wanted = self.server.call("POST", f"/api/sessions/{session['id']}/results", {})["result"]
-            told = wait_for(lambda wanted=wanted: (r := self._result(wanted))["state"] in ENDED and r)
-            assert told["state"] == "done" or "calibration" in told["error"] or "pose" in told["error"], told["error"]
+            wanted = self.server.call("POST", f"/api/sessions/{session['id']}/results", {})[
+                "result"
+            ]
+            told = wait_for(
+                lambda wanted=wanted: (r := self._result(wanted))["state"] in ENDED and r
+            )
+            assert (
+                told["state"] == "done" or "calibration" in told["error"] or "pose" in told["error"]
+            ), told["error"]
 
     def _recording(self) -> None:
         station, session = self._begin()
@@ -100,7 +114,9 @@ class Clinic:
         self._kill()
 
     def _report(self) -> None:
-        self._meanwhile(lambda: self.server.call("GET", f"/api/results/{self._done}/report.pdf"), 1.0)
+        self._meanwhile(
+            lambda: self.server.call("GET", f"/api/results/{self._done}/report.pdf"), 1.0
+        )
         self.server.start()
         assert self.server.call("GET", f"/api/results/{self._done}/report.pdf").startswith(b"%PDF")
         self._kill()
@@ -122,7 +138,11 @@ class Clinic:
 
     def _begin(self) -> tuple[str, int]:
         wait_for(lambda: not any(g["in_use"] for g in self.server.call("GET", "/api/gloves")))
-        made = self.server.call("POST", f"/api/patients/{self.patient}/sessions", {"hand": "left", "port": str(self._port)})
+        made = self.server.call(
+            "POST",
+            f"/api/patients/{self.patient}/sessions",
+            {"hand": "left", "port": str(self._port)},
+        )
         return made["station"], made["session"]
 
     def _look(self, station: str, session: int) -> None:
@@ -175,7 +195,9 @@ def clinic(folder: Path, seed: int) -> Iterator[Clinic]:
 
 def _zipped() -> bytes:
     made = pose_and_wiggle("left")
-    recording = LoadedRecording(made.hand, made.geometry, {}, made.samples, made.events, source={"device": "simulated"})
+    recording = LoadedRecording(
+        made.hand, made.geometry, {}, made.samples, made.events, source={"device": "simulated"}
+    )
     return writer.packed(writer.tree(recording, "01", "wiggle"))
 
 

@@ -36,7 +36,9 @@ def glove(tmp_path: Path) -> Iterator[Path]:
 def begun(server: Victim, port: Path) -> tuple[str, int]:
     """A session whose samples flow: its station and number."""
     patient = server.call("POST", "/api/patients", {"pseudonym": f"P-{time.monotonic_ns()}"})["id"]
-    made = server.call("POST", f"/api/patients/{patient}/sessions", {"hand": "left", "port": str(port)})
+    made = server.call(
+        "POST", f"/api/patients/{patient}/sessions", {"hand": "left", "port": str(port)}
+    )
     wait_for(lambda: told(server, made["station"])["glove"]["recorded"] > 1.0)
     return made["station"], made["session"]
 
@@ -48,8 +50,16 @@ def told(server: Victim, station: str) -> Any:
 def recorders(server: Victim) -> list[int]:
     """The processes that record for the server."""
     children = Path(f"/proc/{server.pid}/task/{server.pid}/children").read_text().split()
-    every = [int(p) for t in Path(f"/proc/{server.pid}/task").iterdir() for p in (t / "children").read_text().split()]
-    return [p for p in {*every, *map(int, children)} if b"acquisition" in Path(f"/proc/{p}/cmdline").read_bytes()]
+    every = [
+        int(p)
+        for t in Path(f"/proc/{server.pid}/task").iterdir()
+        for p in (t / "children").read_text().split()
+    ]
+    return [
+        p
+        for p in {*every, *map(int, children)}
+        if b"acquisition" in Path(f"/proc/{p}/cmdline").read_bytes()
+    ]
 
 
 def test_a_recorder_that_outlives_its_server_and_slow_browsers_lose_nothing(
@@ -71,7 +81,9 @@ def test_a_recorder_that_outlives_its_server_and_slow_browsers_lose_nothing(
         ]
         head += ["Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Version: 13", "", ""]
         browser.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        browser.sendall("\r\n".join(head).encode()[: None if k else 40])  # one breaks off in its first words
+        browser.sendall(
+            "\r\n".join(head).encode()[: None if k else 40]
+        )  # one breaks off in its first words
     shown = told(server, station)["glove"]["recorded"]
     wait_for(lambda: told(server, station)["glove"]["recorded"] > shown + 2.0)
     after = told(server, station)["glove"]
@@ -97,7 +109,9 @@ def test_a_recorder_that_outlives_its_server_and_slow_browsers_lose_nothing(
     assert not any("was not closed" in w for w in recording.warnings)
 
 
-def test_another_glove_on_the_cable_is_told_and_the_session_is_finished(server: Victim, tmp_path: Path) -> None:
+def test_another_glove_on_the_cable_is_told_and_the_session_is_finished(
+    server: Victim, tmp_path: Path
+) -> None:
     port = tmp_path / "glove"
     with virtual_glove(port, "--strips", "index"):
         station, session = begun(server, port)
@@ -112,10 +126,14 @@ def test_another_glove_on_the_cable_is_told_and_the_session_is_finished(server: 
     assert any("another glove" in w for w in recording.warnings)
 
 
-def test_a_clock_that_jumps_and_a_method_that_fails_cost_no_sample(server: Victim, glove: Path) -> None:
+def test_a_clock_that_jumps_and_a_method_that_fails_cost_no_sample(
+    server: Victim, glove: Path
+) -> None:
     """The hospital's time server sets the clock, two hours ahead and three back; in between the estimator crashes, says so, and goes on."""
     station, session = begun(server, glove)
-    follow = lambda action: server.call("POST", f"/api/stations/{station}/actions", {"action": action})  # noqa: E731
+    follow = lambda action: server.call(
+        "POST", f"/api/stations/{station}/actions", {"action": action}
+    )
     wait_for(lambda: "continue" in told(server, station)["wizard"]["actions"])
     follow("continue")
     follow("start")
@@ -149,4 +167,6 @@ def jump(server: Victim, seconds: float) -> None:
 
 def _file(server: Victim, session: int) -> str:
     with open_store(server.data).database() as db:
-        return str(db.scalars(select(RecordingFile.file).where(RecordingFile.session_id == session)).one())
+        return str(
+            db.scalars(select(RecordingFile.file).where(RecordingFile.session_id == session)).one()
+        )

@@ -42,7 +42,11 @@ def memory(pid: int | str = "self") -> float:
 
 def descendants(pid: int) -> list[int]:
     """A process and all that it started, those that record and draw among them, oldest first."""
-    children = [int(p) for t in Path(f"/proc/{pid}/task").iterdir() for p in (t / "children").read_text().split()]
+    children = [
+        int(p)
+        for t in Path(f"/proc/{pid}/task").iterdir()
+        for p in (t / "children").read_text().split()
+    ]
     return [pid, *sorted(p for child in children for p in descendants(child))]
 
 
@@ -54,7 +58,9 @@ def sent(samples: Mapping[str, Block], rounds: int) -> Iterator[tuple[float, Mes
     length = max(b.t[-1] for b in samples.values()) + 0.005
     for k in range(rounds):
         shifted = {n: Block(b.stream, b.t + k * length, b.values) for n, b in samples.items()}
-        every = [m for n, b in shifted.items() for m in bursts(n, b, infos[n], 4, first=k * len(b.t))]
+        every = [
+            m for n, b in shifted.items() for m in bursts(n, b, infos[n], 4, first=k * len(b.t))
+        ]
         yield from ((m.t_sent / NS, m) for m in sorted(every, key=lambda m: m.t_sent))
 
 
@@ -67,12 +73,24 @@ def new_garbage_alone() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("new_garbage_alone")
-def test_memory_does_not_grow_with_the_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_memory_does_not_grow_with_the_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Recorder, decoder and tracker at work; what the tracker keeps on purpose is made short."""
     monkeypatch.setattr(live_tracking, "PAST_SAMPLES", 8.0)
     monkeypatch.setattr(live_tracking, "PAST_POSES", 4.0)
     drawn = np.random.default_rng(5)
-    recording = strips_of(simulate(["initial_pose", "wiggle"], "left", sized("left"), drawn, IDEAL, segments=SEGMENTS, rate=200.0))
+    recording = strips_of(
+        simulate(
+            ["initial_pose", "wiggle"],
+            "left",
+            sized("left"),
+            drawn,
+            IDEAL,
+            segments=SEGMENTS,
+            rate=200.0,
+        )
+    )
     encoder, assembler, seen = Encoder(), Assembler(), list[tuple[float, float]]()
     pose = initial_pose.pose_of(recording.events[0])
     tracking = Tracking(m2, INSTANT, "left", recording.geometry, lambda rows: None)
@@ -98,21 +116,33 @@ def test_memory_does_not_grow_with_the_recording(tmp_path: Path, monkeypatch: py
 def test_a_real_server_stays_as_it_was() -> None:
     with tempfile.TemporaryDirectory() as folder:
         port = Path(folder) / "glove"
-        with glove(port, "--rate", "200", "--task", "tapping"), server(Path(folder) / "data") as (address, pid):
+        with (
+            glove(port, "--rate", "200", "--task", "tapping"),
+            server(Path(folder) / "data") as (address, pid),
+        ):
             client = Client(address)
             station = begin_tasks(client, port)
             began, told, family = time.monotonic(), list[list[float]](), descendants(pid)
             while time.monotonic() - began < SOAK:
                 ages = asyncio.run(live.watch(client, [station], live.VIEWERS, live.SECONDS))
                 assert descendants(pid) == family, "a process of the server's ended or began"
-                told.append([time.monotonic() - began, float(np.percentile(ages, 99)), *map(memory, family)])
-                print("%7.0f s  p99 %5.1f ms " % tuple(told[-1][:2]), *(f"{m:6.1f} MB" for m in told[-1][2:]), flush=True)  # noqa: T201, UP031
+                told.append(
+                    [time.monotonic() - began, float(np.percentile(ages, 99)), *map(memory, family)]
+                )
+                print(
+                    "%7.0f s  p99 %5.1f ms " % tuple(told[-1][:2]),
+                    *(f"{m:6.1f} MB" for m in told[-1][2:]),
+                    flush=True,
+                )
                 time.sleep(min(48.0, SOAK / 20))
             strips = client.call("GET", f"/api/stations/{station}")["glove"]["strips"]
             client.call("DELETE", f"/api/stations/{station}")
     t, p99, *used = np.array(told).T
     assert sum(s["lost"] for s in strips) == 0
-    late, early = t > 0.8 * SOAK, (t > 0.2 * SOAK) & (t < 0.4 * SOAK)  # ten minutes of poses are kept on purpose
+    late, early = (
+        t > 0.8 * SOAK,
+        (t > 0.2 * SOAK) & (t < 0.4 * SOAK),
+    )  # ten minutes of poses are kept on purpose
     for one in used:
         assert one[late].mean() < 1.05 * one[early].mean(), one.round(1).tolist()
     assert np.median(p99[late]) < 1.5 * np.median(p99[early]), p99.round(1).tolist()

@@ -69,7 +69,11 @@ class Victim:
         """Parsed JSON of the answer, bytes where it is something else."""
         with urllib.request.urlopen(self._request(method, path, body), timeout=WAIT) as answer:
             data = answer.read()
-            return json.loads(data) if data and "json" in answer.headers.get("Content-Type", "") else data
+            return (
+                json.loads(data)
+                if data and "json" in answer.headers.get("Content-Type", "")
+                else data
+            )
 
     def upload(self, patient: int, recording: bytes) -> Any:
         """A recording by way of the page's form."""
@@ -82,11 +86,15 @@ class Victim:
 
     def _request(self, method: str, path: str, body: Any = None) -> urllib.request.Request:
         data = None if body is None else json.dumps(body).encode()
-        headers = {"Cookie": self.cookie} | ({"Content-Type": "application/json"} if body is not None else {})
+        headers = {"Cookie": self.cookie} | (
+            {"Content-Type": "application/json"} if body is not None else {}
+        )
         return urllib.request.Request(self.base + path, data, headers, method=method)
 
     def _address(self) -> str:
-        assert self._process.is_alive(), f"the server did not start: {(self.data.parent / 'log').read_text()[-2000:]}"
+        assert self._process.is_alive(), (
+            f"the server did not start: {(self.data.parent / 'log').read_text()[-2000:]}"
+        )
         with suppress(OSError):
             return (self.data / "address").read_text().strip()
         return ""

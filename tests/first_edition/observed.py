@@ -23,11 +23,20 @@ from handscope.app.server import create_app
 from handscope.app.settings import Settings
 from handscope.sessions.formats import recordings as formats
 
-RECORDINGS = (*("simulated.zip", "wiggle.zip", "free.zip", "lift.zip", "reach.zip", "laid_down.zip"), *("functional.mcap", "glove.mcap"))
+RECORDINGS = (
+    *("simulated.zip", "wiggle.zip", "free.zip", "lift.zip", "reach.zip", "laid_down.zip"),
+    *("functional.mcap", "glove.mcap"),
+)
 ASSESSED = ("wiggle.zip", "lift.zip", "reach.zip")
 PROCESSED = {  # by name, the words of `process`
     "functional steps": ("functional.mcap", "--method", "m2"),
-    "self-calibration taken over": ("free.zip", "--method", "m2", "--calibration", "self_calibration.json"),
+    "self-calibration taken over": (
+        "free.zip",
+        "--method",
+        "m2",
+        "--calibration",
+        "self_calibration.json",
+    ),
 }
 CURVE = "index_pip_flexion"
 BASE = "http://127.0.0.1:8420"
@@ -57,7 +66,9 @@ def read_recording(path: Path) -> dict[str, Any]:
     recording = formats.load(path)
     streams = {}
     for name, block in recording.samples.items():
-        samples = np.concatenate([block.t, block.values.ravel()]).astype("<f4")  # the last bits of a double are the machine's
+        samples = np.concatenate([block.t, block.values.ravel()]).astype(
+            "<f4"
+        )  # the last bits of a double are the machine's
         streams[name] = {
             "sensors": list(block.stream.sensors),
             "quantities": list(block.stream.quantities),
@@ -75,8 +86,12 @@ def read_table(place: Path) -> tuple[list[str], Any]:
     with tempfile.TemporaryDirectory() as name:
         folder = place if place.is_dir() else unpack(place, Path(name))
         path = next(folder.rglob("*_motion.tsv"))
-        rows = path.with_name(path.name.replace("_motion", "_channels")).read_text().splitlines()[1:]
-        return [row.split("\t")[0] for row in rows], np.genfromtxt(path, delimiter="\t", missing_values="n/a")
+        rows = (
+            path.with_name(path.name.replace("_motion", "_channels")).read_text().splitlines()[1:]
+        )
+        return [row.split("\t")[0] for row in rows], np.genfromtxt(
+            path, delimiter="\t", missing_values="n/a"
+        )
 
 
 def summarize_angles(files: Path, words: tuple[str, ...]) -> dict[str, list[float]]:
@@ -84,9 +99,13 @@ def summarize_angles(files: Path, words: tuple[str, ...]) -> dict[str, list[floa
     with tempfile.TemporaryDirectory() as name:
         run("process", *(files / w if (files / w).is_file() else w for w in words), "--out", name)
         columns, table = read_table(Path(name))
-    angles = [k for k, c in enumerate(columns) if c.endswith(("_flexion", "_deviation", "_pronation"))]
+    angles = [
+        k for k, c in enumerate(columns) if c.endswith(("_flexion", "_deviation", "_pronation"))
+    ]
     seen = [k for k in angles if np.isfinite(table[:, k]).any()]
-    return {columns[k]: [float(np.nanmean(table[:, k])), float(np.nanstd(table[:, k]))] for k in seen}
+    return {
+        columns[k]: [float(np.nanmean(table[:, k])), float(np.nanstd(table[:, k]))] for k in seen
+    }
 
 
 def assess(path: Path) -> dict[str, float | None]:
@@ -97,7 +116,9 @@ def assess(path: Path) -> dict[str, float | None]:
 
 
 def read_figures(path: Path) -> dict[str, float | None]:
-    rows = csv.DictReader(line for line in path.read_text().splitlines() if not line.startswith("#"))
+    rows = csv.DictReader(
+        line for line in path.read_text().splitlines() if not line.startswith("#")
+    )
     return {f"{r['task']} {r['name']}": float(r["value"]) if r["value"] else None for r in rows}
 
 
@@ -110,7 +131,9 @@ def unpack(source: Path, folder: Path) -> Path:
 @contextlib.contextmanager
 def served(folder: Path) -> Iterator[TestClient]:
     """A client that is logged in to a server of the data folder."""
-    with TestClient(create_app(Settings(data=folder)), base_url=BASE, follow_redirects=False) as client:
+    with TestClient(
+        create_app(Settings(data=folder)), base_url=BASE, follow_redirects=False
+    ) as client:
         assert client.post("/api/login", json={"token": new_token(folder)}).status_code == 204
         yield client
 
@@ -123,20 +146,42 @@ def read_data_folder(client: TestClient) -> dict[str, Any]:
         assert answer.status_code == 200, (path, answer.text)
         return answer.json()
 
-    patients = [ask(f"patients/{row['id']}") for row in sorted(ask("patients"), key=lambda row: row["id"])]
-    sessions = [ask(f"sessions/{s['id']}") for p in patients for s in sorted(p["sessions"], key=lambda s: s["id"])]
+    patients = [
+        ask(f"patients/{row['id']}") for row in sorted(ask("patients"), key=lambda row: row["id"])
+    ]
+    sessions = [
+        ask(f"sessions/{s['id']}")
+        for p in patients
+        for s in sorted(p["sessions"], key=lambda s: s["id"])
+    ]
     return {
         "patients": [
-            _fields(p, "pseudonym year_of_birth dominant_hand affected_hand hand_measures trunk_height archived created")
-            | {"notes": [n["text"] for n in p["notes"]], "sessions": sorted(s["id"] for s in p["sessions"])}
+            _fields(
+                p,
+                "pseudonym year_of_birth dominant_hand affected_hand hand_measures trunk_height archived created",
+            )
+            | {
+                "notes": [n["text"] for n in p["notes"]],
+                "sessions": sorted(s["id"] for s in p["sessions"]),
+            }
             for p in patients
         ],
         "sessions": [
-            _fields(s, "id patient hand state started finished examiner notes trunk_height tasks geometry")
-            | {"recordings": [_recording(ask, f) for f in s["recordings"]], "reuse": _reuse(ask(f"sessions/{s['id']}/reuse"))}
+            _fields(
+                s,
+                "id patient hand state started finished examiner notes trunk_height tasks geometry",
+            )
+            | {
+                "recordings": [_recording(ask, f) for f in s["recordings"]],
+                "reuse": _reuse(ask(f"sessions/{s['id']}/reuse")),
+            }
             for s in sessions
         ],
-        "self_calibrations": [_self_calibration(c) for p in patients for c in ask(f"patients/{p['id']}/self-calibrations")],
+        "self_calibrations": [
+            _self_calibration(c)
+            for p in patients
+            for c in ask(f"patients/{p['id']}/self-calibrations")
+        ],
         "progress": [_progress(ask(f"patients/{p['id']}/progress")) for p in patients],
         "accounts": sorted([a["name"], a["roles"], a["disabled"]] for a in ask("accounts")),
     }
@@ -147,12 +192,16 @@ def _fields(row: dict[str, Any], names: str) -> dict[str, Any]:
 
 
 def _recording(ask: Any, row: dict[str, Any]) -> dict[str, Any]:
-    events = [[e["trial_type"], e["onset"], e["duration"], e["task"]] for e in row["summary"]["events"]]
+    events = [
+        [e["trial_type"], e["onset"], e["duration"], e["task"]] for e in row["summary"]["events"]
+    ]
     return {
         **_fields(row, "id format sha256 bytes"),
         "duration": row["summary"]["duration"],
         "events": events,
-        "corrections": [_fields(c, "event kind onset end reason undone") for c in row["corrections"]],
+        "corrections": [
+            _fields(c, "event kind onset end reason undone") for c in row["corrections"]
+        ],
         "results": [_result(ask, r) for r in row["results"]],
     }
 
@@ -162,7 +211,9 @@ def _result(ask: Any, row: dict[str, Any]) -> dict[str, Any]:
     curve = ask(f"results/{row['id']}/curves", what=CURVE, points=20)
     return {
         **_fields(row, "id method parameters version state created current reused"),
-        "figures": {f"{f['task']} {f['name']}": [f["value"], f["unit"], f["sd"]] for f in result["figures"]},
+        "figures": {
+            f"{f['task']} {f['name']}": [f["value"], f["unit"], f["sd"]] for f in result["figures"]
+        },
         "warnings": len(result["warnings"]),
         "curve": [curve["t"], curve["curves"][CURVE]],
         "report": len(ask(f"results/{row['id']}/report.json")["figures"]),
@@ -179,7 +230,10 @@ def _self_calibration(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _progress(row: dict[str, Any]) -> dict[str, Any]:
-    return {f"{s['task']} {s['name']}": {hand: h["points"] for hand, h in s["hands"].items()} for s in row["series"]}
+    return {
+        f"{s['task']} {s['name']}": {hand: h["points"] for hand, h in s["hands"].items()}
+        for s in row["series"]
+    }
 
 
 def load_expected(files: Path) -> dict[str, Any]:

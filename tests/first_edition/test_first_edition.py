@@ -104,7 +104,10 @@ def test_a_force_calibration_is_added_to_the_one_in_the_file(tmp_path: Path) -> 
 
 def test_a_sensor_laid_down_gives_its_calibration(tmp_path: Path) -> None:
     run("calibrate-strip", FILES / "laid_down.zip", "--out", tmp_path / "strip.json")
-    now, then = (json.loads(p.read_text()) for p in (tmp_path / "strip.json", FILES / "strip_calibration.json"))
+    now, then = (
+        json.loads(p.read_text())
+        for p in (tmp_path / "strip.json", FILES / "strip_calibration.json")
+    )
     assert now["recording"] == then["recording"]
     assert_close(now["sensors"], then["sensors"], rtol=1e-5, atol=1e-8)
 
@@ -122,7 +125,11 @@ def test_a_magnet_that_was_learnt_serves_the_next_recording(tmp_path: Path) -> N
     again = json.loads((tmp_path / "again.json").read_text())["MagnetSetup"]
     assert set(again) == set(setup)
     figures = observed.assess(target)
-    distances = {name: value for name, value in EXPECTED["figures"]["reach.zip"].items() if "distance" in name and value}
+    distances = {
+        name: value
+        for name, value in EXPECTED["figures"]["reach.zip"].items()
+        if "distance" in name and value
+    }
     assert distances
     for name, value in distances.items():
         assert figures[name] == pytest.approx(value, rel=0.2), name
@@ -131,26 +138,53 @@ def test_a_magnet_that_was_learnt_serves_the_next_recording(tmp_path: Path) -> N
 def test_the_array_finds_the_magnet_where_it_was(tmp_path: Path) -> None:
     words = ("--array", FILES / "array.json", "--turned", FILES / "turned.csv")
     run("locate", FILES / "magnet.csv", *words, "--out", tmp_path / "located.tsv")
-    now, then = (np.genfromtxt(p, delimiter="\t", skip_header=1) for p in (tmp_path / "located.tsv", FILES / "located.tsv"))
+    now, then = (
+        np.genfromtxt(p, delimiter="\t", skip_header=1)
+        for p in (tmp_path / "located.tsv", FILES / "located.tsv")
+    )
     np.testing.assert_allclose(now, then, rtol=1e-5, atol=1e-7)
 
 
 def test_a_glove_is_recorded_with_the_geometry_and_force_calibration(tmp_path: Path) -> None:
-    words = ("--strips", "thumb,index,force", "--rate", "25", "--force-setup", str(FILES / "force_setup.json"))
+    words = (
+        "--strips",
+        "thumb,index,force",
+        "--rate",
+        "25",
+        "--force-setup",
+        str(FILES / "force_setup.json"),
+    )
     with virtual_glove(tmp_path / "glove", *words) as port:
-        run("record", port, "--out", tmp_path / "r.mcap", "--seconds", 1, "--geometry", FILES / "geometry.json")
+        run(
+            "record",
+            port,
+            "--out",
+            tmp_path / "r.mcap",
+            "--seconds",
+            1,
+            "--geometry",
+            FILES / "geometry.json",
+        )
     now, then = observed.read_recording(tmp_path / "r.mcap"), EXPECTED["recordings"]["glove.mcap"]
     assert now["lengths"] == then["lengths"]
-    assert {n: s["sensors"] for n, s in now["streams"].items()} == {n: s["sensors"] for n, s in then["streams"].items()}
+    assert {n: s["sensors"] for n, s in now["streams"].items()} == {
+        n: s["sensors"] for n, s in then["streams"].items()
+    }
 
 
-def test_the_data_folder_opens_with_all_that_is_in_it(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_the_data_folder_opens_with_all_that_is_in_it(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     with caplog.at_level(logging.WARNING), observed.served(folder) as client:
         assert_close(through_json(observed.read_data_folder(client)), EXPECTED["data"])
-    assert [r.message for r in caplog.records if "short_taps" in r.message] == []  # the folder's own task is offered
+    assert [
+        r.message for r in caplog.records if "short_taps" in r.message
+    ] == []  # the folder's own task is offered
 
 
-def test_curves_and_reports_are_computed_anew_from_the_kept_recordings(folder: Path, tmp_path: Path) -> None:
+def test_curves_and_reports_are_computed_anew_from_the_kept_recordings(
+    folder: Path, tmp_path: Path
+) -> None:
     shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     kept = list((tmp_path / "results").glob("*.npz"))
     for path in kept:

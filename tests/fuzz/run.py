@@ -31,7 +31,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Bad input by the thousand.")
     parser.add_argument("names", nargs="*")
     parser.add_argument("--seconds", type=int, default=60, help="for each target")
-    parser.add_argument("--corpus", type=Path, default=Path(".fuzz"), help="what was worth keeping of earlier runs")
+    parser.add_argument(
+        "--corpus", type=Path, default=Path(".fuzz"), help="what was worth keeping of earlier runs"
+    )
     parser.add_argument("--one", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.one:
@@ -55,7 +57,9 @@ def main() -> int:
         runs = re.findall(r"^#(\d+)", done.stderr, re.M)
         covered = re.findall(r"cov: (\d+)", done.stderr)
         told = f"{runs[-1] if runs else '?'} inputs, {covered[-1] if covered else '?'} branches reached, {time.monotonic() - began:.0f} s"
-        print(f"{name:12} {told}: {'nothing found' if done.returncode == 0 else 'FOUND'}", flush=True)  # noqa: T201
+        print(
+            f"{name:12} {told}: {'nothing found' if done.returncode == 0 else 'FOUND'}", flush=True
+        )
         if done.returncode:
             bad = 1
             print("\n".join(done.stderr.splitlines()[-25:]), flush=True)  # noqa: T201

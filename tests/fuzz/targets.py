@@ -47,7 +47,9 @@ class Target:
 def wire(data: bytes, folder: Path) -> None:
     """Bytes of a port, in three chunks."""
     assembler = Assembler()
-    for k, chunk in enumerate((data[: len(data) // 3], data[len(data) // 3 : len(data) // 2], data[len(data) // 2 :])):
+    for k, chunk in enumerate(
+        (data[: len(data) // 3], data[len(data) // 3 : len(data) // 2], data[len(data) // 2 :])
+    ):
         for block in assembler.feed(chunk, 10.0 + k):
             assert len(block.t) and block.values.shape[0] == len(block.t)
 
@@ -109,7 +111,9 @@ def restored(data: bytes, folder: Path) -> None:
 
 
 def _sent() -> list[Any]:
-    samples = {name: cut(in_strips("left").samples[name], [20])[0] for name in ("hand", "index", "forearm")}
+    samples = {
+        name: cut(in_strips("left").samples[name], [20])[0] for name in ("hand", "index", "forearm")
+    }
     return whole_session(samples)
 
 
@@ -127,7 +131,9 @@ def _recorded() -> list[bytes]:
     from handscope.sessions.files.recorder import Recorder
 
     with tempfile.TemporaryDirectory() as folder:
-        with Recorder(Path(folder) / "r.mcap", {"hand": "left", "geometry": {"hand_length": 0.19}}, 100.0) as recorder:
+        with Recorder(
+            Path(folder) / "r.mcap", {"hand": "left", "geometry": {"hand_length": 0.19}}, 100.0
+        ) as recorder:
             for sent, frame in zip(_sent(), frames([s.message for s in _sent()])):
                 recorder.write(frame, sent.arrival)
         return [(Path(folder) / "r.mcap").read_bytes()]
@@ -154,7 +160,12 @@ def _marked() -> list[bytes]:
 
 def _exported() -> list[bytes]:
     names = [*BACK, ELBOWS[0], *(f"{f}_{place}" for f in FINGERS for place in ("middle", "tip"))]
-    head = ["NO_OF_FRAMES\t3", "FREQUENCY\t100", "\t".join(["MARKER_NAMES", *names]), "Frame\tTime\tX\tY\tZ"]
+    head = [
+        "NO_OF_FRAMES\t3",
+        "FREQUENCY\t100",
+        "\t".join(["MARKER_NAMES", *names]),
+        "Frame\tTime\tX\tY\tZ",
+    ]
     rows = ["\t".join(f"{k + 0.1 * j:.3f}" for j in range(2 + 3 * len(names))) for k in range(3)]
     return ["\n".join([*head, *rows]).encode()]
 
@@ -195,7 +206,11 @@ def seeds(name: str) -> list[bytes]:
 def run(name: str, data: bytes) -> bool:
     """Whether the target took the input; an exception that is no refusal, a hang or a stray file goes on to the caller."""
     target = TARGETS[name]
-    with tempfile.TemporaryDirectory(prefix="handscope-fuzz-") as folder, _no_longer_than(HANG), writes_within(Path(folder)):
+    with (
+        tempfile.TemporaryDirectory(prefix="handscope-fuzz-") as folder,
+        _no_longer_than(HANG),
+        writes_within(Path(folder)),
+    ):
         try:
             target.read(data, Path(folder))
         except InputError as refusal:
@@ -261,10 +276,16 @@ def _hear(event: str, arguments: tuple[Any, ...]) -> None:
     for path in touched:
         with suppress(OSError, ValueError, TypeError):
             place = Path(path.decode() if isinstance(path, bytes) else path).resolve()
-            if not any(place.is_relative_to(f) for f in _allowed[-1]) and not any(own in str(place) for own in OWN):
+            if not any(place.is_relative_to(f) for f in _allowed[-1]) and not any(
+                own in str(place) for own in OWN
+            ):
                 _strays.append(f"{event} {place}")
 
 
 def _seen_from(folder: int, path: Any) -> Any:
     """A path that is told relative to an open folder (-1: to none)."""
-    return path if folder == -1 or not isinstance(path, str) else f"{Path(f'/proc/self/fd/{folder}').resolve()}/{path}"
+    return (
+        path
+        if folder == -1 or not isinstance(path, str)
+        else f"{Path(f'/proc/self/fd/{folder}').resolve()}/{path}"
+    )

@@ -32,8 +32,14 @@ TELLING = [
 @st.composite
 def changes(draw: st.DrawFn) -> Change:
     """Overwrite, insert, take out, repeat or cut at a place that is a share of the whole."""
-    where, kind = draw(st.floats(0, 1)), draw(st.sampled_from(("over", "into", "out", "again", "cut")))
-    piece, length = draw(st.one_of(st.sampled_from(TELLING), st.binary(min_size=1, max_size=12))), draw(st.integers(1, 200))
+    where, kind = (
+        draw(st.floats(0, 1)),
+        draw(st.sampled_from(("over", "into", "out", "again", "cut"))),
+    )
+    piece, length = (
+        draw(st.one_of(st.sampled_from(TELLING), st.binary(min_size=1, max_size=12))),
+        draw(st.integers(1, 200)),
+    )
 
     def change(data: bytes) -> bytes:
         k = int(where * len(data))
@@ -59,7 +65,11 @@ def test_good_input_is_taken(name: str) -> None:
 @pytest.mark.parametrize("name", TARGETS)
 @given(data=st.data())
 def test_bad_input_is_taken_or_refused_in_words(name: str, data: st.DataObject) -> None:
-    given_ = data.draw(st.sampled_from(seeds(name))) if data.draw(st.integers(0, 9)) else data.draw(st.binary(max_size=400))
+    given_ = (
+        data.draw(st.sampled_from(seeds(name)))
+        if data.draw(st.integers(0, 9))
+        else data.draw(st.binary(max_size=400))
+    )
     for change in data.draw(st.lists(changes(), min_size=1, max_size=4)):
         given_ = change(given_)
     run(name, given_)

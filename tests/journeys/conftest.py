@@ -13,22 +13,47 @@ from tests.browser import UNDRAWN, chromium
 from tests.journeys.house import LONG, ROOT, Server, api, begun, new_patient, shots, shown
 
 SIZE = {"width": 1024, "height": 768}
-NOISE = ("WebGL", "GPU stall", "THREE.Clock", "GL Driver")  # what a browser without a graphics card says of the scene
-PICTURE = 1000 if shots() else 200  # ms between two pictures of the scene once the hand stands in it
+NOISE = (
+    "WebGL",
+    "GPU stall",
+    "THREE.Clock",
+    "GL Driver",
+)  # what a browser without a graphics card says of the scene
+PICTURE = (
+    1000 if shots() else 200
+)  # ms between two pictures of the scene once the hand stands in it
 SELDOM = """
   const draws = window.requestAnimationFrame, drops = window.cancelAnimationFrame;
   const there = () => location.pathname.startsWith("/scene/") && window.__viserSceneTree?.getState()["/hand/palm"] !== undefined;
   window.requestAnimationFrame = (draw) => (there() ? -setTimeout(() => draws(draw), PICTURE) : draws(draw));
   window.cancelAnimationFrame = (drawing) => (drawing < 0 ? clearTimeout(-drawing) : drops(drawing));
-""".replace("PICTURE", str(PICTURE))  # journeys ask what is in the scene; its looks are tests/app/scene's
+""".replace(
+    "PICTURE", str(PICTURE)
+)  # journeys ask what is in the scene; its looks are tests/app/scene's
 
 
 @pytest.fixture(scope="session")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     data = tmp_path_factory.mktemp("journeys")
-    words = [sys.executable, "-P", "-m", "handscope.app.cli", "demo", "--no-browser", "--port", "0", "--data", str(data)]
+    words = [
+        sys.executable,
+        "-P",
+        "-m",
+        "handscope.app.cli",
+        "demo",
+        "--no-browser",
+        "--port",
+        "0",
+        "--data",
+        str(data),
+    ]
     log = data / "errors.log"
-    with log.open("w") as errors, subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=errors, text=True) as process:
+    with (
+        log.open("w") as errors,
+        subprocess.Popen(
+            words, cwd=ROOT, stdout=subprocess.PIPE, stderr=errors, text=True
+        ) as process,
+    ):
         assert process.stdout is not None
         first = next((line for line in process.stdout if "/login?token=" in line), None)
         assert first is not None, log.read_text()
@@ -73,9 +98,21 @@ def another_page(browser: Browser, server: Server) -> Iterator[Callable[..., Pag
         context.add_init_script(SELDOM if shots() else SELDOM + UNDRAWN)
         page = context.new_page()
         page.on("pageerror", lambda error: complaints.append(f"{page.url}: {error}"))
-        page.on("console", lambda said: complaints.append(said.text) if said.type == "error" and not _expected(said) else None)
+        page.on(
+            "console",
+            lambda said: (
+                complaints.append(said.text)
+                if said.type == "error" and not _expected(said)
+                else None
+            ),
+        )
         if not scene:  # drawing it without a graphics card takes a core
-            page.route("**/scene/*/", lambda route: route.fulfill(body="<!doctype html><title>Hand</title>", content_type="text/html"))
+            page.route(
+                "**/scene/*/",
+                lambda route: route.fulfill(
+                    body="<!doctype html><title>Hand</title>", content_type="text/html"
+                ),
+            )
         if at is not None:
             page.goto(at)
         made.append(page)
@@ -127,7 +164,18 @@ def patient(page: Page) -> int:
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A simulated tapping recording as a Motion-BIDS zip."""
     path = tmp_path_factory.mktemp("recordings") / "tapping.zip"
-    words = [sys.executable, "-P", "-m", "handscope.app.cli", "simulate", "tapping", "--hand", "left", "--out", str(path)]
+    words = [
+        sys.executable,
+        "-P",
+        "-m",
+        "handscope.app.cli",
+        "simulate",
+        "tapping",
+        "--hand",
+        "left",
+        "--out",
+        str(path),
+    ]
     subprocess.run(words, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
     return path
 
@@ -136,7 +184,13 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def processed(page: Page, server: Server, recording: Path) -> int:
     """A session with results, made once and found again."""
     if server.processed is None:
-        sent = {"file": {"name": recording.name, "mimeType": "application/zip", "buffer": recording.read_bytes()}}
+        sent = {
+            "file": {
+                "name": recording.name,
+                "mimeType": "application/zip",
+                "buffer": recording.read_bytes(),
+            }
+        }
         told = api(page, "/api/patients/1/recordings", "POST", multipart=sent)
         page.goto(f"/sessions/{told['session']}")
         shown(page.get_by_text("Finger tapping"))

@@ -52,7 +52,12 @@ def api(page: Page, path: str, method: str = "GET", **more: Any) -> Any:
 
 def new_patient(page: Page) -> int:
     """A patient with a code that nobody has."""
-    made: int = api(page, "/api/patients", "POST", data={"pseudonym": f"J-{next(NUMBERS):03d}", "affected_hand": "left"})["id"]
+    made: int = api(
+        page,
+        "/api/patients",
+        "POST",
+        data={"pseudonym": f"J-{next(NUMBERS):03d}", "affected_hand": "left"},
+    )["id"]
     return made
 
 
@@ -136,6 +141,9 @@ def keep_picture(page: Page, name: str) -> None:
         before = page.viewport_size
         for size, (width, height) in SIZES.items():
             page.set_viewport_size({"width": width, "height": height})
-            page.screenshot(path=Path(folder) / f"{name}-{size}.png", full_page=not page.locator("iframe").count())
+            page.screenshot(
+                path=Path(folder) / f"{name}-{size}.png",
+                full_page=not page.locator("iframe").count(),
+            )
         if before:
             page.set_viewport_size(before)

@@ -13,7 +13,10 @@ from tests.journeys.house import SIZES, Server, act, api, end_session, keep_pict
 pytestmark = pytest.mark.browser
 AXE = Path(__file__).parents[1] / "vendor" / "axe-core" / "axe.min.js"
 RULES = {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]}
-OF_COLOURS = {"type": "rule", "values": ["color-contrast", "link-in-text-block"]}  # colours alone differ in the dark (colors.css)
+OF_COLOURS = {
+    "type": "rule",
+    "values": ["color-contrast", "link-in-text-block"],
+}  # colours alone differ in the dark (colors.css)
 RUN = """async (rules) => {
     const told = await axe.run({ exclude: ["iframe"] }, { runOnly: rules, iframes: false, resultTypes: ["violations"] });
     return { rules: told.passes.length, found: told.violations.flatMap((v) => v.nodes.map((n) => `${v.id}: ${n.html} ${n.failureSummary}`)) };
@@ -43,13 +46,19 @@ def looked_at(page: Page, name: str) -> None:
 def fits(page: Page, name: str, width: int) -> None:
     """Nothing scrolls sideways, once the plots have followed the window."""
     with suppress(TimeoutError):
-        page.wait_for_function("(width) => document.documentElement.scrollWidth <= width", arg=width)
-    assert page.evaluate("document.documentElement.scrollWidth") <= width, f"{name} scrolls sideways at {width} px"
+        page.wait_for_function(
+            "(width) => document.documentElement.scrollWidth <= width", arg=width
+        )
+    assert page.evaluate("document.documentElement.scrollWidth") <= width, (
+        f"{name} scrolls sideways at {width} px"
+    )
 
 
 @pytest.fixture
 def page(another_page: Callable[..., Page]) -> Page:
-    return another_page(scene=False, at=None, bypass_csp=True)  # axe is put into the page as a script; the scene draws itself
+    return another_page(
+        scene=False, at=None, bypass_csp=True
+    )  # axe is put into the page as a script; the scene draws itself
 
 
 def test_login_page(newcomer: Page, server: Server, browser: object) -> None:
@@ -110,13 +119,20 @@ def test_station_and_replay(page: Page, server: Server, processed: int) -> None:
     shown(page.locator(".cursor"))
     looked_at(page, "replay")
     glove = api(page, "/api/gloves")[0]["path"]
-    station = api(page, "/api/patients/1/sessions", "POST", data={"hand": "left", "port": glove})["station"]
+    station = api(page, "/api/patients/1/sessions", "POST", data={"hand": "left", "port": glove})[
+        "station"
+    ]
     page.goto(f"{server.base}/stations/{station}")
     shown(act(page, "continue"))
     looked_at(page, "connect")
     for width, height in SIZES.values():
         page.set_viewport_size({"width": width, "height": height})
-        assert page.evaluate("document.querySelector('iframe').getBoundingClientRect().width / innerWidth") >= 0.55
+        assert (
+            page.evaluate(
+                "document.querySelector('iframe').getBoundingClientRect().width / innerWidth"
+            )
+            >= 0.55
+        )
     act(page, "continue").click()
     shown(act(page, "start"))
     looked_at(page, "pose")
@@ -161,7 +177,9 @@ def walk_on_from_the_pose(page: Page) -> None:
     glanced_at("step")
     act(page, "stop").click()
     page.get_by_label("Which tasks?").select_option("tapping")
-    page.locator('[data-task="tapping_30"]').click()  # long enough to be looked at on a busy machine
+    page.locator(
+        '[data-task="tapping_30"]'
+    ).click()  # long enough to be looked at on a busy machine
     shown(act(page, "start")).click()
     shown(page.get_by_text("Starts in"))
     glanced_at("countdown")

@@ -11,7 +11,18 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from handscope.validation.benchmarks.server_under_test import glove
-from tests.journeys.house import LONG, ROOT, Server, act, end_session, figure, keep_picture, name_port, new_patient, shown
+from tests.journeys.house import (
+    LONG,
+    ROOT,
+    Server,
+    act,
+    end_session,
+    figure,
+    keep_picture,
+    name_port,
+    new_patient,
+    shown,
+)
 
 pytestmark = pytest.mark.browser
 GRAVITY = 9.80665
@@ -20,13 +31,28 @@ MATRIX, OFFSET = (
     np.diag([0.6, 0.7, 0.65]),
     np.array([0.5, -0.25, 1.0]),
 )  # newtons of what the sensors send: uncalibrated, all is half as heavy again
-DOWN = {"none": (0, 0, 0), "+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
+DOWN = {
+    "none": (0, 0, 0),
+    "+x": (1, 0, 0),
+    "-x": (-1, 0, 0),
+    "+y": (0, 1, 0),
+    "-y": (0, -1, 0),
+    "+z": (0, 0, 1),
+    "-z": (0, 0, -1),
+}
 
 
 def _sensors(folder: Path) -> Path:
-    told = {"channels": [{"name": n, "units": "N"} for n in "xyz"], "matrix": MATRIX.tolist(), "offset": OFFSET.tolist(), "scale_sd": 0.01}
+    told = {
+        "channels": [{"name": n, "units": "N"} for n in "xyz"],
+        "matrix": MATRIX.tolist(),
+        "offset": OFFSET.tolist(),
+        "scale_sd": 0.01,
+    }
     path = folder / "sensors.json"
-    path.write_text(json.dumps({"ForceSetup": dict.fromkeys(("thumb_tip_force", "index_tip_force"), told)}))
+    path.write_text(
+        json.dumps({"ForceSetup": dict.fromkeys(("thumb_tip_force", "index_tip_force"), told)})
+    )
     return path
 
 
@@ -37,15 +63,28 @@ def _loads(folder: Path) -> Path:
         for way, down in DOWN.items():
             pushed = -1e-3 * grams * GRAVITY * np.array(down)
             read = np.linalg.inv(MATRIX) @ pushed + OFFSET + 0.005 * rng.normal(size=3)
-            lines.append(",".join([*(f"{v:.4f}" for v in read), str(grams if any(down) else 0), way]))
+            lines.append(
+                ",".join([*(f"{v:.4f}" for v in read), str(grams if any(down) else 0), way])
+            )
     path = folder / "loads.csv"
     path.write_text("\n".join(lines) + "\n")
     return path
 
 
-def test_a_glove_calibrated_by_hand_weighs_right(another_page: Callable[..., Page], server: Server, tmp_path: Path) -> None:
+def test_a_glove_calibrated_by_hand_weighs_right(
+    another_page: Callable[..., Page], server: Server, tmp_path: Path
+) -> None:
     page, port = another_page(scene=False, at=None), tmp_path / "glove"
-    with glove(port, "--hand", "left", "--strips", "thumb,index,force", "--force-setup", str(_sensors(tmp_path)), "--untold"):
+    with glove(
+        port,
+        "--hand",
+        "left",
+        "--strips",
+        "thumb,index,force",
+        "--force-setup",
+        str(_sensors(tmp_path)),
+        "--untold",
+    ):
         patient_page = f"{server.base}/patients/{new_patient(page)}"
         _begin(page, patient_page, port)
         told = page.locator(".glove details > .soft").last
@@ -54,8 +93,22 @@ def test_a_glove_calibrated_by_hand_weighs_right(another_page: Callable[..., Pag
         keep_picture(page, "glove-uncalibrated")
         end_session(page)
         for finger in ("thumb", "index"):
-            words = ["calibrate-force", str(_loads(tmp_path)), "--finger", finger, "--keep", str(port), "--data", str(server.data)]
-            subprocess.run([sys.executable, "-P", "-m", "handscope.app.cli", *words], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+            words = [
+                "calibrate-force",
+                str(_loads(tmp_path)),
+                "--finger",
+                finger,
+                "--keep",
+                str(port),
+                "--data",
+                str(server.data),
+            ]
+            subprocess.run(
+                [sys.executable, "-P", "-m", "handscope.app.cli", *words],
+                cwd=ROOT,
+                check=True,
+                stdout=subprocess.DEVNULL,
+            )
         _begin(page, patient_page, port)
         expect(told).to_contain_text("Force sensors calibrated: thumb, index finger")
         told.scroll_into_view_if_needed()

@@ -44,17 +44,29 @@ def test_a_code_can_be_pasted_as_it_was_printed(newcomer: Page, server: Server) 
     expect(newcomer.get_by_role("heading", name="Patients")).to_be_visible()
 
 
-def test_a_second_browser_without_the_cookie_sees_nothing(page: Page, newcomer: Page, server: Server) -> None:
+def test_a_second_browser_without_the_cookie_sees_nothing(
+    page: Page, newcomer: Page, server: Server
+) -> None:
     gloves = api(page, "/api/gloves")
-    station = api(page, "/api/patients/1/sessions", "POST", data={"hand": "right", "port": gloves[1]["path"]})["station"]
-    sockets = [f"{server.base.replace('http', 'ws')}/{path}" for path in (f"scene/{station}", f"api/stations/{station}/live")]
+    station = api(
+        page, "/api/patients/1/sessions", "POST", data={"hand": "right", "port": gloves[1]["path"]}
+    )["station"]
+    sockets = [
+        f"{server.base.replace('http', 'ws')}/{path}"
+        for path in (f"scene/{station}", f"api/stations/{station}/live")
+    ]
     assert [page.evaluate(OPENED, address) for address in sockets] == ["opened", "opened"]
 
     newcomer.goto(f"{server.base}/patients/1")
     newcomer.wait_for_url(f"{server.base}/login")
     expect(newcomer.get_by_label("One-time code")).to_be_visible()
     assert "Demo patient" not in newcomer.content()
-    for path in ("/api/patients", f"/api/stations/{station}", f"/scene/{station}/", "/static/app.js"):
+    for path in (
+        "/api/patients",
+        f"/api/stations/{station}",
+        f"/scene/{station}/",
+        "/static/app.js",
+    ):
         assert newcomer.request.get(server.base + path).status == 401, path
     assert [newcomer.evaluate(OPENED, address) for address in sockets] == ["refused", "refused"]
     api(page, f"/api/stations/{station}", "DELETE")
@@ -67,7 +79,9 @@ def test_who_logs_out_is_out(page: Page, server: Server) -> None:
     page.wait_for_url("**/login")
 
 
-def test_a_question_answered_while_its_page_is_left_does_not_lead_away_again(page: Page, server: Server) -> None:
+def test_a_question_answered_while_its_page_is_left_does_not_lead_away_again(
+    page: Page, server: Server
+) -> None:
     asked: list[Route] = []
     page.route(f"{server.base}/login", lambda route: asked.append(route))
     with page.expect_response("**/api/patients*") as answer, sent_late(page, "**/api/patients*"):
@@ -81,7 +95,9 @@ def test_a_question_answered_while_its_page_is_left_does_not_lead_away_again(pag
     assert len(asked) == 1
 
 
-@pytest.mark.parametrize("seen", [True, False], ids=["its page was seen before", "its page was not yet loaded"])
+@pytest.mark.parametrize(
+    "seen", [True, False], ids=["its page was seen before", "its page was not yet loaded"]
+)
 def test_a_login_that_ended_leads_back_to_the_login_page(page: Page, seen: bool) -> None:
     link = page.get_by_role("link", name="Demo patient")
     if seen:
@@ -129,14 +145,22 @@ def test_an_account_is_handed_over_by_a_code_and_then_logs_in_by_its_password(
     newcomer.get_by_role("button", name="Log in").click()
     shown(newcomer.get_by_role("link", name="Demo patient"))
     refused: list[str] = []
-    newcomer.on("response", lambda answer: refused.append(answer.url) if answer.status == 403 else None)
-    for address, heading in (("/", "Patients"), ("/patients/1", "Sessions"), (f"/sessions/{processed}", "Finger tapping")):
+    newcomer.on(
+        "response", lambda answer: refused.append(answer.url) if answer.status == 403 else None
+    )
+    for address, heading in (
+        ("/", "Patients"),
+        ("/patients/1", "Sessions"),
+        (f"/sessions/{processed}", "Finger tapping"),
+    ):
         newcomer.goto(server.base + address)
         shown(newcomer.get_by_text(heading, exact=True))
         newcomer.wait_for_load_state("networkidle")
         keep_picture(newcomer, f"scientist{address.replace('/', '-')}")
         for words in CLINICIANS:
-            offered = newcomer.get_by_role("button", name=words).or_(newcomer.get_by_role("link", name=words))
+            offered = newcomer.get_by_role("button", name=words).or_(
+                newcomer.get_by_role("link", name=words)
+            )
             expect(offered.filter(visible=True)).to_have_count(0)
     assert refused == [], "nothing is asked for that the account may not see"
     assert newcomer.request.get(f"{server.base}/api/patients/1").json()["year_of_birth"] is None

@@ -13,21 +13,31 @@ from tests.journeys.house import Server, api, keep_picture, sent_late, shown
 pytestmark = pytest.mark.browser
 
 
-def test_hand_measures_are_millimetres_on_the_page_and_metres_in_the_api(page: Page, patient: int) -> None:
+def test_hand_measures_are_millimetres_on_the_page_and_metres_in_the_api(
+    page: Page, patient: int
+) -> None:
     page.get_by_text("Hand measures").click()
-    length, palm = (page.get_by_role("group", name=f"{what} (mm)").get_by_label("Left hand") for what in ("Hand length", "Palm length"))
+    length, palm = (
+        page.get_by_role("group", name=f"{what} (mm)").get_by_label("Left hand")
+        for what in ("Hand length", "Palm length")
+    )
     length.fill("181,5")
     palm.fill("ten")
     page.get_by_text("Lengths of the fingers").click()
     page.get_by_role("group", name="Index (mm)").get_by_label("Right hand").fill("92")
-    page.get_by_role("group", name="Trunk sensor above the hips (mm)").get_by_label("Height").fill("415")
+    page.get_by_role("group", name="Trunk sensor above the hips (mm)").get_by_label("Height").fill(
+        "415"
+    )
     page.get_by_role("button", name="Save measures").click()
     expect(page.get_by_text("Palm length (mm), left is “ten”")).to_be_visible()
     palm.fill("")
     page.get_by_role("button", name="Save measures").click()
     expect(page.get_by_text("Saved.")).to_be_visible()
     stored = api(page, f"/api/patients/{patient}")
-    assert stored["hand_measures"] == {"left": {"hand_length": 0.1815}, "right": {"finger_length": {"index": 0.092}}}
+    assert stored["hand_measures"] == {
+        "left": {"hand_length": 0.1815},
+        "right": {"finger_length": {"index": 0.092}},
+    }
     assert stored["trunk_height"] == 0.415
     keep_picture(page, "patient-measures")
     length.fill("1815")
@@ -35,7 +45,9 @@ def test_hand_measures_are_millimetres_on_the_page_and_metres_in_the_api(page: P
     expect(page.locator(".error")).to_contain_text("hand_length")
 
 
-def test_two_windows_that_change_a_patient_are_told(another_page: Callable[..., Page], page: Page, patient: int) -> None:
+def test_two_windows_that_change_a_patient_are_told(
+    another_page: Callable[..., Page], page: Page, patient: int
+) -> None:
     other = another_page(at=page.url)
     for window in (page, other):
         window.get_by_role("button", name="Change").click()
@@ -54,12 +66,16 @@ def test_two_windows_that_change_a_patient_are_told(another_page: Callable[..., 
     assert api(page, f"/api/patients/{patient}")["year_of_birth"] == 1962
 
 
-def test_what_two_windows_change_apart_is_kept_of_both(another_page: Callable[..., Page], page: Page, patient: int) -> None:
+def test_what_two_windows_change_apart_is_kept_of_both(
+    another_page: Callable[..., Page], page: Page, patient: int
+) -> None:
     other = another_page(at=page.url)
     for window, measure in ((page, "Hand length"), (other, "Palm length")):
         window.get_by_role("button", name="Change").click()
         window.get_by_text("Hand measures").click()
-        window.get_by_role("group", name=f"{measure} (mm)").get_by_label("Left hand").fill("100" if window is other else "180")
+        window.get_by_role("group", name=f"{measure} (mm)").get_by_label("Left hand").fill(
+            "100" if window is other else "180"
+        )
     page.get_by_label("Dominant hand").select_option("right")
     other.get_by_label("Year of birth").fill("1961")
     for window in (page, other):
@@ -97,7 +113,9 @@ def test_patients_are_found_by_their_code_and_archived(page: Page, patient: int)
     expect(page.get_by_role("link", name=code)).to_be_visible()
 
 
-def test_a_note_is_removed_and_brought_back_and_a_patient_erased_for_good(page: Page, patient: int) -> None:
+def test_a_note_is_removed_and_brought_back_and_a_patient_erased_for_good(
+    page: Page, patient: int
+) -> None:
     code = api(page, f"/api/patients/{patient}")["pseudonym"]
     page.get_by_label("New note").fill("Prefers mornings.")
     page.get_by_role("button", name="Add note").click()
@@ -142,10 +160,23 @@ def test_a_name_is_asked_about_and_kept_when_it_is_a_code(page: Page) -> None:
     expect(page.get_by_role("heading", name="Cohort Alpha")).to_be_visible()
 
 
-def test_a_session_left_open_overnight_is_finished_from_the_list(page: Page, patient: int, server: Server) -> None:
-    api(page, f"/api/patients/{patient}/sessions", "POST", data={"hand": "left", "port": "/dev/null"})
-    with closing(sqlite3.connect(server.data / "handscope.sqlite", timeout=60)) as database, database:
-        database.execute("update session set started = datetime(started, '-20 hours') where patient_id = ?", (patient,))
+def test_a_session_left_open_overnight_is_finished_from_the_list(
+    page: Page, patient: int, server: Server
+) -> None:
+    api(
+        page,
+        f"/api/patients/{patient}/sessions",
+        "POST",
+        data={"hand": "left", "port": "/dev/null"},
+    )
+    with (
+        closing(sqlite3.connect(server.data / "handscope.sqlite", timeout=60)) as database,
+        database,
+    ):
+        database.execute(
+            "update session set started = datetime(started, '-20 hours') where patient_id = ?",
+            (patient,),
+        )
     page.reload()
     expect(page.get_by_text("not finished")).to_be_visible()
     keep_picture(page, "patient-unfinished")
@@ -154,14 +185,18 @@ def test_a_session_left_open_overnight_is_finished_from_the_list(page: Page, pat
     keep_picture(page, "patients-unfinished")
     page.get_by_role("button", name="Finish it now").click()
     expect(page.get_by_text("was left open since")).to_be_hidden()
-    assert [s["state"] for s in api(page, f"/api/patients/{patient}")["sessions"]] == ["failed"]  # nothing was plugged in
+    assert [s["state"] for s in api(page, f"/api/patients/{patient}")["sessions"]] == [
+        "failed"
+    ]  # nothing was plugged in
 
 
 def test_a_code_that_is_taken_is_refused_beside_the_form(page: Page) -> None:
     page.get_by_role("button", name="New patient").click()
     page.get_by_label("Patient code").fill("Demo patient")
     page.get_by_role("button", name="Create patient").click()
-    expect(page.locator("form .error")).to_have_text("there is already a patient 'Demo patient'; choose another pseudonym")
+    expect(page.locator("form .error")).to_have_text(
+        "there is already a patient 'Demo patient'; choose another pseudonym"
+    )
 
 
 def test_an_address_that_leads_nowhere_says_what_to_do(page: Page, server: object) -> None:

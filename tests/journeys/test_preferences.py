@@ -12,7 +12,9 @@ pytestmark = pytest.mark.browser
 GROUND = "getComputedStyle(document.body).backgroundColor"
 
 
-def test_german_is_chosen_once_and_kept_and_reports_follow_it(another_page: Callable[..., Page], server: Server, processed: int) -> None:
+def test_german_is_chosen_once_and_kept_and_reports_follow_it(
+    another_page: Callable[..., Page], server: Server, processed: int
+) -> None:
     page = another_page(scene=False, bypass_csp=True)
     page.get_by_label("Language").select_option("de")
     shown(page.get_by_role("heading", name="Patienten"))
@@ -34,18 +36,24 @@ def test_german_is_chosen_once_and_kept_and_reports_follow_it(another_page: Call
     shown(page.get_by_role("heading", name="Finger tapping"))
 
 
-def test_a_german_browser_sees_german_and_the_station_speaks_it(another_page: Callable[..., Page], server: Server) -> None:
+def test_a_german_browser_sees_german_and_the_station_speaks_it(
+    another_page: Callable[..., Page], server: Server
+) -> None:
     page = another_page(scene=False, locale="de-AT")
     shown(page.get_by_role("heading", name="Patienten"))
     glove = api(page, "/api/gloves")[0]["path"]
-    station = api(page, "/api/patients/1/sessions", "POST", data={"hand": "left", "port": glove})["station"]
+    station = api(page, "/api/patients/1/sessions", "POST", data={"hand": "left", "port": glove})[
+        "station"
+    ]
     page.goto(f"{server.base}/stations/{station}")
     shown(page.get_by_text("Ziehen Sie den Handschuh an"))
     keep_picture(page, "station-de")
     api(page, f"/api/stations/{station}", "DELETE")
 
 
-def test_dark_and_light_can_be_chosen_against_the_device(another_page: Callable[..., Page], server: Server) -> None:
+def test_dark_and_light_can_be_chosen_against_the_device(
+    another_page: Callable[..., Page], server: Server
+) -> None:
     page = another_page(scene=False, color_scheme="light")
     light = page.evaluate(GROUND)
     page.get_by_label("Brightness").select_option("dark")

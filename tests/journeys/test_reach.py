@@ -9,7 +9,17 @@ from playwright.sync_api import Page
 from pypdf import PdfReader
 
 from handscope.validation.benchmarks.server_under_test import glove, wait_for
-from tests.journeys.house import LONG, Server, act, api, figure, keep_picture, name_port, new_patient, shown
+from tests.journeys.house import (
+    LONG,
+    Server,
+    act,
+    api,
+    figure,
+    keep_picture,
+    name_port,
+    new_patient,
+    shown,
+)
 from tests.journeys.test_accessibility import looked_at
 
 pytestmark = pytest.mark.browser
@@ -34,7 +44,9 @@ def with_a_magnet(tmp_path: Path) -> Iterator[Path]:
         yield port
 
 
-def test_a_reach_is_led_through_and_told_in_metres(another_page: Callable[..., Page], server: Server, with_a_magnet: Path) -> None:
+def test_a_reach_is_led_through_and_told_in_metres(
+    another_page: Callable[..., Page], server: Server, with_a_magnet: Path
+) -> None:
     page = another_page(scene=False, at=None, bypass_csp=True)
     name_port(page, f"{server.base}/patients/{new_patient(page)}", with_a_magnet)
     page.get_by_role("button", name="Start session").click()
@@ -65,9 +77,12 @@ def _read(page: Page) -> None:
     told = {name: figure(page, name) for name in IN_METRES}
     assert all("±" in value for value in told.values()), told
     distance, lean, forward = (
-        float(told[name].split(" ")[0]) for name in ("Distance reached", "Lean of the trunk", "Trunk carried forward")
+        float(told[name].split(" ")[0])
+        for name in ("Distance reached", "Lean of the trunk", "Trunk carried forward")
     )
-    assert abs(distance - 250) < 60  # mm, against the trunk, of a person who reaches 280 mm and leans by 0.3 rad a metre
+    assert (
+        abs(distance - 250) < 60
+    )  # mm, against the trunk, of a person who reaches 280 mm and leans by 0.3 rad a metre
     assert abs(lean - 5) < 3
     assert abs(forward - 34) < 20
     keep_picture(page, "session-reach")
@@ -83,10 +98,14 @@ def _read(page: Page) -> None:
 def _height_corrected(page: Page, before: str) -> None:
     """From an address that names a result, as after a choice among several: what is computed anew is looked at without a reload."""
     address = page.url
-    named = api(page, f"/api/sessions/{address.rsplit('/', 1)[1]}")["recordings"][0]["results"][0]["id"]
+    named = api(page, f"/api/sessions/{address.rsplit('/', 1)[1]}")["recordings"][0]["results"][0][
+        "id"
+    ]
     page.goto(f"{address}?result={named}")
     shown(page.get_by_text("Correct the height…")).click()
     page.get_by_label("Trunk sensor above the hips").fill("600")
     page.get_by_role("button", name="Correct the height", exact=True).click()
-    row = page.get_by_role("row").filter(has=page.get_by_role("rowheader", name="Trunk carried forward", exact=True))
+    row = page.get_by_role("row").filter(
+        has=page.get_by_role("rowheader", name="Trunk carried forward", exact=True)
+    )
     shown(row.filter(has_not_text=before))

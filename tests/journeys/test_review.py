@@ -17,12 +17,16 @@ pytestmark = pytest.mark.browser
 RESULT = re.compile(r"/api/results/\d+\?lean")
 
 
-def test_a_trial_is_left_out_with_a_reason_and_taken_back(page_without_scene: Page, server: Server, processed: int) -> None:
+def test_a_trial_is_left_out_with_a_reason_and_taken_back(
+    page_without_scene: Page, server: Server, processed: int
+) -> None:
     page = page_without_scene
     page.goto(f"{server.base}/sessions/{processed}")
     shown(page.get_by_role("button", name="Change…")).click()
     shown(page.locator(".correcting .uplot"))
-    expect(page.get_by_role("radio", name="Leave out a stretch")).to_have_count(0)  # taps follow each other
+    expect(page.get_by_role("radio", name="Leave out a stretch")).to_have_count(
+        0
+    )  # taps follow each other
     page.get_by_role("button", name="Change and compute anew").click()
     expect(page.get_by_role("alert").filter(has_text="Give a reason")).to_be_visible()
     page.get_by_role("button", name="Interrupted").click()
@@ -31,7 +35,9 @@ def test_a_trial_is_left_out_with_a_reason_and_taken_back(page_without_scene: Pa
     shown(page.get_by_text("This recording has no figures"))
     page.reload()  # who comes later reads it too
     shown(page.get_by_text("Left out: Interrupted"))
-    shown(page.locator(".warning").filter(has_text="tapping: left out of the figures (Interrupted)"))
+    shown(
+        page.locator(".warning").filter(has_text="tapping: left out of the figures (Interrupted)")
+    )
     keep_picture(page, "session-corrected")
     page.get_by_role("button", name="Undo").click()
     shown(page.get_by_role("heading", name="Finger tapping"))
@@ -58,15 +64,21 @@ def test_progress_appears_with_the_second_session_and_says_that_nothing_changed(
         shown(page.get_by_role("heading", name="Finger tapping"))
     page.goto(f"{server.base}/patients/{patient}")
     shown(page.get_by_text(re.compile(r"No change beyond measurement error in any of \d+ figures")))
-    rate = page.locator(".multiple").filter(has=page.get_by_role("heading", name="Rate", exact=True))
+    rate = page.locator(".multiple").filter(
+        has=page.get_by_role("heading", name="Rate", exact=True)
+    )
     expect(rate).to_contain_text("No change beyond measurement error (unchanged)")
-    expect(page.locator(".multiple").filter(has_text="measurement error not known").first).to_be_visible()
+    expect(
+        page.locator(".multiple").filter(has_text="measurement error not known").first
+    ).to_be_visible()
     page.get_by_label("Compared with").select_option("before")
     shown(page.get_by_text("measurement error round the session before"))
     keep_picture(page, "patient-progress")
 
 
-def test_a_replay_is_led_by_the_keyboard_and_repeats_a_task(page_without_scene: Page, server: Server, processed: int) -> None:
+def test_a_replay_is_led_by_the_keyboard_and_repeats_a_task(
+    page_without_scene: Page, server: Server, processed: int
+) -> None:
     page = page_without_scene
     result = api(page, f"/api/sessions/{processed}")["recordings"][0]["results"][-1]["id"]
     station = api(page, f"/api/results/{result}/replay", "POST")["station"]
@@ -84,12 +96,16 @@ def test_a_replay_is_led_by_the_keyboard_and_repeats_a_task(page_without_scene: 
     tapping = api(page, f"/api/results/{result}")["content"]["tasks"][0]
     page.get_by_label("Speed").select_option("4")
     page.get_by_role("button", name="Repeat Finger tapping").click()
-    page.get_by_role("slider", name="Time in the recording").fill(str(round(tapping["end"] - 0.3, 2)))
+    page.get_by_role("slider", name="Time in the recording").fill(
+        str(round(tapping["end"] - 0.3, 2))
+    )
     page.wait_for_function(
         "([onset, end]) => { const t = Number(document.querySelector('.cursor')?.dataset.t); return t > onset && t < onset + 8; }",
         arg=[tapping["onset"], tapping["end"]],
     )
-    page.get_by_role("button", name="Pause").click()  # before the repeating ends, and with it the recording
+    page.get_by_role(
+        "button", name="Pause"
+    ).click()  # before the repeating ends, and with it the recording
     page.get_by_role("button", name="Repeat Finger tapping").click()
     shown(page.get_by_role("button", name="Play"))
 
@@ -98,7 +114,9 @@ def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
     another_page: Callable[..., Page], server: Server, processed: int
 ) -> None:
     mine, other = (another_page(scene=False, at=None) for _ in range(2))
-    mine.route(RESULT, lambda route: route.fulfill(json={**route.fetch().json(), "state": "running"}))
+    mine.route(
+        RESULT, lambda route: route.fulfill(json={**route.fetch().json(), "state": "running"})
+    )
     for window in (mine, other):
         window.goto(f"/sessions/{processed}")
     shown(mine.get_by_text("Computing the results"))
@@ -128,20 +146,26 @@ def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
     shown(other.locator(".error").filter(has_text="Notes: stored now “tired”, yours “in pain”"))
     keep_picture(other, "session-conflict")
     other.get_by_role("button", name="Take what is stored").click()
-    mine.get_by_role("button", name="Undo").click()  # what is saved of the notes leaves the date as it was typed, too
+    mine.get_by_role(
+        "button", name="Undo"
+    ).click()  # what is saved of the notes leaves the date as it was typed, too
     expect(mine.get_by_label("When the session was measured")).to_have_value("2025-05-12T09:30")
     expect(mine.get_by_label("Notes on this session")).to_have_value("calm")
     session = api(mine, f"/api/sessions/{processed}")
     assert (session["notes"], session["examiner"]) == ("calm", "A. B.")
 
     mine.get_by_role("button", name="Correct the date").click()
-    expect(mine.locator(".error")).to_have_text("Give a reason: it stands beside the date for everybody who reads it.")
+    expect(mine.locator(".error")).to_have_text(
+        "Give a reason: it stands beside the date for everybody who reads it."
+    )
     mine.get_by_label("Why the date was wrong").fill("the clock's battery")
     mine.get_by_role("button", name="Correct the date").click()
     expect(mine.get_by_role("heading", name="Session of 12 May 2025")).to_be_visible()
     keep_picture(mine, "session-dated")
     mine.get_by_role("link", name="Demo patient").click()
-    expect(shown(mine.get_by_text("Date corrected. The computer's clock said"))).to_contain_text("the clock's battery")
+    expect(shown(mine.get_by_text("Date corrected. The computer's clock said"))).to_contain_text(
+        "the clock's battery"
+    )
     mine.go_back()
     mine.get_by_role("button", name="Put the clock's date back").click()
     expect(mine.get_by_role("heading", name="Session of 12 May 2025")).to_be_hidden()
@@ -152,7 +176,9 @@ def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
 def under_way(server: Server, processed: int) -> Iterator[int]:
     """A result of that session that is being computed, by nobody: it stays until it is stopped."""
     with store_at(server.data).database() as db:
-        result = results.wanted(db, db.get_one(PatientSession, processed).recordings[0], "map", {}, software_version())
+        result = results.wanted(
+            db, db.get_one(PatientSession, processed).recordings[0], "map", {}, software_version()
+        )
         results.begin(db, result)
         db.commit()
         made = result.id
@@ -162,7 +188,9 @@ def under_way(server: Server, processed: int) -> Iterator[int]:
         db.commit()
 
 
-def test_a_computation_that_nobody_waits_for_is_stopped(page_without_scene: Page, server: Server, processed: int, under_way: int) -> None:
+def test_a_computation_that_nobody_waits_for_is_stopped(
+    page_without_scene: Page, server: Server, processed: int, under_way: int
+) -> None:
     page = page_without_scene
     page.goto(f"{server.base}/sessions/{processed}?result={under_way}")
     stop = shown(page.get_by_role("button", name="Stop computing"))

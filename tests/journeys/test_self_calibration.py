@@ -7,7 +7,18 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from handscope.validation.benchmarks.server_under_test import glove, wait_for
-from tests.journeys.house import LONG, Server, act, api, end_session, held_back, keep_picture, name_port, new_patient, shown
+from tests.journeys.house import (
+    LONG,
+    Server,
+    act,
+    api,
+    end_session,
+    held_back,
+    keep_picture,
+    name_port,
+    new_patient,
+    shown,
+)
 from tests.journeys.test_accessibility import looked_at
 
 pytestmark = pytest.mark.browser
@@ -52,7 +63,9 @@ def test_a_hand_calibrates_itself_and_the_next_session_is_asked(
     looked_at(page, "free movement, moving and asked back")
     keep_picture(page, "free-movement-early")
     station = f"/api/stations/{page.url.rsplit('/', 1)[1]}"
-    wait_for(lambda: api(page, station)["wizard"]["remaining"] < FREE / 2)  # what was asked stands while the hand moves on
+    wait_for(
+        lambda: api(page, station)["wizard"]["remaining"] < FREE / 2
+    )  # what was asked stands while the hand moves on
     page.get_by_role("button", name="Stop now").click()
     shown(page.get_by_role("heading", name="Use what was found?"), 3 * LONG)
     expect(page.get_by_text("of 2 lengths found")).to_be_visible()
@@ -61,7 +74,10 @@ def test_a_hand_calibrates_itself_and_the_next_session_is_asked(
     act(page, "use").click()
     shown(page.get_by_text("Initial pose again"))
     posed(page)
-    assert api(page, station)["calibration"]["source"] == "initial pose, seats and lengths from self-calibration"
+    assert (
+        api(page, station)["calibration"]["source"]
+        == "initial pose, seats and lengths from self-calibration"
+    )
     end_session(page)
     shown(page.get_by_text("This session takes over lengths and how the sensors sit"))
     looked_at(page, "session with self-calibration")
@@ -69,9 +85,18 @@ def test_a_hand_calibrates_itself_and_the_next_session_is_asked(
     assert (kept["hand"], kept["withdrawn"]) == ("left", None)
     session = page.url.split("/sessions/")[1].partition("?")[0]
     for method in ("m2", "ekf"):
-        made = api(page, f"/api/sessions/{session}/results", "POST", data={"method": method})["result"]
-        result = wait_for(lambda made=made: (r := api(page, f"/api/results/{made}"))["state"] in ("done", "failed") and r)
-        assert result["content"]["calibration"]["source"] == "initial pose, seats and lengths from self-calibration"
+        made = api(page, f"/api/sessions/{session}/results", "POST", data={"method": method})[
+            "result"
+        ]
+        result = wait_for(
+            lambda made=made: (
+                (r := api(page, f"/api/results/{made}"))["state"] in ("done", "failed") and r
+            )
+        )
+        assert (
+            result["content"]["calibration"]["source"]
+            == "initial pose, seats and lengths from self-calibration"
+        )
 
     with held_back(page, "**/self-calibrations"):
         name_port(page, f"{server.base}/patients/{patient}", one_finger)

@@ -6,7 +6,18 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.journeys.house import Server, act, api, begin_session, end_session, figure, keep_picture, new_patient, scene_drawn, shown
+from tests.journeys.house import (
+    Server,
+    act,
+    api,
+    begin_session,
+    end_session,
+    figure,
+    keep_picture,
+    new_patient,
+    scene_drawn,
+    shown,
+)
 
 pytestmark = pytest.mark.browser
 COUNTDOWN_BELOW_BANNER = """() => {
@@ -34,7 +45,11 @@ def test_from_a_new_patient_to_a_report(page: Page, server: Server, tmp_path: Pa
     shown(
         page.get_by_text(re.compile("all 7 strips found|7 of 7 strips, see below"))
     )  # below stands what a busy machine may have lost, and
-    expect(page.get_by_text(re.compile("Not found:|Damaged data|could not be read|at its limit|started again"))).to_have_count(0)
+    expect(
+        page.get_by_text(
+            re.compile("Not found:|Damaged data|could not be read|at its limit|started again")
+        )
+    ).to_have_count(0)
     shown(page.get_by_text("Moving: index finger"))
     keep_picture(page, "station-connect")
     act(page, "continue").click()
@@ -90,10 +105,15 @@ def _skip(page: Page, task: str, reason: str) -> None:
 def _read_results(page: Page, folder: Path) -> None:
     shown(page.get_by_role("heading", name="Range of motion"))
     bent, _, sure = figure(page, "Index PIP").partition("° ± ")
-    assert abs(int(bent) - 95) <= 5 and 0 < float(sure.removesuffix("°")) < 5  # what the virtual patient bends it to
+    assert (
+        abs(int(bent) - 95) <= 5 and 0 < float(sure.removesuffix("°")) < 5
+    )  # what the virtual patient bends it to
     assert abs(int(figure(page, "Taps")) - 37) <= 4  # 2.5 a second in 15 s
     keep_picture(page, "session")
-    with page.expect_popup() as opened, page.context.expect_event("response", lambda r: "/report.pdf?" in r.url) as answer:
+    with (
+        page.expect_popup() as opened,
+        page.context.expect_event("response", lambda r: "/report.pdf?" in r.url) as answer,
+    ):
         page.get_by_role("link", name="Report (PDF)").click()
     assert answer.value.status == 200 and opened.value
     pdf = page.request.get(answer.value.url).body()
@@ -108,7 +128,9 @@ def _read_results(page: Page, folder: Path) -> None:
     expect(page.get_by_text("Saved.")).to_be_visible()
 
 
-def test_the_wrong_glove_is_said_in_red_and_the_session_can_be_ended(page_without_scene: Page, server: Server) -> None:
+def test_the_wrong_glove_is_said_in_red_and_the_session_can_be_ended(
+    page_without_scene: Page, server: Server
+) -> None:
     page = page_without_scene
     page.goto(f"{server.base}/patients/{new_patient(page)}")
     begin_session(page, "left", glove="right")
@@ -119,21 +141,30 @@ def test_the_wrong_glove_is_said_in_red_and_the_session_can_be_ended(page_withou
     end_session(page)
 
 
-def test_a_port_without_a_glove_says_so(page_without_scene: Page, server: Server, tmp_path: Path) -> None:
+def test_a_port_without_a_glove_says_so(
+    page_without_scene: Page, server: Server, tmp_path: Path
+) -> None:
     page = page_without_scene
     page.goto(f"{server.base}/patients/{new_patient(page)}")
     page.get_by_role("radio", name="Another port").check()
     page.get_by_label("Port", exact=True).fill(str(tmp_path / "nothing"))
     page.get_by_role("button", name="Start session").click()
-    expect(shown(page.get_by_role("alert").filter(has_text="cannot be reached"))).to_contain_text("is the glove plugged in?")
+    expect(shown(page.get_by_role("alert").filter(has_text="cannot be reached"))).to_contain_text(
+        "is the glove plugged in?"
+    )
     end_session(page)
-    expect(shown(page.get_by_role("heading", name="This session has no usable recording"))).to_be_visible()
+    expect(
+        shown(page.get_by_role("heading", name="This session has no usable recording"))
+    ).to_be_visible()
     keep_picture(page, "session-failed")
 
 
 def done_well(page: Page, picture: str = "") -> None:
     """A step of the calibration, repeated as the page asks where a busy machine measured it while the hand still moved into it."""
-    good, bad = page.get_by_role("heading", name="This step is good"), page.get_by_role("heading", name="This step cannot be used")
+    good, bad = (
+        page.get_by_role("heading", name="This step is good"),
+        page.get_by_role("heading", name="This step cannot be used"),
+    )
     for _ in range(3):
         shown(act(page, "start")).click()
         shown(page.get_by_text("Seconds left"))
@@ -146,7 +177,9 @@ def done_well(page: Page, picture: str = "") -> None:
     expect(good).to_be_visible()
 
 
-def test_a_calibration_by_movements_is_led_through_and_used(page_without_scene: Page, server: Server) -> None:
+def test_a_calibration_by_movements_is_led_through_and_used(
+    page_without_scene: Page, server: Server
+) -> None:
     page = page_without_scene
     page.goto(f"{server.base}/patients/{new_patient(page)}")
     begin_session(page, "left")

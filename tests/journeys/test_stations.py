@@ -22,13 +22,20 @@ def test_two_stations_show_two_hands(another_page: Callable[..., Page]) -> None:
         begin_session(page, hand)
         scenes.append(scene_drawn(page))
     palms = [np.array(scene.evaluate(PALM)) for scene in scenes]
-    np.testing.assert_allclose(palms[0], -palms[1], atol=1e-6, err_msg="frames of a left and a right hand are each other's negative")
+    np.testing.assert_allclose(
+        palms[0],
+        -palms[1],
+        atol=1e-6,
+        err_msg="frames of a left and a right hand are each other's negative",
+    )
 
     for scene in scenes:
         scene.wait_for_function(GHOST, arg=False)
     shown(act(left, "continue")).click()
     scenes[0].wait_for_function(GHOST, arg=True)
-    assert scenes[1].evaluate(GHOST, False), "the right hand's scene follows the left hand's session"
+    assert scenes[1].evaluate(GHOST, False), (
+        "the right hand's scene follows the left hand's session"
+    )
     shown(act(right, "continue"))
 
     third = another_page(scene=False, at="/patients/1")
@@ -39,7 +46,9 @@ def test_two_stations_show_two_hands(another_page: Callable[..., Page]) -> None:
     end_session(right)
 
 
-def test_a_second_viewer_sees_the_same_session_and_both_are_led_on(another_page: Callable[..., Page]) -> None:
+def test_a_second_viewer_sees_the_same_session_and_both_are_led_on(
+    another_page: Callable[..., Page],
+) -> None:
     first = another_page(scene=False, at=None)
     first.goto(f"/patients/{new_patient(first)}")
     begin_session(first, "left")

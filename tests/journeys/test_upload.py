@@ -20,11 +20,15 @@ HERE = "parseFloat(document.querySelector('.cursor')?.dataset.t)"
 
 
 def upload(page: Page, name: str, content: bytes) -> None:
-    page.get_by_label("Recording file").set_input_files({"name": name, "mimeType": "application/zip", "buffer": content})
+    page.get_by_label("Recording file").set_input_files(
+        {"name": name, "mimeType": "application/zip", "buffer": content}
+    )
     page.get_by_role("button", name="Upload and process").click()
 
 
-def test_an_uploaded_recording_gives_numbers_and_a_replay(page: Page, patient: int, recording: Path) -> None:
+def test_an_uploaded_recording_gives_numbers_and_a_replay(
+    page: Page, patient: int, recording: Path
+) -> None:
     upload(page, "tapping.zip", recording.read_bytes())
     page.wait_for_url("**/sessions/*")
     page.reload()  # the computation does not belong to the page
@@ -60,7 +64,12 @@ def _with_unit(recording: bytes, unit: str) -> bytes:
     with zipfile.ZipFile(io.BytesIO(recording)) as old, zipfile.ZipFile(out, "w") as new:
         for name in old.namelist():
             content = old.read(name)
-            new.writestr(name, content.replace(b"rad/s", unit.encode()) if name.endswith("channels.tsv") else content)
+            new.writestr(
+                name,
+                content.replace(b"rad/s", unit.encode())
+                if name.endswith("channels.tsv")
+                else content,
+            )
     return out.getvalue()
 
 
@@ -68,13 +77,17 @@ def test_a_file_is_sent_no_sooner_than_its_method_can_be_chosen(page: Page, pati
     address = page.url
     with held_back(page, "**/api/methods"):
         page.goto(address)
-        page.get_by_label("Recording file").set_input_files({"name": "letter.zip", "mimeType": "application/zip", "buffer": b"x"})
+        page.get_by_label("Recording file").set_input_files(
+            {"name": "letter.zip", "mimeType": "application/zip", "buffer": b"x"}
+        )
         send = page.get_by_role("button", name="Upload and process")
         expect(send).to_be_disabled()
     expect(send).to_be_enabled()
 
 
-def test_bad_files_get_a_sentence_and_leave_no_session(page: Page, patient: int, recording: Path) -> None:
+def test_bad_files_get_a_sentence_and_leave_no_session(
+    page: Page, patient: int, recording: Path
+) -> None:
     whole = recording.read_bytes()
     bad = {
         "letter.zip": (b"Dear colleague", "letter.zip"),
@@ -86,7 +99,9 @@ def test_bad_files_get_a_sentence_and_leave_no_session(page: Page, patient: int,
         alert = shown(page.locator(".error").filter(has_text=word))
         assert len(alert.inner_text()) < 400
         keep_picture(page, f"upload-{name.removesuffix('.zip')}")
-    page.get_by_label("Recording file").set_input_files({"name": "letter.pdf", "mimeType": "application/pdf", "buffer": b"x"})
+    page.get_by_label("Recording file").set_input_files(
+        {"name": "letter.pdf", "mimeType": "application/pdf", "buffer": b"x"}
+    )
     expect(page.get_by_text("letter.pdf is neither a .zip nor a .mcap file")).to_be_visible()
     expect(page.get_by_role("button", name="Upload and process")).to_be_disabled()
     assert api(page, f"/api/patients/{patient}")["sessions"] == []
@@ -109,10 +124,14 @@ def _pushed_by_another(forces: str) -> str:
     """Both fingertips, while they grip, feel what no movement of theirs answers to."""
     rows = [[float(v) for v in row] for row in csv.reader(io.StringIO(forces), delimiter="\t")]
     for row in rows:
-        push = 2.5 * math.sin(2 * math.pi * 0.37 * row[0]) + 2.0 * math.sin(2 * math.pi * 1.43 * row[0] + 1)
+        push = 2.5 * math.sin(2 * math.pi * 0.37 * row[0]) + 2.0 * math.sin(
+            2 * math.pi * 1.43 * row[0] + 1
+        )
         for first in (1, 4):
             size = math.hypot(*row[first : first + 3])
-            row[first : first + 3] = [v * (1 + push / size) if size > 0.5 else v for v in row[first : first + 3]]
+            row[first : first + 3] = [
+                v * (1 + push / size) if size > 0.5 else v for v in row[first : first + 3]
+            ]
     return "".join("\t".join(map(repr, row)) + "\n" for row in rows)
 
 
@@ -130,17 +149,35 @@ DOUBTED = {  # task with its options, the file that is changed, how, what the pa
 
 
 @pytest.mark.parametrize("task", DOUBTED)
-def test_figures_that_cannot_be_trusted_say_why_and_what_to_do(page: Page, patient: int, tmp_path: Path, task: str) -> None:
+def test_figures_that_cannot_be_trusted_say_why_and_what_to_do(
+    page: Page, patient: int, tmp_path: Path, task: str
+) -> None:
     options, file, change, beside, trust = DOUBTED[task]
     path = tmp_path / f"{task}.zip"
-    words = [sys.executable, "-P", "-m", "handscope.app.cli", "simulate", task, "--hand", "left", *options, "--out", str(path)]
+    words = [
+        sys.executable,
+        "-P",
+        "-m",
+        "handscope.app.cli",
+        "simulate",
+        task,
+        "--hand",
+        "left",
+        *options,
+        "--out",
+        str(path),
+    ]
     subprocess.run(words, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
     upload(page, path.name, _changed(path.read_bytes(), file, change))
     page.wait_for_url("**/sessions/*")
-    card = page.locator(".card").filter(has=page.get_by_role("heading", name=task.capitalize(), exact=True))
+    card = page.locator(".card").filter(
+        has=page.get_by_role("heading", name=task.capitalize(), exact=True)
+    )
     shown(card)
     keep_picture(page, f"doubted-{task}")
     expect(card).to_contain_text(beside)
-    trusted = page.locator(".card").filter(has=page.get_by_role("heading", name="Can I trust these numbers?"))
+    trusted = page.locator(".card").filter(
+        has=page.get_by_role("heading", name="Can I trust these numbers?")
+    )
     expect(trusted).to_contain_text(trust)
     expect(trusted).not_to_contain_text("Nothing unusual was noticed")

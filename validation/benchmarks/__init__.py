@@ -41,5 +41,7 @@ BENCHES = {
 
 def bench(name: str) -> Callable[[], list[Metric]]:
     """The function that measures; imported when it is asked for."""
-    measure: Callable[[], list[Metric]] = import_module(f"handscope.validation.benchmarks.{name}").measure
+    measure: Callable[[], list[Metric]] = import_module(
+        f"handscope.validation.benchmarks.{name}"
+    ).measure
     return measure

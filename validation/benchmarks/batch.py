@@ -30,11 +30,25 @@ MEMORY_TARGET = 300.0  # MB for ten minutes
 def measure() -> list[Metric]:
     """Each method on one minute; memory on one and ten minutes in processes of their own."""
     recording = recording_of(MINUTE)
-    found = [Metric("VQF alone (yardstick)", _yardstick(recording.samples["imu"]), "x real time", None, "higher")]
-    found += [Metric(f"{name} speed", _speed(name, recording), "x real time", SPEED_TARGETS[name], "higher") for name in METHODS]
+    found = [
+        Metric(
+            "VQF alone (yardstick)",
+            _yardstick(recording.samples["imu"]),
+            "x real time",
+            None,
+            "higher",
+        )
+    ]
+    found += [
+        Metric(
+            f"{name} speed", _speed(name, recording), "x real time", SPEED_TARGETS[name], "higher"
+        )
+        for name in METHODS
+    ]
     fast = recording_of(MINUTE, FAST)
     found += [
-        Metric(f"{name} speed at 200 Hz", _speed(name, fast), "x real time", target, "higher") for name, target in FAST_TARGETS.items()
+        Metric(f"{name} speed at 200 Hz", _speed(name, fast), "x real time", target, "higher")
+        for name, target in FAST_TARGETS.items()
     ]
     one, ten = _memory(1), _memory(10)
     found.append(Metric("m2 memory of 10 min", ten, "MB", MEMORY_TARGET, "lower"))
@@ -66,7 +80,16 @@ def _yardstick(block: Block) -> float:
 
 def recording_of(tasks: tuple[str, ...], rate: float = 100.0) -> Simulated:
     """A left hand of 16 sensors that does the tasks."""
-    return simulate(tasks, "left", sized("left"), np.random.default_rng(1), SensorErrors(), SENSORS, rate=rate, field=homogeneous())
+    return simulate(
+        tasks,
+        "left",
+        sized("left"),
+        np.random.default_rng(1),
+        SensorErrors(),
+        SENSORS,
+        rate=rate,
+        field=homogeneous(),
+    )
 
 
 def _memory(minutes: int) -> float:

@@ -36,7 +36,14 @@ def measure() -> list[Metric]:
 
 def _recordings(folder: Path) -> list[Path]:
     made = simulate(MINUTE, "left", sized("left"), np.random.default_rng(1), SensorErrors())
-    recording = LoadedRecording(made.hand, made.geometry, made.mounting, made.samples, made.events, source={"device": "simulated"})
+    recording = LoadedRecording(
+        made.hand,
+        made.geometry,
+        made.mounting,
+        made.samples,
+        made.events,
+        source={"device": "simulated"},
+    )
     packed = writer.packed(writer.tree(recording, "01", "minute"))
     paths = [folder / f"{k:03d}.zip" for k in range(RECORDINGS)]
     for path in paths:

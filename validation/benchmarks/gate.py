@@ -25,17 +25,24 @@ class Allowed:
 def read(path: Path) -> dict[str, dict[str, Allowed]]:
     """What is allowed, by benchmark and metric; InputError where the file is none."""
     try:
-        told = {name: {m: Allowed(**a) for m, a in metrics.items()} for name, metrics in json.loads(path.read_text()).items()}
+        told = {
+            name: {m: Allowed(**a) for m, a in metrics.items()}
+            for name, metrics in json.loads(path.read_text()).items()
+        }
     except OSError as problem:
         raise InputError(f"{path} cannot be read: {problem.strerror}") from None
     except (AttributeError, TypeError, ValueError):
-        raise InputError(f"{path} is no baseline: it should hold, by benchmark and metric, value, slack and per") from None
+        raise InputError(
+            f"{path} is no baseline: it should hold, by benchmark and metric, value, slack and per"
+        ) from None
     if unknown := set(told) - set(BENCHES):
         raise InputError(f"{path} names the benchmark {unknown.pop()!r}, which there is not")
     return told
 
 
-def worse(allowed: Mapping[str, Mapping[str, Allowed]], found: Mapping[str, Sequence[Metric]]) -> list[str]:
+def worse(
+    allowed: Mapping[str, Mapping[str, Allowed]], found: Mapping[str, Sequence[Metric]]
+) -> list[str]:
     """A sentence for each figure that is worse than allowed, or that was not measured although its benchmark was run."""
     said = []
     for name, metrics in found.items():
@@ -49,5 +56,7 @@ def worse(allowed: Mapping[str, Mapping[str, Allowed]], found: Mapping[str, Sequ
             limit = a.value / a.slack if m.better == "higher" else a.value * a.slack
             if value < limit if m.better == "higher" else value > limit:
                 of = f" of {a.per}" if a.per else f" {m.unit}"
-                said.append(f"{name}: {wanted} is {value:.4g}{of}, the baseline {a.value:.4g}; {limit:.4g} would do")
+                said.append(
+                    f"{name}: {wanted} is {value:.4g}{of}, the baseline {a.value:.4g}; {limit:.4g} would do"
+                )
     return said

@@ -20,7 +20,13 @@ from websockets.typing import Origin, Subprotocol
 
 from handscope.app.scene.bridge import PROTOCOL
 from handscope.validation.benchmarks import Metric
-from handscope.validation.benchmarks.server_under_test import Client, act, begin_tasks, glove, server
+from handscope.validation.benchmarks.server_under_test import (
+    Client,
+    act,
+    begin_tasks,
+    glove,
+    server,
+)
 
 RATE = 200
 VIEWERS = 4
@@ -41,7 +47,9 @@ def measure() -> list[Metric]:
             before, began = _cpu(pid), time.monotonic()
             ages = asyncio.run(watch(client, [station], VIEWERS, SECONDS))
             cpu = (_cpu(pid) - before) / (time.monotonic() - began)
-            lost = sum(s["lost"] for s in client.call("GET", f"/api/stations/{station}")["glove"]["strips"])
+            lost = sum(
+                s["lost"] for s in client.call("GET", f"/api/stations/{station}")["glove"]["strips"]
+            )
             act(client, station, "stop")
             client.call("DELETE", f"/api/stations/{station}")
     return [
@@ -53,10 +61,16 @@ def measure() -> list[Metric]:
     ]
 
 
-async def watch(client: Client, stations: Sequence[str], viewers: int, seconds: float) -> list[float]:
+async def watch(
+    client: Client, stations: Sequence[str], viewers: int, seconds: float
+) -> list[float]:
     """Ages (ms) of what so many viewers of each station are told, figures and scene open."""
-    told = asyncio.gather(*(_viewer(client, station, seconds) for station in stations for _ in range(viewers)))
-    scenes = [asyncio.create_task(_scene(client, station)) for station in stations for _ in range(viewers)]
+    told = asyncio.gather(
+        *(_viewer(client, station, seconds) for station in stations for _ in range(viewers))
+    )
+    scenes = [
+        asyncio.create_task(_scene(client, station)) for station in stations for _ in range(viewers)
+    ]
     ages = [age for one in await told for age in one]
     if any(scene.done() for scene in scenes):
         raise RuntimeError("a viewer's 3-D scene was closed")

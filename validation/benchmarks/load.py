@@ -45,19 +45,43 @@ def measure() -> list[Metric]:
             by_viewers = dict(_until_late(client, pid, ((n, stations) for n in VIEWERS)))
             by_stations = {1: by_viewers[1]} | {
                 len(stations): seen
-                for _, seen in _until_late(client, pid, ((1, _with_more(client, gloves, folder, stations, n)) for n in STATIONS))
+                for _, seen in _until_late(
+                    client,
+                    pid,
+                    ((1, _with_more(client, gloves, folder, stations, n)) for n in STATIONS),
+                )
             }
-            skipped = sum(client.call("GET", f"/api/stations/{station}")["glove"]["dropped_live"] for station in stations)
+            skipped = sum(
+                client.call("GET", f"/api/stations/{station}")["glove"]["dropped_live"]
+                for station in stations
+            )
     return [
-        *(m for n, seen in by_viewers.items() for m in _metrics(f"1 station, {n} viewer{'s' * (n > 1)}", seen)),
-        *(m for n, seen in by_stations.items() if n > 1 for m in _metrics(f"{n} stations, 1 viewer each", seen)),
+        *(
+            m
+            for n, seen in by_viewers.items()
+            for m in _metrics(f"1 station, {n} viewer{'s' * (n > 1)}", seen)
+        ),
+        *(
+            m
+            for n, seen in by_stations.items()
+            if n > 1
+            for m in _metrics(f"{n} stations, 1 viewer each", seen)
+        ),
         Metric(f"viewers within {LATEST:g} ms", _most(by_viewers), "viewers", None, "higher"),
-        Metric(f"stations within {LATEST:g} ms", _most(by_stations), "stations", float(STATIONS[-1]), "higher"),
+        Metric(
+            f"stations within {LATEST:g} ms",
+            _most(by_stations),
+            "stations",
+            float(STATIONS[-1]),
+            "higher",
+        ),
         Metric("blocks that live views left out", float(skipped), "blocks", None, "lower"),
     ]
 
 
-def _until_late(client: Client, pid: int, loads: Iterator[tuple[int, list[str]]]) -> Iterator[tuple[int, Seen]]:
+def _until_late(
+    client: Client, pid: int, loads: Iterator[tuple[int, list[str]]]
+) -> Iterator[tuple[int, Seen]]:
     """Under one load after the other (viewers, stations); the first that is too late is the last."""
     for viewers, stations in loads:
         seen = _under(client, pid, stations, viewers)
@@ -70,11 +94,15 @@ def _under(client: Client, pid: int, stations: list[str], viewers: int) -> Seen:
     before, began = (_machine(), _thread_seconds(pid)), time.monotonic()
     ages = asyncio.run(watch(client, stations, viewers, SECONDS))
     after, took = (_machine(), _thread_seconds(pid)), time.monotonic() - began
-    (busy, every), (process, loop) = (tuple(b - a for a, b in zip(*pair)) for pair in zip(before, after))
+    (busy, every), (process, loop) = (
+        tuple(b - a for a, b in zip(*pair)) for pair in zip(before, after)
+    )
     return Seen(float(np.percentile(ages, 99)), busy / every, process / took, loop / took)
 
 
-def _with_more(client: Client, gloves: ExitStack, folder: Path, stations: list[str], wanted: int) -> list[str]:
+def _with_more(
+    client: Client, gloves: ExitStack, folder: Path, stations: list[str], wanted: int
+) -> list[str]:
     stations += _begun(client, gloves, folder, len(stations), wanted)
     return stations
 

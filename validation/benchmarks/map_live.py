@@ -29,9 +29,23 @@ def measure() -> list[Metric]:
         spent = time.process_time() - began
         angles, tips, honest = errors(made, moved)
         found += [
-            Metric(f"{name}, behind the newest sample, mean", float(np.mean(late)), "ms", None, "lower"),
-            Metric(f"{name}, step of one sample, p99", float(np.percentile([step.took for step in steps], 99)), "ms", None, "lower"),
-            Metric(f"{name}, processor's time for a second", spent / float(made.truth.t[-1]), "s", None, "lower"),
+            Metric(
+                f"{name}, behind the newest sample, mean", float(np.mean(late)), "ms", None, "lower"
+            ),
+            Metric(
+                f"{name}, step of one sample, p99",
+                float(np.percentile([step.took for step in steps], 99)),
+                "ms",
+                None,
+                "lower",
+            ),
+            Metric(
+                f"{name}, processor's time for a second",
+                spent / float(made.truth.t[-1]),
+                "s",
+                None,
+                "lower",
+            ),
             Metric(f"{name}, angles, RMS error", angles, "deg", None, "lower"),
             Metric(f"{name}, tips, RMS error", tips, "mm", None, "lower"),
             Metric(f"{name}, angles, normalised error squared", honest, "1", None, "lower"),
@@ -47,4 +61,8 @@ def errors(made: Simulated, moved: Trajectory) -> tuple[float, float, float]:
     if moved.angles_sd is not None:
         sd = moved.angles_sd[np.searchsorted(moved.t, estimate.t - 1e-6)][:, 1:]
         honest = float(np.nanmean((angles / sd) ** 2))
-    return float(np.degrees(np.sqrt(np.nanmean(angles**2)))), 1e3 * float(np.sqrt(np.nanmean((tips**2).sum(axis=-1)))), honest
+    return (
+        float(np.degrees(np.sqrt(np.nanmean(angles**2)))),
+        1e3 * float(np.sqrt(np.nanmean((tips**2).sum(axis=-1)))),
+        honest,
+    )

@@ -62,7 +62,9 @@ def _times(client: Client, paths: tuple[str, ...]) -> list[float]:
     for _ in range(TIMES):
         began = time.perf_counter()
         for path in paths:
-            with urllib.request.urlopen(urllib.request.Request(client.base + path, headers={"Cookie": client.cookie})) as answer:
+            with urllib.request.urlopen(
+                urllib.request.Request(client.base + path, headers={"Cookie": client.cookie})
+            ) as answer:
                 answer.read()
         took.append(1e3 * (time.perf_counter() - began))
     return took
@@ -74,7 +76,14 @@ def pages() -> dict[str, tuple[str, ...]]:
         "patients": ("/", "/api/patients?limit=50", "/api/sessions/unfinished"),
         "patients, last part": (f"/api/patients?limit=50&offset={PATIENTS - 50}",),
         "patients, search": (f"/api/patients?limit=50&search={quote('P-07 1')}",),
-        "patient": ("/patients/1", "/api/patients/1", "/api/patients/1/progress", "/api/gloves", "/api/protocols", "/api/methods"),
+        "patient": (
+            "/patients/1",
+            "/api/patients/1",
+            "/api/patients/1/progress",
+            "/api/gloves",
+            "/api/protocols",
+            "/api/methods",
+        ),
         "session": ("/sessions/1", "/api/sessions/1", "/api/results/1", "/api/methods"),
         "session's curves": ("/api/results/1/curves?what=aperture&what=index_pip_flexion",),
     }
@@ -92,8 +101,17 @@ def fill(store: Store) -> None:
 
 
 def _processed(db: Session, store: Store, patient: Patient) -> int:
-    made = simulate(MINUTE, "left", sized("left"), np.random.default_rng(1), SensorErrors(), field=homogeneous())
-    recording = LoadedRecording(made.hand, made.geometry, made.mounting, made.samples, made.events, source={"device": "simulated"})
+    made = simulate(
+        MINUTE, "left", sized("left"), np.random.default_rng(1), SensorErrors(), field=homogeneous()
+    )
+    recording = LoadedRecording(
+        made.hand,
+        made.geometry,
+        made.mounting,
+        made.samples,
+        made.events,
+        source={"device": "simulated"},
+    )
     place = store.incoming / "minute.zip"
     place.write_bytes(writer.packed(writer.tree(recording, "01", "minute")))
     session = records.add_upload(db, store, patient, place, "minute.zip", None)
@@ -103,17 +121,35 @@ def _processed(db: Session, store: Store, patient: Patient) -> int:
 def _copy(db: Session) -> None:
     """Sessions a fortnight apart, patient after patient; recordings and results copied by the database itself."""
     begin = now() - timedelta(weeks=2 * MANY)
-    db.execute(insert(Patient), [{"pseudonym": f"P-{k:04d}", "affected_hand": "right"} for k in range(2, PATIENTS + 1)])
-    db.execute(insert(Note), [{"patient_id": k, "text": f"note {k}"} for k in range(2, PATIENTS + 1)])
+    db.execute(
+        insert(Patient),
+        [{"pseudonym": f"P-{k:04d}", "affected_hand": "right"} for k in range(2, PATIENTS + 1)],
+    )
+    db.execute(
+        insert(Note), [{"patient_id": k, "text": f"note {k}"} for k in range(2, PATIENTS + 1)]
+    )
     owners = [1] * (MANY - 1) + [2 + k % (PATIENTS - 1) for k in range(SESSIONS - MANY)]
     visits: dict[int, int] = {}
     rows = []
     for owner in owners:
         visits[owner] = visits.get(owner, 0) + 1
-        rows.append({"patient_id": owner, "hand": "left", "state": "processed", "started": begin + timedelta(weeks=2 * visits[owner])})
+        rows.append(
+            {
+                "patient_id": owner,
+                "hand": "left",
+                "state": "processed",
+                "started": begin + timedelta(weeks=2 * visits[owner]),
+            }
+        )
     db.execute(insert(PatientSession), rows)
     recording, result = db.get_one(RecordingFile, 1), db.get_one(Result, 1)
-    db.execute(_copies(RecordingFile, {"session_id": PatientSession.id, "sha256": cast(PatientSession.id, String)}, recording.id))
+    db.execute(
+        _copies(
+            RecordingFile,
+            {"session_id": PatientSession.id, "sha256": cast(PatientSession.id, String)},
+            recording.id,
+        )
+    )
     db.execute(_copies(Result, {"recording_id": RecordingFile.id}, result.id))
 
 
@@ -123,4 +159,7 @@ def _copies(table: type[RecordingFile | Result], own: dict[str, Any], template: 
     names = [c.name for c in table.__table__.columns if c.name != "id"]
     columns = [own[n] if n in own else getattr(like, n) for n in names]
     (owner,) = (column.class_ for column in list(own.values())[:1])
-    return insert(table).from_select(names, select(*columns).select_from(join(owner, like, like.id == template)).where(owner.id > 1))
+    return insert(table).from_select(
+        names,
+        select(*columns).select_from(join(owner, like, like.id == template)).where(owner.id > 1),
+    )

@@ -22,4 +22,7 @@ def of_processing(folder: str, stream: Stream, events: tuple[Event, ...]) -> flo
 def high_water() -> float:
     """Peak resident memory of this process in MB; getrusage's would be that of the process which started it."""
     status = Path("/proc/self/status").read_text()
-    return float(next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM"))) / 1024
+    return (
+        float(next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM")))
+        / 1024
+    )

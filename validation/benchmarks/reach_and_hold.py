@@ -56,7 +56,11 @@ def _followed(away: float = 0.0) -> tuple[Setup, Readings]:
     imu, raw = magnet.inertial(w, m, rng), magnet.magnetic(w, m, homogeneous(), rng)
     mag = np.einsum("lij,nlj->nli", np.linalg.inv(w.soft), raw - w.hard)
     setup = Setup(
-        magnet_setup.constellation(w.told_places, w.q_bl), magnet_setup.magnet(w.told_moment, w.told_lever), EARTH, None, q_bt=m.q_bt[0]
+        magnet_setup.constellation(w.told_places, w.q_bl),
+        magnet_setup.magnet(w.told_moment, w.told_lever),
+        EARTH,
+        None,
+        q_bt=m.q_bt[0],
     )
     return setup, Readings(m.t, imu[:, 0], imu[:, 1], mag)
 
@@ -64,18 +68,42 @@ def _followed(away: float = 0.0) -> tuple[Setup, Readings]:
 def _held() -> list[Metric]:
     """An object lifted with two force sensors at 12 and 100 Hz: method, forces and mass together."""
     rng, model = np.random.default_rng(2), sized("left")
-    done = [task_performance.initial_pose(model), object_dynamics.lift(model, rng, mass=0.28, height=0.5)]
+    done = [
+        task_performance.initial_pose(model),
+        object_dynamics.lift(model, rng, mass=0.28, height=0.5),
+    ]
     found = []
     for rate in (12.0, 100.0):
-        made = performed(done, "left", model, rng, PRESETS["LSM330DLC/HMC5983"], force=ForceGlove(rate=rate, errors=ForceErrors()))
+        made = performed(
+            done,
+            "left",
+            model,
+            rng,
+            PRESETS["LSM330DLC/HMC5983"],
+            force=ForceGlove(rate=rate, errors=ForceErrors()),
+        )
         speed = _speed(float(made.truth.t[-1]), partial(_weighed, made))
-        found.append(Metric(f"m2 with forces at {rate:g} Hz, and the mass", speed, "x real time", TARGET, "higher"))
+        found.append(
+            Metric(
+                f"m2 with forces at {rate:g} Hz, and the mass",
+                speed,
+                "x real time",
+                TARGET,
+                "higher",
+            )
+        )
     return found
 
 
 def _weighed(made: Simulated) -> object:
     event = next(e for e in made.events if e.trial_type == "task")
-    return lift.measure(lift.Params(), process(m2, m2.Params(), made).trajectory, event.onset, event.end, made.geometry)
+    return lift.measure(
+        lift.Params(),
+        process(m2, m2.Params(), made).trajectory,
+        event.onset,
+        event.end,
+        made.geometry,
+    )
 
 
 def _speed(seconds: float, work: Callable[[], object]) -> float:

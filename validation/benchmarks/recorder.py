@@ -25,10 +25,15 @@ def measure() -> list[Metric]:
             if not blocked.is_set():
                 blocked.set()
                 until = time.monotonic() + BLOCKED
-                while time.monotonic() < until:  # holds the interpreter as a runaway computation would
+                while (
+                    time.monotonic() < until
+                ):  # holds the interpreter as a runaway computation would
                     pass
 
-        with glove(port, "--rate", "1000"), Glove(str(port), file, {"hand": "left"}, estimator) as worn:
+        with (
+            glove(port, "--rate", "1000"),
+            Glove(str(port), file, {"hand": "left"}, estimator) as worn,
+        ):
             wait_for(blocked.is_set)
             time.sleep(SECONDS)
             overruns = worn.assembler.status.overruns if worn.assembler.status else 0
@@ -41,5 +46,7 @@ def measure() -> list[Metric]:
     return [
         Metric("samples lost by the recording", float(lost), "samples", 0.0, "lower"),
         Metric("samples recorded", samples / recording.duration / 1000, "k per s", None, "higher"),
-        Metric("size of the recording", size / recording.duration / 1000, "kB per s", None, "lower"),
+        Metric(
+            "size of the recording", size / recording.duration / 1000, "kB per s", None, "lower"
+        ),
     ]

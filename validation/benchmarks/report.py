@@ -25,14 +25,26 @@ from handscope.sessions.clinic.visit_history import Visit as Past
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.validation.benchmarks import Metric
 
-TASKS = ("initial_pose", "rom_fist", "rom_spread", "rom_thumb", "rom_wrist", "tapping", "tapping", "tapping")
+TASKS = (
+    "initial_pose",
+    "rom_fist",
+    "rom_spread",
+    "rom_thumb",
+    "rom_wrist",
+    "tapping",
+    "tapping",
+    "tapping",
+)
 SESSIONS, REPEATS = 20, 3
 TARGET = 3.0  # s
 
 
 def measure() -> list[Metric]:
     made = _content()
-    return [Metric(f"{form} in {language.name}", _seconds(made, form, language), "s", TARGET, "lower") for form, language in _wanted()]
+    return [
+        Metric(f"{form} in {language.name}", _seconds(made, form, language), "s", TARGET, "lower")
+        for form, language in _wanted()
+    ]
 
 
 def _wanted() -> list[tuple[str, Any]]:
@@ -49,16 +61,28 @@ def _seconds(made: Content, form: str, language: Any) -> float:
 
 
 def _content() -> Content:
-    moved = simulate(TASKS, "left", sized("left"), np.random.default_rng(1), SensorErrors(), SEGMENTS)
+    moved = simulate(
+        TASKS, "left", sized("left"), np.random.default_rng(1), SensorErrors(), SEGMENTS
+    )
     recording = LoadedRecording("left", moved.geometry, moved.mounting, moved.samples, moved.events)
     params = m2.Params()
     processed = process(m2, params, recording)
     results = assess(processed.trajectory, recording.events)
     now = values([f for t in results for f in figure_rows(t)])
     end = datetime(2026, 11, 21, tzinfo=UTC)
-    past = tuple(Past(end - timedelta(days=7 * k), _moved(now, k)) for k in reversed(range(SESSIONS)))
+    past = tuple(
+        Past(end - timedelta(days=7 * k), _moved(now, k)) for k in reversed(range(SESSIONS))
+    )
     return content(
-        Visit(patient="bench", date=end), recording, processed, "m2", params, results, "bench", load_all(), course=Course(past, past[0])
+        Visit(patient="bench", date=end),
+        recording,
+        processed,
+        "m2",
+        params,
+        results,
+        "bench",
+        load_all(),
+        course=Course(past, past[0]),
     )
 
 

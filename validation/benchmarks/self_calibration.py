@@ -16,7 +16,10 @@ from handscope.validation.benchmarks import Metric
 from handscope.validation.benchmarks.peak import high_water
 
 LENGTHS = (10.0, 20.0, 40.0)  # s
-FINGER, HAND = 20.0, 90.0  # s of time that 40 s of one finger, and of a whole hand of 16 sensors, may take
+FINGER, HAND = (
+    20.0,
+    90.0,
+)  # s of time that 40 s of one finger, and of a whole hand of 16 sensors, may take
 
 
 def measure() -> list[Metric]:
@@ -29,17 +32,36 @@ def measure() -> list[Metric]:
     ]
 
 
-def _timed(name: str, recorded: Callable[[float], Simulated], lengths: tuple[float, ...], most: float) -> list[Metric]:
+def _timed(
+    name: str, recorded: Callable[[float], Simulated], lengths: tuple[float, ...], most: float
+) -> list[Metric]:
     clock, worked = np.transpose([_seconds(recorded(length)) for length in lengths])
     timed = [
         metric
         for length, waited, processor in zip(lengths, clock, worked)
         for metric in (
-            Metric(f"map, {name}, {length:g} s", float(waited), "s", most if length == LENGTHS[-1] else None, "lower"),
-            Metric(f"map, {name}, {length:g} s, on the processor", float(processor), "s", None, "lower"),
+            Metric(
+                f"map, {name}, {length:g} s",
+                float(waited),
+                "s",
+                most if length == LENGTHS[-1] else None,
+                "lower",
+            ),
+            Metric(
+                f"map, {name}, {length:g} s, on the processor", float(processor), "s", None, "lower"
+            ),
         )
     ]
-    return [*timed, Metric(f"map, {name}, time for 40 s over that for 20 s", float(worked[-1] / worked[-2]), "1", 3.0, "lower")]
+    return [
+        *timed,
+        Metric(
+            f"map, {name}, time for 40 s over that for 20 s",
+            float(worked[-1] / worked[-2]),
+            "1",
+            3.0,
+            "lower",
+        ),
+    ]
 
 
 def _seconds(made: Simulated) -> tuple[float, float]:
@@ -53,4 +75,11 @@ def _finger(length: float) -> Simulated:
 
 
 def _hand(length: float) -> Simulated:
-    return free_movement.recorded(np.random.default_rng(0), SensorErrors(), "left", sized("left"), sized("left"), duration=length)
+    return free_movement.recorded(
+        np.random.default_rng(0),
+        SensorErrors(),
+        "left",
+        sized("left"),
+        sized("left"),
+        duration=length,
+    )

@@ -19,7 +19,9 @@ class Client:
     def __init__(self, address: str) -> None:
         self.base, token = address.split("/login?token=")
         request = urllib.request.Request(
-            f"{self.base}/api/login", json.dumps({"token": token}).encode(), {"Content-Type": "application/json"}
+            f"{self.base}/api/login",
+            json.dumps({"token": token}).encode(),
+            {"Content-Type": "application/json"},
         )
         with urllib.request.urlopen(request) as answer:
             self.cookie = str(answer.headers["Set-Cookie"]).split(";")[0]
@@ -27,7 +29,12 @@ class Client:
     def call(self, method: str, path: str, body: Any = None) -> Any:
         """Parsed JSON of the answer."""
         data = None if body is None else json.dumps(body).encode()
-        request = urllib.request.Request(self.base + path, data, {"Cookie": self.cookie, "Content-Type": "application/json"}, method=method)
+        request = urllib.request.Request(
+            self.base + path,
+            data,
+            {"Cookie": self.cookie, "Content-Type": "application/json"},
+            method=method,
+        )
         with urllib.request.urlopen(request) as answer:
             text = answer.read()
         return json.loads(text) if text else None
@@ -36,7 +43,18 @@ class Client:
 @contextmanager
 def server(data: Path, *words: str) -> Iterator[tuple[str, int]]:
     """A server on a free port: its one-time address and its process."""
-    command = [sys.executable, "-P", "-m", "handscope.app.cli", "serve", "--port", "0", "--data", str(data), *words]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "handscope.app.cli",
+        "serve",
+        "--port",
+        "0",
+        "--data",
+        str(data),
+        *words,
+    ]
     with _running(command) as process:
         assert process.stdout is not None
         line = next(line for line in process.stdout if "/login?token=" in line)
@@ -46,7 +64,9 @@ def server(data: Path, *words: str) -> Iterator[tuple[str, int]]:
 @contextmanager
 def glove(path: Path, *words: str) -> Iterator[None]:
     """A virtual glove at `path`."""
-    with _running([sys.executable, "-P", "-m", "handscope.app.cli", "glove", "--pty", str(path), *words]):
+    with _running(
+        [sys.executable, "-P", "-m", "handscope.app.cli", "glove", "--pty", str(path), *words]
+    ):
         wait_for(path.is_symlink)
         yield
 
@@ -64,12 +84,18 @@ def wait_for(condition: Callable[[], Any]) -> Any:
 def begin_tasks(client: Client, port: Path, hand: str = "left") -> str:
     """A new patient's session led through connect and pose; the station's name."""
     patient = client.call("POST", "/api/patients", {"pseudonym": f"bench {time.monotonic_ns()}"})
-    station = str(client.call("POST", f"/api/patients/{patient['id']}/sessions", {"hand": hand, "port": str(port)})["station"])
+    station = str(
+        client.call(
+            "POST", f"/api/patients/{patient['id']}/sessions", {"hand": hand, "port": str(port)}
+        )["station"]
+    )
 
     def state(wanted: Sequence[str]) -> Callable[[], bool]:
         return lambda: client.call("GET", f"/api/stations/{station}")["wizard"]["state"] in wanted
 
-    wait_for(lambda: "continue" in client.call("GET", f"/api/stations/{station}")["wizard"]["actions"])
+    wait_for(
+        lambda: "continue" in client.call("GET", f"/api/stations/{station}")["wizard"]["actions"]
+    )
     act(client, station, "continue")
     act(client, station, "start")
     wait_for(state(["pose_review"]))

@@ -15,7 +15,9 @@ def measure() -> list[Metric]:
         began = time.monotonic()
         with server(Path(folder)) as (address, _):
             client = Client(address)
-            with urllib.request.urlopen(urllib.request.Request(client.base + "/", headers={"Cookie": client.cookie})) as page:
+            with urllib.request.urlopen(
+                urllib.request.Request(client.base + "/", headers={"Cookie": client.cookie})
+            ) as page:
                 page.read()
             client.call("GET", "/api/patients")
             took = time.monotonic() - began

@@ -16,7 +16,10 @@ from handscope.estimators.pipeline.process import calibrate
 from handscope.validation.benchmarks import Metric
 from handscope.validation.benchmarks.batch import FAST, recording_of
 
-TARGETS = {"m2": None, "ekf": 1.0}  # ms, 99th percentile: updates of the filter come at every 40th sample
+TARGETS = {
+    "m2": None,
+    "ekf": 1.0,
+}  # ms, 99th percentile: updates of the filter come at every 40th sample
 STEPS = 2000
 
 
@@ -25,9 +28,16 @@ def measure() -> list[Metric]:
     recording, found = recording_of(("initial_pose", "rom_fist"), FAST), []
     for name, target in TARGETS.items():
         method = METHODS[name]
-        took = [one.took for one in one_by_one(method, method.Params(), recording, recording.samples["imu"], STEPS)]
+        took = [
+            one.took
+            for one in one_by_one(
+                method, method.Params(), recording, recording.samples["imu"], STEPS
+            )
+        ]
         found.append(Metric(f"{name} step, median", float(np.median(took)), "ms", None, "lower"))
-        found.append(Metric(f"{name} step, p99", float(np.percentile(took, 99)), "ms", target, "lower"))
+        found.append(
+            Metric(f"{name} step, p99", float(np.percentile(took, 99)), "ms", target, "lower")
+        )
     return found
 
 
@@ -40,7 +50,9 @@ class Stepped:
     given: Trajectory
 
 
-def one_by_one(method: ModuleType, params: Any, recording: Recording, samples: Block, most: int) -> Iterator[Stepped]:
+def one_by_one(
+    method: ModuleType, params: Any, recording: Recording, samples: Block, most: int
+) -> Iterator[Stepped]:
     """The first `most` samples behind the pose, stepped one after the other."""
     calibration = calibrate(params, recording)[0][0]
     behind = samples.between(calibration.t, np.inf)

@@ -16,7 +16,9 @@ from handscope.validation.benchmarks import BENCHES, Metric, bench, gate
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"some of {', '.join(BENCHES)} (all)")
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"some of {', '.join(BENCHES)} (all)"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
     parser.add_argument(
         "--gate",
@@ -32,7 +34,9 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     unknown = [name for name in arguments.names if name not in BENCHES]
     if unknown:
-        raise InputError(f"there is no benchmark {unknown[0]!r}; benchmarks are {', '.join(BENCHES)}")
+        raise InputError(
+            f"there is no benchmark {unknown[0]!r}; benchmarks are {', '.join(BENCHES)}"
+        )
     allowed = gate.read(arguments.gate) if arguments.gate else {}
     found: dict[str, list[Metric]] = {}
     for name in arguments.names or (allowed or BENCHES):
@@ -47,8 +51,13 @@ def run(arguments: argparse.Namespace) -> int:
             "machine": platform.machine(),
             "system": platform.system(),
         }
-        figures = {name: [{**asdict(m), "met": m.met} for m in metrics] for name, metrics in found.items()}
-        save_file((json.dumps({**machine, "benchmarks": figures}, indent=2) + "\n").encode(), arguments.json)
+        figures = {
+            name: [{**asdict(m), "met": m.met} for m in metrics] for name, metrics in found.items()
+        }
+        save_file(
+            (json.dumps({**machine, "benchmarks": figures}, indent=2) + "\n").encode(),
+            arguments.json,
+        )
     worse = gate.worse(allowed, found)
     for sentence in worse:
         say(f"WORSE: {sentence}")
@@ -57,5 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _line(name: str, m: Metric) -> str:
     sign = "at least" if m.better == "higher" else "at most"
-    target = "" if m.target is None else f"   target {sign} {m.target:g}: {'met' if m.met else 'MISSED'}"
+    target = (
+        "" if m.target is None else f"   target {sign} {m.target:g}: {'met' if m.met else 'MISSED'}"
+    )
     return f"{name:9} {m.name:36} {m.value:10.4g} {m.unit:12}{target}"

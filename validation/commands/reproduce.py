@@ -15,23 +15,62 @@ from handscope.sessions.tables_io.writing import save_file, save_folder
 from handscope.validation.reproduce import REPRODUCTIONS, Wanted, default_broad_data, reproduction
 from handscope.validation.reproduce.experiments import sizes
 from handscope.validation.reproduce.finding import Finding, as_json
-from handscope.validation.reproduce.layout import as_markdown, as_text, placed, sizes_as_markdown, sizes_as_text
+from handscope.validation.reproduce.layout import (
+    as_markdown,
+    as_text,
+    placed,
+    sizes_as_markdown,
+    sizes_as_text,
+)
 from handscope.validation.reproduce.workers import measured
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"some of {', '.join(REPRODUCTIONS)} (all)")
-    parser.add_argument("--seeds", type=int, default=Wanted.seeds, metavar="N", help="simulated people (%(default)s; drift: at most 8)")
     parser.add_argument(
-        "--experiment", action="append", default=[], metavar="E", help="of table6, table7 and independent only this one; may be repeated"
+        "names", nargs="*", metavar="NAME", help=f"some of {', '.join(REPRODUCTIONS)} (all)"
     )
-    parser.add_argument("--minutes", type=int, default=Wanted.minutes, metavar="M", help="length of drift (%(default)s)")
     parser.add_argument(
-        "--broad-data", type=Path, default=default_broad_data(), metavar="DIR", help="the BROAD trials (HANDSCOPE_BROAD, or %(default)s)"
+        "--seeds",
+        type=int,
+        default=Wanted.seeds,
+        metavar="N",
+        help="simulated people (%(default)s; drift: at most 8)",
     )
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="J", help="processes (as many as cores)")
+    parser.add_argument(
+        "--experiment",
+        action="append",
+        default=[],
+        metavar="E",
+        help="of table6, table7 and independent only this one; may be repeated",
+    )
+    parser.add_argument(
+        "--minutes",
+        type=int,
+        default=Wanted.minutes,
+        metavar="M",
+        help="length of drift (%(default)s)",
+    )
+    parser.add_argument(
+        "--broad-data",
+        type=Path,
+        default=default_broad_data(),
+        metavar="DIR",
+        help="the BROAD trials (HANDSCOPE_BROAD, or %(default)s)",
+    )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        default=os.cpu_count() or 1,
+        metavar="J",
+        help="processes (as many as cores)",
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures there")
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="write the tables there, each in place of its section")
+    parser.add_argument(
+        "--markdown",
+        type=Path,
+        metavar="FILE.md",
+        help="write the tables there, each in place of its section",
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the drawings (SVG)")
     parser.epilog = "\n".join(f"{name}: {meaning}" for name, meaning in REPRODUCTIONS.items())
 
@@ -72,8 +111,12 @@ def _wanted(arguments: argparse.Namespace) -> Wanted:
             raise InputError(f"--{option} {getattr(arguments, option)} is less than 1")
     unknown = [name for name in arguments.names if name not in REPRODUCTIONS]
     if unknown:
-        raise InputError(f"there is no reproduction {unknown[0]!r}; reproductions are {', '.join(REPRODUCTIONS)}")
-    return Wanted(arguments.seeds, tuple(arguments.experiment), arguments.broad_data, arguments.minutes)
+        raise InputError(
+            f"there is no reproduction {unknown[0]!r}; reproductions are {', '.join(REPRODUCTIONS)}"
+        )
+    return Wanted(
+        arguments.seeds, tuple(arguments.experiment), arguments.broad_data, arguments.minutes
+    )
 
 
 def _plans(names: Sequence[str], wanted: Wanted) -> dict[str, Sequence[Any]]:
@@ -88,7 +131,9 @@ def _plans(names: Sequence[str], wanted: Wanted) -> dict[str, Sequence[Any]]:
             say(f"broad left out: {problem}\n")
         else:
             if not plans[name]:
-                raise InputError(f"{name} has none of the experiments {', '.join(wanted.experiments)}")
+                raise InputError(
+                    f"{name} has none of the experiments {', '.join(wanted.experiments)}"
+                )
     return plans
 
 

@@ -27,7 +27,10 @@ MASSES, STIFFNESSES, DAMPINGS = (
     (200.0, 3000.0),
     (0.0, 30.0),
 )  # kg, N/m, N s/m: drawn between these, the first two by their logarithm
-WRONG, SURE = 0.1, 2.5  # share of the true value, standard deviations: further off without a word is surely wrong
+WRONG, SURE = (
+    0.1,
+    2.5,
+)  # share of the true value, standard deviations: further off without a word is surely wrong
 CALIBRATED = Cuffs(calibrated=True)
 
 
@@ -57,8 +60,12 @@ BOTH: Mapping[str, Condition] = {
     "100 Hz, calibrated": _cuffs(rate=100.0),
     "cuffs 5 deg askew, as they come": Condition(cuffs=Cuffs(askew=5.0)),
     "cuffs 5 deg askew, calibrated": _cuffs(askew=5.0),
-    "gains off by 5 %, cross-axis 5 %, as they come": Condition(cuffs=Cuffs(scale=0.05, cross=0.05)),
-    "gains off by 10 %, cross-axis 10 %, zero 2 N, calibrated": _cuffs(scale=0.1, cross=0.1, offset=2.0),
+    "gains off by 5 %, cross-axis 5 %, as they come": Condition(
+        cuffs=Cuffs(scale=0.05, cross=0.05)
+    ),
+    "gains off by 10 %, cross-axis 10 %, zero 2 N, calibrated": _cuffs(
+        scale=0.1, cross=0.1, offset=2.0
+    ),
     "the thumb's gain sank by 15 %": _cuffs(gain=(0.85, 1.0)),
     "both gains sank by 15 %": _cuffs(gain=(0.85, 0.85)),
     "zeros walk by 0.06 N/sqrt(s)": _cuffs(walk=0.06),
@@ -73,7 +80,11 @@ BOTH: Mapping[str, Condition] = {
     "a third finger takes a fifth": _held(third=0.2),
     "a third finger takes a third": _held(third=0.35),
 }
-LIFTED: Mapping[str, Condition] = {**BOTH, "it slips": _held(slips=True), "something carries 1 N": _held(support=1.0)}
+LIFTED: Mapping[str, Condition] = {
+    **BOTH,
+    "it slips": _held(slips=True),
+    "something carries 1 N": _held(support=1.0),
+}
 SQUEEZED: Mapping[str, Condition] = {
     **BOTH,
     "the stiffness changes by 0.3 of itself": _held(bend=0.3),
@@ -111,7 +122,12 @@ class Told:
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
-    return [Trial(task, name, seed) for task, conditions in TASKS.items() for name in conditions for seed in range(wanted.seeds)]
+    return [
+        Trial(task, name, seed)
+        for task, conditions in TASKS.items()
+        for name in conditions
+        for seed in range(wanted.seeds)
+    ]
 
 
 def measure(trial: Trial) -> Mapping[str, Told]:
@@ -123,7 +139,12 @@ def measure(trial: Trial) -> Mapping[str, Told]:
     by_name = {f["name"]: f for f in figures}
     reason = by_name[QUANTITIES[trial.task][0]]["reason"]
     return {
-        name: Told(_number(by_name[name]["value_si"]), _number(by_name[name]["sd_si"]), true[name], bool(reason))
+        name: Told(
+            _number(by_name[name]["value_si"]),
+            _number(by_name[name]["sd_si"]),
+            true[name],
+            bool(reason),
+        )
         for name in QUANTITIES[trial.task]
     }
 
@@ -131,7 +152,9 @@ def measure(trial: Trial) -> Mapping[str, Told]:
 def made(trial: Trial, folder: Path) -> dict[str, float]:
     """Write the trial's recording, and what its bench told of its sensors, into a folder; the truth by the figure's name."""
     condition = TASKS[trial.task][trial.condition]
-    of_object, of_hand, of_tape, of_sensors, of_bench, of_readings = np.random.default_rng([trial.seed, len(trial.task)]).spawn(6)
+    of_object, of_hand, of_tape, of_sensors, of_bench, of_readings = np.random.default_rng(
+        [trial.seed, len(trial.task)]
+    ).spawn(6)
     held = _drawn(condition.held, trial.task, of_object)
     pinch = pinched(held, ("left", "right")[trial.seed % 2], of_hand)
     sensors = [force_sensors.drawn(condition.cuffs, of_sensors) for _ in recording_files.FINGERS]
@@ -143,14 +166,18 @@ def made(trial: Trial, folder: Path) -> dict[str, float]:
             _run("calibrate-force", f"{folder}/bench.csv", "--finger", finger, "--out", str(setup))
         setups = json.loads(setup.read_text())["ForceSetup"]
     forces = force_sensors.told(pinch, condition.cuffs, sensors, of_readings)
-    recording_files.written(folder / "recording", pinch, measured(pinch.hand, of_tape), forces, setups)
+    recording_files.written(
+        folder / "recording", pinch, measured(pinch.hand, of_tape), forces, setups
+    )
     if held.mass is not None:
         return {"lift_mass": held.mass}
     return {"squeeze_stiffness": pinch.stiffness, "squeeze_damping": held.damping}
 
 
 def _drawn(held: Held, task: str, rng: np.random.Generator) -> Held:
-    mass, stiffness = (float(np.exp(rng.uniform(*np.log(between)))) for between in (MASSES, STIFFNESSES))
+    mass, stiffness = (
+        float(np.exp(rng.uniform(*np.log(between)))) for between in (MASSES, STIFFNESSES)
+    )
     if task == "lift":
         return replace(held, mass=mass)
     return replace(held, stiffness=stiffness, damping=float(rng.uniform(*DAMPINGS)))
@@ -176,31 +203,59 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, Told]]])
         _table(results, "squeeze", "squeeze_damping", "Its damping, errors in N s/m"),
     )
     return Finding(
-        "independent-grasp", "What the fingers hold, by an independent simulator", _setting(wanted), tables, (), _remarks(results)
+        "independent-grasp",
+        "What the fingers hold, by an independent simulator",
+        _setting(wanted),
+        tables,
+        (),
+        _remarks(results),
     )
 
 
-def _table(results: Sequence[tuple[Trial, Mapping[str, Told]]], task: str, quantity: str, title: str) -> Table:
+def _table(
+    results: Sequence[tuple[Trial, Mapping[str, Told]]], task: str, quantity: str, title: str
+) -> Table:
     relative = quantity != "squeeze_damping"
     unit = "%" if relative else "N s/m"
-    columns = ("something said, %", "told, %", f"error, {unit}", f"sd told, {unit}", "normalised error squared", "surely wrong, %")
+    columns = (
+        "something said, %",
+        "told, %",
+        f"error, {unit}",
+        f"sd told, {unit}",
+        "normalised error squared",
+        "surely wrong, %",
+    )
     rows = []
     for condition in TASKS[task]:
-        of_row = [found[quantity] for trial, found in results if (trial.task, trial.condition) == (task, condition)]
+        of_row = [
+            found[quantity]
+            for trial, found in results
+            if (trial.task, trial.condition) == (task, condition)
+        ]
         rows.append(Row(condition, _figures(of_row, columns, relative)))
     return Table(title, columns if relative else columns[:-1], tuple(rows), head="", digits=1)
 
 
 def _figures(each: Sequence[Told], columns: Sequence[str], relative: bool) -> dict[str, Spread]:
     """By column; no errors where nothing is told."""
-    figures = {columns[0]: share([one.said for one in each]), columns[1]: share([one.known for one in each])}
+    figures = {
+        columns[0]: share([one.said for one in each]),
+        columns[1]: share([one.known for one in each]),
+    }
     if relative:
         figures[columns[5]] = share([one.surely_wrong for one in each])
     if known := [one for one in each if one.known]:
         scale = np.array([100 / one.true if relative else 1.0 for one in known])
-        off, sd = (np.array(values) for values in ([one.value - one.true for one in known], [one.sd for one in known]))
+        off, sd = (
+            np.array(values)
+            for values in ([one.value - one.true for one in known], [one.sd for one in known])
+        )
         mean_sd, squared = float((scale * sd).mean()), float(((off / sd) ** 2).mean())
-        figures |= {columns[2]: spread(scale * off), columns[3]: _one(mean_sd), columns[4]: _one(squared)}
+        figures |= {
+            columns[2]: spread(scale * off),
+            columns[3]: _one(mean_sd),
+            columns[4]: _one(squared),
+        }
     return figures
 
 
@@ -229,4 +284,6 @@ def _remarks(results: Sequence[tuple[Trial, Mapping[str, Told]]]) -> tuple[str, 
     all_told = [(trial.condition, found[QUANTITIES[trial.task][0]]) for trial, found in results]
     wrong = [condition for condition, one in all_told if one.surely_wrong]
     where = ", ".join(f"{name} ({wrong.count(name)})" for name in dict.fromkeys(wrong))
-    return (f"Surely wrong: {len(wrong)} of {len(all_told)} masses and stiffnesses{f': {where}' if where else ''}.",)
+    return (
+        f"Surely wrong: {len(wrong)} of {len(all_told)} masses and stiffnesses{f': {where}' if where else ''}.",
+    )

@@ -57,20 +57,26 @@ class Condition:
 
 def _uneven(size: float) -> Callable[[Scene], Values]:
     """A field that changes by so many T a metre."""
-    return lambda s: np.repeat((s.board.places @ boards.gradient(size, s.rng))[None], len(s.t), axis=0)
+    return lambda s: np.repeat(
+        (s.board.places @ boards.gradient(size, s.rng))[None], len(s.t), axis=0
+    )
 
 
 def _second(away: float, moment: float, moves: float = 0.0) -> Callable[[Scene], Values]:
     def made(s: Scene) -> Values:
         way = np.array([0.8, 0.4, 0.45]) * away
         at = way + moves * np.column_stack([np.sin(2 * s.t), 0 * s.t, np.cos(3 * s.t)])
-        return dipole(at, np.repeat([[0, 0.83 * moment, 0.55 * moment]], len(s.t), axis=0), s.board.places)
+        return dipole(
+            at, np.repeat([[0, 0.83 * moment, 0.55 * moment]], len(s.t), axis=0), s.board.places
+        )
 
     return made
 
 
 def _hum(s: Scene) -> Values:
-    return np.asarray(2e-6 * np.sin(2 * np.pi * 50 * s.t + 1.0)[:, None, None] * np.array([0.6, 0.0, 0.8]))
+    return np.asarray(
+        2e-6 * np.sin(2 * np.pi * 50 * s.t + 1.0)[:, None, None] * np.array([0.6, 0.0, 0.8])
+    )
 
 
 def _missing(s: Scene, y: Values) -> Values:
@@ -98,7 +104,13 @@ def _late(s: Scene, y: Values) -> Values:
 def _in_turn(s: Scene, y: Values) -> Values:
     """Each chip 5 ms after the one before."""
     when = [s.t - 0.005 * k for k in range(y.shape[1])]
-    return np.stack([np.column_stack([np.interp(t, s.t, axis) for axis in y[:, k].T]) for k, t in enumerate(when)], axis=1)
+    return np.stack(
+        [
+            np.column_stack([np.interp(t, s.t, axis) for axis in y[:, k].T])
+            for k, t in enumerate(when)
+        ],
+        axis=1,
+    )
 
 
 KNOWN = {"moment": MOMENT}
@@ -113,7 +125,9 @@ CONDITIONS: Mapping[str, Condition] = {
     "places off by 1 mm, told so": Condition(chips=Chips(misplaced=1e-3), told={"place_sd": 1e-3}),
     "places off by 1 mm, not told": Condition(chips=Chips(misplaced=1e-3)),
     "not turned, readings without iron": Condition(chips=PLAIN, calibrated=False),
-    "not turned, calibration_sd 0.3 uT": Condition(chips=PLAIN, calibrated=False, told={"calibration_sd": 3e-7}),
+    "not turned, calibration_sd 0.3 uT": Condition(
+        chips=PLAIN, calibrated=False, told={"calibration_sd": 3e-7}
+    ),
     "not turned, hard iron 20 uT": Condition(calibrated=False, chips=Chips(turned=False)),
     "mains hum of 2 uT": Condition(field=_hum),
     "the room's field changes by 5 uT/m": Condition(field=_uneven(5e-6), many=(4, *MANY)),
@@ -158,40 +172,72 @@ class Told:
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
-    return [Trial(name, many, seed) for name, one in CONDITIONS.items() for many in one.many for seed in range(wanted.seeds)]
+    return [
+        Trial(name, many, seed)
+        for name, one in CONDITIONS.items()
+        for many in one.many
+        for seed in range(wanted.seeds)
+    ]
 
 
 def measure(trial: Trial) -> Told:
     """What `locate` tells of one recording."""
     with TemporaryDirectory() as folder:
         scene = made(trial, Path(folder))
-        words = [f"{folder}/magnet.csv", "--array", f"{folder}/board.json", "--out", f"{folder}/places.tsv"]
-        turned = ["--turned", f"{folder}/turned.csv"] if CONDITIONS[trial.condition].calibrated else []
+        words = [
+            f"{folder}/magnet.csv",
+            "--array",
+            f"{folder}/board.json",
+            "--out",
+            f"{folder}/places.tsv",
+        ]
+        turned = (
+            ["--turned", f"{folder}/turned.csv"] if CONDITIONS[trial.condition].calibrated else []
+        )
         if _refused("locate", *words, *turned):
             return Told(len(scene.t), *np.zeros((3, 0)))
         out = np.genfromtxt(f"{folder}/places.tsv", names=True, delimiter="\t")
     found = out["found"] > 0.5
     off = np.column_stack([out[axis] for axis in "xyz"])[found] - scene.places[found]
     sd = np.column_stack([out[f"{axis}_sd"] for axis in "xyz"])[found]
-    return Told(len(found), np.linalg.norm(off, axis=1), np.linalg.norm(sd, axis=1), ((off / sd) ** 2).mean(axis=1))
+    return Told(
+        len(found),
+        np.linalg.norm(off, axis=1),
+        np.linalg.norm(sd, axis=1),
+        ((off / sd) ** 2).mean(axis=1),
+    )
 
 
 def made(trial: Trial, folder: Path) -> Scene:
     """Write the trial's tables into a folder; the truth."""
     condition = CONDITIONS[trial.condition]
-    of_board, of_turn, of_path, of_field, of_chips = np.random.default_rng([trial.seed, trial.many]).spawn(5)
+    of_board, of_turn, of_path, of_field, of_chips = np.random.default_rng(
+        [trial.seed, trial.many]
+    ).spawn(5)
     board = boards.drawn(trial.many, condition.chips, of_board)
     t = np.arange(int(SECONDS * RATE)) / RATE
     places, moments = _path(condition, t, of_path)
     scene = Scene(t, places, moments, board, of_field)
-    B = boards.rod(places, moments, condition.length, board.places) if condition.length else dipole(places, moments, board.places)
-    around = boards.by_hand(SECONDS, RATE, 0.8, of_turn).inv().apply(EARTH) if condition.carried else np.repeat(EARTH[None], len(t), axis=0)
+    B = (
+        boards.rod(places, moments, condition.length, board.places)
+        if condition.length
+        else dipole(places, moments, board.places)
+    )
+    around = (
+        boards.by_hand(SECONDS, RATE, 0.8, of_turn).inv().apply(EARTH)
+        if condition.carried
+        else np.repeat(EARTH[None], len(t), axis=0)
+    )
     B = B + around[:, None] + (0.0 if condition.field is None else condition.field(scene))
     y = boards.read(board, B, of_chips)
-    boards.table(folder / "magnet.csv", t, y if condition.spoilt is None else condition.spoilt(scene, y))
+    boards.table(
+        folder / "magnet.csv", t, y if condition.spoilt is None else condition.spoilt(scene, y)
+    )
     if condition.calibrated:
         turned_t, turned = boards.turned(board, *TURNED, of_turn)
-        boards.table(folder / "turned.csv", turned_t, boards.read(board, turned, of_chips, since=False))
+        boards.table(
+            folder / "turned.csv", turned_t, boards.read(board, turned, of_chips, since=False)
+        )
     boards.description(folder / "board.json", board, **condition.told)
     return scene
 
@@ -202,9 +248,13 @@ def _path(condition: Condition, t: Values, rng: np.random.Generator) -> tuple[Va
     frequency, phase = rng.uniform(0.1, 0.5, 3), rng.uniform(0, 2 * np.pi, 3)
     wave = np.sin(2 * np.pi * when[:, None] * frequency + phase)
     middle, swing = (condition.low + condition.high) / 2, (condition.high - condition.low) / 2
-    places = np.column_stack([min(0.08, condition.high / 2) * wave[:, :2], middle + swing * wave[:, 2]])
+    places = np.column_stack(
+        [min(0.08, condition.high / 2) * wave[:, :2], middle + swing * wave[:, 2]]
+    )
     tilt, round_ = 1.2 * np.sin(0.4 * np.pi * when + phase[0]), 0.26 * np.pi * when
-    return places, MOMENT * np.column_stack([np.sin(tilt) * np.cos(round_), np.sin(tilt) * np.sin(round_), np.cos(tilt)])
+    return places, MOMENT * np.column_stack(
+        [np.sin(tilt) * np.cos(round_), np.sin(tilt) * np.sin(round_), np.cos(tilt)]
+    )
 
 
 def _refused(*words: str) -> bool:
@@ -218,9 +268,21 @@ def _refused(*words: str) -> bool:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Told]]) -> Finding:
-    columns = ("found, %", "off, median, mm", "sd told, median, mm", "normalised error squared", "surely wrong, %")
+    columns = (
+        "found, %",
+        "off, median, mm",
+        "sd told, median, mm",
+        "normalised error squared",
+        "surely wrong, %",
+    )
     rows = [
-        Row(f"{name}, {many} chips", _figures([told for trial, told in results if (trial.condition, trial.many) == (name, many)], columns))
+        Row(
+            f"{name}, {many} chips",
+            _figures(
+                [told for trial, told in results if (trial.condition, trial.many) == (name, many)],
+                columns,
+            ),
+        )
         for name, one in CONDITIONS.items()
         for many in one.many
     ]
@@ -266,5 +328,8 @@ def _setting(wanted: Wanted) -> tuple[str, ...]:
 
 def _remarks(results: Sequence[tuple[Trial, Any]]) -> tuple[str, ...]:
     """Over all conditions: how much is confident and wrong."""
-    readings, wrong = sum(told.readings for _, told in results), sum(_surely_wrong(told) for _, told in results)
+    readings, wrong = (
+        sum(told.readings for _, told in results),
+        sum(_surely_wrong(told) for _, told in results),
+    )
     return (f"Surely wrong: {wrong} of {readings} readings ({100 * wrong / readings:.2f} %).",)

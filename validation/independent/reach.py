@@ -37,19 +37,27 @@ MM, DEG = 1e3, 180 / np.pi
 FIRST = 10.0  # s that are left out: the hand begins to move after five
 COUNTS = {"four": 4, "one": 1}
 NAMES = tuple(f"trunk_mag_{k + 1}" for k in range(len(world.PLATE)))
-Q_BS = Rotation.from_matrix([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # breastbone's sensor to the trunk: forward, up, right
+Q_BS = Rotation.from_matrix(
+    [[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]
+)  # breastbone's sensor to the trunk: forward, up, right
 UNTOLD = (30.0, 3.0)  # mm and standard deviations from which on a place that nobody marked is wrong
 BACK, WITHIN = 25.0, 3.0  # mm; s, one in which the hand comes back and two to find it
 FIGURES = {
     "position": ("Place of the hand where it is told without a flag, RMS, mm", 1),
     "relative": ("Orientation of the hand against the trunk, RMS, deg", 1),
     "trunk": ("Orientation of the trunk, RMS, deg", 1),
-    "place nes": ("Place where it is told without a flag: normalised error squared (1 = as sure as it says)", 2),
+    "place nes": (
+        "Place where it is told without a flag: normalised error squared (1 = as sure as it says)",
+        2,
+    ),
     "relative nes": ("Relative orientation: normalised error squared", 2),
     "trunk nes": ("Orientation of the trunk: normalised error squared", 2),
     "told": ("Time for which the place is told without a flag, %", 1),
     "doubtful": ("Time marked doubtful, %", 1),
-    "unsaid": ("Time at which the place is told without a flag and wrong by more than 3 cm and three standard deviations, %", 2),
+    "unsaid": (
+        "Time at which the place is told without a flag and wrong by more than 3 cm and three standard deviations, %",
+        2,
+    ),
     "reach_straightness": ("Way of a reach over its straight distance: as told less as it was", 3),
     "reach_hand_speed": ("Peak speed of the hand in a reach: as told less as it was, mm/s", 1),
     "reach_hand_sparc": ("SPARC of the hand's way: as told less as it was", 3),
@@ -57,7 +65,13 @@ FIGURES = {
     "reach_hand_units": ("Movement units of the hand's way: as told less as they were", 3),
     "back": ("Place from 2 s after ten seconds out of reach, whether marked or not, RMS, mm", 1),
 }
-MEASURED = {"reach_straightness": 1.0, "reach_hand_speed": MM, "reach_hand_sparc": 1.0, "reach_hand_ldlj": 1.0, "reach_hand_units": 1.0}
+MEASURED = {
+    "reach_straightness": 1.0,
+    "reach_hand_speed": MM,
+    "reach_hand_sparc": 1.0,
+    "reach_hand_ldlj": 1.0,
+    "reach_hand_units": 1.0,
+}
 REACHED = ("reaches", "reaches, trunk leans")  # movements with rests between reaches
 RESTS = 0.03  # share of the hand's largest speed below which it rests between two reaches
 SHORTEST = 0.8  # s from one rest to the next
@@ -71,7 +85,9 @@ class Trial:
     seconds: float = 60.0
 
 
-Found = Mapping[str, Mapping[str, float]]  # by number of magnetometers; a figure that a movement does not have is left out
+Found = Mapping[
+    str, Mapping[str, float]
+]  # by number of magnetometers; a figure that a movement does not have is left out
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
@@ -85,17 +101,30 @@ def measure(trial: Trial) -> Found:
 
 def _figures(trial: Trial, count: int) -> dict[str, float]:
     seeds = np.random.SeedSequence([trial.seed, *trial.movement.encode()]).spawn(4)
-    worn, room = world.worn(np.random.default_rng(seeds[0]), count), world.room(np.random.default_rng(seeds[1]))
-    motion, rng = world.moving(trial.movement, np.random.default_rng(seeds[2]), trial.seconds), np.random.default_rng(seeds[3])
+    worn, room = (
+        world.worn(np.random.default_rng(seeds[0]), count),
+        world.room(np.random.default_rng(seeds[1])),
+    )
+    motion, rng = (
+        world.moving(trial.movement, np.random.default_rng(seeds[2]), trial.seconds),
+        np.random.default_rng(seeds[3]),
+    )
     with tempfile.TemporaryDirectory() as folder:
         calibrated, strength = _calibrated(Path(folder) / "turned", worn, room, rng)
         recording = _recorded(Path(folder) / "moved", worn, motion, room, rng, calibrated, strength)
     moved = process(METHODS["m2"], METHODS["m2"].Params(), recording).trajectory
     s = hand_position.setting(PlaceParams(), recording.plate, recording.streams, recording.mounting)
-    assert s is not None and moved.place is not None and moved.place_sd is not None and moved.place_flags is not None
+    assert (
+        s is not None
+        and moved.place is not None
+        and moved.place_sd is not None
+        and moved.place_flags is not None
+    )
     track = hand_position.tracked(s, list(recording.samples.values()))[1]
     after = track.t > FIRST
-    t, q_bt, q_bt_sd, q_gb, q_gb_sd = (getattr(track, f)[after] for f in ("t", "q_bt", "q_bt_sd", "q_gb", "q_gb_sd"))
+    t, q_bt, q_bt_sd, q_gb, q_gb_sd = (
+        getattr(track, f)[after] for f in ("t", "q_bt", "q_bt_sd", "q_gb", "q_gb_sd")
+    )
     (p_b, p_t), (R_b, _) = motion.at(moved.t)
     true = (Q_BS * R_b.inv()).apply(p_t - p_b)
     off = moved.place - true
@@ -107,13 +136,24 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
         "told": 100 * float(told[late].mean()),
         "doubtful": 100 * float((moved.place_flags[late] & PlaceFlag.DOUBTFUL != 0).mean()),
         "unsaid": 100 * float((both & (wrong > UNTOLD[0]) & (wrong > UNTOLD[1] * sd))[late].mean()),
-        **({"position": _rms(wrong[both]), "place nes": float(((off / moved.place_sd)[both] ** 2).mean())} if both.any() else {}),
+        **(
+            {
+                "position": _rms(wrong[both]),
+                "place nes": float(((off / moved.place_sd)[both] ** 2).mean()),
+            }
+            if both.any()
+            else {}
+        ),
         "relative": DEG * _rms(np.linalg.norm(relative, axis=1)),
         "trunk": DEG * _rms(np.linalg.norm(trunk, axis=1)),
         "relative nes": float(((relative / q_bt_sd) ** 2).mean()),
         "trunk nes": float(((trunk / q_gb_sd) ** 2).mean()),
         **(_measured(moved, true) if trial.movement in REACHED and both.any() else {}),
-        **({"back": _rms(wrong[moved.t > world.BACK + WITHIN])} if "out of reach" in trial.movement else {}),
+        **(
+            {"back": _rms(wrong[moved.t > world.BACK + WITHIN])}
+            if "out of reach" in trial.movement
+            else {}
+        ),
     }
 
 
@@ -122,11 +162,19 @@ def _measured(moved: Trajectory, true: Array) -> dict[str, float]:
     speed = np.linalg.norm(np.gradient(true, moved.t, axis=0), axis=1)
     rests = find_objects(label((speed < RESTS * speed.max()) & (moved.t > FIRST))[0])
     middles = [float(moved.t[rest].mean()) for (rest,) in rests]
-    marks = tuple(Mark(a, b, "reach", k) for k, (a, b) in enumerate(itertools.pairwise(middles)) if b - a > SHORTEST)
+    marks = tuple(
+        Mark(a, b, "reach", k)
+        for k, (a, b) in enumerate(itertools.pairwise(middles))
+        if b - a > SHORTEST
+    )
     known = np.zeros(len(moved), np.uint8)
     means = []
     for way in (replace(moved, place_flags=known), replace(moved, place=true, place_flags=known)):
-        found = reach.figures(reach.measure(reach.Params(), way, FIRST, float(way.t[-1]), None, Asked("reach", {}, marks)))
+        found = reach.figures(
+            reach.measure(
+                reach.Params(), way, FIRST, float(way.t[-1]), None, Asked("reach", {}, marks)
+            )
+        )
         means.append({f.what: f.value for f in found})
     return {name: unit * (means[0][name] - means[1][name]) for name, unit in MEASURED.items()}
 
@@ -149,16 +197,26 @@ def _rms(values: Array) -> float:
     return float(np.sqrt((values**2).mean()))
 
 
-def _calibrated(folder: Path, worn: Worn, room: Room, rng: np.random.Generator) -> tuple[Mapping[str, tuple[Array, Array]], float]:
+def _calibrated(
+    folder: Path, worn: Worn, room: Room, rng: np.random.Generator
+) -> tuple[Mapping[str, tuple[Array, Array]], float]:
     """Matrix and bias by magnetometer from a recording of the plate being turned, and the field's strength, T."""
     turning = world.turned_about(rng)
-    _write(folder, "turned", {"trunk": world.inertial(worn, turning, 0, rng)}, world.magnetometers(worn, turning, room, rng, magnet=False))
+    _write(
+        folder,
+        "turned",
+        {"trunk": world.inertial(worn, turning, 0, rng)},
+        world.magnetometers(worn, turning, room, rng, magnet=False),
+    )
     recording = formats_recordings.load(folder, correct=False)
     block = next(b for b in recording.samples.values() if MAG in b.stream.quantities)
     mounting = np.array([recording.mounting[name] for name in block.stream.sensors])
     found = magnetometer_board.calibrated(block.stream.sensors, block.of(MAG), mounting)
     assert not found.refused, found.refused
-    return {name: (s.calibration.matrix[MAG], s.calibration.bias[MAG]) for name, s in found.solved.items()}, found.strength
+    return {
+        name: (s.calibration.matrix[MAG], s.calibration.bias[MAG])
+        for name, s in found.solved.items()
+    }, found.strength
 
 
 def _recorded(
@@ -172,17 +230,33 @@ def _recorded(
 ) -> LoadedRecording:
     t, raw = world.magnetometers(worn, motion, room, rng)
     mag = np.stack(
-        [(raw[:, k] - bias) @ matrix.T for k, (matrix, bias) in enumerate(calibrated[name] for name in NAMES[: raw.shape[1]])], axis=1
+        [
+            (raw[:, k] - bias) @ matrix.T
+            for k, (matrix, bias) in enumerate(calibrated[name] for name in NAMES[: raw.shape[1]])
+        ],
+        axis=1,
     )
     places = {name: list(p) for name, p in zip(NAMES, worn.told_places)}
-    setup = {"places": places, "moment": list(worn.told_moment), "place": list(world.ON_HAND), "earth": strength}
-    inertial = {name: world.inertial(worn, motion, which, rng) for which, name in enumerate(("trunk", "hand"))}
+    setup = {
+        "places": places,
+        "moment": list(worn.told_moment),
+        "place": list(world.ON_HAND),
+        "earth": strength,
+    }
+    inertial = {
+        name: world.inertial(worn, motion, which, rng)
+        for which, name in enumerate(("trunk", "hand"))
+    }
     _write(folder, "reach", inertial, (t, mag), {"MagnetSetup": setup})
     return formats_recordings.load(folder)
 
 
 def _write(
-    folder: Path, task: str, inertial: Mapping[str, tuple[Array, Array]], mag: tuple[Array, Array], more: Mapping[str, object] | None = None
+    folder: Path,
+    task: str,
+    inertial: Mapping[str, tuple[Array, Array]],
+    mag: tuple[Array, Array],
+    more: Mapping[str, object] | None = None,
 ) -> None:
     """Motion-BIDS as text, in the units of data sheets."""
     place = folder / "sub-01" / "motion"
@@ -193,30 +267,58 @@ def _write(
         values = np.column_stack([samples[:, :3] * DEG, samples[:, 3:]])
         channels = [*axes(name, "GYRO", "GYRO", "deg/s"), *axes(name, "ACCEL", "ACCEL", "m/s^2")]
         mounted = {"SensorMounting": {name: q} if name == "trunk" else {}}
-        write_system(stem, name, t, values, channels, {**_sidecar(task, t), **(more or {}), **mounted})
+        write_system(
+            stem, name, t, values, channels, {**_sidecar(task, t), **(more or {}), **mounted}
+        )
     t, readings = mag
     some = NAMES[: readings.shape[1]]
     channels = [channel for name in some for channel in axes(name, "MAGN", "MAGN", "uT")]
     mounted = {"SensorMounting": dict.fromkeys(some, q)}
-    write_system(stem, "array", t, 1e6 * readings.reshape(len(t), -1), channels, {**_sidecar(task, t), **mounted})
+    write_system(
+        stem,
+        "array",
+        t,
+        1e6 * readings.reshape(len(t), -1),
+        channels,
+        {**_sidecar(task, t), **mounted},
+    )
     Path(f"{stem}_events.tsv").write_text(
         f"onset\tduration\ttrial_type\ttask_name\n1\t3\tinitial_pose\tn/a\n{world.STILL}\t{t[-1] - world.STILL:.1f}\ttask\treach\n"
     )
 
 
 def _sidecar(task: str, t: Array) -> dict[str, object]:
-    return {"TaskName": task, "SamplingFrequency": round(1 / float(np.median(np.diff(t))), 3), "MeasuredHand": "left"}
+    return {
+        "TaskName": task,
+        "SamplingFrequency": round(1 / float(np.median(np.diff(t))), 3),
+        "MeasuredHand": "left",
+    }
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
     tables = tuple(_table(results, figure) for figure in FIGURES)
     verdicts = tuple(
-        Verdict(f"reaches, trunk leans, {figure}", _mean(results, "reaches, trunk leans", figure), limit, unit, "our target")
+        Verdict(
+            f"reaches, trunk leans, {figure}",
+            _mean(results, "reaches, trunk leans", figure),
+            limit,
+            unit,
+            "our target",
+        )
         for figure, (limit, unit) in LIMITS.items()
     )
-    verdicts += (Verdict("back in reach", _mean(results, "10 s out of reach", "back"), BACK, "mm", "our target"),)
+    verdicts += (
+        Verdict(
+            "back in reach", _mean(results, "10 s out of reach", "back"), BACK, "mm", "our target"
+        ),
+    )
     return Finding(
-        "independent-reach", "The hand followed by a magnet, in a world that is not ours", _setting(wanted), tables, verdicts, _remarks()
+        "independent-reach",
+        "The hand followed by a magnet, in a world that is not ours",
+        _setting(wanted),
+        tables,
+        verdicts,
+        _remarks(),
     )
 
 
@@ -224,7 +326,12 @@ def _table(results: Sequence[tuple[Trial, Found]], figure: str) -> Table:
     title, digits = FIGURES[figure]
     rows = []
     for movement in world.TRUNKS:
-        values = {name: [f[name][figure] for t, f in results if t.movement == movement and figure in f[name]] for name in COUNTS}
+        values = {
+            name: [
+                f[name][figure] for t, f in results if t.movement == movement and figure in f[name]
+            ]
+            for name in COUNTS
+        }
         ours = {name: spread(v) for name, v in values.items() if v}
         if ours:
             rows.append(Row(movement, ours))
@@ -246,4 +353,6 @@ def _setting(wanted: Wanted) -> tuple[str, ...]:
 
 
 def _remarks() -> tuple[str, ...]:
-    return ("One magnetometer cannot contradict itself: all of it is marked doubtful, and no place is told.",)
+    return (
+        "One magnetometer cannot contradict itself: all of it is marked doubtful, and no place is told.",
+    )

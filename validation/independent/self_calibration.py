@@ -18,7 +18,13 @@ from handscope.estimators.methods import map as method
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.pipeline.process import process
 from handscope.sessions.formats import recordings as formats_recordings
-from handscope.validation.independent.simulator.free_movement import CHAINS, DEG, Setup, Truth, written
+from handscope.validation.independent.simulator.free_movement import (
+    CHAINS,
+    DEG,
+    Setup,
+    Truth,
+    written,
+)
 from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.finding import Finding, Row, Table, Verdict, spread
 
@@ -76,13 +82,21 @@ class Found:
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
     asked = wanted.experiments or tuple(CONDITIONS)
-    return [Trial(c, seed) for c, most in PEOPLE.items() if c in asked for seed in range(min(wanted.seeds, most))]
+    return [
+        Trial(c, seed)
+        for c, most in PEOPLE.items()
+        if c in asked
+        for seed in range(min(wanted.seeds, most))
+    ]
 
 
 def measure(trial: Trial) -> Found:
     """One recording, written, read and calibrated as `handscope process --method map` does it."""
     with TemporaryDirectory() as folder:
-        true = written(Setup(trial.seed, **{"duration": DURATION, **CONDITIONS[trial.condition]}), Path(folder) / "recording")
+        true = written(
+            Setup(trial.seed, **{"duration": DURATION, **CONDITIONS[trial.condition]}),
+            Path(folder) / "recording",
+        )
         recording = formats_recordings.load(Path(folder) / "recording")
     began = time.process_time()
     try:
@@ -91,15 +105,27 @@ def measure(trial: Trial) -> Found:
         return Found(str(problem), {}, {}, 0.0, 0.0, time.process_time() - began)
     seconds = time.process_time() - began
     pairs: dict[str, list[tuple[Array, Array]]] = {}
-    for what, error, sd in (*_calibrated(found.calibrations[0], true), *_moved(found.trajectory, true)):
+    for what, error, sd in (
+        *_calibrated(found.calibrations[0], true),
+        *_moved(found.trajectory, true),
+    ):
         pairs.setdefault(what, []).append((error, sd))
-    joined = {what: [np.concatenate([np.ravel(part) for part in parts]) for parts in zip(*some)] for what, some in pairs.items()}
+    joined = {
+        what: [np.concatenate([np.ravel(part) for part in parts]) for parts in zip(*some)]
+        for what, some in pairs.items()
+    }
     lengths = found.calibrations[0]
     return Found(
         "",
         {what: _rms(error) for what, (error, _) in joined.items()},
         {what: _rms(error / sd) ** 2 for what, (error, sd) in joined.items()},
-        max((100 * abs(lengths.geometry.lengths[s] / true.body.lengths[s] - 1) for s in lengths.lengths_sd), default=0.0),
+        max(
+            (
+                100 * abs(lengths.geometry.lengths[s] / true.body.lengths[s] - 1)
+                for s in lengths.lengths_sd
+            ),
+            default=0.0,
+        ),
         float(np.abs(np.divide(*joined["lengths"])).max()) if "lengths" in joined else 0.0,
         seconds,
     )
@@ -132,7 +158,11 @@ def _moved(found: Trajectory, true: Truth) -> Iterator[tuple[str, Array, Array]]
     for joint, angles in true.angles.items():
         for axis in np.flatnonzero(IS_DOF[JOINT[joint]]):
             right = np.interp(found.t, true.t, angles[:, axis])
-            yield "angles", found.angles[:, JOINT[joint], axis] - right, found.angles_sd[:, JOINT[joint], axis]
+            yield (
+                "angles",
+                found.angles[:, JOINT[joint], axis] - right,
+                found.angles_sd[:, JOINT[joint], axis],
+            )
     for finger, tip in true.tips.items():
         k = FINGERS.index(finger)
         right = np.stack([np.interp(found.t, true.t, x) for x in tip.T], axis=1)
@@ -140,15 +170,25 @@ def _moved(found: Trajectory, true: Truth) -> Iterator[tuple[str, Array, Array]]
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
-    by = {c: [f for trial, f in results if trial.condition == c] for c in dict.fromkeys(trial.condition for trial, _ in results)}
+    by = {
+        c: [f for trial, f in results if trial.condition == c]
+        for c in dict.fromkeys(trial.condition for trial, _ in results)
+    }
     errors = [
         Row(
             c,
-            {f"{w}, {unit}": spread(factor * f.error[w] for f in fs if w in f.error) for w, (unit, factor) in WHAT.items() if _any(w, fs)},
+            {
+                f"{w}, {unit}": spread(factor * f.error[w] for f in fs if w in f.error)
+                for w, (unit, factor) in WHAT.items()
+                if _any(w, fs)
+            },
         )
         for c, fs in by.items()
     ]
-    squared = [Row(c, {w: spread(f.squared[w] for f in fs if w in f.squared) for w in WHAT if _any(w, fs)}) for c, fs in by.items()]
+    squared = [
+        Row(c, {w: spread(f.squared[w] for f in fs if w in f.squared) for w in WHAT if _any(w, fs)})
+        for c, fs in by.items()
+    ]
     others = [
         Row(
             c,
@@ -160,7 +200,12 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
     ]
     tables = (
         Table(
-            "Errors, RMS", tuple(f"{w}, {unit}" for w, (unit, _) in WHAT.items()), tuple(errors), head="condition", digits=3, over="people"
+            "Errors, RMS",
+            tuple(f"{w}, {unit}" for w, (unit, _) in WHAT.items()),
+            tuple(errors),
+            head="condition",
+            digits=3,
+            over="people",
         ),
         Table(
             "Squares of errors in their standard deviations (1 = as sure as it says, less = too careful)",
@@ -179,11 +224,23 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         ),
     )
     verdicts = tuple(
-        verdict for kind in (False, True) for verdict in _judged([f for c, fs in by.items() for f in fs if (c in OTHER_LAW) == kind], kind)
+        verdict
+        for kind in (False, True)
+        for verdict in _judged(
+            [f for c, fs in by.items() for f in fs if (c in OTHER_LAW) == kind], kind
+        )
     )
-    refused = [f"{t.condition}, person {t.seed}: refused ({f.refused})." for t, f in results if f.refused]
+    refused = [
+        f"{t.condition}, person {t.seed}: refused ({f.refused})." for t, f in results if f.refused
+    ]
     return Finding(
-        "independent", "Self-calibration judged by a simulator of its own", _setting(), tables, verdicts, tuple(refused), simulated=False
+        "independent",
+        "Self-calibration judged by a simulator of its own",
+        _setting(),
+        tables,
+        verdicts,
+        tuple(refused),
+        simulated=False,
     )
 
 
@@ -191,9 +248,19 @@ def _judged(found: Sequence[Found], other_law: bool) -> Iterator[Verdict]:
     """Lengths against what is to be reached; nothing where nothing was measured."""
     skin = "skin of another law than is assumed" if other_law else "skin as assumed"
     if found:
-        yield Verdict(f"{skin}: largest error of a length", max(f.percent for f in found), 2.0, "%", "target of self-calibration")
         yield Verdict(
-            f"{skin}: the same in its standard deviation", max(f.worst for f in found), 3.0, "of them", "ours: where they are honest"
+            f"{skin}: largest error of a length",
+            max(f.percent for f in found),
+            2.0,
+            "%",
+            "target of self-calibration",
+        )
+        yield Verdict(
+            f"{skin}: the same in its standard deviation",
+            max(f.worst for f in found),
+            3.0,
+            "of them",
+            "ours: where they are honest",
         )
 
 

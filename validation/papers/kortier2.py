@@ -25,13 +25,23 @@ from handscope.validation.papers import published
 from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.accuracy import distance_rmse, rms
 from handscope.validation.reproduce.experiments import POSE_ERROR, Trial, at_the_truths_instants
-from handscope.validation.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread, standing
+from handscope.validation.reproduce.finding import (
+    Finding,
+    Row,
+    Spread,
+    Table,
+    Verdict,
+    spread,
+    standing,
+)
 
 MM = 1e3  # in a m
 RATE = 200.0  # Hz, of the gyroscopes
 SEGMENTS_WORN = tuple(s for s in SEGMENTS if s != "forearm")
 POSE_ALONE = ", pose alone"
-VARIANTS: Mapping[str, tuple[str, bool]] = {  # column: method, after the steps of a functional calibration as in the thesis
+VARIANTS: Mapping[
+    str, tuple[str, bool]
+] = {  # column: method, after the steps of a functional calibration as in the thesis
     **{name: (name, True) for name in ("ekf", "m2")},
     **{f"{name}{POSE_ALONE}": (name, False) for name in ("ekf", "m2")},
 }
@@ -59,7 +69,17 @@ def measure(trial: Trial) -> Found:
     experiment, found = EXPERIMENTS[trial.experiment], {}
     for steps in (True, False):
         rng = np.random.default_rng([trial.seed, list(EXPERIMENTS).index(trial.experiment)])
-        made = recorded(experiment, rng, LSM330DLC_HMC5983, None, "left", POSE_ERROR, rate=RATE, segments=SEGMENTS_WORN, steps=steps)
+        made = recorded(
+            experiment,
+            rng,
+            LSM330DLC_HMC5983,
+            None,
+            "left",
+            POSE_ERROR,
+            rate=RATE,
+            segments=SEGMENTS_WORN,
+            steps=steps,
+        )
         for column, (name, with_steps) in VARIANTS.items():
             if with_steps == steps:
                 moved = process(METHODS[name], METHODS[name].Params(), made).trajectory
@@ -74,16 +94,24 @@ def _figures(name: str, made: Simulated, moved: Trajectory) -> dict[str, float]:
     if name == FAST:
         return _fastest(made, estimate, truth)
     if experiment_distance := EXPERIMENTS[name].contact:
-        a, b = (contact_points_of(estimate, made.geometry, finger, point, FINGERTIPS[finger]) for finger, point in experiment_distance)
+        a, b = (
+            contact_points_of(estimate, made.geometry, finger, point, FINGERTIPS[finger])
+            for finger, point in experiment_distance
+        )
         return {"tip": MM * distance_rmse(a, b, EXPERIMENTS[name].distance)}
     off = MM * (_index_tip(estimate) - _index_tip(truth))
-    return {**{c: rms(off[:, k]) for k, c in enumerate("xyz")}, "tip": rms(np.linalg.norm(off, axis=1))}
+    return {
+        **{c: rms(off[:, k]) for k, c in enumerate("xyz")},
+        "tip": rms(np.linalg.norm(off, axis=1)),
+    }
 
 
 def _index_tip(moved: Trajectory) -> Array:
     """Tip of the index finger (n, 3) m from the wrist in the hand's frame: as the hand's markers saw it."""
     wrist = moved.angles[:, JOINT["wrist"]]
-    q = joint_angles.compose(np.nan_to_num(wrist, nan=0.0))  # without a forearm's sensor the wrist counts as neutral already
+    q = joint_angles.compose(
+        np.nan_to_num(wrist, nan=0.0)
+    )  # without a forearm's sensor the wrist counts as neutral already
     return quat.rotate(quat.conjugate(q), moved.tips[:, FINGERS.index("index")])
 
 
@@ -93,7 +121,11 @@ def _fastest(made: Simulated, estimate: Trajectory, truth: Trajectory) -> dict[s
     ours, true = DEG * estimate.angles[:, k, FLEXION], DEG * truth.angles[:, k, FLEXION]
     block = made.samples["imu"]
     rates = block.of(GYR)
-    return {"PIP": rms(ours - true), "range lost": float(np.ptp(true) - np.ptp(ours)), "peak": DEG * float(np.abs(rates).max())}
+    return {
+        "PIP": rms(ours - true),
+        "range lost": float(np.ptp(true) - np.ptp(ours)),
+        "peak": DEG * float(np.abs(rates).max()),
+    }
 
 
 def _repeatability(made: Simulated, moved: Trajectory, phase: str) -> dict[str, float]:
@@ -106,9 +138,20 @@ def _repeatability(made: Simulated, moved: Trajectory, phase: str) -> dict[str, 
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
-    tips = tuple(Row(name, _columns(results, name, "tip"), dict.fromkeys(WITH, published.KORTIER_TIP[name]["tip"])) for name in TIPS)
+    tips = tuple(
+        Row(
+            name,
+            _columns(results, name, "tip"),
+            dict.fromkeys(WITH, published.KORTIER_TIP[name]["tip"]),
+        )
+        for name in TIPS
+    )
     parts = tuple(
-        Row(f"{name}, {c}", _columns(results, name, c), dict.fromkeys(WITH, published.KORTIER_TIP[name][c]))
+        Row(
+            f"{name}, {c}",
+            _columns(results, name, c),
+            dict.fromkeys(WITH, published.KORTIER_TIP[name][c]),
+        )
         for name in TIPS[:2]
         for c in "xyz"
     )
@@ -117,14 +160,26 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         for name in HOLDS
         for what, value in published.KORTIER_REPEATABILITY[name].items()
     )
-    fast = tuple(Row(label, _columns(results, FAST, key)) for label, key in (("PIP, RMS error", "PIP"), ("range of 80 lost", "range lost")))
+    fast = tuple(
+        Row(label, _columns(results, FAST, key))
+        for label, key in (("PIP, RMS error", "PIP"), ("range of 80 lost", "range lost"))
+    )
     best = WITH[0]
-    accuracy = Table("Tip of the index finger from the hand, distance of the tips in a pinch: RMSE, mm", WITH, tips, best, "experiment", 1)
+    accuracy = Table(
+        "Tip of the index finger from the hand, distance of the tips in a pinch: RMSE, mm",
+        WITH,
+        tips,
+        best,
+        "experiment",
+        1,
+    )
     tables = (
         accuracy,
         Table("The same by axis of the hand, mm", WITH, parts, best, "experiment", 1),
         Table("Repeatability of all joint angles, deg", WITH, repeats, best, "posture", 2),
-        Table("Full flexion at 116 per minute, index finger, deg", WITH, fast, head="figure", digits=1),
+        Table(
+            "Full flexion at 116 per minute, index finger, deg", WITH, fast, head="figure", digits=1
+        ),
     )
     peak = _columns(results, FAST, "peak")[best]
     remarks = (
@@ -133,17 +188,37 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         "The simulated hand comes back to the very same posture: what remains of range and SD is the instrument's, the thesis' figures hold the subjects' as well.",
     )
     verdicts = tuple(
-        Verdict(f"{row.name}, {best}", row.ours[best].mean, row.theirs[best], unit, "Kortier's thesis, ch. 2")
+        Verdict(
+            f"{row.name}, {best}",
+            row.ours[best].mean,
+            row.theirs[best],
+            unit,
+            "Kortier's thesis, ch. 2",
+        )
         for rows, unit in ((tips, "mm"), (repeats, "deg"))
         for row in rows
     )
     return Finding(
-        "kortier2", "Fingertip, pinch, fastest movement, repeatability (Kortier, thesis ch. 2)", _setting(), tables, verdicts, remarks
+        "kortier2",
+        "Fingertip, pinch, fastest movement, repeatability (Kortier, thesis ch. 2)",
+        _setting(),
+        tables,
+        verdicts,
+        remarks,
     )
 
 
-def _columns(results: Sequence[tuple[Trial, Found]], experiment: str, figure: str) -> dict[str, Spread]:
-    return {name: spread(found.figures[name][figure] for trial, found in results if trial.experiment == experiment) for name in WITH}
+def _columns(
+    results: Sequence[tuple[Trial, Found]], experiment: str, figure: str
+) -> dict[str, Spread]:
+    return {
+        name: spread(
+            found.figures[name][figure]
+            for trial, found in results
+            if trial.experiment == experiment
+        )
+        for name in WITH
+    }
 
 
 def _setting() -> tuple[str, ...]:

@@ -7,7 +7,13 @@ import numpy as np
 
 from handscope.app.report.units import DEG
 from handscope.estimators.hand.anatomy import SEGMENTS
-from handscope.estimators.measures.comparison import TIPS, Agreement, agreements, gyroscope_consistency, paired
+from handscope.estimators.measures.comparison import (
+    TIPS,
+    Agreement,
+    agreements,
+    gyroscope_consistency,
+    paired,
+)
 from handscope.estimators.methods import METHODS
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation.movements import functional_calibration, task_performance
@@ -27,7 +33,9 @@ SEGMENTS_WORN = tuple(s for s in SEGMENTS if s != "forearm")
 TASKS = tuple(sorted(name for name in task_performance.TASKS if name.startswith("powerglove_")))
 BENT = ("index_mcp_flexion", "index_pip_flexion", "index_dip_flexion")
 SIDEWAYS = "index_mcp_deviation"
-GROUPS: Mapping[str, tuple[slice, tuple[str, ...]]] = {  # tasks by their place, main angles of the index finger
+GROUPS: Mapping[
+    str, tuple[slice, tuple[str, ...]]
+] = {  # tasks by their place, main angles of the index finger
     "flexion (1-9)": (slice(0, 9), BENT),
     "fast (10-13)": (slice(9, 13), BENT),
     "ab/adduction (14)": (slice(13, 14), (SIDEWAYS,)),
@@ -62,13 +70,17 @@ def recorded(trial: Trial) -> Simulated:
     person = drawn("left", of_person)
     steps = functional_calibration.all_steps(person.true, of_steps)
     done = [*steps, *(task_performance.TASKS[name](person.true) for name in TASKS)]
-    return performed(done, "left", person.true, of_sensors, MOUNTED, SEGMENTS_WORN, RATE, known=person.told)
+    return performed(
+        done, "left", person.true, of_sensors, MOUNTED, SEGMENTS_WORN, RATE, known=person.told
+    )
 
 
 def _figures(made: Simulated, method: str) -> dict[str, float]:
     processed = process(METHODS[method], METHODS[method].Params(), made)
     moved = processed.trajectory
-    parts = [(str(e.details["task_name"]), e.onset, e.end) for e in made.events if e.trial_type == "task"]
+    parts = [
+        (str(e.details["task_name"]), e.onset, e.end) for e in made.events if e.trial_type == "task"
+    ]
     found = agreements(paired(made.truth, moved, 0.0), parts)
     figures = {}
     for group, (where, angles) in GROUPS.items():
@@ -78,7 +90,11 @@ def _figures(made: Simulated, method: str) -> dict[str, float]:
     tips = [a for a in found if a.task in TASKS[10:12] and a.name == TIPS]
     pip = [a for a in found if a.task == TASKS[9] and a.name == "index_pip_flexion"]
     bias = processed.calibrations[0].gyr_bias
-    consistent = [c.share for c in gyroscope_consistency(moved, made.blocks(), bias, means=True) if c.segment.startswith("index")]
+    consistent = [
+        c.share
+        for c in gyroscope_consistency(moved, made.blocks(), bias, means=True)
+        if c.segment.startswith("index")
+    ]
     return {
         **figures,
         "fast PIP": DEG * _mean(pip, "drms"),
@@ -94,7 +110,10 @@ def _mean(found: Sequence[Agreement], figure: str) -> float:
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
     theirs = published.KORTIER_TASKS
-    groups = tuple(Row(g, _columns(results, g), dict.fromkeys(WITH, theirs[g]) if g in theirs else {}) for g in GROUPS)
+    groups = tuple(
+        Row(g, _columns(results, g), dict.fromkeys(WITH, theirs[g]) if g in theirs else {})
+        for g in GROUPS
+    )
     without = tuple(Row(g, _columns(results, f"{g} without offset")) for g in GROUPS)
     words = {
         "fast PIP": "PIP in fast flexion (10), dRMS, deg",
@@ -102,7 +121,10 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         "amplitude's range": "the same, difference of the range, mm",
         "consistency": "angular velocity against the gyroscope, % of its maximum",
     }
-    others = tuple(Row(label, _columns(results, key), dict.fromkeys(WITH, theirs[key])) for key, label in words.items())
+    others = tuple(
+        Row(label, _columns(results, key), dict.fromkeys(WITH, theirs[key]))
+        for key, label in words.items()
+    )
     best = WITH[0]
     tables = (
         Table("Main angles of the index finger, dRMS, deg", WITH, groups, best, "tasks", 1),
@@ -110,7 +132,13 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         Table("Other figures of the study", WITH, others, best, "figure", 1),
     )
     verdicts = tuple(
-        Verdict(f"{row.name}, {name}", row.ours[name].mean, FAST_LIMIT if row.name in FAST_GROUPS else SLOW_LIMIT, "deg", "our target")
+        Verdict(
+            f"{row.name}, {name}",
+            row.ours[name].mean,
+            FAST_LIMIT if row.name in FAST_GROUPS else SLOW_LIMIT,
+            "deg",
+            "our target",
+        )
         for name in WITH
         for row in groups
     )
@@ -119,7 +147,12 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         "Where the table of the thesis has no single figure (flexion 1.3 to 7.3 deg, all main angles 3.3 to 8.4 deg) nothing stands beside ours.",
     )
     return Finding(
-        "kortier3", "Fifteen finger tasks after functional calibration (Kortier, thesis ch. 3)", _setting(), tables, verdicts, remarks
+        "kortier3",
+        "Fifteen finger tasks after functional calibration (Kortier, thesis ch. 3)",
+        _setting(),
+        tables,
+        verdicts,
+        remarks,
     )
 
 

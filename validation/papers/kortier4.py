@@ -13,8 +13,22 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
-from handscope.estimators.self_calibration import normal_equations, residuals, sample_preparation, segments, solver
-from handscope.estimators.self_calibration.problem import Noise, Z, chain, columns, mounted, posed, resized
+from handscope.estimators.self_calibration import (
+    normal_equations,
+    residuals,
+    sample_preparation,
+    segments,
+    solver,
+)
+from handscope.estimators.self_calibration.problem import (
+    Noise,
+    Z,
+    chain,
+    columns,
+    mounted,
+    posed,
+    resized,
+)
 from handscope.estimators.self_calibration.segments import Segments
 from handscope.estimators.self_calibration.solver import Solution
 from handscope.estimators.self_calibration.uncertainty import posterior
@@ -28,10 +42,18 @@ from handscope.validation.reproduce.finding import Finding, Row, Table, Verdict,
 
 DURATION, TRIALS = 40.0, 15
 HINGED = chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
-WHITE = replace(IDEAL, gyr_noise=SensorErrors().gyr_noise, acc_noise=SensorErrors().acc_noise, gyr_bias=0.5, acc_bias=0.05)
+WHITE = replace(
+    IDEAL,
+    gyr_noise=SensorErrors().gyr_noise,
+    acc_noise=SensorErrors().acc_noise,
+    gyr_bias=0.5,
+    acc_bias=0.05,
+)
 CONDITIONS = {
     "white noise": WHITE,
-    "skin motion": replace(WHITE, skin_angle=2.0, skin_shift=1.0, misalignment=7.5, misalignment_width=2.5),
+    "skin motion": replace(
+        WHITE, skin_angle=2.0, skin_shift=1.0, misalignment=7.5, misalignment_width=2.5
+    ),
     "all errors": SensorErrors(),
 }
 PLACES = ("hand", "proximal", "middle", "distal")
@@ -53,7 +75,9 @@ class Found:
     converged: bool
     percent: dict[str, float]  # errors of distances and lengths
     sds: dict[str, float]  # errors of lengths in the standard deviations that were given with them
-    bound: dict[str, float]  # %, the least standard deviation of a length; nothing but white noise: empty elsewhere
+    bound: dict[
+        str, float
+    ]  # %, the least standard deviation of a length; nothing but white noise: empty elsewhere
     gyr_bias: float  # % of all axes, RMS error of RMS bias
     acc_bias: float  # % the same of the phalanges' accelerometers, against the board's along the hinges' axes
     seats: float  # deg, of proximal and middle sensor, the larger
@@ -62,29 +86,52 @@ class Found:
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
-    return [Trial(condition, seed) for condition in CONDITIONS for seed in range(min(wanted.seeds, TRIALS))]
+    return [
+        Trial(condition, seed)
+        for condition in CONDITIONS
+        for seed in range(min(wanted.seeds, TRIALS))
+    ]
 
 
 def measure(trial: Trial) -> Found:
     """One recording, calibrated from a cold start."""
-    made = artificial_finger.recorded(np.random.default_rng([trial.seed, 4]), CONDITIONS[trial.condition], duration=DURATION)
+    made = artificial_finger.recorded(
+        np.random.default_rng([trial.seed, 4]), CONDITIONS[trial.condition], duration=DURATION
+    )
     began = time.process_time()
     _, read = sample_preparation.readings(list(made.blocks()), HINGED.sensors, 0.0, DURATION)
-    guess = self_calibration_initialisation.unknowns(HINGED, Noise(), read, mounted(HINGED, made.mounting, Z))
-    found = solver.learnt(posed(HINGED, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess)
+    guess = self_calibration_initialisation.unknowns(
+        HINGED, Noise(), read, mounted(HINGED, made.mounting, Z)
+    )
+    found = solver.learnt(
+        posed(HINGED, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess
+    )
     seconds = time.process_time() - began
     told = segments.of_solution(found, made.hand, made.mounting)
     at = found.at
     distances = np.linalg.norm(np.concatenate([at.far[:1], at.near]), axis=1)
-    percent = {f"distance, {p}": 100 * (d / true - 1) for p, d, true in zip(PLACES, distances, DISTANCES)}
+    percent = {
+        f"distance, {p}": 100 * (d / true - 1) for p, d, true in zip(PLACES, distances, DISTANCES)
+    }
     lengths = {s.removeprefix("index_"): told.lengths[s] for s in SEGMENTS[1:3]}
     percent |= {f"length, {name}": 100 * (length / HINGES - 1) for name, length in lengths.items()}
-    sds = {name: (length - HINGES) / told.lengths_sd[f"index_{name}"] for name, length in lengths.items()}
+    sds = {
+        name: (length - HINGES) / told.lengths_sd[f"index_{name}"]
+        for name, length in lengths.items()
+    }
     true_bias = made.sensors.bias[:, :3]
     bias = 100 * float(np.sqrt(np.mean((at.bias_gyr - true_bias) ** 2) / np.mean(true_bias**2)))
     bound = _bound(found) if trial.condition == "white noise" else {}
     return Found(
-        found.outcome == "converged", percent, sds, bound, bias, _acc_bias(made, found), _seats(made, told), _tip(made, found), seconds
+        found.outcome == "converged",
+        percent,
+        sds,
+        bound,
+        bias,
+        _acc_bias(made, found),
+        _seats(made, told),
+        _tip(made, found),
+        seconds,
     )
 
 
@@ -109,14 +156,18 @@ def _bound(found: Solution) -> dict[str, float]:
     )
     problem, c = resized(found.problem, noise), columns(found.problem.chain)
     normal = solver.built(problem, found.at)[0]
-    kept = np.concatenate([np.arange(c.scale_gyr.start), np.arange(c.axis_far.start, c.skin_turn.start)])
+    kept = np.concatenate(
+        [np.arange(c.scale_gyr.start), np.arange(c.axis_far.start, c.skin_turn.start)]
+    )
     _, _, information = normal_equations.eliminated(
         replace(normal, B=normal.B[:, :, kept], C=normal.C[np.ix_(kept, kept)], c=normal.c[kept])
     )
     least = normal_equations.inverse(information)
     told = residuals.sizing(replace(problem, length=np.full(len(SEGMENTS), HINGES)), found.at)
     slopes = {SEGMENTS[t.sensor].removeprefix("index_"): t.by_parameters[0, kept] for t in told}
-    return {name: float(100 / HINGES * np.sqrt(slope @ least @ slope)) for name, slope in slopes.items()}
+    return {
+        name: float(100 / HINGES * np.sqrt(slope @ least @ slope)) for name, slope in slopes.items()
+    }
 
 
 def _seats(made: Simulated, told: Segments) -> float:
@@ -140,9 +191,16 @@ def _true_distance(made: Simulated) -> Array:
     q = [made.truth.q_GS[:, SEGMENT[s]] for s in SEGMENTS]
     bone = side_sign(made.hand) * np.array([0.0, HINGES, 0.0])
     geometry = artificial_finger.printed(made.hand)
-    knuckle = np.array(geometry.joint_positions["index_mcp"]) - np.array(geometry.joint_positions["middle_mcp"])
+    knuckle = np.array(geometry.joint_positions["index_mcp"]) - np.array(
+        geometry.joint_positions["middle_mcp"]
+    )
     p = made.sensors.p_BS
-    path = quat.rotate(q[0], knuckle - p[0]) + quat.rotate(q[1], bone) + quat.rotate(q[2], bone) + quat.rotate(q[3], bone + p[3])
+    path = (
+        quat.rotate(q[0], knuckle - p[0])
+        + quat.rotate(q[1], bone)
+        + quat.rotate(q[2], bone)
+        + quat.rotate(q[3], bone + p[3])
+    )
     return np.asarray(np.linalg.norm(path, axis=1))
 
 
@@ -159,9 +217,17 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         for name in names
     )
     others = tuple(
-        Row(label, {c: spread(getattr(f, key) for f in by[c]) for c in by}, dict.fromkeys(by, theirs) if theirs else {})
+        Row(
+            label,
+            {c: spread(getattr(f, key) for f in by[c]) for c in by},
+            dict.fromkeys(by, theirs) if theirs else {},
+        )
         for label, key, theirs in (
-            ("gyroscopes' biases, RMS error, %", "gyr_bias", float(np.hypot(*published.KORTIER_FINGER["gyr bias"]))),
+            (
+                "gyroscopes' biases, RMS error, %",
+                "gyr_bias",
+                float(np.hypot(*published.KORTIER_FINGER["gyr bias"])),
+            ),
             ("accelerometers' biases against the board's, RMS error, %", "acc_bias", 0.0),
             ("sensors' orientation, proximal and middle, deg", "seats", 0.0),
             ("distance from the board's to the last sensor, RMS error, mm", "tip", 0.0),
@@ -183,20 +249,49 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
     white, skin = by["white noise"], by["skin motion"]
     worst = max(abs(f.percent[n]) for f in white for n in names if n.startswith("length"))
     means = max(abs(float(np.mean([f.percent[n] for f in skin]))) for n in names)
-    sds = max(float(np.std([f.percent[n] for f in skin], ddof=1)) if len(skin) > 1 else 0.0 for n in names)
+    sds = max(
+        float(np.std([f.percent[n] for f in skin], ddof=1)) if len(skin) > 1 else 0.0 for n in names
+    )
     target = "target of self-calibration"
     verdicts = (
         Verdict("white noise: largest error of a length", worst, CLOSE, "%", target),
         Verdict("skin motion: largest mean error of a distance or length", means, 2.0, "%", target),
         Verdict("skin motion: largest standard deviation of one", sds, 4.0, "%", target),
-        Verdict("skin motion: largest error of a sensor's orientation", max(f.seats for f in skin), 2.0, "deg", target),
-        Verdict("skin motion: largest RMS error of the gyroscopes' biases", max(f.gyr_bias for f in skin), 10.0, "%", target),
-        Verdict("skin motion: largest RMS error of the accelerometers' biases", max(f.acc_bias for f in skin), 10.0, "%", target),
-        Verdict("skin motion: distance to the last sensor", max(f.tip for f in skin), 2.0, "mm RMS", target),
+        Verdict(
+            "skin motion: largest error of a sensor's orientation",
+            max(f.seats for f in skin),
+            2.0,
+            "deg",
+            target,
+        ),
+        Verdict(
+            "skin motion: largest RMS error of the gyroscopes' biases",
+            max(f.gyr_bias for f in skin),
+            10.0,
+            "%",
+            target,
+        ),
+        Verdict(
+            "skin motion: largest RMS error of the accelerometers' biases",
+            max(f.acc_bias for f in skin),
+            10.0,
+            "%",
+            target,
+        ),
+        Verdict(
+            "skin motion: distance to the last sensor",
+            max(f.tip for f in skin),
+            2.0,
+            "mm RMS",
+            target,
+        ),
         Verdict("processor's time for 40 s", max(f.seconds for f in skin), 20.0, "s", target),
     )
     remarks = (
-        *(f"{c}: {sum(f.converged for f in by[c])} of {len(by[c])} trials converged from a cold start." for c in by),
+        *(
+            f"{c}: {sum(f.converged for f in by[c])} of {len(by[c])} trials converged from a cold start."
+            for c in by
+        ),
         *(
             f"{c}: errors of lengths are {np.sqrt(np.mean([v**2 for f in by[c] for v in f.sds.values()])):.1f} of their standard deviations (RMS; 1 = honest)."
             for c in by
@@ -204,7 +299,14 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         "Of the accelerometers' biases along the hinges' axes, which are parallel here, no movement tells what all four have in common (the thesis' are against the hand's sensor, too): it is left out.",
         *_against_the_bound(white),
     )
-    return Finding("kortier4", "Self-calibration of the artificial finger (Kortier, thesis ch. 4)", _setting(), tables, verdicts, remarks)
+    return Finding(
+        "kortier4",
+        "Self-calibration of the artificial finger (Kortier, thesis ch. 4)",
+        _setting(),
+        tables,
+        verdicts,
+        remarks,
+    )
 
 
 def _against_the_bound(white: Sequence[Found]) -> Sequence[str]:

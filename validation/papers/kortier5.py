@@ -24,15 +24,22 @@ from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread
 
 MM = 1e3
-SPOT = np.array([0.0, -0.35, 0.9])  # m of the trunk from the middle of the furniture: the field varies by 0.1 to 0.3 % over 20 cm
+SPOT = np.array(
+    [0.0, -0.35, 0.9]
+)  # m of the trunk from the middle of the furniture: the field varies by 0.1 to 0.3 % over 20 cm
 FIRST = 10.0  # s that are left out, as in the thesis
-FRONT = np.array([0.0, 0.0, 0.25])  # m from the only magnetometer to the middle of where hands work: one cannot tell front from back
+FRONT = np.array(
+    [0.0, 0.0, 0.25]
+)  # m from the only magnetometer to the middle of where hands work: one cannot tell front from back
 MAGNETOMETERS = {"four": 4, "one": 1}
 MOVEMENTS = {"hand": "moving hand", "trunk": "moving trunk", "both": "both moving"}
 FIGURES = {"position": "mm", "relative": "deg", "trunk": "deg"}
 START = np.radians(10.0)  # how well somebody knows how the hand is turned at the start
 WHAT = ("place", "relative orientation", "orientation of the trunk")
-AWAY, RAMP = (20.0, 30.0), 0.5  # s, when the hand is led out of reach, and s until it is back after that
+AWAY, RAMP = (
+    (20.0, 30.0),
+    0.5,
+)  # s, when the hand is led out of reach, and s until it is back after that
 TOLD = MagnetParams(gyr_reading="instant")
 AS_SIMULATED = replace(
     TOLD,
@@ -77,18 +84,28 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
     spheres = [magnetometer_ellipsoid.fitted(raw[:, k], strength=EARTH) for k in range(count)]
     calibrated = _corrected(spheres, raw)
     q_bl = magnetometer_ellipsoid.common_axes(calibrated).q_1l
-    dip = magnetometer_ellipsoid.dip(calibrated[:, 0], magnet.inertial(worn, turning, rng)[:, 0, 3:])
+    dip = magnetometer_ellipsoid.dip(
+        calibrated[:, 0], magnet.inertial(worn, turning, rng)[:, 0, 3:]
+    )
     m = magnet.condition(trial.movement, rng, spot=SPOT)
     told = quat.multiply(m.q_bt[0], quat.exp(START / np.sqrt(3) * rng.normal(size=3)))
-    array, carried = magnet_setup.constellation(worn.told_places, q_bl), magnet_setup.magnet(worn.told_moment, worn.told_lever)
+    array, carried = (
+        magnet_setup.constellation(worn.told_places, q_bl),
+        magnet_setup.magnet(worn.told_moment, worn.told_lever),
+    )
     setup = Setup(array, carried, EARTH, dip, array.places[0] + FRONT if count == 1 else None, told)
 
     def read(m: Motion) -> Readings:
-        inertial, mag = magnet.inertial(worn, m, rng), _corrected(spheres, magnet.magnetic(worn, m, room, rng))
+        inertial, mag = (
+            magnet.inertial(worn, m, rng),
+            _corrected(spheres, magnet.magnetic(worn, m, room, rng)),
+        )
         return Readings(m.t, inertial[:, 0], inertial[:, 1], mag)
 
     readings = read(m)
-    track, again = (magnet_tracker.tracked(TOLD, setup, r) for r in (readings, read(magnet.away(m, *AWAY))))
+    track, again = (
+        magnet_tracker.tracked(TOLD, setup, r) for r in (readings, read(magnet.away(m, *AWAY)))
+    )
     as_simulated = magnet_tracker.tracked(AS_SIMULATED, setup, readings)
     smoothed = magnet_smoother.smoothed(TOLD, magnet_tracker.start(setup), readings)[1]
     q_gb = quat.multiply(_north(room, m), m.q[:, 0])
@@ -113,7 +130,9 @@ def _north(room: MagneticField, m: Motion) -> Array:
     return quat.about(2, np.arctan2(B[0], B[1]))
 
 
-def _errors(label: str, track: Track, m: Motion, q_gb: Array, late: NDArray[np.bool_]) -> dict[str, float]:
+def _errors(
+    label: str, track: Track, m: Motion, q_gb: Array, late: NDArray[np.bool_]
+) -> dict[str, float]:
     """RMS, mm and deg."""
     return {
         f"position{label}": MM * _rms(np.linalg.norm(track.p_bt - m.p_bt, axis=1)[late]),
@@ -122,7 +141,9 @@ def _errors(label: str, track: Track, m: Motion, q_gb: Array, late: NDArray[np.b
     }
 
 
-def _honesty(label: str, track: Track, m: Motion, q_gb: Array, late: NDArray[np.bool_]) -> dict[str, float]:
+def _honesty(
+    label: str, track: Track, m: Motion, q_gb: Array, late: NDArray[np.bool_]
+) -> dict[str, float]:
     """Errors squared over their variances."""
     errors = {
         "place": (track.p_bt - m.p_bt) / track.p_sd,
@@ -156,7 +177,11 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
             ("relative", "Orientation of the hand against the trunk, RMS", "deg"),
             ("trunk", "Orientation of the trunk, RMS", "deg"),
             (f"position{SMOOTHED}", "Position of the hand from the trunk, smoothed, RMS", "mm"),
-            (f"relative{SMOOTHED}", "Orientation of the hand against the trunk, smoothed, RMS", "deg"),
+            (
+                f"relative{SMOOTHED}",
+                "Orientation of the hand against the trunk, smoothed, RMS",
+                "deg",
+            ),
             (f"trunk{SMOOTHED}", "Orientation of the trunk, smoothed, RMS", "deg"),
             ("back", "Position from 2 s after ten seconds out of reach, RMS", "mm"),
         )
@@ -171,7 +196,10 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         )
         for figure, title in (
             *(
-                (f"{what}{told}", f"{what.capitalize()}{told}: normalised error squared (1 = as sure as it says, less = too careful)")
+                (
+                    f"{what}{told}",
+                    f"{what.capitalize()}{told}: normalised error squared (1 = as sure as it says, less = too careful)",
+                )
                 for told in ("", SMOOTHED, ", as simulated")
                 for what in WHAT
             ),
@@ -181,26 +209,52 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         )
     )
     verdicts = tuple(
-        Verdict(f"both moving, {figure}", _columns(results, "both", figure)["four"].mean, limit, FIGURES[figure], "our target")
+        Verdict(
+            f"both moving, {figure}",
+            _columns(results, "both", figure)["four"].mean,
+            limit,
+            FIGURES[figure],
+            "our target",
+        )
         for figure, limit in LIMITS.items()
     )
     verdicts += (
-        Verdict("both moving, back in reach, the worst", _columns(results, "both", "back")["four"].worst, BACK, "mm", "our target"),
+        Verdict(
+            "both moving, back in reach, the worst",
+            _columns(results, "both", "back")["four"].worst,
+            BACK,
+            "mm",
+            "our target",
+        ),
     )
     return Finding(
-        "kortier5", "The hand followed by a magnet (Kortier, thesis ch. 5)", _setting(), (*tables, *others), verdicts, _remarks()
+        "kortier5",
+        "The hand followed by a magnet (Kortier, thesis ch. 5)",
+        _setting(),
+        (*tables, *others),
+        verdicts,
+        _remarks(),
     )
 
 
-def _columns(results: Sequence[tuple[Trial, Found]], movement: str, figure: str) -> dict[str, Spread]:
-    return {name: spread(found[name][figure] for trial, found in results if trial.movement == movement) for name in MAGNETOMETERS}
+def _columns(
+    results: Sequence[tuple[Trial, Found]], movement: str, figure: str
+) -> dict[str, Spread]:
+    return {
+        name: spread(found[name][figure] for trial, found in results if trial.movement == movement)
+        for name in MAGNETOMETERS
+    }
 
 
 def _row(results: Sequence[tuple[Trial, Found]], movement: str, figure: str) -> Row:
     """With what the thesis has of four magnetometers, where it has something."""
     told = published.KORTIER_MAGNET[movement].get(figure)
     ours = _columns(results, movement, figure)
-    return Row(MOVEMENTS[movement], ours, {"four": told[0]}, {"four": told[1]}) if told else Row(MOVEMENTS[movement], ours)
+    return (
+        Row(MOVEMENTS[movement], ours, {"four": told[0]}, {"four": told[1]})
+        if told
+        else Row(MOVEMENTS[movement], ours)
+    )
 
 
 def _remarks() -> tuple[str, ...]:

@@ -10,7 +10,11 @@ from handscope.estimators.methods import m2
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import kinematics, person
 from handscope.estimators.simulation.force_sensors import ForceErrors
-from handscope.estimators.simulation.movements import functional_calibration, object_dynamics, task_performance
+from handscope.estimators.simulation.movements import (
+    functional_calibration,
+    object_dynamics,
+    task_performance,
+)
 from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
 from handscope.estimators.simulation.sensors import PRESETS
 from handscope.validation.papers import published
@@ -59,21 +63,37 @@ def _figures(trial: Trial, rate: float) -> dict[str, float]:
     return {
         "error": 100 * abs(told.value / true - 1),
         "honesty": ((told.value - true) / told.sd) ** 2 if told.sd else float("nan"),
-        "force": float(np.sqrt(np.nanmean((off**2).sum(axis=2)[(np.abs(forces[:, 0]) > 0.05).any(axis=1)]))),
+        "force": float(
+            np.sqrt(np.nanmean((off**2).sum(axis=2)[(np.abs(forces[:, 0]) > 0.05).any(axis=1)]))
+        ),
     }
 
 
 def _made(trial: Trial, rate: float) -> tuple[Simulated, np.ndarray]:
     """The recording, and the true forces (n, 5, 3) at the instants of its truth."""
-    of_person, of_sensors, of_pose, of_motion = np.random.default_rng([trial.seed, OBJECTS.index(trial.held), 6]).spawn(4)
+    of_person, of_sensors, of_pose, of_motion = np.random.default_rng(
+        [trial.seed, OBJECTS.index(trial.held), 6]
+    ).spawn(4)
     somebody = person.drawn("left", of_person)
-    pose = task_performance.initial_pose(somebody.true, taken=functional_calibration.missed(task_performance.flat(), POSE, of_pose))
+    pose = task_performance.initial_pose(
+        somebody.true, taken=functional_calibration.missed(task_performance.flat(), POSE, of_pose)
+    )
     if trial.held in MASSES:
-        done = object_dynamics.lift(somebody.true, of_motion, mass=MASSES[trial.held], height=HEIGHT)
+        done = object_dynamics.lift(
+            somebody.true, of_motion, mass=MASSES[trial.held], height=HEIGHT
+        )
     else:
         done = object_dynamics.squeeze(somebody.true, of_motion, stiffness=SPRING)
     glove = ForceGlove(rate=rate, errors=ForceErrors())
-    made = performed([pose, done], "left", somebody.true, of_sensors, PRESETS["LSM330DLC/HMC5983"], known=somebody.told, force=glove)
+    made = performed(
+        [pose, done],
+        "left",
+        somebody.true,
+        of_sensors,
+        PRESETS["LSM330DLC/HMC5983"],
+        known=somebody.told,
+        force=glove,
+    )
     t = made.truth.t - pose.motion.duration
     assert done.forces is not None
     forces = np.zeros((len(t), 5, 3))
@@ -87,32 +107,64 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
     errors = Table(
         "Error of the mass and of the stiffness, %",
         columns,
-        tuple(Row(held, _columns(results, held, "error"), {"12 Hz": theirs[held][0]}, {"12 Hz": theirs[held][1]}) for held in OBJECTS),
+        tuple(
+            Row(
+                held,
+                _columns(results, held, "error"),
+                {"12 Hz": theirs[held][0]},
+                {"12 Hz": theirs[held][1]},
+            )
+            for held in OBJECTS
+        ),
         "12 Hz",
         "object",
         1,
     )
     others = tuple(
-        Table(title, columns, tuple(Row(held, _columns(results, held, figure)) for held in OBJECTS), head="object", digits=2)
+        Table(
+            title,
+            columns,
+            tuple(Row(held, _columns(results, held, figure)) for held in OBJECTS),
+            head="object",
+            digits=2,
+        )
         for figure, title in (
             ("honesty", "Normalised error squared (1 = as sure as it says, less = too careful)"),
             ("force", "Force of a fingertip while it is held, RMS of the vector's error, N"),
         )
     )
     verdicts = tuple(
-        Verdict(f"{held}, sensors at {rate}", _columns(results, held, "error")[rate].mean, limit, "%", "our target")
+        Verdict(
+            f"{held}, sensors at {rate}",
+            _columns(results, held, "error")[rate].mean,
+            limit,
+            "%",
+            "our target",
+        )
         for held in OBJECTS
         for rate, limit in LIMITS.items()
     )
-    return Finding("kortier6", "What the fingers hold (Kortier, thesis ch. 6)", _setting(), (errors, *others), verdicts, _remarks())
+    return Finding(
+        "kortier6",
+        "What the fingers hold (Kortier, thesis ch. 6)",
+        _setting(),
+        (errors, *others),
+        verdicts,
+        _remarks(),
+    )
 
 
 def _columns(results: Sequence[tuple[Trial, Found]], held: str, figure: str) -> dict[str, Spread]:
-    return {rate: spread(found[rate][figure] for trial, found in results if trial.held == held) for rate in RATES}
+    return {
+        rate: spread(found[rate][figure] for trial, found in results if trial.held == held)
+        for rate in RATES
+    }
 
 
 def _setting() -> tuple[str, ...]:
-    said = ", ".join(f"{held} {mean} ± {sd} %" for held, (mean, sd) in published.KORTIER_OBJECTS.items())
+    said = ", ".join(
+        f"{held} {mean} ± {sd} %" for held, (mean, sd) in published.KORTIER_OBJECTS.items()
+    )
     return (
         f"Beside ours: Kortier, thesis ch. 6, one subject, ten trials of each object: {said}; its abstract says 16.3 ± 12.6 % of the spring.",
         "Every trial is another person, glove and movement; method m2, no magnetometers, an initial pose of which every freedom is missed by up to "

@@ -12,12 +12,26 @@ from handscope.estimators.hand.anatomy import FINGER_JOINTS, FLEXION, JOINT
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.validation.reproduce import Wanted
-from handscope.validation.reproduce.experiments import Trial, estimated, performed, simulated_setting
+from handscope.validation.reproduce.experiments import (
+    Trial,
+    estimated,
+    performed,
+    simulated_setting,
+)
 from handscope.validation.reproduce.figures import Line, lines
 from handscope.validation.reproduce.finding import Finding, Row, Table, spread
 
-RIGID = SensorErrors(skin_angle=0.0, skin_shift=0.0, gyr_range=1000.0, acc_range=4.0)  # no skin; full scales of the paper
-ALIGNED = SensorErrors(skin_angle=0.0, skin_shift=0.0, gyr_range=1000.0, acc_range=4.0, misalignment=0.0, misalignment_width=0.0)
+RIGID = SensorErrors(
+    skin_angle=0.0, skin_shift=0.0, gyr_range=1000.0, acc_range=4.0
+)  # no skin; full scales of the paper
+ALIGNED = SensorErrors(
+    skin_angle=0.0,
+    skin_shift=0.0,
+    gyr_range=1000.0,
+    acc_range=4.0,
+    misalignment=0.0,
+    misalignment_width=0.0,
+)
 MOUNTINGS = {"aligned": ALIGNED, "askew": RIGID}
 METHODS = ("b", "m1", "m2")
 JOINTS = FINGER_JOINTS["index"]
@@ -65,25 +79,40 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Moved]]) -> Finding:
     rows = []
     for k, joint in enumerate(JOINTS):
         ours = {
-            f"{method}, {mounting}": spread(found.largest[mounting, method][k] for _, found in results)
+            f"{method}, {mounting}": spread(
+                found.largest[mounting, method][k] for _, found in results
+            )
             for mounting in MOUNTINGS
             for method in METHODS
         }
         rows.append(Row(joint.removeprefix("index_").upper(), ours))
     table = Table(
-        "Largest deviation of a joint's flexion while it stays and another one moves, deg", columns, tuple(rows), head="joint", digits=1
+        "Largest deviation of a joint's flexion while it stays and another one moves, deg",
+        columns,
+        tuple(rows),
+        head="joint",
+        digits=1,
     )
     drawn = next(found for _, found in results if found.angles is not None)
     assert drawn.t is not None and drawn.angles is not None
-    curves = [Line(joint.removeprefix("index_").upper(), drawn.t, drawn.angles[:, k]) for k, joint in enumerate(JOINTS)]
-    figures = {"reproduce-mechanical-finger.svg": lines([curves], ("Flexion in deg over time in s",), (0.0, 90.0))}
+    curves = [
+        Line(joint.removeprefix("index_").upper(), drawn.t, drawn.angles[:, k])
+        for k, joint in enumerate(JOINTS)
+    ]
+    figures = {
+        "reproduce-mechanical-finger.svg": lines(
+            [curves], ("Flexion in deg over time in s",), (0.0, 90.0)
+        )
+    }
     worst = max(row.ours["m2, aligned"].worst for row in rows)
     remarks = (
         "The paper gives no number: it says of its Fig. 4 that the DIP angle `remains close to 90 deg` while the other joints move.",
         f"m2 with aligned sensors: no joint deviates by more than {worst:.1f} deg in any seed.",
     )
     title = "One joint after the other (Valtin 2017, Fig. 4)"
-    return Finding("mechanical-finger", title, _setting(), (table,), remarks=remarks, figures=figures)
+    return Finding(
+        "mechanical-finger", title, _setting(), (table,), remarks=remarks, figures=figures
+    )
 
 
 def _flexions(trajectory: Trajectory) -> Array:

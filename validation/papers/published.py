@@ -75,7 +75,12 @@ KORTIER_FINGER: Mapping[str, tuple[float, float]] = {
 KORTIER_MAGNET: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "hand": {"position": (19.6, 4.6), "quiet": (50.1, 10.0)},
     "trunk": {"quiet": (0.1, 0.0)},
-    "both": {"position": (19.4, 2.2), "relative": (2.3, 0.9), "trunk": (8.6, 8.7), "quiet": (8.6, 8.7)},
+    "both": {
+        "position": (19.4, 2.2),
+        "relative": (2.3, 0.9),
+        "trunk": (8.6, 8.7),
+        "quiet": (8.6, 8.7),
+    },
 }
 QUIET = 0.5  # dB, the thesis' limit of a signal
 

@@ -13,7 +13,14 @@ from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation.experiments import TABLE6
 from handscope.validation.papers.table6 import errors_of
 from handscope.validation.reproduce import Wanted
-from handscope.validation.reproduce.experiments import POSE_ERROR, Trial, at_the_truths_instants, calibrating, chosen, simulated_setting
+from handscope.validation.reproduce.experiments import (
+    POSE_ERROR,
+    Trial,
+    at_the_truths_instants,
+    calibrating,
+    chosen,
+    simulated_setting,
+)
 from handscope.validation.reproduce.finding import Finding, Row, Table, spread
 
 VARIANTS = {
@@ -21,11 +28,16 @@ VARIANTS = {
     "common inclination": m2.Params(functional=False, alignment="common"),
     "after the steps": m2.Params(),
 }
-Errors = Mapping[str, tuple[float, float, float]]  # by variant: tip in cm; finger's angles, all angles in deg
+Errors = Mapping[
+    str, tuple[float, float, float]
+]  # by variant: tip in cm; finger's angles, all angles in deg
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
-    return [Trial(name, seed) for name, seed in product(chosen(wanted.experiments, TABLE6), range(wanted.seeds))]
+    return [
+        Trial(name, seed)
+        for name, seed in product(chosen(wanted.experiments, TABLE6), range(wanted.seeds))
+    ]
 
 
 def measure(trial: Trial) -> Errors:
@@ -33,16 +45,26 @@ def measure(trial: Trial) -> Errors:
     recording, finger = calibrating(trial), TABLE6[trial.experiment].fingers[0]
     found = {}
     for variant, params in VARIANTS.items():
-        found[variant] = errors_of(*at_the_truths_instants(recording, process(m2, params, recording).trajectory), finger)
+        found[variant] = errors_of(
+            *at_the_truths_instants(recording, process(m2, params, recording).trajectory), finger
+        )
     return found
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Errors]]) -> Finding:
-    titles = (("RMSE of the fingertip, cm", 2), ("RMSE of the moved finger's joint angles, deg", 1), ("RMSE of all joint angles, deg", 1))
-    tables = tuple(
-        Table(title, tuple(VARIANTS), _rows(results, k), head="experiment", digits=digits) for k, (title, digits) in enumerate(titles)
+    titles = (
+        ("RMSE of the fingertip, cm", 2),
+        ("RMSE of the moved finger's joint angles, deg", 1),
+        ("RMSE of all joint angles, deg", 1),
     )
-    mean = {v: [float(np.mean([found[v][k] for _, found in results])) for k in range(3)] for v in VARIANTS}
+    tables = tuple(
+        Table(title, tuple(VARIANTS), _rows(results, k), head="experiment", digits=digits)
+        for k, (title, digits) in enumerate(titles)
+    )
+    mean = {
+        v: [float(np.mean([found[v][k] for _, found in results])) for k in range(3)]
+        for v in VARIANTS
+    }
     remarks = (
         *(
             f"{v}: fingertip {a:.2f} cm, the finger's angles {b:.2f} deg, all angles {c:.2f} deg on average."
@@ -61,5 +83,12 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Errors]]) -> Finding:
 def _rows(results: Sequence[tuple[Trial, Errors]], k: int) -> tuple[Row, ...]:
     names = dict.fromkeys(trial.experiment for trial, _ in results)
     return tuple(
-        Row(name, {v: spread(found[v][k] for trial, found in results if trial.experiment == name) for v in VARIANTS}) for name in names
+        Row(
+            name,
+            {
+                v: spread(found[v][k] for trial, found in results if trial.experiment == name)
+                for v in VARIANTS
+            },
+        )
+        for name in names
     )

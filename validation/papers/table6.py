@@ -12,17 +12,29 @@ from handscope.estimators.simulation.experiments import TABLE6
 from handscope.validation.papers import published
 from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.accuracy import angle_errors, rms, tip_rmse
-from handscope.validation.reproduce.experiments import VARIANTS, Trial, chosen, estimated, performed, simulated_setting
+from handscope.validation.reproduce.experiments import (
+    VARIANTS,
+    Trial,
+    chosen,
+    estimated,
+    performed,
+    simulated_setting,
+)
 from handscope.validation.reproduce.finding import Finding, Row, Table, Verdict, spread, standing
 
 TIP_TARGET, ANGLE_TARGET = 0.8, 2.6  # cm, deg on average over the table
 CM = 100.0
 PAPER = "Salchow-Hoemmen 2019, Table 6, subject 1"
-Errors = Mapping[str, tuple[float, float, float]]  # by variant: tip in cm; finger's angles, all angles in deg
+Errors = Mapping[
+    str, tuple[float, float, float]
+]  # by variant: tip in cm; finger's angles, all angles in deg
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
-    return [Trial(name, seed) for name, seed in product(chosen(wanted.experiments, TABLE6), range(wanted.seeds))]
+    return [
+        Trial(name, seed)
+        for name, seed in product(chosen(wanted.experiments, TABLE6), range(wanted.seeds))
+    ]
 
 
 def measure(trial: Trial) -> Errors:
@@ -33,23 +45,62 @@ def measure(trial: Trial) -> Errors:
 
 def errors_of(estimate: Trajectory, truth: Trajectory, finger: str) -> tuple[float, float, float]:
     """RMSE of the finger's tip in cm, of its joint angles and of all joint angles in deg."""
-    of_finger, of_all = (rms(angle_errors(estimate, truth, joints)) for joints in (FINGER_JOINTS[finger], tuple(JOINT)))
+    of_finger, of_all = (
+        rms(angle_errors(estimate, truth, joints))
+        for joints in (FINGER_JOINTS[finger], tuple(JOINT))
+    )
     return CM * tip_rmse(estimate, truth, [finger]), DEG * of_finger, DEG * of_all
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Errors]]) -> Finding:
-    tips = Table("RMSE of the fingertip in the wrist frame, cm", tuple(VARIANTS), _rows(results, 0), "m2", "experiment")
-    angles = Table("RMSE of the moved finger's joint angles, deg", tuple(VARIANTS), _rows(results, 1), head="experiment", digits=1)
-    everywhere = Table("RMSE of all joint angles, deg", tuple(VARIANTS), _rows(results, 2), head="experiment", digits=1)
+    tips = Table(
+        "RMSE of the fingertip in the wrist frame, cm",
+        tuple(VARIANTS),
+        _rows(results, 0),
+        "m2",
+        "experiment",
+    )
+    angles = Table(
+        "RMSE of the moved finger's joint angles, deg",
+        tuple(VARIANTS),
+        _rows(results, 1),
+        head="experiment",
+        digits=1,
+    )
+    everywhere = Table(
+        "RMSE of all joint angles, deg",
+        tuple(VARIANTS),
+        _rows(results, 2),
+        head="experiment",
+        digits=1,
+    )
     mean = [float(np.mean([found["m2"][k] for _, found in results])) for k in range(3)]
     verdicts = (
         Verdict("m2, fingertip, mean over the table", mean[0], TIP_TARGET, "cm", "our target"),
-        Verdict("m2, joint angles of the moved finger, mean over the table", mean[1], ANGLE_TARGET, "deg", "our target"),
-        Verdict("m2, all joint angles, mean over the table", mean[2], ANGLE_TARGET, "deg", "our target"),
+        Verdict(
+            "m2, joint angles of the moved finger, mean over the table",
+            mean[1],
+            ANGLE_TARGET,
+            "deg",
+            "our target",
+        ),
+        Verdict(
+            "m2, all joint angles, mean over the table", mean[2], ANGLE_TARGET, "deg", "our target"
+        ),
     )
-    setting = (f"Beside ours: {PAPER}. `m2 heading` is the paper's variant (alignment=heading), `m2` ours.", *simulated_setting(False))
+    setting = (
+        f"Beside ours: {PAPER}. `m2 heading` is the paper's variant (alignment=heading), `m2` ours.",
+        *simulated_setting(False),
+    )
     remarks = (f"m2: {standing(tips, 'our mean is')}", _paper_variant(tips))
-    return Finding("table6", "One finger moves, homogeneous field (Table 6)", setting, (tips, angles, everywhere), verdicts, remarks)
+    return Finding(
+        "table6",
+        "One finger moves, homogeneous field (Table 6)",
+        setting,
+        (tips, angles, everywhere),
+        verdicts,
+        remarks,
+    )
 
 
 def _paper_variant(tips: Table) -> str:

@@ -55,4 +55,6 @@ def orientation_error(q_GS: Array, q_ref: Array) -> OrientationError:
     w, x, y, z = np.moveaxis(quat.multiply(q_GS, quat.conjugate(q_ref)), -1, 0)
     upright, tilted = np.hypot(w, z), np.hypot(x, y)
     heading = (2 * np.arctan2(z, w) + np.pi) % (2 * np.pi) - np.pi
-    return OrientationError(2 * np.arctan2(np.hypot(tilted, z), np.abs(w)), heading, 2 * np.arctan2(tilted, upright))
+    return OrientationError(
+        2 * np.arctan2(np.hypot(tilted, z), np.abs(w)), heading, 2 * np.arctan2(tilted, upright)
+    )

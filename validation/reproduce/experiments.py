@@ -28,7 +28,9 @@ from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.validation.reproduce.finding import Sizes
 
 Rows = NDArray[np.intp]
-POSE_ERROR = 2.5  # deg, largest, of every freedom in the initial pose: what a person misses the flat hand by
+POSE_ERROR = (
+    2.5  # deg, largest, of every freedom in the initial pose: what a person misses the flat hand by
+)
 RATE = 100.0  # Hz
 VARIANTS: Mapping[str, tuple[str, Mapping[str, str]]] = {
     "b": ("b", {}),
@@ -50,7 +52,9 @@ def chosen(names: Sequence[str], table: Mapping[str, Experiment]) -> list[str]:
     """The experiments asked for that are in the table, all where none is named; InputError for one that is in no table."""
     for name in names:
         if name not in experiments.EXPERIMENTS:
-            raise InputError(f"there is no experiment {name!r}; experiments are {', '.join(experiments.EXPERIMENTS)}")
+            raise InputError(
+                f"there is no experiment {name!r}; experiments are {', '.join(experiments.EXPERIMENTS)}"
+            )
     return [name for name in table if not names or name in names]
 
 
@@ -83,15 +87,25 @@ def calibrating(trial: Trial) -> Simulated:
     """The trial's recording with the steps of a functional calibration before the movement, in a homogeneous field."""
     of_field, of_person = _generators(trial)
     field, experiment = homogeneous(_north(of_field)), experiments.EXPERIMENTS[trial.experiment]
-    return recorded(experiment, of_person, SensorErrors(), field, "left", POSE_ERROR, rate=RATE, steps=True)
+    return recorded(
+        experiment, of_person, SensorErrors(), field, "left", POSE_ERROR, rate=RATE, steps=True
+    )
 
 
 def in_either_field(trial: Trial) -> tuple[Simulated, Simulated]:
     """The same person and movement near steel furniture and in a homogeneous field."""
-    (of_field, of_person), experiment = _generators(trial), _remembering(experiments.EXPERIMENTS[trial.experiment])
+    (of_field, of_person), experiment = (
+        _generators(trial),
+        _remembering(experiments.EXPERIMENTS[trial.experiment]),
+    )
     north = _north(of_field)
     fields = (office(of_field, north), homogeneous(north))
-    near, far = (recorded(experiment, deepcopy(of_person), SensorErrors(), field, "left", POSE_ERROR, rate=RATE) for field in fields)
+    near, far = (
+        recorded(
+            experiment, deepcopy(of_person), SensorErrors(), field, "left", POSE_ERROR, rate=RATE
+        )
+        for field in fields
+    )
     return near, far
 
 
@@ -102,15 +116,21 @@ def estimated(recording: Simulated, variant: str) -> tuple[Trajectory, Trajector
     return at_the_truths_instants(recording, moved)
 
 
-def at_the_truths_instants(recording: Simulated, moved: Trajectory) -> tuple[Trajectory, Trajectory]:
+def at_the_truths_instants(
+    recording: Simulated, moved: Trajectory
+) -> tuple[Trajectory, Trajectory]:
     """The estimate and the truth where the experiment is judged."""
     where = judged(recording)
-    return moved.at(_rows(moved.t, recording.truth.t[where])), recording.truth.at(np.flatnonzero(where))
+    return moved.at(_rows(moved.t, recording.truth.t[where])), recording.truth.at(
+        np.flatnonzero(where)
+    )
 
 
 def simulated_setting(disturbed: bool) -> tuple[str, ...]:
     """What is the same in all simulated experiments; the error sizes are in `sizes`."""
-    field = " ".join(((office if disturbed else homogeneous).__doc__ or "").split())  # the simulator's own words
+    field = " ".join(
+        ((office if disturbed else homogeneous).__doc__ or "").split()
+    )  # the simulator's own words
     return (
         f"Every seed is another person: hand, lengths, sensors, errors and movement are drawn anew. {len(DOF_NAMES)} freedoms, left hand, 17 sensors "
         f"at {RATE:g} Hz, one initial pose of which every freedom of every joint is missed by up to {POSE_ERROR:g} deg. Magnetic field: {field} "
@@ -126,14 +146,19 @@ def sizes() -> Sizes:
         "asked for by our targets; evenly spread",
     )
     sensors, hands = (
-        [(d.meaning, f"{d.default:g} {d.unit}".removesuffix(" 1"), d.source) for d in describe(o)] for o in (SensorErrors, Anatomy)
+        [(d.meaning, f"{d.default:g} {d.unit}".removesuffix(" 1"), d.source) for d in describe(o)]
+        for o in (SensorErrors, Anatomy)
     )
-    return Sizes("error-sizes", "Error sizes", ("what errs", "size", "source"), (pose, *sensors, *hands))
+    return Sizes(
+        "error-sizes", "Error sizes", ("what errs", "size", "source"), (pose, *sensors, *hands)
+    )
 
 
 def _generators(trial: Trial) -> list[np.random.Generator]:
     """Of the field and of the person."""
-    return np.random.default_rng([trial.seed, list(experiments.EXPERIMENTS).index(trial.experiment)]).spawn(2)
+    return np.random.default_rng(
+        [trial.seed, list(experiments.EXPERIMENTS).index(trial.experiment)]
+    ).spawn(2)
 
 
 def _north(rng: np.random.Generator) -> float:
@@ -155,5 +180,7 @@ def _remembering(experiment: Experiment) -> Experiment:
 def _rows(t: Array, wanted: Array) -> Rows:
     """Where in t the wanted instants are."""
     k = np.searchsorted(t, wanted - 1e-6)
-    assert k[-1] < len(t) and np.abs(t[k] - wanted).max() < 1e-6, "an instant that was not estimated"
+    assert k[-1] < len(t) and np.abs(t[k] - wanted).max() < 1e-6, (
+        "an instant that was not estimated"
+    )
     return np.asarray(k)

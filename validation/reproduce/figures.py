@@ -52,23 +52,51 @@ class Cells:
 def bars(rows: Sequence[Bar], everything: Sequence[float], titles: Sequence[str]) -> str:
     """A panel a title: filled bars are each row alone, the open mark is everything but it, the line is everything."""
     with _drawing():
-        figure = Figure(figsize=(WIDTH, 1.1 + ROW * len(rows)), layout="constrained", facecolor="white")
+        figure = Figure(
+            figsize=(WIDTH, 1.1 + ROW * len(rows)), layout="constrained", facecolor="white"
+        )
         panels = figure.subplots(1, len(titles), sharey=True, squeeze=False)[0]
         y = np.arange(len(rows))
         for k, (ax, title) in enumerate(zip(panels, titles)):
-            ax.barh(y, [row.values[k][0] for row in rows], 0.5, color=FILL["good"][0], label="alone")
-            ax.plot([row.values[k][1] for row in rows], y, ls="", marker="o", ms=5, mfc="white", mec=INK, label="all others, this one off")
+            ax.barh(
+                y, [row.values[k][0] for row in rows], 0.5, color=FILL["good"][0], label="alone"
+            )
+            ax.plot(
+                [row.values[k][1] for row in rows],
+                y,
+                ls="",
+                marker="o",
+                ms=5,
+                mfc="white",
+                mec=INK,
+                label="all others, this one off",
+            )
             ax.axvline(everything[k], color=INK, lw=0.8, ls=(0, (4, 2)), label="all")
-            ax.set(yticks=y, yticklabels=[row.name for row in rows], ylim=(len(rows) - 0.4, -0.6), xlim=(0, None), title=title)
+            ax.set(
+                yticks=y,
+                yticklabels=[row.name for row in rows],
+                ylim=(len(rows) - 0.4, -0.6),
+                xlim=(0, None),
+                title=title,
+            )
             _plain(ax)
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+        figure.legend(
+            *panels[0].get_legend_handles_labels(),
+            loc="outside lower center",
+            ncols=3,
+            frameon=False,
+        )
         return _svg(figure)
 
 
-def lines(panels: Sequence[Sequence[Line]], titles: Sequence[str], limits: tuple[float, float | None]) -> str:
+def lines(
+    panels: Sequence[Sequence[Line]], titles: Sequence[str], limits: tuple[float, float | None]
+) -> str:
     """A panel of curves a title, one below the other; a band where a line has one."""
     with _drawing():
-        figure = Figure(figsize=(WIDTH, 0.4 + PANEL * len(panels)), layout="constrained", facecolor="white")
+        figure = Figure(
+            figsize=(WIDTH, 0.4 + PANEL * len(panels)), layout="constrained", facecolor="white"
+        )
         axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
         for ax, curves, title in zip(axes, panels, titles):
             for curve, (dashes, colour) in zip(curves, LINES):
@@ -79,7 +107,12 @@ def lines(panels: Sequence[Sequence[Line]], titles: Sequence[str], limits: tuple
             ax.set(title=title, xlim=(0, curves[0].x[-1] + curves[0].x[0]))
             ax.set_ylim(bottom=low - 0.06 * (high or 0.0), top=None if high is None else 1.1 * high)
             _plain(ax)
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(panels[0]), frameon=False)
+        figure.legend(
+            *axes[0].get_legend_handles_labels(),
+            loc="outside lower center",
+            ncols=len(panels[0]),
+            frameon=False,
+        )
         return _svg(figure)
 
 
@@ -90,15 +123,29 @@ def cells(fields: Sequence[Cells], columns: Sequence[str], good: Sequence[float]
         figure = Figure(figsize=(1.3 * WIDTH, height), layout="constrained", facecolor="white")
         figure.supxlabel(KEY, fontsize=7.0, color=INK)
         axes = figure.subplots(len(fields), 1, sharex=True, squeeze=False)[:, 0]
-        shades = LinearSegmentedColormap.from_list("told", [ACCENT, FILL["good"][0], FILL["fair"][0], "white"])
+        shades = LinearSegmentedColormap.from_list(
+            "told", [ACCENT, FILL["good"][0], FILL["fair"][0], "white"]
+        )
         for ax, field in zip(axes, fields):
             shade = np.clip(np.log10(field.sd / np.asarray(good)), -1.0, 1.0)
             ax.imshow(shade, cmap=shades, vmin=-1.0, vmax=1.0, aspect="auto")
             for (row, column), sd in np.ndenumerate(field.sd):
                 said = f"{sd:.2g}\n({field.error[row, column]:.2g})"
-                ax.text(column, row, said, ha="center", va="center", fontsize=6.5, color="white" if shade[row, column] < -0.4 else INK)
+                ax.text(
+                    column,
+                    row,
+                    said,
+                    ha="center",
+                    va="center",
+                    fontsize=6.5,
+                    color="white" if shade[row, column] < -0.4 else INK,
+                )
             ax.set(
-                yticks=range(len(field.rows)), yticklabels=field.rows, xticks=range(len(columns)), xticklabels=columns, title=field.title
+                yticks=range(len(field.rows)),
+                yticklabels=field.rows,
+                xticks=range(len(columns)),
+                xticklabels=columns,
+                title=field.title,
             )
             ax.tick_params(length=0, labelcolor=INK, labelsize=7.0)
             ax.title.set(fontsize=9.0, color=ACCENT)

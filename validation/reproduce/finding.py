@@ -89,7 +89,12 @@ def spread(values: Iterable[float]) -> Spread:
     """Mean, standard deviation and the value farthest from zero; all must be finite."""
     x = np.fromiter(values, float)
     assert len(x) and np.isfinite(x).all(), "a figure without a value"
-    return Spread(float(x.mean()), float(x.std(ddof=1)) if len(x) > 1 else 0.0, float(x[np.abs(x).argmax()]), len(x))
+    return Spread(
+        float(x.mean()),
+        float(x.std(ddof=1)) if len(x) > 1 else 0.0,
+        float(x[np.abs(x).argmax()]),
+        len(x),
+    )
 
 
 def at_or_below(row: Row, column: str) -> bool | None:
@@ -101,10 +106,12 @@ def at_or_below(row: Row, column: str) -> bool | None:
 def standing(table: Table, what: str) -> str:
     """One sentence: in how many rows ours is at or below theirs, and in which it is not."""
     judged = {row.name: at_or_below(row, table.judged) for row in table.rows}
-    above = [f"{row.name} ({_against(row, table.judged)})" for row in table.rows if judged[row.name] is False]
-    said = (
-        f"{what} at or below the paper's in {sum(m is True for m in judged.values())} of {sum(m is not None for m in judged.values())} rows"
-    )
+    above = [
+        f"{row.name} ({_against(row, table.judged)})"
+        for row in table.rows
+        if judged[row.name] is False
+    ]
+    said = f"{what} at or below the paper's in {sum(m is True for m in judged.values())} of {sum(m is not None for m in judged.values())} rows"
     return f"{said}; above it in {', '.join(above)}." if above else f"{said}."
 
 

@@ -10,7 +10,10 @@ WIDTH = 140
 
 def as_text(finding: Finding) -> str:
     """For a terminal."""
-    parts = [f"{finding.title}\n{'=' * len(finding.title)}", *(textwrap.fill(s, WIDTH) for s in finding.setting)]
+    parts = [
+        f"{finding.title}\n{'=' * len(finding.title)}",
+        *(textwrap.fill(s, WIDTH) for s in finding.setting),
+    ]
     for table in finding.tables:
         parts.append(f"{table.title}{_how(table)}\n{_aligned(_grid(table))}")
     said = [*(verdict.words for verdict in finding.verdicts), *finding.remarks]
@@ -23,7 +26,9 @@ def as_markdown(finding: Finding, images: str | None) -> str:
     said = "\n".join(f"- {s}" for s in (*(v.words for v in finding.verdicts), *finding.remarks))
     tables = [f"{table.title}{_how(table)}:\n\n{_piped(_grid(table))}" for table in finding.tables]
     figures = [f"![{finding.title}]({images}/{name})" for name in finding.figures if images]
-    return "\n\n".join(part for part in (f"## {finding.title}", *finding.setting, *tables, said, *figures) if part)
+    return "\n\n".join(
+        part for part in (f"## {finding.title}", *finding.setting, *tables, said, *figures) if part
+    )
 
 
 def sizes_as_text(sizes: Sizes) -> str:
@@ -43,7 +48,11 @@ def placed(sections: Mapping[str, str], page: str) -> str:
         begin, end = f"<!-- begin {name} -->", f"<!-- end {name} -->"
         marked = f"{begin}\n{section}\n{end}"
         first, last = page.find(begin), page.find(end)
-        page = f"{page[:first]}{marked}{page[last + len(end) :]}" if 0 <= first < last else f"{page.rstrip()}\n\n{marked}\n".lstrip()
+        page = (
+            f"{page[:first]}{marked}{page[last + len(end) :]}"
+            if 0 <= first < last
+            else f"{page.rstrip()}\n\n{marked}\n".lstrip()
+        )
     return page
 
 
@@ -55,7 +64,10 @@ def _how(table: Table) -> str:
 def _grid(table: Table) -> list[list[str]]:
     """Cells of a table, its head first; behind a column the paper's figures where it has any."""
     with_paper = [c for c in table.columns if any(c in row.theirs for row in table.rows)]
-    head = [table.head, *(cell for c in table.columns for cell in ([c, "paper"] if c in with_paper else [c]))]
+    head = [
+        table.head,
+        *(cell for c in table.columns for cell in ([c, "paper"] if c in with_paper else [c])),
+    ]
     grid = [head + ([f"{table.judged} at or below the paper"] if table.judged else [])]
     for row in table.rows:
         cells = [row.name, *_cells(table, row, with_paper)]
@@ -78,12 +90,19 @@ def _theirs(row: Row, column: str) -> str:
 
 
 def _number(s: Spread, digits: int) -> str:
-    return f"{s.mean:.{digits}f} ± {s.sd:.{digits}f} ({s.worst:.{digits}f})" if s.count > 1 else f"{s.mean:.{digits}f}"
+    return (
+        f"{s.mean:.{digits}f} ± {s.sd:.{digits}f} ({s.worst:.{digits}f})"
+        if s.count > 1
+        else f"{s.mean:.{digits}f}"
+    )
 
 
 def _aligned(grid: Sequence[Sequence[str]]) -> str:
     widths = [max(len(cell) for cell in column) for column in zip(*grid)]
-    return "\n".join("  ".join([cells[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(cells[1:], widths[1:]))]) for cells in grid)
+    return "\n".join(
+        "  ".join([cells[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(cells[1:], widths[1:]))])
+        for cells in grid
+    )
 
 
 def _piped(grid: Sequence[Sequence[str]], right: bool = True) -> str:

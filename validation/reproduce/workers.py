@@ -10,7 +10,9 @@ from handscope.app.workers.process import CONTEXT, heed_the_terminal
 from handscope.validation.reproduce import reproduction
 
 
-def measured(name: str, trials: Sequence[Any], jobs: int, hear: Callable[[float], None]) -> list[tuple[Any, Any]]:
+def measured(
+    name: str, trials: Sequence[Any], jobs: int, hear: Callable[[float], None]
+) -> list[tuple[Any, Any]]:
     """Every trial of a reproduction with what it gave, in their order; `hear` is told the share done."""
     found: list[Any] = [None] * len(trials)
     done = _here(name, trials) if jobs == 1 or len(trials) == 1 else _spread(name, trials, jobs)

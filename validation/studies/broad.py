@@ -75,18 +75,32 @@ def read(path: Path) -> Trial:
     try:
         content = loadmat(path, squeeze_me=True, variable_names=FIELDS)
     except (OSError, ValueError, TypeError, NotImplementedError) as problem:
-        raise InputError(f"{path} cannot be read as a trial of BROAD: {problem}; copy it again from {SOURCE}") from None
+        raise InputError(
+            f"{path} cannot be read as a trial of BROAD: {problem}; copy it again from {SOURCE}"
+        ) from None
     if absent := [name for name in FIELDS if name not in content]:
         raise InputError(f"{path} has no {absent[0]}; is it a trial of BROAD ({SOURCE}, data_mat)?")
     gyr, acc, mag, q_ref, movement = (np.ascontiguousarray(content[name]) for name in FIELDS[:-1])
-    return Trial(path.stem, float(content["sampling_rate"]), gyr, acc, 1e-6 * mag, q_ref, movement.astype(bool))
+    return Trial(
+        path.stem,
+        float(content["sampling_rate"]),
+        gyr,
+        acc,
+        1e-6 * mag,
+        q_ref,
+        movement.astype(bool),
+    )
 
 
 def oriented(trial: Trial, quantities: tuple[str, ...], params: FusionParams) -> Array:
     """Orientations (n, 4) by the fusion of the methods."""
     values = {GYR: trial.gyr, ACC: trial.acc, MAG: trial.mag}
     stream = Stream("imu", ("hand",), quantities, trial.rate)
-    block = Block(stream, np.arange(len(trial.gyr)) / trial.rate, np.concatenate([values[q] for q in quantities], axis=1)[:, None])
+    block = Block(
+        stream,
+        np.arange(len(trial.gyr)) / trial.rate,
+        np.concatenate([values[q] for q in quantities], axis=1)[:, None],
+    )
     state, found = orientation_fusion.step(params, orientation_fusion.start(stream, {}, {}), block)
     _, rest = orientation_fusion.finish(params, state)
     return np.concatenate([found.q_GS, rest.q_GS])[:, 0]
@@ -103,27 +117,68 @@ def measure(path: Path) -> dict[str, float]:
     trial = read(path)
     found = {name: scored(trial, oriented(trial, *fusion)) for name, fusion in FUSIONS.items()}
     plain = scored(trial, _package(trial))
-    parts = {f"{part} {name}": getattr(error, part) for name, error in found.items() for part in ("inclination", "heading", "total")}
-    return {name: DEG * rms(error) for name, error in {**parts, "total VQF": plain.total}.items() if name in COLUMNS}
+    parts = {
+        f"{part} {name}": getattr(error, part)
+        for name, error in found.items()
+        for part in ("inclination", "heading", "total")
+    }
+    return {
+        name: DEG * rms(error)
+        for name, error in {**parts, "total VQF": plain.total}.items()
+        if name in COLUMNS
+    }
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Path, dict[str, float]]]) -> Finding:
     rows = [_row(path.stem, found, published.BROAD[path.stem]) for path, found in results]
-    columns: dict[str, Spread] = {name: spread(found[name] for _, found in results) for name in COLUMNS}
-    of_papers = {name: [values[name] for values in published.BROAD.values()] for name in published.BROAD_FILTERS}
+    columns: dict[str, Spread] = {
+        name: spread(found[name] for _, found in results) for name in COLUMNS
+    }
+    of_papers = {
+        name: [values[name] for values in published.BROAD.values()]
+        for name in published.BROAD_FILTERS
+    }
     mean = Row("mean", columns | {name: spread(values) for name, values in of_papers.items()})
-    table = Table("RMSE in deg while the board moves", (*COLUMNS, *published.BROAD_FILTERS), (*rows, mean), head="trial", over="trials")
+    table = Table(
+        "RMSE in deg while the board moves",
+        (*COLUMNS, *published.BROAD_FILTERS),
+        (*rows, mean),
+        head="trial",
+        over="trials",
+    )
     incl, total = (columns[name].mean for name in ("inclination 6D", "total 9D"))
     verdicts = (
-        Verdict("inclination of the 6D fusion, mean of the trials", incl, INCLINATION_TARGET, "deg", "our target"),
-        Verdict("total of the 9D fusion, mean of the trials", total, TOTAL_TARGET, "deg", "our target"),
+        Verdict(
+            "inclination of the 6D fusion, mean of the trials",
+            incl,
+            INCLINATION_TARGET,
+            "deg",
+            "our target",
+        ),
+        Verdict(
+            "total of the 9D fusion, mean of the trials", total, TOTAL_TARGET, "deg", "our target"
+        ),
     )
-    return Finding("broad", "The fusion on real trials (BROAD)", _setting(), (table,), verdicts, _remarks(columns), simulated=False)
+    return Finding(
+        "broad",
+        "The fusion on real trials (BROAD)",
+        _setting(),
+        (table,),
+        verdicts,
+        _remarks(columns),
+        simulated=False,
+    )
 
 
 def _remarks(columns: Mapping[str, Spread]) -> tuple[str, ...]:
     mean, instant, without, package = (
-        columns[name].mean for name in ("inclination 6D", "inclination 6D, gyr_reading=instant", "total 9D, no mag_rejection", "total VQF")
+        columns[name].mean
+        for name in (
+            "inclination 6D",
+            "inclination 6D, gyr_reading=instant",
+            "total 9D, no mag_rejection",
+            "total VQF",
+        )
     )
     return (
         f"The fusion is the package vqf ({package:.2f} deg with its own defaults); ours trusts biases found at rest less (`rest_turn`), because a worn "

@@ -14,7 +14,13 @@ from handscope.estimators.simulation.experiments import TABLE6
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.accuracy import angle_errors, rms, tip_rmse
-from handscope.validation.reproduce.experiments import POSE_ERROR, Trial, estimated, performed, simulated_setting
+from handscope.validation.reproduce.experiments import (
+    POSE_ERROR,
+    Trial,
+    estimated,
+    performed,
+    simulated_setting,
+)
 from handscope.validation.reproduce.figures import Bar, bars
 from handscope.validation.reproduce.finding import Finding, Row, Spread, Table, spread
 
@@ -58,27 +64,62 @@ def measure(trial: Trial) -> Mapping[str, tuple[float, float]]:
     """RMSE of tip (cm) and the finger's angles (deg) of all variants of one trial, by `SOURCE off` and `SOURCE alone`."""
     finger, found = TABLE6[trial.experiment].fingers[0], {}
     for name, sources in _variants().items():
-        estimate, truth = estimated(performed(trial, sources.errors, sources.pose_error, sources.lengths, sources.wrist_error), "m2")
+        estimate, truth = estimated(
+            performed(
+                trial, sources.errors, sources.pose_error, sources.lengths, sources.wrist_error
+            ),
+            "m2",
+        )
         angle = rms(angle_errors(estimate, truth, FINGER_JOINTS[finger]))
         found[name] = (CM * tip_rmse(estimate, truth, [finger]), DEG * angle)
     return found
 
 
-def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, tuple[float, float]]]]) -> Finding:
+def finding(
+    wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, tuple[float, float]]]]
+) -> Finding:
     def over(name: str, k: int) -> Spread:
         return spread(found[name][k] for _, found in results)
 
     columns = ("tip cm, off", "tip cm, alone", "angles deg, off", "angles deg, alone")
-    rows = [Row(ALL, {columns[0]: over(f"{NOTHING} off", 0), columns[2]: over(f"{NOTHING} off", 1)})]
-    rows += [Row(s, {c: over(f"{s} {c.split()[-1]}", c.startswith("angles")) for c in columns}) for s in SOURCES]
-    rows += [Row(NOTHING, {columns[1]: over(f"{NOTHING} alone", 0), columns[3]: over(f"{NOTHING} alone", 1)})]
+    rows = [
+        Row(ALL, {columns[0]: over(f"{NOTHING} off", 0), columns[2]: over(f"{NOTHING} off", 1)})
+    ]
+    rows += [
+        Row(s, {c: over(f"{s} {c.split()[-1]}", c.startswith("angles")) for c in columns})
+        for s in SOURCES
+    ]
+    rows += [
+        Row(
+            NOTHING,
+            {columns[1]: over(f"{NOTHING} alone", 0), columns[3]: over(f"{NOTHING} alone", 1)},
+        )
+    ]
     table = Table(
-        "RMSE of m2 with one source switched off, and with it alone", columns, tuple(rows), head="source", over="seeds and experiments"
+        "RMSE of m2 with one source switched off, and with it alone",
+        columns,
+        tuple(rows),
+        head="source",
+        over="seeds and experiments",
     )
-    drawn = [Bar(s, [(over(f"{s} alone", k).mean, over(f"{s} off", k).mean) for k in (0, 1)]) for s in SOURCES]
+    drawn = [
+        Bar(s, [(over(f"{s} alone", k).mean, over(f"{s} off", k).mean) for k in (0, 1)])
+        for s in SOURCES
+    ]
     everything = [over(f"{NOTHING} off", k).mean for k in (0, 1)]
-    figures = {"reproduce-budget.svg": bars(drawn, everything, ("RMSE of the fingertip, cm", "RMSE of the joint angles, deg"))}
-    return Finding("budget", "What each source of error costs", _setting(), (table,), remarks=_remarks(rows), figures=figures)
+    figures = {
+        "reproduce-budget.svg": bars(
+            drawn, everything, ("RMSE of the fingertip, cm", "RMSE of the joint angles, deg")
+        )
+    }
+    return Finding(
+        "budget",
+        "What each source of error costs",
+        _setting(),
+        (table,),
+        remarks=_remarks(rows),
+        figures=figures,
+    )
 
 
 def _variants() -> dict[str, Sources]:
@@ -101,7 +142,9 @@ def _remarks(rows: Sequence[Row]) -> tuple[str, ...]:
     said = []
     for what, column in (("the fingertip", "tip cm, off"), ("the joint angles", "angles deg, off")):
         best = min(sources, key=lambda row: row.ours[column].mean)
-        said.append(f"For {what}, most is gained without: {best.name} ({rows[0].ours[column].mean:.2f} to {best.ours[column].mean:.2f}).")
+        said.append(
+            f"For {what}, most is gained without: {best.name} ({rows[0].ours[column].mean:.2f} to {best.ours[column].mean:.2f})."
+        )
     return tuple(said)
 
 

@@ -34,7 +34,9 @@ PIECE, PAUSE = 40.0, 10.0  # s of free movement, and of rest between two of them
 CM = 100.0
 MINUTES = (1, 2, 5, 10, 20, 30, 45, 60)  # rows of the table
 STREAM = Stream("imu", SEGMENTS, (GYR, ACC), RATE, "imu")
-KINDS: Mapping[str, tuple[bool, dict[str, Any]]] = {  # whether there are pauses, options of the method
+KINDS: Mapping[
+    str, tuple[bool, dict[str, Any]]
+] = {  # whether there are pauses, options of the method
     "pauses": (True, {}),
     "no pause": (False, {}),
     "no pause, rest_turn=0.03": (False, {"rest_turn": 0.03}),
@@ -66,7 +68,10 @@ class Worn:
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
-    return [Trial(seed, kind, wanted.minutes) for kind, seed in product(KINDS, range(min(wanted.seeds, SEEDS)))]
+    return [
+        Trial(seed, kind, wanted.minutes)
+        for kind, seed in product(KINDS, range(min(wanted.seeds, SEEDS)))
+    ]
 
 
 def measure(trial: Trial) -> Course:
@@ -74,9 +79,13 @@ def measure(trial: Trial) -> Course:
     pauses, options = KINDS[trial.kind]
     of_person, of_motion, of_sensors = np.random.default_rng(trial.seed).spawn(3)
     person = drawn("left", of_person)
-    worn = Worn(person, sensors.mounted(SEGMENTS, person.true, SensorErrors(), of_sensors), of_sensors)
+    worn = Worn(
+        person, sensors.mounted(SEGMENTS, person.true, SensorErrors(), of_sensors), of_sensors
+    )
     sums, count = np.zeros((trial.minutes, 2)), np.zeros(trial.minutes)
-    for estimate, truth in _pieces(m2.Params(**options), worn, _performances(60.0 * trial.minutes, pauses, person, of_motion)):
+    for estimate, truth in _pieces(
+        m2.Params(**options), worn, _performances(60.0 * trial.minutes, pauses, person, of_motion)
+    ):
         minute = (estimate.t / 60).astype(int)
         kept = minute < trial.minutes
         for k, squares in enumerate(_squares(estimate, truth)):
@@ -87,39 +96,75 @@ def measure(trial: Trial) -> Course:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Course]]) -> Finding:
-    courses: Mapping[str, list[Course]] = {kind: [course for trial, course in results if trial.kind == kind] for kind in KINDS}
+    courses: Mapping[str, list[Course]] = {
+        kind: [course for trial, course in results if trial.kind == kind] for kind in KINDS
+    }
     columns = tuple(f"{what}, {kind}" for what in ("angles deg", "tips cm") for kind in KINDS)
     rows = [_row(f"minute {m}", courses, columns, m - 1, m) for m in MINUTES if m <= wanted.minutes]
-    rows += [_row(f"first {m} min", courses, columns, 0, m) for m in (10, 60) if m <= wanted.minutes]
-    table = Table("RMSE of m2 against time since the initial pose", columns, tuple(rows), head="time")
+    rows += [
+        _row(f"first {m} min", courses, columns, 0, m) for m in (10, 60) if m <= wanted.minutes
+    ]
+    table = Table(
+        "RMSE of m2 against time since the initial pose", columns, tuple(rows), head="time"
+    )
     t = np.arange(0.5, wanted.minutes, dtype=float)
-    panels = [[_line(kind, t, [getattr(c, what) for c in of]) for kind, of in courses.items()] for what in ("angles", "tips")]
-    titles = ("RMSE of all joint angles in deg over minutes", "RMSE of the five fingertips in cm over minutes")
+    panels = [
+        [_line(kind, t, [getattr(c, what) for c in of]) for kind, of in courses.items()]
+        for what in ("angles", "tips")
+    ]
+    titles = (
+        "RMSE of all joint angles in deg over minutes",
+        "RMSE of the five fingertips in cm over minutes",
+    )
     figures = {"reproduce-drift.svg": lines(panels, titles, (0.0, None))}
-    return Finding("drift", "An hour without magnetometers", _setting(wanted), (table,), remarks=_remarks(rows), figures=figures)
+    return Finding(
+        "drift",
+        "An hour without magnetometers",
+        _setting(wanted),
+        (table,),
+        remarks=_remarks(rows),
+        figures=figures,
+    )
 
 
-def _performances(duration: float, pauses: bool, person: Person, rng: np.random.Generator) -> Iterator[Performance]:
+def _performances(
+    duration: float, pauses: bool, person: Person, rng: np.random.Generator
+) -> Iterator[Performance]:
     """The initial pose, then free movement until the time is over."""
     pose = task_performance.initial_pose(person.true)
     yield pose
     length = pose.motion.duration
     while length < duration:
-        parts = [guided_movements.free(person.true, rng, PIECE), *([task_performance.rest(person.true, PAUSE)] if pauses else [])]
+        parts = [
+            guided_movements.free(person.true, rng, PIECE),
+            *([task_performance.rest(person.true, PAUSE)] if pauses else []),
+        ]
         yield from parts
         length += sum(part.motion.duration for part in parts)
 
 
-def _pieces(params: m2.Params, worn: Worn, performances: Iterator[Performance]) -> Iterator[tuple[Trajectory, Trajectory]]:
+def _pieces(
+    params: m2.Params, worn: Worn, performances: Iterator[Performance]
+) -> Iterator[tuple[Trajectory, Trajectory]]:
     """Estimate and truth at the same instants, as the method gives them out."""
     begin, state, pending = 0.0, None, trajectory.empty("left")
     for performance in performances:
         block, truth = _recorded(worn, performance, begin)
         begin += performance.motion.duration
         if state is None:
-            pose = Simulated("left", worn.person.told, {STREAM.name: block}, performance.events, truth, worn.sensors)
+            pose = Simulated(
+                "left",
+                worn.person.told,
+                {STREAM.name: block},
+                performance.events,
+                truth,
+                worn.sensors,
+            )
             calibration = calibrate(params, pose)[0][0]
-            state, block = m2.start(params, calibration, (STREAM,)), block.between(calibration.t, np.inf)
+            state, block = (
+                m2.start(params, calibration, (STREAM,)),
+                block.between(calibration.t, np.inf),
+            )
         pending = trajectory.join([pending, truth], "left")
         for part in block.parts(1024):
             state, estimate = m2.step(params, state, part)
@@ -130,10 +175,14 @@ def _pieces(params: m2.Params, worn: Worn, performances: Iterator[Performance]) 
 
 def _recorded(worn: Worn, performance: Performance, begin: float) -> tuple[Block, Trajectory]:
     """Samples and truth of one performance that begins at `begin` s."""
-    first, last = (int(np.ceil(x * RATE - 1e-9)) for x in (begin, begin + performance.motion.duration))
+    first, last = (
+        int(np.ceil(x * RATE - 1e-9)) for x in (begin, begin + performance.motion.duration)
+    )
     t = np.arange(first, last) / RATE
     k = replace(kinematics.of_motion(performance.motion, worn.person.true, t - begin), t=t)
-    return Block(STREAM, t, sensors.inertial(worn.sensors, k, RATE, worn.rng)), kinematics.truth(k, "left")
+    return Block(STREAM, t, sensors.inertial(worn.sensors, k, RATE, worn.rng)), kinematics.truth(
+        k, "left"
+    )
 
 
 def _squares(estimate: Trajectory, truth: Trajectory) -> tuple[Array, Array]:
@@ -144,11 +193,18 @@ def _squares(estimate: Trajectory, truth: Trajectory) -> tuple[Array, Array]:
     return (angle**2).mean(axis=1), (tip**2).mean(axis=1)
 
 
-def _row(name: str, courses: Mapping[str, list[Course]], columns: Sequence[str], first: int, last: int) -> Row:
+def _row(
+    name: str, courses: Mapping[str, list[Course]], columns: Sequence[str], first: int, last: int
+) -> Row:
     def over(what: str, kind: str) -> Spread:
-        return spread(float(np.sqrt((getattr(c, what)[first:last] ** 2).mean())) for c in courses[kind])
+        return spread(
+            float(np.sqrt((getattr(c, what)[first:last] ** 2).mean())) for c in courses[kind]
+        )
 
-    return Row(name, dict(zip(columns, (over(what, kind) for what in ("angles", "tips") for kind in KINDS))))
+    return Row(
+        name,
+        dict(zip(columns, (over(what, kind) for what in ("angles", "tips") for kind in KINDS))),
+    )
 
 
 def _line(name: str, t: Array, values: Sequence[Array]) -> Line:
@@ -172,7 +228,10 @@ def _remarks(rows: Sequence[Row]) -> tuple[str, ...]:
     )
     first, minutes = rows[0], [row for row in rows if row.name.startswith("minute")]
     last = minutes[-1]
-    said = (f"{c}: {first.ours[c].mean:.2f} in the first minute, {last.ours[c].mean:.2f} in {last.name}." for c in first.ours)
+    said = (
+        f"{c}: {first.ours[c].mean:.2f} in the first minute, {last.ours[c].mean:.2f} in {last.name}."
+        for c in first.ours
+    )
     return (*said, why, rest)
 
 

@@ -14,7 +14,12 @@ from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import joint_compliance
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.validation.reproduce import Wanted
-from handscope.validation.reproduce.experiments import Trial, at_the_truths_instants, performed, simulated_setting
+from handscope.validation.reproduce.experiments import (
+    Trial,
+    at_the_truths_instants,
+    performed,
+    simulated_setting,
+)
 from handscope.validation.reproduce.finding import Finding, Row, Spread, Table, spread
 
 EXPERIMENTS = ("AF-F2", "tapping", "free")
@@ -25,7 +30,9 @@ TOLD_SIZES = ekf.Params(
     creeping=0.02,
     dimension_noise=0.5,
 )
-SIZES: Mapping[str, tuple[ekf.Params, float]] = {  # what the method is told, and deg by which joints give
+SIZES: Mapping[
+    str, tuple[ekf.Params, float]
+] = {  # what the method is told, and deg by which joints give
     "joints give": (ekf.Params(), joint_compliance.AS_MEASURED),
     "exact hinges": (ekf.Params(), 0.0),
     "as simulated": (TOLD_SIZES, 0.0),
@@ -40,11 +47,18 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 
 def measure(trial: Trial) -> Mapping[str, float]:
     """Squared errors over their variances, by column: means over all freedoms or tips and all instants of the task."""
-    recordings, found = {give: performed(trial, give=give) for give in {give for _, give in SIZES.values()}}, {}
+    recordings, found = (
+        {give: performed(trial, give=give) for give in {give for _, give in SIZES.values()}},
+        {},
+    )
     for name, (params, give) in SIZES.items():
         recording = recordings[give]
-        estimate, truth = at_the_truths_instants(recording, process(ekf, params, recording).trajectory)
-        assert estimate.angles_sd is not None and estimate.tips_sd is not None, "ekf tells its standard deviations"
+        estimate, truth = at_the_truths_instants(
+            recording, process(ekf, params, recording).trajectory
+        )
+        assert estimate.angles_sd is not None and estimate.tips_sd is not None, (
+            "ekf tells its standard deviations"
+        )
         error = (estimate.angles - truth.angles + np.pi) % (2 * np.pi) - np.pi
         found[f"angles, {name}"] = _squares(error[:, IS_DOF], estimate.angles_sd[:, IS_DOF])
         found[f"tips, {name}"] = _squares(estimate.tips - truth.tips, estimate.tips_sd)
@@ -56,10 +70,24 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]
         return spread(found[column] for trial, found in results if trial.experiment in experiments)
 
     kinds = {**{name: (name,) for name in EXPERIMENTS}, "all": EXPERIMENTS}
-    rows = tuple(Row(name, {column: of(experiments, column) for column in COLUMNS}) for name, experiments in kinds.items())
-    table = Table("Normalised error squared (1 = as sure as it says, less = too careful)", COLUMNS, rows, over="people")
+    rows = tuple(
+        Row(name, {column: of(experiments, column) for column in COLUMNS})
+        for name, experiments in kinds.items()
+    )
+    table = Table(
+        "Normalised error squared (1 = as sure as it says, less = too careful)",
+        COLUMNS,
+        rows,
+        over="people",
+    )
     remarks = tuple(f"{column}: {bounds(rows[-1].ours[column])}." for column in COLUMNS)
-    return Finding("honesty", "How honest the standard deviations of `ekf` are", _setting(), (table,), remarks=remarks)
+    return Finding(
+        "honesty",
+        "How honest the standard deviations of `ekf` are",
+        _setting(),
+        (table,),
+        remarks=remarks,
+    )
 
 
 def _squares(error: Array, sd: Array) -> float:
@@ -69,13 +97,19 @@ def _squares(error: Array, sd: Array) -> float:
 def bounds(s: Spread) -> str:
     """The mean with its 95 % bounds over people, and what that makes of the standard deviations."""
     half = 1.96 * s.sd / np.sqrt(s.count)
-    said = "as large as the errors" if abs(s.mean - 1) <= half else f"{abs(s.mean**-0.5 - 1):.0%} too {'large' if s.mean < 1 else 'small'}"
+    said = (
+        "as large as the errors"
+        if abs(s.mean - 1) <= half
+        else f"{abs(s.mean**-0.5 - 1):.0%} too {'large' if s.mean < 1 else 'small'}"
+    )
     return f"{s.mean:.2f} ± {half:.2f} (95 %), standard deviations {said}"
 
 
 def _setting() -> tuple[str, ...]:
     sizes = (
-        f"`{d.name}` {getattr(TOLD_SIZES, d.name):g} instead of {d.default:g} {d.unit}" for d in describe(ekf.Params) if d.name in TOLD
+        f"`{d.name}` {getattr(TOLD_SIZES, d.name):g} instead of {d.default:g} {d.unit}"
+        for d in describe(ekf.Params)
+        if d.name in TOLD
     )
     return (
         f"Method ekf, over the task. `joints give`: about each axis that is no freedom of a finger's joint by {joint_compliance.AS_MEASURED:g} deg (RMS) as it bends, the "

@@ -15,7 +15,15 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
 from handscope.estimators.self_calibration import sample_preparation, segments, solver
-from handscope.estimators.self_calibration.problem import Chain, Noise, Z, chain, columns, mounted, posed
+from handscope.estimators.self_calibration.problem import (
+    Chain,
+    Noise,
+    Z,
+    chain,
+    columns,
+    mounted,
+    posed,
+)
 from handscope.estimators.self_calibration.solver import Solution
 from handscope.estimators.simulation import artificial_finger
 from handscope.estimators.simulation.artificial_finger import RESTING, SEGMENTS, wandering
@@ -59,7 +67,10 @@ MOVEMENTS: Mapping[str, Movement] = {
     "the same, three times slower": Movement(JOINTS, True, True, 3.0),
 }
 FINGERS: Mapping[str, Chain] = {"artificial finger": HINGED, "human finger": chain(SEGMENTS)}
-UPWARD, ALONG = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])  # z of a segment is its hinges' axis, y runs along its bone
+UPWARD, ALONG = (
+    np.array([0.0, 0.0, 1.0]),
+    np.array([0.0, 1.0, 0.0]),
+)  # z of a segment is its hinges' axis, y runs along its bone
 # what a movement may tell: unit, and the standard deviation that is good enough
 GOOD: Mapping[str, tuple[str, float]] = {
     "length, proximal": ("mm", 0.6),
@@ -99,8 +110,12 @@ def measure(trial: Trial) -> Found:
     links, rng = FINGERS[trial.finger], np.random.default_rng([trial.seed, 6])
     made, true = _recorded(trial, rng)
     _, read = sample_preparation.readings(list(made.blocks()), links.sensors, 0.0, DURATION)
-    guess = self_calibration_initialisation.unknowns(links, Noise(), read, mounted(links, made.mounting, Z))
-    found = solver.learnt(posed(links, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess)
+    guess = self_calibration_initialisation.unknowns(
+        links, Noise(), read, mounted(links, made.mounting, Z)
+    )
+    found = solver.learnt(
+        posed(links, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess
+    )
     told = list(_told(found, made, true))
     sd = {name: _rms([s for n, s, _ in told if n == name]) for name in GOOD}
     error = {name: _rms([e for n, _, e in told if n == name]) for name in GOOD}
@@ -113,11 +128,18 @@ def _rms(values: Sequence[float]) -> float:
 
 def _recorded(trial: Trial, rng: np.random.Generator) -> tuple[Simulated, HandGeometry]:
     """The movement of the printed finger, or of somebody's index finger; its true geometry."""
-    motion, errors = moved(rng, MOVEMENTS[trial.movement], trial.finger == "human finger"), CONDITIONS["skin motion"]
+    motion, errors = (
+        moved(rng, MOVEMENTS[trial.movement], trial.finger == "human finger"),
+        CONDITIONS["skin motion"],
+    )
     if trial.finger == "human finger":
         person = drawn("left", rng)
-        return performed([Performance(motion, ())], "left", person.true, rng, errors, SEGMENTS, known=person.told), person.true
-    return artificial_finger.recorded(rng, errors, motion=motion, duration=DURATION), artificial_finger.printed("left")
+        return performed(
+            [Performance(motion, ())], "left", person.true, rng, errors, SEGMENTS, known=person.told
+        ), person.true
+    return artificial_finger.recorded(
+        rng, errors, motion=motion, duration=DURATION
+    ), artificial_finger.printed("left")
 
 
 def moved(rng: np.random.Generator, movement: Movement, sideways: bool) -> Motion:
@@ -131,30 +153,62 @@ def moved(rng: np.random.Generator, movement: Movement, sideways: bool) -> Motio
         x[:, COORDINATES[f"{joint}_flexion"]] = moving * np.radians(REACH[joint]) * swing
     if sideways and "index_mcp" in movement.joints:
         x[:, COORDINATES["index_mcp_deviation"]] = moving * np.radians(ASIDE) * np.sin(0.7 * pulled)
-    for wanted, names, reach, slowest in ((movement.travels, PLACE, 0.10, 0.9), (movement.turns, TURN, np.radians(40.0), 1.6)):
+    for wanted, names, reach, slowest in (
+        (movement.travels, PLACE, 0.10, 0.9),
+        (movement.turns, TURN, np.radians(40.0), 1.6),
+    ):
         for name in names:
-            x[:, COORDINATES[name]] = wanted * moving * reach * wandering(rng, t, slowest * movement.slower)
+            x[:, COORDINATES[name]] = (
+                wanted * moving * reach * wandering(rng, t, slowest * movement.slower)
+            )
     return sampled(t, x)
 
 
-def _told(found: Solution, made: Simulated, true: HandGeometry) -> Iterator[tuple[str, float, float]]:
+def _told(
+    found: Solution, made: Simulated, true: HandGeometry
+) -> Iterator[tuple[str, float, float]]:
     """What of GOOD, its standard deviation and its error, in its unit; a quantity that is told several times comes as often."""
     lengths = segments.of_solution(found, made.hand, made.mounting)
     for s in SEGMENTS[1:3]:
-        yield f"length, {s.removeprefix('index_')}", MM * lengths.lengths_sd[s], MM * (lengths.lengths[s] - true.lengths[s])
-    at, c, worn, covariance = found.at, columns(found.problem.chain), made.sensors, found.factor.covariance
+        yield (
+            f"length, {s.removeprefix('index_')}",
+            MM * lengths.lengths_sd[s],
+            MM * (lengths.lengths[s] - true.lengths[s]),
+        )
+    at, c, worn, covariance = (
+        found.at,
+        columns(found.problem.chain),
+        made.sensors,
+        found.factor.covariance,
+    )
     for k, joint in enumerate(JOINTS):
-        for where, arm, right in ((c.far, at.far[k], _to_far(worn, true, k)), (c.near, at.near[k], _to_near(worn, true, k + 1))):
+        for where, arm, right in (
+            (c.far, at.far[k], _to_far(worn, true, k)),
+            (c.near, at.near[k], _to_near(worn, true, k + 1)),
+        ):
             rows = slice(where.start + 3 * k, where.start + 3 * k + 3)
             size = float(np.linalg.norm(arm))
             variance = arm @ covariance[rows, rows] @ arm / size**2
-            yield f"sensors to {joint.removeprefix('index_').upper()}", MM * float(np.sqrt(variance)), MM * (size - right)
+            yield (
+                f"sensors to {joint.removeprefix('index_').upper()}",
+                MM * float(np.sqrt(variance)),
+                MM * (size - right),
+            )
     variances = np.diag(covariance)
     for h, k in enumerate(found.problem.chain.hinges):
-        for where, axis, s in ((c.axis_far, at.axis_far[h], k), (c.axis_near, at.axis_near[h], k + 1)):
-            off = np.arccos(np.clip(abs(axis @ quat.rotate(quat.conjugate(worn.q_BS[s]), UPWARD)), 0.0, 1.0))
+        for where, axis, s in (
+            (c.axis_far, at.axis_far[h], k),
+            (c.axis_near, at.axis_near[h], k + 1),
+        ):
+            off = np.arccos(
+                np.clip(abs(axis @ quat.rotate(quat.conjugate(worn.q_BS[s]), UPWARD)), 0.0, 1.0)
+            )
             sd = np.sqrt(variances[where].reshape(-1, 2)[h].sum())
-            yield f"axis of {JOINTS[k].removeprefix('index_').upper()}", DEG * float(sd), DEG * float(off)
+            yield (
+                f"axis of {JOINTS[k].removeprefix('index_').upper()}",
+                DEG * float(sd),
+                DEG * float(off),
+            )
     for sd, off in zip(np.sqrt(variances[c.bias_gyr]), np.ravel(at.bias_gyr - worn.bias[:, :3])):
         yield "gyroscopes' biases", DEG * float(sd), DEG * float(off)
     for sd, off in zip(np.sqrt(variances[c.bias_acc]), np.ravel(at.bias_acc - worn.bias[:, 3:6])):
@@ -163,49 +217,84 @@ def _told(found: Solution, made: Simulated, true: HandGeometry) -> Iterator[tupl
 
 def _to_far(worn: SensorSet, true: HandGeometry, s: int) -> float:
     """From a sensor to the joint behind its segment, m."""
-    knuckle = np.array(true.joint_positions["index_mcp"]) - np.array(true.joint_positions["middle_mcp"])
+    knuckle = np.array(true.joint_positions["index_mcp"]) - np.array(
+        true.joint_positions["middle_mcp"]
+    )
     return float(np.linalg.norm((knuckle if s == 0 else 0.0) - worn.p_BS[s]))
 
 
 def _to_near(worn: SensorSet, true: HandGeometry, s: int) -> float:
     """From a sensor to the joint before its segment, m."""
-    return float(np.linalg.norm(side_sign(true.hand) * true.lengths[SEGMENTS[s]] * ALONG + worn.p_BS[s]))
+    return float(
+        np.linalg.norm(side_sign(true.hand) * true.lengths[SEGMENTS[s]] * ALONG + worn.p_BS[s])
+    )
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
-    by = {(f, m): [r for trial, r in results if (trial.finger, trial.movement) == (f, m)] for f, m in product(FINGERS, MOVEMENTS)}
+    by = {
+        (f, m): [r for trial, r in results if (trial.finger, trial.movement) == (f, m)]
+        for f, m in product(FINGERS, MOVEMENTS)
+    }
     tables = tuple(
         Table(
             f"{finger.capitalize()}, {what}",
             tuple(f"{name}, {unit}" for name, (unit, _) in GOOD.items()),
             tuple(
-                Row(m, {f"{name}, {unit}": spread(getattr(r, key)[name] for r in by[finger, m]) for name, (unit, _) in GOOD.items()})
+                Row(
+                    m,
+                    {
+                        f"{name}, {unit}": spread(getattr(r, key)[name] for r in by[finger, m])
+                        for name, (unit, _) in GOOD.items()
+                    },
+                )
                 for m in MOVEMENTS
             ),
             head="movement",
             over="trials",
         )
         for finger in FINGERS
-        for what, key in (("standard deviations from the covariance", "sd"), ("errors found", "error"))
+        for what, key in (
+            ("standard deviations from the covariance", "sd"),
+            ("errors found", "error"),
+        )
     )
     drawn = {
         f: Cells(
             f.capitalize(),
             tuple(_named(m, by[f, m]) for m in MOVEMENTS),
             np.array([[np.mean([r.sd[n] for r in by[f, m]]) for n in GOOD] for m in MOVEMENTS]),
-            np.array([[np.sqrt(np.mean([r.error[n] ** 2 for r in by[f, m]])) for n in GOOD] for m in MOVEMENTS]),
+            np.array(
+                [
+                    [np.sqrt(np.mean([r.error[n] ** 2 for r in by[f, m]])) for n in GOOD]
+                    for m in MOVEMENTS
+                ]
+            ),
         )
         for f in FINGERS
     }
     names = tuple(f"{name}\n{unit}".replace("' ", "'\n") for name, (unit, _) in GOOD.items())
-    figures = {"reproduce-observability.svg": cells(tuple(drawn.values()), names, [good for _, good in GOOD.values()])}
-    return Finding("observability", "Which movements tell what", _setting(), tables, (), tuple(_remarks(by)), figures)
+    figures = {
+        "reproduce-observability.svg": cells(
+            tuple(drawn.values()), names, [good for _, good in GOOD.values()]
+        )
+    }
+    return Finding(
+        "observability",
+        "Which movements tell what",
+        _setting(),
+        tables,
+        (),
+        tuple(_remarks(by)),
+        figures,
+    )
 
 
 def _named(movement: str, results: Sequence[Found]) -> str:
     """With how often the solver came to an end, where that was not always."""
     ended = sum(r.converged for r in results)
-    return movement if ended == len(results) else f"{movement}\n(ended in {ended} of {len(results)})"
+    return (
+        movement if ended == len(results) else f"{movement}\n(ended in {ended} of {len(results)})"
+    )
 
 
 def _remarks(by: Mapping[tuple[str, str], Sequence[Found]]) -> Iterator[str]:
@@ -217,7 +306,11 @@ def _remarks(by: Mapping[tuple[str, str], Sequence[Found]]) -> Iterator[str]:
         ]
         yield f"{finger.capitalize()}: the calibration {'came to an end after every movement' if not ended else 'did not always come to an end: ' + ', '.join(ended)}."
         for m in MOVEMENTS:
-            untold = [n for n, (_, good) in GOOD.items() if np.mean([r.sd[n] for r in by[finger, m]]) > good]
+            untold = [
+                n
+                for n, (_, good) in GOOD.items()
+                if np.mean([r.sd[n] for r in by[finger, m]]) > good
+            ]
             yield f"{finger.capitalize()}, {m}: {'everything is told' if not untold else 'not told well enough: ' + ', '.join(untold)}."
 
 

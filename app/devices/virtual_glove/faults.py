@@ -16,7 +16,9 @@ class FaultParams:
     repeat: float = option(0.0, "", "share of frames that are sent twice", "fault")
     corrupt: float = option(0.0, "", "share of frames with a flipped bit", "fault")
     garbage: float = option(0.0, "", "share of frames followed by random bytes", "fault")
-    delay: float = option(0.0, "s", "length of a hold-up every 3 s, after which everything comes at once", "fault")
+    delay: float = option(
+        0.0, "s", "length of a hold-up every 3 s, after which everything comes at once", "fault"
+    )
 
 
 @dataclass

@@ -25,7 +25,11 @@ BIAS = {
     ACC: 0.06 * GRAVITY,
     MAG: 30e-6,
 }  # MPU-9250 specification rev. 1.0, tables 1-2: 5 deg/s, 60 mg; magnetometer ours
-SCALE = {GYR: 0.03, ACC: 0.03, MAG: 0.05}  # the same, tolerance of the sensitivity; magnetometer ours
+SCALE = {
+    GYR: 0.03,
+    ACC: 0.03,
+    MAG: 0.05,
+}  # the same, tolerance of the sensitivity; magnetometer ours
 CROSS_AXIS = 0.02  # the same
 
 
@@ -33,14 +37,20 @@ CROSS_AXIS = 0.02  # the same
 class Flash:
     """By strip name, one calibration a sensor; a strip that is absent sends samples corrected by itself."""
 
-    errors: dict[str, list[ImuCalibration]] = field(default_factory=dict)  # what would remove the sensors' true errors
+    errors: dict[str, list[ImuCalibration]] = field(
+        default_factory=dict
+    )  # what would remove the sensors' true errors
     kept: dict[str, list[ImuCalibration]] = field(default_factory=dict)
-    forces: dict[str, ForceSetup] = field(default_factory=dict)  # by point, of force sensors that send what they read
+    forces: dict[str, ForceSetup] = field(
+        default_factory=dict
+    )  # by point, of force sensors that send what they read
     tells_forces: bool = True  # False: whoever reads them has to know
 
     def is_raw(self, stream: Stream) -> bool:
         """Whether the strip leaves it to the host to correct what it sends."""
-        return stream.name in self.kept or (FORCE in stream.quantities and bool(self.forces) and self.tells_forces)
+        return stream.name in self.kept or (
+            FORCE in stream.quantities and bool(self.forces) and self.tells_forces
+        )
 
     def full_scale(self, stream: Stream) -> dict[str, float]:
         """Of what is sent: that of force sensors is the largest reading under all loads that they can tell."""
@@ -51,28 +61,40 @@ class Flash:
                 np.abs(np.linalg.inv(c.matrix)) @ loads[: len(c.offset)] + np.abs(c.offset)
                 for c in (_calibration(self.forces[point]) for point in stream.sensors)
             ]
-            limits |= {q: float(max(r[stream.axes(q)].max() for r in reach)) for q in stream.quantities}
+            limits |= {
+                q: float(max(r[stream.axes(q)].max() for r in reach)) for q in stream.quantities
+            }
         return limits
 
     def readings(self, stream: Stream, truth: Array) -> Array:
         """What the stream's sensors read (n, sensors, axes) where the truth is this."""
         if FORCE in stream.quantities and self.forces:
             told = [_calibration(self.forces[point]) for point in stream.sensors]
-            return np.stack([truth[:, k] @ np.linalg.inv(c.matrix).T + c.offset for k, c in enumerate(told)], axis=1)
+            return np.stack(
+                [truth[:, k] @ np.linalg.inv(c.matrix).T + c.offset for k, c in enumerate(told)],
+                axis=1,
+            )
         if stream.name not in self.errors:
             return truth
         read = truth.copy()
         for k, calibration in enumerate(self.errors[stream.name]):
             for quantity in set(stream.quantities) & set(CALIBRATED):
                 matrix, bias = calibration.of(quantity)
-                read[:, k, stream.axes(quantity)] = truth[:, k, stream.axes(quantity)] @ np.linalg.inv(matrix).T + bias
+                read[:, k, stream.axes(quantity)] = (
+                    truth[:, k, stream.axes(quantity)] @ np.linalg.inv(matrix).T + bias
+                )
         return read
 
     def told(self, stream: Stream, slot: int) -> list[StripCalibration | ForceTold]:
         """The messages that say what is kept for a strip."""
         if FORCE in stream.quantities and self.forces and self.tells_forces:
             return [m for m in of_kept(self.forces, slot, stream.sensors) if m is not None]
-        return [message_of(c, slot, k) for k, c in enumerate(self.kept.get(stream.name, [ImuCalibration()] * len(stream.sensors)))]
+        return [
+            message_of(c, slot, k)
+            for k, c in enumerate(
+                self.kept.get(stream.name, [ImuCalibration()] * len(stream.sensors))
+            )
+        ]
 
     def keep(self, strip: str, message: StripCalibration) -> bool:
         """Take a calibration in; False where the strip keeps none for that sensor."""
@@ -84,7 +106,11 @@ class Flash:
 
 def delivered(streams: Sequence[Stream], rng: np.random.Generator) -> Flash:
     """Strips as the factory calibrated them."""
-    errors = {s.name: [_drawn(rng) for _ in s.sensors] for s in streams if not {FORCE, TORQUE} & set(s.quantities)}
+    errors = {
+        s.name: [_drawn(rng) for _ in s.sensors]
+        for s in streams
+        if not {FORCE, TORQUE} & set(s.quantities)
+    }
     return Flash(errors, {name: list(calibrations) for name, calibrations in errors.items()})
 
 
@@ -92,7 +118,9 @@ def require_fitting(forces: dict[str, ForceSetup], streams: Sequence[Stream]) ->
     """InputError where calibrations are not those of the glove's force sensors."""
     worn = next((s for s in streams if FORCE in s.quantities), None)
     if worn is None:
-        raise InputError("a calibration of force sensors is told, and no strip has any; plug in the strip 'force'")
+        raise InputError(
+            "a calibration of force sensors is told, and no strip has any; plug in the strip 'force'"
+        )
     axes = 3 * len(worn.quantities)
     for point in worn.sensors:
         one = forces.get(point)
@@ -102,7 +130,9 @@ def require_fitting(forces: dict[str, ForceSetup], streams: Sequence[Stream]) ->
             )
         if one.calibration.matrix.shape != (axes, axes):
             read = " by ".join(str(n) for n in one.calibration.matrix.shape)
-            raise InputError(f"ForceSetup of {point} has a matrix of {read}; this glove's sensors send {axes} numbers each")
+            raise InputError(
+                f"ForceSetup of {point} has a matrix of {read}; this glove's sensors send {axes} numbers each"
+            )
 
 
 def _calibration(setup: ForceSetup) -> ForceCalibration:

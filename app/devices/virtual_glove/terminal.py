@@ -65,7 +65,15 @@ def serve(
             return
 
 
-def _session(master: int, glove: Firmware, faults: Faults, script: Script, began: float, speed: float, stop: Callable[[], bool]) -> float:
+def _session(
+    master: int,
+    glove: Firmware,
+    faults: Faults,
+    script: Script,
+    began: float,
+    speed: float,
+    stop: Callable[[], bool],
+) -> float:
     """Serve one plugged-in stretch; returns the time at which the cable is plugged in again, infinity for never."""
     waiting, before, watch = b"", time.monotonic(), _Watch(master)
     while not stop():
@@ -148,7 +156,11 @@ def _plugged(path: Path) -> Iterator[int]:
 
 def typed(lines: Sequence[str], t: float) -> list[Action]:
     """Actions of typed lines: `pull index`, `plug index`, `unplug 3`, `task tapping`."""
-    return [Action(t, words[0], words[1] if len(words) > 1 else "") for line in lines if (words := line.split()) and words[0] in VERBS]
+    return [
+        Action(t, words[0], words[1] if len(words) > 1 else "")
+        for line in lines
+        if (words := line.split()) and words[0] in VERBS
+    ]
 
 
 VERBS = ("pull", "plug", "unplug", "task")

@@ -8,7 +8,17 @@ from typing import Protocol
 import numpy as np
 
 from handscope.estimators.data.magnet_declaration import Plate
-from handscope.estimators.data.samples import ACC, FORCE, GYR, TORQUE, TRUNK, TRUNK_MAGNETOMETERS, Block, Event, Stream
+from handscope.estimators.data.samples import (
+    ACC,
+    FORCE,
+    GYR,
+    TORQUE,
+    TRUNK,
+    TRUNK_MAGNETOMETERS,
+    Block,
+    Event,
+    Stream,
+)
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
@@ -32,15 +42,24 @@ from handscope.sessions.files.recording import LoadedRecording
 BRIDGE = 0.8  # s from whatever the hand does to the beginning of the next task
 HOLD = 3600.0  # s that a pose is held until the next cue
 FORCE_RATE = 12.0  # Hz: Kortier, thesis 6.2.3
-MORE = ("force", "torque", TRUNK)  # strips that are not on the hand's segments; torque: the force sensors have six axes
+MORE = (
+    "force",
+    "torque",
+    TRUNK,
+)  # strips that are not on the hand's segments; torque: the force sensors have six axes
 FRAME = 1.5  # s from the relaxed posture into what is held
-HELD: Mapping[str, Callable[..., Performance]] = {  # a spacer, a pinch or a block is held while the hand moves about
+HELD: Mapping[
+    str, Callable[..., Performance]
+] = {  # a spacer, a pinch or a block is held while the hand moves about
     "selfcheck_p1": static_hold.spacer_thumb_index,
     "selfcheck_p2": static_hold.spacer_index_middle,
     "selfcheck_p3": partial(static_hold.pinch_twice, shut=10.0),  # as its protocol beats
     "selfcheck_p4": static_hold.block,
     "pinches": static_hold.pinches,
-    **{task: (lambda geometry, rng, sway, perform=perform: perform(geometry, rng)) for task, perform in object_dynamics.TASKS.items()},
+    **{
+        task: (lambda geometry, rng, sway, perform=perform: perform(geometry, rng))
+        for task, perform in object_dynamics.TASKS.items()
+    },
 }
 FREE, BEYOND = "free_movement", 5.0  # s that a person goes on beyond what is asked for
 UNDERSTOOD = frozenset({*task_performance.TASKS, *functional_calibration.STEPS, *HELD, FREE})
@@ -75,20 +94,33 @@ class SimulatedPerson:
     rng: np.random.Generator
     errors: SensorErrors
     repeat: str | None = None  # a task that is begun again whenever nothing else is going on
-    worn_on: Mapping[str, str] = field(default_factory=dict)  # by the finger that a strip says it is for, the one that it is on
+    worn_on: Mapping[str, str] = field(
+        default_factory=dict
+    )  # by the finger that a strip says it is for, the one that it is on
 
     def __post_init__(self) -> None:
         worn = [s for s in SEGMENTS if any(s in stream.sensors for stream in self.streams)]
         self._sensors = sensors.mounted(worn, self.geometry, self.errors, self.rng)
-        self._motion = through([(0.0, task_performance.relaxed()), (1.0, task_performance.relaxed())])
+        self._motion = through(
+            [(0.0, task_performance.relaxed()), (1.0, task_performance.relaxed())]
+        )
         self._held: list[tuple[float, Performance]] = []  # when something is taken in hand
-        felt = [p.removesuffix("_tip_force") for s in self.streams if FORCE in s.quantities for p in s.sensors]
+        felt = [
+            p.removesuffix("_tip_force")
+            for s in self.streams
+            if FORCE in s.quantities
+            for p in s.sensors
+        ]
         self._force = force_sensors.worn(felt, ForceErrors(), self.rng) if felt else None
         self._zero = np.zeros((len(felt), 3))  # N, by how much the force sensors' zeros have walked
         self._of_torque = self.rng.spawn(1)[0]
-        self._six_axes = force_sensors.six_axes(self._force, self._of_torque) if self._force else None
+        self._six_axes = (
+            force_sensors.six_axes(self._force, self._of_torque) if self._force else None
+        )
         self._torque_zero = np.zeros((len(felt), 3))  # Nm, the same of torques
-        self._cache: dict[float, tuple[float, float, Array, Array]] = {}  # by rate: span, times, readings of all sensors
+        self._cache: dict[
+            float, tuple[float, float, Array, Array]
+        ] = {}  # by rate: span, times, readings of all sensors
         on_trunk = any(TRUNK in s.sensors for s in self.streams)
         self._trunk = trunk.carried(TrunkGlove(), self.rng) if on_trunk else None
         self.mounting: Mapping[str, Array] = self._trunk.mounting if self._trunk else {}
@@ -103,16 +135,27 @@ class SimulatedPerson:
         on = {s: other for f, g in self.worn_on.items() for s, other in zip(CHAINS[f], CHAINS[g])}
         rows = [self._sensors.segments.index(on.get(s, s)) for s in stream.sensors]
         values = readings[:, rows]
-        return Block(stream, t, values if stream.inertial else np.full((len(t), len(rows), 3 * len(stream.quantities)), np.nan))
+        return Block(
+            stream,
+            t,
+            values
+            if stream.inertial
+            else np.full((len(t), len(rows), 3 * len(stream.quantities)), np.nan),
+        )
 
     def cue(self, task: str, details: Mapping[str, str], t: float) -> bool:
         if task not in UNDERSTOOD:
             return False
         done, begins = _performance(task, details, self.geometry, self.rng)
-        self._held = [*self._held[-1:], (t + begins, done)] if done.forces is not None else self._held[-1:]
+        self._held = (
+            [*self._held[-1:], (t + begins, done)] if done.forces is not None else self._held[-1:]
+        )
         x, dx, ddx = (a[0] for a in self._motion.at(np.array([t])))
         waits = [(t + BRIDGE, task_performance.relaxed())] if begins > BRIDGE else []
-        self._motion = _joined(after((x, dx, ddx), [*waits, (t + begins, task_performance.relaxed())], t), shifted(done.motion, t + begins))
+        self._motion = _joined(
+            after((x, dx, ddx), [*waits, (t + begins, task_performance.relaxed())], t),
+            shifted(done.motion, t + begins),
+        )
         return True
 
     def marks(self, start: float, stop: float) -> list[Event]:
@@ -125,13 +168,18 @@ class SimulatedPerson:
     def _felt(self, stream: Stream, start: float, stop: float) -> Block:
         """What the force sensors read."""
         assert self._force is not None
-        t = np.arange(np.ceil(start * stream.rate - 1e-6), np.ceil(stop * stream.rate - 1e-6)) / stream.rate
+        t = (
+            np.arange(np.ceil(start * stream.rate - 1e-6), np.ceil(stop * stream.rate - 1e-6))
+            / stream.rate
+        )
         k = kinematics.of_motion(self._motion, self.geometry, t)
         forces = np.zeros((len(t), len(FINGERS), 3))
         for begins, done in self._held:
             inside = (t >= begins) & (t < begins + done.motion.duration)
             if done.forces is not None and inside.any():
-                forces[inside] = done.forces(kinematics.of_motion(done.motion, self.geometry, t[inside] - begins))
+                forces[inside] = done.forces(
+                    kinematics.of_motion(done.motion, self.geometry, t[inside] - begins)
+                )
         e = self._force.errors
         steady = replace(self._force, errors=replace(e, drift=0.0, torque_drift=0.0))
         zeros = _walked(self._zero, e.drift, stream.rate, len(t), self.rng)
@@ -141,18 +189,28 @@ class SimulatedPerson:
             assert self._six_axes is not None
             zeros = _walked(self._torque_zero, e.torque_drift, stream.rate, len(t), self._of_torque)
             self._torque_zero = zeros[-1] if len(t) else self._torque_zero
-            turned = force_sensors.torques(steady, self._six_axes, self._sensors, k, forces, self._of_torque) + zeros
+            turned = (
+                force_sensors.torques(
+                    steady, self._six_axes, self._sensors, k, forces, self._of_torque
+                )
+                + zeros
+            )
             read = np.concatenate([read, turned], axis=2)
         return Block(stream, t, read)
 
     def _on_trunk(self, stream: Stream, start: float, stop: float) -> Block:
         """What the trunk's sensor or its magnetometers read."""
         assert self._trunk is not None
-        t = np.arange(np.ceil(start * stream.rate - 1e-6), np.ceil(stop * stream.rate - 1e-6)) / stream.rate
+        t = (
+            np.arange(np.ceil(start * stream.rate - 1e-6), np.ceil(stop * stream.rate - 1e-6))
+            / stream.rate
+        )
         if stream.inertial:
             return Block(stream, t, trunk.inertial(self._trunk, self._motion, t, self.rng))
         k = kinematics.of_motion(self._motion, self.geometry, t)
-        return Block(stream, t, trunk.magnetic(self._trunk, self._motion, k, self._sensors, self.rng))
+        return Block(
+            stream, t, trunk.magnetic(self._trunk, self._motion, k, self._sensors, self.rng)
+        )
 
     def _readings(self, rate: float, start: float, stop: float) -> tuple[Array, Array]:
         """All sensors' readings at the instants k / rate in [start, stop); streams of one rate share them."""
@@ -175,8 +233,14 @@ class Playback:
 
     def __post_init__(self) -> None:
         self.hand = self.recording.hand
-        self._whole = {s.name: b for b in self.recording.samples.values() for s in by_strip(b.stream)}
-        self.streams = tuple(replace(s, clock="base") for b in self.recording.samples.values() for s in by_strip(b.stream))
+        self._whole = {
+            s.name: b for b in self.recording.samples.values() for s in by_strip(b.stream)
+        }
+        self.streams = tuple(
+            replace(s, clock="base")
+            for b in self.recording.samples.values()
+            for s in by_strip(b.stream)
+        )
         self.mounting, self.plate = self.recording.mounting, self.recording.plate
         starts = [b.t[0] for b in self.recording.samples.values() if len(b.t)]
         self._first = float(min(starts))
@@ -186,7 +250,9 @@ class Playback:
         whole = self._whole[stream.name]
         part = whole.between(start + self._first, stop + self._first)
         rows = [whole.stream.sensors.index(s) for s in stream.sensors]
-        axes = np.concatenate([np.arange(whole.values.shape[2])[whole.stream.axes(q)] for q in stream.quantities])
+        axes = np.concatenate(
+            [np.arange(whole.values.shape[2])[whole.stream.axes(q)] for q in stream.quantities]
+        )
         return Block(stream, part.t - self._first, part.values[:, rows][:, :, axes])
 
     def cue(self, task: str, details: Mapping[str, str], t: float) -> bool:
@@ -207,9 +273,18 @@ def by_strip(stream: Stream) -> list[Stream]:
         alone = sensor not in SEGMENT and sensor not in TRUNK_MAGNETOMETERS
         groups.setdefault(sensor if alone else sensor.split("_")[0], []).append(sensor)
     kinds: list[tuple[str, tuple[str, ...]]] = [("", (GYR, ACC))] if stream.inertial else []
-    kinds += [(f"_{q}", (q,)) for q in stream.quantities if not (stream.inertial and q in (GYR, ACC))]
+    kinds += [
+        (f"_{q}", (q,)) for q in stream.quantities if not (stream.inertial and q in (GYR, ACC))
+    ]
     return [
-        Stream(name.removesuffix(suffix) + suffix, tuple(points), quantities, stream.rate, stream.clock, stream.full_scale)
+        Stream(
+            name.removesuffix(suffix) + suffix,
+            tuple(points),
+            quantities,
+            stream.rate,
+            stream.clock,
+            stream.full_scale,
+        )
         for name, points in groups.items()
         for suffix, quantities in kinds
     ]
@@ -217,38 +292,68 @@ def by_strip(stream: Stream) -> list[Stream]:
 
 def _walked(level: Array, drift: float, rate: float, n: int, rng: np.random.Generator) -> Array:
     """How a zero walks on from `level` (sensors, 3) in n samples (n, sensors, 3); `drift` in its unit a root of a second."""
-    return np.asarray(level + np.cumsum(drift / np.sqrt(rate) * rng.normal(size=(n, *level.shape)), axis=0))
+    return np.asarray(
+        level + np.cumsum(drift / np.sqrt(rate) * rng.normal(size=(n, *level.shape)), axis=0)
+    )
 
 
-def layout(strips: Sequence[str], rate: float, forearm_rate: float | None = None) -> tuple[Stream, ...]:
+def layout(
+    strips: Sequence[str], rate: float, forearm_rate: float | None = None
+) -> tuple[Stream, ...]:
     """Streams of a glove with the base unit and the named strips (fingers, `forearm`, `force`, `torque`, `trunk`), gyroscope and accelerometer at `rate` Hz."""
     known = {"hand": ("hand",), "forearm": ("forearm",)} | {
-        f: tuple(s for s in SEGMENTS if s.startswith(f + "_")) for f in ("thumb", "index", "middle", "ring", "little")
+        f: tuple(s for s in SEGMENTS if s.startswith(f + "_"))
+        for f in ("thumb", "index", "middle", "ring", "little")
     }
     felt = tuple(f"{f}_tip_force" for f in ("thumb", "index"))
     unknown = [name for name in strips if name not in (*known, *MORE)]
     if unknown:
-        raise InputError(f"unknown strip {unknown[0]!r}; strips are {', '.join(n for n in (*known, *MORE) if n != 'hand')}")
+        raise InputError(
+            f"unknown strip {unknown[0]!r}; strips are {', '.join(n for n in (*known, *MORE) if n != 'hand')}"
+        )
     if "force" in strips and not {"thumb", "index"} <= set(strips):
-        raise InputError("the strip 'force' sits on the tips of thumb and index finger; plug in their strips as well")
+        raise InputError(
+            "the strip 'force' sits on the tips of thumb and index finger; plug in their strips as well"
+        )
     if "torque" in strips and "force" not in strips:
-        raise InputError("'torque' makes the force sensors tell torques as well; plug in the strip 'force', too")
+        raise InputError(
+            "'torque' makes the force sensors tell torques as well; plug in the strip 'force', too"
+        )
     scale = {GYR: np.radians(2000.0), ACC: 16 * GRAVITY}
     wanted = ["hand", *(name for name in known if name in strips and name != "hand")]
-    scales = {FORCE: ForceErrors().limit} | ({TORQUE: ForceErrors().torque_limit} if "torque" in strips else {})
-    slow = [Stream("force", felt, tuple(scales), FORCE_RATE, "base", scales)] if "force" in strips else []
+    scales = {FORCE: ForceErrors().limit} | (
+        {TORQUE: ForceErrors().torque_limit} if "torque" in strips else {}
+    )
+    slow = (
+        [Stream("force", felt, tuple(scales), FORCE_RATE, "base", scales)]
+        if "force" in strips
+        else []
+    )
     inertial = (
-        Stream(n, known[n], (GYR, ACC), forearm_rate or rate if n == "forearm" else rate, "forearm" if n == "forearm" else "base", scale)
+        Stream(
+            n,
+            known[n],
+            (GYR, ACC),
+            forearm_rate or rate if n == "forearm" else rate,
+            "forearm" if n == "forearm" else "base",
+            scale,
+        )
         for n in wanted
     )
     on_trunk = trunk.streams(TrunkGlove()) if TRUNK in strips else ()
     return (*inertial, *slow, *on_trunk)
 
 
-def _performance(task: str, details: Mapping[str, str], geometry: HandGeometry, rng: np.random.Generator) -> tuple[Performance, float]:
+def _performance(
+    task: str, details: Mapping[str, str], geometry: HandGeometry, rng: np.random.Generator
+) -> tuple[Performance, float]:
     """What a cue asks for, and how long after that it begins (s); a pose is held, everything else ends relaxed."""
-    if task in functional_calibration.STEPS:  # not quite carefully; the step itself begins when the countdown is over
-        step = functional_calibration.STEPS[task](geometry, rng, functional_calibration.Carelessness())
+    if (
+        task in functional_calibration.STEPS
+    ):  # not quite carefully; the step itself begins when the countdown is over
+        step = functional_calibration.STEPS[task](
+            geometry, rng, functional_calibration.Carelessness()
+        )
         return step, max(BRIDGE, float(details.get("lead", 0.0)) - functional_calibration.LEAD)
     if task == "initial_pose":
         return task_performance.initial_pose(geometry, HOLD), BRIDGE
@@ -256,16 +361,27 @@ def _performance(task: str, details: Mapping[str, str], geometry: HandGeometry, 
         return HELD[task](geometry, rng, 0.0), max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
     if task == FREE:
         begins = max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
-        return guided_movements.free(geometry, rng, float(details.get("duration", 40.0)) + BEYOND), begins
+        return guided_movements.free(
+            geometry, rng, float(details.get("duration", 40.0)) + BEYOND
+        ), begins
     if task == "wiggle" and details.get("finger") in FINGERS:
-        return task_performance.wiggle(geometry, (details["finger"],)), max(BRIDGE, float(details.get("lead", 0.0)))
+        return task_performance.wiggle(geometry, (details["finger"],)), max(
+            BRIDGE, float(details.get("lead", 0.0))
+        )
     if task in task_performance.TIMED and "duration" in details:
         return task_performance.TIMED[task](geometry, duration=float(details["duration"])), BRIDGE
     if task in task_performance.IN_STEP and "lead" in details:
-        return task_performance.IN_STEP[task](geometry, lead=max(0.5, float(details["lead"]) - BRIDGE)), BRIDGE
+        return task_performance.IN_STEP[task](
+            geometry, lead=max(0.5, float(details["lead"]) - BRIDGE)
+        ), BRIDGE
     return task_performance.TASKS[task](geometry), BRIDGE
 
 
 def _joined(first: Motion, second: Motion) -> Motion:
     spline = first.spline
-    return Motion(type(spline)(np.concatenate([spline.c, second.spline.c], axis=1), np.concatenate([spline.x, second.spline.x[1:]])))
+    return Motion(
+        type(spline)(
+            np.concatenate([spline.c, second.spline.c], axis=1),
+            np.concatenate([spline.x, second.spline.x[1:]]),
+        )
+    )

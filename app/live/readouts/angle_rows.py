@@ -9,10 +9,16 @@ from handscope.estimators.hand.anatomy import ANGLES, JOINTS
 from handscope.estimators.numerics.quaternions import Array
 
 FREEDOMS = [(joint.name, ANGLES[a]) for joint in JOINTS for a in joint.dofs]
-MOVING = tuple(np.array([(j, a) for j, joint in enumerate(JOINTS) for a in joint.dofs]).T)  # where they stand in a row's angles
+MOVING = tuple(
+    np.array([(j, a) for j, joint in enumerate(JOINTS) for a in joint.dofs]).T
+)  # where they stand in a row's angles
 
 
 def told_angles(angles: Array) -> list[dict[str, Any]]:
     """Of one instant's angles (joints, 3) rad those of freedoms that are known, in tenths of a degree."""
     row = np.degrees(angles[MOVING]).tolist()
-    return [{"joint": joint, "angle": angle, "deg": round(deg, 1)} for (joint, angle), deg in zip(FREEDOMS, row) if isfinite(deg)]
+    return [
+        {"joint": joint, "angle": angle, "deg": round(deg, 1)}
+        for (joint, angle), deg in zip(FREEDOMS, row)
+        if isfinite(deg)
+    ]

@@ -11,7 +11,9 @@ ALONE = 2.0  # times as fast as every other finger moves the one that bends alon
 
 def bends(motion: Mapping[str, Motion]) -> str:
     """The finger that moves clearly faster than any other and the hand; empty where none does."""
-    rates = {f: max((motion[s].rate for s in CHAINS[f] if s in motion), default=0.0) for f in FINGERS}
+    rates = {
+        f: max((motion[s].rate for s in CHAINS[f] if s in motion), default=0.0) for f in FINGERS
+    }
     rates["hand"] = motion["hand"].rate if "hand" in motion else 0.0
     first, second = sorted(rates, key=lambda f: rates[f], reverse=True)[:2]
     return first if first in FINGERS and rates[first] > max(MOVES, ALONE * rates[second]) else ""

@@ -43,7 +43,12 @@ class HeldSoFar:
         waits = self._thread is not None and self._thread.is_alive()
         if task in SO_FAR and calibration and not waits and time.monotonic() - self._newest > PAUSE:
             self._newest = time.monotonic()
-            self._thread = threading.Thread(target=self._estimate, args=(task, onset, calibration), name="held so far", daemon=True)
+            self._thread = threading.Thread(
+                target=self._estimate,
+                args=(task, onset, calibration),
+                name="held so far",
+                daemon=True,
+            )
             self._thread.start()
 
     def told(self, task: str | None) -> dict[str, Any] | None:
@@ -58,7 +63,13 @@ class HeldSoFar:
         rows = self._tracking.past(now - NOW)
         if not len(rows):
             return None
-        return fingertip_forces.newest(self._zeros, rows, self._tracking.samples(now - NOW), self._tracking.mounting, [calibration])
+        return fingertip_forces.newest(
+            self._zeros,
+            rows,
+            self._tracking.samples(now - NOW),
+            self._tracking.mounting,
+            [calibration],
+        )
 
     def _estimate(self, task: str, onset: float, calibration: Calibration) -> None:
         try:
@@ -74,9 +85,15 @@ class HeldSoFar:
         rows = self._tracking.past(onset - BEFORE)
         if not len(rows) or not any(FORCE in b.stream.quantities for b in blocks):
             return None
-        if onset == self._onset and not self._zeros:  # from the empty hand: a grip that lasts would pass for a zero
-            self._zeros = fingertip_forces.zeros(ForceParams(), [b.between(onset - BEFORE, onset + EMPTY) for b in blocks])
-        felt, _ = fingertip_forces.attached(ForceParams(), rows, blocks, self._tracking.mounting, [calibration])
+        if (
+            onset == self._onset and not self._zeros
+        ):  # from the empty hand: a grip that lasts would pass for a zero
+            self._zeros = fingertip_forces.zeros(
+                ForceParams(), [b.between(onset - BEFORE, onset + EMPTY) for b in blocks]
+            )
+        felt, _ = fingertip_forces.attached(
+            ForceParams(), rows, blocks, self._tracking.mounting, [calibration]
+        )
         name, estimate = SO_FAR[task]
         running = estimate(felt.between(onset, np.inf), self._tracking.geometry)
         known = np.flatnonzero(np.isfinite(running.value)) if running else np.empty(0, int)

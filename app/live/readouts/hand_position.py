@@ -39,13 +39,21 @@ class Whereabouts:
         """Take blocks from the glove's thread; never waits."""
         self._queue.extend(b for b in blocks if concerned(b.stream))
 
-    def follow(self, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]) -> None:
+    def follow(
+        self, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]
+    ) -> None:
         """Advance in a thread of its own, where none is at it: on a machine's first use the filter is translated for a minute."""
-        if (plate is not None or magnetometers(streams)) and not (self._thread and self._thread.is_alive()):
-            self._thread = threading.Thread(target=self.advance, args=(plate, streams, mounting), name="place", daemon=True)
+        if (plate is not None or magnetometers(streams)) and not (
+            self._thread and self._thread.is_alive()
+        ):
+            self._thread = threading.Thread(
+                target=self.advance, args=(plate, streams, mounting), name="place", daemon=True
+            )
             self._thread.start()
 
-    def advance(self, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]) -> None:
+    def advance(
+        self, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]
+    ) -> None:
         """Follow what came since the last time; what is worn may have changed."""
         worn = tuple(s for s in streams if concerned(s))
         if (plate, worn) != self._known:
@@ -54,7 +62,9 @@ class Whereabouts:
         if self._setting is None or not blocks:
             return
         try:
-            self._state, places = hand_position.step(self._setting, self._state or hand_position.start(self._setting), blocks)
+            self._state, places = hand_position.step(
+                self._setting, self._state or hand_position.start(self._setting), blocks
+            )
         except Exception:  # the station goes on, and so does the hand: it is begun again
             log.exception("the hand's place failed and is begun again")
             self._state = None
@@ -70,11 +80,14 @@ class Whereabouts:
         known = bool(np.isfinite(place).all())
         return {
             "reason": self.reason,
-            "doubts": [words for flag, words in PLACE_WORDS.items() if flags & flag] + hand_position.late(self.latest),
+            "doubts": [words for flag, words in PLACE_WORDS.items() if flags & flag]
+            + hand_position.late(self.latest),
             "mm": [round(float(MM * x)) for x in place] if known else None,
             "distance_mm": round(float(MM * np.linalg.norm(place))) if known else None,
             "sd_mm": max(1, round(float(MM * sd.max()))) if known else None,
-            "signal_db": round(float(self.latest.signal[0]), 1) if np.isfinite(self.latest.signal[0]) else None,
+            "signal_db": round(float(self.latest.signal[0]), 1)
+            if np.isfinite(self.latest.signal[0])
+            else None,
         }
 
     def number(self) -> dict[str, Any] | None:
@@ -82,10 +95,23 @@ class Whereabouts:
         told = self.told() or {}
         if told.get("distance_mm") is None:
             return None
-        return {"name": "place", "value": told["distance_mm"] / 10, "unit": "cm", "sd": told["sd_mm"] / 10}
+        return {
+            "name": "place",
+            "value": told["distance_mm"] / 10,
+            "unit": "cm",
+            "sd": told["sd_mm"] / 10,
+        }
 
-    def _begin(self, plate: Plate | None, worn: tuple[Stream, ...], mounting: Mapping[str, Array]) -> None:
-        self._known, self._setting, self._state, self.latest, self.reason = (plate, worn), None, None, None, ""
+    def _begin(
+        self, plate: Plate | None, worn: tuple[Stream, ...], mounting: Mapping[str, Array]
+    ) -> None:
+        self._known, self._setting, self._state, self.latest, self.reason = (
+            (plate, worn),
+            None,
+            None,
+            None,
+            "",
+        )
         self._queue.clear()
         try:
             self._setting = hand_position.setting(self._params, plate, worn, mounting)

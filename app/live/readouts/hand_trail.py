@@ -21,7 +21,9 @@ from handscope.estimators.orientation import zupt_navigation
 from handscope.estimators.orientation.zupt_navigation import HandFilterParams, HandPath
 
 log = logging.getLogger(__name__)
-PARAMS = HandFilterParams(update=0.1)  # twice as long as where the path is measured: this one is only drawn, and each look costs
+PARAMS = HandFilterParams(
+    update=0.1
+)  # twice as long as where the path is measured: this one is only drawn, and each look costs
 REACH = 10.0  # s; more that nobody asked for is left out: within them a hand stands still once, behind which the path is good again
 PAST = 3.0  # s of the path kept: between standstills it is good for no longer
 
@@ -35,7 +37,11 @@ class HandTrail:
 
     def begin(self, calibration: Calibration | None) -> None:
         """Forget what was, and go on from a pose."""
-        self._state = None if calibration is None else replace(zupt_navigation.start(PARAMS, calibration), t=calibration.t)
+        self._state = (
+            None
+            if calibration is None
+            else replace(zupt_navigation.start(PARAMS, calibration), t=calibration.t)
+        )
         self._path.clear()
 
     def follow(self, kept: Sequence[Block], q_GH_at: Callable[[float], Array | None]) -> None:
@@ -48,12 +54,21 @@ class HandTrail:
         if newest - seen > REACH:
             seen, nothing = newest - REACH, state.waiting[:0]
             q_GH = q_GH_at(seen)
-            state = replace(state, q_GH=state.q_GH if q_GH is None else q_GH, waiting=nothing, waiting_t=nothing[:, 0])
-        new = join([*takewhile(lambda b: b.t[-1] > seen, reversed(kept))][::-1]).between(np.nextafter(seen, np.inf), np.inf)
+            state = replace(
+                state,
+                q_GH=state.q_GH if q_GH is None else q_GH,
+                waiting=nothing,
+                waiting_t=nothing[:, 0],
+            )
+        new = join([*takewhile(lambda b: b.t[-1] > seen, reversed(kept))][::-1]).between(
+            np.nextafter(seen, np.inf), np.inf
+        )
         try:
             self._state, piece = zupt_navigation.step(PARAMS, state, new)
         except Exception:  # nothing else depends on it
-            log.exception("the hand's path could not be followed; there is none until the next calibration")
+            log.exception(
+                "the hand's path could not be followed; there is none until the next calibration"
+            )
             self.begin(None)
             return
         if len(piece):

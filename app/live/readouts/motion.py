@@ -39,4 +39,8 @@ def motions(block: Block) -> dict[str, Motion]:
     off = np.where(whole[..., None], gyr - mean, 0.0)
     rates = np.sqrt(np.einsum("nsa,nsa->s", off, off) / samples)
     newest = block.t[len(block.t) - 1 - whole[::-1].argmax(axis=0)]
-    return {s: Motion(float(rates[k]), float(newest[k])) for k, s in enumerate(sensors) if whole[:, k].any()}
+    return {
+        s: Motion(float(rates[k]), float(newest[k]))
+        for k, s in enumerate(sensors)
+        if whole[:, k].any()
+    }

@@ -46,9 +46,15 @@ class FreeMeter:
     def follow(self) -> None:
         """Take in the newest second, where one has gone by and the one before is done with."""
         stop = self._tracking.newest_sample() - LATE
-        if stop - self._until >= EVERY and self._tracking.calibration is not None and not (self._thread and self._thread.is_alive()):
+        if (
+            stop - self._until >= EVERY
+            and self._tracking.calibration is not None
+            and not (self._thread and self._thread.is_alive())
+        ):
             start, self._until = self._until, stop
-            self._thread = threading.Thread(target=self.advance, args=(start, stop), name="free movement", daemon=True)
+            self._thread = threading.Thread(
+                target=self.advance, args=(start, stop), name="free movement", daemon=True
+            )
             self._thread.start()
 
     def advance(self, start: float, stop: float) -> None:
@@ -57,7 +63,9 @@ class FreeMeter:
             calibration, rows = self._tracking.calibration, self._tracking.past(start, stop)
             if calibration is None or not len(rows):
                 return
-            blocks = [b.between(start, stop) for b in self._tracking.samples(start) if b.stream.inertial]
+            blocks = [
+                b.between(start, stop) for b in self._tracking.samples(start) if b.stream.inertial
+            ]
             blocks = [b for b in blocks if len(b.t) > 2]
             if sample_preparation.holes(blocks, start, stop):
                 self._begin_anew()
@@ -70,15 +78,25 @@ class FreeMeter:
     def _begin_anew(self) -> None:
         """Self-calibration looks at the longest stretch without holes: this one is over."""
         self._whole = self.observed
-        self._fingers, self._flexion = {f: (limb, observability.nothing(limb)) for f, (limb, _) in self._fingers.items()}, []
+        self._fingers, self._flexion = (
+            {f: (limb, observability.nothing(limb)) for f, (limb, _) in self._fingers.items()},
+            [],
+        )
 
     def _take_in(self, calibration: Calibration, rows: Trajectory, blocks: Sequence[Block]) -> None:
         worn = {s for b in blocks for s in b.stream.sensors}
         for finger, links in CHAINS.items():
             if finger not in self._fingers and {"hand", links[0]} <= worn:
-                limb = observability.limb(finger, sorted(worn), self._tracking.geometry, calibration.q_BS)
+                limb = observability.limb(
+                    finger, sorted(worn), self._tracking.geometry, calibration.q_BS
+                )
                 if silent := _silent(limb, blocks):  # self-calibration goes on without them, too
-                    limb = observability.limb(finger, sorted(worn - set(silent)), self._tracking.geometry, calibration.q_BS)
+                    limb = observability.limb(
+                        finger,
+                        sorted(worn - set(silent)),
+                        self._tracking.geometry,
+                        calibration.q_BS,
+                    )
                 if limb.links.joints:
                     self._fingers[finger] = limb, observability.nothing(limb)
         flexion, found = np.concatenate(self._flexion), list[Observed]()
@@ -101,12 +119,23 @@ def _silent(limb: Limb, blocks: Sequence[Block]) -> tuple[str, ...]:
     return sample_preparation.speaking(blocks, limb.links, -np.inf, np.inf)[1]
 
 
-def _told(calibration: Calibration, limb: Limb, noise: Noise, rows: Trajectory, blocks: Sequence[Block]) -> Told | None:
+def _told(
+    calibration: Calibration, limb: Limb, noise: Noise, rows: Trajectory, blocks: Sequence[Block]
+) -> Told | None:
     """What a stretch tells of a finger; nothing where one of its sensors is silent or not followed."""
     own = [b for b in blocks if set(b.stream.sensors) & set(limb.links.sensors)]
-    if not {s for b in own for s in b.stream.sensors} >= set(limb.links.sensors) or _silent(limb, own):
+    if not {s for b in own for s in b.stream.sensors} >= set(limb.links.sensors) or _silent(
+        limb, own
+    ):
         return None
-    t, read = sample_preparation.readings(own, limb.links.sensors, max(b.t[0] for b in own), min(b.t[-1] for b in own))
+    t, read = sample_preparation.readings(
+        own, limb.links.sensors, max(b.t[0] for b in own), min(b.t[-1] for b in own)
+    )
     row = min(int(np.searchsorted(rows.t, t[0])), len(rows) - 1)
-    q_GS = np.stack([quat.multiply(rows.q_GS[row, SEGMENT[s]], calibration.q_BS.get(s, quat.IDENTITY)) for s in limb.links.sensors])
+    q_GS = np.stack(
+        [
+            quat.multiply(rows.q_GS[row, SEGMENT[s]], calibration.q_BS.get(s, quat.IDENTITY))
+            for s in limb.links.sensors
+        ]
+    )
     return observability.told(limb, read, q_GS, noise) if np.isfinite(q_GS).all() else None

@@ -51,7 +51,9 @@ class Order:
     reason: str = ""
     score: float | None = None
     pauses: tuple[tuple[float, float], ...] = ()
-    worn_on: tuple[tuple[str, str], ...] = ()  # by the finger that a strip is read for, the one that it is worn on
+    worn_on: tuple[
+        tuple[str, str], ...
+    ] = ()  # by the finger that a strip is read for, the one that it is worn on
 
 
 class NotNowError(Exception):
@@ -59,7 +61,13 @@ class NotNowError(Exception):
 
 
 def act(
-    wizard: Wizard, what: Act, facts: Facts, task: str = "", reason: str = "", group: str = "", score: float | None = None
+    wizard: Wizard,
+    what: Act,
+    facts: Facts,
+    task: str = "",
+    reason: str = "",
+    group: str = "",
+    score: float | None = None,
 ) -> tuple[Wizard, Sequence[Order]]:
     """A person's wish; NotNowError where the state does not offer it."""
     if what not in wizard.allowed(facts):
@@ -68,7 +76,9 @@ def act(
         _require_score(wizard, what, score)
     if what is Act.CHOOSE:
         stepping = wizard.state in STEPPING
-        if task not in {p.name for p in (wizard.steps_offered(facts) if stepping else wizard.offered(facts))}:
+        if task not in {
+            p.name for p in (wizard.steps_offered(facts) if stepping else wizard.offered(facts))
+        }:
             raise NotNowError(f"there is no {'step' if stepping else 'task'} {task!r} to choose")
         wizard = replace(wizard, task=task)
     if what is Act.CALIBRATE:
@@ -81,7 +91,9 @@ def act(
         wizard = replace(wizard, task=wizard.next_step(facts))
     if what is Act.GROUP:
         if group not in wizard.groups(facts):
-            raise NotNowError(f"there is no group of tasks {group!r}; groups are {', '.join(wizard.groups(facts))}")
+            raise NotNowError(
+                f"there is no group of tasks {group!r}; groups are {', '.join(wizard.groups(facts))}"
+            )
         wizard = replace(wizard, group=group)
     return _enter(wizard, what, facts, reason, score)
 
@@ -98,17 +110,31 @@ def tick(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
     if wizard.state in COUNTING and protocol and facts.now - wizard.since >= protocol.countdown:
         return _enter(wizard, Act.STARTED, facts)
     late = LATE if wizard.state in (State.STEP_RUN, State.FREE_RUN) else 0.0
-    if wizard.state in RUNNING and protocol and protocol.length and done(wizard, facts.t) >= protocol.length + late:
+    if (
+        wizard.state in RUNNING
+        and protocol
+        and protocol.length
+        and done(wizard, facts.t) >= protocol.length + late
+    ):
         return _enter(wizard, Act.ENDED, facts)
     return wizard, ()
 
 
 def refused(wizard: Wizard, facts: Facts, message: str) -> Wizard:
     """The pose just held cannot be used: back to the pose with the reason."""
-    return replace(wizard, state=State.POSE_READY, since=facts.now, still_since=None, message=message, refusals=wizard.refusals + 1)
+    return replace(
+        wizard,
+        state=State.POSE_READY,
+        since=facts.now,
+        still_since=None,
+        message=message,
+        refusals=wizard.refusals + 1,
+    )
 
 
-def posed(wizard: Wizard, facts: Facts, poor: int, swapped: tuple[str, str] | None = None) -> tuple[Wizard, Sequence[Order]]:
+def posed(
+    wizard: Wizard, facts: Facts, poor: int, swapped: tuple[str, str] | None = None
+) -> tuple[Wizard, Sequence[Order]]:
     """The pose gave a calibration that is poor for so many joints, and may show that two strips are on each other's finger."""
     return _enter(replace(wizard, refusals=0, poor=poor, swapped=swapped), Act.POSED, facts)
 
@@ -120,14 +146,20 @@ def solved(wizard: Wizard, facts: Facts) -> Wizard:
 
 def unsolved(wizard: Wizard, facts: Facts, message: str) -> Wizard:
     """The free movement gave none: back to it with the reason."""
-    return replace(wizard, state=State.FREE_READY, since=facts.now, message=message) if wizard.state is State.FREE_WORK else wizard
+    return (
+        replace(wizard, state=State.FREE_READY, since=facts.now, message=message)
+        if wizard.state is State.FREE_WORK
+        else wizard
+    )
 
 
 def judge(wizard: Wizard, problems: Sequence[str]) -> Wizard:
     """The step just done was measured: whether it can be used, and if not, why."""
     others = tuple(j for j in wizard.judged if j.step != wizard.task)
     said = " ".join(f"{p[:1].upper()}{p[1:]}." for p in problems)
-    return replace(wizard, judged=(*others, Judged(wizard.task or "", tuple(problems))), message=said)
+    return replace(
+        wizard, judged=(*others, Judged(wizard.task or "", tuple(problems))), message=said
+    )
 
 
 def _check(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
@@ -136,13 +168,17 @@ def _check(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
     if asked is None:
         return _enter(wizard, Act.SEEN, facts)
     if not wizard.calm:
-        return replace(wizard, calm=facts.flowing and facts.wander < CALM and facts.now - wizard.since > SETTLE), ()
+        return replace(
+            wizard, calm=facts.flowing and facts.wander < CALM and facts.now - wizard.since > SETTLE
+        ), ()
     return _asked(wizard, facts, facts.bends) if facts.bends else (wizard, ())
 
 
 def _asked(wizard: Wizard, facts: Facts, moved: str) -> tuple[Wizard, Sequence[Order]]:
     """Note whose strip moved, and ask for the next finger."""
-    wizard = replace(wizard, seen=(*wizard.seen, (wizard.asked(facts) or "", moved)), calm=False, since=facts.now)
+    wizard = replace(
+        wizard, seen=(*wizard.seen, (wizard.asked(facts) or "", moved)), calm=False, since=facts.now
+    )
     following = wizard.asked(facts)
     return wizard, [Order("cue_finger", following)] if following else []
 
@@ -163,12 +199,18 @@ def _require_score(wizard: Wizard, what: Act, score: float) -> None:
     """NotNowError where a score is given that nobody asked for, or none that there is."""
     asked = wizard.protocol.score if wizard.protocol else None
     if asked is None or what not in (Act.ACCEPT, Act.AGAIN):
-        raise NotNowError("a score is given with a trial that is accepted, of a task that asks for one")
+        raise NotNowError(
+            "a score is given with a trial that is accepted, of a task that asks for one"
+        )
     if score not in range(asked.least, asked.most + 1):
-        raise NotNowError(f"the {asked.title} is {score:g}; it is a whole number from {asked.least} to {asked.most}")
+        raise NotNowError(
+            f"the {asked.title} is {score:g}; it is a whole number from {asked.least} to {asked.most}"
+        )
 
 
-def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "", score: float | None = None) -> tuple[Wizard, Sequence[Order]]:
+def _enter(
+    wizard: Wizard, what: Act, facts: Facts, reason: str = "", score: float | None = None
+) -> tuple[Wizard, Sequence[Order]]:
     """Follow the table and say what is to be done."""
     before, after = wizard.state, TRANSITIONS[wizard.state][what]
     orders: list[Order] = []
@@ -180,7 +222,9 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "", score: flo
         orders.append(Order("look"))
     if after is State.CHECK:
         wizard = replace(wizard, seen=(), calm=False)
-        orders.append(Order("cue_finger", wizard.checkable(facts)[0] if wizard.checkable(facts) else ""))
+        orders.append(
+            Order("cue_finger", wizard.checkable(facts)[0] if wizard.checkable(facts) else "")
+        )
     if after is State.POSE_READY:
         orders.append(Order("cue", "initial_pose"))
     elif after is State.POSE_WORK:
@@ -188,9 +232,13 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "", score: flo
     elif after in COUNTING and wizard.task:
         orders.append(Order("cue", wizard.task))
     elif after in RUNNING:
-        late = facts.now - wizard.since - (wizard.protocol.countdown if wizard.protocol else 0.0)  # a tick finds out a little afterwards
+        late = (
+            facts.now - wizard.since - (wizard.protocol.countdown if wizard.protocol else 0.0)
+        )  # a tick finds out a little afterwards
         begins = facts.t - late
-        if before is State.RESUME_COUNTDOWN:  # what the pause broke off is done again, and counts once
+        if (
+            before is State.RESUME_COUNTDOWN
+        ):  # what the pause broke off is done again, and counts once
             broken_off = wizard.end - (done(wizard, wizard.end) - resumed_at(wizard))
             wizard = replace(wizard, pauses=(*wizard.pauses, (broken_off, begins)))
         else:
@@ -220,7 +268,9 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "", score: flo
     if before is State.POSE_REVIEW and what is Act.REDO:
         wizard = replace(wizard, poor=0)
         orders.append(Order("drop_pose"))
-    tried = before is State.TASK_REVIEW or (before is State.TASK_PAUSED and what not in (Act.STOP, Act.RESUME))
+    tried = before is State.TASK_REVIEW or (
+        before is State.TASK_PAUSED and what not in (Act.STOP, Act.RESUME)
+    )
     if tried or (before is State.TASK_READY and what in (Act.SKIP, Act.UNABLE)):
         wizard, order = _attempted(wizard, what, tried, reason, score)
         orders.insert(0, order)
@@ -230,9 +280,13 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "", score: flo
 def _stepped(wizard: Wizard, what: Act, before: State) -> tuple[Wizard, list[Order]]:
     """What becomes of the calibration's steps: one is done again, all are used, or left with what was measured of them."""
     if what is Act.REDO:
-        return replace(wizard, judged=tuple(j for j in wizard.judged if j.step != wizard.task)), [Order("drop_step", wizard.task or "")]
+        return replace(wizard, judged=tuple(j for j in wizard.judged if j.step != wizard.task)), [
+            Order("drop_step", wizard.task or "")
+        ]
     if what is Act.USE:
-        return replace(wizard, judged=(), used=wizard.used | good_steps(wizard), closing=True), [Order("use_steps")]
+        return replace(wizard, judged=(), used=wizard.used | good_steps(wizard), closing=True), [
+            Order("use_steps")
+        ]
     if TRANSITIONS[before][what] is State.TASKS:
         return replace(wizard, judged=()), [Order("drop_steps")]
     if before in (State.STEP_COUNTDOWN, State.STEP_RUN) and what is Act.STOP:
@@ -240,14 +294,19 @@ def _stepped(wizard: Wizard, what: Act, before: State) -> tuple[Wizard, list[Ord
     return wizard, []
 
 
-def _freely(wizard: Wizard, what: Act, before: State, after: State, facts: Facts) -> tuple[Wizard, list[Order]]:
+def _freely(
+    wizard: Wizard, what: Act, before: State, after: State, facts: Facts
+) -> tuple[Wizard, list[Order]]:
     """Free movement is watched, solved for, and what was found used or left."""
     if after is State.FREE_RUN:
         return wizard, [Order("watch_free", onset=wizard.onset)]
     if after is State.FREE_WORK:
         length = wizard.protocol.length if wizard.protocol and wizard.protocol.length else inf
         wizard = replace(wizard, end=min(facts.t, wizard.onset + length))
-        return wizard, [Order("cue", "rest"), Order("solve_free", wizard.task or "", wizard.onset, wizard.end)]
+        return wizard, [
+            Order("cue", "rest"),
+            Order("solve_free", wizard.task or "", wizard.onset, wizard.end),
+        ]
     if what is Act.USE and before is State.FREE_REVIEW:
         return replace(wizard, closing=True), [Order("use_free")]
     if what in (Act.STOP, Act.REDO) and before is not State.FREE_READY:
@@ -258,10 +317,24 @@ def _freely(wizard: Wizard, what: Act, before: State, after: State, facts: Facts
     return wizard, []
 
 
-def _attempted(wizard: Wizard, what: Act, tried: bool, reason: str, score: float | None) -> tuple[Wizard, Order]:
+def _attempted(
+    wizard: Wizard, what: Act, tried: bool, reason: str, score: float | None
+) -> tuple[Wizard, Order]:
     outcome = OUTCOMES[what]
-    reason = "" if outcome == "accepted" else reason  # what is accepted needs none, and none is read into its outcome
+    reason = (
+        "" if outcome == "accepted" else reason
+    )  # what is accepted needs none, and none is read into its outcome
     start, end = (wizard.onset, wizard.end) if tried else (float("nan"), float("nan"))
-    attempt = Attempt(wizard.task or "", start, end, outcome, reason, score, wizard.pauses if tried else ())
+    attempt = Attempt(
+        wizard.task or "", start, end, outcome, reason, score, wizard.pauses if tried else ()
+    )
     kept = replace(wizard, attempts=(*wizard.attempts, attempt))
-    return kept, Order("keep_attempt", attempt.task, start, end, f"{outcome}{': ' + reason if reason else ''}", score, attempt.pauses)
+    return kept, Order(
+        "keep_attempt",
+        attempt.task,
+        start,
+        end,
+        f"{outcome}{': ' + reason if reason else ''}",
+        score,
+        attempt.pauses,
+    )

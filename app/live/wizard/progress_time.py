@@ -7,7 +7,11 @@ from handscope.app.live.wizard.transition_table import COUNTING, RUNNING, State
 def progress(wizard: Wizard, facts: Facts) -> float:
     """Share of the pose, task or step done, 0 to 1."""
     if wizard.state is State.POSE_HOLD:
-        return 0.0 if wizard.still_since is None else min(1.0, (facts.t - wizard.still_since) / wizard.pose_duration)
+        return (
+            0.0
+            if wizard.still_since is None
+            else min(1.0, (facts.t - wizard.still_since) / wizard.pose_duration)
+        )
     if wizard.state in RUNNING and wizard.protocol and wizard.protocol.length:
         return min(1.0, max(0.0, done(wizard, facts.t)) / wizard.protocol.length)
     return 0.0
@@ -16,7 +20,12 @@ def progress(wizard: Wizard, facts: Facts) -> float:
 def remaining(wizard: Wizard, facts: Facts) -> float | None:
     """Seconds left of the rest between two trials, the countdown or the task; None where nothing is timed."""
     protocol = wizard.protocol if facts.kept else None
-    if wizard.state is State.TASK_READY and protocol and protocol.pause and wizard.accepted(protocol.name):
+    if (
+        wizard.state is State.TASK_READY
+        and protocol
+        and protocol.pause
+        and wizard.accepted(protocol.name)
+    ):
         left = protocol.pause - (facts.now - wizard.rested_since)
         return left if left > 0 else None
     if wizard.state in COUNTING and protocol:

@@ -37,7 +37,9 @@ class Attempt:
     outcome: str  # accepted, redone, paused (and begun again), skipped, unable
     reason: str = ""
     score: float | None = None  # the clinician's own
-    pauses: tuple[tuple[float, float], ...] = ()  # stretches (from, to) s within it that do not count
+    pauses: tuple[
+        tuple[float, float], ...
+    ] = ()  # stretches (from, to) s within it that do not count
 
 
 @dataclass(frozen=True)
@@ -54,26 +56,40 @@ class Wizard:
 
     protocols: tuple[Protocol, ...]
     pose_duration: float
-    steps: tuple[Protocol, ...] = ()  # of a functional calibration; empty where the method makes nothing of it
-    free: Protocol | None = None  # the free movement that the hand is calibrated from; None where the method makes nothing of it
+    steps: tuple[
+        Protocol, ...
+    ] = ()  # of a functional calibration; empty where the method makes nothing of it
+    free: Protocol | None = (
+        None  # the free movement that the hand is calibrated from; None where the method makes nothing of it
+    )
     state: State = State.CONNECT
     since: float = 0.0  # host's clock when the state began
     group: str = ROUTINE  # of the tasks that are listed
-    seen: tuple[tuple[str, str], ...] = ()  # of the sensor check: the finger asked for, and whose strip moved ("" for none)
+    seen: tuple[
+        tuple[str, str], ...
+    ] = ()  # of the sensor check: the finger asked for, and whose strip moved ("" for none)
     calm: bool = False  # since the last finger of the check
-    swapped: tuple[str, str] | None = None  # two fingers whose strips the pose shows on each other's
+    swapped: tuple[str, str] | None = (
+        None  # two fingers whose strips the pose shows on each other's
+    )
     task: str | None = None  # or step
     onset: float = 0.0  # recording time at which the pose, task or step began
     end: float = 0.0
-    pauses: tuple[tuple[float, float], ...] = ()  # recording time (from, to) s within the trial that does not count
+    pauses: tuple[
+        tuple[float, float], ...
+    ] = ()  # recording time (from, to) s within the trial that does not count
     still_since: float | None = None  # recording time
     passive: bool = False  # the therapist lays the hand into the pose
     calibrated: bool = False  # or somebody decided to go on without
     refusals: int = 0  # poses that could not be used, since the last one that could
     poor: int = 0  # joints of which the newest calibration is poor
     attempts: tuple[Attempt, ...] = ()
-    judged: tuple[Judged, ...] = ()  # steps of the calibration that goes on, the newest attempt of each
-    used: frozenset[str] = frozenset()  # steps that are in force, or will be from the next initial pose on
+    judged: tuple[
+        Judged, ...
+    ] = ()  # steps of the calibration that goes on, the newest attempt of each
+    used: frozenset[str] = (
+        frozenset()
+    )  # steps that are in force, or will be from the next initial pose on
     closing: bool = False  # the next initial pose brings the steps into force
     rested_since: float = -inf  # host's clock when the newest trial ended
     message: str = ""  # the last thing that went wrong, for the person
@@ -85,7 +101,9 @@ class Wizard:
 
     def allowed(self, facts: Facts) -> list[Act]:
         """What a person can do now, in the order of the table."""
-        acts = [a for a in TRANSITIONS[self.state] if a in BY_PERSON and (facts.kept or a is Act.FINISH)]
+        acts = [
+            a for a in TRANSITIONS[self.state] if a in BY_PERSON and (facts.kept or a is Act.FINISH)
+        ]
         barred = {
             Act.CONTINUE: not ready(facts),
             Act.CHECK: not ready(facts) or len(self.checkable(facts)) < 2,
@@ -120,7 +138,11 @@ class Wizard:
 
     def asked(self, facts: Facts) -> str | None:
         """The finger that is to bend now in the sensor check."""
-        return next((f for f in self.checkable(facts) if f not in dict(self.seen)), None) if self.state is State.CHECK else None
+        return (
+            next((f for f in self.checkable(facts) if f not in dict(self.seen)), None)
+            if self.state is State.CHECK
+            else None
+        )
 
     def exchangeable(self) -> dict[str, str]:
         """By the finger that a strip is read for, the one that it is worn on: where check or pose found strips among themselves on other fingers."""
@@ -128,7 +150,11 @@ class Wizard:
             one, other = self.swapped
             return {one: other, other: one}
         moved = dict(self.seen) if self.state is State.CHECKED else {}
-        return {strip: finger for finger, strip in moved.items() if strip != finger and _round(finger, moved)}
+        return {
+            strip: finger
+            for finger, strip in moved.items()
+            if strip != finger and _round(finger, moved)
+        }
 
     def proposal(self, facts: Facts) -> Act | None:
         """The next rung of the ladder, where this one does not do: pose, pose given by the therapist, movements; at last none."""
@@ -150,7 +176,9 @@ class Wizard:
     def groups(self, facts: Facts) -> dict[str, list[Protocol]]:
         """Tasks that can be done by group, the usual assessment first."""
         offered = self.offered(facts)
-        every = {ROUTINE: [p for p in offered if p.routine]} | {g: [p for p in offered if p.group == g] for g in groups(offered)}
+        every = {ROUTINE: [p for p in offered if p.routine]} | {
+            g: [p for p in offered if p.group == g] for g in groups(offered)
+        }
         return {name: tasks for name, tasks in every.items() if tasks}
 
     def listed(self, facts: Facts) -> list[Protocol]:
@@ -163,7 +191,14 @@ class Wizard:
 
     def outcome(self, task: str) -> str:
         """The newest outcome of a task, empty before it was tried and while trials of it are to come."""
-        newest = next((a.outcome for a in reversed(self.attempts) if a.task == task and a.outcome not in PASSING), "")
+        newest = next(
+            (
+                a.outcome
+                for a in reversed(self.attempts)
+                if a.task == task and a.outcome not in PASSING
+            ),
+            "",
+        )
         trials = next((p.trials for p in self.protocols if p.name == task), 1)
         return "" if newest == "accepted" and self.accepted(task) < trials else newest
 
@@ -178,7 +213,10 @@ class Wizard:
 
     def _trials_left(self) -> bool:
         """Whether another trial of the task follows the one under review."""
-        return self.protocol is not None and self.accepted(self.protocol.name) + 1 < self.protocol.trials
+        return (
+            self.protocol is not None
+            and self.accepted(self.protocol.name) + 1 < self.protocol.trials
+        )
 
 
 def _round(finger: str, moved: Mapping[str, str]) -> bool:

@@ -8,7 +8,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from handscope.app.language import Language
-from handscope.app.report.sections.plots import ACCENT, GREY, HAIR, INK, axes_at, drawing, named, svg_of
+from handscope.app.report.sections.plots import (
+    ACCENT,
+    GREY,
+    HAIR,
+    INK,
+    axes_at,
+    drawing,
+    named,
+    svg_of,
+)
 from handscope.app.report.sections.shown_panels import DOTS, Line, Panel
 from handscope.estimators.numerics.quaternions import Array
 
@@ -21,7 +30,12 @@ BOUND = ((0, (1, 1)), 0.6, GREY)
 def drawn(section: dict[str, Any], language: Language) -> dict[str, Any]:
     """The section with figures in place of its curves."""
     charts = [
-        {"title": panel.title, "trial": trial, "chart": panel_chart(panel, language), "alt": f"{trial} {panel.title}".strip()}
+        {
+            "title": panel.title,
+            "trial": trial,
+            "chart": panel_chart(panel, language),
+            "alt": f"{trial} {panel.title}".strip(),
+        }
         for trial, found in section["curves"]
         for panel in found
     ]
@@ -43,7 +57,11 @@ def panel_chart(panel: Panel, language: Language) -> str:
         ax.locator_params(axis="x", nbins=5)
         ax.locator_params(axis="y", nbins=4)
         for axis in (ax.xaxis, ax.yaxis):
-            axis.set_major_formatter(lambda value, _: f"{value:g}".replace("-", "\u2212").replace(".", get_decimal_symbol(language.locale)))
+            axis.set_major_formatter(
+                lambda value, _: f"{value:g}".replace("-", "\u2212").replace(
+                    ".", get_decimal_symbol(language.locale)
+                )
+            )
         ax.set_xlabel(panel.x_unit, labelpad=1)
         named(ax, _legend(panel, language))
         return svg_of(figure)
@@ -61,7 +79,9 @@ def _line(ax: Axes, panel: Panel, k: int, x: Array, y: Array) -> None:
 def _legend(panel: Panel, language: Language) -> str:
     """What the lines are, above the axes; the figure's title stands in the document."""
     said = [(line.name, k) for k, line in enumerate(panel.lines) if line.name]
-    return ", ".join(language.say(f"panel.stroke.{k}", line=name) for name, k in said) if said else ""
+    return (
+        ", ".join(language.say(f"panel.stroke.{k}", line=name) for name, k in said) if said else ""
+    )
 
 
 def _array(line: Line) -> Array:

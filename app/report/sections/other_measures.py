@@ -39,7 +39,10 @@ def _section(trials: Sequence[Task], language: Language) -> Section:
     figures: dict[str, list[Figure]] = {}
     for f in (f for t in trials for f in t.result.figures if not f.detail):
         figures.setdefault(f.name, []).append(f)
-    rows, about = [_row(each, language) for each in figures.values()], [(each[0].what, each[0].part) for each in figures.values()]
+    rows, about = (
+        [_row(each, language) for each in figures.values()],
+        [(each[0].what, each[0].part) for each in figures.values()],
+    )
     shared = _shared([row[-1] for row in rows])
     below = "" if all(row[-1] == shared for row in rows) else language.say("reason.below")
     shown = [[*row[:-1], below if shared and row[-1] == shared else row[-1]] for row in rows]
@@ -47,19 +50,32 @@ def _section(trials: Sequence[Task], language: Language) -> Section:
     return {
         "name": trials[0].result.task,
         "title": language.heard(trials[0].measure_title),
-        "task": span_words(trials, language) + (f"; {language.say(f'grading.{trials[0].grading}')}" if trials[0].grading else ""),
+        "task": span_words(trials, language)
+        + (f"; {language.say(f'grading.{trials[0].grading}')}" if trials[0].grading else ""),
         "grading": trials[0].grading,
-        "trials": [language.say("tapping.trial", number=k + 1) for k in range(len(trials))] if len(trials) > 1 else [language.say("value")],
+        "trials": [language.say("tapping.trial", number=k + 1) for k in range(len(trials))]
+        if len(trials) > 1
+        else [language.say("value")],
         "rows": shown,
         "reason": shared,  # of all rows, or of those that point to it
-        "advice": advice((f.reason for t in trials for f in t.result.figures if f.grade != "good"), language),
+        "advice": advice(
+            (f.reason for t in trials for f in t.result.figures if f.grade != "good"), language
+        ),
         "reasons": any(row[-1] for row in shown),
         "about": about,
         "norms": norms,
-        "normed": list(dict.fromkeys(". ".join(w for w in (n["reference"], n["note"]) if w) for n in norms if n)),
-        "limit": language.known(f"limit.{trials[0].result.measure}", ""),  # what the measure cannot tell
+        "normed": list(
+            dict.fromkeys(
+                ". ".join(w for w in (n["reference"], n["note"]) if w) for n in norms if n
+            )
+        ),
+        "limit": language.known(
+            f"limit.{trials[0].result.measure}", ""
+        ),  # what the measure cannot tell
         "curves": _curves(trials, language),
-        "marks": language.known(f"marks.{trials[0].result.measure}", ""),  # what the lines upright mean
+        "marks": language.known(
+            f"marks.{trials[0].result.measure}", ""
+        ),  # what the lines upright mean
         "source": "; ".join(dict.fromkeys(f.source for t in trials for f in t.result.figures)),
     }
 
@@ -75,7 +91,10 @@ def _shared(reasons: Sequence[str]) -> str:
 
 def _curves(trials: Sequence[Task], language: Language) -> list[tuple[str, list[Panel]]]:
     told = [
-        (language.say("tapping.trial", number=k + 1) if len(trials) > 1 else "", panels(t.result.shown, t.result.onset, language))
+        (
+            language.say("tapping.trial", number=k + 1) if len(trials) > 1 else "",
+            panels(t.result.shown, t.result.onset, language),
+        )
         for k, t in enumerate(trials)
     ]
     return [(name, found) for name, found in told if found]
@@ -85,9 +104,18 @@ def _row(figures: Sequence[Figure], language: Language) -> list[Any]:
     """Name, a value a trial, unit, the worst grade and its reason."""
     worst = max(figures, key=lambda f: GRADES.index(f.grade))
     unit = unit_words(reading(figures[0]).unit, language)
-    values = [_value(f, language) + (f" ({language.heard(f.category)})" if f.category else "") for f in figures]
+    values = [
+        _value(f, language) + (f" ({language.heard(f.category)})" if f.category else "")
+        for f in figures
+    ]
     reasons = dict.fromkeys(language.heard(f.reason) for f in figures if f.reason)
-    return [named(figures[0], language), values, unit, [worst.grade, grade_words(worst.grade, language)], "; ".join(reasons)]
+    return [
+        named(figures[0], language),
+        values,
+        unit,
+        [worst.grade, grade_words(worst.grade, language)],
+        "; ".join(reasons),
+    ]
 
 
 def norm_told(what: str, part: str, task: str, language: Language) -> dict[str, Any] | None:
@@ -95,9 +123,16 @@ def norm_told(what: str, part: str, task: str, language: Language) -> dict[str, 
     norm = norm_of(what, part, task)
     if norm is None:
         return None
-    number = partial(language.number, decimals=decimals(norm.mean) if norm.sd is None else decimals_of_sd(norm.sd))
+    number = partial(
+        language.number,
+        decimals=decimals(norm.mean) if norm.sd is None else decimals_of_sd(norm.sd),
+    )
     spread = "" if norm.sd is None else f" ± {number(norm.sd)}"
-    most = "" if norm.low is None or norm.high is None else f" ({number(norm.low)} – {number(norm.high)})"
+    most = (
+        ""
+        if norm.low is None or norm.high is None
+        else f" ({number(norm.low)} – {number(norm.high)})"
+    )
     told = f"{number(norm.mean)}{spread}{most} {unit_words(norm.unit, language)}".strip()
     return {"told": told, "reference": norm.source.reference, "note": language.heard(norm.note)}
 
@@ -108,7 +143,11 @@ def _value(figure: Figure, language: Language) -> str:
     if not np.isfinite(read.value):
         return language.say("not_measured")
     if figure.sd is None or not np.isfinite(figure.sd) or not figure.sd:
-        return language.number(read.value, 0 if figure.name.endswith("_count") else decimals(read.value))
+        return language.number(
+            read.value, 0 if figure.name.endswith("_count") else decimals(read.value)
+        )
     sd = abs(reading(replace(figure, value=figure.sd)).value)
     places = min(decimals_of_sd(sd), decimals(read.value) + 1 if read.value else 3)
-    return f"{language.number(read.value, places)} ± {language.number(max(sd, 10.0**-places), places)}"
+    return (
+        f"{language.number(read.value, places)} ± {language.number(max(sd, 10.0**-places), places)}"
+    )

@@ -27,12 +27,24 @@ from handscope.estimators.measures.range_of_motion import Range
 from handscope.estimators.measures.tapping import Tapping
 from handscope.estimators.numerics.quaternions import Array
 
-ROW, GROUP_GAP, HEAD = 10.4, 3.0, 22.0  # pt: a row, the extra space before a group, the heading above the rows
+ROW, GROUP_GAP, HEAD = (
+    10.4,
+    3.0,
+    22.0,
+)  # pt: a row, the extra space before a group, the heading above the rows
 INK, GREY, HAIR, ACCENT = "#1a1a1a", "#6b6b6b", "#c9c9c9", "#2f5d6e"
 BAND = "#e7ecee"
 FILL = {"good": ("#7fa0ad", None), "fair": ("#d9e4e8", None), "poor": ("white", "/////")}
-LINES = (("-", INK), ((0, (4, 1.5)), ACCENT), ((0, (1, 1)), GREY))  # first, second, last joint of a finger
-PANEL_GAP, ROOM, NUMBER = 4.0, 15.0, 10.0  # pt: between the panels; beside the longest bar; taken by the degrees at a bar's end
+LINES = (
+    ("-", INK),
+    ((0, (4, 1.5)), ACCENT),
+    ((0, (1, 1)), GREY),
+)  # first, second, last joint of a finger
+PANEL_GAP, ROOM, NUMBER = (
+    4.0,
+    15.0,
+    10.0,
+)  # pt: between the panels; beside the longest bar; taken by the degrees at a bar's end
 PANELS = (  # share of the width, which range of a row, least limits (deg), keys of the words of the two directions
     (0.66, "bend", (-75.0, 105.0), ("extension", "flexion")),
     (0.34, "side", (-40.0, 40.0), ("radial", "ulnar")),
@@ -56,7 +68,13 @@ SETTINGS = {
 _MATPLOTLIB = threading.Lock()  # matplotlib's settings belong to the process: one figure at a time
 
 
-def range_chart(rows: Sequence[RangeRow], references: Sequence[Reference], width: float, language: Language, labels: bool = True) -> str:
+def range_chart(
+    rows: Sequence[RangeRow],
+    references: Sequence[Reference],
+    width: float,
+    language: Language,
+    labels: bool = True,
+) -> str:
     """A bar from the smallest to the largest angle of every joint (one at least), flexion left, deviation right; `labels` names the joints."""
     with drawing():
         places, height = row_places(rows)
@@ -64,22 +82,46 @@ def range_chart(rows: Sequence[RangeRow], references: Sequence[Reference], width
         left = 56.0 if labels else 2.0
         inner = width - left - PANEL_GAP
         for k, (share, angle, least, words) in enumerate(PANELS):
-            ax = axes_at(figure, left + k * (0.66 * inner + PANEL_GAP), 0, share * inner, height, width, height + HEAD)
-            bars = [_Bar(y, r, _ticks(r, references)) for y, row in zip(places, rows) if (r := getattr(row, angle))]
+            ax = axes_at(
+                figure,
+                left + k * (0.66 * inner + PANEL_GAP),
+                0,
+                share * inner,
+                height,
+                width,
+                height + HEAD,
+            )
+            bars = [
+                _Bar(y, r, _ticks(r, references))
+                for y, row in zip(places, rows)
+                if (r := getattr(row, angle))
+            ]
             number = NUMBER * _scale(ax, bars, least, share * inner, height)
             _head(ax, *(language.say(f"way.{word}") for word in words))
             for bar in bars:
                 _bar(ax, bar, number)
             if labels and k == 0:
                 for row, y in zip(rows, places):
-                    ax.annotate(f"{row.group} {row.joint}", (0, y), (-left + 1, 0), ("axes fraction", "data"), "offset points", va="center")
+                    ax.annotate(
+                        f"{row.group} {row.joint}",
+                        (0, y),
+                        (-left + 1, 0),
+                        ("axes fraction", "data"),
+                        "offset points",
+                        va="center",
+                    )
         return svg_of(figure)
 
 
 def row_places(rows: Sequence[RangeRow]) -> tuple[Array, float]:
     """Middle of each row from the top of the rows, and the height of all, pt."""
-    gaps = np.cumsum([k > 0 and row.group != rows[k - 1].group for k, row in enumerate(rows)]) * GROUP_GAP
-    return np.arange(len(rows)) * ROW + ROW / 2 + gaps, len(rows) * ROW + (float(gaps[-1]) if len(rows) else 0.0)
+    gaps = (
+        np.cumsum([k > 0 and row.group != rows[k - 1].group for k, row in enumerate(rows)])
+        * GROUP_GAP
+    )
+    return np.arange(len(rows)) * ROW + ROW / 2 + gaps, len(rows) * ROW + (
+        float(gaps[-1]) if len(rows) else 0.0
+    )
 
 
 def flexion_curves(curves: Sequence[Curve], width: float, height: float, language: Language) -> str:
@@ -93,10 +135,16 @@ def flexion_curves(curves: Sequence[Curve], width: float, height: float, languag
         for k, (finger, joints) in enumerate(drawn.items()):
             ax = axes_at(figure, 14 + k * share, 11, share - 10, height - 21, width, height)
             for curve in joints:
-                dashes, colour = LINES[FINGER_JOINTS[finger].index(curve.joint) if finger in FINGERS else 0]
+                dashes, colour = LINES[
+                    FINGER_JOINTS[finger].index(curve.joint) if finger in FINGERS else 0
+                ]
                 ax.plot(curve.t, DEG * curve.angle, ls=dashes, lw=0.7, color=colour)
             ax.axhline(0, color=HAIR, lw=0.5, zorder=0)
-            ax.set(ylim=(min(-30, angles.min()) - 5, max(90, angles.max()) + 5), xlim=(0, joints[0].t[-1]), yticks=(0, 45, 90))
+            ax.set(
+                ylim=(min(-30, angles.min()) - 5, max(90, angles.max()) + 5),
+                xlim=(0, joints[0].t[-1]),
+                yticks=(0, 45, 90),
+            )
             ax.yaxis.set_tick_params(labelleft=k == 0)
             ax.locator_params(axis="x", nbins=3, prune="upper")
             named(ax, language.say(f"finger.{finger}"))
@@ -108,13 +156,22 @@ def tapping_chart(tapping: Tapping, width: float, height: float, language: Langu
     with drawing():
         figure = Figure(figsize=(width / 72, height / 72))
         inner = (height - 48) / 2
-        _distance(axes_at(figure, 15, height - 12 - inner, width - 19, inner, width, height), tapping, language)
+        _distance(
+            axes_at(figure, 15, height - 12 - inner, width - 19, inner, width, height),
+            tapping,
+            language,
+        )
         _amplitudes(axes_at(figure, 15, 12, width - 19, inner, width, height), tapping, language)
         return svg_of(figure)
 
 
 def trend_chart(
-    moments: Sequence[datetime], values: Sequence[float], mdc95: float | None, width: float, height: float, language: Language
+    moments: Sequence[datetime],
+    values: Sequence[float],
+    mdc95: float | None,
+    width: float,
+    height: float,
+    language: Language,
 ) -> str:
     """One figure over the sessions, a dot each, with the band of the minimal detectable change about the first."""
     with drawing():
@@ -127,11 +184,20 @@ def trend_chart(
         ax.plot(days, values, lw=0.8, color=ACCENT, marker="o", ms=2.6, mfc="white", mew=0.8)
         ax.plot(days[-1:], values[-1:], ls="", marker="o", ms=3.6, color=INK)
         spread = max(max(values) - min(values), mdc95 or 0.0, 1e-9)
-        ax.set_ylim(min(values[0] - (mdc95 or 0), *values) - 0.12 * spread, max(values[0] + (mdc95 or 0), *values) + 0.12 * spread)
+        ax.set_ylim(
+            min(values[0] - (mdc95 or 0), *values) - 0.12 * spread,
+            max(values[0] + (mdc95 or 0), *values) + 0.12 * spread,
+        )
         last = max(days[-1], 1e-9)
-        ax.set(xlim=(-0.04 * last, 1.06 * last), xticks=[0, last], xticklabels=[language.short_day(m) for m in (moments[0], moments[-1])])
+        ax.set(
+            xlim=(-0.04 * last, 1.06 * last),
+            xticks=[0, last],
+            xticklabels=[language.short_day(m) for m in (moments[0], moments[-1])],
+        )
         ax.locator_params(axis="y", nbins=4)
-        ax.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")  # the direction stands in the figure's name: no bare sign
+        ax.yaxis.set_major_formatter(
+            lambda value, _: f"{abs(value):g}"
+        )  # the direction stands in the figure's name: no bare sign
         for label, side in zip(ax.get_xticklabels(), ("left", "right")):
             label.set(ha=side)
         return svg_of(figure)
@@ -147,8 +213,22 @@ def _distance(ax: Axes, tapping: Tapping, language: Language) -> None:
     start = tapping.t[0]
     ax.plot(tapping.t - start, 1e3 * tapping.distance, lw=0.6, color=INK)
     known = np.isfinite(tapping.distance)
-    at = np.interp(tapping.closings, tapping.t[known], tapping.distance[known]) if known.any() else np.zeros(0)
-    ax.plot(tapping.closings - start, 1e3 * at, ls="", marker="^", ms=2.6, mfc="white", mec=ACCENT, mew=0.6, clip_on=False)
+    at = (
+        np.interp(tapping.closings, tapping.t[known], tapping.distance[known])
+        if known.any()
+        else np.zeros(0)
+    )
+    ax.plot(
+        tapping.closings - start,
+        1e3 * at,
+        ls="",
+        marker="^",
+        ms=2.6,
+        mfc="white",
+        mec=ACCENT,
+        mew=0.6,
+        clip_on=False,
+    )
     ax.set(xlim=(0, tapping.t[-1] - start), ylim=(0, None))
     named(ax, language.say("tapping.distance"))
 
@@ -186,38 +266,88 @@ class _Bar:
 
 def _ticks(r: Range, references: Sequence[Reference]) -> tuple[float, ...]:
     """Reference values of a range; those of 0 need none, the zero line is there."""
-    return tuple(f.degrees for f in references if (f.joint, f.angle) == (r.joint, r.angle) and f.degrees)
+    return tuple(
+        f.degrees for f in references if (f.joint, f.angle) == (r.joint, r.angle) and f.degrees
+    )
 
 
-def _scale(ax: Axes, bars: Sequence[_Bar], least: tuple[float, float], width: float, height: float) -> float:
+def _scale(
+    ax: Axes, bars: Sequence[_Bar], least: tuple[float, float], width: float, height: float
+) -> float:
     """Degrees across with room for the numbers at both ends, points from the top downwards; returns degrees a point."""
     low = min([least[0], *(v for b in bars for v in (b.low, *b.ticks))])
     high = max([least[1], *(v for b in bars for v in (b.high, *b.ticks))])
     degrees = (high - low) / (width - 2 * ROOM)
-    ax.set(xlim=(low - ROOM * degrees, high + ROOM * degrees), ylim=(height, 0), xticks=[], yticks=[])
+    ax.set(
+        xlim=(low - ROOM * degrees, high + ROOM * degrees), ylim=(height, 0), xticks=[], yticks=[]
+    )
     ax.set_frame_on(False)
     for tick in range(30 * int(np.ceil(low / 30)), int(high) + 1, 30):
-        ax.axvline(tick, color=GREY if tick == 0 else HAIR, lw=0.7 if tick == 0 else 0.35, zorder=2.5 if tick == 0 else 0)
-        ax.annotate(f"{abs(tick)}", (tick, 1), (0, 2), ("data", "axes fraction"), "offset points", ha="center", va="bottom", color=GREY)
+        ax.axvline(
+            tick,
+            color=GREY if tick == 0 else HAIR,
+            lw=0.7 if tick == 0 else 0.35,
+            zorder=2.5 if tick == 0 else 0,
+        )
+        ax.annotate(
+            f"{abs(tick)}",
+            (tick, 1),
+            (0, 2),
+            ("data", "axes fraction"),
+            "offset points",
+            ha="center",
+            va="bottom",
+            color=GREY,
+        )
     return degrees
 
 
 def _head(ax: Axes, below: str, above: str) -> None:
     for word, align, shift in ((below, "right", -3), (above, "left", 3)):
-        ax.annotate(word, (0, 1), (shift, 10.5), ("data", "axes fraction"), "offset points", ha=align, va="bottom", style="italic")
+        ax.annotate(
+            word,
+            (0, 1),
+            (shift, 10.5),
+            ("data", "axes fraction"),
+            "offset points",
+            ha=align,
+            va="bottom",
+            style="italic",
+        )
 
 
 def _bar(ax: Axes, bar: _Bar, number: float) -> None:
     """Filling, reference ticks with a white edge, and the degrees at both ends, beyond a tick within the `number`'s width (deg)."""
     colour, hatch = FILL[bar.range.grade]
-    ax.barh(bar.y, bar.high - bar.low, 5.6, bar.low, facecolor=colour, edgecolor=ACCENT, hatch=hatch, lw=0.4, zorder=2)
+    ax.barh(
+        bar.y,
+        bar.high - bar.low,
+        5.6,
+        bar.low,
+        facecolor=colour,
+        edgecolor=ACCENT,
+        hatch=hatch,
+        lw=0.4,
+        zorder=2,
+    )
     for tick in bar.ticks:
         for paint, lw in (("white", 2.2), (INK, 0.8)):
-            ax.plot([tick, tick], [bar.y - 4.4, bar.y + 4.4], color=paint, lw=lw, zorder=3, solid_capstyle="butt")
+            ax.plot(
+                [tick, tick],
+                [bar.y - 4.4, bar.y + 4.4],
+                color=paint,
+                lw=lw,
+                zorder=3,
+                solid_capstyle="butt",
+            )
     start = min([bar.low, *(t for t in bar.ticks if -number < t - bar.low < 0)])
     end = max([bar.high, *(t for t in bar.ticks if 0 < t - bar.high < number)])
-    for place, words, shift, align in zip((start, end), _ends(round(bar.low), round(bar.high)), (-2.2, 2.2), ("right", "left")):
-        ax.annotate(words, (place, bar.y), (shift, -0.2), "data", "offset points", ha=align, va="center")
+    for place, words, shift, align in zip(
+        (start, end), _ends(round(bar.low), round(bar.high)), (-2.2, 2.2), ("right", "left")
+    ):
+        ax.annotate(
+            words, (place, bar.y), (shift, -0.2), "data", "offset points", ha=align, va="center"
+        )
 
 
 def _ends(low: int, high: int) -> tuple[str, str]:
@@ -229,7 +359,9 @@ def _ends(low: int, high: int) -> tuple[str, str]:
     return str(-low), str(high)
 
 
-def axes_at(figure: Figure, left: float, bottom: float, w: float, h: float, width: float, height: float) -> Axes:
+def axes_at(
+    figure: Figure, left: float, bottom: float, w: float, h: float, width: float, height: float
+) -> Axes:
     """Axes placed in points."""
     ax = figure.add_axes((left / width, bottom / height, w / width, h / height))
     ax.spines[["top", "right"]].set_visible(False)

@@ -30,26 +30,45 @@ def flexion_with_sd(tasks: Sequence[Task], row: RangeRow, language: Language) ->
 
 
 def reference_of(r: Range, end: End) -> Reference | None:
-    return next((f for f in references() if (f.joint, f.angle, f.end) == (r.joint, r.angle, end)), None)
+    return next(
+        (f for f in references() if (f.joint, f.angle, f.end) == (r.joint, r.angle, end)), None
+    )
 
 
 def other_hand(content: Content, tasks: Sequence[Task]) -> list[Range]:
     """The other hand's ranges in the same tasks: the same joints and angles, as far as they are known."""
     if content.course is None or content.course.other is None:
         return []
-    return [o for r in over_tasks(tasks) if (o := _of(content.course.other.values, tasks, r)) is not None]
+    return [
+        o
+        for r in over_tasks(tasks)
+        if (o := _of(content.course.other.values, tasks, r)) is not None
+    ]
 
 
 def _of(values: Values, tasks: Sequence[Task], r: Range) -> Range | None:
     names = {t.result.task for t in tasks if t.asks(r.joint, r.angle)}
-    ends = {end: [value for (measure, task, name), (value, _) in values.items() if _is(measure, task, name, names, r, end)] for end in WORD}
+    ends = {
+        end: [
+            value
+            for (measure, task, name), (value, _) in values.items()
+            if _is(measure, task, name, names, r, end)
+        ]
+        for end in WORD
+    }
     if not all(ends.values()):
         return None
-    return Range(r.joint, r.angle, max(ends["largest"]), min(ends["smallest"]), 0.0, 0.0, "good", "")
+    return Range(
+        r.joint, r.angle, max(ends["largest"]), min(ends["smallest"]), 0.0, 0.0, "good", ""
+    )
 
 
 def _is(measure: str, task: str, name: str, tasks: set[str], r: Range, end: End) -> bool:
-    return measure == "range_of_motion" and task in tasks and name == f"{r.joint}_{r.angle}_{WORD[end]}"
+    return (
+        measure == "range_of_motion"
+        and task in tasks
+        and name == f"{r.joint}_{r.angle}_{WORD[end]}"
+    )
 
 
 @dataclass(frozen=True)

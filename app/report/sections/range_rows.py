@@ -5,7 +5,14 @@ from dataclasses import dataclass
 
 from handscope.app.language import Language
 from handscope.app.report.content import Task
-from handscope.app.report.words import ROTATION, SIDES, both_ways, extension_words, flexion_words, joint_words
+from handscope.app.report.words import (
+    ROTATION,
+    SIDES,
+    both_ways,
+    extension_words,
+    flexion_words,
+    joint_words,
+)
 from handscope.estimators.hand.anatomy import ANGLES, JOINTS
 from handscope.estimators.measures.figure import Grade
 from handscope.estimators.measures.range_of_motion import Range
@@ -55,7 +62,13 @@ def over_tasks(tasks: Sequence[Task]) -> list[Range]:
     found = []
     for joint in JOINTS:
         for angle in (ANGLES[a] for a in joint.dofs):
-            asked = [r for t in tasks if t.asks(joint.name, angle) for r in t.result.details if (r.joint, r.angle) == (joint.name, angle)]
+            asked = [
+                r
+                for t in tasks
+                if t.asks(joint.name, angle)
+                for r in t.result.details
+                if (r.joint, r.angle) == (joint.name, angle)
+            ]
             if asked:
                 found.append(_furthest(asked))
     return found
@@ -74,7 +87,9 @@ def range_rows(ranges: Sequence[Range], full: bool, language: Language) -> list[
         if turn := of.get("pronation"):
             group, name = joint_words(joint, language)
             turned = both_ways(turn.smallest, turn.largest, ROTATION, language)
-            rows.append(RangeRow(group, language.say("joint.turn", joint=name), "", "", turned, turn))
+            rows.append(
+                RangeRow(group, language.say("joint.turn", joint=name), "", "", turned, turn)
+            )
     return rows
 
 
@@ -82,10 +97,21 @@ def _furthest(ranges: Sequence[Range]) -> Range:
     high, low = max(ranges, key=lambda r: r.largest), min(ranges, key=lambda r: r.smallest)
     grade = max(high.grade, low.grade, key=GRADES.index)
     reasons = dict.fromkeys(r.reason for r in (high, low) if r.reason)
-    return Range(high.joint, high.angle, high.largest, low.smallest, high.t_largest, low.t_smallest, grade, "; ".join(reasons))
+    return Range(
+        high.joint,
+        high.angle,
+        high.largest,
+        low.smallest,
+        high.t_largest,
+        low.t_smallest,
+        grade,
+        "; ".join(reasons),
+    )
 
 
-def _row(joint: str, bend: Range | None, side: Range | None, full: bool, language: Language) -> RangeRow:
+def _row(
+    joint: str, bend: Range | None, side: Range | None, full: bool, language: Language
+) -> RangeRow:
     flexion = flexion_words(bend.largest, language) if bend else ""
     extension = extension_words(joint, bend.smallest, bend.largest, language, full) if bend else ""
     sideways = both_ways(side.smallest, side.largest, SIDES[joint], language) if side else ""

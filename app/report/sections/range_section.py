@@ -11,7 +11,12 @@ from handscope.app.report.content import Content, Curve, Task
 from handscope.app.report.references import Reference, references, smallest_change
 from handscope.app.report.sections import plots
 from handscope.app.report.sections.range_comparison import flexion_with_sd, other_hand, reference_of
-from handscope.app.report.sections.range_rows import RangeRow, asks_full_range, over_tasks, range_rows
+from handscope.app.report.sections.range_rows import (
+    RangeRow,
+    asks_full_range,
+    over_tasks,
+    range_rows,
+)
 from handscope.app.report.units import DEG
 from handscope.app.report.words import extension_words, flexion_words, grade_words, span_words
 from handscope.estimators.hand.anatomy import FINGERS, JOINTS
@@ -19,17 +24,26 @@ from handscope.estimators.measures import range_of_motion
 from handscope.estimators.measures.range_of_motion import Range
 
 CHART_WIDTH, CURVES = 510.0, (510.0, 64.0)  # pt
-COLUMNS = {"flexion": ("value", "other", "reference", "change"), "extension": ("value", "other", "change"), "sideways": ("value",)}
+COLUMNS = {
+    "flexion": ("value", "other", "reference", "change"),
+    "extension": ("value", "other", "change"),
+    "sideways": ("value",),
+}
 NOTHING = ["", ""]
 
 
-def range_section(content: Content, tasks: Sequence[Task], language: Language, bars: bool = True) -> dict[str, Any]:
+def range_section(
+    content: Content, tasks: Sequence[Task], language: Language, bars: bool = True
+) -> dict[str, Any]:
     """The ranges of trials; without bars where the table says enough."""
     say = language.say
     full = asks_full_range(tasks[0].result.task)
     ranges = over_tasks(tasks)
     rows = range_rows(ranges, full, language)
-    head = {"title": say("ranges.title" if full else "ranges.reached"), "task": span_words(tasks, language)}
+    head = {
+        "title": say("ranges.title" if full else "ranges.reached"),
+        "task": span_words(tasks, language),
+    }
     if not rows:
         return head | {"absent": say("ranges.absent")}
     ticks = references() if full else ()
@@ -45,15 +59,26 @@ def range_section(content: Content, tasks: Sequence[Task], language: Language, b
         "curves_label": say("ranges.curves.label"),
         "remarks": [*_reasons(rows, language), *_without(ranges, content.measured, language)],
         "changes": range_changes(content.changes, tasks, rows, language) if content.changes else "",
-        "caption": " ".join(said for said in _caption(content, tasks, rows, ticks, language) if said),
+        "caption": " ".join(
+            said for said in _caption(content, tasks, rows, ticks, language) if said
+        ),
     }
 
 
-def _table(content: Content, tasks: Sequence[Task], rows: Sequence[RangeRow], full: bool, language: Language) -> dict[str, Any]:
+def _table(
+    content: Content,
+    tasks: Sequence[Task],
+    rows: Sequence[RangeRow],
+    full: bool,
+    language: Language,
+) -> dict[str, Any]:
     """Columns that hold nothing in any row are left out; a cell is [words, weight], weight "", "strong" or "quiet"."""
     others = {(o.joint, o.angle): o for o in other_hand(content, tasks)} if full else {}
     cells = [_cells(content, tasks, row, others, full, language) for row in rows]
-    kept = {group: [c for c in columns if any(row[group].get(c, NOTHING)[0] for row in cells)] for group, columns in COLUMNS.items()}
+    kept = {
+        group: [c for c in columns if any(row[group].get(c, NOTHING)[0] for row in cells)]
+        for group, columns in COLUMNS.items()
+    }
     other = language.say(f"column.{'right' if content.hand == 'left' else 'left'}")
     return {
         "groups": [[language.say(g), len(columns)] for g, columns in kept.items() if columns],
@@ -85,7 +110,11 @@ def _cells(
 ) -> dict[str, dict[str, list[str]]]:
     """Of one row by group and column."""
     bend = row.bend
-    found: dict[str, dict[str, list[str]]] = {"flexion": {}, "extension": {}, "sideways": {"value": [row.sideways, ""]}}
+    found: dict[str, dict[str, list[str]]] = {
+        "flexion": {},
+        "extension": {},
+        "sideways": {"value": [row.sideways, ""]},
+    }
     if bend is None or bend.angle != "flexion":
         return found
     changed = row_ends(content.changes, tasks, row, language) if content.changes else {}
@@ -95,7 +124,10 @@ def _cells(
     found["extension"]["value"] = [row.extension, "strong" if deficit else ""]
     if other:
         found["flexion"]["other"] = [flexion_words(other.largest, language), "quiet"]
-        found["extension"]["other"] = [extension_words(bend.joint, other.smallest, other.largest, language, short=True), "quiet"]
+        found["extension"]["other"] = [
+            extension_words(bend.joint, other.smallest, other.largest, language, short=True),
+            "quiet",
+        ]
     if full and (reference := reference_of(bend, "largest")):
         found["flexion"]["reference"] = [f"{reference.degrees:.0f}°", "quiet"]
     for group, words in changed.items():
@@ -107,38 +139,65 @@ def _joined_curves(tasks: Sequence[Task]) -> list[Curve]:
     """Of every joint the flexion in the tasks that asked for it, one task behind the other with a break between them."""
     joined = []
     for joint in (j.name for j in JOINTS):
-        pieces = [c for t in tasks if t.asks(joint, "flexion") for c in t.curves if c.joint == joint and len(c.t)]
+        pieces = [
+            c
+            for t in tasks
+            if t.asks(joint, "flexion")
+            for c in t.curves
+            if c.joint == joint and len(c.t)
+        ]
         starts = np.cumsum([0.0, *(c.t[-1] for c in pieces)])
         if pieces:
-            t = np.concatenate([np.append(c.t, c.t[-1]) + start for c, start in zip(pieces, starts)])
-            joined.append(Curve(joint, t, np.concatenate([np.append(c.angle, np.nan) for c in pieces])))
+            t = np.concatenate(
+                [np.append(c.t, c.t[-1]) + start for c, start in zip(pieces, starts)]
+            )
+            joined.append(
+                Curve(joint, t, np.concatenate([np.append(c.angle, np.nan) for c in pieces]))
+            )
     return joined
 
 
 def _caption(
-    content: Content, tasks: Sequence[Task], rows: Sequence[RangeRow], ticks: Sequence[Reference], language: Language
+    content: Content,
+    tasks: Sequence[Task],
+    rows: Sequence[RangeRow],
+    ticks: Sequence[Reference],
+    language: Language,
 ) -> list[str]:
     change, say = smallest_change(), language.say
     other = content.course.other if content.course else None
     return [
         say("ranges.held", seconds=language.number(range_of_motion.Params().hold / 2, 1)),
-        *(say("sd.basis", basis=language.heard(basis)) for basis in dict.fromkeys(t.result.sd_basis for t in tasks) if basis),
-        say("ranges.sources", sources=_sources(rows, ticks, language)) if ticks else say("ranges.not_full"),
+        *(
+            say("sd.basis", basis=language.heard(basis))
+            for basis in dict.fromkeys(t.result.sd_basis for t in tasks)
+            if basis
+        ),
+        say("ranges.sources", sources=_sources(rows, ticks, language))
+        if ticks
+        else say("ranges.not_full"),
         say("ranges.extension", joints=_extension(rows, ticks, language)) if ticks else "",
         say("ranges.change") if content.changes else "",
         say("ranges.other", day=language.day(other.started)) if other and ticks else "",
         say("ranges.joints"),
         say("ranges.terms"),
-        say("ranges.trusted", size=f"{change.value:g}", source=change.source.name) if ticks and not content.changes else "",
+        say("ranges.trusted", size=f"{change.value:g}", source=change.source.name)
+        if ticks and not content.changes
+        else "",
     ]
 
 
 def _extension(rows: Sequence[RangeRow], ticks: Sequence[Reference], language: Language) -> str:
     """The joints of the table whose extension is not to be just full: "Thumb IP 12° hyperextension"."""
     drawn = {r.joint: row for row in rows for r in row.ranges if r.angle == "flexion"}
-    beyond = [f for f in ticks if f.joint in drawn and (f.angle, f.end) == ("flexion", "smallest") and f.degrees]
+    beyond = [
+        f
+        for f in ticks
+        if f.joint in drawn and (f.angle, f.end) == ("flexion", "smallest") and f.degrees
+    ]
     named = [
-        f"{drawn[f.joint].group} {drawn[f.joint].joint}".strip() + f" {extension_words(f.joint, f.degrees / DEG, 1.0, language)}"
+        f"{drawn[f.joint].group} {drawn[f.joint].joint}".strip()
+        + f" {extension_words(f.joint, f.degrees / DEG, 1.0, language)}"
         for f in beyond
     ]
     return ", ".join(["", *named])
@@ -152,7 +211,11 @@ def _sources(rows: Sequence[RangeRow], ticks: Sequence[Reference], language: Lan
         if (reference.joint, reference.angle) in drawn:
             part = reference.joint.partition("_")[0]
             palmar = (reference.joint, reference.angle) == ("thumb_cmc", "flexion")
-            word = language.say("source.palmar_abduction" if palmar else f"source.{part if part in ('wrist', 'thumb') else 'fingers'}")
+            word = language.say(
+                "source.palmar_abduction"
+                if palmar
+                else f"source.{part if part in ('wrist', 'thumb') else 'fingers'}"
+            )
             parts.setdefault(reference.source.name, [])
             if word not in parts[reference.source.name]:
                 parts[reference.source.name].append(word)
@@ -166,7 +229,12 @@ def _reasons(rows: Sequence[RangeRow], language: Language) -> list[str]:
         for reason in row.reasons if row.grade != "good" else ():
             found.setdefault((row.grade, reason), []).append(f"{row.group} {row.joint}".strip())
     said = (
-        language.say("ranges.because", grade=grade_words(grade, language), joints=", ".join(joints), reason=_heard(reason, language))
+        language.say(
+            "ranges.because",
+            grade=grade_words(grade, language),
+            joints=", ".join(joints),
+            reason=_heard(reason, language),
+        )
         for (grade, reason), joints in found.items()
     )
     return [s[0].upper() + s[1:] for s in said]
@@ -178,7 +246,24 @@ def _heard(reasons: str, language: Language) -> str:
 
 def _without(ranges: Sequence[Range], measured: Sequence[str], language: Language) -> list[str]:
     """Wrist and fingers that the table lacks, and why."""
-    lacking = [part for part in ("wrist", *FINGERS) if part not in {r.joint.partition("_")[0] for r in ranges}]
-    worn = [part for part in lacking if any(j.parent in measured and j.child in measured for j in JOINTS if j.name.startswith(part))]
-    reasons = {"ranges.without_sensors": [p for p in lacking if p not in worn], "ranges.not_asked": worn}
-    return [language.say(key, parts=", ".join(language.say(f"part.{part}") for part in parts)) for key, parts in reasons.items() if parts]
+    lacking = [
+        part
+        for part in ("wrist", *FINGERS)
+        if part not in {r.joint.partition("_")[0] for r in ranges}
+    ]
+    worn = [
+        part
+        for part in lacking
+        if any(
+            j.parent in measured and j.child in measured for j in JOINTS if j.name.startswith(part)
+        )
+    ]
+    reasons = {
+        "ranges.without_sensors": [p for p in lacking if p not in worn],
+        "ranges.not_asked": worn,
+    }
+    return [
+        language.say(key, parts=", ".join(language.say(f"part.{part}") for part in parts))
+        for key, parts in reasons.items()
+        if parts
+    ]

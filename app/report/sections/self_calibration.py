@@ -26,7 +26,17 @@ ACROSS, ALONG, ABOVE = 2, 1, 0  # axes of a segment: sideways, along the bone, o
 def kept_of(processed: Processed) -> dict[str, Any] | None:
     """What a result keeps of a self-calibration; None where the method found none."""
     found = found_of(processed.calibrations[0], processed.told)
-    return None if found is None else {"table": found.table, "told": list(found.told), "onset": found.onset, "end": found.end, "parts": ALL}
+    return (
+        None
+        if found is None
+        else {
+            "table": found.table,
+            "told": list(found.told),
+            "onset": found.onset,
+            "end": found.end,
+            "parts": ALL,
+        }
+    )
 
 
 def taken_over(c: SelfCalibration, parts: str) -> dict[str, Any]:
@@ -42,13 +52,25 @@ def found_of(c: Calibration, told: tuple[str, ...]) -> Found | None:
 def told(found: Mapping[str, Any], said: list[str], language: Language) -> dict[str, Any]:
     """Lengths, distances and orientations of sensors, biases, with their standard deviations; sentences about what was observable."""
     seats = {s: found["sensor_to_segment"][s] for s in SEGMENTS if s in found["sensor_to_segment"]}
-    lengths = {s: found["segment_lengths"][s] for s in SEGMENTS if s in found["segment_lengths"] and s in seats}
+    lengths = {
+        s: found["segment_lengths"][s]
+        for s in SEGMENTS
+        if s in found["segment_lengths"] and s in seats
+    }
     return {
         "summary": _summary(lengths, language),
         "words": [language.heard(sentence) for sentence in said],
         "lengths": [_length(s, entry, language) for s, entry in lengths.items()],
-        "seats": [_seat(s, seat, language) for s, seat in seats.items() if seat.get("p_BS") or seat.get("sd")],
-        "biases": [_bias(s, found, language) for s in seats if s in found.get("acc_bias", {}) or s in found.get("gyr_bias_sd", {})],
+        "seats": [
+            _seat(s, seat, language)
+            for s, seat in seats.items()
+            if seat.get("p_BS") or seat.get("sd")
+        ],
+        "biases": [
+            _bias(s, found, language)
+            for s in seats
+            if s in found.get("acc_bias", {}) or s in found.get("gyr_bias_sd", {})
+        ],
     }
 
 
@@ -67,24 +89,39 @@ def section(kept: Mapping[str, Any] | None, language: Language) -> dict[str, Any
         for part, columns in PARTS.items()
         if said[part] and part in shown
     ]
-    return {"title": language.say("self_calibration.title"), "summary": said["summary"], "words": said["words"], "parts": parts}
+    return {
+        "title": language.say("self_calibration.title"),
+        "summary": said["summary"],
+        "words": said["words"],
+        "parts": parts,
+    }
 
 
 def _summary(lengths: Mapping[str, Any], language: Language) -> str:
     """How well the lengths are known that movement told."""
-    between = [entry for segment, entry in lengths.items() if not segment.endswith("distal")]  # two joints: a last phalanx has but one
+    between = [
+        entry for segment, entry in lengths.items() if not segment.endswith("distal")
+    ]  # two joints: a last phalanx has but one
     known = [1e3 * float(entry["sd"]) for entry in between if "sd" in entry]
     if not known:
         return language.say("self_calibration.no_length")
     worst = language.number(max(known), decimals_of_sd(max(known)))
-    return language.say("self_calibration.lengths_to", found=len(known), of=len(between), worst=worst)
+    return language.say(
+        "self_calibration.lengths_to", found=len(known), of=len(between), worst=worst
+    )
 
 
 def _length(segment: str, entry: Mapping[str, Any], language: Language) -> list[str]:
     """Segment, length in mm, where it comes from."""
     sd = 1e3 * float(entry["sd"]) if "sd" in entry else None
-    source = language.say("self_calibration.found" if sd is not None else "self_calibration.by_ratio")
-    return [language.segment(segment), with_deviation(1e3 * float(entry["value"]), sd, language), source]
+    source = language.say(
+        "self_calibration.found" if sd is not None else "self_calibration.by_ratio"
+    )
+    return [
+        language.segment(segment),
+        with_deviation(1e3 * float(entry["value"]), sd, language),
+        source,
+    ]
 
 
 def _seat(segment: str, seat: Mapping[str, Any], language: Language) -> list[str]:
@@ -93,23 +130,42 @@ def _seat(segment: str, seat: Mapping[str, Any], language: Language) -> list[str
     told = [
         language.say("self_calibration.not_found")
         if place is None
-        else with_deviation(1e3 * place[axis], None if place_sd is None else 1e3 * place_sd[axis], language)
+        else with_deviation(
+            1e3 * place[axis], None if place_sd is None else 1e3 * place_sd[axis], language
+        )
         for axis in (ALONG, ABOVE, ACROSS)
     ]
     turned = float(quat.angle(quat.normalize(np.array(seat["q_BS"]))))
-    return [language.segment(segment), *told, with_deviation(DEG * turned, DEG * max(seat["sd"]) if "sd" in seat else None, language)]
+    return [
+        language.segment(segment),
+        *told,
+        with_deviation(DEG * turned, DEG * max(seat["sd"]) if "sd" in seat else None, language),
+    ]
 
 
 def _bias(segment: str, found: Mapping[str, Any], language: Language) -> list[str]:
     """Segment, size of the gyroscope's bias (deg/s) and of the accelerometer's (m/s^2)."""
-    return [language.segment(segment), _sized(segment, found, "gyr", DEG, language), _sized(segment, found, "acc", 1.0, language)]
+    return [
+        language.segment(segment),
+        _sized(segment, found, "gyr", DEG, language),
+        _sized(segment, found, "acc", 1.0, language),
+    ]
 
 
-def _sized(segment: str, found: Mapping[str, Any], which: str, factor: float, language: Language) -> str:
-    bias, sd = found.get(f"{which}_bias", {}).get(segment), found.get(f"{which}_bias_sd", {}).get(segment)
+def _sized(
+    segment: str, found: Mapping[str, Any], which: str, factor: float, language: Language
+) -> str:
+    bias, sd = (
+        found.get(f"{which}_bias", {}).get(segment),
+        found.get(f"{which}_bias_sd", {}).get(segment),
+    )
     if bias is None:
         return language.say("self_calibration.not_found")
-    return with_deviation(factor * float(np.linalg.norm(bias)), None if sd is None else factor * float(max(sd)), language)
+    return with_deviation(
+        factor * float(np.linalg.norm(bias)),
+        None if sd is None else factor * float(max(sd)),
+        language,
+    )
 
 
 def with_deviation(value: float, sd: float | None, language: Language) -> str:

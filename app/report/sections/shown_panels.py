@@ -30,7 +30,10 @@ PANELS: Mapping[str, tuple[str, ...]] = {  # by name, the curves in it
     "squeeze_response": ("squeeze_response", "squeeze_response_low", "squeeze_response_high"),
     "squeeze_phase": ("squeeze_phase", "squeeze_phase_low", "squeeze_phase_high"),
     "squeeze_coherence": ("squeeze_coherence",),
-} | {f"torque_{finger}": (f"torque_{finger}", f"torque_{finger}_low", f"torque_{finger}_high") for finger in FINGERS}
+} | {
+    f"torque_{finger}": (f"torque_{finger}", f"torque_{finger}_low", f"torque_{finger}_high")
+    for finger in FINGERS
+}
 DOTS = "force_over_distance"  # measured points, with a line through them
 
 
@@ -55,15 +58,24 @@ def panels(shown: Shown, onset: float, language: Language) -> list[Panel]:
     """The panels of one trial that began at `onset`, s."""
     curves = {c.name: c for c in shown.curves}
     drawn = {name: [curves[w] for w in wanted if w in curves] for name, wanted in PANELS.items()}
-    marks = tuple(sorted(round(float(t) - onset, 3) for times in shown.marks.values() for t in times))
-    return [_panel(name, found, onset, marks, language) for name, found in drawn.items() if found and len(found[0].x)]
+    marks = tuple(
+        sorted(round(float(t) - onset, 3) for times in shown.marks.values() for t in times)
+    )
+    return [
+        _panel(name, found, onset, marks, language)
+        for name, found in drawn.items()
+        if found and len(found[0].x)
+    ]
 
 
 def shown_of(kept: Mapping[str, Any] | None) -> Shown:
     """What a kept result says of a task's curves, None standing for a gap."""
     if not kept:
         return Shown()
-    curves = (Curve(c["name"], c["unit"], _array(c["x"]), _array(c["y"]), c.get("x_unit", "s")) for c in kept["curves"])
+    curves = (
+        Curve(c["name"], c["unit"], _array(c["x"]), _array(c["y"]), c.get("x_unit", "s"))
+        for c in kept["curves"]
+    )
     return Shown(tuple(curves), {name: _array(times) for name, times in kept["marks"].items()})
 
 
@@ -71,16 +83,29 @@ def _array(values: list[float | None]) -> Array:
     return np.array([np.nan if v is None else v for v in values], float)
 
 
-def _panel(name: str, found: list[Curve], onset: float, marks: tuple[float, ...], language: Language) -> Panel:
+def _panel(
+    name: str, found: list[Curve], onset: float, marks: tuple[float, ...], language: Language
+) -> Panel:
     first = thinned([c for c in found if np.array_equal(c.x, found[0].x)], POINTS)
     unit, factor = READABLE.get(first[0].unit, (first[0].unit, 1.0))
     over_time = first[0].x_unit == "s"
     x_unit, x_factor = READABLE.get(first[0].x_unit, (first[0].x_unit, 1.0))
     x = first[0].x - onset if over_time else x_factor * first[0].x
     words = {c.name: language.known(f"line.{c.name}", "") for c in first}
-    lines = tuple(Line(words[c.name] if sum(map(bool, words.values())) > 1 else "", _plain(factor * c.y)) for c in first)
+    lines = tuple(
+        Line(words[c.name] if sum(map(bool, words.values())) > 1 else "", _plain(factor * c.y))
+        for c in first
+    )
     title = language.say(f"panel.{name}", unit=unit_words(unit, language))
-    return Panel(name, title, unit, x_unit, tuple(round(float(v), 4) for v in x), lines, marks if over_time else ())
+    return Panel(
+        name,
+        title,
+        unit,
+        x_unit,
+        tuple(round(float(v), 4) for v in x),
+        lines,
+        marks if over_time else (),
+    )
 
 
 def _plain(values: Array) -> tuple[float | None, ...]:

@@ -19,10 +19,19 @@ from handscope.estimators.measures.tapping import Tapping
 TRIALS = 4  # columns of a table
 CHART = (290.0, 150.0)  # pt
 BELOW = (516.0, 150.0)  # pt where the trials leave it no room beside the table
-CHANGES = {"tapping_decrement_slope", "tapping_decrement_ratio"}  # read as "smaller" or "larger", not as a sign
+CHANGES = {
+    "tapping_decrement_slope",
+    "tapping_decrement_ratio",
+}  # read as "smaller" or "larger", not as a sign
 
 
-def tapping_section(tasks: Sequence[Task], before: int, total: int, language: Language, changes: Changes | None = None) -> dict[str, Any]:
+def tapping_section(
+    tasks: Sequence[Task],
+    before: int,
+    total: int,
+    language: Language,
+    changes: Changes | None = None,
+) -> dict[str, Any]:
     """Trials side by side, of `total` of which `before` stand in tables above; the curve is that of the first with a tap."""
     say = language.say
     trials: list[Tapping] = [t.result.details for t in tasks]
@@ -33,9 +42,19 @@ def tapping_section(tasks: Sequence[Task], before: int, total: int, language: La
     size = CHART if len(trials) == 1 else BELOW
     return {
         "title": say("tapping.title"),
-        "tasks": [say("tapping.trial", number=before + k + 1) if many else say("value") for k in range(len(tasks))],
+        "tasks": [
+            say("tapping.trial", number=before + k + 1) if many else say("value")
+            for k in range(len(tasks))
+        ],
         "task": span_words(tasks, language),
-        "rows": [[figure_words(n, language), _unit(named[n], language), *(_cell(t, n, language) for t in tasks)] for n in named],
+        "rows": [
+            [
+                figure_words(n, language),
+                _unit(named[n], language),
+                *(_cell(t, n, language) for t in tasks),
+            ]
+            for n in named
+        ],
         "grades": [[t.grade, grade_words(t.grade, language)] for t in trials],
         "remarks": [
             _remark(trial, say("tapping.trial.of", number=before + k + 1) if many else "", language)
@@ -44,10 +63,14 @@ def tapping_section(tasks: Sequence[Task], before: int, total: int, language: La
         ],
         "chart": plots.tapping_chart(trials[shown], *size, language) if shown is not None else "",
         "chart_alt": say("tapping.chart"),
-        "changes": tapping_changes(changes, tasks, language) if changes and before + len(tasks) == total else "",
+        "changes": tapping_changes(changes, tasks, language)
+        if changes and before + len(tasks) == total
+        else "",
         "absent": say("tapping.absent") if shown is None else "",
         "caption": [
-            say("tapping.shown", number=before + shown + 1, total=total) if many and shown is not None else "",
+            say("tapping.shown", number=before + shown + 1, total=total)
+            if many and shown is not None
+            else "",
             say("tapping.caption"),
             say("tapping.average") if total < 3 else "",
         ],
@@ -55,7 +78,11 @@ def tapping_section(tasks: Sequence[Task], before: int, total: int, language: La
 
 
 def _remark(trial: Tapping, which: str, language: Language) -> str:
-    said = language.say("signal.because", grade=grade_words(trial.grade, language), reason=language.heard(trial.reason))
+    said = language.say(
+        "signal.because",
+        grade=grade_words(trial.grade, language),
+        reason=language.heard(trial.reason),
+    )
     return f"{which} {said}".strip() if which else said[0].upper() + said[1:]
 
 
@@ -67,12 +94,18 @@ def _cell(task: Task, name: str, language: Language) -> str:
     figure = next(f for f in task.result.figures if f.name == name)
     read, sd = reading(figure), abs(reading(replace(figure, value=figure.sd or 0.0)).value)
     decimals = TAPPING_DECIMALS.get(name, 2)
-    decimals += name not in CHANGES and 0 < sd < 0.5 * 10.0**-decimals  # a deviation is never told as nothing
+    decimals += (
+        name not in CHANGES and 0 < sd < 0.5 * 10.0**-decimals
+    )  # a deviation is never told as nothing
     if not np.isfinite(read.value):
         return language.say("tapping.too_few" if task.result.details.count else "not_measured")
     number = language.number(abs(read.value), decimals)
     if name not in CHANGES:
-        return language.number(read.value, decimals) + (f" ± {language.number(max(sd, 10.0**-decimals), decimals)}" if sd else "")
+        return language.number(read.value, decimals) + (
+            f" ± {language.number(max(sd, 10.0**-decimals), decimals)}" if sd else ""
+        )
     if number == language.number(0.0, decimals):
         return language.say("tapping.same")
-    return language.say("tapping.smaller" if read.value < 0 else "tapping.larger", size=f"{number} {read.unit}")
+    return language.say(
+        "tapping.smaller" if read.value < 0 else "tapping.larger", size=f"{number} {read.unit}"
+    )

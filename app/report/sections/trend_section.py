@@ -14,7 +14,9 @@ from handscope.app.report.words import extension_words, figure_words, flexion_wo
 from handscope.estimators.measures.figure import Figure
 from handscope.sessions.clinic.repeatability import Key, Values
 
-LEAST = 3  # sessions before there is a course to look at; a change between two stands with the figures
+LEAST = (
+    3  # sessions before there is a course to look at; a change between two stands with the figures
+)
 SHOWN = 8
 CHART = (168.0, 62.0)  # pt
 ALWAYS = ("tapping_rate", "tapping_amplitude_mean")
@@ -25,7 +27,11 @@ def trend_section(content: Content, language: Language) -> dict[str, Any] | None
     visits = content.course.visits if content.course else ()
     if len(visits) < LEAST:
         return None
-    mdc = {(c.measure, c.task, c.name): c.mdc95 for c in content.changes.each} if content.changes else {}
+    mdc = (
+        {(c.measure, c.task, c.name): c.mdc95 for c in content.changes.each}
+        if content.changes
+        else {}
+    )
     keys = _chosen([v.values for v in visits], mdc, _asked(content))
     charts = []
     for key in keys:
@@ -48,7 +54,11 @@ def trend_section(content: Content, language: Language) -> dict[str, Any] | None
         )
     if not charts:
         return None
-    facts = {"count": len(visits), "first": language.day(visits[0].started), "last": language.day(visits[-1].started)}
+    facts = {
+        "count": len(visits),
+        "first": language.day(visits[0].started),
+        "last": language.day(visits[-1].started),
+    }
     return {
         "title": language.say("trends.title"),
         "task": language.say("trends.span", **facts),
@@ -64,7 +74,9 @@ def _said(name: str, value: float, unit: str, language: Language) -> str:
     joint, _, end = name.rpartition("_flexion_")
     if joint and end == "min":
         return extension_words(joint, value / DEG, np.pi, language)
-    return flexion_words(value / DEG, language) if joint else amount(abs(value), name, unit, language)
+    return (
+        flexion_words(value / DEG, language) if joint else amount(abs(value), name, unit, language)
+    )
 
 
 def _asked(content: Content) -> set[Key]:
@@ -73,20 +85,30 @@ def _asked(content: Content) -> set[Key]:
         (t.result.measure, t.result.task, f.name)
         for t in content.tasks
         for f in t.result.figures
-        if t.asked is None or t.result.measure != "range_of_motion" or f.name.rpartition("_")[0] in t.asked
+        if t.asked is None
+        or t.result.measure != "range_of_motion"
+        or f.name.rpartition("_")[0] in t.asked
     }
 
 
-def _chosen(visits: Sequence[Values], mdc: Mapping[Key, float | None], asked: Collection[Key]) -> list[Key]:
+def _chosen(
+    visits: Sequence[Values], mdc: Mapping[Key, float | None], asked: Collection[Key]
+) -> list[Key]:
     """Keys that the newest visit and LEAST visits have: the tapping figures, then by how much they moved in multiples of their MDC."""
-    known = [key for key in visits[-1] if key in asked and sum(key in v for v in visits) >= LEAST and not key[2].endswith("_range")]
+    known = [
+        key
+        for key in visits[-1]
+        if key in asked and sum(key in v for v in visits) >= LEAST and not key[2].endswith("_range")
+    ]
 
     def moved(key: Key) -> float:
         values = [_read(key, v) for v in visits if key in v]
         return (max(values) - min(values)) / (mdc.get(key) or float("inf"))
 
     always = [key for key in known if key[2] in ALWAYS]
-    others = sorted((key for key in known if key not in always and mdc.get(key)), key=moved, reverse=True)
+    others = sorted(
+        (key for key in known if key not in always and mdc.get(key)), key=moved, reverse=True
+    )
     return (always + others)[:SHOWN]
 
 

@@ -30,7 +30,9 @@ _BOUND_DEG = {  # flexion, deviation, pronation while the skin is bound: fingers
     "little_mcp": (12.0, 14.0, 0.0),
     "thumb_cmc": (22.0, -32.0, 60.0),
 }
-BOUND: Array = np.radians([_BOUND_DEG.get(joint.name, (0.0, 0.0, 0.0)) for joint in JOINTS])  # (joints, 3)
+BOUND: Array = np.radians(
+    [_BOUND_DEG.get(joint.name, (0.0, 0.0, 0.0)) for joint in JOINTS]
+)  # (joints, 3)
 
 
 def chain(angles: Array, geometry: HandGeometry) -> tuple[Array, Array]:
@@ -64,12 +66,16 @@ def pose(angles: Array, geometry: HandGeometry) -> tuple[Array, Array]:
     q, places = chain(angles, geometry)
     turned = quat.multiply(q, quat.conjugate(_BOUND_CHAIN))  # (..., 5, 3, 4)
     several = turned.shape[:-3]
-    parents = np.concatenate([np.broadcast_to(quat.IDENTITY, (*several, 5, 1, 4)), turned[..., :2, :]], axis=-2)
+    parents = np.concatenate(
+        [np.broadcast_to(quat.IDENTITY, (*several, 5, 1, 4)), turned[..., :2, :]], axis=-2
+    )
     halves = quat.slerp(parents, turned, np.full((*several, 5, 3), 0.5))
     back = quat.conjugate(joint_angles.compose(angles[..., JOINT["wrist"], :]))
     still = np.broadcast_to(quat.IDENTITY, back.shape)
     arm = np.stack([still, back, quat.slerp(still, back, np.full(several, 0.5))], axis=-2)
-    rotations = np.concatenate([arm, halves.reshape(*several, -1, 4), turned.reshape(*several, -1, 4)], axis=-2)
+    rotations = np.concatenate(
+        [arm, halves.reshape(*several, -1, 4), turned.reshape(*several, -1, 4)], axis=-2
+    )
     return rotations, _laid_out(places)
 
 
@@ -85,4 +91,6 @@ def _bound_chain() -> Array:
     return np.stack([first, second, quat.multiply(second, q[:, 2])], axis=1)
 
 
-_BOUND_CHAIN = _bound_chain()  # (5, 3, 4) orientations of the finger segments on the hand while the skin is bound
+_BOUND_CHAIN = (
+    _bound_chain()
+)  # (5, 3, 4) orientations of the finger segments on the hand while the skin is bound

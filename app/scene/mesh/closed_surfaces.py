@@ -16,7 +16,9 @@ def closed_tube(rings: Array, start: Array, stop: Array) -> tuple[Array, Indices
     after = np.roll(grid, -1, axis=1)
     base, tip = np.full(around, count * around), np.full(around, count * around + 1)
     caps = [np.stack([base, after[0], grid[0]], -1), np.stack([tip, grid[-1], after[-1]], -1)]
-    return np.concatenate([rings.reshape(-1, 3), start[None], stop[None]]), np.concatenate([_strips(grid, after), *caps])
+    return np.concatenate([rings.reshape(-1, 3), start[None], stop[None]]), np.concatenate(
+        [_strips(grid, after), *caps]
+    )
 
 
 def closed_plate(top: Array, bottom: Array) -> tuple[Array, Indices]:
@@ -26,8 +28,15 @@ def closed_plate(top: Array, bottom: Array) -> tuple[Array, Indices]:
     upper = _strips(grid[:, :-1], grid[:, 1:])
     border = np.concatenate([grid[0, :], grid[1:, -1], grid[-1, -2::-1], grid[-2:0:-1, 0]])
     after, below = np.roll(border, -1), rows * columns
-    rim = np.concatenate([np.stack([after, border, border + below], -1), np.stack([after, border + below, after + below], -1)])
-    return np.concatenate([top.reshape(-1, 3), bottom.reshape(-1, 3)]), np.concatenate([upper, upper[:, ::-1] + below, rim])
+    rim = np.concatenate(
+        [
+            np.stack([after, border, border + below], -1),
+            np.stack([after, border + below, after + below], -1),
+        ]
+    )
+    return np.concatenate([top.reshape(-1, 3), bottom.reshape(-1, 3)]), np.concatenate(
+        [upper, upper[:, ::-1] + below, rim]
+    )
 
 
 def _strips(left: Indices, right: Indices) -> Indices:

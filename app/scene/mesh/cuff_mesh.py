@@ -27,8 +27,15 @@ def cuff(shape: PalmShape) -> SkinnedMesh:
     start = -FOREARM * shape.length + 0.8 * _WIDTH * shape.breadth
     along, over = (np.array(column) for column in zip(*_PROFILE))
     y = start - along * _WIDTH * shape.breadth
-    phi = -2 * np.pi * np.arange(_AROUND) / _AROUND  # towards the elbow: the other way round than a finger
-    depth, breadth = (half[:, None] + (over * _THICK * shape.breadth)[:, None] for half in shape.forearm_half_axes(y))
-    rings = np.stack(np.broadcast_arrays(depth * np.sin(phi), y[:, None], breadth * np.cos(phi)), axis=-1)
+    phi = (
+        -2 * np.pi * np.arange(_AROUND) / _AROUND
+    )  # towards the elbow: the other way round than a finger
+    depth, breadth = (
+        half[:, None] + (over * _THICK * shape.breadth)[:, None]
+        for half in shape.forearm_half_axes(y)
+    )
+    rings = np.stack(
+        np.broadcast_arrays(depth * np.sin(phi), y[:, None], breadth * np.cos(phi)), axis=-1
+    )
     vertices, faces = closed_tube(rings, np.array([0.0, y[0], 0.0]), np.array([0.0, y[-1], 0.0]))
     return SkinnedMesh(vertices, faces, np.ones((len(vertices), 1)), ("forearm",))

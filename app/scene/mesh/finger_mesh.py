@@ -14,9 +14,18 @@ from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS
 from handscope.estimators.numerics.quaternions import Array
 
 AROUND = 24  # vertices in a ring
-LEAVES_PALM = {"thumb": 0.80, "index": 0.56, "middle": 0.56, "ring": 0.59, "little": 0.62}  # of the first segment
+LEAVES_PALM = {
+    "thumb": 0.80,
+    "index": 0.56,
+    "middle": 0.56,
+    "ring": 0.59,
+    "little": 0.62,
+}  # of the first segment
 _BEND = 1.6  # of the half breadth: over which length the skin of a joint bends
-_BORDER, _OVER = (-2.5e-3, 0.0, 3e-3), (-0.8e-3, 0.0, 0.25e-3)  # m: it begins below the palm's skin and comes out of it on a clean line
+_BORDER, _OVER = (
+    (-2.5e-3, 0.0, 3e-3),
+    (-0.8e-3, 0.0, 0.25e-3),
+)  # m: it begins below the palm's skin and comes out of it on a clean line
 
 
 def leaves_palm(finger: str, shape: FingerShape) -> float:
@@ -38,14 +47,18 @@ def tube(shape: FingerShape, start: float) -> tuple[Array, Indices, Array]:
     rings = shape.surface(t[:, None], phi[None, :])
     over = np.interp(t - start, _BORDER, _OVER)
     rings[..., ::2] *= (1.0 + over / shape.half_breadth)[:, None, None]
-    vertices, faces = closed_tube(rings, np.array([0.0, t[0], 0.0]), np.array([0.0, shape.length, 0.0]))
+    vertices, faces = closed_tube(
+        rings, np.array([0.0, t[0], 0.0]), np.array([0.0, shape.length, 0.0])
+    )
     return vertices, faces, bend_weights(vertices[:, 1], shape)
 
 
 def bend_weights(t: Array, shape: FingerShape) -> Array:
     """Weights (n, 5) of first segment, half-way bone, second, half-way bone and third at distal coordinates t (n,)."""
     near, far = (hinge(through(t, joint, _BEND * shape.half_breadth)) for joint in shape.joints[1:])
-    return np.stack([near[0], near[1], near[2] * far[0], near[2] * far[1], near[2] * far[2]], axis=-1)
+    return np.stack(
+        [near[0], near[1], near[2] * far[0], near[2] * far[1], near[2] * far[2]], axis=-1
+    )
 
 
 def _rings(start: float, shape: FingerShape) -> Array:

@@ -15,7 +15,13 @@ from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.hand.geometry import MCP_ULNAR, HandGeometry
 from handscope.estimators.numerics.quaternions import Array
 
-HALF_BREADTH = {"thumb": 0.130, "index": 0.116, "middle": 0.119, "ring": 0.112, "little": 0.099}  # of hand breadth, at PIP; thumb at IP
+HALF_BREADTH = {
+    "thumb": 0.130,
+    "index": 0.116,
+    "middle": 0.119,
+    "ring": 0.112,
+    "little": 0.099,
+}  # of hand breadth, at PIP; thumb at IP
 SQUARENESS = 2.25  # exponent of the superellipse of a section: 2 is an ellipse
 
 # segment, share of its length, half breadth, dorsal and palmar half depth in units of the half breadth at the middle joint
@@ -58,7 +64,9 @@ class FingerShape:
         """Half breadth, dorsal and palmar half depth (..., 3) at distal coordinates t (...)."""
         closing = self.length - _TIP_ROUNDING * self.half_breadth
         s = np.clip((t - closing) / (self.length - closing), 0.0, 1.0)
-        sections: Array = self.profile(np.clip(t, 0.0, self.length)) * np.sqrt(1.0 - s**2)[..., None]
+        sections: Array = (
+            self.profile(np.clip(t, 0.0, self.length)) * np.sqrt(1.0 - s**2)[..., None]
+        )
         return sections
 
     def surface(self, t: Array, phi: Array) -> Array:
@@ -66,7 +74,10 @@ class FingerShape:
         breadth, dorsal, palmar = np.moveaxis(self.section(t), -1, 0)
         c, s = np.cos(phi), np.sin(phi)
         depth = np.where(s > 0, dorsal, palmar)
-        return np.stack([depth * _squared(s), np.broadcast_to(t, np.shape(s + t)), breadth * _squared(c)], axis=-1)
+        return np.stack(
+            [depth * _squared(s), np.broadcast_to(t, np.shape(s + t)), breadth * _squared(c)],
+            axis=-1,
+        )
 
 
 def hand_breadth(geometry: HandGeometry) -> float:

@@ -11,7 +11,14 @@ from handscope.app.scene.mesh.cuff_mesh import cuff
 from handscope.app.scene.mesh.nail_mesh import nail
 from handscope.app.scene.mesh.palm_mesh import palm
 from handscope.app.scene.mesh.palm_shape import Root, palm_shape
-from handscope.app.scene.mesh.skinned_mesh import SkinnedMesh, carried_by, cut_out, inflated, merged, mirrored
+from handscope.app.scene.mesh.skinned_mesh import (
+    SkinnedMesh,
+    carried_by,
+    cut_out,
+    inflated,
+    merged,
+    mirrored,
+)
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.quaternions import Array
@@ -31,31 +38,56 @@ class HandMesh:
     cuff: SkinnedMesh
     fingers: Mapping[str, SkinnedMesh]
     nails: Mapping[str, SkinnedMesh]
-    whole_fingers: Mapping[str, SkinnedMesh]  # the fingers from their first joint, which lies in the palm
+    whole_fingers: Mapping[
+        str, SkinnedMesh
+    ]  # the fingers from their first joint, which lies in the palm
     rest: Array  # (bones, 3) m, where the bones' joints are while bound
 
     def parts(self) -> dict[str, SkinnedMesh]:
         """All meshes by name: fingers and nails before the palm, the order in which translucent parts look right."""
-        return {**self.fingers, **{f"{finger}_nail": nail for finger, nail in self.nails.items()}, "palm": self.palm, "cuff": self.cuff}
+        return {
+            **self.fingers,
+            **{f"{finger}_nail": nail for finger, nail in self.nails.items()},
+            "palm": self.palm,
+            "cuff": self.cuff,
+        }
 
     def ghost(self, whole: bool) -> dict[str, SkinnedMesh]:
         """What a second, translucent hand needs to lie over the first: its fingers from their first joint, or all of it."""
         without_forearm = cut_out(self.palm, 0.3 - carried_by(self.palm, "forearm"))
-        parts = {"hand": merged([*map(_opened, self.fingers.values()), without_forearm])} if whole else self.whole_fingers
+        parts = (
+            {"hand": merged([*map(_opened, self.fingers.values()), without_forearm])}
+            if whole
+            else self.whole_fingers
+        )
         return {name: inflated(mesh, _GHOST_OVER) for name, mesh in parts.items()}
 
 
 def hand_mesh(geometry: HandGeometry) -> HandMesh:
     """The hand; the right one is the left one mirrored. Building takes most of a second: those of the last few geometries are kept, read-only."""
     joints = tuple((joint, tuple(place)) for joint, place in geometry.joint_positions.items())
-    return _built(geometry.hand, tuple(geometry.lengths.items()), joints, tuple(geometry.tip_tissue.items()), geometry.palm_length)
+    return _built(
+        geometry.hand,
+        tuple(geometry.lengths.items()),
+        joints,
+        tuple(geometry.tip_tissue.items()),
+        geometry.palm_length,
+    )
 
 
 @lru_cache(maxsize=_KEPT)
-def _built(hand: Hand, lengths: Lengths, joints: Places, tip_tissue: Lengths, palm_length: float) -> HandMesh:
+def _built(
+    hand: Hand, lengths: Lengths, joints: Places, tip_tissue: Lengths, palm_length: float
+) -> HandMesh:
     geometry = HandGeometry(hand, dict(lengths), dict(joints), dict(tip_tissue), palm_length)
     built = _hand(geometry)
-    for mesh in (built.palm, built.cuff, *built.fingers.values(), *built.nails.values(), *built.whole_fingers.values()):
+    for mesh in (
+        built.palm,
+        built.cuff,
+        *built.fingers.values(),
+        *built.nails.values(),
+        *built.whole_fingers.values(),
+    ):
         for array in (mesh.vertices, mesh.faces, mesh.weights):
             array.flags.writeable = False
     return built
@@ -85,10 +117,14 @@ def _same(mesh: SkinnedMesh) -> SkinnedMesh:
 
 
 def _finger(finger: str, root: Root, start: float | None = None) -> SkinnedMesh:
-    vertices, faces, weights = finger_mesh.tube(root.shape, finger_mesh.leaves_palm(finger, root.shape) if start is None else start)
+    vertices, faces, weights = finger_mesh.tube(
+        root.shape, finger_mesh.leaves_palm(finger, root.shape) if start is None else start
+    )
     return SkinnedMesh(root.on_hand(vertices), faces, weights, finger_mesh.finger_bones(finger))
 
 
 def _nail(finger: str, root: Root) -> SkinnedMesh:
     vertices, faces = nail(root.shape)
-    return SkinnedMesh(root.on_hand(vertices), faces, np.ones((len(vertices), 1)), (CHAINS[finger][2],))
+    return SkinnedMesh(
+        root.on_hand(vertices), faces, np.ones((len(vertices), 1)), (CHAINS[finger][2],)
+    )

@@ -12,5 +12,8 @@ def highlight_parts(hand: HandMesh, segment: str) -> dict[str, SkinnedMesh]:
     """Open surfaces over the segment's skin, by the mesh they lie on: the finger's, the palm's, or both."""
     finger = next((f for f in FINGERS if segment in CHAINS[f]), None)
     sources = {"palm": hand.palm} | ({finger: hand.fingers[finger]} if finger else {})
-    patches = {name: cut_out(inflated(mesh, _RAISED), carried_by(mesh, segment) - _MINE) for name, mesh in sources.items()}
+    patches = {
+        name: cut_out(inflated(mesh, _RAISED), carried_by(mesh, segment) - _MINE)
+        for name, mesh in sources.items()
+    }
     return {name: patch for name, patch in patches.items() if len(patch.faces)}

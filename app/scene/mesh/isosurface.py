@@ -16,10 +16,19 @@ from handscope.estimators.numerics.quaternions import Array
 
 Field = Callable[[Array], Array]
 _CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-_EDGES = np.array([[a, b] for a in range(8) for b in range(a + 1, 8) if np.abs(_CORNERS[a] - _CORNERS[b]).sum() == 1])
+_EDGES = np.array(
+    [
+        [a, b]
+        for a in range(8)
+        for b in range(a + 1, 8)
+        if np.abs(_CORNERS[a] - _CORNERS[b]).sum() == 1
+    ]
+)
 
 
-def surface(field: Field, low: Array, high: Array, cell: float, relax: int = 6) -> tuple[Array, Indices]:
+def surface(
+    field: Field, low: Array, high: Array, cell: float, relax: int = 6
+) -> tuple[Array, Indices]:
     """Mesh the zero level of `field` between the corners `low` and `high` (3,) with cells of size `cell`."""
     size = np.ceil((high - low) / cell).astype(int) + 1
     grid = np.stack(np.meshgrid(*(np.arange(n) for n in size), indexing="ij"), axis=-1)
@@ -45,7 +54,9 @@ def neighbours(n: int, faces: Indices) -> sparse.csr_array:
 def _cell_points(values: Array) -> tuple[Indices, Array]:
     """One point in every cell that the surface passes: the mean of where it crosses the cell's edges. Unused cells have index -1."""
     n = np.array(values.shape) - 1
-    corners = np.stack([values[i : i + n[0], j : j + n[1], k : k + n[2]] for i, j, k in _CORNERS], axis=-1)
+    corners = np.stack(
+        [values[i : i + n[0], j : j + n[1], k : k + n[2]] for i, j, k in _CORNERS], axis=-1
+    )
     mixed = (corners < 0).any(axis=-1) & (corners >= 0).any(axis=-1)
     cells, f = np.argwhere(mixed), corners[mixed]
     total, count = np.zeros((len(cells), 3)), np.zeros(len(cells))
@@ -68,7 +79,10 @@ def _quads(values: Array, index: Indices) -> Indices:
         cells = np.moveaxis(index, (axis, u, v), (0, 1, 2))
         start, stop = f[:-1, 1:-1, 1:-1], f[1:, 1:-1, 1:-1]
         i, j, k = np.nonzero((start < 0) != (stop < 0))
-        ring = np.stack([cells[i, j, k], cells[i, j + 1, k], cells[i, j + 1, k + 1], cells[i, j, k + 1]], axis=-1)
+        ring = np.stack(
+            [cells[i, j, k], cells[i, j + 1, k], cells[i, j + 1, k + 1], cells[i, j, k + 1]],
+            axis=-1,
+        )
         outward = start[i, j, k] < 0
         quads.append(np.where(outward[:, None], ring, ring[:, ::-1]))
     return np.concatenate(quads)
@@ -78,8 +92,12 @@ def _onto(field: Field, points: Array, step: float) -> Array:
     """Move points onto the zero level along the field's gradient."""
     shifts = step * np.eye(3)
     value = field(points)
-    gradient = np.stack([field(points + s) - field(points - s) for s in shifts], axis=-1) / (2 * step)
-    onto: Array = points - (value / np.maximum(np.sum(gradient**2, axis=-1), 1e-6))[:, None] * gradient
+    gradient = np.stack([field(points + s) - field(points - s) for s in shifts], axis=-1) / (
+        2 * step
+    )
+    onto: Array = (
+        points - (value / np.maximum(np.sum(gradient**2, axis=-1), 1e-6))[:, None] * gradient
+    )
     return onto
 
 

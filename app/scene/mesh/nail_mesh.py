@@ -9,7 +9,11 @@ from handscope.estimators.numerics.quaternions import Array
 
 _ROOT, _EDGE = 0.46, 0.985  # of the last segment, tissue included
 _HALF_ANGLE = np.radians(58.0)  # how far round the finger it reaches
-_LIFT, _FREE, _DEPTH = 0.25e-3, 0.25e-3, 0.6e-3  # m: over the skin, free edge above that, below the skin
+_LIFT, _FREE, _DEPTH = (
+    0.25e-3,
+    0.25e-3,
+    0.6e-3,
+)  # m: over the skin, free edge above that, below the skin
 _DORSAL = np.array([1.0, 0.0, 0.0])
 
 
@@ -17,7 +21,9 @@ def nail(shape: FingerShape) -> tuple[Array, Indices]:
     """Vertices (V, 3) and faces (F, 3) in the straight finger's coordinates."""
     x, y = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(0, 1, 9))  # across, and from root to edge
     skin = shape.surface(_along(x, y, shape), np.pi / 2 + _half_angle(y) * x)
-    top = skin + (_LIFT * _arch(x, y) + _FREE * np.maximum((y - 0.7) / 0.3, 0.0))[..., None] * _DORSAL
+    top = (
+        skin + (_LIFT * _arch(x, y) + _FREE * np.maximum((y - 0.7) / 0.3, 0.0))[..., None] * _DORSAL
+    )
     return closed_plate(top, skin - _DEPTH * _DORSAL)
 
 
@@ -25,7 +31,10 @@ def _along(x: Array, y: Array, shape: FingerShape) -> Array:
     """Distal coordinate, m: root and edge are bowed."""
     bowed = y + 0.048 * (1 - x**2) * (2 * y - 1)
     last = shape.length - shape.joints[2]
-    return np.minimum(shape.joints[2] + last * (_ROOT + (_EDGE - _ROOT) * bowed), shape.length - 0.02 * shape.half_breadth)
+    return np.minimum(
+        shape.joints[2] + last * (_ROOT + (_EDGE - _ROOT) * bowed),
+        shape.length - 0.02 * shape.half_breadth,
+    )
 
 
 def _half_angle(y: Array) -> Array:

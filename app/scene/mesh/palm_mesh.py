@@ -13,7 +13,11 @@ from handscope.estimators.numerics.quaternions import Array
 
 CELL = 0.030  # of hand breadth: 2.6 mm on an 85 mm hand
 _SMOOTHING = 6  # rounds of averaging neighbours' weights, about a cell each
-_MCP_BEND, _CMC_BEND, _WRIST_BEND = 0.24, 0.26, 0.40  # of hand breadth: over which length the skin of a joint bends
+_MCP_BEND, _CMC_BEND, _WRIST_BEND = (
+    0.24,
+    0.26,
+    0.40,
+)  # of hand breadth: over which length the skin of a joint bends
 _WEB = 0.022  # of hand breadth: how sharply the web between two fingers is divided between them
 
 
@@ -34,14 +38,18 @@ def palm(shape: PalmShape) -> SkinnedMesh:
 
 def _box(shape: PalmShape) -> tuple[Array, Array]:
     ends = [shape.roots[f].on_hand(np.array([0.0, shape.ends[f], 0.0])) for f in FINGERS]
-    marks = np.array([*ends, *(root.place for root in shape.roots.values()), [0.0, -FOREARM * shape.length, 0.0]])
+    marks = np.array(
+        [*ends, *(root.place for root in shape.roots.values()), [0.0, -FOREARM * shape.length, 0.0]]
+    )
     margin = np.array([0.36, 0.12, 0.30]) * shape.breadth
     return marks.min(axis=0) - margin, marks.max(axis=0) + margin
 
 
 def _weights(shape: PalmShape, points: Array) -> Mapping[str, Array]:
     """The weight of every bone at points (n, 3): who carries a point is who is nearest, and how far along it lies through the joint."""
-    forearm, wrist, beyond = hinge(through(points[:, 1], -0.02 * shape.breadth, _WRIST_BEND * shape.breadth))
+    forearm, wrist, beyond = hinge(
+        through(points[:, 1], -0.02 * shape.breadth, _WRIST_BEND * shape.breadth)
+    )
     _, thumb_half, thumb = hinge(_thumb(shape, points))
     weights = {"forearm": forearm, "wrist_half": wrist, "hand": np.zeros(len(points))}
     weights |= {"thumb_cmc_half": beyond * thumb_half, CHAINS["thumb"][0]: beyond * thumb}
@@ -50,17 +58,24 @@ def _weights(shape: PalmShape, points: Array) -> Mapping[str, Array]:
         along = shape.roots[finger].local(points)[:, 1]
         before, half, after = hinge(through(along, 0.02 * shape.breadth, _MCP_BEND * shape.breadth))
         weights["hand"] = weights["hand"] + left * share * before
-        weights |= {FINGER_JOINTS[finger][0] + "_half": left * share * half, CHAINS[finger][0]: left * share * after}
+        weights |= {
+            FINGER_JOINTS[finger][0] + "_half": left * share * half,
+            CHAINS[finger][0]: left * share * after,
+        }
     return weights
 
 
 def _thumb(shape: PalmShape, points: Array) -> Array:
     """How far points move with the thumb (n,): nearer to its metacarpal than to the palm's middle, and beyond the CMC joint."""
     root = shape.roots["thumb"]
-    to_thumb = _to_line(points, root.place, root.on_hand(np.array([0.0, root.shape.joints[1], 0.0])))
+    to_thumb = _to_line(
+        points, root.place, root.on_hand(np.array([0.0, root.shape.joints[1], 0.0]))
+    )
     to_palm = _to_line(points, shape.at(-0.05, 0.12, 0.0), shape.roots["index"].place)
     nearer = through(to_palm / (to_thumb + to_palm), 0.51, 0.30)
-    return nearer * through(root.local(points)[:, 1], 0.09 * shape.breadth, _CMC_BEND * shape.breadth)
+    return nearer * through(
+        root.local(points)[:, 1], 0.09 * shape.breadth, _CMC_BEND * shape.breadth
+    )
 
 
 def _nearest_finger(shape: PalmShape, points: Array) -> Array:

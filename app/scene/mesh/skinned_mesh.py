@@ -49,7 +49,9 @@ def merged(meshes: Sequence[SkinnedMesh]) -> SkinnedMesh:
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     weights = np.zeros((starts[-1], len(bones)))
     for mesh, start in zip(meshes, starts):
-        weights[start : start + len(mesh.vertices), [bones.index(bone) for bone in mesh.bones]] = mesh.weights
+        weights[start : start + len(mesh.vertices), [bones.index(bone) for bone in mesh.bones]] = (
+            mesh.weights
+        )
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts)])
     return SkinnedMesh(np.concatenate([mesh.vertices for mesh in meshes]), faces, weights, bones)
 
@@ -76,7 +78,9 @@ def vertex_normals(vertices: Array, faces: Indices) -> Array:
 def carried_by(mesh: SkinnedMesh, segment: str) -> Array:
     """How much of each vertex (V,) moves with the segment: its own bone and half of the half-way bones at its two ends."""
     halves = {f"{joint.name}_half" for joint in JOINTS if segment in (joint.parent, joint.child)}
-    factors = np.array([1.0 if bone == segment else 0.5 if bone in halves else 0.0 for bone in mesh.bones])
+    factors = np.array(
+        [1.0 if bone == segment else 0.5 if bone in halves else 0.0 for bone in mesh.bones]
+    )
     shares: Array = mesh.weights @ factors
     return shares
 
@@ -86,7 +90,9 @@ def cut_out(mesh: SkinnedMesh, value: Array) -> SkinnedMesh:
     inside = value > 0
     count = inside[mesh.faces].sum(axis=1)
     lone = mesh.faces[(count == 1) | (count == 2)]
-    odd = np.where((inside[lone].sum(axis=1) == 1)[:, None], inside[lone], ~inside[lone]).argmax(axis=1)  # the corner alone on its side
+    odd = np.where((inside[lone].sum(axis=1) == 1)[:, None], inside[lone], ~inside[lone]).argmax(
+        axis=1
+    )  # the corner alone on its side
     a, b, c = (np.take_along_axis(lone, ((odd + k) % 3)[:, None], axis=1)[:, 0] for k in range(3))
     ends = np.concatenate([np.stack([a, b], 1), np.stack([a, c], 1)])
     share = value[ends[:, 0]] / (value[ends[:, 0]] - value[ends[:, 1]])
@@ -102,7 +108,10 @@ def cut_out(mesh: SkinnedMesh, value: Array) -> SkinnedMesh:
         ]
     )
     used, inverse = np.unique(faces, return_inverse=True)
-    vertices, weights = (np.concatenate([whole, new])[used] for whole, new in zip((mesh.vertices, mesh.weights), on_border))
+    vertices, weights = (
+        np.concatenate([whole, new])[used]
+        for whole, new in zip((mesh.vertices, mesh.weights), on_border)
+    )
     return SkinnedMesh(vertices, inverse.reshape(-1, 3), weights, mesh.bones)
 
 

@@ -16,17 +16,29 @@ from numpy.typing import NDArray
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.contact import runs
 from handscope.estimators.force.interpolation import noise_of
-from handscope.estimators.magnet.model.setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST
+from handscope.estimators.magnet.model.setup import (
+    EARTH_STRONGEST,
+    EARTH_WEAKEST,
+    STRONGEST,
+    WEAKEST,
+)
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
-from handscope.estimators.sensors.magnetometer_ellipsoid import Sphere, common_axes, fitted, not_on_the_plate
+from handscope.estimators.sensors.magnetometer_ellipsoid import (
+    Sphere,
+    common_axes,
+    fitted,
+    not_on_the_plate,
+)
 
 UNITS = {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7}
 SAME = {"µT": "uT", "μT": "uT", "Gauss": "G", "gauss": "G", "Gs": "G", "mGauss": "mG"}
 NORMALISED = "normalised"  # to the strength of the field where the array was calibrated
 MAINS = (50.0, 60.0)  # Hz
 STANDS_OUT = 5.0  # times the spectrum beside it
-FEWEST_READ = 20  # readings: an axis that gives so many equal ones while others change does not answer
+FEWEST_READ = (
+    20  # readings: an axis that gives so many equal ones while others change does not answer
+)
 MOVED = 3e-6  # T: so much do magnetometers hardly change against each other by themselves
 STUCK = 3  # equal largest readings in a row are a limit
 
@@ -38,7 +50,9 @@ class Turned:
     spheres: tuple[Sphere, ...]
     mirrored: NDArray[np.bool_]  # (magnetometers,) axes are left-handed against the first one's
     q_bl: Array  # (magnetometers, 4) to the first one's axes
-    left: Array  # (magnetometers,) T, RMS against the mean of all: calibrations and the room together
+    left: (
+        Array  # (magnetometers,) T, RMS against the mean of all: calibrations and the room together
+    )
 
     @property
     def gains(self) -> Array:
@@ -53,7 +67,11 @@ class Turned:
     def corrected(self, mag: Array) -> Array:
         """Readings (n, magnetometers, 3) in T, each in its own right-handed axes."""
         return np.stack(
-            [(-1.0 if flip else 1.0) * s.corrected(mag[:, k]) for k, (s, flip) in enumerate(zip(self.spheres, self.mirrored))], axis=1
+            [
+                (-1.0 if flip else 1.0) * s.corrected(mag[:, k])
+                for k, (s, flip) in enumerate(zip(self.spheres, self.mirrored))
+            ],
+            axis=1,
         )
 
 
@@ -87,7 +105,9 @@ def in_tesla(mag: Array, unit: str | float, earth: float | None) -> Array:
     unit = SAME.get(unit, unit)
     if unit == NORMALISED:
         if earth is None:
-            raise InputError("Readings that are normalised to 1 need the strength of the field where they were calibrated: tell `earth`.")
+            raise InputError(
+                "Readings that are normalised to 1 need the strength of the field where they were calibrated: tell `earth`."
+            )
         return np.asarray(mag * earth)
     if unit not in UNITS:
         raise InputError(
@@ -97,21 +117,34 @@ def in_tesla(mag: Array, unit: str | float, earth: float | None) -> Array:
 
 
 def require_sense(
-    earth: float | None, moment: float | None, limit: float | None, place_sd: float, calibration_sd: float | None, gradient: float
+    earth: float | None,
+    moment: float | None,
+    limit: float | None,
+    place_sd: float,
+    calibration_sd: float | None,
+    gradient: float,
 ) -> None:
     """InputError where what is told of an array is none in T, A m^2 and m."""
     if earth is not None and not EARTH_WEAKEST <= earth <= EARTH_STRONGEST:
-        raise InputError(f"The array's earth is told as {earth:g} T; the earth's field is 2.2e-5 to 6.7e-5 T.")
+        raise InputError(
+            f"The array's earth is told as {earth:g} T; the earth's field is 2.2e-5 to 6.7e-5 T."
+        )
     if moment is not None and not WEAKEST <= moment <= STRONGEST:
         raise InputError(
             f"A moment of {moment:g} A m^2 is no magnet for a hand ({WEAKEST:g} to {STRONGEST:g}); a neodymium disc has about 1 A m^2 a cm^3."
         )
     if limit is not None and not limit > 0:
-        raise InputError(f"The array's limit is told as {limit:g}; it is the largest reading of an axis, in the unit of the table.")
+        raise InputError(
+            f"The array's limit is told as {limit:g}; it is the largest reading of an axis, in the unit of the table."
+        )
     if not 0 <= place_sd <= 0.02:
-        raise InputError(f"The array's place_sd is told as {place_sd:g} m; it is the error of a magnetometer's place, 0 to 0.02 m.")
+        raise InputError(
+            f"The array's place_sd is told as {place_sd:g} m; it is the error of a magnetometer's place, 0 to 0.02 m."
+        )
     if calibration_sd is not None and not 0 <= calibration_sd <= EARTH_WEAKEST:
-        raise InputError(f"The array's calibration_sd is told as {calibration_sd:g} T; it is what the calibration left, some 1e-7 T.")
+        raise InputError(
+            f"The array's calibration_sd is told as {calibration_sd:g} T; it is what the calibration left, some 1e-7 T."
+        )
     if not 0 <= gradient <= 1e-3:
         raise InputError(
             f"The array's gradient is told as {gradient:g} T/m; it is what the field changes by in a metre, some 5e-6 T/m in a room."
@@ -120,7 +153,9 @@ def require_sense(
 
 def units_that_fit(strength: float, unit: str | float) -> list[str]:
     """Units with which a field read as `strength` T would be the earth's."""
-    read = strength / (unit if isinstance(unit, (int, float)) else UNITS.get(SAME.get(unit, unit), 1.0))
+    read = strength / (
+        unit if isinstance(unit, (int, float)) else UNITS.get(SAME.get(unit, unit), 1.0)
+    )
     return [u for u, size in UNITS.items() if 22e-6 <= read * size <= 67e-6]
 
 
@@ -129,17 +164,26 @@ def turned(mag: Array, names: Sequence[str], earth: float | None) -> Turned:
     spheres = tuple(fitted(mag[:, k], name, earth) for k, name in enumerate(names))
     own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(spheres)], axis=1)
     if earth is None:  # the first one's strength is everybody's: they saw the same field
-        spheres = tuple(fitted(mag[:, k], name, spheres[0].strength) for k, name in enumerate(names))
+        spheres = tuple(
+            fitted(mag[:, k], name, spheres[0].strength) for k, name in enumerate(names)
+        )
         own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(spheres)], axis=1)
     good = np.isfinite(own).all(axis=(1, 2))
     if good.sum() < 50:
-        raise InputError("The magnetometers hardly ever answered together while the board was turned: check their clocks and cables.")
+        raise InputError(
+            "The magnetometers hardly ever answered together while the board was turned: check their clocks and cables."
+        )
     common = common_axes(own)
     for said in not_on_the_plate(names, common).values():
         raise InputError(said)
     alike = quat.rotate(common.q_1l, common.signs[:, None] * own)[good]
     off = alike - alike.mean(axis=1, keepdims=True)
-    return Turned(spheres, common.mirrored, common.q_1l, np.sqrt((off**2).mean(axis=(0, 2)) * len(names) / max(len(names) - 1, 1)))
+    return Turned(
+        spheres,
+        common.mirrored,
+        common.q_1l,
+        np.sqrt((off**2).mean(axis=(0, 2)) * len(names) / max(len(names) - 1, 1)),
+    )
 
 
 def still(mag: Array, q_bl: Array | None) -> Still:
@@ -148,9 +192,15 @@ def still(mag: Array, q_bl: Array | None) -> Still:
     first, last = (_apart(part) for part in (y[: len(y) // 2], y[len(y) // 2 :]))
     change = (last - first)[np.isfinite(last - first)]
     if not len(change):
-        raise InputError("The recording without the magnet holds too little: record the array for some seconds while it stands still.")
+        raise InputError(
+            "The recording without the magnet holds too little: record the array for some seconds while it stands still."
+        )
     drift, steps = float(np.sqrt((change**2).mean())), np.diff(y - _mean(y, 1)[:, None], axis=0)
-    noise = float(np.sqrt((steps[np.isfinite(steps)] ** 2).mean() / 2)) if np.isfinite(steps).any() else 0.0
+    noise = (
+        float(np.sqrt((steps[np.isfinite(steps)] ** 2).mean() / 2))
+        if np.isfinite(steps).any()
+        else 0.0
+    )
     if drift > max(MOVED, 6 * noise * float(np.sqrt(4 / len(y)))):
         raise InputError(
             f"Without the magnet the magnetometers changed against each other by {1e6 * drift:.2g} uT: the magnet was there, or the array was moved. "
@@ -183,7 +233,9 @@ def looked(t: Array, mag: Array, limit: float | None) -> Looked:
     known = np.isfinite(mag)
     spread = np.where(known, mag, -np.inf).max(axis=0) - np.where(known, mag, np.inf).min(axis=0)
     frozen = (spread == 0).any(axis=1) & (len(t) >= FEWEST_READ) & (np.median(spread) > 0)
-    return Looked(noise, hum, at, limited, float(np.isnan(mag).any(axis=-1).mean()), np.asarray(frozen))
+    return Looked(
+        noise, hum, at, limited, float(np.isnan(mag).any(axis=-1).mean()), np.asarray(frozen)
+    )
 
 
 def together(t: Array, own: Array, mag: Array) -> Array:
@@ -202,7 +254,9 @@ def sentences(names: Sequence[str], looked: Looked) -> list[str]:
     """What somebody has to know before the answer is read."""
     said = []
     if looked.missing > 0.01:
-        said.append(f"{100 * looked.missing:.0f} % of the readings are missing; nothing is made up for them")
+        said.append(
+            f"{100 * looked.missing:.0f} % of the readings are missing; nothing is made up for them"
+        )
     said += [
         f"{name}: an axis always reads the same, it does not answer; its readings are left out"
         for name, frozen in zip(names, looked.frozen)
@@ -211,9 +265,13 @@ def sentences(names: Sequence[str], looked: Looked) -> list[str]:
     for k, name in enumerate(names):
         share = float(looked.limited[:, k].mean())
         if share > 0:
-            said.append(f"{name}: at its limit {100 * share:.1f} % of the time; these readings are left out")
+            said.append(
+                f"{name}: at its limit {100 * share:.1f} % of the time; these readings are left out"
+            )
         if looked.hum[k] > 0:
-            said.append(f"{name}: mains hum of {1e6 * looked.hum[k]:.2g} uT (shows at {looked.hum_at:.3g} Hz); it counts as noise")
+            said.append(
+                f"{name}: mains hum of {1e6 * looked.hum[k]:.2g} uT (shows at {looked.hum_at:.3g} Hz); it counts as noise"
+            )
     return said
 
 
@@ -226,7 +284,9 @@ def _limited(mag: Array, limit: float | None) -> NDArray[np.bool_]:
     for k in range(mag.shape[1]):
         for axis in mag[:, k].T:
             known = axis[np.isfinite(axis)]
-            if len(known) < 8 or (np.diff(known) == 0).mean() > 0.5:  # coarse counts repeat themselves anyhow
+            if (
+                len(known) < 8 or (np.diff(known) == 0).mean() > 0.5
+            ):  # coarse counts repeat themselves anyhow
                 continue
             for end in (known.min(), known.max()):
                 if abs(end - np.median(known)) > 0.25 * np.ptp(known):
@@ -243,14 +303,21 @@ def _hum(t: Array, mag: Array) -> tuple[Array, float]:
     rate = (n - 1) / float(t[-1] - t[0])
     filled = np.where(np.isfinite(mag), mag, np.nanmedian(mag, axis=0))
     window = np.hanning(n)[:, None, None]
-    size = np.sqrt((np.abs(np.fft.rfft(np.diff(filled, axis=0, prepend=filled[:1]) * window, axis=0)) ** 2).sum(axis=2))
+    size = np.sqrt(
+        (
+            np.abs(np.fft.rfft(np.diff(filled, axis=0, prepend=filled[:1]) * window, axis=0)) ** 2
+        ).sum(axis=2)
+    )
     frequency = np.fft.rfftfreq(n, 1.0 / rate)
     found, shows = nothing, float("nan")
     for line in MAINS:
         at = abs(line - rate * round(line / rate))
         if at < 2.0 or at > 0.5 * rate - 1.0:
             continue
-        near, beside = np.abs(frequency - at) < 0.3, (np.abs(frequency - at) > 0.6) & (np.abs(frequency - at) < 2.0)
+        near, beside = (
+            np.abs(frequency - at) < 0.3,
+            (np.abs(frequency - at) > 0.6) & (np.abs(frequency - at) < 2.0),
+        )
         if not near.any() or not beside.any():
             continue
         top, floor = size[near].max(axis=0), np.median(size[beside], axis=0)

@@ -36,7 +36,9 @@ def uneven(told: Told, x: Array) -> Uneven:
     left = _across(Q, off[..., None])
     explained = float(((np.swapaxes(U, 1, 2) @ left) ** 2).sum())
     rest = (float((left**2).sum()) - explained) / (len(x) * spare)
-    chance = float(f_distribution.sf(explained / (len(x) * SLOPES) / max(rest, 1e-12), SLOPES, spare))
+    chance = float(
+        f_distribution.sf(explained / (len(x) * SLOPES) / max(rest, 1e-12), SLOPES, spare)
+    )
     square = (explained - len(x) * SLOPES * rest) / max(float((s**2).sum()), 1e-12)
     return Uneven(chance, float(np.sqrt(max(square, 0.0))))
 

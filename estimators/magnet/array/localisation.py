@@ -14,19 +14,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.magnet.array.dipole_fit import ROUNDS, Told, by_places, improved, residuals, starts
+from handscope.estimators.magnet.array.dipole_fit import (
+    ROUNDS,
+    Told,
+    by_places,
+    improved,
+    residuals,
+    starts,
+)
 from handscope.estimators.magnet.model.setup import Constellation, require_field
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
 
 REGIONS = 2  # along each edge: the best place of every octant around the array is a start
-AMBIGUOUS = 12.0  # a second place whose cost is less than this above the best one's cannot be ruled out
-STRAIGHT = (
-    0.05  # of the distance: a place less sure than this lies where the field bends, and standard deviations from its slope say nothing
+AMBIGUOUS = (
+    12.0  # a second place whose cost is less than this above the best one's cannot be ruled out
 )
+STRAIGHT = 0.05  # of the distance: a place less sure than this lies where the field bends, and standard deviations from its slope say nothing
 SURE = 0.05  # m
 FIRST = 12  # rounds of all starts, where errors of the magnetometers' places count
-SAME, KEPT = 1e-3, 8  # m between places that are the same; places of a reading that are improved further
+SAME, KEPT = (
+    1e-3,
+    8,
+)  # m between places that are the same; places of a reading that are improved further
 PIECE = 4096  # readings at once
 
 
@@ -39,8 +49,12 @@ class Located:
     moment_sd: Array  # (n, 3) A m^2
     left: Array  # (n,) RMS of what is left, T
     misfit: Array  # (n,) the same in standard deviations of readings, errors of the magnetometers' places counted
-    disputed: NDArray[np.bool_]  # (n,) the size told is off by more than three of its standard deviations
-    found: NDArray[np.bool_]  # (n,) explained to within `worst` of them, and known better than `sure`
+    disputed: NDArray[
+        np.bool_
+    ]  # (n,) the size told is off by more than three of its standard deviations
+    found: NDArray[
+        np.bool_
+    ]  # (n,) explained to within `worst` of them, and known better than `sure`
 
 
 def located(
@@ -61,7 +75,9 @@ def located(
     `size_sd` as a share of the size, `place_sd` m of a magnetometer's place. What is left
     is `worst` standard deviations (RMS) at most. `uneven` T/m are the slopes of the field (magnet_uneven.py). More `regions` find more of the places that explain a reading as well."""
     if mag.ndim != 3 or mag.shape[1:] != (len(array), 3):
-        raise InputError(f"Readings must be (n, {len(array)}, 3) for this constellation, they are {mag.shape}.")
+        raise InputError(
+            f"Readings must be (n, {len(array)}, 3) for this constellation, they are {mag.shape}."
+        )
     require_field(mag)
     unknowns, told = 6 + 3 * (field is None), 3 * len(array) + (size is not None)
     if told < unknowns:
@@ -70,32 +86,56 @@ def located(
             "tell the field without the magnet and the moment's size, or use the tracker with inertial sensors."
         )
     y = quat.rotate(array.q_bl, mag)
-    background = np.full((len(y), 3), np.nan) if field is None else np.broadcast_to(field, (len(y), 3))
+    background = (
+        np.full((len(y), 3), np.nan) if field is None else np.broadcast_to(field, (len(y), 3))
+    )
     good = np.isfinite(y).all(axis=(1, 2)) & (np.isfinite(background).all(axis=1) | (field is None))
     out = *np.full((2, len(y), 9), np.nan), *np.full((2, len(y)), np.nan), np.zeros(len(y))
     rows = np.flatnonzero(good)
     for part in np.array_split(rows, max(1, -(-len(rows) // PIECE))):
         known, alike = None if field is None else background[part], np.ones((len(part), len(array)))
-        told_here = Told(y[part], array.places, known, size, noise, size_sd, alike, uneven).with_louder(alike)
+        told_here = Told(
+            y[part], array.places, known, size, noise, size_sd, alike, uneven
+        ).with_louder(alike)
         values = _solved(told_here, reach, regions, place_sd) if len(part) else ()
         for whole, piece in zip(out, values):
             whole[part] = piece
     x, sd, left, misfit, dispute = out
-    found = (told > unknowns) & np.isfinite(misfit) & (misfit < worst) & (sd[:, :3].max(axis=1) < surest(x[:, :3], array, sure))
+    found = (
+        (told > unknowns)
+        & np.isfinite(misfit)
+        & (misfit < worst)
+        & (sd[:, :3].max(axis=1) < surest(x[:, :3], array, sure))
+    )
     return Located(
-        x[:, :3], x[:, 3:6], x[:, 6:] if field is None else background.copy(), sd[:, :3], sd[:, 3:6], left, misfit, dispute >= 3, found
+        x[:, :3],
+        x[:, 3:6],
+        x[:, 6:] if field is None else background.copy(),
+        sd[:, :3],
+        sd[:, 3:6],
+        left,
+        misfit,
+        dispute >= 3,
+        found,
     )
 
 
 def surest(place: Array, array: Constellation, sure: float = SURE) -> Array:
     """Standard deviations (n,) m that places (n, 3) may have."""
-    return np.asarray(np.minimum(sure, STRAIGHT * np.linalg.norm(place[:, None] - array.places, axis=-1).min(axis=1)))
+    return np.asarray(
+        np.minimum(
+            sure, STRAIGHT * np.linalg.norm(place[:, None] - array.places, axis=-1).min(axis=1)
+        )
+    )
 
 
 def _apart(x: Array, cost: Array) -> tuple[Array, Array, int]:
     """Of the places that starts (n, many, 9) led to those with the lowest cost, each once; how many of each reading."""
     order = cost.argsort(axis=1)
-    x, cost = np.take_along_axis(x, order[..., None], axis=1), np.take_along_axis(cost, order, axis=1)
+    x, cost = (
+        np.take_along_axis(x, order[..., None], axis=1),
+        np.take_along_axis(cost, order, axis=1),
+    )
     near = np.linalg.norm(x[:, :, None, :3] - x[:, None, :, :3], axis=-1) < SAME
     again = (near & np.tri(x.shape[1], k=-1, dtype=bool)).any(axis=2)
     kept = np.argsort(again, axis=1, kind="stable")[:, :KEPT]
@@ -107,14 +147,20 @@ def noise_left(found: Located, many: int) -> float:
     """Standard deviation of readings of `many` magnetometers, T, by what places leave of them (nine unknowns explain a part): the noise, and what places and
     calibrations are off by, whatever the magnet does between one reading and the next."""
     left = found.left[np.isfinite(found.left)]
-    return float(np.median(left)) * float(np.sqrt(3 * many / (3 * many - 9))) if len(left) else np.inf
+    return (
+        float(np.median(left)) * float(np.sqrt(3 * many / (3 * many - 9))) if len(left) else np.inf
+    )
 
 
-def _solved(told: Told, reach: float, regions: int, place_sd: float) -> tuple[Array, Array, Array, Array, Array]:
+def _solved(
+    told: Told, reach: float, regions: int, place_sd: float
+) -> tuple[Array, Array, Array, Array, Array]:
     """Values (n, 9), their standard deviations, RMS left (n,) in T and in standard deviations, by how many of its own the size told is off (n,)."""
     begun = starts(told, reach, regions)  # (n, many, 9)
     n, many = begun.shape[:2]
-    x, cost = improved(begun.reshape(n * many, 9), told.repeated(many), ROUNDS if place_sd == 0 else FIRST)
+    x, cost = improved(
+        begun.reshape(n * many, 9), told.repeated(many), ROUNDS if place_sd == 0 else FIRST
+    )
     if place_sd > 0:
         x, cost, many = _apart(x.reshape(n, many, 9), cost.reshape(n, many))
         x, cost = improved(x, told.repeated(many))
@@ -130,9 +176,14 @@ def _solved(told: Told, reach: float, regions: int, place_sd: float) -> tuple[Ar
     variance = (Vt**2 / np.maximum(s, 1e-9)[..., None] ** 2).sum(axis=1)
     dispute = np.zeros(n) if told.size is None else np.abs(r[:, -1])
     r = r[:, : told.y[0].size].reshape(told.y.shape)
-    misfit, left = np.sqrt((r**2).mean(axis=(1, 2))), told.noise * np.sqrt(((r * told.louder[..., None]) ** 2).mean(axis=(1, 2)))
+    misfit, left = (
+        np.sqrt((r**2).mean(axis=(1, 2))),
+        told.noise * np.sqrt(((r * told.louder[..., None]) ** 2).mean(axis=(1, 2))),
+    )
     scale = np.repeat([1.0, 1.0, told.noise], 3) if told.field is None else np.ones(6)
     sd = np.zeros((n, 9))
     sd[:, : A.shape[2]] = np.sqrt(variance) * np.maximum(1.0, misfit)[:, None] * scale
-    sd[:, :3] = np.where(rival > 5 * np.linalg.norm(sd[:, :3], axis=1), rival, 0.0)[:, None] + sd[:, :3]
+    sd[:, :3] = (
+        np.where(rival > 5 * np.linalg.norm(sd[:, :3], axis=1), rival, 0.0)[:, None] + sd[:, :3]
+    )
     return x[best], sd, left, misfit, dispute

@@ -11,7 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from handscope.estimators.magnet.array.dipole_fit import OF_ONE, SLOPES, Told, by_places, improved, residuals, starts
+from handscope.estimators.magnet.array.dipole_fit import (
+    OF_ONE,
+    SLOPES,
+    Told,
+    by_places,
+    improved,
+    residuals,
+    starts,
+)
 from handscope.estimators.magnet.array.localisation import Located
 from handscope.estimators.magnet.model import dipole
 from handscope.estimators.magnet.model.setup import Constellation
@@ -25,7 +33,9 @@ REACH = 0.5  # m around the array in which a second magnet is looked for
 
 @dataclass(frozen=True)
 class Second:
-    chance: Array  # (n,) that noise alone would be explained so much better; NaN where nothing is known
+    chance: (
+        Array  # (n,) that noise alone would be explained so much better; NaN where nothing is known
+    )
     place: Array  # (n, 3) m, base frame
 
 
@@ -45,15 +55,38 @@ def second(
     if len(array) < FEWEST or not len(rows):
         return out
     one = np.concatenate([found.place, found.moment, found.field], axis=1)[rows]
-    told = Told(quat.rotate(array.q_bl, mag[rows]), array.places, None, size, noise, size_sd, np.ones((len(rows), len(array))), uneven)
+    told = Told(
+        quat.rotate(array.q_bl, mag[rows]),
+        array.places,
+        None,
+        size,
+        noise,
+        size_sd,
+        np.ones((len(rows), len(array))),
+        uneven,
+    )
     told = told.with_louder(by_places(one, told, place_sd))
-    left = told.y - one[:, None, OF_ONE:] - dipole.field(one[:, None, :3] - told.places, one[:, None, 3:OF_ONE])
+    left = (
+        told.y
+        - one[:, None, OF_ONE:]
+        - dipole.field(one[:, None, :3] - told.places, one[:, None, 3:OF_ONE])
+    )
     other = starts(Told(left, told.places, None, None, noise, size_sd, told.louder), REACH, 1)[:, 0]
     both, with_two = improved(
-        np.concatenate([one[:, :OF_ONE], other[:, :OF_ONE], one[:, OF_ONE:] + other[:, OF_ONE:]], axis=1), told, ROUNDS
+        np.concatenate(
+            [one[:, :OF_ONE], other[:, :OF_ONE], one[:, OF_ONE:] + other[:, OF_ONE:]], axis=1
+        ),
+        told,
+        ROUNDS,
     )
     off, A = residuals(one, told)
-    with_one, spare = (off**2).sum(axis=1), max(1, off.shape[1] - A.shape[2] - OF_ONE - SLOPES * (uneven > 0))
+    with_one, spare = (
+        (off**2).sum(axis=1),
+        max(1, off.shape[1] - A.shape[2] - OF_ONE - SLOPES * (uneven > 0)),
+    )
     better = (with_one - with_two) / OF_ONE / np.maximum(with_two / spare, 1e-12)
-    out.chance[rows], out.place[rows] = f_distribution.sf(better, OF_ONE, spare), both[:, OF_ONE : OF_ONE + 3]
+    out.chance[rows], out.place[rows] = (
+        f_distribution.sf(better, OF_ONE, spare),
+        both[:, OF_ONE : OF_ONE + 3],
+    )
     return out

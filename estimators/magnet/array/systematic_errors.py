@@ -61,7 +61,9 @@ def learnt(told: Told, x: Array) -> Alike:
     """Of readings with unknowns x (n, 9)."""
     off, A = residuals(x, told)
     Q, _ = np.linalg.qr(A)
-    left, added = (v - Q @ (np.swapaxes(Q, 1, 2) @ v) for v in (off[..., None], _added(told, x, off.shape[1])))
+    left, added = (
+        v - Q @ (np.swapaxes(Q, 1, 2) @ v) for v in (off[..., None], _added(told, x, off.shape[1]))
+    )
     kind, spare = kinds(len(told.places)), len(x) * (off.shape[1] - A.shape[2])
     F, r = added.reshape(-1, len(kind)), left.ravel()
     N, b, square = F.T @ F, F.T @ r, float(r @ r)
@@ -71,26 +73,41 @@ def learnt(told: Told, x: Array) -> Alike:
         errors = covariance @ b / noise
         each = errors**2 + np.diag(covariance)
         variance = np.array([each[kind == k].mean() for k in range(len(KINDS))])
-        noise = max(FAINT, float(square - 2 * errors @ b + errors @ N @ errors + (N * covariance).sum()) / spare)
+        noise = max(
+            FAINT,
+            float(square - 2 * errors @ b + errors @ N @ errors + (N * covariance).sum()) / spare,
+        )
     covariance, volume = _posterior(N, variance[kind], noise)
     errors = covariance @ b / noise
-    likelier = spare * np.log(square / spare / noise) + spare - square / noise + float(b @ errors) / noise - volume
+    likelier = (
+        spare * np.log(square / spare / noise)
+        + spare
+        - square / noise
+        + float(b @ errors) / noise
+        - volume
+    )
     most = KINDS[int(np.argmax([errors[kind == k] @ b[kind == k] for k in range(len(KINDS))]))]
     sizes = np.sqrt(variance) * [k.size for k in KINDS]
     return Alike(errors, covariance, sizes, noise, float(chi2.sf(likelier, len(KINDS))), most)
 
 
-def drawn(told: Told, x: Array, alike: Alike, chips: NDArray[np.intp], many: int) -> tuple[Array, Array]:
+def drawn(
+    told: Told, x: Array, alike: Alike, chips: NDArray[np.intp], many: int
+) -> tuple[Array, Array]:
     """By how much errors draw the unknowns x (n, 9) of readings of these of `many` magnetometers, and the variances (n, 9) that are left without that."""
     off, A = residuals(x, told)
     inverse = np.linalg.pinv(A)
     kind = kinds(many)
-    chip = np.concatenate([np.repeat(np.arange(many), k.each) if k.each else np.full(k.together, -1) for k in KINDS])
+    chip = np.concatenate(
+        [np.repeat(np.arange(many), k.each) if k.each else np.full(k.together, -1) for k in KINDS]
+    )
     there = (chip < 0) | np.isin(chip, chips)
     assert len(chip) == len(kind)
     by_error = inverse @ _added(told, x, off.shape[1])
     covariance = alike.covariance[np.ix_(there, there)]
-    variance = max(1.0, alike.noise) * (inverse**2).sum(axis=2) + np.einsum("nip,pq,niq->ni", by_error, covariance, by_error)
+    variance = max(1.0, alike.noise) * (inverse**2).sum(axis=2) + np.einsum(
+        "nip,pq,niq->ni", by_error, covariance, by_error
+    )
     scale = np.repeat([1.0, told.noise], [OF_ONE, A.shape[2] - OF_ONE])
     return scale * (by_error @ alike.errors[there]), scale**2 * variance
 
@@ -112,12 +129,16 @@ def _added(told: Told, x: Array, rows: int) -> Array:
     n, many = told.y.shape[:2]
     r, m, own = x[:, None, :3] - told.places, x[:, None, 3:OF_ONE], np.eye(many)[:, None, :, None]
     offsets = np.broadcast_to(own * np.eye(3)[:, None, :], (n, many, 3, many, 3))
-    there = x[:, None, OF_ONE:] + dipole.field(r, m)  # not as read: a gain of nothing would explain what is left of it
+    there = x[:, None, OF_ONE:] + dipole.field(
+        r, m
+    )  # not as read: a gain of nothing would explain what is left of it
     gains = np.einsum("lk,ij,nla->nlikja", np.eye(many), np.eye(3), there)
     places = own * -dipole.by_place(r, m)[:, :, :, None]
     slopes = np.broadcast_to(linear(told.places), (n, many, 3, SLOPES))
     noise = (told.noise * told.louder)[:, :, None, None]
-    late = own * (np.zeros((n, many, 3, 1, 1)) if told.rate is None else -told.rate[..., None, None])
+    late = own * (
+        np.zeros((n, many, 3, 1, 1)) if told.rate is None else -told.rate[..., None, None]
+    )
     turn = np.cross(np.eye(3), there[:, :, None]).swapaxes(2, 3)
     length, none = _lengthened(x, told), np.zeros((n, many, 3))
     each = zip(KINDS, (offsets, gains, places, late, length, slopes, turn, none))
@@ -133,4 +154,6 @@ def _lengthened(x: Array, told: Told) -> Array:
     """Field (n, magnetometers, 3) T that a^2 / 6 of 1 m^2 adds."""
     r, m = x[:, None, :3] - told.places, x[:, None, 3:OF_ONE]
     along = STEP * m / np.maximum(np.linalg.norm(m, axis=-1, keepdims=True), 1e-12)
-    return np.asarray((dipole.field(r + along, m) + dipole.field(r - along, m) - 2 * dipole.field(r, m)) / STEP**2)
+    return np.asarray(
+        (dipole.field(r + along, m) + dipole.field(r - along, m) - 2 * dipole.field(r, m)) / STEP**2
+    )

@@ -19,7 +19,11 @@ from handscope.estimators.numerics.quaternions import Array
 
 HALF = 0.02  # s to each side over which a change is looked at: quieter than between neighbours, and movement is straight for so long
 FARTHEST = 0.25  # s between readings: what is further apart says nothing of the change in between
-SURELY, LEAST, TOLD = 4.0, 1e-3, 3e-3  # standard deviations, s: less is not looked at again; less is left to the mixed model
+SURELY, LEAST, TOLD = (
+    4.0,
+    1e-3,
+    3e-3,
+)  # standard deviations, s: less is not looked at again; less is left to the mixed model
 MAD = 1.4826  # standard deviations of a median of sizes
 LATE = next(k for k, kind in enumerate(KINDS) if kind.name == "late")
 
@@ -44,7 +48,10 @@ def rates(t: Array, mag: Array) -> Array:
     if len(t) < 2:
         return np.zeros_like(mag)
     half = max(1, round(HALF * (len(t) - 1) / float(t[-1] - t[0])))
-    before, after = np.clip(np.arange(len(t)) - half, 0, None), np.clip(np.arange(len(t)) + half, None, len(t) - 1)
+    before, after = (
+        np.clip(np.arange(len(t)) - half, 0, None),
+        np.clip(np.arange(len(t)) + half, None, len(t) - 1),
+    )
     apart = t[after] - t[before]
     change = (mag[after] - mag[before]) / apart[:, None, None]
     return np.where(np.isfinite(change) & (apart < FARTHEST)[:, None, None], change, 0.0)
@@ -61,4 +68,7 @@ def late(alike: Alike, many: int) -> Late:
 
 def moved(t: Array, mag: Array, late: Array) -> Array:
     """Readings (n, magnetometers, 3) at t of magnetometers that are late by `late` (magnetometers,) s; NaN where that would be outside the recording."""
-    return np.stack([together(t, t - tau, mag[:, k]) if tau else mag[:, k] for k, tau in enumerate(late)], axis=1)
+    return np.stack(
+        [together(t, t - tau, mag[:, k]) if tau else mag[:, k] for k, tau in enumerate(late)],
+        axis=1,
+    )

@@ -23,7 +23,9 @@ def field(r: Array, moment: Array) -> Array:
 def by_moment(r: Array) -> Array:
     """J(r) (..., 3, 3): symmetric. (5.8)"""
     square = (r * r).sum(axis=-1)[..., None, None]
-    return np.asarray(MU0_4PI * (3 * r[..., :, None] * r[..., None, :] - square * np.eye(3)) / square**2.5)
+    return np.asarray(
+        MU0_4PI * (3 * r[..., :, None] * r[..., None, :] - square * np.eye(3)) / square**2.5
+    )
 
 
 def by_place(r: Array, moment: Array) -> Array:
@@ -31,4 +33,9 @@ def by_place(r: Array, moment: Array) -> Array:
     square = (r * r).sum(axis=-1)[..., None, None]
     along = (r * moment).sum(axis=-1)[..., None, None]
     rr, rm = r[..., :, None] * r[..., None, :], r[..., :, None] * moment[..., None, :]
-    return np.asarray(3 * MU0_4PI * (along * np.eye(3) + rm + np.swapaxes(rm, -1, -2) - 5 * along * rr / square) / square**2.5)
+    return np.asarray(
+        3
+        * MU0_4PI
+        * (along * np.eye(3) + rm + np.swapaxes(rm, -1, -2) - 5 * along * rr / square)
+        / square**2.5
+    )

@@ -12,11 +12,20 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
 
-WIDEST, CLOSEST = 1.0, 0.004  # m between two magnetometers on one trunk: further is no trunk, nearer is no metre
+WIDEST, CLOSEST = (
+    1.0,
+    0.004,
+)  # m between two magnetometers on one trunk: further is no trunk, nearer is no metre
 FARTHEST = 1.5  # m of a magnetometer from the base's inertial sensor
-STRONGEST, WEAKEST = 20.0, 1e-3  # A m^2: 20 is 15 cm^3 of neodymium, 1e-3 is not seen beyond some centimetres
+STRONGEST, WEAKEST = (
+    20.0,
+    1e-3,
+)  # A m^2: 20 is 15 cm^3 of neodymium, 1e-3 is not seen beyond some centimetres
 LARGEST_OFFSET = 0.3  # m of the magnet from the hand's inertial sensor
-EARTH_WEAKEST, EARTH_STRONGEST = 15e-6, 90e-6  # T: 22 to 67 uT on Earth (IGRF-13), less or more in a building
+EARTH_WEAKEST, EARTH_STRONGEST = (
+    15e-6,
+    90e-6,
+)  # T: 22 to 67 uT on Earth (IGRF-13), less or more in a building
 
 
 @dataclass(frozen=True)
@@ -46,7 +55,9 @@ def constellation(places: Array, q_bl: Array | None = None) -> Constellation:
     """Magnetometers at places (magnetometers, 3) in m; InputError where the numbers cannot be metres on a trunk."""
     where = np.atleast_2d(np.asarray(places, float))
     if where.ndim != 2 or where.shape[1] != 3 or not np.isfinite(where).all():
-        raise InputError(f"The constellation must be finite places (magnetometers, 3) in metres, it is an array of shape {where.shape}.")
+        raise InputError(
+            f"The constellation must be finite places (magnetometers, 3) in metres, it is an array of shape {where.shape}."
+        )
     apart = np.linalg.norm(where[:, None] - where[None], axis=-1)[~np.eye(len(where), dtype=bool)]
     away = float(np.linalg.norm(where, axis=1).max())
     if away > FARTHEST or (len(apart) and apart.max() > WIDEST):
@@ -59,8 +70,12 @@ def constellation(places: Array, q_bl: Array | None = None) -> Constellation:
             f"Two magnetometers of the constellation are {1e3 * apart.min():g} mm apart. Places are in metres; is one listed twice, or is the unit another?"
         )
     turned = np.tile(quat.IDENTITY, (len(where), 1)) if q_bl is None else np.asarray(q_bl, float)
-    if turned.shape != (len(where), 4) or not np.allclose(np.linalg.norm(turned, axis=-1), 1.0, atol=1e-3):
-        raise InputError(f"The magnetometers' orientations must be {len(where)} unit quaternions [w, x, y, z], one a magnetometer.")
+    if turned.shape != (len(where), 4) or not np.allclose(
+        np.linalg.norm(turned, axis=-1), 1.0, atol=1e-3
+    ):
+        raise InputError(
+            f"The magnetometers' orientations must be {len(where)} unit quaternions [w, x, y, z], one a magnetometer."
+        )
     return Constellation(where, quat.normalize(turned))
 
 
@@ -68,14 +83,18 @@ def magnet(moment: Array, place: Array | None = None) -> Magnet:
     """A magnet of moment (3,) A m^2 at place (3,) m of the target; InputError where the numbers cannot be a magnet on a hand."""
     m, p = np.asarray(moment, float), np.zeros(3) if place is None else np.asarray(place, float)
     if m.shape != (3,) or p.shape != (3,) or not (np.isfinite(m).all() and np.isfinite(p).all()):
-        raise InputError("The magnet's moment and place must be three finite numbers each, A m^2 and m in the axes of the hand's sensor.")
+        raise InputError(
+            "The magnet's moment and place must be three finite numbers each, A m^2 and m in the axes of the hand's sensor."
+        )
     size, away = float(np.linalg.norm(m)), float(np.linalg.norm(p))
     if not WEAKEST <= size <= STRONGEST:
         raise InputError(
             f"A moment of {size:g} A m^2 is no magnet for a hand ({WEAKEST:g} to {STRONGEST:g}); a neodymium disc has about 1 A m^2 a cm^3."
         )
     if away > LARGEST_OFFSET:
-        raise InputError(f"The magnet is said to be {away:g} m from the hand's sensor: too far for a hand. Places are in metres.")
+        raise InputError(
+            f"The magnet is said to be {away:g} m from the hand's sensor: too far for a hand. Places are in metres."
+        )
     return Magnet(m, p)
 
 
@@ -84,11 +103,15 @@ def require_field(mag: Array) -> None:
     sizes = np.linalg.norm(mag, axis=-1)
     sizes = sizes[np.isfinite(sizes)]
     if not len(sizes):
-        raise InputError("No magnetometer gave a single reading: check that the array is connected.")
+        raise InputError(
+            "No magnetometer gave a single reading: check that the array is connected."
+        )
     middle = float(np.median(sizes))
     if 0.1 < middle < 10.0:
         raise InputError(
             f"The magnetometers read {middle:.3g} on average: that is a field normalised to 1, not T. Multiply it by the strength of the earth's field where it was calibrated."
         )
     if not 1e-6 < middle < 5e-3:
-        raise InputError(f"The magnetometers read {middle:.3g} T on average; the earth's field is about 5e-5 T. Is the unit uT, mG or G?")
+        raise InputError(
+            f"The magnetometers read {middle:.3g} T on average; the earth's field is about 5e-5 T. Is the unit uT, mG or G?"
+        )

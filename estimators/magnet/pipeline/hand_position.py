@@ -30,7 +30,10 @@ from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.quaternions import Array
 
 WORTH_SAYING = 0.001  # share of flagged samples
-LATE, SURE_OF_IT = 0.01, 4.0  # s of lateness, and standard deviations of it, from which on it is said
+LATE, SURE_OF_IT = (
+    0.01,
+    4.0,
+)  # s of lateness, and standard deviations of it, from which on it is said
 NEAR = 0.1  # s to the nearest sample of the track
 ROWS = ("t", "place", "sd", "flags", "q_trunk", "q_trunk_sd", "signal", "lateness", "lateness_sd")
 UNHEARD = "the hand's place is not told"
@@ -38,8 +41,15 @@ UNHEARD = "the hand's place is not told"
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceParams(MagnetParams):
-    sure: float = option(0.05, "m", "standard deviation of a place in its worst direction from which on the magnet is out of reach", "ours")
-    patience: float = option(0.1, "s", "how long a silent stream is waited for", "as the tracking's", least=0.01)
+    sure: float = option(
+        0.05,
+        "m",
+        "standard deviation of a place in its worst direction from which on the magnet is out of reach",
+        "ours",
+    )
+    patience: float = option(
+        0.1, "s", "how long a silent stream is waited for", "as the tracking's", least=0.01
+    )
 
 
 @dataclass(frozen=True)
@@ -78,7 +88,12 @@ class Places:
         return len(self.t)
 
 
-def setting(params: PlaceParams, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]) -> Setting | None:
+def setting(
+    params: PlaceParams,
+    plate: Plate | None,
+    streams: Sequence[Stream],
+    mounting: Mapping[str, Array],
+) -> Setting | None:
     """What to follow with; None where nothing of it is worn. InputError says what is missing or cannot be."""
     read = magnet_streams.magnetometers(streams)
     inertial = {p for s in streams if s.inertial for p in s.sensors}
@@ -88,15 +103,23 @@ def setting(params: PlaceParams, plate: Plate | None, streams: Sequence[Stream],
         raise InputError(
             f"{UNHEARD}: there are magnetometers on the trunk, and nobody said where they and the magnet are; tell it as MagnetSetup."
         )
-    missing = [what for what, there in (("the trunk", TRUNK in inertial), ("the hand", HAND in inertial)) if not there]
+    missing = [
+        what
+        for what, there in (("the trunk", TRUNK in inertial), ("the hand", HAND in inertial))
+        if not there
+    ]
     if missing or not read:
-        raise InputError(f"{UNHEARD}: there is no {f'inertial sensor on {missing[0]}' if missing else 'magnetometer on the trunk'}.")
+        raise InputError(
+            f"{UNHEARD}: there is no {f'inertial sensor on {missing[0]}' if missing else 'magnetometer on the trunk'}."
+        )
     untold = [name for name in read if name not in plate.places]
     if len(untold) == len(read):
         raise InputError(f"{UNHEARD}: MagnetSetup does not say where {', '.join(untold)} sits.")
     names = tuple(name for name in read if name not in untold)
     q_BS = mounting.get(TRUNK, quat.IDENTITY)
-    turned = np.array([quat.multiply(quat.conjugate(q_BS), mounting.get(name, quat.IDENTITY)) for name in names])
+    turned = np.array(
+        [quat.multiply(quat.conjugate(q_BS), mounting.get(name, quat.IDENTITY)) for name in names]
+    )
     try:
         array = magnet_setup.constellation(np.array([plate.places[name] for name in names]), turned)
         carried = magnet_setup.magnet(np.array(plate.moment), np.array(plate.place))
@@ -150,7 +173,11 @@ def newest(places: Places) -> Places:
 
 
 def attached(
-    params: PlaceParams, moved: Trajectory, blocks: Sequence[Block], plate: Plate | None, mounting: Mapping[str, Array]
+    params: PlaceParams,
+    moved: Trajectory,
+    blocks: Sequence[Block],
+    plate: Plate | None,
+    mounting: Mapping[str, Array],
 ) -> tuple[Trajectory, list[str]]:
     """The trajectory with the hand's place, and sentences of what is to be known; as it was where there is no magnet."""
     try:
@@ -168,9 +195,15 @@ def brought(moved: Trajectory, places: Places) -> Trajectory:
     flags = places.flags[_nearest(places.t, moved.t)]
     gone = np.abs(places.t[_nearest(places.t, moved.t)] - moved.t) > NEAR
     flags = np.where(gone, np.uint8(PlaceFlag.MISSING), flags)
-    place, sd, q_sd = (_between(places.t, v, moved.t) for v in (places.place, places.sd, places.q_trunk_sd))
+    place, sd, q_sd = (
+        _between(places.t, v, moved.t) for v in (places.place, places.sd, places.q_trunk_sd)
+    )
     heard = np.isfinite(places.signal)
-    signal = np.interp(moved.t, places.t[heard], places.signal[heard]) if heard.any() else np.full(len(moved), np.nan)
+    signal = (
+        np.interp(moved.t, places.t[heard], places.signal[heard])
+        if heard.any()
+        else np.full(len(moved), np.nan)
+    )
     hidden = gone[:, None]
     return replace(
         moved,
@@ -198,15 +231,17 @@ def late(places: Places) -> list[str]:
     tau, sd = (float(v[-1]) if len(v) else np.nan for v in (places.lateness, places.lateness_sd))
     if not abs(tau) > max(LATE, SURE_OF_IT * sd):
         return []
-    by, known, doubtful = f"{1e3 * abs(tau):.0f}", f"{1e3 * sd:.1f}", bool(places.flags[-1] & PlaceFlag.DOUBTFUL)
+    by, known, doubtful = (
+        f"{1e3 * abs(tau):.0f}",
+        f"{1e3 * sd:.1f}",
+        bool(places.flags[-1] & PlaceFlag.DOUBTFUL),
+    )
     if doubtful and tau > 0:
         said = f"the magnetometers' readings are {by} ms later than their time stamps say (standard deviation {known} ms); what is told of the hand's place is doubtful"
     elif doubtful:
         said = f"the magnetometers' readings are {by} ms earlier than their time stamps say (standard deviation {known} ms); what is told of the hand's place is doubtful"
     elif tau > 0:
-        said = (
-            f"the magnetometers' readings are {by} ms later than their time stamps say (standard deviation {known} ms); it is accounted for"
-        )
+        said = f"the magnetometers' readings are {by} ms later than their time stamps say (standard deviation {known} ms); it is accounted for"
     else:
         said = f"the magnetometers' readings are {by} ms earlier than their time stamps say (standard deviation {known} ms); it is accounted for"
     return [said]
@@ -256,7 +291,13 @@ def _told(s: Setting, track: Track) -> Places:
 
 def _nearest(t: Array, at: Array) -> NDArray[np.int_]:
     after = np.clip(np.searchsorted(t, at), 1, max(len(t) - 1, 1))
-    return np.asarray(np.where(at - t[after - 1] < t[np.minimum(after, len(t) - 1)] - at, after - 1, np.minimum(after, len(t) - 1)))
+    return np.asarray(
+        np.where(
+            at - t[after - 1] < t[np.minimum(after, len(t) - 1)] - at,
+            after - 1,
+            np.minimum(after, len(t) - 1),
+        )
+    )
 
 
 def _between(t: Array, values: Array, at: Array) -> Array:

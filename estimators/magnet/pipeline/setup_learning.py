@@ -32,9 +32,20 @@ REFUSED = "the magnet cannot be learnt from this recording"
 class Roughly:
     """How well the plate is told; standard deviations in each axis."""
 
-    moment: float = option(0.15, "1", "share of the moment", "ours: grades of neodymium, and its direction to 8 deg", least=0.001, most=0.5)
-    place: float = option(0.01, "m", "place of the magnet on the hand", "ours: by eye", least=1e-4, most=0.03)
-    places: float = option(0.003, "m", "places of the magnetometers", "ours: by eye", least=1e-4, most=0.03)
+    moment: float = option(
+        0.15,
+        "1",
+        "share of the moment",
+        "ours: grades of neodymium, and its direction to 8 deg",
+        least=0.001,
+        most=0.5,
+    )
+    place: float = option(
+        0.01, "m", "place of the magnet on the hand", "ours: by eye", least=1e-4, most=0.03
+    )
+    places: float = option(
+        0.003, "m", "places of the magnetometers", "ours: by eye", least=1e-4, most=0.03
+    )
 
 
 @dataclass(frozen=True)
@@ -47,18 +58,28 @@ class Learnt:
     followed: float  # share of the recording
 
 
-def learnt(plate: Plate | None, roughly: Roughly, blocks: Sequence[Block], mounting: Mapping[str, Array]) -> Learnt:
+def learnt(
+    plate: Plate | None, roughly: Roughly, blocks: Sequence[Block], mounting: Mapping[str, Array]
+) -> Learnt:
     """One pass over a recording. InputError where nothing is worn, the hand was hardly followed, or readings contradict all that is near what was told."""
-    params = PlaceParams(magnet_error=roughly.moment, lever_error=roughly.place, place_error=roughly.places)
+    params = PlaceParams(
+        magnet_error=roughly.moment, lever_error=roughly.place, place_error=roughly.places
+    )
     s = hand_position.setting(params, plate, [b.stream for b in blocks], mounting)
     if s is None or plate is None:
         raise InputError(f"{REFUSED}: it has no magnetometers on the trunk.")
     if len(s.magnetometers) < 2:
-        raise InputError(f"{REFUSED}: one magnetometer cannot tell what was told wrong; wear two or more.")
-    state, track = magnet_tracker.step(s.params, magnet_tracker.start(s.setup), hand_position.read(s, blocks))
+        raise InputError(
+            f"{REFUSED}: one magnetometer cannot tell what was told wrong; wear two or more."
+        )
+    state, track = magnet_tracker.step(
+        s.params, magnet_tracker.start(s.setup), hand_position.read(s, blocks)
+    )
     doubtful, sd = track.doubtful, track.p_sd
     if state.x is None or not len(sd):
-        raise InputError(f"{REFUSED}: trunk, hand and magnetometers were never read at the same time.")
+        raise InputError(
+            f"{REFUSED}: trunk, hand and magnetometers were never read at the same time."
+        )
     known = np.nan_to_num(sd.max(axis=1), nan=np.inf) < s.params.sure
     if known.any() and doubtful[known].mean() > 0.5:
         raise InputError(
@@ -71,9 +92,24 @@ def learnt(plate: Plate | None, roughly: Roughly, blocks: Sequence[Block], mount
     found = magnet_tracker.learned(state)
     sds, many = np.sqrt(np.maximum(np.diag(state.covariance), 0.0)), 3 * len(s.magnetometers)
     told = {name: _place(p) for name, p in zip(s.magnetometers, found.array.places)}
-    better = replace(plate, places={**plate.places, **told}, moment=_place(found.magnet.moment), place=_place(found.magnet.place))
-    moment_sd, place_sd = np.hypot(sds[MOM : MOM + 3], MODEL * found.magnet.size), np.hypot(sds[LEV : LEV + 3], ARM)
-    return Learnt(better, s.magnetometers, moment_sd, place_sd, sds[-1 - many : -1].reshape(-1, 3), float(known.mean()))
+    better = replace(
+        plate,
+        places={**plate.places, **told},
+        moment=_place(found.magnet.moment),
+        place=_place(found.magnet.place),
+    )
+    moment_sd, place_sd = (
+        np.hypot(sds[MOM : MOM + 3], MODEL * found.magnet.size),
+        np.hypot(sds[LEV : LEV + 3], ARM),
+    )
+    return Learnt(
+        better,
+        s.magnetometers,
+        moment_sd,
+        place_sd,
+        sds[-1 - many : -1].reshape(-1, 3),
+        float(known.mean()),
+    )
 
 
 def _place(values: Array) -> Place:

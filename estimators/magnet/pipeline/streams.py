@@ -12,7 +12,16 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from handscope.estimators.data.samples import ACC, GYR, MAG, TRUNK, TRUNK_MAGNETOMETERS, Block, Stream, join
+from handscope.estimators.data.samples import (
+    ACC,
+    GYR,
+    MAG,
+    TRUNK,
+    TRUNK_MAGNETOMETERS,
+    Block,
+    Stream,
+    join,
+)
 from handscope.estimators.magnet.tracker.tracker import Readings
 from handscope.estimators.numerics.quaternions import Array
 
@@ -32,7 +41,9 @@ class Waiting:
 def concerned(stream: Stream) -> bool:
     """Whether a stream has anything to tell here."""
     inertial = stream.inertial and bool({HAND, TRUNK} & set(stream.sensors))
-    return inertial or (MAG in stream.quantities and any(p in (TRUNK, *TRUNK_MAGNETOMETERS) for p in stream.sensors))
+    return inertial or (
+        MAG in stream.quantities and any(p in (TRUNK, *TRUNK_MAGNETOMETERS) for p in stream.sensors)
+    )
 
 
 def magnetometers(streams: Sequence[Stream]) -> tuple[str, ...]:
@@ -47,19 +58,31 @@ def take(waiting: Waiting, blocks: Sequence[Block], patience: float) -> tuple[Wa
     for block in blocks:
         if concerned(block.stream) and len(block.t):
             name = block.stream.name
-            held[name] = join([held[name], block]) if name in held and held[name].stream == block.stream else block
+            held[name] = (
+                join([held[name], block])
+                if name in held and held[name].stream == block.stream
+                else block
+            )
     hand = _of(held, HAND, GYR)
     if hand is None:
         return replace(waiting, held=held), _nothing(len(waiting.magnetometers))
     awaited = [(HAND, GYR), (TRUNK, GYR), *((point, MAG) for point in waiting.magnetometers)]
-    newest = [-np.inf if (b := _of(held, point, quantity)) is None else float(b.t[-1]) for point, quantity in awaited]
+    newest = [
+        -np.inf if (b := _of(held, point, quantity)) is None else float(b.t[-1])
+        for point, quantity in awaited
+    ]
     known = max(min(newest), max(newest) - patience)
     at = hand.t[(hand.t > waiting.told) & (hand.t <= known)]
     if not len(at):
         return replace(waiting, held=held), _nothing(len(waiting.magnetometers))
     base, target = (_inertial(_of(held, point, GYR), point, at) for point in (TRUNK, HAND))
-    read = [_magnetic(_of(held, point, MAG), point, at, waiting.told) for point in waiting.magnetometers]
-    mag, age = np.stack([values for values, _ in read], axis=1), np.stack([old for _, old in read], axis=1)
+    read = [
+        _magnetic(_of(held, point, MAG), point, at, waiting.told) for point in waiting.magnetometers
+    ]
+    mag, age = (
+        np.stack([values for values, _ in read], axis=1),
+        np.stack([old for _, old in read], axis=1),
+    )
     kept = {name: _from(b, float(at[-1])) for name, b in held.items()}
     return Waiting(waiting.magnetometers, kept, float(at[-1])), Readings(at, base, target, mag, age)
 
@@ -73,12 +96,16 @@ def whole(magnetometers: tuple[str, ...], blocks: Sequence[Block], patience: flo
     """All instants of a recording, with those that `take` would hold back."""
     waiting, first = take(Waiting(magnetometers, {}), blocks, patience)
     last = rest(waiting)
-    return Readings(*(np.concatenate([getattr(first, f.name), getattr(last, f.name)]) for f in fields(Readings)))
+    return Readings(
+        *(np.concatenate([getattr(first, f.name), getattr(last, f.name)]) for f in fields(Readings))
+    )
 
 
 def _of(held: Mapping[str, Block], point: str, quantity: str) -> Block | None:
     """The stream with this point; of several the newest."""
-    found = [b for b in held.values() if point in b.stream.sensors and quantity in b.stream.quantities]
+    found = [
+        b for b in held.values() if point in b.stream.sensors and quantity in b.stream.quantities
+    ]
     return max(found, key=lambda b: b.t[-1], default=None)
 
 
@@ -94,7 +121,9 @@ def _magnetic(block: Block | None, point: str, at: Array, told: float) -> tuple[
     """A magnetometer (n, 3) at the first instant behind each of its samples, NaN at the others; how old they are then (n,) s."""
     if block is None or not len(block.t):
         return np.full((len(at), 3), np.nan), np.zeros(len(at))
-    known, before = (np.searchsorted(block.t, t, side="right") for t in (at, np.concatenate([[told], at[:-1]])))
+    known, before = (
+        np.searchsorted(block.t, t, side="right") for t in (at, np.concatenate([[told], at[:-1]]))
+    )
     newest = np.maximum(known - 1, 0)
     age = at - block.t[newest]
     fresh = (known > before) & (age < HOLE / block.stream.rate)
@@ -112,7 +141,11 @@ def _between(block: Block, values: Array, at: Array) -> Array:
     share = np.where(step > 0, at - t[before], 0.0) / np.where(step > 0, step, 1.0)
     found = values[before] + share[:, None] * (values[after] - values[before])
     outside = (before < 0) | (at > t[-1]) | (step > HOLE / block.stream.rate)
-    return np.asarray(np.where((outside & ~exact)[:, None], np.nan, np.where(exact[:, None], values[after], found)))
+    return np.asarray(
+        np.where(
+            (outside & ~exact)[:, None], np.nan, np.where(exact[:, None], values[after], found)
+        )
+    )
 
 
 def _from(block: Block, t: float) -> Block:
@@ -122,4 +155,10 @@ def _from(block: Block, t: float) -> Block:
 
 
 def _nothing(count: int) -> Readings:
-    return Readings(np.empty(0), np.empty((0, 6)), np.empty((0, 6)), np.empty((0, count, 3)), np.empty((0, count)))
+    return Readings(
+        np.empty(0),
+        np.empty((0, 6)),
+        np.empty((0, 6)),
+        np.empty((0, count, 3)),
+        np.empty((0, count)),
+    )

@@ -14,7 +14,15 @@ import numpy as np
 from handscope.estimators.magnet.tracker.state import OWN
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.quaternions import Array
-from handscope.estimators.numerics.small_matrices import cholesky, clear, lowered, product, put, raised, spread
+from handscope.estimators.numerics.small_matrices import (
+    cholesky,
+    clear,
+    lowered,
+    product,
+    put,
+    raised,
+    spread,
+)
 
 
 class Trace(NamedTuple):
@@ -70,10 +78,17 @@ def squared(W: Array, WW: Array) -> None:
 
 
 @inlined
-def foreseen(trace: Trace, n: int, x: Array, P: Array, F: Array, own: Array, lasting: Array) -> None:
+def foreseen(
+    trace: Trace, n: int, x: Array, P: Array, F: Array, own: Array, lasting: Array
+) -> None:
     """Before the readings of sample n: what it will say of the one before, whose errors have the covariance own + lasting (30, 30) and became by F what
     they are now."""
-    S, L, W, WW = np.empty((OWN, OWN)), np.empty((OWN, OWN)), np.empty((OWN, OWN)), np.empty((OWN, OWN))
+    S, L, W, WW = (
+        np.empty((OWN, OWN)),
+        np.empty((OWN, OWN)),
+        np.empty((OWN, OWN)),
+        np.empty((OWN, OWN)),
+    )
     for i in range(len(x)):
         trace.expected[n, i] = x[i]
     spread(F, lasting, S)

@@ -42,11 +42,15 @@ from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import block, clear
 
-ON_ITS_WAY = 4.0  # standard deviations of the velocity beyond which a hand is no hand that stands still
+ON_ITS_WAY = (
+    4.0  # standard deviations of the velocity beyond which a hand is no hand that stands still
+)
 
 
 @inlined
-def inertial(s: Sizes, x: Array, P: Array, now: Array, still_b: bool, still_t: bool, lost: bool, dt: float) -> Array:
+def inertial(
+    s: Sizes, x: Array, P: Array, now: Array, still_b: bool, still_t: bool, lost: bool, dt: float
+) -> Array:
     """What inertial readings and the test of standstill tell beside the movement, in place; gives the state. Of a hand that is lost nothing tells a slow slide
     from rest."""
     dx = np.zeros(len(P))
@@ -64,7 +68,17 @@ def inertial(s: Sizes, x: Array, P: Array, now: Array, still_b: bool, still_t: b
 
 
 @inlined
-def vertical(s: Sizes, x: Array, P: Array, dx: Array, now: Array, still_b: bool, still_t: bool, lost: bool, dt: float) -> None:
+def vertical(
+    s: Sizes,
+    x: Array,
+    P: Array,
+    dx: Array,
+    now: Array,
+    still_b: bool,
+    still_t: bool,
+    lost: bool,
+    dt: float,
+) -> None:
     """The accelerometer of what stands still reads gravity; of a lost hand to what the test of standstill lets pass. (5.16)"""
     R, up, H = matrix(x[XQ : XQ + 4]), np.zeros(3), np.zeros((3, len(P)))
     up[2] = s.gravity
@@ -91,7 +105,9 @@ def vertical(s: Sizes, x: Array, P: Array, dx: Array, now: Array, still_b: bool,
 
 
 @inlined
-def speeds(s: Sizes, x: Array, P: Array, dx: Array, still_b: bool, still_t: bool, dt: float) -> None:
+def speeds(
+    s: Sizes, x: Array, P: Array, dx: Array, still_b: bool, still_t: bool, dt: float
+) -> None:
     """A seated trunk and its hand do not get ever faster: an inclination that were wrong would make them."""
     H = np.zeros(len(P))
     speed, alike = (s.still_speed, s.still_alike) if still_b else (s.trunk_speed, s.speed_alike)
@@ -112,8 +128,14 @@ def pushed_alike(s: Sizes, x: Array, P: Array, dx: Array, now: Array, dt: float)
     norm_t = math.sqrt(f_t[0] ** 2 + f_t[1] ** 2 + f_t[2] ** 2)
     for i in range(3):
         turning += max((now[i] - x[XBG + i]) ** 2, (now[6 + i] - x[XTG + i]) ** 2)
-    apart = turning * math.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)  # centripetal: two places of one turning body differ by it
-    if abs(norm_b - norm_t) < s.acc_common and apart < s.acc_common and abs(norm_b - s.gravity) > s.gate * s.gravity:
+    apart = turning * math.sqrt(
+        x[0] ** 2 + x[1] ** 2 + x[2] ** 2
+    )  # centripetal: two places of one turning body differ by it
+    if (
+        abs(norm_b - norm_t) < s.acc_common
+        and apart < s.acc_common
+        and abs(norm_b - s.gravity) > s.gate * s.gravity
+    ):
         R, H = matrix(x[XQ : XQ + 4]), np.zeros((3, len(P)))
         common = back(R, f_b - x[XBA : XBA + 3])
         block(1.0, skew(common), 0, TH, H)
@@ -121,13 +143,22 @@ def pushed_alike(s: Sizes, x: Array, P: Array, dx: Array, now: Array, dt: float)
         for i in range(3):
             H[i, BTA + i] = 1.0
         for i in range(3):
-            corrected(P, dx, H[i], f_t[i] - x[XTA + i] - common[i], (s.acc_moving + norm_b * 0.1) ** 2 * s.alike / dt)
+            corrected(
+                P,
+                dx,
+                H[i],
+                f_t[i] - x[XTA + i] - common[i],
+                (s.acc_moving + norm_b * 0.1) ** 2 * s.alike / dt,
+            )
 
 
 @inlined
 def stood(s: Sizes, x: Array, P: Array, dx: Array, now: Array, dt: float) -> None:
     """Trunk and hand both stand still: no velocity, no rates. (5.18)"""
-    H, lasting = np.zeros(len(P)), 2 * s.still_alike / dt  # of what stays alike for a while, as white noise
+    H, lasting = (
+        np.zeros(len(P)),
+        2 * s.still_alike / dt,
+    )  # of what stays alike for a while, as white noise
     for i in range(3):
         H[V_ + i] = 1.0
         corrected(P, dx, H, -x[3 + i], s.still_speed**2 * lasting)

@@ -11,16 +11,20 @@ import numpy as np
 from handscope.estimators.magnet.array.localisation import Located, located
 from handscope.estimators.magnet.model import dipole
 from handscope.estimators.magnet.model.setup import Constellation, Magnet
-from handscope.estimators.magnet.tracker.options import CALIBRATED, DEG, OF_FIVE, MagnetParams, sizes
+from handscope.estimators.magnet.tracker.options import (
+    CALIBRATED,
+    DEG,
+    OF_FIVE,
+    MagnetParams,
+    sizes,
+)
 from handscope.estimators.magnet.tracker.state import B_, OWN, P_, TH, THG, V_, VB, XB, XGB, XM, XQ
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.orientation.fusion import upright
 
 ROOM = 1e-6  # T by which the field of a room differs from the earth's
-LEVEL = (
-    0.5  # share of a moment along the ground from which on it tells heading: less of it is told by inclinations' errors, or by the fit's
-)
+LEVEL = 0.5  # share of a moment along the ground from which on it tells heading: less of it is told by inclinations' errors, or by the fit's
 PINNED = 1e-9  # T: across itself the field has nothing at the start, for g is turned so; left free, heading and field drift off together
 
 
@@ -32,12 +36,19 @@ class Setup:
     magnet: Magnet
     earth: float  # T, strength of the field in which the magnetometers were calibrated
     dip: float | None = None  # rad below the horizon, if it is known
-    centre: Array | None = None  # (3,) m, middle of the volume in the base's frame; None: the array's middle
+    centre: Array | None = (
+        None  # (3,) m, middle of the volume in the base's frame; None: the array's middle
+    )
     q_bt: Array | None = None  # (4,) how the hand is turned at the start, if somebody knows
 
 
 def begun(
-    params: MagnetParams, setup: Setup, sample: Array, mag: Array, mag_b: Array, near: tuple[Array, Array, Array] | None = None
+    params: MagnetParams,
+    setup: Setup,
+    sample: Array,
+    mag: Array,
+    mag_b: Array,
+    near: tuple[Array, Array, Array] | None = None,
 ) -> tuple[Array, Array]:
     """State and covariance at the first whole sample: at rest, inclinations from gravity, headings from the field and, if it is near, from the magnet."""
     near = _near(params, setup, mag) if near is None else near
@@ -49,33 +60,51 @@ def begun(
     level = np.array([0.0, np.hypot(B_g[0], B_g[1]), B_g[2]])
     if setup.dip is not None:
         level = setup.earth * np.array([0.0, np.cos(setup.dip), -np.sin(setup.dip)])
-    q_gt = upright(quat.IDENTITY if setup.q_bt is None else quat.multiply(q_gb, setup.q_bt), sample[9:12])
+    q_gt = upright(
+        quat.IDENTITY if setup.q_bt is None else quat.multiply(q_gb, setup.q_bt), sample[9:12]
+    )
     turn, lost = 0.0, setup.q_bt is None
     if setup.q_bt is None and near is not None:
         m_g, seen = quat.rotate(q_gt, setup.magnet.moment), quat.rotate(q_gb, near[1])
-        lost = min(np.hypot(*m_g[:2]), np.hypot(*seen[:2])) < LEVEL * setup.magnet.size  # a moment that stands upright has no heading
+        lost = (
+            min(np.hypot(*m_g[:2]), np.hypot(*seen[:2])) < LEVEL * setup.magnet.size
+        )  # a moment that stands upright has no heading
         turn = 0.0 if lost else np.arctan2(seen[1], seen[0]) - np.arctan2(m_g[1], m_g[0])
     q_bt = quat.multiply(quat.conjugate(q_gb), quat.headed(q_gt, turn))
     p = centre(setup) if near is None else near[0] - quat.rotate(q_bt, setup.magnet.place)
-    x = np.concatenate([p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(9), as_told(setup)])
+    x = np.concatenate(
+        [p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(9), as_told(setup)]
+    )
     incl, head = params.inclination_sd * DEG, params.heading_sd * DEG
     up_b, up_t = (v / np.linalg.norm(v) for v in (sample[3:6], sample[9:12]))
     P = np.diag(np.concatenate([np.zeros(OWN), sure_of(params, setup) ** 2]))
     P[P_ : P_ + 3, P_ : P_ + 3] = np.eye(3) * (params.reach**2 / 3 if near is None else 0.05**2)
     P[V_ : V_ + 3, V_ : V_ + 3] = P[VB : VB + 3, VB : VB + 3] = np.eye(3) * 0.1**2
-    P[TH : TH + 3, TH : TH + 3] = np.eye(3) * incl**2 + np.outer(up_t, up_t) * (2 * head if lost else head) ** 2
+    P[TH : TH + 3, TH : TH + 3] = (
+        np.eye(3) * incl**2 + np.outer(up_t, up_t) * (2 * head if lost else head) ** 2
+    )
     field = np.array([PINNED, *(2 * [0.1 * setup.earth if setup.dip is None else ROOM])])
     P[range(B_, B_ + 3), range(B_, B_ + 3)] = field**2
-    P[range(12, 15), range(12, 15)] = P[range(21, 24), range(21, 24)] = (params.gyr_bias_sd * DEG) ** 2
+    P[range(12, 15), range(12, 15)] = P[range(21, 24), range(21, 24)] = (
+        params.gyr_bias_sd * DEG
+    ) ** 2
     P[range(15, 18), range(15, 18)] = P[range(24, 27), range(24, 27)] = params.acc_bias_sd**2
-    P[THG : THG + 3, THG : THG + 3] = np.eye(3) * incl**2 + np.outer(up_b, up_b) * (2 * head if near is None else head) ** 2
+    P[THG : THG + 3, THG : THG + 3] = (
+        np.eye(3) * incl**2 + np.outer(up_b, up_b) * (2 * head if near is None else head) ** 2
+    )
     return x, P
 
 
 def as_told(setup: Setup) -> Array:
     """The state's rows from XM on before anything is read: moment, its place, slopes, what calibrations left, the magnetometers' places."""
     return np.concatenate(
-        [setup.magnet.moment, setup.magnet.place, np.zeros(6 + setup.array.places.size), setup.array.places.ravel(), [0.0]]
+        [
+            setup.magnet.moment,
+            setup.magnet.place,
+            np.zeros(6 + setup.array.places.size),
+            setup.array.places.ravel(),
+            [0.0],
+        ]
     )
 
 
@@ -108,18 +137,28 @@ def _near(params: MagnetParams, setup: Setup, mag: Array) -> tuple[Array, Array,
     noise = sizes(params, span(setup.array)).single
     found = located(mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03)
     sure = bool(found.found[0])
-    if not sure and np.isfinite(found.left[0]):  # near by, places and moment told amiss leave more than the noise
+    if not sure and np.isfinite(
+        found.left[0]
+    ):  # near by, places and moment told amiss leave more than the noise
         noise = float(np.hypot(noise, _amiss(params, setup, found)))
         found = located(mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03)
-        sure = bool(found.found[0] and found.left[0] < noise)  # all is in it: a true place leaves less 98 times of 100
+        sure = bool(
+            found.found[0] and found.left[0] < noise
+        )  # all is in it: a true place leaves less 98 times of 100
     return (found.place[0], found.moment[0], found.field[0]) if sure else None
 
 
 def _amiss(params: MagnetParams, setup: Setup, found: Located) -> float:
     """T of an axis, RMS over the magnetometers, by which readings of the magnet that was found differ where places and moment are as well known as told."""
-    r, size = found.place[0] - setup.array.places, np.maximum(np.linalg.norm(found.moment[0]), setup.magnet.size)
+    r, size = (
+        found.place[0] - setup.array.places,
+        np.maximum(np.linalg.norm(found.moment[0]), setup.magnet.size),
+    )
     moment = found.moment[0] * setup.magnet.size / size
-    by_place, own = dipole.by_place(r, moment) * params.place_error, dipole.by_moment(r) * params.magnet_error * setup.magnet.size
+    by_place, own = (
+        dipole.by_place(r, moment) * params.place_error,
+        dipole.by_moment(r) * params.magnet_error * setup.magnet.size,
+    )
     return float(np.sqrt(((by_place**2).sum(axis=-1) + (own**2).sum(axis=-1)).mean()))
 
 

@@ -47,10 +47,12 @@ LEARNT, CONSIDERED, LEFT_OUT = 1.0, 0.0, -1.0
 WB, WT, AB, AT, FB, FT, VS = (3 * k for k in range(7))  # rows of the way
 MEMORY = 0.05  # s of the rates
 SLOW = 2.0  # s, of the velocity
-TURNING, TRAVELLING, SURELY = 0.35, 0.1, 4.0  # rad/s, m/s, standard deviations: slower movements tell no lateness
-UNSURE = (
-    0.1  # m/s, standard deviation of a velocity that nothing is gained by holding on to: followed hands stay below 0.08, lost ones above
-)
+TURNING, TRAVELLING, SURELY = (
+    0.35,
+    0.1,
+    4.0,
+)  # rad/s, m/s, standard deviations: slower movements tell no lateness
+UNSURE = 0.1  # m/s, standard deviation of a velocity that nothing is gained by holding on to: followed hands stay below 0.08, lost ones above
 
 
 @inlined
@@ -91,7 +93,11 @@ def dependence(way: Array, P: Array, lost: bool) -> float:
         return LEFT_OUT
     base, target, speed = 0.0, 0.0, 0.0
     for i in range(3):
-        base, target, speed = base + way[WB + i] ** 2, target + way[WT + i] ** 2, speed + way[VS + i] ** 2
+        base, target, speed = (
+            base + way[WB + i] ** 2,
+            target + way[WT + i] ** 2,
+            speed + way[VS + i] ** 2,
+        )
     moves = max(base, target) > TURNING**2 or speed > max(TRAVELLING**2, SURELY**2 * unsure(P))
     return LEARNT if moves else CONSIDERED
 
@@ -140,7 +146,10 @@ def earlier(x: Array, way: Array) -> Array:
     for i in range(3):
         p[i] = x[i] - tau * x[3 + i] + 0.5 * tau * tau * pulled[i]
     p = times(matrix(turned(one, base, False)), p)
-    q_bt, q_gb = turned(turned(x[XQ : XQ + 4], base, True), -target, False), turned(x[XGB : XGB + 4], -base, False)
+    q_bt, q_gb = (
+        turned(turned(x[XQ : XQ + 4], base, True), -target, False),
+        turned(x[XGB : XGB + 4], -base, False),
+    )
     for i in range(3):
         out[i] = p[i]
     for i in range(4):
@@ -177,7 +186,10 @@ def led_back(x: Array, then: Array, way: Array) -> LedBack:
     C, U = matrix(turned(one, base, False)), matrix(turned(one, target, False))
     w, u, v, pulled = np.empty(3), np.empty(3), np.empty(3), accelerated(x, way)
     for i in range(3):
-        w[i], u[i] = way[WB + i] - x[XBG + i] - tau * way[AB + i], way[WT + i] - x[XTG + i] - tau * way[AT + i]
+        w[i], u[i] = (
+            way[WB + i] - x[XBG + i] - tau * way[AB + i],
+            way[WT + i] - x[XTG + i] - tau * way[AT + i],
+        )
         v[i] = way[VS + i] - tau * pulled[i]
     v, about, carried = times(C, v), back(matrix(then[XQ : XQ + 4]), w), times(skew(w), then[0:3])
     told = 1.0 if way[TELLS] > LEFT_OUT else 0.0

@@ -74,12 +74,29 @@ class Sight(NamedTuple):
 def sight(x: Array) -> Sight:
     R, R_gb, S = matrix(x[XQ : XQ + 4]), matrix(x[XGB : XGB + 4]), np.empty((3, 3))
     moment, lever = x[XM : XM + 3], x[XM + 3 : XM + 6]
-    S[0, 1], S[0, 2], S[1, 2] = TWO * x[XS], TWO * x[XS + 1], TWO * x[XS + 2]  # xy, xz, yz, then xx - yy, xx + yy - 2 zz
-    S[0, 0], S[1, 1], S[2, 2] = TWO * x[XS + 3] + SIX * x[XS + 4], SIX * x[XS + 4] - TWO * x[XS + 3], -2 * SIX * x[XS + 4]
+    S[0, 1], S[0, 2], S[1, 2] = (
+        TWO * x[XS],
+        TWO * x[XS + 1],
+        TWO * x[XS + 2],
+    )  # xy, xz, yz, then xx - yy, xx + yy - 2 zz
+    S[0, 0], S[1, 1], S[2, 2] = (
+        TWO * x[XS + 3] + SIX * x[XS + 4],
+        SIX * x[XS + 4] - TWO * x[XS + 3],
+        -2 * SIX * x[XS + 4],
+    )
     S[1, 0], S[2, 0], S[2, 1] = S[0, 1], S[0, 2], S[1, 2]
     S_b = chained(transposed(R_gb), chained(S, R_gb))
     B_b = back(R_gb, x[XB : XB + 3])
-    return Sight(R, R_gb, times(R, moment), times(R, lever), B_b, S_b, chained(R, skew(lever)), chained(R, skew(moment)))
+    return Sight(
+        R,
+        R_gb,
+        times(R, moment),
+        times(R, lever),
+        B_b,
+        S_b,
+        chained(R, skew(lever)),
+        chained(R, skew(moment)),
+    )
 
 
 @inlined
@@ -89,7 +106,9 @@ def seen(x: Array, at: Sight, k: int, H: Array) -> Array:
     r = np.empty(3)
     for i in range(3):
         r[i] = x[i] + at.arm[i] - x[place + i]
-    square = max(r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 1e-4)  # nearer than a centimetre is inside the housing
+    square = max(
+        r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 1e-4
+    )  # nearer than a centimetre is inside the housing
     along = r[0] * m[0] + r[1] * m[1] + r[2] * m[2]
     k5 = MU0_4PI / square**2.5
     J, D = np.empty((3, 3)), np.empty((3, 3))
@@ -121,14 +140,29 @@ def uneven(x: Array, at: Sight, place: Array, H: Array) -> tuple[Array, Array]:
     """The field's slopes (3, 3) in the base's axes, and the room's field at a magnetometer's place (3,); fills its slopes by the trunk's orientation and by
     slopes. Those of a field without curl and divergence are five; calibrations add one."""
     p, steep, steep_b = times(at.R_gb, place), np.zeros((3, 6)), np.zeros((3, 6))
-    steep[0, 0], steep[1, 0], steep[0, 1], steep[2, 1] = TWO * p[1], TWO * p[0], TWO * p[2], TWO * p[0]
-    steep[1, 2], steep[2, 2], steep[0, 3], steep[1, 3] = TWO * p[2], TWO * p[1], TWO * p[0], -TWO * p[1]
+    steep[0, 0], steep[1, 0], steep[0, 1], steep[2, 1] = (
+        TWO * p[1],
+        TWO * p[0],
+        TWO * p[2],
+        TWO * p[0],
+    )
+    steep[1, 2], steep[2, 2], steep[0, 3], steep[1, 3] = (
+        TWO * p[2],
+        TWO * p[1],
+        TWO * p[0],
+        -TWO * p[1],
+    )
     steep[0, 4], steep[1, 4], steep[2, 4] = SIX * p[0], SIX * p[1], -2 * SIX * p[2]
     for i in range(3):
         steep[i, 5] = p[i]
     product(transposed(at.R_gb), steep, steep_b)
     block(1.0, steep_b, 0, SLO, H)
-    bent, carried, there, slopes = times(at.S_b, place), chained(at.S_b, skew(place)), np.empty(3), at.S_b.copy()
+    bent, carried, there, slopes = (
+        times(at.S_b, place),
+        chained(at.S_b, skew(place)),
+        np.empty(3),
+        at.S_b.copy(),
+    )
     turning, about = skew(at.B_b), skew(bent)
     for i in range(3):
         there[i] = at.B_b[i] + bent[i] + x[XS + 5] * place[i]
@@ -157,7 +191,9 @@ def answered(mag: Array) -> int:
 
 
 @inlined
-def compared(s: Sizes, x: Array, way: Array, mag: Array, grown: float, H: Array, missed: Array, noise: Array) -> None:
+def compared(
+    s: Sizes, x: Array, way: Array, mag: Array, grown: float, H: Array, missed: Array, noise: Array
+) -> None:
     """Fill what readings miss of a state (m,), its slopes (m, errors), zeros where a magnetometer did not answer, and the noise (m, m), its variance
     `grown`."""
     age = way[WAY]
@@ -191,7 +227,9 @@ def approached(dx: Array, new: Array, last: bool) -> float:
 
 
 @inlined
-def kept(s: Sizes, x: Array, P: Array, way: Array, mag: Array, grown: float) -> tuple[Array, Array, float]:
+def kept(
+    s: Sizes, x: Array, P: Array, way: Array, mag: Array, grown: float
+) -> tuple[Array, Array, float]:
     """Update of a place that is known: error, covariance, what is missed squared by its covariance (of 3 a reading).
 
     Slopes where the filter is draw a place away from the array, slopes where the readings lead to draw it near: by 2 share - 3/2 of what the readings'
@@ -199,7 +237,13 @@ def kept(s: Sizes, x: Array, P: Array, way: Array, mag: Array, grown: float) -> 
     """
     size, rows = len(P), 3 * len(mag)
     dx, C, cost, new = np.zeros(size), P.copy(), 0.0, np.empty(size)
-    H, W, missed, noise, unused = np.zeros((rows, size)), np.empty((rows, size)), np.zeros(rows), np.zeros((rows, rows)), np.zeros(rows)
+    H, W, missed, noise, unused = (
+        np.zeros((rows, size)),
+        np.empty((rows, size)),
+        np.zeros(rows),
+        np.zeros((rows, rows)),
+        np.zeros(rows),
+    )
     compared(s, x, way, mag, grown, H, missed, noise)
     for iteration in range(ITERATIONS):
         compared(s, moved(x, SHARE * dx), way, mag, grown, H, unused, noise)
@@ -211,7 +255,9 @@ def kept(s: Sizes, x: Array, P: Array, way: Array, mag: Array, grown: float) -> 
 
 
 @inlined
-def sought(s: Sizes, x: Array, P: Array, way: Array, start: Array, mag: Array, grown: float) -> tuple[Array, Array, float]:
+def sought(
+    s: Sizes, x: Array, P: Array, way: Array, start: Array, mag: Array, grown: float
+) -> tuple[Array, Array, float]:
     """Update of a place that is lost, from x moved by `start`, as `kept` gives it: the slopes are those where the readings lead to."""
     W, C = np.empty((3 * len(mag), len(P))), P.copy()
     dx, cost = led(s, x, P, way, start, mag, grown, W)
@@ -220,7 +266,9 @@ def sought(s: Sizes, x: Array, P: Array, way: Array, start: Array, mag: Array, g
 
 
 @inlined
-def led(s: Sizes, x: Array, P: Array, way: Array, start: Array, mag: Array, grown: float, W: Array) -> tuple[Array, float]:
+def led(
+    s: Sizes, x: Array, P: Array, way: Array, start: Array, mag: Array, grown: float, W: Array
+) -> tuple[Array, float]:
     """Where the readings lead from x moved by `start`: error, and what is missed as `kept` gives it; fills W (m, errors) as kalman.py has it."""
     rows, size = W.shape
     dx, cost, new = start.copy(), 0.0, np.empty(size)
@@ -246,12 +294,23 @@ def spaced(k: int) -> float:
 @inlined
 def searched(s: Sizes, x: Array, P: Array, mag: Array, centre: Array) -> Array:
     """Errors (8, errors) of which only the place is not zero: where in each octant of the volume the readings fit best."""
-    best, lowest, where, missed = np.zeros((8, len(P))), np.full(8, math.inf), np.zeros(3), np.zeros(3)
+    best, lowest, where, missed = (
+        np.zeros((8, len(P))),
+        np.full(8, math.inf),
+        np.zeros(3),
+        np.zeros(3),
+    )
     R = matrix(x[XQ : XQ + 4])
-    m, arm, B_b = times(R, x[XM : XM + 3]), times(R, x[XM + 3 : XM + 6]), back(matrix(x[XGB : XGB + 4]), x[XB : XB + 3])
+    m, arm, B_b = (
+        times(R, x[XM : XM + 3]),
+        times(R, x[XM + 3 : XM + 6]),
+        back(matrix(x[XGB : XGB + 4]), x[XB : XB + 3]),
+    )
     first = XL + 3 * len(mag)
     tilt = P[TH, TH] + P[TH + 1, TH + 1] + P[TH + 2, TH + 2]
-    common = (P[B_, B_] + P[B_ + 1, B_ + 1] + P[B_ + 2, B_ + 2]) / 3  # of the room's field, an error of all magnetometers alike
+    common = (
+        P[B_, B_] + P[B_ + 1, B_ + 1] + P[B_ + 2, B_ + 2]
+    ) / 3  # of the room's field, an error of all magnetometers alike
     weighted = np.zeros(3)
     for a in range(GRID):
         where[0] = centre[0] + s.reach * spaced(a)
@@ -271,10 +330,19 @@ def searched(s: Sizes, x: Array, P: Array, mag: Array, centre: Array) -> Array:
                         square += r * r
                         along += r * m[i]
                     for i in range(3):
-                        own = MU0_4PI * (3 * along * (where[i] + arm[i] - x[first + 3 * k + i]) - square * m[i]) / square**2.5
+                        own = (
+                            MU0_4PI
+                            * (
+                                3 * along * (where[i] + arm[i] - x[first + 3 * k + i])
+                                - square * m[i]
+                            )
+                            / square**2.5
+                        )
                         strength += own * own
                         missed[i] = mag[k, i] - B_b[i] - own
-                    variance = s.single**2 + (tilt + 0.25) * strength  # half the field: between the points of the grid
+                    variance = (
+                        s.single**2 + (tilt + 0.25) * strength
+                    )  # half the field: between the points of the grid
                     weight += 1.0 / variance
                     cost += 3 * math.log(variance)
                     for i in range(3):

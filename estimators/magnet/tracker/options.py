@@ -18,15 +18,29 @@ OF_FIVE, CALIBRATED = (
     9 / 5,
     6 / 5,
 )  # variances of the slopes of a field without curl and divergence, and of its slope along itself, over that of a component
-SLOPES = 1.0 + CALIBRATED / 3  # variance of all of them an axis, the calibrations' on the mean over directions
+SLOPES = (
+    1.0 + CALIBRATED / 3
+)  # variance of all of them an axis, the calibrations' on the mean over directions
 SIZES = "BROAD, measured: decision 0011"
 HMC5883L = "HMC5883L data sheet: 2 mG resolution; Kortier thesis 5.2.4"
 
 
 @dataclass(frozen=True, kw_only=True)
 class MagnetParams:
-    gyr_reading: str = option("mean", "", "what a gyroscope's sample is, as in the fusion", "as the fusion's", ("mean", "instant"))
-    gyr_noise: float = option(0.03, "deg/s/sqrt(Hz)", "white noise density of a gyroscope axis", "LSM330DLC data sheet", least=1e-6)
+    gyr_reading: str = option(
+        "mean",
+        "",
+        "what a gyroscope's sample is, as in the fusion",
+        "as the fusion's",
+        ("mean", "instant"),
+    )
+    gyr_noise: float = option(
+        0.03,
+        "deg/s/sqrt(Hz)",
+        "white noise density of a gyroscope axis",
+        "LSM330DLC data sheet",
+        least=1e-6,
+    )
     gyr_share: float = option(
         0.003,
         "1",
@@ -34,9 +48,19 @@ class MagnetParams:
         SIZES,
         most=0.5,
     )
-    acc_noise: float = option(0.003, "m/s^2/sqrt(Hz)", "white noise density of an accelerometer axis", "LSM330DLC data sheet", least=1e-6)
-    acc_error: float = option(0.01, "m/s^2", "what an accelerometer is off by for a while, its bias known", SIZES)
-    acc_share: float = option(0.003, "1", "share of the acceleration by which it is off besides", SIZES, most=0.5)
+    acc_noise: float = option(
+        0.003,
+        "m/s^2/sqrt(Hz)",
+        "white noise density of an accelerometer axis",
+        "LSM330DLC data sheet",
+        least=1e-6,
+    )
+    acc_error: float = option(
+        0.01, "m/s^2", "what an accelerometer is off by for a while, its bias known", SIZES
+    )
+    acc_share: float = option(
+        0.003, "1", "share of the acceleration by which it is off besides", SIZES, most=0.5
+    )
     mag_noise: float = option(
         0.2,
         "uT",
@@ -58,9 +82,21 @@ class MagnetParams:
         SIZES,
         least=1e-3,
     )
-    magnet_error: float = option(0.015, "1", "error of the magnet's moment and of the dipole as a model", "ours: moment found before use")
-    place_error: float = option(0.001, "m", "error of the magnetometers' places", "Kortier thesis 5.2.4: a ruler; size ours")
-    lever_error: float = option(0.001, "m", "error of the magnet's place on the hand", "Kortier thesis 5.2.4: a ruler; size ours")
+    magnet_error: float = option(
+        0.015,
+        "1",
+        "error of the magnet's moment and of the dipole as a model",
+        "ours: moment found before use",
+    )
+    place_error: float = option(
+        0.001, "m", "error of the magnetometers' places", "Kortier thesis 5.2.4: a ruler; size ours"
+    )
+    lever_error: float = option(
+        0.001,
+        "m",
+        "error of the magnet's place on the hand",
+        "Kortier thesis 5.2.4: a ruler; size ours",
+    )
     lateness_sd: float = option(
         0.03,
         "s",
@@ -68,7 +104,13 @@ class MagnetParams:
         "ours: the filters and buffers of two chips; over 0.12 s a movement is no arc any more",
         least=1e-6,
     )
-    alike: float = option(0.2, "s", "time over which what an accelerometer is off by stays alike while the hand moves", "ours", least=0.01)
+    alike: float = option(
+        0.2,
+        "s",
+        "time over which what an accelerometer is off by stays alike while the hand moves",
+        "ours",
+        least=0.01,
+    )
     left_alike: float = option(
         3.0,
         "rad",
@@ -76,11 +118,29 @@ class MagnetParams:
         "ours: it is linear in the field as the magnetometer sees it and comes back with it, so it lasts longer than one turn",
         least=0.01,
     )
-    gyr_bias_sd: float = option(0.5, "deg/s", "bias of a gyroscope at the start", "data sheets after calibration", least=1e-6)
-    gyr_bias_walk: float = option(1e-4, "rad/s/sqrt(s)", "random walk of a gyroscope's bias", "Kortier thesis, Table 2.1")
-    acc_bias_sd: float = option(0.1, "m/s^2", "bias of an accelerometer at the start", "as the hand filter's", least=1e-6)
-    acc_bias_walk: float = option(0.003, "m/s^2/sqrt(s)", "random walk of an accelerometer's bias", "ours")
-    field_walk: float = option(0.1, "uT/sqrt(s)", "change of the environment's field along itself and down", SIZES, least=1e-6)
+    gyr_bias_sd: float = option(
+        0.5,
+        "deg/s",
+        "bias of a gyroscope at the start",
+        "data sheets after calibration",
+        least=1e-6,
+    )
+    gyr_bias_walk: float = option(
+        1e-4, "rad/s/sqrt(s)", "random walk of a gyroscope's bias", "Kortier thesis, Table 2.1"
+    )
+    acc_bias_sd: float = option(
+        0.1, "m/s^2", "bias of an accelerometer at the start", "as the hand filter's", least=1e-6
+    )
+    acc_bias_walk: float = option(
+        0.003, "m/s^2/sqrt(s)", "random walk of an accelerometer's bias", "ours"
+    )
+    field_walk: float = option(
+        0.1,
+        "uT/sqrt(s)",
+        "change of the environment's field along itself and down",
+        SIZES,
+        least=1e-6,
+    )
     field_across: float = option(
         0.3,
         "uT",
@@ -88,18 +148,59 @@ class MagnetParams:
         f"2.3 uT/m over 13 cm: {SIZES}",
         least=1e-6,
     )
-    gate: float = option(0.05, "1", "share of g from which on a trunk counts as accelerated, for (5.17)", "Kortier thesis 5.2.2")
-    acc_still: float = option(0.1, "m/s^2", "error of gravity while a sensor stands still", "as the hand filter's, with bias", least=1e-3)
-    acc_moving: float = option(0.6, "m/s^2", "error of an acceleration in common, for (5.17)", "5 % of g", least=1e-3)
-    acc_common: float = option(0.3, "m/s^2", "difference up to which trunk and hand are accelerated in common", "ours, for (5.17)")
-    trunk_speed: float = option(
-        0.3, "m/s", "speed of the trunk of somebody who sits", "ours: a quick lean; half a metre a second at most", least=0.01
+    gate: float = option(
+        0.05,
+        "1",
+        "share of g from which on a trunk counts as accelerated, for (5.17)",
+        "Kortier thesis 5.2.2",
     )
-    speed_alike: float = option(1.0, "s", "time over which that stays alike", "ours: half a lean", least=0.01)
-    still_samples: int = option(9, "samples", "stretch that is looked at for a standstill", "Skog et al. 2010: 5 to 30", least=2, most=100)
-    still_gyr: float = option(4.0, "deg/s", "angular rate of what stands still", "as the hand filter's", least=0.01)
-    still_acc: float = option(0.25, "m/s^2", "deviation from gravity of what stands still", "as the hand filter's", least=0.001)
-    still_speed: float = option(0.01, "m/s", "speed of what stands still", "as the hand filter's: tremor", least=1e-6)
+    acc_still: float = option(
+        0.1,
+        "m/s^2",
+        "error of gravity while a sensor stands still",
+        "as the hand filter's, with bias",
+        least=1e-3,
+    )
+    acc_moving: float = option(
+        0.6, "m/s^2", "error of an acceleration in common, for (5.17)", "5 % of g", least=1e-3
+    )
+    acc_common: float = option(
+        0.3,
+        "m/s^2",
+        "difference up to which trunk and hand are accelerated in common",
+        "ours, for (5.17)",
+    )
+    trunk_speed: float = option(
+        0.3,
+        "m/s",
+        "speed of the trunk of somebody who sits",
+        "ours: a quick lean; half a metre a second at most",
+        least=0.01,
+    )
+    speed_alike: float = option(
+        1.0, "s", "time over which that stays alike", "ours: half a lean", least=0.01
+    )
+    still_samples: int = option(
+        9,
+        "samples",
+        "stretch that is looked at for a standstill",
+        "Skog et al. 2010: 5 to 30",
+        least=2,
+        most=100,
+    )
+    still_gyr: float = option(
+        4.0, "deg/s", "angular rate of what stands still", "as the hand filter's", least=0.01
+    )
+    still_acc: float = option(
+        0.25,
+        "m/s^2",
+        "deviation from gravity of what stands still",
+        "as the hand filter's",
+        least=0.001,
+    )
+    still_speed: float = option(
+        0.01, "m/s", "speed of what stands still", "as the hand filter's: tremor", least=1e-6
+    )
     still_alike: float = option(
         1.0,
         "s",
@@ -107,13 +208,34 @@ class MagnetParams:
         "ours: a quarter of a breath (12 to 20 a minute); a slow lean or reach lasts as long",
         least=0.01,
     )
-    reach: float = option(0.6, "m", "half the edge of the volume in which the hand can be", "ours: an arm's length", least=0.1, most=2.0)
-    reach_speed: float = option(0.7, "m/s", "usual speed of a hand against the trunk", "ours", least=0.05)
+    reach: float = option(
+        0.6,
+        "m",
+        "half the edge of the volume in which the hand can be",
+        "ours: an arm's length",
+        least=0.1,
+        most=2.0,
+    )
+    reach_speed: float = option(
+        0.7, "m/s", "usual speed of a hand against the trunk", "ours", least=0.05
+    )
     inclination_sd: float = option(3.0, "deg", "inclination at the start", "ours", least=0.1)
-    heading_sd: float = option(20.0, "deg", "heading of trunk and hand at the start", "ours", least=0.1)
-    mag_range: float = option(810.0, "uT", "full scale of a magnetometer: a reading at it is left out", "HMC5883L data sheet", least=1.0)
-    gyr_range: float = option(2000.0, "deg/s", "full scale of a gyroscope", "LSM330DLC data sheet", least=1.0)
-    acc_range: float = option(8.0, "g", "full scale of an accelerometer", "LSM330DLC data sheet", least=1.0)
+    heading_sd: float = option(
+        20.0, "deg", "heading of trunk and hand at the start", "ours", least=0.1
+    )
+    mag_range: float = option(
+        810.0,
+        "uT",
+        "full scale of a magnetometer: a reading at it is left out",
+        "HMC5883L data sheet",
+        least=1.0,
+    )
+    gyr_range: float = option(
+        2000.0, "deg/s", "full scale of a gyroscope", "LSM330DLC data sheet", least=1.0
+    )
+    acc_range: float = option(
+        8.0, "g", "full scale of an accelerometer", "LSM330DLC data sheet", least=1.0
+    )
     doubt: float = option(
         1.5,
         "1",
@@ -143,7 +265,9 @@ class MagnetParams:
         "ours: once in a thousand recordings that are as told; chi-squared of as many as have been learnt",
         most=0.1,
     )
-    max_gap: float = option(0.25, "s", "a longer gap forgets place and velocity", "as the fusion's", most=1.0)
+    max_gap: float = option(
+        0.25, "s", "a longer gap forgets place and velocity", "as the fusion's", most=1.0
+    )
 
 
 def sizes(p: MagnetParams, span: float = 0.0) -> Sizes:
@@ -157,7 +281,8 @@ def sizes(p: MagnetParams, span: float = 0.0) -> Sizes:
         mag=1e-6 * p.mag_noise,
         mag_left=1e-6 * p.mag_error,
         slope=1e-6 * p.field_slope * float(np.sqrt(OF_FIVE)),
-        single=1e-6 * float(np.sqrt(p.mag_noise**2 + p.mag_error**2 + SLOPES * (p.field_slope * span) ** 2)),
+        single=1e-6
+        * float(np.sqrt(p.mag_noise**2 + p.mag_error**2 + SLOPES * (p.field_slope * span) ** 2)),
         left_alike=p.left_alike,
         alike=p.alike,
         gyr_walk=p.gyr_bias_walk,

@@ -87,7 +87,9 @@ def _seen_from(end: State, track: Track, trace: Trace, later: Trace) -> Track:
         went_back(piece, news, cov, x, variances)
     with np.errstate(invalid="ignore", divide="ignore"):
         filtered = trace.own[:, :1, 0] + trace.lasting[:, :1]
-        sd = np.sqrt(variances) * (track.p_sd[:, :1] / np.sqrt(filtered))  # as much in doubt as before
+        sd = np.sqrt(variances) * (
+            track.p_sd[:, :1] / np.sqrt(filtered)
+        )  # as much in doubt as before
     return replace(
         track,
         p_bt=x[:, 0:3],
@@ -106,7 +108,12 @@ def _seen_from(end: State, track: Track, trace: Trace, later: Trace) -> Track:
 def went_back(trace: Trace, news: Array, cov: Array, states: Array, variances: Array) -> None:
     """Fill states (n, 45 + 6 L) and variances (n, 30) of the trace's samples. `news` (30,), what is to be put into the filter's state, and `cov` (30, 30), how
     sure that is beside what lasts, are of its last sample and become those of the sample before its first."""
-    C, open_, made, apart = np.empty((OWN, OWN)), np.empty((OWN, OWN)), np.empty((OWN, OWN)), np.empty(OWN)
+    C, open_, made, apart = (
+        np.empty((OWN, OWN)),
+        np.empty((OWN, OWN)),
+        np.empty((OWN, OWN)),
+        np.empty(OWN),
+    )
     for n in range(len(states) - 1, -1, -1):
         x = moved(trace.state[n], news)
         differ(x, trace.expected[n], apart)

@@ -18,20 +18,37 @@ SURE = 5.0  # standard deviations of the mean square of differences beyond which
 
 
 def stood(
-    recent: Array, samples: Array, mag: Array, length: int, gyr_sd: float, acc_sd: float, noise: float
+    recent: Array,
+    samples: Array,
+    mag: Array,
+    length: int,
+    gyr_sd: float,
+    acc_sd: float,
+    noise: float,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """The newest rows that the next test needs, and whether base and target stood still up to each sample (n, 2); recent (m, 12 + 3 magnetometers)
     of samples (n, 12) and mag (n, magnetometers, 3) before these; limits as in zero_velocity.py, `noise` of a magnetometer T."""
-    joined = np.concatenate([recent, np.column_stack([samples, mag.reshape(len(mag), 3 * mag.shape[1])])])
+    joined = np.concatenate(
+        [recent, np.column_stack([samples, mag.reshape(len(mag), 3 * mag.shape[1])])]
+    )
     still = np.zeros((len(samples), 2), bool)
     if len(joined) >= length and len(samples):
         begun = max(len(joined) - len(samples) - length + 1, 0)
-        windows = np.lib.stride_tricks.sliding_window_view(joined[begun:, :12], length, axis=0).transpose(0, 2, 1)
+        windows = np.lib.stride_tricks.sliding_window_view(
+            joined[begun:, :12], length, axis=0
+        ).transpose(0, 2, 1)
         for k in range(2):
-            ratio = likelihood_ratios(windows[:, :, 6 * k : 6 * k + 3], windows[:, :, 6 * k + 3 : 6 * k + 6], gyr_sd, acc_sd)
+            ratio = likelihood_ratios(
+                windows[:, :, 6 * k : 6 * k + 3],
+                windows[:, :, 6 * k + 3 : 6 * k + 6],
+                gyr_sd,
+                acc_sd,
+            )
             still[len(samples) - len(ratio) :, k] = ratio < 1.0
     if len(joined) >= SLIDE and len(samples):
-        slides = moving(joined[:, 12:].reshape(len(joined), mag.shape[1], 3), SLIDE, noise)[-len(samples) :]
+        slides = moving(joined[:, 12:].reshape(len(joined), mag.shape[1], 3), SLIDE, noise)[
+            -len(samples) :
+        ]
         still[len(samples) - len(slides) :, 1] &= ~(slides & still[len(samples) - len(slides) :, 0])
     return joined[-(max(length, SLIDE) - 1) :], still
 
@@ -55,7 +72,9 @@ def _common(mag: Array) -> Array:
     """Mean (n, 1, 3) of the magnetometers that answered; NaN where none did."""
     known = np.isfinite(mag)
     with np.errstate(invalid="ignore"):
-        return np.asarray(np.where(known, mag, 0.0).sum(axis=1, keepdims=True) / known.sum(axis=1, keepdims=True))
+        return np.asarray(
+            np.where(known, mag, 0.0).sum(axis=1, keepdims=True) / known.sum(axis=1, keepdims=True)
+        )
 
 
 def _means(flat: Array, length: int) -> tuple[Array, Array]:

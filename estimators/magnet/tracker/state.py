@@ -23,8 +23,22 @@ from handscope.estimators.numerics.small_matrices import block, product, put, sp
 
 P_, V_, TH, B_, BTG, BTA, THG, BBG, BBA, VB = (3 * k for k in range(10))  # rows of the error
 OWN = 30  # errors of trunk and hand; behind them what does not move
-MOM, LEV, SLO, LEFT = 30, 33, 36, 42  # moment, its place, slopes, calibrations; the magnetometers' places follow
-XQ, XB, XTG, XTA, XGB, XBG, XBA, XVB = 6, 10, 13, 16, 19, 23, 26, 29  # rows of the state behind p and v
+MOM, LEV, SLO, LEFT = (
+    30,
+    33,
+    36,
+    42,
+)  # moment, its place, slopes, calibrations; the magnetometers' places follow
+XQ, XB, XTG, XTA, XGB, XBG, XBA, XVB = (
+    6,
+    10,
+    13,
+    16,
+    19,
+    23,
+    26,
+    29,
+)  # rows of the state behind p and v
 SEATED = 600.0  # s for which the slopes of the room's field stay alike: who sits hardly leaves their place
 XM, XS, XL = 32, 38, 44  # where the state's rows of MOM, of SLO and of LEFT begin
 
@@ -45,7 +59,9 @@ class Sizes(NamedTuple):
     alike: float  # s
     gyr_walk: float  # rad/s/sqrt(s)
     acc_walk: float  # m/s^2/sqrt(s)
-    acc_turned: float  # m/s^2/sqrt(rad), what scales and axes make of gravity as it turns through them
+    acc_turned: (
+        float  # m/s^2/sqrt(rad), what scales and axes make of gravity as it turns through them
+    )
     field_walk: float  # T/sqrt(s)
     field_across: float  # T
     gravity: float
@@ -156,7 +172,10 @@ def moved(x: Array, dx: Array) -> Array:
         out[XBG + i] += dx[BBG + i]
         out[XBA + i] += dx[BBA + i]
         out[XVB + i] += dx[VB + i]
-    q_bt, q_gb = turned(x[XQ : XQ + 4], dx[TH : TH + 3], False), turned(x[XGB : XGB + 4], dx[THG : THG + 3], False)
+    q_bt, q_gb = (
+        turned(x[XQ : XQ + 4], dx[TH : TH + 3], False),
+        turned(x[XGB : XGB + 4], dx[THG : THG + 3], False),
+    )
     for i in range(4):
         out[XQ + i], out[XGB + i] = q_bt[i], q_gb[i]
     return out
@@ -179,7 +198,10 @@ def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) 
     C = matrix(turned(one, back_b, False))  # old axes of the base to new ones
     R0 = matrix(x[XQ : XQ + 4])
     out = x.copy()
-    q_bt, q_gb = turned(turned(x[XQ : XQ + 4], back_b, True), w_t, False), turned(x[XGB : XGB + 4], w_b, False)
+    q_bt, q_gb = (
+        turned(turned(x[XQ : XQ + 4], back_b, True), w_t, False),
+        turned(x[XGB : XGB + 4], w_b, False),
+    )
     R1 = matrix(q_bt)
     a0, a1 = times(R0, f_t0), times(R1, f_t1)
     up = np.zeros(3)
@@ -252,7 +274,17 @@ def pushed(s: Sizes, x: Array, now: Array) -> float:
 
 
 @inlined
-def widened(s: Sizes, P: Array, F: Array, dt: float, w_b: float, w_t: float, push: float, spread_field: float, rough: float) -> None:
+def widened(
+    s: Sizes,
+    P: Array,
+    F: Array,
+    dt: float,
+    w_b: float,
+    w_t: float,
+    push: float,
+    spread_field: float,
+    rough: float,
+) -> None:
     """The covariance dt later, base and target turning by w_b and w_t (rad/s) and accelerated by `push` (m/s^2)^2, in place; `spread_field` T is what the
     field across itself may be at other places of the trunk; `rough` multiplies the noise of sensors that did not answer.
 
@@ -262,7 +294,10 @@ def widened(s: Sizes, P: Array, F: Array, dt: float, w_b: float, w_t: float, pus
     spread(F, P, carried)
     product(F, P[:OWN, OWN:], across)
     kept, seated = math.exp(-w_b * dt / s.left_alike), math.exp(-dt / SEATED)
-    first, last = LEFT - OWN, LEFT - OWN + (len(P) - LEFT - 1) // 2  # of the calibrations: they change as the trunk turns
+    first, last = (
+        LEFT - OWN,
+        LEFT - OWN + (len(P) - LEFT - 1) // 2,
+    )  # of the calibrations: they change as the trunk turns
     for j in range(len(P) - OWN):
         share = kept if first <= j < last else seated if SLO <= OWN + j < SLO + 5 else 1.0
         for i in range(OWN):
@@ -271,10 +306,17 @@ def widened(s: Sizes, P: Array, F: Array, dt: float, w_b: float, w_t: float, pus
             for k in range(OWN, len(P)):
                 P[OWN + j, k] *= share
                 P[k, OWN + j] *= share
-            P[OWN + j, OWN + j] += (1.0 - share * share) * (s.mag_left if first <= j < last else s.slope) ** 2
+            P[OWN + j, OWN + j] += (1.0 - share * share) * (
+                s.mag_left if first <= j < last else s.slope
+            ) ** 2
     put(carried, P[:OWN, :OWN])
-    gyr_b, gyr_t = rough * (s.gyr**2 + (s.gyr_moving * w_b) ** 2), rough * (s.gyr**2 + (s.gyr_moving * w_t) ** 2)
-    acc = 2 * (rough * s.acc * s.acc + s.acc_slow * s.acc_slow) + s.acc_moving_slow**2 * push  # of both accelerometers: half is the base's
+    gyr_b, gyr_t = (
+        rough * (s.gyr**2 + (s.gyr_moving * w_b) ** 2),
+        rough * (s.gyr**2 + (s.gyr_moving * w_t) ** 2),
+    )
+    acc = (
+        2 * (rough * s.acc * s.acc + s.acc_slow * s.acc_slow) + s.acc_moving_slow**2 * push
+    )  # of both accelerometers: half is the base's
     for i in range(OWN):  # the base's gyroscope moves p, v and both orientations by the same error
         for j in range(OWN):
             for k in range(3):
@@ -292,7 +334,9 @@ def widened(s: Sizes, P: Array, F: Array, dt: float, w_b: float, w_t: float, pus
         P[V_ + i, VB + i] -= acc * dt / 2
         P[VB + i, P_ + i] -= acc * dt**2 / 4
         P[P_ + i, VB + i] -= acc * dt**2 / 4
-        P[B_ + i, B_ + i] += s.field_walk**2 * dt if i > 0 else (1.0 - F[B_, B_] ** 2) * spread_field**2
+        P[B_ + i, B_ + i] += (
+            s.field_walk**2 * dt if i > 0 else (1.0 - F[B_, B_] ** 2) * spread_field**2
+        )
         P[BTG + i, BTG + i] += s.gyr_walk**2 * dt
         P[BBG + i, BBG + i] += s.gyr_walk**2 * dt
         P[BTA + i, BTA + i] += (s.acc_walk**2 + s.acc_turned**2 * w_t) * dt

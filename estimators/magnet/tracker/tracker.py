@@ -18,7 +18,13 @@ from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.magnet.model.setup import EARTH_STRONGEST, EARTH_WEAKEST, Constellation, Magnet, require_field
+from handscope.estimators.magnet.model.setup import (
+    EARTH_STRONGEST,
+    EARTH_WEAKEST,
+    Constellation,
+    Magnet,
+    require_field,
+)
 from handscope.estimators.magnet.tracker import initialisation as magnet_initialisation
 from handscope.estimators.magnet.tracker import standstill as magnet_standstill
 from handscope.estimators.magnet.tracker.history import Trace, rows_of, traced
@@ -32,7 +38,10 @@ from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.quaternions import Array
 
 ORDINARY = 2.5  # standard deviations of the largest of some thirty normal errors
-LISTENED = (32, 256)  # first whole readings that tell the magnetometers' noise: to 7 %, then to 3 % with four of them
+LISTENED = (
+    32,
+    256,
+)  # first whole readings that tell the magnetometers' noise: to 7 %, then to 3 % with four of them
 QUARTILE = 1.1503  # standard deviations that three quarters of normal errors stay below
 SEEN = 1.1  # times what was told from which on the noise that was measured counts: 1.22 of it unsaid would be a contradiction for good
 LOUDER = 1.5  # times what was told from which on all is begun anew
@@ -46,7 +55,9 @@ class Readings:
     base: Array  # (n, 6) gyroscope rad/s, accelerometer m/s^2, base frame
     target: Array  # (n, 6) the same, target frame
     mag: Array  # (n, magnetometers, 3) T, calibrated, each in its own axes; NaN where there is none at that instant
-    age: Array | None = None  # (n, magnetometers) s for which each has been waiting for its instant; None: none has
+    age: Array | None = (
+        None  # (n, magnetometers) s for which each has been waiting for its instant; None: none has
+    )
 
 
 @dataclass(frozen=True)
@@ -54,13 +65,17 @@ class State:
     """Everything the next step needs: save it, copy it, start again from it."""
 
     setup: Setup
-    x: Array | None  # (45 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
+    x: (
+        Array | None
+    )  # (45 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
     covariance: Array  # (43 + 6 magnetometers,) squared
     mood: Array  # (9,) as magnet_loop.py has it
     newest: Array  # (12,) last good inertial readings
     way: Array  # (22 + magnetometers,) as magnet_lateness.py has it
     recent: Array  # (m, 12 + 3 magnetometers) for the test of standstill
-    heard: Array | None  # (m, magnetometers, 3) T, whole readings until their noise is known; None after that
+    heard: (
+        Array | None
+    )  # (m, magnetometers, 3) T, whole readings until their noise is known; None after that
     noise: float = 0.0  # uT, where it is more than was told
     contradicted: float = -np.inf  # s, newest sample at which readings contradicted what was told
     t: float = -np.inf
@@ -110,11 +125,17 @@ def start(setup: Setup) -> State:
     )
 
 
-def step(params: MagnetParams, state: State, readings: Readings, trace: Trace | None = None) -> tuple[State, Track]:
+def step(
+    params: MagnetParams, state: State, readings: Readings, trace: Trace | None = None
+) -> tuple[State, Track]:
     """Advance by samples of any number; nothing depends on where they are cut. Magnetometers with more noise than was told are found out by their first
     readings: what was made of those is forgotten. Fills a trace of as many rows, for who goes back (magnet_smoothing.py)."""
     n, many = len(readings.t), len(state.setup.array)
-    if readings.mag.shape != (n, many, 3) or readings.base.shape != (n, 6) or readings.target.shape != (n, 6):
+    if (
+        readings.mag.shape != (n, many, 3)
+        or readings.base.shape != (n, 6)
+        or readings.target.shape != (n, 6)
+    ):
         raise InputError(
             f"Magnetometer readings are {readings.mag.shape}, inertial ones {readings.base.shape} and {readings.target.shape}; {n} samples of {many} magnetometers were told."
         )
@@ -131,7 +152,9 @@ def step(params: MagnetParams, state: State, readings: Readings, trace: Trace | 
     listening = _listened(params, state, heard[:enough])
     begun_anew = listening.x is not state.x
     state, late = step(params, listening, part(readings, later), rows_of(trace, later))
-    if begun_anew and trace is not None and cut < len(trace.gain):  # nothing leads back to what was made before
+    if (
+        begun_anew and trace is not None and cut < len(trace.gain)
+    ):  # nothing leads back to what was made before
         trace.gain[cut], trace.open[cut] = 0.0, trace.own[cut - 1]
     return state, joined([early, late])
 
@@ -142,7 +165,11 @@ def _listened(params: MagnetParams, state: State, heard: Array) -> State:
     more = None if len(heard) == LISTENED[-1] else heard
     louder = noise > LOUDER * params.mag_noise
     if first and state.x is not None and (louder or _lost(state)):
-        return replace(_anew(params, state, heard, max(noise, params.mag_noise)), heard=more, noise=noise if louder else 0.0)
+        return replace(
+            _anew(params, state, heard, max(noise, params.mag_noise)),
+            heard=more,
+            noise=noise if louder else 0.0,
+        )
     if noise <= SEEN * params.mag_noise:
         noise = 0.0
     if not noise > max(state.noise, params.mag_noise):
@@ -160,7 +187,12 @@ def _anew(params: MagnetParams, state: State, heard: Array, noise: float) -> Sta
     params, begun = replace(params, mag_noise=noise), start(state.setup)
     near = None
     if not magnet_standstill.moving(heard, len(heard), 1e-6 * noise).any():
-        at = Readings(np.array([state.t]), state.newest[None, :6], state.newest[None, 6:], heard.mean(axis=0)[None])
+        at = Readings(
+            np.array([state.t]),
+            state.newest[None, :6],
+            state.newest[None, 6:],
+            heard.mean(axis=0)[None],
+        )
         told = _advanced(replace(params, mag_noise=noise / np.sqrt(len(heard))), begun, at, None)[0]
         near = None if told.x is None or _lost(told) else magnet_initialisation.there(told.x)
     mag_b = quat.rotate(state.setup.array.q_bl, heard[-1])
@@ -173,10 +205,16 @@ def _noise(mag: Array) -> float:
     return float(np.quantile(np.abs(np.diff(mag, n=3, axis=0)), 0.75) / QUARTILE / np.sqrt(20.0))
 
 
-def _advanced(params: MagnetParams, state: State, readings: Readings, trace: Trace | None) -> tuple[State, Track]:
+def _advanced(
+    params: MagnetParams, state: State, readings: Readings, trace: Trace | None
+) -> tuple[State, Track]:
     """By samples over which the noise of the magnetometers is one."""
     params = replace(params, mag_noise=max(params.mag_noise, state.noise))
-    array, n, samples = state.setup.array, len(readings.t), np.concatenate([readings.base, readings.target], axis=1)
+    array, n, samples = (
+        state.setup.array,
+        len(readings.t),
+        np.concatenate([readings.base, readings.target], axis=1),
+    )
     limits = np.tile(np.repeat([params.gyr_range * DEG, params.acc_range * GRAVITY], 3), 2)
     samples = np.where(np.abs(samples) < 0.999 * limits, samples, np.nan)
     with np.errstate(invalid="ignore"):
@@ -187,14 +225,30 @@ def _advanced(params: MagnetParams, state: State, readings: Readings, trace: Tra
     if x is None:
         whole = np.isfinite(samples).all(axis=1) & np.isfinite(mag).all(axis=(1, 2))
         if not whole.any():
-            return replace(state, t=float(readings.t[-1]) if n else state.t), _before(state, readings, 0, n, saturated)
+            return replace(state, t=float(readings.t[-1]) if n else state.t), _before(
+                state, readings, 0, n, saturated
+            )
         first = int(whole.argmax())
-        x, P = magnet_initialisation.begun(params, state.setup, samples[first], readings.mag[first], mag_b[first])
+        x, P = magnet_initialisation.begun(
+            params, state.setup, samples[first], readings.mag[first], mag_b[first]
+        )
         state = replace(state, t=float(readings.t[first]), newest=samples[first])
     window, still = magnet_standstill.stood(
-        state.recent, samples[first:], mag[first:], params.still_samples, params.still_gyr * DEG, params.still_acc, 1e-6 * params.mag_noise
+        state.recent,
+        samples[first:],
+        mag[first:],
+        params.still_samples,
+        params.still_gyr * DEG,
+        params.still_acc,
+        1e-6 * params.mag_noise,
     )
-    x, P, mood, newest, way = x.copy(), P.copy(), state.mood.copy(), state.newest.copy(), state.way.copy()
+    x, P, mood, newest, way = (
+        x.copy(),
+        P.copy(),
+        state.mood.copy(),
+        state.newest.copy(),
+        state.way.copy(),
+    )
     rows = n - first
     states, variances, moods = np.empty((rows, len(x))), np.empty((rows, len(P))), np.empty(rows)
     dts = np.diff(readings.t[first:], prepend=state.t)
@@ -218,18 +272,33 @@ def _advanced(params: MagnetParams, state: State, readings: Readings, trace: Tra
         rows_of(trace, slice(first, None)) or traced(0, len(x)),
     )
     t = float(readings.t[-1]) if n else state.t
-    track = _told(params, setup, readings, first, states, np.sqrt(np.maximum(variances, 0.0)), moods, saturated, still, mag)
+    track = _told(
+        params,
+        setup,
+        readings,
+        first,
+        states,
+        np.sqrt(np.maximum(variances, 0.0)),
+        moods,
+        saturated,
+        still,
+        mag,
+    )
     now = readings.t[first:]
     known = np.concatenate([[state.contradicted], np.where(track.doubtful[first:], now, -np.inf)])
     contradicted = np.maximum.accumulate(known)
-    doubtful = np.concatenate([track.doubtful[:first], now - contradicted[1:] <= params.doubt_lasts])
+    doubtful = np.concatenate(
+        [track.doubtful[:first], now - contradicted[1:] <= params.doubt_lasts]
+    )
     state = replace(state, x=x, covariance=P, mood=mood, newest=newest, way=way, recent=window, t=t)
     return replace(state, contradicted=float(contradicted[-1])), replace(track, doubtful=doubtful)
 
 
 def finish(params: MagnetParams, state: State) -> tuple[State, Track]:
     """Nothing waits; here for the shape that every tracker has."""
-    nothing = Readings(np.empty(0), np.empty((0, 6)), np.empty((0, 6)), np.empty((0, len(state.setup.array), 3)))
+    nothing = Readings(
+        np.empty(0), np.empty((0, 6)), np.empty((0, 6)), np.empty((0, len(state.setup.array), 3))
+    )
     return state, _before(state, nothing, 0, 0, np.empty((0, len(state.setup.array)), bool))
 
 
@@ -281,7 +350,9 @@ def _told(
     chance = by_chance(moved[:, :-1], sd[:, OWN:-1] / sure[:-1])
     strained = moved[:, :-1].max(axis=1)  # what must have been told wrong for the readings to fit
     sd = sd * np.maximum(1.0, strained / ORDINARY)[:, None]
-    strange = np.abs(np.linalg.norm(field, axis=1) / setup.earth - 1.0) > 0.2  # iron or a magnet that the filter took for the room
+    strange = (
+        np.abs(np.linalg.norm(field, axis=1) / setup.earth - 1.0) > 0.2
+    )  # iron or a magnet that the filter took for the room
     rest = Track(
         readings.t[first:],
         x[:, 0:3],
@@ -299,7 +370,11 @@ def _told(
         moods,
         saturated[first:],
         still,
-        (moods > params.doubt) | strange | (moved.max(axis=1) > params.strain) | (chance < params.chance) | (len(setup.array) < 2),
+        (moods > params.doubt)
+        | strange
+        | (moved.max(axis=1) > params.strain)
+        | (chance < params.chance)
+        | (len(setup.array) < 2),
     )
     if not first:
         return rest
@@ -314,19 +389,39 @@ def joined(pieces: Sequence[Track]) -> Track:
 def part(readings: Readings, rows: slice) -> Readings:
     """Some of the readings."""
     age = None if readings.age is None else readings.age[rows]
-    return Readings(readings.t[rows], readings.base[rows], readings.target[rows], readings.mag[rows], age)
+    return Readings(
+        readings.t[rows], readings.base[rows], readings.target[rows], readings.mag[rows], age
+    )
 
 
 def _ages(readings: Readings) -> Array:
     return np.zeros(readings.mag.shape[:2]) if readings.age is None else readings.age
 
 
-def _before(state: State, readings: Readings, first: int, last: int, saturated: NDArray[np.bool_]) -> Track:
+def _before(
+    state: State, readings: Readings, first: int, last: int, saturated: NDArray[np.bool_]
+) -> Track:
     """Samples before the filter could start: nothing is known."""
     n = last - first
     v, q = np.full((n, 3), np.nan), np.full((n, 4), np.nan)
     silent = np.full((n, len(state.setup.array)), np.nan)
     never = np.zeros((n, 2), bool)
     return Track(
-        readings.t[first:last], v, v, q, q, v, v, v, v, v, silent, v[:, 0], v[:, 0], v[:, 0], saturated[first:last], never, np.ones(n, bool)
+        readings.t[first:last],
+        v,
+        v,
+        q,
+        q,
+        v,
+        v,
+        v,
+        v,
+        v,
+        silent,
+        v[:, 0],
+        v[:, 0],
+        v[:, 0],
+        saturated[first:last],
+        never,
+        np.ones(n, bool),
     )

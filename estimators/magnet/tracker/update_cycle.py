@@ -10,7 +10,14 @@ import numpy as np
 from handscope.estimators.magnet.model.dipole import MU0_4PI
 from handscope.estimators.magnet.tracker.history import Trace, alone, beside, foreseen, told_of
 from handscope.estimators.magnet.tracker.inertial_updates import inertial
-from handscope.estimators.magnet.tracker.latency import TELLS, WAY, considered, dependence, settled, went_on
+from handscope.estimators.magnet.tracker.latency import (
+    TELLS,
+    WAY,
+    considered,
+    dependence,
+    settled,
+    went_on,
+)
 from handscope.estimators.magnet.tracker.magnetic_update import (
     EVIDENCE,
     answered,
@@ -65,12 +72,23 @@ SLIGHT = 0.05  # share of a reading's variance that changes nothing
 LASTS = 1.0  # s for which the field of a magnet stays alike that is not heard well enough to be followed
 STRAIGHT = 0.3  # of the distance to the nearest magnetometer: a place known no better is not learnt from readings
 FOUND = 0.15  # of that distance: a lost one known no better is not found
-MEMORY, COUNTED = 0.5, 0.1  # s over which surprises are averaged; for which one reading counts at most, however long there was none
+MEMORY, COUNTED = (
+    0.5,
+    0.1,
+)  # s over which surprises are averaged; for which one reading counts at most, however long there was none
 LOST = 3.0  # mean normalised innovation squared at which the place is given up: no chance over half a second
 TURN_LOST = 20 * math.pi / 180
 ROAMED = 600.0  # s over which it is looked how far the field differs from place to place
-SURPRISE, OUT, SILENT = 0, 1, 2  # rows of the mood: mean surprise, s since it is too large, s without a reading that was looked at
-SINCE, MEAN, SQUARE = 3, 4, 6  # s that were looked at, mean and mean squared deviation (T) of the field's other two components
+SURPRISE, OUT, SILENT = (
+    0,
+    1,
+    2,
+)  # rows of the mood: mean surprise, s since it is too large, s without a reading that was looked at
+SINCE, MEAN, SQUARE = (
+    3,
+    4,
+    6,
+)  # s that were looked at, mean and mean squared deviation (T) of the field's other two components
 UNTIL = 8  # s for which a hand out of earshot is not sought again
 MOODS = 9
 SEARCHED = 0.2  # s between searches that hear nothing
@@ -94,17 +112,31 @@ def surprise(s: Sizes, x: Array, P: Array, way: Array, mag: Array) -> float:
     rows = 3 * len(mag)
     H, missed, noise = np.zeros((rows, len(P))), np.zeros(rows), np.zeros((rows, rows))
     compared(s, x, way, mag, 1.0 + bent(x, P) / s.mag**2, H, missed, noise)
-    out: float = explained(P, missed, H, noise, np.empty((rows, len(P))), np.empty(len(P))) / answered(mag)
+    out: float = explained(
+        P, missed, H, noise, np.empty((rows, len(P))), np.empty(len(P))
+    ) / answered(mag)
     return out
 
 
 @inlined
-def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, grown: float, dt: float, left: Array) -> Array:
+def heard(
+    s: Sizes,
+    x: Array,
+    P: Array,
+    way: Array,
+    mag: Array,
+    centre: Array,
+    grown: float,
+    dt: float,
+    left: Array,
+) -> Array:
     """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state, and fills left
     (3,): normalised innovation squared of all readings where it puts the hand, whether it was sought elsewhere, whether it is heard."""
     lost, disputed, less = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2, False, math.inf
     if lost:
-        start, cost = led(s, x, P, way, np.zeros(len(P)), mag, 1.0, np.empty((3 * len(mag), len(P))))
+        start, cost = led(
+            s, x, P, way, np.zeros(len(P)), mag, 1.0, np.empty((3 * len(mag), len(P)))
+        )
         there, less, disputed = best_of(s, x, P, way, searched(s, x, P, mag, centre), mag)
         if less < cost - EVIDENCE:  # what led astray would lead back
             found = moved(x, there)
@@ -119,7 +151,11 @@ def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, g
     considered(way, P, dx, C)
     out: Array = moved(x, dx)
     left[0] = min(cost, less)
-    known = not disputed and cost < GATE * 3 * len(mag) and told(s, out, C, LOUD if lost else AUDIBLE, FOUND if lost else STRAIGHT)
+    known = (
+        not disputed
+        and cost < GATE * 3 * len(mag)
+        and told(s, out, C, LOUD if lost else AUDIBLE, FOUND if lost else STRAIGHT)
+    )
     left[2] = 1.0 if strength(out, distance(out)) > LOUD * s.single else 0.0
     if disputed and left[2] > 0.5:  # it is heard, but where it is will show as it moves
         out = x.copy()
@@ -131,7 +167,9 @@ def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, g
 
 
 @inlined
-def best_of(s: Sizes, x: Array, P: Array, way: Array, starts: Array, mag: Array) -> tuple[Array, float, bool]:
+def best_of(
+    s: Sizes, x: Array, P: Array, way: Array, starts: Array, mag: Array
+) -> tuple[Array, float, bool]:
     """Of places that starts (n, errors) lead to the one that explains the readings best, what it leaves, and whether another does nearly as well."""
     n = len(starts)
     ends, costs, best, disputed = np.empty(starts.shape), np.empty(n), 0, False
@@ -152,7 +190,13 @@ def best_of(s: Sizes, x: Array, P: Array, way: Array, starts: Array, mag: Array)
 def bent(x: Array, P: Array) -> float:
     """Variance, T^2, by which the field at a place that is not exactly known is not what its slope says."""
     away = distance(x)
-    by_place: float = BENDS * strength(x, away) / away**2 * (P[P_, P_] + P[P_ + 1, P_ + 1] + P[P_ + 2, P_ + 2]) / 3
+    by_place: float = (
+        BENDS
+        * strength(x, away)
+        / away**2
+        * (P[P_, P_] + P[P_ + 1, P_ + 1] + P[P_ + 2, P_ + 2])
+        / 3
+    )
     return by_place**2 / 2  # of (e^2 - E e^2) / 2 the variance is half the square of e's
 
 
@@ -177,7 +221,10 @@ def told(s: Sizes, x: Array, P: Array, audible: float, straight: float) -> bool:
     block(1.0, R, 0, LEV, J)
     block(-1.0, chained(R, skew(x[XM + 3 : XM + 6])), 0, TH, J)
     spread(J, P, known)
-    return bool(known[0, 0] + known[1, 1] + known[2, 2] < (straight * nearest) ** 2 and loud**2 > audible**2 * s.single**2)
+    return bool(
+        known[0, 0] + known[1, 1] + known[2, 2] < (straight * nearest) ** 2
+        and loud**2 > audible**2 * s.single**2
+    )
 
 
 @inlined
@@ -206,7 +253,9 @@ def without(s: Sizes, x: Array, P: Array, way: Array, mag: Array, dt: float) -> 
     missed, noise, dx, C = np.zeros(len(H)), np.zeros((len(H), len(H))), np.empty(len(P)), P.copy()
     for i in range(3):
         far[XM + i] = 0.0
-    own = 4 * min(strength(x, distance(x)) ** 2, LOUD**2 * s.single**2) * max(1.0, LASTS / dt)  # louder, it would have been found
+    own = (
+        4 * min(strength(x, distance(x)) ** 2, LOUD**2 * s.single**2) * max(1.0, LASTS / dt)
+    )  # louder, it would have been found
     for k in range(len(mag)):
         reads = read(far, way, k, h)
         there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
@@ -214,7 +263,9 @@ def without(s: Sizes, x: Array, P: Array, way: Array, mag: Array, dt: float) -> 
             row = 3 * k + i
             noise[row, row], missed[row] = s.single**2 + own, mag[k, i] - reads[i] if there else 0.0
             for j in range(len(P)):
-                H[row, j] = h[i, j] if there and (j < P_ + 3 or j >= TH) and not MOM <= j < MOM + 3 else 0.0
+                H[row, j] = (
+                    h[i, j] if there and (j < P_ + 3 or j >= TH) and not MOM <= j < MOM + 3 else 0.0
+                )
     if correct(C, missed, H, noise, dx) > GATE * len(H):
         return x
     put(C, P)
@@ -241,7 +292,9 @@ def bounded(s: Sizes, x: Array, P: Array, centre: Array, dt: float) -> Array:
                 H[j] = 0.0
             H[V_ + i] = 1.0
             corrected(P, dx, H, -x[3 + i], s.reach_speed**2 * s.alike / dt)
-    for i in range(6, size):  # a wish, no measurement: nothing but place and velocity learns from it
+    for i in range(
+        6, size
+    ):  # a wish, no measurement: nothing but place and velocity learns from it
         dx[i] = 0.0
         for j in range(6, size):
             P[i, j] = before[i, j]
@@ -284,7 +337,13 @@ def followed(
     """Go through samples (n, 12), magnetometers (n, magnetometers, 3) in the base's axes, how old these are (n, magnetometers), standstill (n, 2); fill
     states (n, ...), variances (n, ...), surprise (n,), and the trace if it has rows. P, mood, `before` (the last good readings) and `way` in place; gives
     the state."""
-    F, now, left, own, lasting = np.zeros((OWN, OWN)), np.zeros(12), np.zeros(3), np.empty((OWN, OWN)), np.empty((OWN, OWN))
+    F, now, left, own, lasting = (
+        np.zeros((OWN, OWN)),
+        np.zeros(12),
+        np.zeros(3),
+        np.empty((OWN, OWN)),
+        np.empty((OWN, OWN)),
+    )
     traced = len(trace.state) > 0
     if traced:
         beside(P, own, lasting)
@@ -303,13 +362,27 @@ def followed(
         elif dt > 0:
             x = stepped(s, x, before, now, dt, F)
             w_b, w_t = rates(x, now)
-            F[B_, B_] = math.exp(-w_b * dt / s.left_alike)  # g is turned so that the field has nothing across itself, on the whole
+            F[B_, B_] = math.exp(
+                -w_b * dt / s.left_alike
+            )  # g is turned so that the field has nothing across itself, on the whole
             x[XB] *= F[B_, B_]
-            for i in range(3 * len(mags[n])):  # what calibrations left becomes another, and nothing is known of that
+            for i in range(
+                3 * len(mags[n])
+            ):  # what calibrations left becomes another, and nothing is known of that
                 x[XL + i] *= F[B_, B_]
             for i in range(5):
                 x[XS + i] *= math.exp(-dt / SEATED)
-            widened(s, P, F, dt, w_b, w_t, pushed(s, x, now), max(s.field_across, roamed(mood, x, dt)), rough)
+            widened(
+                s,
+                P,
+                F,
+                dt,
+                w_b,
+                w_t,
+                pushed(s, x, now),
+                max(s.field_across, roamed(mood, x, dt)),
+                rough,
+            )
         if traced:
             foreseen(trace, n, x, P, F, own, lasting)
         went_on(way, now, dt if 0 < dt <= s.max_gap else 0.0)
@@ -328,7 +401,9 @@ def followed(
             since = min(mood[SILENT] + step, 0.2)
             mood[SILENT] = 0.0
             if new < GATE or wide:
-                x = heard(s, x, P, way, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt), since, left)
+                x = heard(
+                    s, x, P, way, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt), since, left
+                )
             if wide:  # before it was found nothing could be expected: what no place explains is a surprise
                 new, mood[UNTIL] = left[0] / count, SEARCHED * (1.0 - left[2])
             mood[SURPRISE] += min(since, COUNTED) / MEMORY * (min(new, 100.0) - mood[SURPRISE])

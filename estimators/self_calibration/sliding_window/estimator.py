@@ -34,7 +34,12 @@ from handscope.estimators.self_calibration.problem import (
 )
 from handscope.estimators.self_calibration.residuals import Terms
 
-EVERY_SAMPLE = (residuals.turning, residuals.meeting, residuals.hinging, residuals.staying)  # how it begins is told by `Past`
+EVERY_SAMPLE = (
+    residuals.turning,
+    residuals.meeting,
+    residuals.hinging,
+    residuals.staying,
+)  # how it begins is told by `Past`
 SHARED = 2  # samples of the window that those that left have touched: a joint's meeting spans three
 TAIL = 3  # last readings that are needed again: two samples of the window and the one ahead of it, without which the last turn is not known
 POSE_SD = 1e-3  # rad: what the first sample may have turned from the pose; the hand is held still
@@ -107,7 +112,9 @@ def longer(window: Window, fresh: Readings) -> Window:
     """The window with as many samples more as `fresh` has; where they are oriented is what gyroscopes say."""
     m, problem = len(fresh), window.problem
     both = _joined(window.tail, fresh)
-    piece = posed(problem.chain, problem.noise, both, problem.start, "left", {})  # what depends on hand and mounting is known already
+    piece = posed(
+        problem.chain, problem.noise, both, problem.start, "left", {}
+    )  # what depends on hand and mounting is known already
     new, between = slice(SHARED, SHARED + m), slice(SHARED - 1, SHARED - 1 + m)
     grown = replace(
         problem,
@@ -131,12 +138,22 @@ def solved(window: Window, most: int, rounds: int, straight: float) -> Slid:
     """
     for _ in range(rounds):
         window = replace(window, problem=bent(window.problem, window.at))
-        here, terms = window, [kind(window.problem, window.at, 0, len(window.problem)) for kind in EVERY_SAMPLE]
+        here, terms = (
+            window,
+            [kind(window.problem, window.at, 0, len(window.problem)) for kind in EVERY_SAMPLE],
+        )
         factor, window = _stepped(window, terms, straight)
     leave = max(0, len(window.problem) - most)
     past = _past(here, terms, leave) if leave else window.past
-    kept = replace(window, problem=_cut(window.problem, leave, len(window.problem)), at=_samples(window.at, leave, None), past=past)
-    return Slid(kept, factor, leave, float(np.sqrt(np.mean(terms[1].r ** 2))) if terms[1].r.size else 0.0)
+    kept = replace(
+        window,
+        problem=_cut(window.problem, leave, len(window.problem)),
+        at=_samples(window.at, leave, None),
+        past=past,
+    )
+    return Slid(
+        kept, factor, leave, float(np.sqrt(np.mean(terms[1].r ** 2))) if terms[1].r.size else 0.0
+    )
 
 
 def taught(fresh: Window, before: Window) -> Window:
@@ -146,7 +163,12 @@ def taught(fresh: Window, before: Window) -> Window:
     H[:k, :k] = fresh.past.H[:k, :k]
     H[k:, k:], g[k:] = _without(before.past.H, before.past.g, k)
     here = replace(before.past.at, q_GS=fresh.at.q_GS)
-    return replace(fresh, at=here, pose=before.past.pose, past=Past(_samples(here, 0, SHARED), before.past.pose, H, g))
+    return replace(
+        fresh,
+        at=here,
+        pose=before.past.pose,
+        past=Past(_samples(here, 0, SHARED), before.past.pose, H, g),
+    )
 
 
 def covariance(factor: Factor, k: int) -> Array:
@@ -155,7 +177,9 @@ def covariance(factor: Factor, k: int) -> Array:
     root = np.zeros((k * e, k * e))
     for row in range(k):
         for ahead in range(min(span, k - row)):
-            root[(row + ahead) * e : (row + ahead + 1) * e, row * e : (row + 1) * e] = factor.L[n - k + row, ahead]
+            root[(row + ahead) * e : (row + ahead + 1) * e, row * e : (row + 1) * e] = factor.L[
+                n - k + row, ahead
+            ]
     own = solve_triangular(root, np.eye(k * e, e), lower=True)
     M = own.T @ factor.Y[n - k :].reshape(k * e, -1)
     across = -M @ factor.covariance
@@ -177,7 +201,9 @@ def _stepped(window: Window, terms: Sequence[Terms], straight: float) -> tuple[F
     if not (np.isfinite(step.turns).all() and np.isfinite(step.parameters).all()):
         raise np.linalg.LinAlgError("the step is not finite")
     pose = quat.normalize(quat.multiply(window.pose, quat.exp(step.parameters[P:].reshape(S, 3))))
-    return factor, replace(window, at=moved(at, chain, step.turns.reshape(-1, S, 3), step.parameters[:P]), pose=pose)
+    return factor, replace(
+        window, at=moved(at, chain, step.turns.reshape(-1, S, 3), step.parameters[:P]), pose=pose
+    )
 
 
 def _straight(window: Window, sd: float) -> tuple[Array, Array]:
@@ -201,13 +227,23 @@ def _straight(window: Window, sd: float) -> tuple[Array, Array]:
                 slope[:, c.count + 3 * s : c.count + 3 * s + 3] -= sign * R[s] @ quat.skew(unit)
             r.append(off / sd)
             by.append(slope / sd)
-    return np.concatenate([np.zeros(0), *r]), np.concatenate([np.zeros((0, c.count + R.shape[0] * 3)), *by])
+    return np.concatenate([np.zeros(0), *r]), np.concatenate(
+        [np.zeros((0, c.count + R.shape[0] * 3)), *by]
+    )
 
 
 def _past(window: Window, terms: Sequence[Terms], leave: int) -> Past:
     """What the first samples and those before them tell of the next two, the parameters and the pose: theirs eliminated."""
-    heads = [replace(t, r=t.r[:leave], by_turns=t.by_turns[:leave], by_parameters=t.by_parameters[:leave]) for t in terms]
-    rest, slope = _without(*_dense(_normal(leave + SHARED, window, heads)), leave * 3 * len(window.problem.chain.sensors))
+    heads = [
+        replace(
+            t, r=t.r[:leave], by_turns=t.by_turns[:leave], by_parameters=t.by_parameters[:leave]
+        )
+        for t in terms
+    ]
+    rest, slope = _without(
+        *_dense(_normal(leave + SHARED, window, heads)),
+        leave * 3 * len(window.problem.chain.sensors),
+    )
     return Past(_samples(window.at, leave, leave + SHARED), window.pose, rest, slope)
 
 
@@ -240,14 +276,34 @@ def _normal(n: int, window: Window, terms: Sequence[Terms]) -> Normal:
 def _way(past: Past, window: Window, c: Columns) -> tuple[Array, Array]:
     """How far it is from where the past was linearised to here, in increments (m,), and how that changes with increments here (m, m)."""
     before, at, S = past.at, window.at, len(window.pose)
-    turns = quat.log(quat.relative(np.concatenate([before.q_GS, past.pose[None]]), np.concatenate([at.q_GS[:SHARED], window.pose[None]])))
+    turns = quat.log(
+        quat.relative(
+            np.concatenate([before.q_GS, past.pose[None]]),
+            np.concatenate([at.q_GS[:SHARED], window.pose[None]]),
+        )
+    )
     p, slope = np.zeros(c.count), np.eye(turns.size + c.count)
     places = [*range(0, 3 * SHARED * S, 3), *range(3 * SHARED * S + c.count, len(slope), 3)]
     for k, own in zip(places, residuals.inverse_jacobian(turns).reshape(-1, 3, 3)):
         slope[k : k + 3, k : k + 3] = own
-    for name in ("far", "near", "bias_gyr", "bias_acc", "scale_gyr", "scale_acc", "skin_turn", "skin_slide", "delay", "tilt", "law"):
+    for name in (
+        "far",
+        "near",
+        "bias_gyr",
+        "bias_acc",
+        "scale_gyr",
+        "scale_acc",
+        "skin_turn",
+        "skin_slide",
+        "delay",
+        "tilt",
+        "law",
+    ):
         p[getattr(c, name)] = np.ravel(getattr(at, name) - getattr(before, name))
-    for where, old, new in ((c.axis_far, before.axis_far, at.axis_far), (c.axis_near, before.axis_near, at.axis_near)):
+    for where, old, new in (
+        (c.axis_far, before.axis_far, at.axis_far),
+        (c.axis_near, before.axis_near, at.axis_near),
+    ):
         was, now = tangents(old), tangents(new)
         p[where] = np.einsum("mij,mi->mj", was, new).ravel()
         for h, own in enumerate(np.einsum("mij,mik->mjk", was, now)):
@@ -283,8 +339,17 @@ def _carried(at: Unknowns, turns: Array, dt: float) -> Unknowns:
 
 
 def _cut(problem: Problem, start: int, stop: int) -> Problem:
-    turns = {name: getattr(problem, name)[start : stop - 1] for name in ("turns", "later", "turn_sd")}
-    return replace(problem, **turns, **{name: getattr(problem, name)[start:stop] for name in ("acc", "acc_sd", "bent", "by_tilt")})
+    turns = {
+        name: getattr(problem, name)[start : stop - 1] for name in ("turns", "later", "turn_sd")
+    }
+    return replace(
+        problem,
+        **turns,
+        **{
+            name: getattr(problem, name)[start:stop]
+            for name in ("acc", "acc_sd", "bent", "by_tilt")
+        },
+    )
 
 
 def _samples(at: Unknowns, start: int, stop: int | None) -> Unknowns:

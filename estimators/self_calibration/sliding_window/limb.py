@@ -18,8 +18,20 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.self_calibration import segments
 from handscope.estimators.self_calibration.normal_equations import Factor
-from handscope.estimators.self_calibration.problem import Chain, Noise, Problem, Readings, Unknowns, chain, columns, measured, moved
-from handscope.estimators.self_calibration.sliding_window import estimator as sliding_window_estimator
+from handscope.estimators.self_calibration.problem import (
+    Chain,
+    Noise,
+    Problem,
+    Readings,
+    Unknowns,
+    chain,
+    columns,
+    measured,
+    moved,
+)
+from handscope.estimators.self_calibration.sliding_window import (
+    estimator as sliding_window_estimator,
+)
 from handscope.estimators.self_calibration.sliding_window.estimator import Slid, Window
 from handscope.estimators.self_calibration.sliding_window.streaming_samples import Nodes
 from handscope.estimators.self_calibration.solver import Solution
@@ -81,13 +93,28 @@ def stepped(setting: Setting, finger: Finger, nodes: Nodes, q_GS: Array, sd: Arr
             if not np.isfinite(q_GS[rows]).all():
                 return finger
             finger, rounds = (
-                replace(finger, window=_begun(setting, finger, read, q_GS[rows], sd[rows], bool(nodes.t[0] <= setting.calibration.end))),
+                replace(
+                    finger,
+                    window=_begun(
+                        setting,
+                        finger,
+                        read,
+                        q_GS[rows],
+                        sd[rows],
+                        bool(nodes.t[0] <= setting.calibration.end),
+                    ),
+                ),
                 2,
             )
         else:
-            finger, rounds = replace(finger, window=sliding_window_estimator.longer(finger.window, read)), 1
+            finger, rounds = (
+                replace(finger, window=sliding_window_estimator.longer(finger.window, read)),
+                1,
+            )
         assert finger.window is not None
-        slid = sliding_window_estimator.solved(finger.window, setting.most, rounds, setting.straight)
+        slid = sliding_window_estimator.solved(
+            finger.window, setting.most, rounds, setting.straight
+        )
     except np.linalg.LinAlgError:
         return Finger(finger.name, finger.chain)
     if not slid.misfit < MISFIT:
@@ -100,14 +127,33 @@ def given_up(finger: Finger) -> Finger:
     return Finger(finger.name, finger.chain, known=finger.window or finger.known)
 
 
-def _begun(setting: Setting, finger: Finger, read: Readings, q_GS: Array, sd: Array, in_pose: bool) -> Window:
+def _begun(
+    setting: Setting, finger: Finger, read: Readings, q_GS: Array, sd: Array, in_pose: bool
+) -> Window:
     noise, calibration, sensors = setting.noise, setting.calibration, finger.chain.sensors
-    guess, pose = _guess(calibration, finger, q_GS), np.array([calibration.q_GS.get(s, q) for s, q in zip(sensors, q_GS)])
-    window = sliding_window_estimator.begun(
-        finger.chain, noise, read, guess, np.tile(sd[:, None], 3), pose, in_pose, calibration.hand, calibration.q_BS
+    guess, pose = (
+        _guess(calibration, finger, q_GS),
+        np.array([calibration.q_GS.get(s, q) for s, q in zip(sensors, q_GS)]),
     )
-    problem = measured(window.problem, {s: calibration.geometry.lengths[s] for s in CHAINS[finger.name]})
-    problem = replace(problem, seat_sd=np.array([_seat_sd(setting, s) for s in sensors]), bias_sd=_bias_sd(setting, finger))
+    window = sliding_window_estimator.begun(
+        finger.chain,
+        noise,
+        read,
+        guess,
+        np.tile(sd[:, None], 3),
+        pose,
+        in_pose,
+        calibration.hand,
+        calibration.q_BS,
+    )
+    problem = measured(
+        window.problem, {s: calibration.geometry.lengths[s] for s in CHAINS[finger.name]}
+    )
+    problem = replace(
+        problem,
+        seat_sd=np.array([_seat_sd(setting, s) for s in sensors]),
+        bias_sd=_bias_sd(setting, finger),
+    )
     window = replace(window, problem=problem)
     return window if finger.known is None else sliding_window_estimator.taught(window, finger.known)
 
@@ -115,24 +161,40 @@ def _begun(setting: Setting, finger: Finger, read: Readings, q_GS: Array, sd: Ar
 def _seat_sd(setting: Setting, sensor: str) -> float:
     """How far a sensor may sit off what the calibration says, rad: as its movements told, else as sensors are put on."""
     told = setting.calibration.q_BS_sd.get(sensor)
-    return float(np.radians(setting.noise.mounting) if told is None else np.sqrt(np.mean(np.square(told))))
+    return float(
+        np.radians(setting.noise.mounting) if told is None else np.sqrt(np.mean(np.square(told)))
+    )
 
 
 def _bias_sd(setting: Setting, finger: Finger) -> float:
     """What the pose leaves of biases, rad/s: of three one-second means the farthest tells how well their mean is known."""
-    quality = [setting.calibration.quality[s] for s in finger.chain.sensors if s in setting.calibration.quality]
+    quality = [
+        setting.calibration.quality[s]
+        for s in finger.chain.sensors
+        if s in setting.calibration.quality
+    ]
     if len(quality) < len(finger.chain.sensors):
         return float(np.radians(setting.noise.gyr_bias))
-    return float(np.hypot(np.radians(setting.noise.rest), np.mean([q.rate_wander for q in quality]) / 3))
+    return float(
+        np.hypot(np.radians(setting.noise.rest), np.mean([q.rate_wander for q in quality]) / 3)
+    )
 
 
 def _guess(calibration: Calibration, finger: Finger, q_GS: Array) -> Unknowns:
     """Sensors in the middle of their segments, axes and biases as the pose has them."""
     links, geometry = finger.chain, calibration.geometry
-    to_sensor = quat.conjugate(np.array([calibration.q_BS.get(s, quat.IDENTITY) for s in links.sensors]))
+    to_sensor = quat.conjugate(
+        np.array([calibration.q_BS.get(s, quat.IDENTITY) for s in links.sensors])
+    )
     ends = geometry.chain_offsets()[list(CHAINS).index(finger.name)] / 2
-    half = {s: quat.rotate(to_sensor[k], ends[CHAINS[finger.name].index(s)]) for k, s in enumerate(links.sensors) if k}
-    knuckle = np.array(geometry.roots()[list(CHAINS).index(finger.name)]) - 0.5 * np.array(geometry.joint_positions["middle_mcp"])
+    half = {
+        s: quat.rotate(to_sensor[k], ends[CHAINS[finger.name].index(s)])
+        for k, s in enumerate(links.sensors)
+        if k
+    }
+    knuckle = np.array(geometry.roots()[list(CHAINS).index(finger.name)]) - 0.5 * np.array(
+        geometry.joint_positions["middle_mcp"]
+    )
     far = [half.get(links.sensors[p], quat.rotate(to_sensor[0], knuckle)) for p in links.parents]
     near = [-half[links.sensors[c]] for c in links.children]
     z = quat.rotate(to_sensor, np.array([0.0, 0.0, 1.0]))
@@ -166,14 +228,18 @@ def _readings(nodes: Nodes, rows: list[int]) -> Readings:
 def _told(setting: Setting, finger: Finger, slid: Slid) -> Finger:
     """What a window says."""
     window, steps = slid.window, finger.steps + 1
-    on_hand, lengths = _on_hand(setting, _solution(window.at, window.problem, slid.factor), window.pose)
+    on_hand, lengths = _on_hand(
+        setting, _solution(window.at, window.problem, slid.factor), window.pose
+    )
     sure = finger.sure
     if sure is None or steps in FIRST or steps % EVERY == 0:
         sure = _sure(setting, finger, slid)
     return replace(finger, window=window, steps=steps, on_hand=on_hand, lengths=lengths, sure=sure)
 
 
-def _on_hand(setting: Setting, found: Solution, pose: Array) -> tuple[dict[str, Array], Mapping[str, float]]:
+def _on_hand(
+    setting: Setting, found: Solution, pose: Array
+) -> tuple[dict[str, Array], Mapping[str, float]]:
     """Segments against the hand (n, 4), lengths. Where no joint shows how a sensor sits (the hand's, the last one's) the pose does."""
     calibration, sensors = setting.calibration, found.problem.chain.sensors
     told = segments.of_solution(found, calibration.hand, calibration.q_BS)
@@ -184,19 +250,28 @@ def _on_hand(setting: Setting, found: Solution, pose: Array) -> tuple[dict[str, 
             straight = quat.multiply(pose[beside], quat.conjugate(told.q_BS[sensors[beside]]))
             q_GB_pose = quat.multiply(straight, _held(calibration, sensors[beside], sensors[own]))
             again = quat.multiply(quat.conjugate(pose[own]), q_GB_pose)  # q_SB
-            q_GB[sensors[own]] = quat.multiply(told.q_GB[sensors[own]], quat.multiply(told.q_BS[sensors[own]], again))
+            q_GB[sensors[own]] = quat.multiply(
+                told.q_GB[sensors[own]], quat.multiply(told.q_BS[sensors[own]], again)
+            )
     return {s: quat.relative(q_GB["hand"], q_GB[s]) for s in sensors[1:]}, told.lengths
 
 
 def _solution(at: Unknowns, problem: Problem, factor: Factor) -> Solution:
     """As segments.py reads it: without the pose."""
     P = columns(problem.chain).count
-    return Solution(at, problem, "converged", (), replace(factor, covariance=factor.covariance[:P, :P]))
+    return Solution(
+        at, problem, "converged", (), replace(factor, covariance=factor.covariance[:P, :P])
+    )
 
 
 def _held(calibration: Calibration, a: str, b: str) -> Array:
     """How segment b stood on a in the pose (4,)."""
-    q_a, q_b = (quat.multiply(calibration.q_GS[s], quat.conjugate(calibration.q_BS[s])) if s in calibration.q_GS else None for s in (a, b))
+    q_a, q_b = (
+        quat.multiply(calibration.q_GS[s], quat.conjugate(calibration.q_BS[s]))
+        if s in calibration.q_GS
+        else None
+        for s in (a, b)
+    )
     return quat.IDENTITY if q_a is None or q_b is None else quat.relative(q_a, q_b)
 
 
@@ -206,12 +281,22 @@ def _sure(setting: Setting, finger: Finger, slid: Slid) -> Sure:
     k = min(setting.lag + 1, n)
     at = replace(window.at, q_GS=window.at.q_GS[n - k : n - k + 1])
     one = slice(n - k, n - k + 1)
-    problem = replace(window.problem, acc=window.problem.acc[one], bent=window.problem.bent[one], by_tilt=window.problem.by_tilt[one])
+    problem = replace(
+        window.problem,
+        acc=window.problem.acc[one],
+        bent=window.problem.bent[one],
+        by_tilt=window.problem.by_tilt[one],
+    )
     luck = posterior.normal_numbers(DRAWS, 1 << 15)
     angles, tip = _moved(setting, finger, _solution(at, problem, slid.factor), window.pose, 0.0)
     drawn = [
         _moved(setting, finger, _solution(place, problem, slid.factor), pose, lucky)
-        for (place, pose), lucky in zip(_draws(at, window.pose, finger.chain, sliding_window_estimator.covariance(slid.factor, k)), luck)
+        for (place, pose), lucky in zip(
+            _draws(
+                at, window.pose, finger.chain, sliding_window_estimator.covariance(slid.factor, k)
+            ),
+            luck,
+        )
     ]
     wider, missed = max(1.0, slid.misfit), np.zeros(angles.shape)
     ends = {finger.chain.joints[0], finger.chain.joints[-1]}  # their zero is the pose's
@@ -222,7 +307,9 @@ def _sure(setting: Setting, finger: Finger, slid: Slid) -> Sure:
     return Sure(np.hypot(angles_sd, missed), np.hypot(tip_sd, setting.straight * reach))
 
 
-def _moved(setting: Setting, finger: Finger, found: Solution, pose: Array, luck: float) -> tuple[Array, Array]:
+def _moved(
+    setting: Setting, finger: Finger, found: Solution, pose: Array, luck: float
+) -> tuple[Array, Array]:
     """Angles (joints, 3), NaN where it is no joint of this finger, and the tip (3,), free of limits; `luck` for what no movement tells of lengths."""
     on_hand, lengths = _on_hand(setting, found, pose)
     q = np.full((len(SEGMENTS), 4), np.nan)
@@ -230,8 +317,12 @@ def _moved(setting: Setting, finger: Finger, found: Solution, pose: Array, luck:
     for name, of_segment in on_hand.items():
         q[SEGMENT[name]] = of_segment[0]
     angles = np.where(IS_DOF, joint_angles.of_segments(q), 0.0)
-    geometry = with_found(setting.calibration.geometry, finger.name, lengths, setting.length_guess * luck)
-    return angles, forward_kinematics.tips(joint_angles.compose(angles), geometry)[FINGERS.index(finger.name)]
+    geometry = with_found(
+        setting.calibration.geometry, finger.name, lengths, setting.length_guess * luck
+    )
+    return angles, forward_kinematics.tips(joint_angles.compose(angles), geometry)[
+        FINGERS.index(finger.name)
+    ]
 
 
 def _draws(at: Unknowns, pose: Array, links: Chain, P: Array) -> Iterator[tuple[Unknowns, Array]]:

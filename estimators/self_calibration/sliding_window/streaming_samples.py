@@ -54,7 +54,9 @@ class State:
 
     def instants(self, first: int, stop: int) -> Array:
         """Of nodes first to stop - 1, s."""
-        return np.asarray(self.begin + self.period * (np.arange(first, stop) * self.each + 0.5 * (self.each - 1)))
+        return np.asarray(
+            self.begin + self.period * (np.arange(first, stop) * self.each + 0.5 * (self.each - 1))
+        )
 
 
 def start(reference: Stream) -> State:
@@ -68,7 +70,9 @@ def taken(state: State, block: Block) -> State:
         return state
     gyr, acc = block.of(GYR), block.of(ACC)
     sound = every(np.isfinite(gyr)) & every(np.isfinite(acc)) & ~block.at_limit(GYR)
-    new = Waiting(block.stream, block.t, np.concatenate([gyr, acc], axis=2), sound, block.at_limit(ACC))
+    new = Waiting(
+        block.stream, block.t, np.concatenate([gyr, acc], axis=2), sound, block.at_limit(ACC)
+    )
     before = state.waiting.get(block.stream.name)
     if before is not None and before.stream == block.stream:
         new = Waiting(
@@ -78,7 +82,11 @@ def taken(state: State, block: Block) -> State:
             np.concatenate([before.sound, new.sound]),
             np.concatenate([before.clipped, new.clipped]),
         )
-    begin = float(block.t[0]) if block.stream.name == state.reference and not np.isfinite(state.begin) else state.begin
+    begin = (
+        float(block.t[0])
+        if block.stream.name == state.reference and not np.isfinite(state.begin)
+        else state.begin
+    )
     new = new if np.isfinite(begin) else _pruned(new, float(block.t[-1]))
     return replace(state, begin=begin, waiting={**state.waiting, block.stream.name: new})
 
@@ -87,13 +95,22 @@ def ready(state: State, reached: float) -> int:
     """How many more nodes can be told, whatever comes later, when every stream has `reached` an instant: a mean needs the next one, too."""
     if not reached > state.begin:
         return 0
-    return max(0, int(np.floor((reached - state.begin) / state.period + ROUNDED) / state.each) - _beside(state) - state.taken)
+    return max(
+        0,
+        int(np.floor((reached - state.begin) / state.period + ROUNDED) / state.each)
+        - _beside(state)
+        - state.taken,
+    )
 
 
 def resumed(state: State, t: float) -> State:
     """Behind a silence of all streams nodes go on at t (s), where that is more than SILENT later than the next."""
     nodes = int((t - state.begin) / (state.period * state.each)) if t > state.begin + SILENT else 0
-    return replace(state, taken=nodes) if (nodes - state.taken) * state.period * state.each > SILENT else state
+    return (
+        replace(state, taken=nodes)
+        if (nodes - state.taken) * state.period * state.each > SILENT
+        else state
+    )
 
 
 def given(state: State, count: int, max_gap: float) -> tuple[State, Nodes]:
@@ -110,7 +127,10 @@ def given(state: State, count: int, max_gap: float) -> tuple[State, Nodes]:
                 values[:, s], doubt[:, s], lost[:, s] = _even(w, k, grid, state.period, max_gap)
     noisier = 1 / np.sqrt(state.each * state.period * RATE)
     own = slice(beside, beside + count)
-    means, doubts = (v.reshape(count + 2 * beside, state.each, *v.shape[1:]).mean(axis=1) for v in (values, doubt))
+    means, doubts = (
+        v.reshape(count + 2 * beside, state.each, *v.shape[1:]).mean(axis=1)
+        for v in (values, doubt)
+    )
     gone = np.asarray(lost.reshape(count + 2 * beside, state.each, -1).any(axis=1))
     nodes = Nodes(
         state.instants(state.taken, state.taken + count),
@@ -134,7 +154,9 @@ def _at_middles(means: Array, lost: NDArray[np.bool_], each: int) -> Array:
     return np.where(alone[..., None], means, sample_preparation.at_middles(means, each))
 
 
-def _even(w: Waiting, k: int, grid: Array, period: float, max_gap: float) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _even(
+    w: Waiting, k: int, grid: Array, period: float, max_gap: float
+) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Readings (n, 6), doubt (n, 2) and loss (n,) of one sensor on the grid."""
     rows = np.flatnonzero(w.sound[:, k])
     doubt = np.ones((len(grid), 2))
@@ -145,7 +167,9 @@ def _even(w: Waiting, k: int, grid: Array, period: float, max_gap: float) -> tup
     before, after = np.clip(behind - 1, 0, len(t) - 1), np.clip(behind, 0, len(t) - 1)
     span = t[after] - t[before]
     lost = ((behind == 0) & (t[0] > grid + period)) | (behind == len(t)) | (span > max_gap)
-    weight = np.where(lost | (span <= 0), 0.0, (grid - t[before]) / np.where(span > 0, span, 1.0))[:, None]
+    weight = np.where(lost | (span <= 0), 0.0, (grid - t[before]) / np.where(span > 0, span, 1.0))[
+        :, None
+    ]
     known = w.values[rows, k]
     beside = np.maximum(np.abs(t[after] - grid), np.abs(grid - t[before]))
     doubt[beside > 1.5 / w.stream.rate] = DOUBTFUL

@@ -52,9 +52,15 @@ def of_finger(
     told = segments.of_solution(best, hand, mounting)
     others = list(_drawn(best, draws, rows, hand, mounting, mounting_sd))
     angles, tip = _moved(told, sized(told, 0.0))
-    moved = [_moved(other, sized(other, luck)) for other, luck in zip(others, posterior.normal_numbers(DRAWS, SEATED - 1))]
+    moved = [
+        _moved(other, sized(other, luck))
+        for other, luck in zip(others, posterior.normal_numbers(DRAWS, SEATED - 1))
+    ]
     return Certainty(
-        {s: _spread([quat.log(quat.multiply(o.q_BS[s], quat.conjugate(q))) for o in others]) for s, q in told.q_BS.items()},
+        {
+            s: _spread([quat.log(quat.multiply(o.q_BS[s], quat.conjugate(q))) for o in others])
+            for s, q in told.q_BS.items()
+        },
         {s: _spread([o.p_BS[s] - p for o in others]) for s, p in told.p_BS.items()},
         rows,
         _spread([a - angles for a, _ in moved]),
@@ -63,13 +69,23 @@ def of_finger(
 
 
 def _drawn(
-    best: Solution, draws: Iterable[Unknowns], rows: Array, hand: Hand, mounting: Mapping[str, Array], mounting_sd: float
+    best: Solution,
+    draws: Iterable[Unknowns],
+    rows: Array,
+    hand: Hand,
+    mounting: Mapping[str, Array],
+    mounting_sd: float,
 ) -> Sequence[Segments]:
     others = []
     for k, at in enumerate(draws):
         turns = mounting_sd * posterior.normal_numbers(3 * len(SEGMENTS), SEATED + k).reshape(-1, 3)
-        seated = {s: quat.multiply(quat.exp(turn), np.asarray(mounting.get(s, quat.IDENTITY), float)) for s, turn in zip(SEGMENTS, turns)}
-        drawn = straightened(replace(at, q_GS=at.q_GS[rows]), best.problem.chain, _bent(best.problem.chain, turns))
+        seated = {
+            s: quat.multiply(quat.exp(turn), np.asarray(mounting.get(s, quat.IDENTITY), float))
+            for s, turn in zip(SEGMENTS, turns)
+        }
+        drawn = straightened(
+            replace(at, q_GS=at.q_GS[rows]), best.problem.chain, _bent(best.problem.chain, turns)
+        )
         others.append(segments.of_solution(replace(best, at=drawn), hand, seated))
     return others
 
@@ -83,7 +99,13 @@ def _bent(chain: Chain, turns: Array) -> Array:
 
 def straightened(at: Unknowns, chain: Chain, off: Array) -> Unknowns:
     """What sensors see of their segments where joints are straight, if that is where they are believed to be bent by `off` (J,) rad: skin is pulled by as much."""
-    near, far, axis_near, axis_far, slide = at.near.copy(), at.far.copy(), at.axis_near.copy(), at.axis_far.copy(), at.skin_slide.copy()
+    near, far, axis_near, axis_far, slide = (
+        at.near.copy(),
+        at.far.copy(),
+        at.axis_near.copy(),
+        at.axis_far.copy(),
+        at.skin_slide.copy(),
+    )
     for k, s in enumerate(chain.children):
         back, behind, hinges = quat.exp(-off[k] * at.skin_turn[k]), chain.parents == s, chain.hinges
         for arms, which in ((near, k), (far, behind)):
@@ -98,7 +120,9 @@ def _thinned(found: Solution, rows: Array) -> Solution:
     return replace(
         found,
         at=replace(found.at, q_GS=found.at.q_GS[rows]),
-        problem=replace(found.problem, bent=found.problem.bent[rows], by_tilt=found.problem.by_tilt[rows]),
+        problem=replace(
+            found.problem, bent=found.problem.bent[rows], by_tilt=found.problem.by_tilt[rows]
+        ),
     )
 
 

@@ -29,21 +29,36 @@ DOUBTED = 3.0  # times what noise makes up is taken off: it may be that much lar
 def honest(problem: Problem, at: Unknowns, factor: Factor, made_up: Array) -> Factor:
     """The factor with a covariance as sure as movement makes it; `made_up` (P, P) of `apparent`."""
     slopes = residuals.priors(problem, at)[1]
-    told = without_noise(factor.covariance, made_up, slopes.T @ slopes, arms(problem, at)) + np.diag(walked(problem))
+    told = without_noise(
+        factor.covariance, made_up, slopes.T @ slopes, arms(problem, at)
+    ) + np.diag(walked(problem))
     return replace(
-        factor, covariance=sandwich_covariance.widened(told, sandwich_covariance.of_limb(problem, at, factor), factor.covariance)
+        factor,
+        covariance=sandwich_covariance.widened(
+            told, sandwich_covariance.of_limb(problem, at, factor), factor.covariance
+        ),
     )
 
 
-def apparent(problem: Problem, at: Unknowns, factor: Factor, draws: int = DRAWS, known: Sequence[Terms] | None = None) -> Array:
+def apparent(
+    problem: Problem,
+    at: Unknowns,
+    factor: Factor,
+    draws: int = DRAWS,
+    known: Sequence[Terms] | None = None,
+) -> Array:
     """Information (P, P) on the arms that noise of the orientations makes up: what it would tell if nothing turned; `known` is `meeting`, of all samples."""
     n, e, P = factor.Y.shape
     count = columns(problem.chain).near.stop
     told = np.zeros((P, P))
     for k in range(draws):
-        turns = normal_equations.shaken(factor, posterior.normal_numbers(n * e, k).reshape(n, e)).reshape(n, -1, 3)
+        turns = normal_equations.shaken(
+            factor, posterior.normal_numbers(n * e, k).reshape(n, e)
+        ).reshape(n, -1, 3)
         normal = normal_equations.empty(n, e, count)
-        for terms in known or (residuals.meeting(problem, at, start, start + CHUNK) for start in range(0, n, CHUNK)):
+        for terms in known or (
+            residuals.meeting(problem, at, start, start + CHUNK) for start in range(0, n, CHUNK)
+        ):
             normal_equations.add(normal, _shaken(problem, at, turns, terms))
         flat = normal_equations.whitened(factor, normal.B).reshape(-1, count)
         told[:count, :count] += (normal.C - flat.T @ flat) / draws
@@ -62,7 +77,11 @@ def _shaken(problem: Problem, at: Unknowns, turns: Array, terms: Terms) -> Terms
         by[:, k, :, 3 * k : 3 * k + 3] = -swung[:, chain.parents[k]]
         by[:, k, :, 3 * J + 3 * k : 3 * J + 3 * k + 3] = swung[:, chain.children[k]]
     white = residuals.whitening(problem, first, stop) @ by.reshape(len(by), J, -1)
-    return replace(terms, by_parameters=white.reshape(len(by), 3 * J, -1) / residuals.common_scale(at), cols=np.arange(6 * J))
+    return replace(
+        terms,
+        by_parameters=white.reshape(len(by), 3 * J, -1) / residuals.common_scale(at),
+        cols=np.arange(6 * J),
+    )
 
 
 def arms(problem: Problem, at: Unknowns) -> Array:
@@ -76,16 +95,23 @@ def arms(problem: Problem, at: Unknowns) -> Array:
 def without_noise(covariance: Array, made_up: Array, before: Array, arms: Array) -> Array:
     """Covariance (P, P) less what noise made up of its information, with how far noise pulls `arms` (m, P); never less sure than `before` (P, P)."""
     root = np.linalg.cholesky(before)
-    off = np.linalg.solve(root, np.linalg.solve(root, normal_equations.inverse(covariance) - before - DOUBTED * made_up).T)
+    off = np.linalg.solve(
+        root,
+        np.linalg.solve(root, normal_equations.inverse(covariance) - before - DOUBTED * made_up).T,
+    )
     told, directions = np.linalg.eigh(0.5 * (off + off.T))
     spread = np.linalg.solve(root.T, directions / np.sqrt(1 + np.maximum(told, 0.0)))
     pulled = NOISE_KNOWN * arms @ made_up @ covariance
-    pulled /= np.maximum(1.0, np.linalg.norm(pulled @ root, axis=1, keepdims=True))  # what was known before holds against noise, too
+    pulled /= np.maximum(
+        1.0, np.linalg.norm(pulled @ root, axis=1, keepdims=True)
+    )  # what was known before holds against noise, too
     return np.asarray(spread @ spread.T + pulled.T @ pulled)
 
 
 def walked(problem: Problem) -> Array:
     """Variances (P,) of gyroscopes' biases at the beginning, for what was found is their mean, and they walk."""
     found = np.zeros(columns(problem.chain).count)
-    found[columns(problem.chain).bias_gyr] = np.radians(problem.noise.gyr_bias_walk) ** 2 * problem.dt * len(problem) / 3
+    found[columns(problem.chain).bias_gyr] = (
+        np.radians(problem.noise.gyr_bias_walk) ** 2 * problem.dt * len(problem) / 3
+    )
     return found

@@ -20,7 +20,12 @@ from handscope.estimators.self_calibration.problem import Noise, Problem, Unknow
 from handscope.estimators.self_calibration.residuals import NUMEROV
 
 CHUNK = 1024  # samples whose derivatives are in memory at once
-LEAST_ACC, LEAST_HINGE, LEAST_TURN, LEAST_SLIDE = 0.005, 0.1, 0.02, 0.01  # m/s^2, deg, deg, mm: of the best sensors on a printed finger
+LEAST_ACC, LEAST_HINGE, LEAST_TURN, LEAST_SLIDE = (
+    0.005,
+    0.1,
+    0.02,
+    0.01,
+)  # m/s^2, deg, deg, mm: of the best sensors on a printed finger
 LEAST_SCALE, LEAST_LAW = 1e-4, 0.02
 SETTLING = 50  # times that a spread is estimated anew
 
@@ -51,7 +56,9 @@ def sizes(problem: Problem, at: Unknowns, factor: Factor) -> Sizes:
         for start in range(0, len(problem), CHUNK):
             terms = kind(problem, at, start, start + CHUNK)
             squares += float((terms.r**2).sum())
-            redundancy += terms.r.size - always_zero * len(terms.r) - float((changed(terms, step) ** 2).sum())
+            redundancy += (
+                terms.r.size - always_zero * len(terms.r) - float((changed(terms, step) ** 2).sum())
+            )
         found.append(float(np.sqrt(squares / redundancy)) if redundancy > 1 else 1.0)
     return Sizes(*found)
 
@@ -65,7 +72,9 @@ def _drawn(factor: Factor, which: int) -> normal_equations.Step:
 def normal_numbers(count: int, which: int) -> Array:
     """Numbers (count,) as if drawn from the standard normal distribution, always the same: splitmix64 of their places, Steele et al. 2014."""
     with np.errstate(over="ignore"):
-        z = (np.arange(1, count + 1, dtype=np.uint64) + np.uint64(which << 40)) * np.uint64(0x9E3779B97F4A7C15)
+        z = (np.arange(1, count + 1, dtype=np.uint64) + np.uint64(which << 40)) * np.uint64(
+            0x9E3779B97F4A7C15
+        )
         z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
         z ^= z >> np.uint64(31)
@@ -99,8 +108,15 @@ def learnt(problem: Problem, at: Unknowns, factor: Factor) -> Noise:
         hinge=max(noise.hinge * met.hinging, LEAST_HINGE),
         skin_turn=max(float(np.degrees(turn * quarter)), LEAST_TURN),
         skin_slide=max(1e3 * slide * quarter, LEAST_SLIDE),
-        skin_law=most_likely_spread(at.law, factor.covariance[c.law, c.law], noise.skin_law, LEAST_LAW),
-        scale=max(_spread(scales, np.concatenate([variance[c.scale_gyr], variance[c.scale_acc]]), noise.scale), LEAST_SCALE),
+        skin_law=most_likely_spread(
+            at.law, factor.covariance[c.law, c.law], noise.skin_law, LEAST_LAW
+        ),
+        scale=max(
+            _spread(
+                scales, np.concatenate([variance[c.scale_gyr], variance[c.scale_acc]]), noise.scale
+            ),
+            LEAST_SCALE,
+        ),
     )
 
 
@@ -125,7 +141,9 @@ def strange_turns(problem: Problem, at: Unknowns) -> Array:
     found = np.empty(problem.turn_sd.shape)
     for start in range(0, len(found), CHUNK):
         r = residuals.turning(problem, at, start, start + CHUNK).r
-        found[start : start + len(r)] = np.linalg.norm(r.reshape(len(r), -1, 3), axis=2) / np.sqrt(3)
+        found[start : start + len(r)] = np.linalg.norm(r.reshape(len(r), -1, 3), axis=2) / np.sqrt(
+            3
+        )
     return found
 
 
@@ -136,7 +154,9 @@ def strange(problem: Problem, at: Unknowns) -> Array:
     for start in range(1, n - 1, CHUNK):
         stop = min(start + CHUNK, n - 1)
         white = residuals.meeting(problem, at, start, stop).r.reshape(stop - start, a.shape[0], 3)
-        seen = residuals.whitening(problem, start, stop) @ a  # what a sensor's error does to the whitened rows
+        seen = (
+            residuals.whitening(problem, start, stop) @ a
+        )  # what a sensor's error does to the whitened rows
         told = np.einsum("tjs,tjx->tsx", seen, white)
         z[start:stop] = np.linalg.norm(told, axis=2) / np.sqrt(3 * (seen**2).sum(axis=1) + 1e-300)
     return z

@@ -23,7 +23,9 @@ from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, 
 
 TOGETHER = 0.5  # s: what is off stays so for about 0.2 s, as long as a finger bends one way
 GROUPS = 16  # whose pulls are in memory at once
-Placed = tuple[Terms, Indices, Indices]  # residuals, where a sample's unknowns and the parameters that they touch stand in the whole's
+Placed = tuple[
+    Terms, Indices, Indices
+]  # residuals, where a sample's unknowns and the parameters that they touch stand in the whole's
 
 
 def widened(told: Array, pulls: Array, covariance: Array) -> Array:
@@ -43,7 +45,10 @@ def sizes(pulls: Array, covariance: Array) -> Array:
 def worst(chain: Chain, found: Array) -> tuple[int, float]:
     """The joint whose own parameters are pulled most, and the mean over all of a limb; `found` (P,) of `sizes`."""
     c, joints = columns(chain), len(chain.joints)
-    own = sum(found[where].reshape(joints, -1).sum(axis=1) for where in (c.far, c.near, c.skin_turn, c.skin_slide, c.law))
+    own = sum(
+        found[where].reshape(joints, -1).sum(axis=1)
+        for where in (c.far, c.near, c.skin_turn, c.skin_slide, c.law)
+    )
     for where in (c.axis_far, c.axis_near):
         own[chain.hinges] += found[where].reshape(-1, 2).sum(axis=1)
     return int(np.argmax(own)), float(found.mean())
@@ -74,16 +79,26 @@ def of_hand(problem: HandProblem, at: HandPlace, normal: HandNormal, factor: Han
                 yield own, rows, cols[own.cols]
         r, none = (at.error / sd)[first:last], np.empty(0, np.intp)
         error = Terms(
-            first, 1, r, np.eye(whole_hand_problem.OWN) / sd[first:last, None], np.empty((len(r), whole_hand_problem.OWN, 0)), none
+            first,
+            1,
+            r,
+            np.eye(whole_hand_problem.OWN) / sd[first:last, None],
+            np.empty((len(r), whole_hand_problem.OWN, 0)),
+            none,
         )
         yield error, np.arange(where.each)[where.error], none
 
     shape = len(problem), where.each, where.count
-    return _of_groups(shape, problem.limbs[0].dt, terms, lambda v: hand_equations.answered(normal, factor, v))
+    return _of_groups(
+        shape, problem.limbs[0].dt, terms, lambda v: hand_equations.answered(normal, factor, v)
+    )
 
 
 def _of_groups(
-    shape: tuple[int, int, int], dt: float, terms: Callable[[int, int], Iterable[Placed]], answered: Callable[[Array], Array]
+    shape: tuple[int, int, int],
+    dt: float,
+    terms: Callable[[int, int], Iterable[Placed]],
+    answered: Callable[[Array], Array],
 ) -> Array:
     """Of n samples with so many unknowns, and P parameters; `answered` gives B' A^-1 v (m, P) of v (m, n, unknowns)."""
     (n, e, P), each, found = shape, round(TOGETHER / dt), []
@@ -92,18 +107,29 @@ def _of_groups(
         count = -(-(last - first) // each)
         own, of_samples = np.zeros((count, P)), np.zeros((count, n, e))
         for one, rows, cols in terms(first, last):
-            _add(own, of_samples, one, rows, cols, (np.maximum(one.first + np.arange(len(one.r)), first) - first) // each)
+            _add(
+                own,
+                of_samples,
+                one,
+                rows,
+                cols,
+                (np.maximum(one.first + np.arange(len(one.r)), first) - first) // each,
+            )
         found.append(own - answered(of_samples))
     return np.concatenate(found)
 
 
-def _add(own: Array, of_samples: Array, terms: Terms, rows: Indices, cols: Indices, group: Indices) -> None:
+def _add(
+    own: Array, of_samples: Array, terms: Terms, rows: Indices, cols: Indices, group: Indices
+) -> None:
     """Gradients of residuals by parameters and by samples' unknowns, to those of their groups (T,), in place."""
     T = len(terms.r)
     if not T:
         return
     if len(cols):
-        np.add.at(own, (group[:, None], cols), np.einsum("tmp,tm->tp", terms.by_parameters, terms.r))
+        np.add.at(
+            own, (group[:, None], cols), np.einsum("tmp,tm->tp", terms.by_parameters, terms.r)
+        )
     by = np.einsum("tmi,tm->ti", terms.by_turns, terms.r).reshape(T, terms.knots, -1)
     for knot in range(terms.knots):
         of_samples[group[:, None], terms.first + knot + np.arange(T)[:, None], rows] += by[:, knot]

@@ -22,7 +22,12 @@ from handscope.estimators.self_calibration.normal_equations import Normal, Step
 from handscope.estimators.self_calibration.problem import Indices, Problem, Unknowns, columns
 from handscope.estimators.self_calibration.residuals import Terms
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
-from handscope.estimators.self_calibration.whole_hand.problem import OWN, HandPlace, HandProblem, Layout
+from handscope.estimators.self_calibration.whole_hand.problem import (
+    OWN,
+    HandPlace,
+    HandProblem,
+    Layout,
+)
 
 CHUNK = 512  # samples whose derivatives are in memory at once
 PAIR = 2  # samples that are factored at once: what spans three samples reaches the next pair, no further
@@ -64,7 +69,9 @@ def built(problem: HandProblem, at: HandPlace) -> HandNormal:
         C[np.ix_(cols, cols)] += normal.C
         c[cols] += normal.c
         total += of_limb
-    return HandNormal(where, tuple(normal for normal, _ in limbs), at.error / sd[:, None] ** 2, sd, C, c, total)
+    return HandNormal(
+        where, tuple(normal for normal, _ in limbs), at.error / sd[:, None] ** 2, sd, C, c, total
+    )
 
 
 def _of_limb(problem: HandProblem, at: HandPlace, k: int) -> tuple[Normal, float]:
@@ -83,12 +90,17 @@ def _of_limb(problem: HandProblem, at: HandPlace, k: int) -> tuple[Normal, float
 
 def cost(problem: HandProblem, at: HandPlace) -> float:
     """Half the sum of the squared residuals."""
-    total = 0.5 * float(((at.error / whole_hand_problem.error_sd(problem)[:, None]) ** 2).sum() + (skin(problem, at)[0] ** 2).sum())
+    total = 0.5 * float(
+        ((at.error / whole_hand_problem.error_sd(problem)[:, None]) ** 2).sum()
+        + (skin(problem, at)[0] ** 2).sum()
+    )
     for k, limb in enumerate(problem.limbs):
         total += 0.5 * float((priors(limb, at.limbs[k], shares=k == 0)[0] ** 2).sum())
         for start in range(0, len(limb), CHUNK):
             for kind in _kinds(k):
-                total += 0.5 * float((_alone(problem, at, k, kind, start, start + CHUNK) ** 2).sum())
+                total += 0.5 * float(
+                    (_alone(problem, at, k, kind, start, start + CHUNK) ** 2).sum()
+                )
     return total
 
 
@@ -101,10 +113,16 @@ def skin(problem: HandProblem, at: HandPlace) -> tuple[Array, Array]:
     return np.concatenate([at.skin_turn.ravel(), at.skin_slide.ravel(), at.skin_law]) / sd, sd
 
 
-def terms_of(problem: HandProblem, at: HandPlace, k: int, first: int = 0, last: int | None = None) -> Iterator[Terms]:
+def terms_of(
+    problem: HandProblem, at: HandPlace, k: int, first: int = 0, last: int | None = None
+) -> Iterator[Terms]:
     """Residuals of limb k with derivatives by its sensors' turns, the hand's error and skin; what all limbs have in common only with the first. Of samples from `first` to before `last`."""
     limb, place = problem.limbs[k], at.limbs[k]
-    quiet, bending, end = _quiet(limb), whole_hand_problem.bending(problem), len(limb) if last is None else last
+    quiet, bending, end = (
+        _quiet(limb),
+        whole_hand_problem.bending(problem),
+        len(limb) if last is None else last,
+    )
     for start in range(first, end, CHUNK):
         stop = min(start + CHUNK, end)
         for kind in _kinds(k):
@@ -123,7 +141,12 @@ def _with_hand(terms: Terms, kind: Callable[..., Terms], k: int) -> Terms:
     """Rows of the hand's sensor are the first limb's."""
     if k == 0 or kind is residuals.hinging:
         return terms
-    return replace(terms, r=terms.r[:, 3:], by_turns=terms.by_turns[:, 3:], by_parameters=terms.by_parameters[:, 3:])
+    return replace(
+        terms,
+        r=terms.r[:, 3:],
+        by_turns=terms.by_turns[:, 3:],
+        by_parameters=terms.by_parameters[:, 3:],
+    )
 
 
 def _quiet(limb: Problem) -> Problem:
@@ -131,7 +154,9 @@ def _quiet(limb: Problem) -> Problem:
     return replace(limb, acc_sd=np.where(np.arange(limb.acc_sd.shape[1]) == 0, 0.0, limb.acc_sd))
 
 
-def _alone(problem: HandProblem, at: HandPlace, k: int, kind: Callable[..., Terms], start: int, stop: int) -> Array:
+def _alone(
+    problem: HandProblem, at: HandPlace, k: int, kind: Callable[..., Terms], start: int, stop: int
+) -> Array:
     """Residuals of limb k without derivatives."""
     limb, place = problem.limbs[k], at.limbs[k]
     if kind is residuals.meeting:
@@ -139,14 +164,23 @@ def _alone(problem: HandProblem, at: HandPlace, k: int, kind: Callable[..., Term
     return _with_hand(kind(limb, place, start, stop), kind, k).r
 
 
-def _met(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int, stop: int) -> tuple[Array, Array]:
+def _met(
+    quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int, stop: int
+) -> tuple[Array, Array]:
     """Residuals (T, J, 3) of `_meeting`; the part of them that the skin makes."""
-    first, stop, root = max(start, 1), min(stop, len(quiet) - 1), whole_hand_problem.root(quiet.chain)
+    first, stop, root = (
+        max(start, 1),
+        min(stop, len(quiet) - 1),
+        whole_hand_problem.root(quiet.chain),
+    )
     r = residuals.met(quiet, place, first, stop).reshape(stop - first, len(quiet.chain.joints), 3)
     seen = residuals.whitening(quiet, first, stop)[:, :, root, None]
     samples = np.arange(first - 1, stop + 1)
     v = place.far[root] - skin_motion.seen(
-        skin_motion.pulled(skin_motion.followed(bending[samples], at.skin_law), at.skin_turn, at.skin_slide), place.far[root]
+        skin_motion.pulled(
+            skin_motion.followed(bending[samples], at.skin_law), at.skin_turn, at.skin_slide
+        ),
+        place.far[root],
     )
     swung = np.einsum("tij,tj->ti", quat.matrix(place.q_GS[samples, 0]), v)
     e = np.diff(swung, 2, axis=0) / quiet.dt**2
@@ -154,14 +188,21 @@ def _met(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: 
     return r + pulled - seen * at.error[first:stop, None], pulled
 
 
-def _meeting(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int, stop: int) -> Terms:
+def _meeting(
+    quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int, stop: int
+) -> Terms:
     """Joints on the hand see the error of its accelerometer, and its sensor pulled by the skin."""
     terms, chain = _widened(residuals.meeting(quiet, place, start, stop)), quiet.chain
     T, J, S, c = len(terms.r), len(chain.joints), len(chain.sensors), columns(chain)
     first, k = terms.first + 1, whole_hand_problem.root(chain)
     seen = residuals.whitening(quiet, first, first + T)[:, :, k]  # (T, J)
-    grown, (r, by_pull) = residuals.common_scale(place), _met(quiet, place, at, bending, start, stop)
-    by_turn, by_far, by_skin = pulled(quiet, place, at, bending, first + np.arange(T)[:, None] + np.arange(-1, 2))
+    grown, (r, by_pull) = (
+        residuals.common_scale(place),
+        _met(quiet, place, at, bending, start, stop),
+    )
+    by_turn, by_far, by_skin = pulled(
+        quiet, place, at, bending, first + np.arange(T)[:, None] + np.arange(-1, 2)
+    )
 
     def shared(v: Array) -> Array:
         """What is seen at the joint on the hand (T, 3, ...), in the whitened rows (T, J, 3, ...)."""
@@ -177,22 +218,36 @@ def _meeting(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, sta
     slopes = np.concatenate([slopes, shared(by_skin)], axis=3)
     cols = np.concatenate([terms.cols, c.count + np.arange(by_skin.shape[2])])
     by_turns, by_parameters = by.reshape(terms.by_turns.shape), slopes.reshape(T, 3 * J, len(cols))
-    return replace(terms, r=r.reshape(T, 3 * J), by_turns=by_turns, by_parameters=by_parameters, cols=cols)
+    return replace(
+        terms, r=r.reshape(T, 3 * J), by_turns=by_turns, by_parameters=by_parameters, cols=cols
+    )
 
 
-def pulled(limb: Problem, place: Unknowns, at: HandPlace, bending: Array, samples: Indices) -> tuple[Array, Array, Array]:
+def pulled(
+    limb: Problem, place: Unknowns, at: HandPlace, bending: Array, samples: Indices
+) -> tuple[Array, Array, Array]:
     """What the hand's skin does to the acceleration of a limb's joint on the hand: by the turns of three samples (T, 3, 3, 3), its arm, the skin."""
     arm, bent = place.far[whole_hand_problem.root(limb.chain)], bending[samples]  # (T, 3, F)
     b = skin_motion.followed(bent, at.skin_law)
-    R = residuals.SECOND_DIFFERENCE[:, None, None] / limb.dt**2 * quat.matrix(place.q_GS[:, 0])[samples]
+    R = (
+        residuals.SECOND_DIFFERENCE[:, None, None]
+        / limb.dt**2
+        * quat.matrix(place.q_GS[:, 0])[samples]
+    )
     moved = skin_motion.pulled(b, at.skin_turn, at.skin_slide)
     v = arm - skin_motion.seen(moved, arm)
     by_far = (R @ (np.eye(3) - moved.back)).sum(axis=1)
     turned, slid = -R @ skin_motion.by_turn(moved, arm), R @ moved.back
     by_turn, by_slide = (np.einsum("tkf,tkij->tifj", b, v) for v in (turned, slid))
-    by_law = np.einsum("tkf,tkif->tif", skin_motion.by_law(bent, at.skin_law)[1], turned @ at.skin_turn.T + slid @ at.skin_slide.T)
+    by_law = np.einsum(
+        "tkf,tkif->tif",
+        skin_motion.by_law(bent, at.skin_law)[1],
+        turned @ at.skin_turn.T + slid @ at.skin_slide.T,
+    )
     T, _, F = b.shape
-    by_skin = np.concatenate([by_turn.reshape(T, 3, 3 * F), by_slide.reshape(T, 3, 3 * F), by_law], axis=2)
+    by_skin = np.concatenate(
+        [by_turn.reshape(T, 3, 3 * F), by_slide.reshape(T, 3, 3 * F), by_law], axis=2
+    )
     return -R @ quat.skew(v), by_far, by_skin
 
 
@@ -224,7 +279,9 @@ def factored(normal: HandNormal, damping: float = 0.0) -> HandFactor:
         for k in range(0, K, TOGETHER):
             D, border = _put_together(normal, k, below[k : k + TOGETHER], damping, each)
             back = _root_band(D, L, below, k)
-            before = below[np.arange(k, k + len(D)) - 1]  # before the first is nothing: there `last` is zero
+            before = below[
+                np.arange(k, k + len(D)) - 1
+            ]  # before the first is nothing: there `last` is zero
             each(partial(_whiten, border, last, before, back), halves)
             each(partial(_multiply, border.reshape(-1, P + 1), known), products)
             last = border[-1]
@@ -273,7 +330,9 @@ def _multiply(border: Array, known: Array, where: tuple[slice, slice]) -> None:
     known[rows, cols] += border[:, rows].T @ border[:, cols]
 
 
-def _put_together(normal: HandNormal, k: int, below: Array, damping: float, each: Each) -> tuple[Array, Array]:
+def _put_together(
+    normal: HandNormal, k: int, below: Array, damping: float, each: Each
+) -> tuple[Array, Array]:
     """Blocks of the pairs from k on (m, E, E), lower triangles, and of the border with the gradient (m, E, P + 1); fills what is below them."""
     m, e, P = len(below), normal.layout.each, normal.layout.count
     D, B = np.zeros((m, PAIR, e, PAIR, e)), np.zeros((m, PAIR, e, P + 1))
@@ -297,7 +356,9 @@ def _put_half(normal: HandNormal, k: int, D: Array, B: Array, under: Array, half
         B[:, half, :, -1][pairs[:, None], rows] += limb.a[t]
     D[:, half, :, half][pairs[:, None], error, error] += 1 / normal.error_sd[t, None] ** 2
     B[:, half, :, -1][pairs[:, None], error] += normal.error[t]
-    D[len(t) :, half, np.arange(e), half, np.arange(e)] = 1.0  # no sample: the last pair of an odd number
+    D[len(t) :, half, np.arange(e), half, np.arange(e)] = (
+        1.0  # no sample: the last pair of an odd number
+    )
 
 
 def step(normal: HandNormal, factor: HandFactor) -> Step:
@@ -310,7 +371,9 @@ def step(normal: HandNormal, factor: HandFactor) -> Step:
     return Step(_each_sample(x, normal)[0], factor.parameters)
 
 
-def drawn(normal: HandNormal, factor: HandFactor, of_samples: Array, of_parameters: Array) -> list[Step]:
+def drawn(
+    normal: HandNormal, factor: HandFactor, of_samples: Array, of_parameters: Array
+) -> list[Step]:
     """Draws from the distribution with the equations' covariance, of independent standard normal numbers (m, n, each) and (m, P)."""
     parameters = of_parameters @ np.linalg.cholesky(factor.covariance).T
     told = _forward(factor, _paired(np.stack([_bordered(normal, p) for p in parameters])))

@@ -13,7 +13,16 @@ import numpy as np
 
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
-from handscope.estimators.self_calibration.problem import Chain, Indices, Noise, Problem, Unknowns, bent, columns, moved
+from handscope.estimators.self_calibration.problem import (
+    Chain,
+    Indices,
+    Noise,
+    Problem,
+    Unknowns,
+    bent,
+    columns,
+    moved,
+)
 from handscope.estimators.self_calibration.residuals import NUMEROV
 from handscope.estimators.self_calibration.soft_tissue import followed
 
@@ -33,7 +42,9 @@ class HandProblem:
 
 @dataclass(frozen=True)
 class HandPlace:
-    limbs: tuple[Unknowns, ...]  # the hand's orientations and errors and the delay are the same in all
+    limbs: tuple[
+        Unknowns, ...
+    ]  # the hand's orientations and errors and the delay are the same in all
     error: Array  # (n, 3) m/s^2, of the hand's accelerometer as joints see it, in the global frame
     skin_turn: Array  # (F, 3) rad/rad, how far the hand's sensor turns with each limb's joint on the hand, in its frame
     skin_slide: Array  # (F, 3) m/rad, how far it slides
@@ -62,7 +73,15 @@ def layout(problem: HandProblem) -> Layout:
     sample, parameters, count = [], [], skin.stop
     for limb in problem.limbs:
         own = 3 * (len(limb.chain.sensors) - 1)
-        sample.append(np.concatenate([np.arange(each - 3 - OWN, each - OWN), own_before + np.arange(own), np.arange(each - OWN, each)]))
+        sample.append(
+            np.concatenate(
+                [
+                    np.arange(each - 3 - OWN, each - OWN),
+                    own_before + np.arange(own),
+                    np.arange(each - OWN, each),
+                ]
+            )
+        )
         own_before += own
         where, together = np.empty(columns(limb.chain).count, np.intp), common(limb.chain)
         alone = np.setdiff1d(np.arange(len(where)), together)
@@ -81,7 +100,9 @@ def common(chain: Chain) -> Indices:
 
 def gathered(limbs: Sequence[Problem], noise: Noise) -> HandProblem:
     """One problem of limbs that were solved alone: the hand's accelerometer is as noisy as they found it on average."""
-    return HandProblem(tuple(limbs), np.sqrt(np.mean([limb.acc_sd[:, 0] ** 2 for limb in limbs], axis=0)), noise)
+    return HandProblem(
+        tuple(limbs), np.sqrt(np.mean([limb.acc_sd[:, 0] ** 2 for limb in limbs], axis=0)), noise
+    )
 
 
 def merged(places: Sequence[Unknowns]) -> HandPlace:
@@ -90,12 +111,18 @@ def merged(places: Sequence[Unknowns]) -> HandPlace:
     off = np.mean([quat.log(quat.relative(first, at.q_GS[:, 0])) for at in places], axis=0)
     hand = quat.normalize(quat.multiply(first, quat.exp(off)))
     carried, F = tuple(_carried(at, hand, places) for at in places), len(places)
-    return HandPlace(carried, np.zeros((len(first), 3)), np.zeros((F, 3)), np.zeros((F, 3)), np.zeros(F))
+    return HandPlace(
+        carried, np.zeros((len(first), 3)), np.zeros((F, 3)), np.zeros((F, 3)), np.zeros(F)
+    )
 
 
 def _carried(at: Unknowns, hand: Array, places: Sequence[Unknowns]) -> Unknowns:
     onto = quat.multiply(hand, quat.conjugate(at.q_GS[:, 0]))
-    found = replace(at, q_GS=quat.normalize(quat.multiply(onto[:, None], at.q_GS)), delay=np.mean([p.delay for p in places], axis=0))
+    found = replace(
+        at,
+        q_GS=quat.normalize(quat.multiply(onto[:, None], at.q_GS)),
+        delay=np.mean([p.delay for p in places], axis=0),
+    )
     for name in ("bias_gyr", "bias_acc", "scale_gyr", "scale_acc"):
         values = getattr(at, name).copy()
         values[0] = np.mean([getattr(p, name)[0] for p in places], axis=0)
@@ -107,13 +134,20 @@ def stepped(at: HandPlace, problem: HandProblem, samples: Array, parameters: Arr
     """Another place: unknowns of samples moved by (n, each), parameters by (count,)."""
     where = layout(problem)
     limbs = tuple(
-        moved(place, limb.chain, samples[:, rows[:-OWN]].reshape(len(samples), -1, 3), parameters[cols[: columns(limb.chain).count]])
+        moved(
+            place,
+            limb.chain,
+            samples[:, rows[:-OWN]].reshape(len(samples), -1, 3),
+            parameters[cols[: columns(limb.chain).count]],
+        )
         for place, limb, rows, cols in zip(at.limbs, problem.limbs, where.sample, where.parameters)
     )
     of_skin, moving = parameters[where.skin], TURN_AND_SLIDE * len(limbs)
     turn, slide = of_skin[:moving].reshape(2, -1, 3)
     law = at.skin_law + of_skin[moving:]
-    return HandPlace(limbs, at.error + samples[:, where.error], at.skin_turn + turn, at.skin_slide + slide, law)
+    return HandPlace(
+        limbs, at.error + samples[:, where.error], at.skin_turn + turn, at.skin_slide + slide, law
+    )
 
 
 def root(chain: Chain) -> int:
@@ -130,13 +164,24 @@ def straightened(problem: HandProblem, at: HandPlace) -> tuple[Unknowns, ...]:
     """Limbs on a hand whose skin does not turn the sensor."""
     back = quat.exp(-followed(bending(problem), at.skin_law) @ at.skin_turn)
     return tuple(
-        replace(limb, q_GS=np.concatenate([quat.multiply(limb.q_GS[:, :1], back[:, None]), limb.q_GS[:, 1:]], axis=1)) for limb in at.limbs
+        replace(
+            limb,
+            q_GS=np.concatenate(
+                [quat.multiply(limb.q_GS[:, :1], back[:, None]), limb.q_GS[:, 1:]], axis=1
+            ),
+        )
+        for limb in at.limbs
     )
 
 
 def rebent(problem: HandProblem, at: HandPlace) -> HandProblem:
     """The same problem with joints flexed as here."""
-    return replace(problem, limbs=tuple(bent(limb, place) for limb, place in zip(problem.limbs, straightened(problem, at))))
+    return replace(
+        problem,
+        limbs=tuple(
+            bent(limb, place) for limb, place in zip(problem.limbs, straightened(problem, at))
+        ),
+    )
 
 
 def error_sd(problem: HandProblem) -> Array:

@@ -22,8 +22,18 @@ from handscope.estimators.simulation.sensors import SensorErrors
 RESTING = 1.5  # s on the table at either end
 STEP = 0.12  # s between the knots of the movement
 PULLS = 0.8  # Hz, at which fingers bend and stretch on average
-BENT, ASIDE = (0.7, 70.0), (0.6, 10.0)  # share of what a joint permits, deg at most: flexion from straight, other angles to both sides
-CARRIED = {"wrist_x": 0.10, "wrist_y": 0.10, "wrist_z": 0.10, "forearm_flexion": 40.0, "forearm_deviation": 40.0, "forearm_pronation": 45.0}
+BENT, ASIDE = (
+    (0.7, 70.0),
+    (0.6, 10.0),
+)  # share of what a joint permits, deg at most: flexion from straight, other angles to both sides
+CARRIED = {
+    "wrist_x": 0.10,
+    "wrist_y": 0.10,
+    "wrist_z": 0.10,
+    "forearm_flexion": 40.0,
+    "forearm_deviation": 40.0,
+    "forearm_pronation": 45.0,
+}
 
 
 def recorded(
@@ -41,11 +51,19 @@ def recorded(
     t = np.arange(round(duration * rate)) / rate
     k = kinematics.of_motion(moved(rng, duration), geometry, t)
     stream = Stream(
-        "imu", tuple(segments), (GYR, ACC), rate, "imu", {GYR: float(np.radians(errors.gyr_range)), ACC: errors.acc_range * GRAVITY}
+        "imu",
+        tuple(segments),
+        (GYR, ACC),
+        rate,
+        "imu",
+        {GYR: float(np.radians(errors.gyr_range)), ACC: errors.acc_range * GRAVITY},
     )
     samples = {"imu": Block(stream, t, sensors.inertial(worn, k, rate, rng))}
     event = (Event(0.0, duration, "free_movement"),)
-    return replace(Simulated(hand, known, samples, event, kinematics.truth(k, hand), worn), mounting=dict(zip(segments, worn.nominal)))
+    return replace(
+        Simulated(hand, known, samples, event, kinematics.truth(k, hand), worn),
+        mounting=dict(zip(segments, worn.nominal)),
+    )
 
 
 def moved(rng: np.random.Generator, duration: float) -> Motion:
@@ -54,15 +72,23 @@ def moved(rng: np.random.Generator, duration: float) -> Motion:
     moving = np.clip(np.minimum(t - RESTING, duration - RESTING - t) / 1.0, 0.0, 1.0)
     x = np.zeros((len(t), SIZE))
     for name, reach in CARRIED.items():
-        x[:, COORDINATES[name]] = moving * (reach if name.startswith("wrist") else np.radians(reach)) * _wandering(rng, t, 1.2)
+        x[:, COORDINATES[name]] = (
+            moving
+            * (reach if name.startswith("wrist") else np.radians(reach))
+            * _wandering(rng, t, 1.2)
+        )
     for joint in JOINTS:
         for dof in joint.dofs:
             part, most = BENT if dof == FLEXION else ASIDE
             reach = min(part * joint.limits[dof][1], most)
             middle, reach = (reach / 2, reach / 2) if dof == FLEXION else (0.0, reach)
-            pulled = np.cumsum(STEP * 2 * np.pi * PULLS * (1.0 + 0.25 * _wandering(rng, t, 2.0))) + rng.uniform(0, 2 * np.pi)
+            pulled = np.cumsum(
+                STEP * 2 * np.pi * PULLS * (1.0 + 0.25 * _wandering(rng, t, 2.0))
+            ) + rng.uniform(0, 2 * np.pi)
             share = (0.3 if joint.name == "wrist" else 1.0) * (0.8 + 0.2 * _wandering(rng, t, 3.0))
-            x[:, COORDINATES[f"{joint.name}_{ANGLES[dof]}"]] = moving * np.radians(middle + reach * share * np.sin(pulled))
+            x[:, COORDINATES[f"{joint.name}_{ANGLES[dof]}"]] = moving * np.radians(
+                middle + reach * share * np.sin(pulled)
+            )
     return sampled(t, x)
 
 

@@ -28,7 +28,11 @@ BENT: Mapping[str, Mapping[str, float]] = {
     "flexion_thumb_ip": {"thumb_ip_flexion": 60.0},
     "flexion_mcp": {f"{f}_mcp_flexion": 75.0 for f in FINGERS[1:]},
     "flexion_all": {
-        **{f"{f}_{joint}_flexion": a for f in FINGERS[1:] for joint, a in (("mcp", 65.0), ("pip", 80.0), ("dip", 45.0))},
+        **{
+            f"{f}_{joint}_flexion": a
+            for f in FINGERS[1:]
+            for joint, a in (("mcp", 65.0), ("pip", 80.0), ("dip", 45.0))
+        },
         "thumb_mcp_flexion": 40.0,
         "thumb_ip_flexion": 55.0,
     },
@@ -39,9 +43,17 @@ BENT: Mapping[str, Mapping[str, float]] = {
 class Carelessness:
     """How far what is done is from what was asked for: largest differences, evenly drawn."""
 
-    pose: float = option(2.5, "deg", "every freedom of every joint in a still posture", "asked for by our targets for the initial pose")
+    pose: float = option(
+        2.5,
+        "deg",
+        "every freedom of every joint in a still posture",
+        "asked for by our targets for the initial pose",
+    )
     apart: float = option(
-        3.0, "deg", "ab- and adduction of a finger that comes and goes with its flexion", "fingers converge in a fist; size ours"
+        3.0,
+        "deg",
+        "ab- and adduction of a finger that comes and goes with its flexion",
+        "fingers converge in a fist; size ours",
     )
     joints: float = option(3.0, "deg", "swaying of joints that should rest", "ours")
     hand: float = option(4.0, "deg", "swaying of the hand that should rest", "ours")
@@ -49,7 +61,12 @@ class Carelessness:
 
 def flat_hand(geometry: HandGeometry, rng: np.random.Generator, care: Carelessness) -> Performance:
     """Palm and fingers on a level table, still for 4 s."""
-    known = dict(zip(("thumb_cmc_flexion_deg", "thumb_cmc_deviation_deg", "thumb_cmc_pronation_deg"), POSE_THUMB))
+    known = dict(
+        zip(
+            ("thumb_cmc_flexion_deg", "thumb_cmc_deviation_deg", "thumb_cmc_pronation_deg"),
+            POSE_THUMB,
+        )
+    )
     return _still("flat_hand", missed(flat(), care.pose, rng), known)
 
 
@@ -58,22 +75,30 @@ def thumb_flat(geometry: HandGeometry, rng: np.random.Generator, care: Carelessn
     return _still("thumb_flat", missed(THUMB_FLAT, care.pose, rng), {})
 
 
-def flexion_thumb_ip(geometry: HandGeometry, rng: np.random.Generator, care: Carelessness) -> Performance:
+def flexion_thumb_ip(
+    geometry: HandGeometry, rng: np.random.Generator, care: Carelessness
+) -> Performance:
     """The thumb's last joint bends three times."""
     return _bending("flexion_thumb_ip", rng, care)
 
 
-def flexion_mcp(geometry: HandGeometry, rng: np.random.Generator, care: Carelessness) -> Performance:
+def flexion_mcp(
+    geometry: HandGeometry, rng: np.random.Generator, care: Carelessness
+) -> Performance:
     """The straight fingers bend at their MCP joints three times."""
     return _bending("flexion_mcp", rng, care)
 
 
-def flexion_all(geometry: HandGeometry, rng: np.random.Generator, care: Carelessness) -> Performance:
+def flexion_all(
+    geometry: HandGeometry, rng: np.random.Generator, care: Carelessness
+) -> Performance:
     """All joints of the fingers and the thumb's two hinges bend three times."""
     return _bending("flexion_all", rng, care)
 
 
-def figure_eight(geometry: HandGeometry, rng: np.random.Generator, care: Carelessness, duration: float = 5.0) -> Performance:
+def figure_eight(
+    geometry: HandGeometry, rng: np.random.Generator, care: Carelessness, duration: float = 5.0
+) -> Performance:
     """Both hands together, fingers straight: three figures of eight."""
     t = _times(duration)
     phase = 6 * np.pi * smooth((t - t[0]) / duration * 0.999)
@@ -84,9 +109,14 @@ def figure_eight(geometry: HandGeometry, rng: np.random.Generator, care: Careles
         ("forearm_pronation", 22.0, 1 - np.cos(phase)),
     ):
         x[:, COORDINATES[name]] += np.radians(extent) * turn
-    for name, extent, turn in (("wrist_x", 0.12, np.sin(phase)), ("wrist_z", 0.06, np.sin(2 * phase))):
+    for name, extent, turn in (
+        ("wrist_x", 0.12, np.sin(phase)),
+        ("wrist_z", 0.06, np.sin(2 * phase)),
+    ):
         x[:, COORDINATES[name]] += extent * turn
-    x[:, 6:] += np.radians(0.5 * care.joints) * _swaying_joints(t, rng)  # pressed against the other hand they sway less
+    x[:, 6:] += np.radians(0.5 * care.joints) * _swaying_joints(
+        t, rng
+    )  # pressed against the other hand they sway less
     return _step("figure_eight", t, x, {})
 
 
@@ -100,7 +130,9 @@ STEPS: Mapping[str, Callable[[HandGeometry, np.random.Generator, Carelessness], 
 }
 
 
-def all_steps(geometry: HandGeometry, rng: np.random.Generator, care: Carelessness | None = None) -> tuple[Performance, ...]:
+def all_steps(
+    geometry: HandGeometry, rng: np.random.Generator, care: Carelessness | None = None
+) -> tuple[Performance, ...]:
     """The whole calibration, step after step."""
     return tuple(step(geometry, rng, care or Carelessness()) for step in STEPS.values())
 
@@ -119,8 +151,13 @@ def _still(name: str, held: Array, details: Mapping[str, float]) -> Performance:
 def _bending(name: str, rng: np.random.Generator, care: Carelessness) -> Performance:
     """Three times there and back, each a little different, everything else swaying."""
     t = _times(6 * HALF + 0.6)
-    bend = sum(rng.uniform(0.85, 1.0) * (smooth((t - s) / HALF) - smooth((t - s - HALF) / HALF)) for s in 0.3 + 2 * HALF * np.arange(3))
-    x = np.tile(missed(THUMB_FLAT if name == "flexion_thumb_ip" else flat(), care.pose, rng), (len(t), 1))
+    bend = sum(
+        rng.uniform(0.85, 1.0) * (smooth((t - s) / HALF) - smooth((t - s - HALF) / HALF))
+        for s in 0.3 + 2 * HALF * np.arange(3)
+    )
+    x = np.tile(
+        missed(THUMB_FLAT if name == "flexion_thumb_ip" else flat(), care.pose, rng), (len(t), 1)
+    )
     x += np.asarray(bend)[:, None] * posture(None, **BENT[name])
     for coordinate in BENT[name]:
         if coordinate.endswith("mcp_flexion") and not coordinate.startswith("thumb"):

@@ -13,8 +13,16 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.simulation.motion import COORDINATES, posture
 
-NATURAL = {"thumb_cmc": ((-10, 60), (-60, 10), (0, 110)), "thumb_mcp": ((0, 50),), "thumb_ip": ((-5, 60),)}
-NATURAL |= {f"{f}_{j}": r for f in FINGERS[1:] for j, r in {"mcp": ((-10, 85), (-15, 15)), "pip": ((0, 100),), "dip": ((0, 65),)}.items()}
+NATURAL = {
+    "thumb_cmc": ((-10, 60), (-60, 10), (0, 110)),
+    "thumb_mcp": ((0, 50),),
+    "thumb_ip": ((-5, 60),),
+}
+NATURAL |= {
+    f"{f}_{j}": r
+    for f in FINGERS[1:]
+    for j, r in {"mcp": ((-10, 85), (-15, 15)), "pip": ((0, 100),), "dip": ((0, 65),)}.items()
+}
 
 NUDGE, LONGEST_STEP = 1e-6, 0.2  # rad, of the Newton steps
 
@@ -37,13 +45,27 @@ def tips_of(x: Array, geometry: HandGeometry) -> Array:
     return forward_kinematics.tips(joint_angles.compose(x[6:].reshape(-1, 3)), geometry)
 
 
-def pinch(geometry: HandGeometry, finger: str = "index", distance: float | None = None, base: Array | None = None) -> Array:
+def pinch(
+    geometry: HandGeometry,
+    finger: str = "index",
+    distance: float | None = None,
+    base: Array | None = None,
+) -> Array:
     """A posture (54,) with the thumb's and the finger's bone ends `distance` apart (default: pads touching, both tissues)."""
-    gap = distance if distance is not None else geometry.tip_tissue["thumb"] + geometry.tip_tissue[finger]
+    gap = (
+        distance
+        if distance is not None
+        else geometry.tip_tissue["thumb"] + geometry.tip_tissue[finger]
+    )
     return reach({("thumb", finger): gap}, geometry, ("thumb", finger), _pinch_guess(finger, base))
 
 
-def reach(gaps: Mapping[tuple[str, str], float], geometry: HandGeometry, fingers: tuple[str, ...], guess: Array) -> Array:
+def reach(
+    gaps: Mapping[tuple[str, str], float],
+    geometry: HandGeometry,
+    fingers: tuple[str, ...],
+    guess: Array,
+) -> Array:
     """The posture nearest to `guess` whose tips have the given mutual distances, within natural joint ranges; only `fingers` move."""
     free = [c for f in fingers for c in freedoms(f)]
     columns = np.array([COORDINATES[name] for name, _, _ in free])
@@ -55,7 +77,10 @@ def reach(gaps: Mapping[tuple[str, str], float], geometry: HandGeometry, fingers
         x = guess.copy()
         x[columns] = angles
         tips = tips_of(x, geometry)
-        miss = [(np.linalg.norm(tips[index[a]] - tips[index[b]]) - gap) / 1e-4 for (a, b), gap in gaps.items()]
+        miss = [
+            (np.linalg.norm(tips[index[a]] - tips[index[b]]) - gap) / 1e-4
+            for (a, b), gap in gaps.items()
+        ]
         return np.concatenate([miss, (angles - start) * 0.3])
 
     found = least_squares(residual, start, bounds=(low, high), xtol=1e-12)
@@ -75,18 +100,27 @@ def closed(x: Array, holds: Sequence[Hold], geometry: HandGeometry, rounds: int 
         miss = _misses(x, holds, geometry)
         if np.abs(miss).max() < 1e-9:
             return x
-        J = np.stack([(_misses(_nudged(x, c), holds, geometry) - miss) / NUDGE for c in columns], axis=-1)
+        J = np.stack(
+            [(_misses(_nudged(x, c), holds, geometry) - miss) / NUDGE for c in columns], axis=-1
+        )
         step = (np.linalg.pinv(J, rcond=1e-6) @ miss[..., None])[..., 0]
-        x[:, columns] -= step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / LONGEST_STEP)
+        x[:, columns] -= step / np.maximum(
+            1.0, np.abs(step).max(axis=1, keepdims=True) / LONGEST_STEP
+        )
     miss = np.abs(_misses(x, holds, geometry)).max()
-    assert miss < 1e-6, f"the hold cannot be closed from these postures: {miss * 1e3:.2f} mm are left"
+    assert miss < 1e-6, (
+        f"the hold cannot be closed from these postures: {miss * 1e3:.2f} mm are left"
+    )
     return x
 
 
 def between(x: Array, hold: Hold, geometry: HandGeometry) -> Array:
     """From contact point b to a (n, 3) in WCS at postures (n, 54)."""
     angles = x[:, 6:].reshape(len(x), -1, 3)
-    a, b = (contact_points(angles, geometry, finger, point, FINGERTIPS[finger]) for finger, point in (hold.a, hold.b))
+    a, b = (
+        contact_points(angles, geometry, finger, point, FINGERTIPS[finger])
+        for finger, point in (hold.a, hold.b)
+    )
     return np.asarray(a - b)
 
 
@@ -98,13 +132,21 @@ def fingers_of(holds: Sequence[Hold]) -> tuple[str, ...]:
 def freedoms(finger: str) -> list[tuple[str, float, float]]:
     """The finger's coordinates with their natural ranges in degrees."""
     joints = [j for j in JOINTS if j.child in CHAINS[finger]]
-    return [(f"{j.name}_{ANGLES[a]}", *NATURAL[j.name][k]) for j in joints for k, a in enumerate(j.dofs)]
+    return [
+        (f"{j.name}_{ANGLES[a]}", *NATURAL[j.name][k]) for j in joints for k, a in enumerate(j.dofs)
+    ]
 
 
 def _misses(x: Array, holds: Sequence[Hold], geometry: HandGeometry) -> Array:
     """What is wrong with each hold (n, m), m: its length, or all three components of a touch."""
     apart = [(hold, between(x, hold, geometry)) for hold in holds]
-    return np.concatenate([np.linalg.norm(d, axis=-1, keepdims=True) - h.distance if h.distance else d for h, d in apart], axis=-1)
+    return np.concatenate(
+        [
+            np.linalg.norm(d, axis=-1, keepdims=True) - h.distance if h.distance else d
+            for h, d in apart
+        ],
+        axis=-1,
+    )
 
 
 def _nudged(x: Array, column: int) -> Array:
@@ -115,7 +157,11 @@ def _nudged(x: Array, column: int) -> Array:
 
 def _pinch_guess(finger: str, base: Array | None) -> Array:
     across = FINGERS.index(finger) - 1
-    bent = {f"{finger}_mcp_flexion": 50.0, f"{finger}_pip_flexion": 45.0, f"{finger}_dip_flexion": 25.0}
+    bent = {
+        f"{finger}_mcp_flexion": 50.0,
+        f"{finger}_pip_flexion": 45.0,
+        f"{finger}_dip_flexion": 25.0,
+    }
     thumb = {
         "thumb_cmc_flexion": 35.0 + 5 * across,
         "thumb_cmc_deviation": -20.0 + 5 * across,

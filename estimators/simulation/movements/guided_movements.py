@@ -12,7 +12,14 @@ from handscope.estimators.data.samples import Event
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.quaternions import Array
-from handscope.estimators.simulation.motion import COORDINATES, Motion, joined, posture, sampled, through
+from handscope.estimators.simulation.motion import (
+    COORDINATES,
+    Motion,
+    joined,
+    posture,
+    sampled,
+    through,
+)
 from handscope.estimators.simulation.movements.grasp_postures import NATURAL
 from handscope.estimators.simulation.movements.task_performance import Performance, flat, relaxed
 from handscope.estimators.simulation.movements.whole_hand import gently, moving
@@ -35,23 +42,38 @@ OPPOSITION = {
 }
 
 
-def abduction(geometry: HandGeometry, rng: np.random.Generator, name: str, finger: str) -> Performance:
+def abduction(
+    geometry: HandGeometry, rng: np.random.Generator, name: str, finger: str
+) -> Performance:
     """Out and in, the finger straight."""
     out, inward = (posture(flat(), **x) for x in ABDUCTION[finger])
     return _repeated(name, out, inward, rng)
 
 
-def flexion(geometry: HandGeometry, rng: np.random.Generator, name: str, finger: str) -> Performance:
+def flexion(
+    geometry: HandGeometry, rng: np.random.Generator, name: str, finger: str
+) -> Performance:
     """All joints of the finger bent, then straight."""
-    bent = posture(flat(), **{f"{finger}_mcp_flexion": 65.0, f"{finger}_pip_flexion": 75.0, f"{finger}_dip_flexion": 40.0})
+    bent = posture(
+        flat(),
+        **{
+            f"{finger}_mcp_flexion": 65.0,
+            f"{finger}_pip_flexion": 75.0,
+            f"{finger}_dip_flexion": 40.0,
+        },
+    )
     return _repeated(name, bent, flat(), rng)
 
 
-def circling(geometry: HandGeometry, rng: np.random.Generator, name: str, finger: str) -> Performance:
+def circling(
+    geometry: HandGeometry, rng: np.random.Generator, name: str, finger: str
+) -> Performance:
     """Abduction and flexion in quadrature: the tip goes round; the thumb goes round to opposition and back."""
     n, period = int(rng.integers(10, 16)), rng.uniform(2.8, 3.2)
     t, phase = _phase(n, period)
-    size = 1.0 - 0.1 * (1 - np.cos(phase / (0.5 * n))) * rng.uniform(0.5, 1.0)  # varies slowly, by up to a fifth
+    size = 1.0 - 0.1 * (1 - np.cos(phase / (0.5 * n))) * rng.uniform(
+        0.5, 1.0
+    )  # varies slowly, by up to a fifth
     bend, swing = 0.5 * (1 - np.cos(phase)) * size, np.sin(phase) * size
     x = np.tile(flat(), (len(t), 1))
     if finger == "thumb":
@@ -90,7 +112,14 @@ def brisk_circles(geometry: HandGeometry, rng: np.random.Generator) -> Performan
 def mechanical_finger(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
     """DIP, then PIP, then MCP to 90 deg, then back in reverse order: DIP is at 90 deg from 50 to 140 s, as in the figure."""
     points, x = [(0.0, flat())], flat()
-    moves = ((40.0, "dip", 90.0), (65.0, "pip", 90.0), (85.0, "mcp", 90.0), (100.0, "mcp", 0.0), (120.0, "pip", 0.0), (140.0, "dip", 0.0))
+    moves = (
+        (40.0, "dip", 90.0),
+        (65.0, "pip", 90.0),
+        (85.0, "mcp", 90.0),
+        (100.0, "mcp", 0.0),
+        (120.0, "pip", 0.0),
+        (140.0, "dip", 0.0),
+    )
     for start, joint, angle in moves:
         points.append((start, x))
         x = posture(x, **{f"index_{joint}_flexion": angle})
@@ -98,12 +127,24 @@ def mechanical_finger(geometry: HandGeometry, rng: np.random.Generator) -> Perfo
     return framed("mechanical finger", through([*points, (190.0, x)]))
 
 
-def open_close(geometry: HandGeometry, rng: np.random.Generator, per_minute: float = 116.0, duration: float = 30.0) -> Performance:
+def open_close(
+    geometry: HandGeometry,
+    rng: np.random.Generator,
+    per_minute: float = 116.0,
+    duration: float = 30.0,
+) -> Performance:
     """All fingers bend by 80 deg of PIP flexion and stretch again, by the metronome."""
-    flexion = {f"{f}_{joint}_flexion": angle for f in FINGERS[1:] for joint, angle in (("mcp", 30.0), ("pip", 80.0), ("dip", 40.0))}
+    flexion = {
+        f"{f}_{joint}_flexion": angle
+        for f in FINGERS[1:]
+        for joint, angle in (("mcp", 30.0), ("pip", 80.0), ("dip", 40.0))
+    }
     bent, half = posture(flat(), **flexion), 30.0 / per_minute
     turns = range(1, 2 * int(duration * per_minute / 60) + 1)
-    return framed("open_close", through([(0.0, flat()), *((k * half, bent if k % 2 else flat()) for k in turns)]))
+    return framed(
+        "open_close",
+        through([(0.0, flat()), *((k * half, bent if k % 2 else flat()) for k in turns)]),
+    )
 
 
 def free(geometry: HandGeometry, rng: np.random.Generator, duration: float = 40.0) -> Performance:
@@ -123,7 +164,11 @@ def free(geometry: HandGeometry, rng: np.random.Generator, duration: float = 40.
 def framed(name: str, motion: Motion, lead: float = 1.5) -> Performance:
     """From the relaxed posture into the motion and back; the motion is the task."""
     first, last = motion.spline(motion.spline.x[0]), motion.spline(motion.spline.x[-1])
-    whole = joined(through([(0.0, relaxed()), (lead, first)]), motion, through([(0.0, last), (lead, relaxed())]))
+    whole = joined(
+        through([(0.0, relaxed()), (lead, first)]),
+        motion,
+        through([(0.0, last), (lead, relaxed())]),
+    )
     return Performance(whole, (Event(lead, motion.duration, "task", {"task_name": name}),))
 
 
@@ -147,8 +192,14 @@ def _phase(turns: int, period: float) -> tuple[Array, Array]:
     end = turns * period + lead  # the ramps cost half of each
     t = np.linspace(0.0, end, int(end * RATE) + 1)
     s = np.clip(np.minimum(t, end - t) / lead, 0.0, 1.0)
-    ramp = lead * (s**4 * (2.5 - s * (3.0 - s)))  # integral of the smooth step 10 s^3 - 15 s^4 + 6 s^5
-    turned = np.where(t <= end / 2, ramp + np.maximum(t - lead, 0.0), (end - lead) - ramp - np.maximum(end - t - lead, 0.0))
+    ramp = lead * (
+        s**4 * (2.5 - s * (3.0 - s))
+    )  # integral of the smooth step 10 s^3 - 15 s^4 + 6 s^5
+    turned = np.where(
+        t <= end / 2,
+        ramp + np.maximum(t - lead, 0.0),
+        (end - lead) - ramp - np.maximum(end - t - lead, 0.0),
+    )
     return t, np.asarray(2 * np.pi * turns * turned / (end - lead))
 
 

@@ -101,7 +101,10 @@ def squeeze(
     deep = depth * (np.ones(times) if rng is None else rng.uniform(0.75, 1.25, times))
     squeezed = sum(d * _bump(own, start + k * period, period) for k, d in enumerate(deep))
     touched = LIGHTEST / stiffness * _between(own, 0.0, end, GRASP)
-    x = _closing(geometry, np.asarray(SPRING - touched - squeezed)) + _open(own, end)[:, None] * APART
+    x = (
+        _closing(geometry, np.asarray(SPRING - touched - squeezed))
+        + _open(own, end)[:, None] * APART
+    )
     x += _raised(own, rng, 0.2, up, down)
     grip = _Grip(geometry, thing, OPEN + lead, up, down + LIFT, end, mishap)
     return _framed(task, t, x, grip.forces, lead, OPEN + end)
@@ -128,15 +131,23 @@ class _Grip:
         held = _between(t, 0.0, self.end, GRASP)
         off = _between(t, self.up - LOAD, self.down + LOAD, LOAD)
         tips = [SEGMENT[CHAINS[f][-1]] for f in ("thumb", "index")]
-        acceleration = k.a[:, tips].mean(axis=1) + self._slipping(t)[:, None] * np.array([0.0, 0.0, 1.0])
-        total = thing.mass * (acceleration * (off > 0.999)[:, None] + off[:, None] * np.array([0.0, 0.0, GRAVITY]))
+        acceleration = k.a[:, tips].mean(axis=1) + self._slipping(t)[:, None] * np.array(
+            [0.0, 0.0, 1.0]
+        )
+        total = thing.mass * (
+            acceleration * (off > 0.999)[:, None] + off[:, None] * np.array([0.0, 0.0, GRAVITY])
+        )
         apart = self._place(k, "thumb") - self._place(k, "index")
         distance = np.linalg.norm(apart, axis=1)
         grip = held * LIGHTEST + 0.5 * MARGIN / FRICTION * np.linalg.norm(total, axis=1)
-        grip *= np.prod([1 + 0.6 * smooth((t - s - SLIPPING) / 0.1) for s in self.mishap.slips], axis=0)
+        grip *= np.prod(
+            [1 + 0.6 * smooth((t - s - SLIPPING) / 0.1) for s in self.mishap.slips], axis=0
+        )
         if thing.stiffness:
             speed = -np.gradient(distance, k.t) if thing.damping and len(k.t) > 1 else 0.0
-            grip = np.maximum(thing.stiffness * (thing.length - distance) + thing.damping * speed, 0.0) * (held > 0)
+            grip = np.maximum(
+                thing.stiffness * (thing.length - distance) + thing.damping * speed, 0.0
+            ) * (held > 0)
         toward = apart / distance[:, None]
         push, carried = grip[:, None] * toward, (1 - self.mishap.third) * total
         forces = np.zeros((len(t), len(FINGERS), 3))
@@ -147,20 +158,29 @@ class _Grip:
 
     def _place(self, k: Kinematics, finger: str) -> Array:
         s = SEGMENT[CHAINS[finger][-1]]
-        return np.asarray(k.p[:, s] + quat.rotate(k.q_GB[:, s], offset(self.geometry, finger, "bottom", FINGERTIPS[finger])))
+        return np.asarray(
+            k.p[:, s]
+            + quat.rotate(k.q_GB[:, s], offset(self.geometry, finger, "bottom", FINGERTIPS[finger]))
+        )
 
     def _slipping(self, t: Array) -> Array:
         """Acceleration (n,) m/s^2 of the object against the fingers: down, then caught."""
         half, a = SLIPPING / 2, np.zeros(len(t))
         for s in self.mishap.slips:
-            a += np.where((t >= s) & (t < s + half), -4.0, 0.0) + np.where((t >= s + half) & (t < s + SLIPPING), 4.0, 0.0)
+            a += np.where((t >= s) & (t < s + half), -4.0, 0.0) + np.where(
+                (t >= s + half) & (t < s + SLIPPING), 4.0, 0.0
+            )
         return a
 
 
-def _raised(own: Array, rng: np.random.Generator | None, height: float, up: float, down: float) -> Array:
+def _raised(
+    own: Array, rng: np.random.Generator | None, height: float, up: float, down: float
+) -> Array:
     """What the arm adds to the coordinates (n, 54): the way up and down and, as people do, a sway."""
     x = np.zeros((len(own), len(posture())))
-    x[:, COORDINATES["wrist_z"]] = height * smooth((own - up) / LIFT) * smooth((down + LIFT - own) / LIFT)
+    x[:, COORDINATES["wrist_z"]] = (
+        height * smooth((own - up) / LIFT) * smooth((down + LIFT - own) / LIFT)
+    )
     if rng is not None:
         held = smooth((own - up) / LIFT) * smooth((down + LIFT - own) / LIFT)
         for name, size in {"wrist_x": 0.03, "wrist_y": 0.03, "wrist_z": 0.03}.items():
@@ -171,7 +191,11 @@ def _raised(own: Array, rng: np.random.Generator | None, height: float, up: floa
 
 
 def _touching(geometry: HandGeometry, distance: float) -> Array:
-    return np.asarray(closed(GRASPED[None], [Hold(("thumb", "bottom"), ("index", "bottom"), distance)], geometry)[0])
+    return np.asarray(
+        closed(GRASPED[None], [Hold(("thumb", "bottom"), ("index", "bottom"), distance)], geometry)[
+            0
+        ]
+    )
 
 
 def _closing(geometry: HandGeometry, distance: Array) -> Array:
@@ -181,11 +205,15 @@ def _closing(geometry: HandGeometry, distance: Array) -> Array:
     return np.asarray(make_interp_spline(knots, postures, k=3)(distance))
 
 
-def _framed(task: str, t: Array, x: Array, forces: Callable[[Kinematics], Array], lead: float, end: float) -> Performance:
+def _framed(
+    task: str, t: Array, x: Array, forces: Callable[[Kinematics], Array], lead: float, end: float
+) -> Performance:
     """From the relaxed posture into the motion and back."""
     motion = sampled(t, x)
     first, last = motion.spline(motion.spline.x[0]), motion.spline(motion.spline.x[-1])
-    whole = joined(through([(0.0, relaxed()), (lead, first)]), motion, through([(0.0, last), (1.5, relaxed())]))
+    whole = joined(
+        through([(0.0, relaxed()), (lead, first)]), motion, through([(0.0, last), (1.5, relaxed())])
+    )
     return Performance(whole, (Event(lead, motion.duration, "task", {"task_name": task}),), forces)
 
 

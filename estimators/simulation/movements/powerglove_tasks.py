@@ -34,7 +34,9 @@ class Movement:
     half: float = SLOW  # s for either way, the stay at its end included
     move: float = SLOW  # s of it that are movement
     repetitions: int = 10
-    phases: tuple[str, str] | None = None  # what each half is called in the events, where they are to be told apart
+    phases: tuple[str, str] | None = (
+        None  # what each half is called in the events, where they are to be told apart
+    )
 
 
 def bending(fingers: tuple[str, ...], joints: str, **pace: float) -> Movement:
@@ -43,20 +45,30 @@ def bending(fingers: tuple[str, ...], joints: str, **pace: float) -> Movement:
     return Movement({**INCLINED, **there}, INCLINED, **pace)  # type: ignore[arg-type]
 
 
-def gripping(mcp: float, pip: float, dip: float, thumb: Mapping[str, float], phase: str, **place: float) -> Movement:
+def gripping(
+    mcp: float, pip: float, dip: float, thumb: Mapping[str, float], phase: str, **place: float
+) -> Movement:
     """The whole hand closed for 6 s and flat for 6 s."""
-    fingers = {f"{f}_{j}_flexion": a for f in FINGERS[1:] for j, a in (("mcp", mcp), ("pip", pip), ("dip", dip))}
+    fingers = {
+        f"{f}_{j}_flexion": a
+        for f in FINGERS[1:]
+        for j, a in (("mcp", mcp), ("pip", pip), ("dip", dip))
+    }
     return Movement({**fingers, **thumb, **place}, half=6.0, move=SWIFT, phases=(phase, "flat"))
 
 
 MOVEMENTS: Mapping[str, Movement] = {
     **{
         f"powerglove_{3 * k + n + 1:02}_{name}_{joints}": bending(fingers, joints)
-        for k, (name, fingers) in enumerate((("index", ("index",)), ("middle", ("middle",)), ("both", ("index", "middle"))))
+        for k, (name, fingers) in enumerate(
+            (("index", ("index",)), ("middle", ("middle",)), ("both", ("index", "middle")))
+        )
         for n, joints in enumerate(JOINTS)
     },
     "powerglove_10_index_fast": bending(("index",), "all", half=FAST, move=FAST, repetitions=39),
-    "powerglove_14_index_sideways": Movement({"index_mcp_deviation": -15.0}, {"index_mcp_deviation": 6.0}),
+    "powerglove_14_index_sideways": Movement(
+        {"index_mcp_deviation": -15.0}, {"index_mcp_deviation": 6.0}
+    ),
     "repeatability_flat": gripping(
         80.0,
         95.0,
@@ -86,7 +98,11 @@ MOVEMENTS: Mapping[str, Movement] = {
     ),
 }
 
-POINTING = {f"{f}_{j}_flexion": a for f in FINGERS[2:] for j, a in (("mcp", 60.0), ("pip", 75.0), ("dip", 40.0))} | {
+POINTING = {
+    f"{f}_{j}_flexion": a
+    for f in FINGERS[2:]
+    for j, a in (("mcp", 60.0), ("pip", 75.0), ("dip", 40.0))
+} | {
     "index_mcp_flexion": 20.0,
     "thumb_cmc_flexion": 30.0,
     "thumb_cmc_deviation": -15.0,

@@ -38,9 +38,16 @@ THUMB = {
     "thumb_mcp_flexion": 14.0,
     "thumb_ip_flexion": 14.0,
 }
-SPACED = posture(relaxed(), **THUMB, index_mcp_flexion=48.0, index_pip_flexion=38.0, index_dip_flexion=20.0)
+SPACED = posture(
+    relaxed(), **THUMB, index_mcp_flexion=48.0, index_pip_flexion=38.0, index_dip_flexion=20.0
+)
 PINCHED = posture(
-    SPACED, thumb_cmc_flexion=40.0, thumb_cmc_deviation=-18.0, index_mcp_flexion=55.0, index_pip_flexion=47.0, index_dip_flexion=25.0
+    SPACED,
+    thumb_cmc_flexion=40.0,
+    thumb_cmc_deviation=-18.0,
+    index_mcp_flexion=55.0,
+    index_pip_flexion=47.0,
+    index_dip_flexion=25.0,
 )
 APART = posture(relaxed(), index_mcp_deviation=-7.0, middle_mcp_deviation=7.0)
 GRASPED = posture(
@@ -58,12 +65,16 @@ GRASPED = posture(
 )
 
 
-def spacer_thumb_index(geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY) -> Performance:
+def spacer_thumb_index(
+    geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY
+) -> Performance:
     """P1: a spacer between the bottoms of thumb and index."""
     return _moved_about("P1", [SPACER_THUMB_INDEX], SPACED, geometry, rng, sway)
 
 
-def spacer_index_middle(geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY) -> Performance:
+def spacer_index_middle(
+    geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY
+) -> Performance:
     """P2: a spacer between the sides of index and middle finger that face each other."""
     return _moved_about("P2", [SPACER_INDEX_MIDDLE], APART, geometry, rng, sway)
 
@@ -73,9 +84,13 @@ def block(geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY) 
     return _moved_about("P4", list(BLOCK.values()), GRASPED, geometry, rng, sway)
 
 
-def pinch_twice(geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY, shut: float | None = None) -> Performance:
+def pinch_twice(
+    geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY, shut: float | None = None
+) -> Performance:
     """P3: distal tips of thumb and index in contact, closed (for `shut` s) and opened twice; the closed stretches are the task."""
-    return _pinched("P3", 2, rng.uniform(8.0, 12.0) if shut is None else shut, 3.0, 1.2, geometry, rng, sway)
+    return _pinched(
+        "P3", 2, rng.uniform(8.0, 12.0) if shut is None else shut, 3.0, 1.2, geometry, rng, sway
+    )
 
 
 def pinches(geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY) -> Performance:
@@ -84,28 +99,54 @@ def pinches(geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY
 
 
 def _pinched(
-    name: str, times: int, shut: float, pause: float, gentle: float, geometry: HandGeometry, rng: np.random.Generator, sway: float
+    name: str,
+    times: int,
+    shut: float,
+    pause: float,
+    gentle: float,
+    geometry: HandGeometry,
+    rng: np.random.Generator,
+    sway: float,
 ) -> Performance:
     """Closed for `shut` s and open for `pause` s, opening and closing within `gentle` s each."""
     t = _times(times * (shut + pause) - gentle)
     x = _held([PINCH], PINCHED, geometry, t, rng, sway)
     opening = sum(_bump(t, k * shut + (k - 1) * pause, pause, gentle) for k in range(1, times + 1))
-    apart = posture(None, index_mcp_flexion=-30.0, index_pip_flexion=-15.0, thumb_cmc_deviation=-15.0)
+    apart = posture(
+        None, index_mcp_flexion=-30.0, index_pip_flexion=-15.0, thumb_cmc_deviation=-15.0
+    )
     whole = framed(name, sampled(t, x + np.asarray(opening)[:, None] * apart))
     (task,) = whole.events
     margin = min(MARGIN, 0.2 * shut)
     closed_at = (task.onset + k * (shut + pause) for k in range(times))
-    return replace(whole, events=tuple(replace(task, onset=onset + margin, duration=shut - 2 * margin) for onset in closed_at))
+    return replace(
+        whole,
+        events=tuple(
+            replace(task, onset=onset + margin, duration=shut - 2 * margin) for onset in closed_at
+        ),
+    )
 
 
 def _moved_about(
-    name: str, holds: Sequence[Hold], guess: Array, geometry: HandGeometry, rng: np.random.Generator, sway: float
+    name: str,
+    holds: Sequence[Hold],
+    guess: Array,
+    geometry: HandGeometry,
+    rng: np.random.Generator,
+    sway: float,
 ) -> Performance:
     t = _times(rng.uniform(*TRIAL))
     return framed(name, sampled(t, _held(holds, guess, geometry, t, rng, sway)))
 
 
-def _held(holds: Sequence[Hold], guess: Array, geometry: HandGeometry, t: Array, rng: np.random.Generator, sway: float) -> Array:
+def _held(
+    holds: Sequence[Hold],
+    guess: Array,
+    geometry: HandGeometry,
+    t: Array,
+    rng: np.random.Generator,
+    sway: float,
+) -> Array:
     """Postures (n, 54): the hold closed throughout, the fingers swaying in it (rad), the whole hand moving."""
     x = closed(guess[None], holds, geometry) + moving(t, rng, geometry.hand)
     if not sway:  # closed as it is, and a hundred times quicker made

@@ -17,9 +17,24 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.motion import COORDINATES, Motion, joined, posture, through
-from handscope.estimators.simulation.movements.assessment_tasks import DOWN, RANGES, ROUNDS, TREMORS, TURNING, UP, trembling
+from handscope.estimators.simulation.movements.assessment_tasks import (
+    DOWN,
+    RANGES,
+    ROUNDS,
+    TREMORS,
+    TURNING,
+    UP,
+    trembling,
+)
 from handscope.estimators.simulation.movements.grasp_postures import pinch
-from handscope.estimators.simulation.movements.powerglove_tasks import CIRCLING, FAST, MOVEMENTS, POINTING, RAMP, circles
+from handscope.estimators.simulation.movements.powerglove_tasks import (
+    CIRCLING,
+    FAST,
+    MOVEMENTS,
+    POINTING,
+    RAMP,
+    circles,
+)
 
 POSE_THUMB = (
     0.0,
@@ -34,12 +49,18 @@ class Performance:
 
     motion: Motion
     events: tuple[Event, ...]
-    forces: Callable[[Kinematics], Array] | None = None  # (n, 5, 3) N, of the fingers on what they hold, at instants of the motion
+    forces: Callable[[Kinematics], Array] | None = (
+        None  # (n, 5, 3) N, of the fingers on what they hold, at instants of the motion
+    )
 
 
 def relaxed() -> Array:
     """The resting hand: slightly bent fingers, thumb half opposed, forearm level."""
-    fingers = {f"{f}_{j}_flexion": a for f in FINGERS[1:] for j, a in (("mcp", 22.0), ("pip", 28.0), ("dip", 12.0))}
+    fingers = {
+        f"{f}_{j}_flexion": a
+        for f in FINGERS[1:]
+        for j, a in (("mcp", 22.0), ("pip", 28.0), ("dip", 12.0))
+    }
     return posture(
         None,
         **fingers,
@@ -54,12 +75,21 @@ def relaxed() -> Array:
 def flat() -> Array:
     """The initial pose: fingers straight and together, thumb straight and spread 45 deg."""
     flexion, deviation, pronation = POSE_THUMB
-    return posture(None, thumb_cmc_flexion=flexion, thumb_cmc_deviation=deviation, thumb_cmc_pronation=pronation)
+    return posture(
+        None,
+        thumb_cmc_flexion=flexion,
+        thumb_cmc_deviation=deviation,
+        thumb_cmc_pronation=pronation,
+    )
 
 
 def fist() -> Array:
     """All joints of the fingers bent, the thumb over them."""
-    fingers = {f"{f}_{j}_flexion": a for f in FINGERS[1:] for j, a in (("mcp", 80.0), ("pip", 95.0), ("dip", 60.0))}
+    fingers = {
+        f"{f}_{j}_flexion": a
+        for f in FINGERS[1:]
+        for j, a in (("mcp", 80.0), ("pip", 95.0), ("dip", 60.0))
+    }
     return posture(
         None,
         **fingers,
@@ -79,12 +109,23 @@ def stretched() -> Array:
 def spread() -> Array:
     """Fingers apart: the spread between neighbours of Chatzioglou 2024 (17, 14, 32 deg)."""
     deviations = {"index": -17.0, "middle": 0.0, "ring": 14.0, "little": 40.0}
-    return posture(flat(), **{f"{f}_mcp_deviation": d for f, d in deviations.items()}, thumb_cmc_deviation=-60.0)
+    return posture(
+        flat(),
+        **{f"{f}_mcp_deviation": d for f, d in deviations.items()},
+        thumb_cmc_deviation=-60.0,
+    )
 
 
-def initial_pose(geometry: HandGeometry, duration: float = 6.0, taken: Array | None = None) -> Performance:
+def initial_pose(
+    geometry: HandGeometry, duration: float = 6.0, taken: Array | None = None
+) -> Performance:
     """The flat pose, held; the event is the part held still and tells the flat pose even where another, `taken` (54,), is held."""
-    angles = dict(zip(("thumb_cmc_flexion_deg", "thumb_cmc_deviation_deg", "thumb_cmc_pronation_deg"), POSE_THUMB))
+    angles = dict(
+        zip(
+            ("thumb_cmc_flexion_deg", "thumb_cmc_deviation_deg", "thumb_cmc_pronation_deg"),
+            POSE_THUMB,
+        )
+    )
     held = flat() if taken is None else taken
     motion = through([(0.0, relaxed()), (1.2, held), (duration - 1.0, held), (duration, relaxed())])
     return Performance(motion, (Event(1.5, duration - 3.0, "initial_pose", angles),))
@@ -92,7 +133,9 @@ def initial_pose(geometry: HandGeometry, duration: float = 6.0, taken: Array | N
 
 def range_of_motion(geometry: HandGeometry, repetitions: int = 3) -> Performance:
     """Fist and stretch, spread and close, thumb across, wrist up and down and sideways; each three times, ends held 0.6 s."""
-    return _back_and_forth("rom", [*_fist_pair(), *_spread_pair(), *_thumb_pair(), *_wrist_pairs()], repetitions)
+    return _back_and_forth(
+        "rom", [*_fist_pair(), *_spread_pair(), *_thumb_pair(), *_wrist_pairs()], repetitions
+    )
 
 
 def fist_and_stretch(geometry: HandGeometry, repetitions: int = 3) -> Performance:
@@ -128,27 +171,52 @@ def tapping(
     closed = pinch(geometry, "index", base=relaxed())
     index, thumb = ("index_mcp_flexion", "index_pip_flexion"), ("thumb_cmc_deviation",)
     opened = closed.copy()
-    for name, change in ((index[0], -opening), (index[1], -0.5 * opening), (thumb[0], -0.35 * opening)):
+    for name, change in (
+        (index[0], -opening),
+        (index[1], -0.5 * opening),
+        (thumb[0], -0.35 * opening),
+    ):
         opened[COORDINATES[name]] += np.radians(change)
     opened[COORDINATES["wrist_flexion"]] -= np.radians(wrist)
-    return _over_and_over(task, closed, opened, 0.5 / rate, 0.5 / rate, int(duration * rate + 1e-9), lead)
+    return _over_and_over(
+        task, closed, opened, 0.5 / rate, 0.5 / rate, int(duration * rate + 1e-9), lead
+    )
 
 
 def open_close(
-    geometry: HandGeometry, duration: float = 15.0, rate: float = 1.0, lead: float = 1.0, task: str = "open_close"
+    geometry: HandGeometry,
+    duration: float = 15.0,
+    rate: float = 1.0,
+    lead: float = 1.0,
+    task: str = "open_close",
 ) -> Performance:
     """Opening and closing the hand."""
-    return _over_and_over(task, stretched(), fist(), 0.5 / rate, 0.5 / rate, int(duration * rate + 1e-9), lead)
+    return _over_and_over(
+        task, stretched(), fist(), 0.5 / rate, 0.5 / rate, int(duration * rate + 1e-9), lead
+    )
 
 
 def there_and_back(geometry: HandGeometry, task: str, lead: float = 1.0) -> Performance:
     """A movement of powerglove.MOVEMENTS or assessment.RANGES; it begins `lead` s after the hand left the relaxed posture."""
     m = MOVED[task]
-    done = _over_and_over(task, posture(flat(), **m.back), posture(flat(), **m.there), m.half, m.move, m.repetitions, lead)
+    done = _over_and_over(
+        task,
+        posture(flat(), **m.back),
+        posture(flat(), **m.there),
+        m.half,
+        m.move,
+        m.repetitions,
+        lead,
+    )
     if m.phases is None:
         return done
     marks = [
-        Event(lead + (2 * k + n) * m.half, m.half, "annotation", {"task_name": task, "phase": phase, "repetition": k + 1})
+        Event(
+            lead + (2 * k + n) * m.half,
+            m.half,
+            "annotation",
+            {"task_name": task, "phase": phase, "repetition": k + 1},
+        )
         for k in range(m.repetitions)
         for n, phase in enumerate(m.phases)
     ]
@@ -162,7 +230,14 @@ def one_after_the_other(geometry: HandGeometry, task: str, lead: float = 1.0) ->
     for k in range(r.repetitions):
         for phase, angles in r.places.items():
             there = posture(back, **angles)
-            marks.append(Event(t, r.seconds, "annotation", {"task_name": task, "phase": phase, "repetition": k + 1}))
+            marks.append(
+                Event(
+                    t,
+                    r.seconds,
+                    "annotation",
+                    {"task_name": task, "phase": phase, "repetition": k + 1},
+                )
+            )
             points += [(t + r.move, there), (t + r.seconds - r.move, there), (t + r.seconds, back)]
             t += r.seconds
     motion = through([*points, (t + 1.0, relaxed())])
@@ -170,23 +245,37 @@ def one_after_the_other(geometry: HandGeometry, task: str, lead: float = 1.0) ->
 
 
 def pronation_supination(
-    geometry: HandGeometry, duration: float = 15.0, lead: float = 1.0, task: str = "pronation_supination"
+    geometry: HandGeometry,
+    duration: float = 15.0,
+    lead: float = 1.0,
+    task: str = "pronation_supination",
 ) -> Performance:
     """The palm turned up and down with the arm held out, as fast and as far as possible."""
     up, down = (posture(flat(), wrist_z=0.1, forearm_pronation=turn) for turn in (UP, DOWN))
-    return _over_and_over(task, down, up, 0.5 / TURNING, 0.5 / TURNING, int(duration * TURNING + 1e-9), lead)
+    return _over_and_over(
+        task, down, up, 0.5 / TURNING, 0.5 / TURNING, int(duration * TURNING + 1e-9), lead
+    )
 
 
-def tremor(geometry: HandGeometry, task: str, duration: float = 30.0, lead: float = 1.0) -> Performance:
+def tremor(
+    geometry: HandGeometry, task: str, duration: float = 30.0, lead: float = 1.0
+) -> Performance:
     """A hand that trembles: resting in the lap, or held out."""
     rate, extents, base = TREMORS[task]
     held = posture(relaxed() if task == "tremor_rest" else flat(), **base)
-    motion = joined(through(_to(held, lead)), trembling(held, duration, rate, extents), through([(0.0, held), (1.0, relaxed())]))
+    motion = joined(
+        through(_to(held, lead)),
+        trembling(held, duration, rate, extents),
+        through([(0.0, held), (1.0, relaxed())]),
+    )
     return Performance(motion, (Event(lead, duration, "task", {"task_name": task}),))
 
 
 def index_circles(
-    geometry: HandGeometry, lead: float = 1.0, task: str = "powerglove_15_index_circles", rate: float = CIRCLING
+    geometry: HandGeometry,
+    lead: float = 1.0,
+    task: str = "powerglove_15_index_circles",
+    rate: float = CIRCLING,
 ) -> Performance:
     """The index finger draws ten circles in the air, `rate` a second."""
     circle = circles(posture(flat(), **POINTING), rate=rate)
@@ -197,31 +286,47 @@ def index_circles(
 
 def rest(geometry: HandGeometry, duration: float = 10.0) -> Performance:
     """The relaxed hand, not moving."""
-    return Performance(through([(0.0, relaxed()), (duration, relaxed())]), (Event(0.0, duration, "rest", {}),))
+    return Performance(
+        through([(0.0, relaxed()), (duration, relaxed())]), (Event(0.0, duration, "rest", {}),)
+    )
 
 
 def wiggle(geometry: HandGeometry, fingers: tuple[str, ...] = FINGERS) -> Performance:
     """One finger after the other bends: what is asked for when the sensors are checked."""
     points, t = [(0.0, relaxed())], 0.4
     for f in fingers:
-        names = ("thumb_mcp_flexion", "thumb_ip_flexion") if f == "thumb" else (f"{f}_mcp_flexion", f"{f}_pip_flexion", f"{f}_dip_flexion")
+        names = (
+            ("thumb_mcp_flexion", "thumb_ip_flexion")
+            if f == "thumb"
+            else (f"{f}_mcp_flexion", f"{f}_pip_flexion", f"{f}_dip_flexion")
+        )
         bent = relaxed()
         for name in names:
             bent[COORDINATES[name]] += np.radians(35.0)
         points += [(t, relaxed()), (t + 0.7, bent), (t + 1.4, relaxed())]
         t += 1.6
-    return Performance(through(points), (Event(0.4, points[-1][0] - 0.4, "task", {"task_name": "wiggle"}),))
+    return Performance(
+        through(points), (Event(0.4, points[-1][0] - 0.4, "task", {"task_name": "wiggle"}),)
+    )
 
 
 MOVED = {**MOVEMENTS, **RANGES}
-IN_STEP: Mapping[str, Callable[..., Performance]] = {  # begin when the countdown is over, and then keep time with it
+IN_STEP: Mapping[
+    str, Callable[..., Performance]
+] = {  # begin when the countdown is over, and then keep time with it
     **{name: partial(there_and_back, task=name) for name in MOVED},
     **{name: partial(one_after_the_other, task=name) for name in ROUNDS},
     "powerglove_11_tapping": partial(tapping, duration=30.0, task="powerglove_11_tapping"),
-    "powerglove_12_tapping_wrist": partial(tapping, duration=30.0, wrist=20.0, task="powerglove_12_tapping_wrist"),
-    "powerglove_13_open_close": partial(open_close, duration=30.0, rate=0.5 / FAST, task="powerglove_13_open_close"),
+    "powerglove_12_tapping_wrist": partial(
+        tapping, duration=30.0, wrist=20.0, task="powerglove_12_tapping_wrist"
+    ),
+    "powerglove_13_open_close": partial(
+        open_close, duration=30.0, rate=0.5 / FAST, task="powerglove_13_open_close"
+    ),
     "powerglove_15_index_circles": index_circles,
-    "circular_pointing": partial(index_circles, task="circular_pointing", rate=10 / (10.0 - RAMP)),  # ten in 10 s
+    "circular_pointing": partial(
+        index_circles, task="circular_pointing", rate=10 / (10.0 - RAMP)
+    ),  # ten in 10 s
 }
 TIMED: Mapping[str, Callable[..., Performance]] = {  # go on for as long as they are told
     "tapping": tapping,
@@ -255,7 +360,9 @@ def _back_and_forth(task: str, pairs: list[tuple[Array, Array]], repetitions: in
     return Performance(motion, (Event(1.0, t - 1.0, "task", {"task_name": task}),))
 
 
-def _over_and_over(task: str, back: Array, there: Array, half: float, move: float, repetitions: int, lead: float) -> Performance:
+def _over_and_over(
+    task: str, back: Array, there: Array, half: float, move: float, repetitions: int, lead: float
+) -> Performance:
     """There and back: each way takes `half` s, `move` of them in movement, the rest at its end."""
     points = _to(back, lead)
     for k in range(2 * repetitions):
@@ -263,7 +370,10 @@ def _over_and_over(task: str, back: Array, there: Array, half: float, move: floa
         points += [(lead + k * half + move, target)] if move < half else []
         points.append((lead + (k + 1) * half, target))
     end = points[-1][0]
-    return Performance(through([*points, (end + 1.0, relaxed())]), (Event(lead, end - lead, "task", {"task_name": task}),))
+    return Performance(
+        through([*points, (end + 1.0, relaxed())]),
+        (Event(lead, end - lead, "task", {"task_name": task}),),
+    )
 
 
 def _to(start: Array, lead: float) -> list[tuple[float, Array]]:
@@ -285,17 +395,27 @@ def _thumb_pair() -> list[tuple[Array, Array]]:
 
 
 def _wrist_pairs() -> list[tuple[Array, Array]]:
-    return [(_wrist(flexion=50.0), _wrist(flexion=-45.0)), (_wrist(deviation=25.0), _wrist(deviation=-15.0))]
+    return [
+        (_wrist(flexion=50.0), _wrist(flexion=-45.0)),
+        (_wrist(deviation=25.0), _wrist(deviation=-15.0)),
+    ]
 
 
 def _across() -> Array:
     return posture(
-        flat(), thumb_cmc_flexion=45.0, thumb_cmc_deviation=10.0, thumb_cmc_pronation=95.0, thumb_mcp_flexion=50.0, thumb_ip_flexion=65.0
+        flat(),
+        thumb_cmc_flexion=45.0,
+        thumb_cmc_deviation=10.0,
+        thumb_cmc_pronation=95.0,
+        thumb_mcp_flexion=50.0,
+        thumb_ip_flexion=65.0,
     )
 
 
 def _away() -> Array:
-    return posture(flat(), thumb_cmc_deviation=-60.0, thumb_mcp_flexion=-8.0, thumb_ip_flexion=-10.0)
+    return posture(
+        flat(), thumb_cmc_deviation=-60.0, thumb_mcp_flexion=-8.0, thumb_ip_flexion=-10.0
+    )
 
 
 def _wrist(flexion: float = 0.0, deviation: float = 0.0) -> Array:

@@ -20,7 +20,9 @@ def settings(tmp_path_factory: pytest.TempPathFactory) -> Settings:
 @pytest.fixture(scope="module")
 def server(settings: Settings) -> Iterator[TestClient]:
     """A client without a login; the server's parts run while the module's tests do."""
-    with TestClient(create_app(settings), base_url="http://127.0.0.1:8420", follow_redirects=False) as client:
+    with TestClient(
+        create_app(settings), base_url="http://127.0.0.1:8420", follow_redirects=False
+    ) as client:
         yield client
 
 
@@ -43,7 +45,10 @@ def log_in_as(server: TestClient, settings: Settings) -> Iterator[Callable[..., 
             if name not in [a.name for a in accounts.everyone(db)]:
                 accounts.add(db, name, roles)
         server.cookies.clear()
-        assert server.post("/api/login", json={"token": new_token(settings.data, name)}).status_code == 204
+        assert (
+            server.post("/api/login", json={"token": new_token(settings.data, name)}).status_code
+            == 204
+        )
         return server
 
     yield as_
@@ -54,7 +59,11 @@ def log_in_as(server: TestClient, settings: Settings) -> Iterator[Callable[..., 
 def patient(client: TestClient) -> int:
     """A new patient's id."""
     patient_with_name.count += 1
-    return int(client.post("/api/patients", json={"pseudonym": f"P-{patient_with_name.count}"}).json()["id"])
+    return int(
+        client.post("/api/patients", json={"pseudonym": f"P-{patient_with_name.count}"}).json()[
+            "id"
+        ]
+    )
 
 
 class patient_with_name:  # noqa: N801  a counter for pseudonyms
@@ -63,4 +72,8 @@ class patient_with_name:  # noqa: N801  a counter for pseudonyms
 
 def files_in(settings: Settings) -> set[str]:
     """What lies in the folders of recordings."""
-    return {p.name for folder in ("recordings", "incoming") for p in Path(settings.data, folder).iterdir()}
+    return {
+        p.name
+        for folder in ("recordings", "incoming")
+        for p in Path(settings.data, folder).iterdir()
+    }

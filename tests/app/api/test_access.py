@@ -39,7 +39,11 @@ def addresses(server: TestClient) -> list[Address]:
     for route, declaration in Doors(server.app.routes).all:  # type: ignore[attr-defined]
         mounted = isinstance(route.original_route, Mount)
         methods = frozenset({"GET"} if mounted else getattr(route, "methods", None) or ())
-        found.append(Address(filled(f"{route.path}/app.js" if mounted else str(route.path)), methods, declaration))
+        found.append(
+            Address(
+                filled(f"{route.path}/app.js" if mounted else str(route.path)), methods, declaration
+            )
+        )
     return found
 
 
@@ -61,7 +65,13 @@ def refused(server: TestClient, address: Address) -> set[int]:
 
 def test_every_route_says_who_may_use_it(server: TestClient) -> None:
     served = addresses(server)
-    assert {"/api/patients", "/api/results/1/report.1", "/scene/1/", "/static/app.js", "/api/openapi.json"} <= {a.path for a in served}
+    assert {
+        "/api/patients",
+        "/api/results/1/report.1",
+        "/scene/1/",
+        "/static/app.js",
+        "/api/openapi.json",
+    } <= {a.path for a in served}
     assert {"/scene/1", "/api/stations/1/live"} == {a.path for a in served if not a.methods}
     assert [a.path for a in served if a.may is None] == []
     anybody = {a.path for a in served if a.may and ANYBODY in a.may.roles}
@@ -84,7 +94,9 @@ def test_every_route_without_a_login_is_refused(server: TestClient) -> None:
 
 
 @pytest.mark.parametrize("role", ROLES)
-def test_every_route_of_other_roles_is_refused_and_the_own_ones_answer(role: str, log_in_as: Callable[..., TestClient]) -> None:
+def test_every_route_of_other_roles_is_refused_and_the_own_ones_answer(
+    role: str, log_in_as: Callable[..., TestClient]
+) -> None:
     client = log_in_as(role)
     for address in addresses(client):
         if address.may and ANYBODY not in address.may.roles:
@@ -95,18 +107,28 @@ def test_every_route_of_other_roles_is_refused_and_the_own_ones_answer(role: str
 
 def test_a_route_that_says_nothing_is_refused_to_everybody(tmp_path: Path) -> None:
     store, settings = open_store(tmp_path), Settings(data=tmp_path)
-    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None, middleware=[Middleware(Gate, store=store, settings=settings)])
+    app = FastAPI(
+        openapi_url=None,
+        docs_url=None,
+        redoc_url=None,
+        middleware=[Middleware(Gate, store=store, settings=settings)],
+    )
     app.add_api_route("/forgotten", lambda: "secret")
     app.add_api_route("/declared", lambda: "answer", dependencies=[may(*ROLES)])
     app.mount("/folder", StaticFiles(directory=tmp_path))
     with store.database() as db:
         cookie = logins.begin(db, accounts.add(db, "anna", ROLES))
     client = TestClient(app, base_url="http://127.0.0.1:8420", cookies={COOKIE: cookie})
-    answers = {path: client.get(path).status_code for path in ("/forgotten", "/folder/handscope.sqlite", "/declared")}
+    answers = {
+        path: client.get(path).status_code
+        for path in ("/forgotten", "/folder/handscope.sqlite", "/declared")
+    }
     assert answers == {"/forgotten": 403, "/folder/handscope.sqlite": 403, "/declared": 200}
 
 
-def test_roles_that_change_count_from_the_next_request_on(log_in_as: Callable[..., TestClient]) -> None:
+def test_roles_that_change_count_from_the_next_request_on(
+    log_in_as: Callable[..., TestClient],
+) -> None:
     client = log_in_as(*ROLES)
     assert client.get("/api/patients").status_code == 200
     with client.app.state.parts.store.database() as db:  # type: ignore[attr-defined]
@@ -124,7 +146,9 @@ def test_a_person_without_a_login_is_shown_the_way_to_it(server: TestClient) -> 
     assert server.get("/login").status_code == 200
 
 
-def test_a_token_works_once_and_gives_a_cookie_that_scripts_cannot_read(server: TestClient, settings: Settings) -> None:
+def test_a_token_works_once_and_gives_a_cookie_that_scripts_cannot_read(
+    server: TestClient, settings: Settings
+) -> None:
     token = new_token(settings.data)
     answer = server.get(f"/login?token={token}")
     assert (answer.status_code, answer.headers["location"]) == (303, "/")
@@ -193,25 +217,44 @@ def ended(limits: dict[str, float], client: TestClient) -> None:
     ],
     ids=str,
 )
-def test_requests_from_another_sites_page_are_refused(client: TestClient, headers: dict[str, str]) -> None:
+def test_requests_from_another_sites_page_are_refused(
+    client: TestClient, headers: dict[str, str]
+) -> None:
     before = client.get("/api/patients").json()
     assert client.post("/api/patients", json={"pseudonym": "x"}, headers=headers).status_code == 403
-    assert client.post("/api/patients", data={"pseudonym": "x"}, headers=headers).status_code == 403  # a plain form
+    assert (
+        client.post("/api/patients", data={"pseudonym": "x"}, headers=headers).status_code == 403
+    )  # a plain form
     assert client.post("/api/login", json={"token": "x"}, headers=headers).status_code == 403
     assert client.get("/api/patients").json() == before
-    with pytest.raises(WebSocketDisconnect), client.websocket_connect(SOCKETS + "/api/stations/1/live", headers=headers):
+    with (
+        pytest.raises(WebSocketDisconnect),
+        client.websocket_connect(SOCKETS + "/api/stations/1/live", headers=headers),
+    ):
         pass
 
 
 def test_a_web_socket_without_an_origin_is_refused(client: TestClient) -> None:
-    with pytest.raises(WebSocketDisconnect), client.websocket_connect(SOCKETS + "/api/stations/1/live"):
+    with (
+        pytest.raises(WebSocketDisconnect),
+        client.websocket_connect(SOCKETS + "/api/stations/1/live"),
+    ):
         pass
 
 
 def test_another_sites_page_may_link_to_us_but_not_read_us(client: TestClient) -> None:
-    followed = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
+    followed = {
+        "Sec-Fetch-Site": "cross-site",
+        "Sec-Fetch-Mode": "navigate",
+        "Sec-Fetch-Dest": "document",
+    }
     assert client.get("/", headers=followed).status_code == 200
-    for dest, mode in (("script", "no-cors"), ("image", "no-cors"), ("iframe", "navigate"), ("empty", "cors")):
+    for dest, mode in (
+        ("script", "no-cors"),
+        ("image", "no-cors"),
+        ("iframe", "navigate"),
+        ("empty", "cors"),
+    ):
         framed = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": mode, "Sec-Fetch-Dest": dest}
         assert client.get("/api/patients", headers=framed).status_code == 403
 

@@ -19,7 +19,9 @@ GOOD = "seven hands on a table"
 @pytest.fixture(scope="module", autouse=True)
 def _cheap() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(accounts, "_hasher", PasswordHasher(time_cost=1, memory_cost=8, parallelism=1))
+        patch.setattr(
+            accounts, "_hasher", PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
+        )
         accounts._nobodys.cache_clear()
         yield
     accounts._nobodys.cache_clear()
@@ -30,7 +32,10 @@ def told(client: TestClient, first: int = 0) -> list[str]:
     with client.app.state.parts.store.database() as db:  # type: ignore[attr-defined]
         assert audit.verified(db).broken == ""
         found = db.query(AuditLine).filter(AuditLine.id > first).order_by(AuditLine.id)
-        return [" ".join(word for word in (line.who, line.what, line.kind, line.ref) if word) for line in found]
+        return [
+            " ".join(word for word in (line.who, line.what, line.kind, line.ref) if word)
+            for line in found
+        ]
 
 
 def newest(client: TestClient) -> int:
@@ -38,7 +43,9 @@ def newest(client: TestClient) -> int:
         return audit.verified(db).lines
 
 
-def test_who_is_given_an_account_sets_a_password_and_logs_in_with_it(log_in_as: Callable[..., TestClient]) -> None:
+def test_who_is_given_an_account_sets_a_password_and_logs_in_with_it(
+    log_in_as: Callable[..., TestClient],
+) -> None:
     client = log_in_as(ADMINISTRATOR)
     first = newest(client)
     made = client.post("/api/accounts", json={"name": "Anna", "roles": [CLINICIAN]}).json()
@@ -49,7 +56,9 @@ def test_who_is_given_an_account_sets_a_password_and_logs_in_with_it(log_in_as: 
     assert client.get("/api/me").json()["roles"] == [CLINICIAN]
     assert client.put("/api/me/password", json={"password": "short"}).status_code == 422
     assert client.put("/api/me/password", json={"password": GOOD}).status_code == 204
-    assert client.put("/api/me/password", json={"password": GOOD + "!"}).status_code == 422, "the one until now is asked for"
+    assert client.put("/api/me/password", json={"password": GOOD + "!"}).status_code == 422, (
+        "the one until now is asked for"
+    )
     client.delete("/api/login")
     assert client.get("/api/login").json()["passwords"] is True
     wrong = client.post("/api/login", json={"name": "anna", "password": "wrong"})
@@ -71,10 +80,15 @@ def test_who_is_given_an_account_sets_a_password_and_logs_in_with_it(log_in_as: 
 
 
 def test_too_many_tries_are_turned_away_and_say_for_how_long(server: TestClient) -> None:
-    answers = [server.post("/api/login", json={"name": "carla", "password": f"guess {k}"}) for k in range(7)]
+    answers = [
+        server.post("/api/login", json={"name": "carla", "password": f"guess {k}"})
+        for k in range(7)
+    ]
     assert [a.status_code for a in answers] == 5 * [422] + 2 * [429]
     assert 0 < int(answers[-1].headers["retry-after"]) <= 15 * 60
-    german = server.post("/api/login", json={"name": "carla", "password": "x"}, headers={"Accept-Language": "de"})
+    german = server.post(
+        "/api/login", json={"name": "carla", "password": "x"}, headers={"Accept-Language": "de"}
+    )
     assert "Viertelstunde" in german.json()["error"]
     with server.app.state.parts.store.database() as db:  # type: ignore[attr-defined]
         db.query(Attempt).delete()
@@ -97,18 +111,26 @@ def test_an_account_out_of_use_is_out_at_once_and_nobody_locks_himself_out(
     client.cookies.set(COOKIE, gone)
     assert client.get("/api/patients").status_code == 401
     client.cookies.clear()
-    assert client.post("/api/login", json={"token": new_token(settings.data, CLINICIAN)}).status_code == 422
+    assert (
+        client.post("/api/login", json={"token": new_token(settings.data, CLINICIAN)}).status_code
+        == 422
+    )
     client = log_in_as(ADMINISTRATOR)
     assert not client.patch(f"/api/accounts/{number}", json={"disabled": False}).json()["disabled"]
 
 
-def test_looks_are_told_once_in_a_while_exports_each_time_and_whose_they_were(client: TestClient, patient: int) -> None:
+def test_looks_are_told_once_in_a_while_exports_each_time_and_whose_they_were(
+    client: TestClient, patient: int
+) -> None:
     first = newest(client)
     for _ in range(3):
         assert client.get(f"/api/patients/{patient}").status_code == 200
         assert client.get(f"/api/patients/{patient}/export.zip").status_code == 200
     client.get("/api/patients/999")
-    assert client.post(f"/api/patients/{patient}/erasure", json={"pseudonym": "another"}).status_code == 422
+    assert (
+        client.post(f"/api/patients/{patient}/erasure", json={"pseudonym": "another"}).status_code
+        == 422
+    )
     mine = [line for line in told(client, first) if line.startswith("local")]
     assert mine == [f"local viewed patient {patient}", *3 * [f"local exported patient {patient}"]]
 
@@ -118,22 +140,36 @@ def test_a_refusal_is_told(log_in_as: Callable[..., TestClient]) -> None:
     first = newest(client)
     for _ in range(3):
         assert client.get("/api/patients/1").status_code == 403
-    assert [line for line in told(client, first) if "refused" in line] == [f"{ADMINISTRATOR} refused request /api/patients/1"]
+    assert [line for line in told(client, first) if "refused" in line] == [
+        f"{ADMINISTRATOR} refused request /api/patients/1"
+    ]
 
 
-def test_administrators_read_the_trail_page_by_page_and_verify_it(log_in_as: Callable[..., TestClient]) -> None:
+def test_administrators_read_the_trail_page_by_page_and_verify_it(
+    log_in_as: Callable[..., TestClient],
+) -> None:
     client = log_in_as(ADMINISTRATOR)
     lines = client.get("/api/audit?limit=5").json()
     assert [line["id"] for line in lines] == list(range(lines[0]["id"], lines[0]["id"] - 5, -1))
-    assert client.get(f"/api/audit?limit=1&before={lines[-1]['id']}").json()[0]["id"] == lines[-1]["id"] - 1
+    assert (
+        client.get(f"/api/audit?limit=1&before={lines[-1]['id']}").json()[0]["id"]
+        == lines[-1]["id"] - 1
+    )
     assert {line["what"] for line in client.get("/api/audit?what=refused").json()} == {"refused"}
     assert client.get("/api/audit/verification").json()["broken"] == ""
 
 
-def test_a_trusted_proxy_tells_where_from_and_that_the_browser_speaks_tls(client: TestClient, settings: Settings) -> None:
+def test_a_trusted_proxy_tells_where_from_and_that_the_browser_speaks_tls(
+    client: TestClient, settings: Settings
+) -> None:
     told_by_proxy = {"X-Forwarded-Proto": "https", "X-Forwarded-For": "10.1.2.3"}
-    trusting = TestClient(ProxyHeadersMiddleware(client.app, trusted_hosts=["testclient"]), base_url="http://127.0.0.1:8420")
-    answer = trusting.post("/api/login", json={"token": new_token(settings.data)}, headers=told_by_proxy)
+    trusting = TestClient(
+        ProxyHeadersMiddleware(client.app, trusted_hosts=["testclient"]),
+        base_url="http://127.0.0.1:8420",
+    )
+    answer = trusting.post(
+        "/api/login", json={"token": new_token(settings.data)}, headers=told_by_proxy
+    )
     cookie = answer.headers["set-cookie"]
     assert cookie.startswith(f"__Host-{COOKIE}=")
     assert all(word in cookie for word in ("Secure", "HttpOnly", "SameSite=strict", "Path=/"))
@@ -141,6 +177,8 @@ def test_a_trusted_proxy_tells_where_from_and_that_the_browser_speaks_tls(client
     with client.app.state.parts.store.database() as db:  # type: ignore[attr-defined]
         assert audit.lines(db, limit=1)[0].address == "10.1.2.3"
     plain = TestClient(client.app, base_url="http://127.0.0.1:8420")
-    answer = plain.post("/api/login", json={"token": new_token(settings.data)}, headers=told_by_proxy)
+    answer = plain.post(
+        "/api/login", json={"token": new_token(settings.data)}, headers=told_by_proxy
+    )
     assert "Secure" not in answer.headers["set-cookie"]
     assert "strict-transport-security" not in answer.headers

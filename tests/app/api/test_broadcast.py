@@ -51,7 +51,9 @@ def test_viewers_in_step_are_written_for_once_and_one_behind_gets_what_it_missed
     written, newest = bulletin.beat(station, 0.0)
     assert (points(written), newest) == ([0.1, 0.2], 0.2)
     assert points(bulletin.beat(station, -1.0)[0]) == [0.0, 0.1, 0.2]
-    assert bulletin.beat(station, 0.2) == ('{"points":[]}', 0.2), "a viewer keeps its place where nothing is new"
+    assert bulletin.beat(station, 0.2) == ('{"points":[]}', 0.2), (
+        "a viewer keeps its place where nothing is new"
+    )
 
 
 def test_a_snapshot_is_written_again_when_there_is_another() -> None:

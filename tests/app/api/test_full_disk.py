@@ -42,7 +42,9 @@ class Full:
 def no_more_pages(database: sessionmaker[Session]) -> Iterator[None]:
     """SQLite itself says that the database or disk is full."""
     engine: Any = database.kw["bind"]
-    limit: Callable[[Any, object], object] = lambda connection, record: connection.execute("PRAGMA max_page_count = 1")  # noqa: E731  the pages there are
+    limit: Callable[[Any, object], object] = lambda connection, record: connection.execute(
+        "PRAGMA max_page_count = 1"
+    )
     event.listen(engine, "connect", limit)
     engine.dispose()
     try:
@@ -64,16 +66,27 @@ def test_an_upload_that_finds_no_room_says_so_and_leaves_nothing(
     assert client.get(f"/api/patients/{patient}").json()["sessions"] == []
 
 
-def test_a_database_that_finds_no_room_says_so_and_keeps_what_it_had(client: TestClient, patient: int) -> None:
+def test_a_database_that_finds_no_room_says_so_and_keeps_what_it_had(
+    client: TestClient, patient: int
+) -> None:
     text = "x" * 15_000  # several pages: more than lie free
     note = client.post(f"/api/patients/{patient}/notes", json={"text": "before"}).json()
     store = store_of(client.app)  # type: ignore[arg-type]
     with no_more_pages(store.database):
-        answers = [client.post(f"/api/patients/{patient}/notes", json={"text": text}) for _ in range(40)]
-        assert (answers[-1].status_code, "the disk is full" in answers[-1].json()["error"]) == (507, True)
+        answers = [
+            client.post(f"/api/patients/{patient}/notes", json={"text": text}) for _ in range(40)
+        ]
+        assert (answers[-1].status_code, "the disk is full" in answers[-1].json()["error"]) == (
+            507,
+            True,
+        )
         kept = [a for a in answers if a.status_code == 201]
-        assert len(client.get(f"/api/patients/{patient}").json()["notes"]) == 1 + len(kept)  # reading goes on
-    changed = client.patch(f"/api/notes/{note['id']}", json={"version": note["version"], "text": "after"})
+        assert len(client.get(f"/api/patients/{patient}").json()["notes"]) == 1 + len(
+            kept
+        )  # reading goes on
+    changed = client.patch(
+        f"/api/notes/{note['id']}", json={"version": note["version"], "text": "after"}
+    )
     assert changed.status_code == 200
 
 
@@ -83,19 +96,35 @@ def test_a_result_that_finds_no_room_is_failed_in_words(
 ) -> None:
     store: Store = store_of(client.app)  # type: ignore[arg-type]
     with store.database() as db:
-        file = RecordingFile(session=PatientSession(patient_id=patient, hand="left"), format="native", file="recordings/none.mcap")
+        file = RecordingFile(
+            session=PatientSession(patient_id=patient, hand="left"),
+            format="native",
+            file="recordings/none.mcap",
+        )
         result = Result(recording=file, key="k", method="m2", version="1")
         db.add(result)
         db.commit()
 
     def computed(store: Store, result: Result, progress: object) -> None:
         if full == "the file":
-            raise_full = lambda *_: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space left on device"))  # noqa: E731
+            raise_full = lambda *_: (_ for _ in ()).throw(
+                OSError(errno.ENOSPC, "No space left on device")
+            )
             monkeypatch.setattr(writing.os, "replace", raise_full)
             writing.save_file(b"movement", store.folder / "movement.npz")
         else:
             with no_more_pages(store.database), store.database() as db:
-                db.add_all([Result(recording_id=result.recording_id, key=f"{k}", method="x" * 9000, version="1") for k in range(60)])
+                db.add_all(
+                    [
+                        Result(
+                            recording_id=result.recording_id,
+                            key=f"{k}",
+                            method="x" * 9000,
+                            version="1",
+                        )
+                        for k in range(60)
+                    ]
+                )
                 db.commit()
 
     monkeypatch.setattr(results_make, "computed", computed)

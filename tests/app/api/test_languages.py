@@ -45,11 +45,15 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 def module(client: TestClient, name: str) -> dict[str, str]:
     answer = client.get(f"/languages/{name}.js")
     assert answer.headers["content-type"].startswith("text/javascript")
-    told: dict[str, str] = json.loads(answer.text.removeprefix("export default ").removesuffix(";\n"))
+    told: dict[str, str] = json.loads(
+        answer.text.removeprefix("export default ").removesuffix(";\n")
+    )
     return told
 
 
-def test_one_file_is_one_more_language_for_pages_reports_and_refusals(folder: Path, client: TestClient) -> None:
+def test_one_file_is_one_more_language_for_pages_reports_and_refusals(
+    folder: Path, client: TestClient
+) -> None:
     assert module(client, "names") == {"en": "English", "de": "Deutsch", "eo": "Esperanto"}
     pages = module(client, "eo")
     assert (pages["locale"], pages["save"], pages["cancel"]) == ("eo", "Konservi", "Cancel")
@@ -61,9 +65,19 @@ def test_one_file_is_one_more_language_for_pages_reports_and_refusals(folder: Pa
 
 def test_a_file_with_a_fault_is_named_and_takes_nothing_from_the_others(folder: Path) -> None:
     said = sorted(every.faults())
-    assert [one.split(".json")[0] for one in said] == [f"the language {code}" for code in ("es", "esperanto", "fr", "it", "nl", "ro")]
+    assert [one.split(".json")[0] for one in said] == [
+        f"the language {code}" for code in ("es", "esperanto", "fr", "it", "nl", "ro")
+    ]
     for one, fault in zip(
-        said, ("not a valid locale", "no code of a language", "column", '"words" holds words', "save stands twice", "begins with")
+        said,
+        (
+            "not a valid locale",
+            "no code of a language",
+            "column",
+            '"words" holds words',
+            "save stands twice",
+            "begins with",
+        ),
     ):
         assert fault in one
 
@@ -73,7 +87,9 @@ def test_the_files_that_are_delivered_have_no_fault() -> None:
     assert [*every.languages()][:2] == ["en", "de"]
 
 
-def test_what_is_malformed_and_what_there_is_not_is_refused_in_the_persons_language(client: TestClient) -> None:
+def test_what_is_malformed_and_what_there_is_not_is_refused_in_the_persons_language(
+    client: TestClient,
+) -> None:
     german = {"Accept-Language": "de"}
     answers = [
         client.get("/api/patients/one", headers=german),

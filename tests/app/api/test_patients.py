@@ -6,31 +6,58 @@ from starlette.testclient import TestClient
 
 def test_a_patient_is_made_found_and_changed(client: TestClient) -> None:
     made = client.post(
-        "/api/patients", json={"pseudonym": "  Ada   17 ", "year_of_birth": 1960, "dominant_hand": "right", "affected_hand": "both"}
+        "/api/patients",
+        json={
+            "pseudonym": "  Ada   17 ",
+            "year_of_birth": 1960,
+            "dominant_hand": "right",
+            "affected_hand": "both",
+        },
     )
     assert made.status_code == 201
     patient = made.json()
     assert patient["pseudonym"] == "Ada 17"
-    assert [p["id"] for p in client.get("/api/patients", params={"search": "ada 1"}).json()] == [patient["id"]]
+    assert [p["id"] for p in client.get("/api/patients", params={"search": "ada 1"}).json()] == [
+        patient["id"]
+    ]
     assert client.get("/api/patients", params={"search": "bob"}).json() == []
-    change = {"version": patient["version"], "hand_measures": {"left": {"hand_length": 0.181}}, "affected_hand": None}
+    change = {
+        "version": patient["version"],
+        "hand_measures": {"left": {"hand_length": 0.181}},
+        "affected_hand": None,
+    }
     changed = client.patch(f"/api/patients/{patient['id']}", json=change).json()
-    assert (changed["affected_hand"], changed["hand_measures"]["left"]["hand_length"]) == (None, 0.181)
+    assert (changed["affected_hand"], changed["hand_measures"]["left"]["hand_length"]) == (
+        None,
+        0.181,
+    )
     assert changed["version"] == patient["version"] + 1
 
 
 def test_two_editors_at_once_are_told(client: TestClient, patient: int) -> None:
     version = client.get(f"/api/patients/{patient}").json()["version"]
-    assert client.patch(f"/api/patients/{patient}", json={"version": version, "year_of_birth": 1961}).status_code == 200
-    late = client.patch(f"/api/patients/{patient}", json={"version": version, "year_of_birth": 1962})
+    assert (
+        client.patch(
+            f"/api/patients/{patient}", json={"version": version, "year_of_birth": 1961}
+        ).status_code
+        == 200
+    )
+    late = client.patch(
+        f"/api/patients/{patient}", json={"version": version, "year_of_birth": 1962}
+    )
     assert late.status_code == 409
     assert "changed in another window" in late.json()["error"]
     assert client.get(f"/api/patients/{patient}").json()["year_of_birth"] == 1961
 
 
 def test_a_list_comes_in_pages_that_together_hold_every_patient_once(client: TestClient) -> None:
-    made = {client.post("/api/patients", json={"pseudonym": f"page {k}"}).json()["id"] for k in range(7)}
-    pages = [client.get("/api/patients", params={"search": "page", "offset": k, "limit": 3}) for k in (0, 3, 6)]
+    made = {
+        client.post("/api/patients", json={"pseudonym": f"page {k}"}).json()["id"] for k in range(7)
+    }
+    pages = [
+        client.get("/api/patients", params={"search": "page", "offset": k, "limit": 3})
+        for k in (0, 3, 6)
+    ]
     assert [p.headers["X-Total-Count"] for p in pages] == ["7"] * 3
     found = [row["id"] for p in pages for row in p.json()]
     assert len(found) == 7
@@ -38,11 +65,15 @@ def test_a_list_comes_in_pages_that_together_hold_every_patient_once(client: Tes
     assert client.get("/api/patients", params={"limit": 100_000}).status_code == 422
 
 
-def test_a_note_is_written_corrected_removed_and_brought_back(client: TestClient, patient: int) -> None:
+def test_a_note_is_written_corrected_removed_and_brought_back(
+    client: TestClient, patient: int
+) -> None:
     def texts() -> list[str]:
         return [n["text"] for n in client.get(f"/api/patients/{patient}").json()["notes"]]
 
-    first = client.post(f"/api/patients/{patient}/notes", json={"text": " prefers mornings "}).json()
+    first = client.post(
+        f"/api/patients/{patient}/notes", json={"text": " prefers mornings "}
+    ).json()
     client.post(f"/api/patients/{patient}/notes", json={"text": "splint since May"})
     assert texts() == ["splint since May", "prefers mornings"]
     address = f"/api/notes/{first['id']}"
@@ -66,7 +97,9 @@ def test_a_note_is_written_corrected_removed_and_brought_back(client: TestClient
         ({"pseudonym": "y", "name": "Ada"}, "name: "),
     ],
 )
-def test_facts_that_make_no_sense_are_refused(client: TestClient, facts: dict[str, object], sentence: str) -> None:
+def test_facts_that_make_no_sense_are_refused(
+    client: TestClient, facts: dict[str, object], sentence: str
+) -> None:
     before = client.get("/api/patients").json()
     answer = client.post("/api/patients", json=facts)
     assert answer.status_code == 422
@@ -81,11 +114,16 @@ def test_a_pseudonym_is_given_once(client: TestClient) -> None:
     assert "already a patient 'twice'" in again.json()["error"]
 
 
-def test_hand_measures_and_a_trunk_height_in_millimetres_are_refused(client: TestClient, patient: int) -> None:
+def test_hand_measures_and_a_trunk_height_in_millimetres_are_refused(
+    client: TestClient, patient: int
+) -> None:
     version = client.get(f"/api/patients/{patient}").json()["version"]
     high = client.patch(f"/api/patients/{patient}", json={"version": version, "trunk_height": 420})
     assert (high.status_code, "0.1 to 0.7 m" in high.json()["error"]) == (422, True)
-    answer = client.patch(f"/api/patients/{patient}", json={"version": version, "hand_measures": {"left": {"hand_length": 181}}})
+    answer = client.patch(
+        f"/api/patients/{patient}",
+        json={"version": version, "hand_measures": {"left": {"hand_length": 181}}},
+    )
     assert answer.status_code == 422
     assert "give lengths in metres" in answer.json()["error"]
 
@@ -96,7 +134,9 @@ def test_a_patient_that_is_not_there_is_404(client: TestClient) -> None:
     assert "there is no patient 99999" in answer.json()["error"]
 
 
-def test_a_name_in_place_of_a_code_is_kept_only_when_somebody_confirms_it(client: TestClient, patient: int) -> None:
+def test_a_name_in_place_of_a_code_is_kept_only_when_somebody_confirms_it(
+    client: TestClient, patient: int
+) -> None:
     facts = {"pseudonym": "Anna Berg", "year_of_birth": 1961}
     asked = client.post("/api/patients", json=facts)
     assert (asked.status_code, asked.json()["confirm"]) == (422, ["words", "name"])
@@ -104,8 +144,13 @@ def test_a_name_in_place_of_a_code_is_kept_only_when_somebody_confirms_it(client
     assert client.get("/api/patients", params={"search": "anna"}).json() == []
     made = client.post("/api/patients", json={**facts, "confirmed": True}).json()
     assert made["pseudonym"] == "Anna Berg"
-    again = client.patch(f"/api/patients/{made['id']}", json={"version": made["version"], "pseudonym": "Anna Berg", "year_of_birth": 1962})
+    again = client.patch(
+        f"/api/patients/{made['id']}",
+        json={"version": made["version"], "pseudonym": "Anna Berg", "year_of_birth": 1962},
+    )
     assert again.status_code == 200  # nobody is asked twice about the same
     version = client.get(f"/api/patients/{patient}").json()["version"]
-    changed = client.patch(f"/api/patients/{patient}", json={"version": version, "pseudonym": "Berg, Anna"})
+    changed = client.patch(
+        f"/api/patients/{patient}", json={"version": version, "pseudonym": "Berg, Anna"}
+    )
     assert (changed.status_code, "comma" in changed.json()["confirm"]) == (422, True)

@@ -28,7 +28,9 @@ def url() -> Iterator[str]:
 
 
 def test_from_a_patient_to_a_result_and_erased(url: str, tmp_path: Path) -> None:
-    with ThreadPoolExecutor(3) as several:  # processes that open a new database at once: one brings it up to date
+    with ThreadPoolExecutor(
+        3
+    ) as several:  # processes that open a new database at once: one brings it up to date
         for made in several.map(lambda _: open_database(tmp_path, url), range(3)):
             made.kw["bind"].dispose()
     app = create_app(Settings(data=tmp_path, database_url=url))
@@ -37,9 +39,17 @@ def test_from_a_patient_to_a_result_and_erased(url: str, tmp_path: Path) -> None
         patient = client.post("/api/patients", json={"pseudonym": "P-1"}).json()["id"]
         packed = writer.packed(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle"))
         made = upload(client, patient, packed).json()
-        told = wait_for(lambda: (r := client.get(f"/api/results/{made['result']}").json())["state"] in ("done", "failed") and r)
+        told = wait_for(
+            lambda: (
+                (r := client.get(f"/api/results/{made['result']}").json())["state"]
+                in ("done", "failed")
+                and r
+            )
+        )
         assert (told["state"], told["error"]) == ("done", "") and told["figures"]
-        assert client.get("/api/patients?search=p-1").json()[0]["pseudonym"] == "P-1", "letters of either case are found"
+        assert client.get("/api/patients?search=p-1").json()[0]["pseudonym"] == "P-1", (
+            "letters of either case are found"
+        )
         assert client.get(f"/api/patients/{2**40}").status_code == 404
         assert client.get(f"/api/patients/{patient}/progress").status_code == 200
         with store_of(app).database() as one, store_of(app).database() as other:
@@ -47,7 +57,10 @@ def test_from_a_patient_to_a_result_and_erased(url: str, tmp_path: Path) -> None
             patients.change(one, patient, first.version, year_of_birth=1950)
             with pytest.raises(ConflictError):
                 patients.change(other, patient, second.version, year_of_birth=1951)
-        assert client.post(f"/api/patients/{patient}/erasure", json={"pseudonym": "P-1"}).status_code == 200
+        assert (
+            client.post(f"/api/patients/{patient}/erasure", json={"pseudonym": "P-1"}).status_code
+            == 200
+        )
         assert client.get("/api/patients").json() == []
     assert not list((tmp_path / "recordings").iterdir())
     assert not (tmp_path / "handscope.sqlite").exists()

@@ -17,16 +17,29 @@ from tests.simulated import pose_and_wiggle
 @pytest.fixture(scope="module")
 def packed() -> bytes:
     made = pose_and_wiggle("left")
-    return writer.packed(writer.tree(LoadedRecording(made.hand, made.geometry, {}, made.samples, made.events), "01", "wiggle"))
+    return writer.packed(
+        writer.tree(
+            LoadedRecording(made.hand, made.geometry, {}, made.samples, made.events), "01", "wiggle"
+        )
+    )
 
 
 def by_map(client: TestClient, session: int) -> int:
     """A result of self-calibration, as if it had been computed."""
     one = found()
-    content = {"self_calibration": {"table": one.table, "told": one.told, "onset": one.onset, "end": one.end}}
+    content = {
+        "self_calibration": {
+            "table": one.table,
+            "told": one.told,
+            "onset": one.onset,
+            "end": one.end,
+        }
+    }
     with client.app.state.parts.store.database() as db:  # type: ignore[attr-defined]
         file = db.query(RecordingFile).filter_by(session_id=session).one()
-        made = Result(recording=file, key="k", method="map", version="1", state="done", content=content)
+        made = Result(
+            recording=file, key="k", method="map", version="1", state="done", content=content
+        )
         db.add(made)
         db.commit()
         return int(made.id)
@@ -47,15 +60,27 @@ def test_it_is_kept_by_a_press_and_taken_over_as_somebody_decides(
     kept = client.post(address, json={"result": source})
     assert kept.status_code == 201, kept.text
     (offer,) = client.get(reuse).json()["offers"]
-    assert (offer["id"], offer["parts"], offer["session"]) == (kept.json()["id"], ["lengths", "lengths_and_seats"], session)
+    assert (offer["id"], offer["parts"], offer["session"]) == (
+        kept.json()["id"],
+        ["lengths", "lengths_and_seats"],
+        session,
+    )
 
     wish = {"parts": "lengths", "self_calibration": kept.json()["id"]}
     decided = client.put(reuse, json=wish).json()
-    assert (decided["decided"]["parts"], decided["decided"]["self_calibration"]) == ("lengths", kept.json()["id"])
+    assert (decided["decided"]["parts"], decided["decided"]["self_calibration"]) == (
+        "lengths",
+        kept.json()["id"],
+    )
     (pair,) = [p for p in decided["results"] if p["before"] == first]
     result = finished(client, pair["now"])
-    assert (result["state"], result["reused"]) == ("done", {"self_calibration": kept.json()["id"], "parts": "lengths"})
-    assert result["content"]["calibration"]["source"] == "initial pose, lengths from self-calibration"
+    assert (result["state"], result["reused"]) == (
+        "done",
+        {"self_calibration": kept.json()["id"], "parts": "lengths"},
+    )
+    assert (
+        result["content"]["calibration"]["source"] == "initial pose, lengths from self-calibration"
+    )
     back = client.put(reuse, json={"parts": "nothing"}).json()["results"]
     assert {"before": pair["now"], "now": first} in back
 
@@ -63,13 +88,22 @@ def test_it_is_kept_by_a_press_and_taken_over_as_somebody_decides(
     undecided = client.post(begin[0], json=begin[1])
     assert (undecided.status_code, "takes over" in undecided.json()["error"]) == (422, True)
     assert [s["id"] for s in client.get(f"/api/patients/{patient}").json()["sessions"]] == [session]
-    begun = client.post(begin[0], json={**begin[1], "reuse": {"parts": "nothing"}}).json()["session"]
+    begun = client.post(begin[0], json={**begin[1], "reuse": {"parts": "nothing"}}).json()[
+        "session"
+    ]
     assert client.get(f"/api/sessions/{begun}/reuse").json()["decided"]["parts"] == "nothing"
     assert client.post(f"/api/sessions/{begun}/closing").status_code == 204
 
     other = client.post("/api/patients", json={"pseudonym": "P-other"}).json()["id"]
-    assert "another patient" in client.post(f"/api/patients/{other}/self-calibrations", json={"result": source}).json()["error"]
-    withdrawn = client.patch(f"/api/self-calibrations/{kept.json()['id']}", json={"withdrawn": True}).json()
+    assert (
+        "another patient"
+        in client.post(f"/api/patients/{other}/self-calibrations", json={"result": source}).json()[
+            "error"
+        ]
+    )
+    withdrawn = client.patch(
+        f"/api/self-calibrations/{kept.json()['id']}", json={"withdrawn": True}
+    ).json()
     assert withdrawn["withdrawn"]
     assert client.get(reuse).json()["offers"] == []
 

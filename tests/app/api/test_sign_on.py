@@ -45,7 +45,9 @@ class Answers(BaseHTTPRequestHandler):
         if self.path == "/keys":
             return self.told({"keys": [KEY.as_dict(private=False)]})
         if self.path == "/me":
-            return self.told(self.server.information, 200 if self.headers["Authorization"] == "Bearer a" else 401)
+            return self.told(
+                self.server.information, 200 if self.headers["Authorization"] == "Bearer a" else 401
+            )
         issuer = self.server.issuer
         places = {
             "authorization_endpoint": "/authorize",
@@ -54,12 +56,25 @@ class Answers(BaseHTTPRequestHandler):
             "userinfo_endpoint": "/me",
             "end_session_endpoint": "/end",
         }
-        return self.told({"issuer": issuer, **{name: issuer + path for name, path in places.items()}, **self.server.about})
+        return self.told(
+            {
+                "issuer": issuer,
+                **{name: issuer + path for name, path in places.items()},
+                **self.server.about,
+            }
+        )
 
     def do_POST(self) -> None:
         given = parse_qs(self.rfile.read(int(self.headers["Content-Length"])).decode())
-        made = base64.urlsafe_b64encode(hashlib.sha256(given["code_verifier"][0].encode()).digest()).rstrip(b"=").decode()
-        if made != self.server.challenge or self.headers["Authorization"] != f"Basic {base64.b64encode(PROOF.encode()).decode()}":
+        made = (
+            base64.urlsafe_b64encode(hashlib.sha256(given["code_verifier"][0].encode()).digest())
+            .rstrip(b"=")
+            .decode()
+        )
+        if (
+            made != self.server.challenge
+            or self.headers["Authorization"] != f"Basic {base64.b64encode(PROOF.encode()).decode()}"
+        ):
             return self.told({"error": "invalid_grant"}, 400)
         token = jwt.encode({"alg": "RS256", "kid": "1"}, self.server.claims, self.server.key)
         return self.told({"access_token": "a", "token_type": "Bearer", "id_token": token})
@@ -86,38 +101,83 @@ def provider() -> Iterator[Provider]:
 @pytest.fixture(scope="module")
 def server(provider: Provider, tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
     agreed = SignOn(
-        issuer=provider.issuer, client="us", secret=SECRET, claim="groups", roles={"therapists": "clinician", "lab": "scientist"}
+        issuer=provider.issuer,
+        client="us",
+        secret=SECRET,
+        claim="groups",
+        roles={"therapists": "clinician", "lab": "scientist"},
     )
     folder: Path = tmp_path_factory.mktemp("data")
-    with TestClient(create_app(Settings(data=folder, sign_on=agreed)), base_url=BASE, follow_redirects=False) as client:
+    with TestClient(
+        create_app(Settings(data=folder, sign_on=agreed)), base_url=BASE, follow_redirects=False
+    ) as client:
         yield client
 
 
-def came_back(server: TestClient, provider: Provider, state: str = "", key: Any = KEY, answer: Any = None, **claims: Any) -> TestClient:
+def came_back(
+    server: TestClient,
+    provider: Provider,
+    state: str = "",
+    key: Any = KEY,
+    answer: Any = None,
+    **claims: Any,
+) -> TestClient:
     """Through the provider and back with these claims; the client as it then is."""
     server.cookies.clear()
     sent = server.get("/login/sso").headers["location"]
     asked = {name: values[0] for name, values in parse_qs(urlsplit(sent).query).items()}
     assert sent.startswith(f"{provider.issuer}/authorize?")
-    assert (asked["code_challenge_method"], asked["response_type"], asked["redirect_uri"]) == ("S256", "code", f"{BASE}/login/sso/answer")
-    usual = {"iss": provider.issuer, "aud": "us", "sub": "17", "exp": int(time.time()) + 300, "iat": int(time.time())}
-    told = {**usual, "nonce": asked["nonce"], "preferred_username": "Anna", "groups": ["therapists"], **claims}
-    provider.claims, provider.key, provider.challenge = {k: v for k, v in told.items() if v is not None}, key, asked["code_challenge"]
-    told = server.get("/login/sso/answer", params={"state": state or asked["state"], "code": "c", **(answer or {})})
+    assert (asked["code_challenge_method"], asked["response_type"], asked["redirect_uri"]) == (
+        "S256",
+        "code",
+        f"{BASE}/login/sso/answer",
+    )
+    usual = {
+        "iss": provider.issuer,
+        "aud": "us",
+        "sub": "17",
+        "exp": int(time.time()) + 300,
+        "iat": int(time.time()),
+    }
+    told = {
+        **usual,
+        "nonce": asked["nonce"],
+        "preferred_username": "Anna",
+        "groups": ["therapists"],
+        **claims,
+    }
+    provider.claims, provider.key, provider.challenge = (
+        {k: v for k, v in told.items() if v is not None},
+        key,
+        asked["code_challenge"],
+    )
+    told = server.get(
+        "/login/sso/answer",
+        params={"state": state or asked["state"], "code": "c", **(answer or {})},
+    )
     assert told.status_code in (200, 303)
     provider.page = told.headers.get("location", "")
     return server
 
 
-def test_who_the_organisation_vouches_for_is_in_with_the_roles_of_today(server: TestClient, provider: Provider) -> None:
+def test_who_the_organisation_vouches_for_is_in_with_the_roles_of_today(
+    server: TestClient, provider: Provider
+) -> None:
     assert server.get("/api/login").json()["single"] is True
     first = came_back(server, provider).get("/api/me").json()
     assert (first["name"], first["roles"], first["proof"]) == ("anna", ["clinician"], "single")
     again = came_back(server, provider, groups=["lab", "others"]).get("/api/me").json()
     assert (again["id"], again["roles"]) == (first["id"], ["scientist"])
     namesake = came_back(server, provider, sub="18").get("/api/me").json()
-    assert namesake["id"] != first["id"], "an account is who the provider says, not what it is called"
-    assert came_back(server, provider, sub="19", preferred_username="local").get("/api/me").json()["name"] != "local"
+    assert namesake["id"] != first["id"], (
+        "an account is who the provider says, not what it is called"
+    )
+    assert (
+        came_back(server, provider, sub="19", preferred_username="local")
+        .get("/api/me")
+        .json()["name"]
+        != "local"
+    )
 
 
 @pytest.mark.parametrize(
@@ -145,23 +205,38 @@ def test_who_the_organisation_vouches_for_is_in_with_the_roles_of_today(server: 
     ],
     ids=str,
 )
-def test_whatever_does_not_fit_lets_nobody_in(server: TestClient, provider: Provider, wrong: dict[str, Any]) -> None:
+def test_whatever_does_not_fit_lets_nobody_in(
+    server: TestClient, provider: Provider, wrong: dict[str, Any]
+) -> None:
     assert came_back(server, provider, **wrong).get("/api/me").status_code == 401
 
 
-def test_roles_that_are_not_in_the_token_are_asked_for(server: TestClient, provider: Provider) -> None:
+def test_roles_that_are_not_in_the_token_are_asked_for(
+    server: TestClient, provider: Provider
+) -> None:
     provider.information = {"sub": "17", "groups": ["lab"]}
     assert came_back(server, provider, groups=None).get("/api/me").json()["roles"] == ["scientist"]
-    assert came_back(server, provider, sub="20", groups=None).get("/api/me").status_code == 401, "they are another's"
-    assert came_back(server, provider).get("/api/me").json()["roles"] == ["clinician"], "the token's count first"
+    assert came_back(server, provider, sub="20", groups=None).get("/api/me").status_code == 401, (
+        "they are another's"
+    )
+    assert came_back(server, provider).get("/api/me").json()["roles"] == ["clinician"], (
+        "the token's count first"
+    )
 
 
 @pytest.mark.parametrize(
     ("about", "reason"),
-    [({"issuer": "http://other.test"}, "calls itself 'http://other.test'"), ({"authorization_endpoint": None}, "authorization_endpoint")],
+    [
+        ({"issuer": "http://other.test"}, "calls itself 'http://other.test'"),
+        ({"authorization_endpoint": None}, "authorization_endpoint"),
+    ],
 )
 def test_a_provider_that_cannot_be_used_is_said_on_the_page_and_why_in_the_log(
-    server: TestClient, provider: Provider, caplog: pytest.LogCaptureFixture, about: dict[str, Any], reason: str
+    server: TestClient,
+    provider: Provider,
+    caplog: pytest.LogCaptureFixture,
+    about: dict[str, Any],
+    reason: str,
 ) -> None:
     provider.about = about
     answer, end = server.get("/login/sso"), server.get("/login/sso/end")
@@ -172,7 +247,9 @@ def test_a_provider_that_cannot_be_used_is_said_on_the_page_and_why_in_the_log(
 
 
 def test_a_provider_that_does_not_answer_is_away() -> None:
-    with pytest.raises(SignOnError, match=r"http://127\.0\.0\.1:1/\.well-known/openid-configuration cannot be read") as caught:
+    with pytest.raises(
+        SignOnError, match=r"http://127\.0\.0\.1:1/\.well-known/openid-configuration cannot be read"
+    ) as caught:
         leave(SignOn(issuer="http://127.0.0.1:1", client="us"), "word", BASE)
     assert caught.value.kind == "away"
 

@@ -21,13 +21,35 @@ def test_a_plate_that_was_turned_is_calibrated_and_says_the_strength_of_the_fiel
 ) -> None:
     rng = np.random.default_rng(3)
     worn, turning = magnet.worn(rng), magnet.turned_about(rng)
-    inertial = Block(Stream("trunk", (TRUNK,), (GYR, ACC), 60.0, "base"), turning.t, magnet.inertial(worn, turning, rng)[:, :1])
+    inertial = Block(
+        Stream("trunk", (TRUNK,), (GYR, ACC), 60.0, "base"),
+        turning.t,
+        magnet.inertial(worn, turning, rng)[:, :1],
+    )
     mag = magnet.magnetic(worn, turning, homogeneous(), rng, magnet=False)
     array = Block(Stream("trunk_mag", MAGNETOMETERS, (MAG,), 60.0, "base"), turning.t, mag)
     samples = {"trunk": inertial, "trunk_mag": array}
-    recording = LoadedRecording("left", sized("left"), dict.fromkeys(MAGNETOMETERS, Q_BS), samples, (), (), None, "", {}, {}, {}, None)
+    recording = LoadedRecording(
+        "left",
+        sized("left"),
+        dict.fromkeys(MAGNETOMETERS, Q_BS),
+        samples,
+        (),
+        (),
+        None,
+        "",
+        {},
+        {},
+        {},
+        None,
+    )
     motion_bids.write(recording, tmp_path / "turned.zip")
-    assert main(["calibrate-strip", str(tmp_path / "turned.zip"), "--out", str(tmp_path / "found.json")]) == 0
+    assert (
+        main(
+            ["calibrate-strip", str(tmp_path / "turned.zip"), "--out", str(tmp_path / "found.json")]
+        )
+        == 0
+    )
     said = "".join(capsys.readouterr())
     strength = float(said.split("the field has ")[1].split(" uT")[0])
     assert strength == pytest.approx(1e6 * EARTH, rel=0.05)

@@ -28,12 +28,16 @@ def gloves_of(folder: Path) -> list[Path]:
 
 def test_ctrl_c_at_the_program_ends_its_gloves(tmp_path: Path) -> None:
     program = [sys.executable, "-P", "-m", "handscope.app.cli", *words(tmp_path)]
-    with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as demo:
+    with subprocess.Popen(
+        program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as demo:
         assert demo.stdout is not None
         next(line for line in demo.stdout if line.startswith("Research use"))
         gloves = gloves_of(tmp_path)
         demo.send_signal(signal.SIGINT)
-        _, errors = demo.communicate(timeout=WAIT)  # until nobody has the pipe any more: the gloves have it, too
+        _, errors = demo.communicate(
+            timeout=WAIT
+        )  # until nobody has the pipe any more: the gloves have it, too
     assert (demo.returncode, errors) == (130, "")
     assert not any(glove.is_symlink() for glove in gloves)
 
@@ -44,12 +48,17 @@ def test_a_request_to_end_ends_its_gloves(tmp_path: Path) -> None:
     demo = CONTEXT.Process(target=_demo, args=(its_out, its_errors, tmp_path))
     demo.start()
     its_out.close(), its_errors.close()
-    with open(out.fileno(), closefd=False) as said, open(errors.fileno(), closefd=False) as complained:
+    with (
+        open(out.fileno(), closefd=False) as said,
+        open(errors.fileno(), closefd=False) as complained,
+    ):
         next(line for line in said if line.startswith("Research use"))
         gloves = gloves_of(tmp_path)
         assert demo.pid is not None
         os.kill(demo.pid, signal.SIGTERM)
-        assert complained.read() == ""  # until nobody has the pipe any more: the gloves have it, too
+        assert (
+            complained.read() == ""
+        )  # until nobody has the pipe any more: the gloves have it, too
     out.close(), errors.close()
     demo.join(WAIT)
     assert demo.exitcode == 143

@@ -21,7 +21,12 @@ def test_the_compose_file_starts_the_server_with_options_that_there_are() -> Non
     parser = argparse.ArgumentParser()
     serve.add(parser)
     asked = parser.parse_args([re.sub(r"\$\{(\w+)[^}]*\}", r"\1", word) for word in words])
-    assert (program, verb, asked.name, asked.metrics) == (".venv/bin/handscope", "serve", ["HOST_NAME"], ("0.0.0.0", 9100))
+    assert (program, verb, asked.name, asked.metrics) == (
+        ".venv/bin/handscope",
+        "serve",
+        ["HOST_NAME"],
+        ("0.0.0.0", 9100),
+    )
     assert asked.proxy == [told["proxy"]["networks"]["inside"]["ipv4_address"]]
     example = (ROOT / "deploy" / "env.example").read_text()
     wanted = set(re.findall(r"\$\{(\w+)", (ROOT / "deploy" / "compose.yaml").read_text()))
@@ -37,21 +42,31 @@ def test_nobody_is_given_the_address_that_the_proxy_names() -> None:
     proxy = ip_address(told["services"]["proxy"]["networks"]["inside"]["ipv4_address"])
     assert proxy in ip_network(addresses["subnet"])
     assert proxy not in ip_network(addresses["ip_range"])
-    more = yaml.safe_load((ROOT / "deploy" / "compose.override.example.yaml").read_text())["services"]["handscope"]
-    shared = {*more["networks"], *told["services"]["handscope"]["networks"]} & set(told["services"]["proxy"]["networks"])
-    assert shared == {"inside"}, "the proxy could come from another address, and what it says of TLS would count for nothing"
+    more = yaml.safe_load((ROOT / "deploy" / "compose.override.example.yaml").read_text())[
+        "services"
+    ]["handscope"]
+    shared = {*more["networks"], *told["services"]["handscope"]["networks"]} & set(
+        told["services"]["proxy"]["networks"]
+    )
+    assert shared == {"inside"}, (
+        "the proxy could come from another address, and what it says of TLS would count for nothing"
+    )
 
 
 def test_every_health_check_says_how_it_is_run() -> None:
     """Docker refuses the whole file otherwise."""
     told = yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text())["services"]
-    assert [service["healthcheck"]["test"][0] for service in told.values() if "healthcheck" in service] == ["CMD", "CMD"]
+    assert [
+        service["healthcheck"]["test"][0] for service in told.values() if "healthcheck" in service
+    ] == ["CMD", "CMD"]
 
 
 @pytest.mark.parametrize("lock", ["requirements.lock", "requirements-server.lock"])
 def test_the_tests_run_with_the_versions_that_a_clinic_installs(lock: str) -> None:
     installed, tested = _versions(ROOT / lock), _versions(ROOT / "requirements-dev.lock")
-    assert {package: versions for package, versions in installed.items() if tested[package] != versions} == {}
+    assert {
+        package: versions for package, versions in installed.items() if tested[package] != versions
+    } == {}
 
 
 def _versions(lock: Path) -> dict[str, set[str]]:
@@ -73,13 +88,17 @@ def test_accounts_and_the_trail_are_those_of_the_server_s_database(
     assert not (tmp_path / "handscope.sqlite").exists()
 
 
-def test_where_no_database_is_no_trail_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_where_no_database_is_no_trail_holds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["audit", "verify", "--data", str(tmp_path)]) != 0
     assert "has no database" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 
-def test_the_provider_s_words_for_roles_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_provider_s_words_for_roles_come_from_the_environment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setenv("HANDSCOPE_OIDC_ROLES", "hand-therapists=clinician movement-lab=scientist")
     parser = argparse.ArgumentParser()
     serve.add(parser)
@@ -89,7 +108,11 @@ def test_the_provider_s_words_for_roles_come_from_the_environment(monkeypatch: p
 
 
 @pytest.mark.parametrize(
-    "words", [["--oidc-issuer", "http://login.test"], ["--oidc-issuer", "https://login.test", "--oidc-scope", "profile"]]
+    "words",
+    [
+        ["--oidc-issuer", "http://login.test"],
+        ["--oidc-issuer", "https://login.test", "--oidc-scope", "profile"],
+    ],
 )
 def test_single_sign_on_that_could_not_be_trusted_is_refused_at_the_start(words: list[str]) -> None:
     parser = argparse.ArgumentParser()

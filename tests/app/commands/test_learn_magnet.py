@@ -13,8 +13,18 @@ from handscope.estimators.magnet.pipeline import setup_learning
 from handscope.estimators.magnet.pipeline.setup_learning import Learnt
 from handscope.sessions.formats import recordings as formats_recordings
 
-TOLD = Plate({"trunk_mag_1": (0.0, 0.0, 0.0), "trunk_mag_2": (0.1, 0.0, 0.0)}, (0.32, 0.0, 0.0), (0.0, 0.0, 0.01), 4.98e-5)
-BETTER = Plate({"trunk_mag_1": (0.003, 0.0, 0.0), "trunk_mag_2": (0.1, 0.0, 0.0)}, (0.0, 0.3, 0.0), (0.0, 0.004, 0.01), 4.98e-5)
+TOLD = Plate(
+    {"trunk_mag_1": (0.0, 0.0, 0.0), "trunk_mag_2": (0.1, 0.0, 0.0)},
+    (0.32, 0.0, 0.0),
+    (0.0, 0.0, 0.01),
+    4.98e-5,
+)
+BETTER = Plate(
+    {"trunk_mag_1": (0.003, 0.0, 0.0), "trunk_mag_2": (0.1, 0.0, 0.0)},
+    (0.0, 0.3, 0.0),
+    (0.0, 0.004, 0.01),
+    4.98e-5,
+)
 
 
 def test_what_was_learnt_is_written_as_a_magnet_setup_and_said(
@@ -28,9 +38,25 @@ def test_what_was_learnt_is_written_as_a_magnet_setup_and_said(
         return Learnt(BETTER, tuple(BETTER.places), np.full(3, 0.006), np.full(3, 0.002), sd, 0.9)
 
     monkeypatch.setattr(setup_learning, "learnt", learnt)
-    monkeypatch.setattr(formats_recordings, "load", lambda *_: SimpleNamespace(plate=TOLD, samples={}, mounting={}))
+    monkeypatch.setattr(
+        formats_recordings, "load", lambda *_: SimpleNamespace(plate=TOLD, samples={}, mounting={})
+    )
     out = tmp_path / "setup.json"
-    assert main(["learn-magnet", "half_a_minute.zip", "--out", str(out), "--moment-error", "0.2", "--place-error", "8"]) == 0
+    assert (
+        main(
+            [
+                "learn-magnet",
+                "half_a_minute.zip",
+                "--out",
+                str(out),
+                "--moment-error",
+                "0.2",
+                "--place-error",
+                "8",
+            ]
+        )
+        == 0
+    )
     assert asked == [(TOLD, 0.2, 0.008, 0.003)]
     assert plate_from(json.loads(out.read_text())["MagnetSetup"]) == BETTER
     said = capsys.readouterr().out

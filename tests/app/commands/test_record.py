@@ -15,18 +15,34 @@ from tests.app.commands.test_commands import refused, table
 from tests.app.devices.virtual import virtual_glove
 
 
-def test_a_replayed_recording_gives_the_same_live_in_batch_and_from_its_original(tmp_path: Path) -> None:
+def test_a_replayed_recording_gives_the_same_live_in_batch_and_from_its_original(
+    tmp_path: Path,
+) -> None:
     original = tmp_path / "original.zip"
     assert main(["simulate", "wiggle", "--out", str(original), "--seed", "2"]) == 0
     with virtual_glove(tmp_path / "glove", "--replay", str(original)) as port:
-        assert main(["record", str(port), "--out", str(tmp_path / "r.mcap"), "--live", str(tmp_path / "live")]) == 0
+        assert (
+            main(
+                [
+                    "record",
+                    str(port),
+                    "--out",
+                    str(tmp_path / "r.mcap"),
+                    "--live",
+                    str(tmp_path / "live"),
+                ]
+            )
+            == 0
+        )
     assert main(["process", str(original), "--out", str(tmp_path / "batch")]) == 0
     assert main(["process", str(tmp_path / "r.mcap"), "--out", str(tmp_path / "native")]) == 0
     columns, batch = table(tmp_path / "batch", "desc-m2")
     names, native = table(tmp_path / "native", "desc-m2")
     shown_names, shown = table(tmp_path / "live", "desc-m2")
     assert columns == names == shown_names
-    np.testing.assert_allclose(native, batch, atol=2e-6, equal_nan=True)  # rad, m: the wire carries float32
+    np.testing.assert_allclose(
+        native, batch, atol=2e-6, equal_nan=True
+    )  # rad, m: the wire carries float32
     same = native[np.searchsorted(native[:, 0], shown[0, 0]) :]
     assert len(shown) > 500
     np.testing.assert_array_equal(shown, same)
@@ -44,23 +60,31 @@ def test_a_recording_that_could_not_begin_leaves_nothing_behind(
             ("/dev/null", "cannot be opened as a serial port"),
             (os.ttyname(slave), "no glove speaks there"),
         ):
-            assert sentence in refused(["record", port, "--out", str(out), "--live", str(live)], capsys)
+            assert sentence in refused(
+                ["record", port, "--out", str(out), "--live", str(live)], capsys
+            )
             assert not list(tmp_path.iterdir()), port
     finally:
         os.close(master), os.close(slave)
 
 
-def test_a_glove_of_the_other_hand_is_refused_at_once_and_may_be_recorded_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_glove_of_the_other_hand_is_refused_at_once_and_may_be_recorded_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "r.mcap"
     with virtual_glove(tmp_path / "glove", "--hand", "left") as port:
         words = ["record", str(port), "--out", str(out), "--seconds", "1"]
-        assert "this is a left glove, --hand says right" in refused([*words, "--hand", "right"], capsys)
+        assert "this is a left glove, --hand says right" in refused(
+            [*words, "--hand", "right"], capsys
+        )
         assert not out.exists()
         assert main(words) == 0
     assert native.load(out).hand == "left"
 
 
-def test_strips_and_cables_that_were_pulled_are_told_with_their_times(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_strips_and_cables_that_were_pulled_are_told_with_their_times(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "r.mcap"
     faults = ("--pull", "index@5", "--plug", "index@6.5", "--unplug", "8")
     with virtual_glove(tmp_path / "glove", "--task", "wiggle", *faults) as port:
@@ -74,8 +98,12 @@ def test_strips_and_cables_that_were_pulled_are_told_with_their_times(tmp_path: 
         assert float(ended[1]) == pytest.approx(native.load(out).duration, abs=0.1)
         absent = re.findall(r"(\w+) was absent from ([\d.]+) s to ([\d.]+) s \(([\d.]+) s\)", told)
         assert [a[0] for a in absent] == ["index"]
-        assert float(absent[0][3]) == pytest.approx(1.5, abs=2.1 * AHEAD)  # s; the virtual glove makes its samples ahead
-        assert float(absent[0][2]) - float(absent[0][1]) == pytest.approx(float(absent[0][3]), abs=0.11)
+        assert float(absent[0][3]) == pytest.approx(
+            1.5, abs=2.1 * AHEAD
+        )  # s; the virtual glove makes its samples ahead
+        assert float(absent[0][2]) - float(absent[0][1]) == pytest.approx(
+            float(absent[0][3]), abs=0.11
+        )
 
 
 @pytest.mark.parametrize(
@@ -88,5 +116,7 @@ def test_strips_and_cables_that_were_pulled_are_told_with_their_times(tmp_path: 
         (9.6, None, "", ""),
     ],
 )
-def test_a_recording_that_ended_early_says_how_long_it_is_and_why(recorded: float, asked: float | None, why: str, sentence: str) -> None:
+def test_a_recording_that_ended_early_says_how_long_it_is_and_why(
+    recorded: float, asked: float | None, why: str, sentence: str
+) -> None:
     assert record.ending(recorded, asked, why) == sentence

@@ -11,7 +11,9 @@ def test_a_small_message_does_not_wait_for_the_last_one_to_be_acknowledged() -> 
         reached: asyncio.Future[int] = asyncio.get_running_loop().create_future()
 
         def accepted(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            reached.set_result(writer.get_extra_info("socket").getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
+            reached.set_result(
+                writer.get_extra_info("socket").getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+            )
             writer.close()
 
         listener = _listen("127.0.0.1", 0)

@@ -36,7 +36,9 @@ def port(tmp_path: Path) -> Iterator[Path]:
 
 
 def recorded(worn: Glove) -> Callable[[], bool]:
-    return lambda: (worn.assembler.counts["hand"].samples if "hand" in worn.assembler.counts else 0) > 150
+    return lambda: (
+        (worn.assembler.counts["hand"].samples if "hand" in worn.assembler.counts else 0) > 150
+    )
 
 
 def children(pid: int) -> list[int]:
@@ -58,7 +60,9 @@ def test_what_the_glove_sends_is_recorded_and_seen_live(port: Path, tmp_path: Pa
     assert len(recording.samples["hand"].t) >= live > 100
 
 
-def test_a_killed_recording_process_leaves_all_but_the_last_second(port: Path, tmp_path: Path) -> None:
+def test_a_killed_recording_process_leaves_all_but_the_last_second(
+    port: Path, tmp_path: Path
+) -> None:
     with Glove(str(port), tmp_path / "r.mcap", {"hand": "left"}, lambda blocks: None) as worn:
         wait_for(recorded(worn))
         newest = worn.now()
@@ -78,7 +82,9 @@ def test_when_the_server_is_killed_the_recording_is_finished(port: Path, tmp_pat
         "    print(g.pid, flush=True); time.sleep(60)\n"
     )
     file = tmp_path / "r.mcap"
-    server = subprocess.Popen([sys.executable, "-c", code, str(port), str(file)], stdout=subprocess.PIPE, text=True)
+    server = subprocess.Popen(
+        [sys.executable, "-c", code, str(port), str(file)], stdout=subprocess.PIPE, text=True
+    )
     assert server.stdout is not None
     recorder = int(server.stdout.readline())
     server.kill()
@@ -95,7 +101,9 @@ def test_a_port_that_vanishes_is_said_and_taken_up_again(tmp_path: Path) -> None
         virtual_glove(tmp_path / "glove", "--strips", "index", "--unplug", "8:1.5") as path,
         Glove(str(path), tmp_path / "r.mcap", {"hand": "left"}, lambda b: None) as worn,
     ):
-        said: set[str] = set()  # from the beginning: a slow machine records its first samples when the cable is out already
+        said: set[str] = (
+            set()
+        )  # from the beginning: a slow machine records its first samples when the cable is out already
 
         def heard(condition: Callable[[], Any]) -> Callable[[], Any]:
             return lambda: said.add(worn.state.state) or condition()
@@ -110,7 +118,9 @@ def test_a_port_that_vanishes_is_said_and_taken_up_again(tmp_path: Path) -> None
     assert 0.3 < gap < 5.0  # time went on while the cable was out, although the glove began again
 
 
-def test_a_full_disk_is_said_and_what_was_written_stays_readable(port: Path, tmp_path: Path) -> None:
+def test_a_full_disk_is_said_and_what_was_written_stays_readable(
+    port: Path, tmp_path: Path
+) -> None:
     """The kernel refuses to let the file grow, as a full disk does."""
     with Glove(str(port), tmp_path / "r.mcap", {"hand": "left"}, lambda b: None) as worn:
         wait_for(recorded(worn))
@@ -124,7 +134,9 @@ def test_a_full_disk_is_said_and_what_was_written_stays_readable(port: Path, tmp
     assert len(recording.samples["hand"].t) > 150
 
 
-def test_a_port_in_use_and_a_port_that_is_not_there_are_refused_in_words(port: Path, tmp_path: Path) -> None:
+def test_a_port_in_use_and_a_port_that_is_not_there_are_refused_in_words(
+    port: Path, tmp_path: Path
+) -> None:
     first = open_port(str(port))
     with pytest.raises(InputError, match="in use by another program"):
         open_port(str(port))
@@ -137,14 +149,21 @@ def test_a_port_in_use_and_a_port_that_is_not_there_are_refused_in_words(port: P
 
 def test_the_recording_process_begins_without_the_numerics_that_others_need() -> None:
     code = "import sys; import handscope.app.devices.acquisition; print({'numpy', 'numba', 'scipy'} & {*sys.modules})"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "set()\n"
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout
+        == "set()\n"
+    )
 
 
 def test_a_port_where_no_glove_speaks_gives_no_samples_and_no_harm(tmp_path: Path) -> None:
     master, slave = os.openpty()
     tty.setraw(slave)
     try:
-        with Glove(os.ttyname(slave), tmp_path / "r.mcap", {"hand": "left"}, lambda b: None) as worn:
+        with Glove(
+            os.ttyname(slave), tmp_path / "r.mcap", {"hand": "left"}, lambda b: None
+        ) as worn:
             wait_for(lambda: worn.state.state == "opened")
             os.write(master, b"AT+GMM\r\nhello, I am a modem\r\n\0" * 50)
             wait_for(lambda: worn.assembler.counters.corrupt >= 50)
@@ -156,12 +175,18 @@ def test_a_port_where_no_glove_speaks_gives_no_samples_and_no_harm(tmp_path: Pat
 
 
 def test_frames_come_whole_and_in_order_however_the_pipe_cuts_them() -> None:
-    frames = [(Kind.CHUNK, 0.5 * k, bytes([k]) * size) for k, size in enumerate((0, 1, 300, 70000, 5))] + [(Kind.STATE, 9.0, b"{}")]
+    frames = [
+        (Kind.CHUNK, 0.5 * k, bytes([k]) * size) for k, size in enumerate((0, 1, 300, 70000, 5))
+    ] + [(Kind.STATE, 9.0, b"{}")]
     sent = io.BytesIO()
     for frame in frames:
         write_frame(sent, *frame)
     for most in (1, 7, 1000, 1 << 20):
-        assert [f for some in frames_that_wait(io.BufferedReader(Cut(sent.getvalue(), most))) for f in some] == frames
+        assert [
+            f
+            for some in frames_that_wait(io.BufferedReader(Cut(sent.getvalue(), most)))
+            for f in some
+        ] == frames
 
 
 class Cut(io.RawIOBase):
@@ -188,7 +213,11 @@ def test_what_cannot_be_read_by_a_fault_of_ours_takes_nothing_with_it_that_was_r
     samples = {name: cut(in_strips("left").samples[name], [100])[0] for name in ("hand", "index")}
     sent = whole_session(samples)
     bad = next(
-        s.message for s in sent if isinstance(s.message, Samples) and s.message.index == 50 and s.message.stream == 10 + SLOTS["index"]
+        s.message
+        for s in sent
+        if isinstance(s.message, Samples)
+        and s.message.index == 50
+        and s.message.stream == 10 + SLOTS["index"]
     )
     where = Assembler if fails == "_sampled" else assembly
     working = getattr(where, fails)
@@ -203,4 +232,6 @@ def test_what_cannot_be_read_by_a_fault_of_ours_takes_nothing_with_it_that_was_r
     shown = {name: np.concatenate([b.t for b in seen if b.stream.name == name]) for name in samples}
     assert worn.decoding_failures == 1
     np.testing.assert_allclose(shown["hand"], samples["hand"].t, atol=2e-9)
-    np.testing.assert_allclose(shown["index"], np.delete(samples["index"].t, slice(50, 50 + bad.count)), atol=2e-9)
+    np.testing.assert_allclose(
+        shown["index"], np.delete(samples["index"].t, slice(50, 50 + bad.count)), atol=2e-9
+    )

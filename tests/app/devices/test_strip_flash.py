@@ -29,7 +29,16 @@ from tests.app.devices.virtual_glove.test_firmware import person, play
 from tests.estimators.sensors.test_imu_calibration import drawn
 from tests.laid_down import laid_down, many_positions
 
-BENCH = (Stream("index", ("index_proximal", "index_middle", "index_distal"), (GYR, ACC), 100.0, "base", {GYR: 40.0, ACC: 160.0}),)
+BENCH = (
+    Stream(
+        "index",
+        ("index_proximal", "index_middle", "index_distal"),
+        (GYR, ACC),
+        100.0,
+        "base",
+        {GYR: 40.0, ACC: 160.0},
+    ),
+)
 
 
 @dataclass
@@ -43,7 +52,9 @@ class OnTheBench:
 
     def __post_init__(self) -> None:
         r = laid_down(many_positions(6), 6, IDEAL)
-        self._whole = Block(BENCH[0], r.t, np.concatenate([r.gyr, r.acc], axis=1)[:, None].repeat(3, axis=1))
+        self._whole = Block(
+            BENCH[0], r.t, np.concatenate([r.gyr, r.acc], axis=1)[:, None].repeat(3, axis=1)
+        )
         self.duration = float(r.t[-1])
 
     def samples(self, stream: Stream, start: float, stop: float) -> Block:
@@ -61,8 +72,16 @@ def flashed(seed: int = 1) -> Flash:
 
 
 def powered(flash: Flash) -> Firmware:
-    wearer = SimulatedPerson("left", person().geometry, layout(("index",), 100.0), np.random.default_rng(3), person().errors)
-    return Firmware(wearer, replace(Build(), format=wire.Format.FLOAT32), np.random.default_rng(4), flash)
+    wearer = SimulatedPerson(
+        "left",
+        person().geometry,
+        layout(("index",), 100.0),
+        np.random.default_rng(3),
+        person().errors,
+    )
+    return Firmware(
+        wearer, replace(Build(), format=wire.Format.FLOAT32), np.random.default_rng(4), flash
+    )
 
 
 def asked(firmware: Firmware, command: wire.Message) -> list[wire.Message]:
@@ -71,10 +90,13 @@ def asked(firmware: Firmware, command: wire.Message) -> list[wire.Message]:
 
 def test_a_strips_calibration_removes_the_errors_of_its_sensors() -> None:
     plain, corrected, raw = (
-        play(powered(f), 2.0, Assembler(correct=c)) for f, c in ((Flash(), True), (flashed(), True), (flashed(), False))
+        play(powered(f), 2.0, Assembler(correct=c))
+        for f, c in ((Flash(), True), (flashed(), True), (flashed(), False))
     )
     for name, block in plain.items():
-        np.testing.assert_allclose(corrected[name].values, block.values, atol=2e-5)  # float32 of up to 12
+        np.testing.assert_allclose(
+            corrected[name].values, block.values, atol=2e-5
+        )  # float32 of up to 12
         assert np.abs(raw[name].of(ACC) - block.of(ACC)).max() > 0.1
 
 
@@ -100,7 +122,9 @@ def test_a_running_glove_keeps_its_calibration() -> None:
     assert message not in asked(firmware, wire.ReadCalibration(2))
 
 
-def test_a_recording_on_the_bench_gives_the_calibration_that_the_strip_needs(tmp_path: Path) -> None:
+def test_a_recording_on_the_bench_gives_the_calibration_that_the_strip_needs(
+    tmp_path: Path,
+) -> None:
     flash = delivered(BENCH, np.random.default_rng(9))
     flash.kept["index"] = [drawn(k, 0.02) for k in range(3)]  # a wrong one, which must not enter
     bench, path = OnTheBench(), tmp_path / "bench.mcap"
@@ -115,18 +139,32 @@ def test_a_recording_on_the_bench_gives_the_calibration_that_the_strip_needs(tmp
         true = flash.errors["index"][k]
         np.testing.assert_allclose(sensors[point]["acc"]["bias"], true.bias[ACC], atol=0.005)
         np.testing.assert_allclose(sensors[point]["gyr"]["bias"], true.bias[GYR], atol=0.001)
-        size = [np.linalg.svd(np.array(m))[1] for m in (sensors[point]["acc"]["matrix"], true.matrix[ACC])]
-        np.testing.assert_allclose(*size, atol=0.001)  # the same but for a turn of the whole sensor, which gravity does not show
+        size = [
+            np.linalg.svd(np.array(m))[1]
+            for m in (sensors[point]["acc"]["matrix"], true.matrix[ACC])
+        ]
+        np.testing.assert_allclose(
+            *size, atol=0.001
+        )  # the same but for a turn of the whole sensor, which gravity does not show
         assert sensors[point]["strip_id"] == native.load(path).strip_ids[point]
 
 
-def test_calibrations_are_written_over_a_port_and_a_foreign_strip_is_left_alone(tmp_path: Path) -> None:
-    found = {"index_distal": ImuCalibration({GYR: drawn(1).matrix[GYR]}, {GYR: drawn(1).bias[GYR]}), "hand": drawn(2)}
+def test_calibrations_are_written_over_a_port_and_a_foreign_strip_is_left_alone(
+    tmp_path: Path,
+) -> None:
+    found = {
+        "index_distal": ImuCalibration({GYR: drawn(1).matrix[GYR]}, {GYR: drawn(1).bias[GYR]}),
+        "hand": drawn(2),
+    }
     with virtual_glove(tmp_path / "glove", "--strips", "index") as port:
         assert sorted(strip_flash.write(str(port), found, {})) == ["hand", "index_distal"]
-        with pytest.raises(InputError, match=r"index_distal: strip .* is plugged in, the recording is of strip abc"):
+        with pytest.raises(
+            InputError, match=r"index_distal: strip .* is plugged in, the recording is of strip abc"
+        ):
             strip_flash.write(str(port), found, {"index_distal": "abc"})
-        with pytest.raises(InputError, match="little_distal: no strip with this sensor is plugged in"):
+        with pytest.raises(
+            InputError, match="little_distal: no strip with this sensor is plugged in"
+        ):
             strip_flash.write(str(port), {"little_distal": drawn(1)}, {})
 
 
@@ -137,7 +175,9 @@ def test_a_strip_that_corrects_itself_is_not_written(tmp_path: Path) -> None:
         strip_flash._places(assembler, {"index_distal": drawn(1)}, {})
 
 
-def test_a_recording_that_lies_still_is_refused_in_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_recording_that_lies_still_is_refused_in_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["simulate", "rest", "--out", str(tmp_path / "rest.zip")]) == 0
     assert main(["calibrate-strip", str(tmp_path / "rest.zip")]) == 2
     assert "no sensor of rest.zip could be calibrated" in capsys.readouterr().err
@@ -150,23 +190,45 @@ def test_all_three_quantities_have_errors_to_remove() -> None:
 
 
 def felt(flash: Flash, strips: tuple[str, ...] = ("thumb", "index", "force")) -> Firmware:
-    wearer = SimulatedPerson("left", person().geometry, layout(strips, 100.0), np.random.default_rng(3), person().errors)
-    return Firmware(wearer, replace(Build(), format=wire.Format.FLOAT32), np.random.default_rng(4), flash)
+    wearer = SimulatedPerson(
+        "left", person().geometry, layout(strips, 100.0), np.random.default_rng(3), person().errors
+    )
+    return Firmware(
+        wearer, replace(Build(), format=wire.Format.FLOAT32), np.random.default_rng(4), flash
+    )
 
 
 @pytest.mark.parametrize("axes", [3, 6])
 def test_force_sensors_send_what_they_read_where_a_calibration_is_told(axes: int) -> None:
     """Recorded raw, opened in newtons: as a glove tells them that corrects itself."""
-    rng, strips = np.random.default_rng(axes), ("thumb", "index", "force", "torque")[: 3 + (axes == 6)]
-    found = [ForceCalibration(5 * (np.eye(axes) + 0.1 * rng.normal(size=(axes, axes))), rng.normal(size=axes), 0.008) for _ in range(2)]
+    rng, strips = (
+        np.random.default_rng(axes),
+        ("thumb", "index", "force", "torque")[: 3 + (axes == 6)],
+    )
+    found = [
+        ForceCalibration(
+            5 * (np.eye(axes) + 0.1 * rng.normal(size=(axes, axes))), rng.normal(size=axes), 0.008
+        )
+        for _ in range(2)
+    ]
     points = ("thumb_tip_force", "index_tip_force")
     setups = {point: ForceSetup(0.008, (), one, 0.006) for point, one in zip(points, found)}
     newtons, told, sent = (
-        next(b for b in play(felt(flash, strips), 1.0, Assembler(correct=correct)).values() if FORCE in b.stream.quantities)
-        for flash, correct in ((Flash(), True), (Flash(forces=setups), True), (Flash(forces=setups), False))
+        next(
+            b
+            for b in play(felt(flash, strips), 1.0, Assembler(correct=correct)).values()
+            if FORCE in b.stream.quantities
+        )
+        for flash, correct in (
+            (Flash(), True),
+            (Flash(forces=setups), True),
+            (Flash(forces=setups), False),
+        )
     )
     np.testing.assert_allclose(told.values, newtons.values, atol=1e-4)
-    np.testing.assert_allclose(found[0].corrected(sent.values[:, 0]), newtons.values[:, 0], atol=1e-4)
+    np.testing.assert_allclose(
+        found[0].corrected(sent.values[:, 0]), newtons.values[:, 0], atol=1e-4
+    )
     assert told.stream.scale_sd == dict.fromkeys(points, pytest.approx(0.008))
     assert told.stream.turn_sd == dict.fromkeys(points, pytest.approx(0.006))
 

@@ -16,7 +16,9 @@ WAIT = 120.0  # s until a test gives up
 @contextmanager
 def virtual_glove(path: Path, *words: str) -> Iterator[Path]:
     """`handscope glove` at a path; ends with the test."""
-    process = CONTEXT.Process(target=_run, args=(["glove", "--pty", str(path), *words],), daemon=True)
+    process = CONTEXT.Process(
+        target=_run, args=(["glove", "--pty", str(path), *words],), daemon=True
+    )
     process.start()
     try:
         wait_for(path.is_symlink)

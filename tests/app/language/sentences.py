@@ -8,9 +8,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
-REFUSALS = {"InputError", "NotNowError", "UnconfirmedError", "ThrottledError", "HTTPException", "Finding", "Verdict"}
+REFUSALS = {
+    "InputError",
+    "NotNowError",
+    "UnconfirmedError",
+    "ThrottledError",
+    "HTTPException",
+    "Finding",
+    "Verdict",
+}
 GRADES = {"good", "fair", "poor"}
-WARNS = {"warnings", "said", "problems", "reasons", "refused"}  # lists that sentences are appended to
+WARNS = {
+    "warnings",
+    "said",
+    "problems",
+    "reasons",
+    "refused",
+}  # lists that sentences are appended to
 MAKE = {
     "_warnings",
     "_flag_warnings",
@@ -44,17 +58,28 @@ def sentences(folders: Sequence[str], but: Sequence[str]) -> list[Sentence]:
     """Of every module in these folders but those whose path begins so."""
     paths = sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py"))
     names = [(path.relative_to(ROOT).as_posix(), path) for path in paths]
-    return [s for name, path in names if not name.startswith(tuple(but)) for s in _of_module(name, ast.parse(path.read_text("utf-8")))]
+    return [
+        s
+        for name, path in names
+        if not name.startswith(tuple(but))
+        for s in _of_module(name, ast.parse(path.read_text("utf-8")))
+    ]
 
 
 def _of_module(name: str, module: ast.Module) -> Iterator[Sentence]:
     constants = _assigned(module.body, {})
-    functions = [n for n in ast.walk(module) if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef)]
+    functions = [
+        n for n in ast.walk(module) if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef)
+    ]
     for function in functions:
         known = _assigned([n for n in ast.walk(function) if isinstance(n, ast.stmt)], constants)
         for node in ast.walk(function):
             for said in _said(node, function.name):
-                yield from (Sentence(f"{name}:{said.lineno}", text) for text in _texts(said, known) if OWN_WORDS.search(GAP.sub("", text)))
+                yield from (
+                    Sentence(f"{name}:{said.lineno}", text)
+                    for text in _texts(said, known)
+                    if OWN_WORDS.search(GAP.sub("", text))
+                )
 
 
 def _said(node: ast.AST, function: str) -> Iterator[ast.expr]:
@@ -63,14 +88,25 @@ def _said(node: ast.AST, function: str) -> Iterator[ast.expr]:
         case ast.Call(func=ast.Name(id=called), args=args) if called in REFUSALS:
             yield from args
             yield from (k.value for k in node.keywords if k.arg == "detail")
-        case ast.Call(func=ast.Attribute(attr="__init__", value=ast.Call(func=ast.Name(id="super"))), args=args):
+        case ast.Call(
+            func=ast.Attribute(attr="__init__", value=ast.Call(func=ast.Name(id="super"))),
+            args=args,
+        ):
             yield from args
-        case ast.Call(func=ast.Attribute(attr="append", value=ast.Name(id=into)), args=args) if into in WARNS:
+        case ast.Call(func=ast.Attribute(attr="append", value=ast.Name(id=into)), args=args) if (
+            into in WARNS
+        ):
             yield from args
-        case ast.Yield(value=ast.expr() as value) | ast.Return(value=ast.expr() as value) if function in MAKE:
+        case ast.Yield(value=ast.expr() as value) | ast.Return(value=ast.expr() as value) if (
+            function in MAKE
+        ):
             yield value
         case ast.Call(args=[_, *_] as each) | ast.Tuple(elts=each):  # a grade and its reason
-            yield from (reason for grade, reason in itertools.pairwise(each) if isinstance(grade, ast.Constant) and grade.value in GRADES)
+            yield from (
+                reason
+                for grade, reason in itertools.pairwise(each)
+                if isinstance(grade, ast.Constant) and grade.value in GRADES
+            )
 
 
 def _assigned(statements: Sequence[ast.stmt], known: Texts) -> dict[str, Sequence[str]]:
@@ -85,7 +121,9 @@ def _assigned(statements: Sequence[ast.stmt], known: Texts) -> dict[str, Sequenc
                     if isinstance(one, ast.Name):
                         found.setdefault(one.id, []).append(value)
     named = dict(known)
-    for name, values in 2 * list(found.items()):  # one may stand for another that is assigned further down
+    for name, values in 2 * list(
+        found.items()
+    ):  # one may stand for another that is assigned further down
         texts = [_texts(value, named) for value in values]
         if all(texts):
             named[name] = [text for some in texts for text in some]
@@ -100,11 +138,22 @@ def _texts(node: ast.expr, known: Texts) -> Sequence[str]:
         case ast.Name(id=name):
             return known.get(name, [])
         case ast.IfExp(body=body, orelse=otherwise):
-            return [*_in_gap(body, known), *_in_gap(otherwise, known)] if _texts(body, known) or _texts(otherwise, known) else []
-        case ast.BinOp(left=left, op=ast.Add(), right=right) if _texts(left, known) or _texts(right, known):
+            return (
+                [*_in_gap(body, known), *_in_gap(otherwise, known)]
+                if _texts(body, known) or _texts(otherwise, known)
+                else []
+            )
+        case ast.BinOp(left=left, op=ast.Add(), right=right) if _texts(left, known) or _texts(
+            right, known
+        ):
             return _joined([_in_gap(left, known), _in_gap(right, known)])
         case ast.JoinedStr(values=values):
-            return _joined([_in_gap(v.value if isinstance(v, ast.FormattedValue) else v, known) for v in values])
+            return _joined(
+                [
+                    _in_gap(v.value if isinstance(v, ast.FormattedValue) else v, known)
+                    for v in values
+                ]
+            )
     return []
 
 

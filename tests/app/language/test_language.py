@@ -31,7 +31,9 @@ def code(one: Language) -> str:
 
 @pytest.mark.parametrize("other", OTHERS, ids=code)
 def test_every_word_of_the_server_is_in_every_language_with_the_same_gaps(other: Language) -> None:
-    words = json.loads(files("handscope.app.language").joinpath(f"{other.code}.json").read_text("utf-8"))["words"]
+    words = json.loads(
+        files("handscope.app.language").joinpath(f"{other.code}.json").read_text("utf-8")
+    )["words"]
     assert {k: sorted(NAME.findall(w)) for k, w in words.items() if k in ENGLISH.words} == {
         k: sorted(NAME.findall(w)) for k, w in ENGLISH.words.items()
     }
@@ -44,8 +46,14 @@ def test_sentences_keep_what_they_say(other: Language) -> None:
 
 
 def test_a_sentence_written_elsewhere_is_recognised_with_what_differs_in_it() -> None:
-    assert GERMAN.heard("samples missing and bridged in 12 % of the samples") == "fehlende Messwerte überbrückt in 12 % der Messwerte"
-    assert ENGLISH.heard("samples missing and bridged in 12 % of the samples") == "samples missing and bridged in 12 % of the samples"
+    assert (
+        GERMAN.heard("samples missing and bridged in 12 % of the samples")
+        == "fehlende Messwerte überbrückt in 12 % der Messwerte"
+    )
+    assert (
+        ENGLISH.heard("samples missing and bridged in 12 % of the samples")
+        == "samples missing and bridged in 12 % of the samples"
+    )
 
 
 def test_reasons_told_together_are_each_recognised_though_one_has_a_colon() -> None:
@@ -66,7 +74,10 @@ def test_an_unknown_sentence_is_said_as_it_is_with_segments_named_and_numbers_in
         GERMAN.heard("little_proximal drifted by 1.25 deg since 10.11.2026, v1.2.3")
         == "Kleinfinger Grundglied drifted by 1,25 deg since 10.11.2026, v1.2.3"
     )
-    assert ENGLISH.heard("little_proximal drifted by 1.25 deg") == "little proximal drifted by 1.25 deg"
+    assert (
+        ENGLISH.heard("little_proximal drifted by 1.25 deg")
+        == "little proximal drifted by 1.25 deg"
+    )
     assert GERMAN.heard("x" * 10_000 + " in 5 % of the samples").startswith("xxx")
 
 
@@ -90,17 +101,24 @@ def test_numbers_and_days_have_the_locales_form() -> None:
         ("en-US,de", "en"),
     ],
 )
-def test_the_browsers_preferred_language_is_taken_where_there_is_one(accepted: str, found: str) -> None:
+def test_the_browsers_preferred_language_is_taken_where_there_is_one(
+    accepted: str, found: str
+) -> None:
     assert preferred(accepted).code == found
 
 
 def test_a_language_that_there_is_not_is_said() -> None:
-    with pytest.raises(InputError, match=re.escape("there is no language 'xx'; languages are en, de")):
+    with pytest.raises(
+        InputError, match=re.escape("there is no language 'xx'; languages are en, de")
+    ):
         language("xx")
 
 
 def test_what_a_patients_page_refuses_is_said_in_german() -> None:
-    said = [GERMAN.heard(str(ConflictError(what))) for what in ("patient 'H-017'", "the patient", "the note")]
+    said = [
+        GERMAN.heard(str(ConflictError(what)))
+        for what in ("patient 'H-017'", "the patient", "the note")
+    ]
     assert all(sentence.endswith("wählen Sie") for sentence in said)
     assert "'H-017'" in said[0]
     assert GERMAN.heard(FULL).startswith("Der Datenträger ist voll")
@@ -109,25 +127,66 @@ def test_what_a_patients_page_refuses_is_said_in_german() -> None:
 @pytest.mark.parametrize("other", OTHERS, ids=code)
 def test_tasks_methods_and_measures_are_told_in_every_language(other: Language) -> None:
     protocols = [*load_all().values(), *load_steps().values()]
-    said = [words for p in protocols for words in (p.title, p.instruction, *(phase.say for phase in p.cycle))]
+    said = [
+        words
+        for p in protocols
+        for words in (p.title, p.instruction, *(phase.say for phase in p.cycle))
+    ]
     said += [m.TITLE for m in (*METHODS.values(), *MEASURES.values())] + [*FLAG_WORDS.values()]
     assert [words for words in said if words not in other.sentences] == []
 
 
 def test_every_figure_of_every_measure_has_a_name_in_words() -> None:
-    plain = [k.what.replace("_", " ").capitalize() for m in MEASURES.values() for k in m.KINDS.values()]
+    plain = [
+        k.what.replace("_", " ").capitalize() for m in MEASURES.values() for k in m.KINDS.values()
+    ]
     named = [figure_words(k.what, ENGLISH) for m in MEASURES.values() for k in m.KINDS.values()]
     ends = ("max", "min", "range")  # of joints' angles, which are named by their joint
-    assert [words for words, raw in zip(named, plain) if words == raw and not raw.endswith(ends) and " " in raw] == []
+    assert [
+        words
+        for words, raw in zip(named, plain)
+        if words == raw and not raw.endswith(ends) and " " in raw
+    ] == []
 
 
 def test_a_line_of_the_audit_trail_has_words_for_what_was_done_to_what() -> None:
-    does = {"created", "changed", "erased", "viewed", "exported", "refused", "logged_in", "logged_out"}
+    does = {
+        "created",
+        "changed",
+        "erased",
+        "viewed",
+        "exported",
+        "refused",
+        "logged_in",
+        "logged_out",
+    }
     kinds = {*KINDS.values(), *LISTS.values(), "code", "login", "request"}
-    once = {"id", "created", "written", "made", "kind", "onset", "end", "reason", "event", "recording_id"}  # written with the row
+    once = {
+        "id",
+        "created",
+        "written",
+        "made",
+        "kind",
+        "onset",
+        "end",
+        "reason",
+        "event",
+        "recording_id",
+    }  # written with the row
     rows: tuple[type[Base], ...] = (Patient, Note, PatientSession, Correction, Account)
-    fields = {c.key for row in rows for c in row.__table__.columns if c.key not in once | BY_ITSELF.get(row, frozenset())}
-    wanted = {f"audit.does.{d}" for d in does} | {f"audit.kind.{k}" for k in kinds} | {f"audit.field.{f}" for f in fields}
+    fields = {
+        c.key
+        for row in rows
+        for c in row.__table__.columns
+        if c.key not in once | BY_ITSELF.get(row, frozenset())
+    }
+    wanted = (
+        {f"audit.does.{d}" for d in does}
+        | {f"audit.kind.{k}" for k in kinds}
+        | {f"audit.field.{f}" for f in fields}
+    )
     for one in languages().values():
-        own = json.loads(files("handscope.app.language").joinpath(f"{one.code}.json").read_text("utf-8"))["pages"]
+        own = json.loads(
+            files("handscope.app.language").joinpath(f"{one.code}.json").read_text("utf-8")
+        )["pages"]
         assert wanted - set(own) == set()

@@ -57,7 +57,11 @@ PROGRAMMERS = (
         "estimators/magnet/tracker/tracker.py",
         "estimators/measures/signals.py",
     ),
-    *("estimators/measures/independence.py", "estimators/measures/repeatability.py", "estimators/measures/smoothness.py"),
+    *(
+        "estimators/measures/independence.py",
+        "estimators/measures/repeatability.py",
+        "estimators/measures/smoothness.py",
+    ),
     *("estimators/measures/tapping.py", "estimators/measures/tremor.py"),
 )
 MET = sentences(("app", "sessions", "estimators"), (*COMMAND_LINE, *PROGRAMMERS))
@@ -72,16 +76,24 @@ def told(one: Language, said: Sentence) -> bool:
     """Whether the language has the sentence whole: neither a part of it that happens to be known nor a frame such as "{sensor}: {sentence}" counts."""
     example = said.example()
     fits = (s for s, gapped in worded(one) if gapped.fullmatch(example))
-    return (example in one.sentences or next(fits, None) is not None) and one.heard(example) != example
+    return (example in one.sentences or next(fits, None) is not None) and one.heard(
+        example
+    ) != example
 
 
 @cache
 def worded(one: Language) -> list[tuple[str, re.Pattern[str]]]:
     """The sentences with gaps that have words of their own between them."""
-    return [(s, re.compile(_gapped(s))) for s in one.sentences if NAME.search(s) and re.search("[a-z]{2}", NAME.sub("", s))]
+    return [
+        (s, re.compile(_gapped(s)))
+        for s in one.sentences
+        if NAME.search(s) and re.search("[a-z]{2}", NAME.sub("", s))
+    ]
 
 
 @pytest.mark.parametrize("other", OTHERS, ids=lambda one: one.code)
 def test_whatever_a_page_may_be_told_is_in_every_language(other: Language) -> None:
     assert len(MET) > 200, "the source is read"
-    assert [f"{s.where}: {s.text}" for s in MET if s.text not in NOT_SO and not told(other, s)] == []
+    assert [
+        f"{s.where}: {s.text}" for s in MET if s.text not in NOT_SO and not told(other, s)
+    ] == []

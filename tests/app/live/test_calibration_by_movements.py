@@ -60,7 +60,12 @@ def test_from_the_tasks_through_all_steps_to_the_pose_that_brings_them_into_forc
             w, _ = wizard_machine.act(w, Act.NEXT, facts)
     assert Act.NEXT not in w.allowed(facts)
     w, orders = wizard_machine.act(w, Act.USE, facts)
-    assert (w.state, w.closing, w.used, kinds(orders)) == (State.POSE_READY, True, set(NAMES), [("use_steps", ""), ("cue", "initial_pose")])
+    assert (w.state, w.closing, w.used, kinds(orders)) == (
+        State.POSE_READY,
+        True,
+        set(NAMES),
+        [("use_steps", ""), ("cue", "initial_pose")],
+    )
     assert told_of(w, facts)["title"] == "Initial pose again"
     w = replace(w, state=State.POSE_REVIEW)
     assert not wizard_machine.act(w, Act.ACCEPT, facts)[0].closing
@@ -68,11 +73,15 @@ def test_from_the_tasks_through_all_steps_to_the_pose_that_brings_them_into_forc
 
 def test_a_spoilt_step_says_why_and_is_not_used() -> None:
     w, facts, _ = done(calibrating(task="flexion_mcp"), READY)
-    w = wizard_machine.judge(w, ("the hand moved with the MCP flexion: rest the hand and repeat it",))
+    w = wizard_machine.judge(
+        w, ("the hand moved with the MCP flexion: rest the hand and repeat it",)
+    )
     assert w.message == "The hand moved with the MCP flexion: rest the hand and repeat it."
     assert Act.USE not in w.allowed(facts)
     told = told_of(w, facts)
-    assert [s["outcome"] for s in told["calibration_steps"] if s["name"] == "flexion_mcp"] == ["spoilt"]
+    assert [s["outcome"] for s in told["calibration_steps"] if s["name"] == "flexion_mcp"] == [
+        "spoilt"
+    ]
     assert told["title"] == "This step cannot be used"
     w, orders = wizard_machine.act(w, Act.REDO, facts)
     assert (w.state, w.task, w.judged, w.message, kinds(orders)) == (
@@ -106,7 +115,12 @@ def test_a_step_can_be_done_alone_and_is_used_with_those_in_force() -> None:
 def test_leaving_the_calibration_uses_nothing() -> None:
     w, facts, _ = done(calibrating(task="flexion_all"), READY)
     w, orders = wizard_machine.act(wizard_machine.judge(w, ()), Act.STOP, facts)
-    assert (w.state, w.judged, w.used, kinds(orders)) == (State.TASKS, (), frozenset(), [("drop_steps", "")])
+    assert (w.state, w.judged, w.used, kinds(orders)) == (
+        State.TASKS,
+        (),
+        frozenset(),
+        [("drop_steps", "")],
+    )
 
 
 def test_a_step_that_is_cancelled_is_not_measured() -> None:
@@ -117,7 +131,9 @@ def test_a_step_that_is_cancelled_is_not_measured() -> None:
 
 def test_only_steps_whose_segments_are_measured_are_offered_and_none_without_any() -> None:
     facts = replace(READY, measured=READY.measured - {"thumb_distal"})
-    assert [p.name for p in calibrating().steps_offered(facts)] == [n for n in NAMES if "thumb" not in n]
+    assert [p.name for p in calibrating().steps_offered(facts)] == [
+        n for n in NAMES if "thumb" not in n
+    ]
     assert Act.CALIBRATE not in Wizard(PROTOCOLS, 3.0, state=State.TASKS).allowed(READY)
 
 
@@ -129,7 +145,9 @@ def test_the_ghost_shows_each_step_before_it_is_done() -> None:
         assert (ghost.ghost(w, THUMB, 1.4) == shown).all() == (len(PROTOCOL[name].ghost) == 1)
 
 
-@pytest.mark.parametrize(("act", "left"), [(Act.REDO, "redone"), (Act.STOP, "not used"), (Act.USE, "")])
+@pytest.mark.parametrize(
+    ("act", "left"), [(Act.REDO, "redone"), (Act.STOP, "not used"), (Act.USE, "")]
+)
 def test_a_step_is_kept_under_its_own_name_until_it_is_taken_back(
     station: Station,  # noqa: F811
     monkeypatch: pytest.MonkeyPatch,
@@ -143,7 +161,9 @@ def test_a_step_is_kept_under_its_own_name_until_it_is_taken_back(
     monkeypatch.setattr(station.tracking, "measure", lambda step, onset, end: piece)
     station._wizard, facts, orders = done(calibrating(task="flexion_mcp"), READY)
     station._do(orders, facts)
-    assert [(e.trial_type, e.onset, e.duration) for e in kept.values()] == [("flexion_mcp", pytest.approx(53.0), 9.0)]
+    assert [(e.trial_type, e.onset, e.duration) for e in kept.values()] == [
+        ("flexion_mcp", pytest.approx(53.0), 9.0)
+    ]
     station.act(act)
     (event,) = kept.values()
     if left:
@@ -153,4 +173,7 @@ def test_a_step_is_kept_under_its_own_name_until_it_is_taken_back(
             {},
         )
     else:
-        assert (event.trial_type, station.tracking.pieces) == ("flexion_mcp", {"flexion_mcp": piece})
+        assert (event.trial_type, station.tracking.pieces) == (
+            "flexion_mcp",
+            {"flexion_mcp": piece},
+        )

@@ -14,8 +14,19 @@ from tests.app.devices.virtual import virtual_glove, wait_for
 from tests.app.live.test_live_numbers import setup_of
 
 
-def test_two_strips_on_each_others_finger_are_found_exchanged_and_read_as_worn(tmp_path: Path) -> None:
-    with virtual_glove(tmp_path / "glove", "--hand", "left", "--strips", "index,ring", "--exchange", "index", "ring") as port:
+def test_two_strips_on_each_others_finger_are_found_exchanged_and_read_as_worn(
+    tmp_path: Path,
+) -> None:
+    with virtual_glove(
+        tmp_path / "glove",
+        "--hand",
+        "left",
+        "--strips",
+        "index,ring",
+        "--exchange",
+        "index",
+        "ring",
+    ) as port:
         setup = replace(setup_of(tmp_path), port=str(port), protocols=tuple(load_all().values()))
         with Station("test", setup, lambda _: None) as station:
             wait_for(lambda: "check" in station.snapshot()["wizard"]["actions"])
@@ -23,7 +34,10 @@ def test_two_strips_on_each_others_finger_are_found_exchanged_and_read_as_worn(t
             wait_for(lambda: station._wizard.state is State.CHECKED)
             told = station.snapshot()["wizard"]
             assert told["check"]["moved"] == {"index": "ring", "ring": "index"}
-            assert told["check"]["exchange"] == [{"strip": "ring", "finger": "index"}, {"strip": "index", "finger": "ring"}]
+            assert told["check"]["exchange"] == [
+                {"strip": "ring", "finger": "index"},
+                {"strip": "index", "finger": "ring"},
+            ]
             station.act("exchange")
             wait_for(lambda: station.glove.assembler.exchanged)
             assert station._wizard.state is State.CHECK
@@ -31,7 +45,10 @@ def test_two_strips_on_each_others_finger_are_found_exchanged_and_read_as_worn(t
             assert dict(station._wizard.seen)["index"] == "index"
             now = station.tracking.newest_sample()
     read = formats_recordings.load(setup.recording)
-    assert "the strip of the index finger was worn on the ring finger and is read as that" in read.warnings
+    assert (
+        "the strip of the index finger was worn on the ring finger and is read as that"
+        in read.warnings
+    )
     index = read.samples["index"].between(now - 0.8, now)
     ring = read.samples["ring"].between(now - 0.8, now)
     moved = [np.sqrt((b.of(GYR)[:, -1] ** 2).sum(axis=1).mean()) for b in (index, ring)]

@@ -44,13 +44,20 @@ def moved(w: Wizard) -> tuple[Wizard, wizard_machine.Facts, list[wizard_machine.
 
 def test_from_the_tasks_through_free_movement_to_the_pose_that_brings_it_into_force() -> None:
     w, facts, orders = moved(ready())
-    assert (w.state, kinds(orders)) == (State.FREE_WORK, [("cue", "rest"), ("solve_free", "free_movement")])
+    assert (w.state, kinds(orders)) == (
+        State.FREE_WORK,
+        [("cue", "rest"), ("solve_free", "free_movement")],
+    )
     assert orders[1].end - orders[1].onset == pytest.approx(40.0)
     w = wizard_machine.solved(w, facts)
     assert w.state is State.FREE_REVIEW
     assert told_of(w, facts)["title"] == "Use what was found?"
     w, orders = wizard_machine.act(w, Act.USE, facts)
-    assert (w.state, w.closing, kinds(orders)) == (State.POSE_READY, True, [("use_free", ""), ("cue", "initial_pose")])
+    assert (w.state, w.closing, kinds(orders)) == (
+        State.POSE_READY,
+        True,
+        [("use_free", ""), ("cue", "initial_pose")],
+    )
 
 
 def test_what_was_found_may_be_left_or_done_again_and_a_computation_cancelled() -> None:
@@ -90,20 +97,30 @@ def test_it_is_offered_where_hand_and_a_first_phalanx_are_measured_and_the_metho
 
 
 def test_the_ghost_shows_what_to_do_until_it_is_done() -> None:
-    shown = [ghost.ghost(ready(state=s), THUMB, t) for s in (State.FREE_READY, State.FREE_RUN) for t in (0.0, 2.5)]
+    shown = [
+        ghost.ghost(ready(state=s), THUMB, t)
+        for s in (State.FREE_READY, State.FREE_RUN)
+        for t in (0.0, 2.5)
+    ]
     assert all(angles is not None for angles in shown)
     assert not np.allclose(shown[0], shown[1])  # type: ignore[arg-type]
     assert ghost.ghost(ready(state=State.FREE_WORK), THUMB, 0.0) is None
 
 
 def test_only_lengths_of_another_glove_are_taken_over() -> None:
-    known = Known("left", {"hand": np.array([1.0, 0, 0, 0])}, {"hand": np.zeros(3)}, {"index_proximal": 0.04})
+    known = Known(
+        "left", {"hand": np.array([1.0, 0, 0, 0])}, {"hand": np.zeros(3)}, {"index_proximal": 0.04}
+    )
     assert free_movement.reused(known, "g1", "g1") is known
     assert free_movement.reused(known, "g1", "") is known  # a glove that does not say its number
-    assert free_movement.reused(known, "g1", "g2") == Known("left", {}, {}, {"index_proximal": 0.04})
+    assert free_movement.reused(known, "g1", "g2") == Known(
+        "left", {}, {}, {"index_proximal": 0.04}
+    )
 
 
-@pytest.mark.parametrize(("act", "left"), [(Act.REDO, "redone"), (Act.STOP, "not used"), (Act.USE, "")])
+@pytest.mark.parametrize(
+    ("act", "left"), [(Act.REDO, "redone"), (Act.STOP, "not used"), (Act.USE, "")]
+)
 def test_the_movement_is_kept_as_such_until_it_is_taken_back(
     station: Station,  # noqa: F811
     monkeypatch: pytest.MonkeyPatch,
@@ -125,7 +142,11 @@ def test_the_movement_is_kept_as_such_until_it_is_taken_back(
     (event,) = kept.values()
     assert event is not None
     if left:
-        assert (event.trial_type, event.details, given) == ("annotation", {"task_name": "free_movement", "outcome": left}, [])
+        assert (event.trial_type, event.details, given) == (
+            "annotation",
+            {"task_name": "free_movement", "outcome": left},
+            [],
+        )
         assert station.free.known(None, "") is None
     else:
         assert (event.trial_type, len(given)) == ("free_movement", 1)

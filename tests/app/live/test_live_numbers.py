@@ -48,14 +48,23 @@ def station(tmp_path: Path) -> Station:
     return made
 
 
-def moved(station: Station, start: float, stop: float, wide: float = WIDEST, narrow: float = NARROWEST) -> None:
+def moved(
+    station: Station, start: float, stop: float, wide: float = WIDEST, narrow: float = NARROWEST
+) -> None:
     """The hand taps from start to stop, told in pieces as the tracker does."""
     t = np.arange(start, stop, 1 / RATE)
     aperture = narrow + 0.5 * (wide - narrow) * (1 - np.cos(2 * np.pi * TAPS * t))
     tips = np.zeros((len(t), len(FINGERS), 3))
     tips[:, FINGERS.index("index"), 0] = 1e-3 * aperture
     shape = (len(t), len(SEGMENTS))
-    whole = Trajectory("left", t, np.zeros((len(t), len(JOINTS), 3)), np.zeros((*shape, 4)), tips, np.zeros(shape, np.uint8))
+    whole = Trajectory(
+        "left",
+        t,
+        np.zeros((len(t), len(JOINTS), 3)),
+        np.zeros((*shape, 4)),
+        tips,
+        np.zeros(shape, np.uint8),
+    )
     for piece in np.array_split(np.arange(len(t)), max(1, len(t) // 10)):
         station.curve.add(whole.between(t[piece[0]], t[piece[-1]]))
 
@@ -76,7 +85,9 @@ def test_the_numbers_stay_as_they_were_while_the_clinician_decides(station: Stat
     moved(station, 5.0, 20.0)
     enters(station, State.TASK_REVIEW, end=20.0 - 0.5 / RATE)
     at_once = numbers(station)
-    assert at_once == pytest.approx({"taps": TAPS * 15, "largest": WIDEST, "smallest": NARROWEST}, abs=2.0)  # taps, mm
+    assert at_once == pytest.approx(
+        {"taps": TAPS * 15, "largest": WIDEST, "smallest": NARROWEST}, abs=2.0
+    )  # taps, mm
     moved(station, 20.0, 25.0, wide=140.0, narrow=2.0)
     assert numbers(station) == at_once
     moved(station, 25.0, 120.0)
@@ -90,7 +101,9 @@ def test_a_task_longer_than_the_curve_is_counted_whole(station: Station) -> None
     told = numbers(station)
     assert told["taps"] == pytest.approx(TAPS * (3 * LENGTH - 2.0), abs=2)
     assert told["largest"] == pytest.approx(100.0, abs=1.0)
-    assert station.pulse(-np.inf)["points"][0][0] >= 2 * LENGTH - 1.0  # what viewers are told stays short
+    assert (
+        station.pulse(-np.inf)["points"][0][0] >= 2 * LENGTH - 1.0
+    )  # what viewers are told stays short
 
 
 def test_an_attempt_done_again_is_counted_anew(station: Station) -> None:

@@ -26,7 +26,15 @@ from handscope.estimators.simulation.movements.assessment_tasks import RANGES
 from handscope.estimators.simulation.movements.grasp_postures import Hold, between
 from handscope.estimators.simulation.sensors import IDEAL
 
-GOOD = {"name": "x", "title": "X", "instruction": "Do x.", "group": "g", "duration": 5.0, "curve": "aperture", "order": 1}
+GOOD = {
+    "name": "x",
+    "title": "X",
+    "instruction": "Do x.",
+    "group": "g",
+    "duration": 5.0,
+    "curve": "aperture",
+    "order": 1,
+}
 PACED = {"duration": None, "cycle": [{"say": "Bend", "seconds": 1.0}], "repetitions": 2}
 ALL = load_all()
 GROUPS = [
@@ -61,7 +69,13 @@ def test_every_file_of_the_folder_is_a_task_with_a_name_of_its_own() -> None:
 
 
 def test_the_usual_assessment_is_what_it_was_and_comes_first() -> None:
-    assert [p.name for p in ALL.values() if p.routine] == ["rom_fist", "rom_spread", "rom_thumb", "rom_wrist", "tapping"]
+    assert [p.name for p in ALL.values() if p.routine] == [
+        "rom_fist",
+        "rom_spread",
+        "rom_thumb",
+        "rom_wrist",
+        "tapping",
+    ]
     assert groups(ALL.values()) == GROUPS
 
 
@@ -75,23 +89,41 @@ def test_the_15_tasks_have_pace_repetitions_trials_and_times_of_table_3_1() -> N
             assert (p.cycle, p.repetitions, p.length) == ((), 10, None)
         else:
             assert (p.cycle, p.repetitions, p.length) == ((), None, 30.0)
-    measured = {number for number, p in enumerate(POWERGLOVE, 1) if MEASURES["tapping"].applies(p.name)}
+    measured = {
+        number for number, p in enumerate(POWERGLOVE, 1) if MEASURES["tapping"].applies(p.name)
+    }
     assert measured == {11, 12}
 
 
-@pytest.mark.parametrize(("name", "closed"), [("repeatability_flat", "fist"), ("repeatability_mould", "grip")])
-def test_the_repeatability_protocol_holds_6_s_and_6_s_ten_times_in_ten_trials_a_minute_apart(name: str, closed: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "closed"), [("repeatability_flat", "fist"), ("repeatability_mould", "grip")]
+)
+def test_the_repeatability_protocol_holds_6_s_and_6_s_ten_times_in_ten_trials_a_minute_apart(
+    name: str, closed: str
+) -> None:
     p = ALL[name]
-    assert ([phase.seconds for phase in p.cycle], p.repetitions, p.trials, p.pause) == ([6.0, 6.0], 10, 10, 60.0)
+    assert ([phase.seconds for phase in p.cycle], p.repetitions, p.trials, p.pause) == (
+        [6.0, 6.0],
+        10,
+        10,
+        60.0,
+    )
     marks = p.marks(100.0, 220.0)
-    assert [(start, phase.mark) for start, phase, _ in marks] == [(100.0 + 6 * k, "flat" if k % 2 else closed) for k in range(20)]
+    assert [(start, phase.mark) for start, phase, _ in marks] == [
+        (100.0 + 6 * k, "flat" if k % 2 else closed) for k in range(20)
+    ]
     assert [repetition for _, _, repetition in marks] == [1 + k // 2 for k in range(20)]
-    assert [start for start, _, _ in p.marks(100.0, 117.0)] == [100.0, 106.0]  # stopped early: whole phases only
+    assert [start for start, _, _ in p.marks(100.0, 117.0)] == [
+        100.0,
+        106.0,
+    ]  # stopped early: whole phases only
     assert len(p.marks(100.0, 219.9)) == 20  # a tick early
 
 
 @pytest.mark.parametrize("p", IN_TIME, ids=lambda p: p.name)
-def test_the_virtual_patient_begins_with_the_task_and_does_what_its_file_asks_for(p: Protocol) -> None:
+def test_the_virtual_patient_begins_with_the_task_and_does_what_its_file_asks_for(
+    p: Protocol,
+) -> None:
     lead = p.countdown - BRIDGE
     performance = task_performance.TASKS[p.cue](sized("left"), lead=lead)
     event = performance.events[0]
@@ -113,45 +145,77 @@ def test_ghosts_stay_within_what_joints_permit() -> None:
         for pose in p.ghost:
             angles = angles_of({name: value for name, value in pose.items() if name != TURN})
             assert (angles[~IS_DOF] == 0).all()
-            assert ((angles >= LIMITS[..., 0] - 1e-9) & (angles <= LIMITS[..., 1] + 1e-9))[IS_DOF].all(), p.name
+            assert ((angles >= LIMITS[..., 0] - 1e-9) & (angles <= LIMITS[..., 1] + 1e-9))[
+                IS_DOF
+            ].all(), p.name
             assert angles[JOINT["index_pip"], 0] >= 0
 
 
 def test_a_task_names_the_fingers_that_its_ghost_moves_as_needed() -> None:
     for p in POWERGLOVE[:9]:
-        moving = {f for f in FINGERS[1:] if any(pose.get(f"{f}_{j}_flexion") for pose in p.ghost for j in ("mcp", "pip", "dip"))}
+        moving = {
+            f
+            for f in FINGERS[1:]
+            if any(pose.get(f"{f}_{j}_flexion") for pose in p.ghost for j in ("mcp", "pip", "dip"))
+        }
         assert {name.split("_")[0] for name in p.needs} == moving
 
 
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"curve": "elbow_flexion"}, r"curve is 'elbow_flexion'; it is aperture, palm_turn or a joint angle such as index_pip_flexion$"),
-        ({"needs": ["toe"]}, r"needs names 'toe', which is no segment and no sensor's place; they are forearm, hand, .*trunk_mag_32$"),
+        (
+            {"curve": "elbow_flexion"},
+            r"curve is 'elbow_flexion'; it is aperture, palm_turn or a joint angle such as index_pip_flexion$",
+        ),
+        (
+            {"needs": ["toe"]},
+            r"needs names 'toe', which is no segment and no sensor's place; they are forearm, hand, .*trunk_mag_32$",
+        ),
         (
             {"ghost": [{}, {"index_pip_twist": 4}]},
             r"ghost\[1\] names 'index_pip_twist', which is no joint angle such as index_pip_flexion$",
         ),
-        ({"ghost": [{"index_pip_flexion": "a"}]}, r"ghost\[0\]\.index_pip_flexion is 'a'; it should be a valid number$"),
+        (
+            {"ghost": [{"index_pip_flexion": "a"}]},
+            r"ghost\[0\]\.index_pip_flexion is 'a'; it should be a valid number$",
+        ),
         ({"speed": 3}, r"speed is no field; fields are name, title, .*cue_details$"),
         ({"duration": -1}, r"duration is -1; it should be greater than 0$"),
         ({"duration": "15 s"}, r"duration is '15 s'; it should be a valid number$"),
         ({"trials": 0}, r"trials is 0; it should be greater than or equal to 1$"),
         ({"trials": True}, r"trials is True; it should be a valid integer$"),
-        ({"group": "My tasks"}, r"group is 'My tasks'; it should be small letters, digits and _, beginning with a letter$"),
+        (
+            {"group": "My tasks"},
+            r"group is 'My tasks'; it should be small letters, digits and _, beginning with a letter$",
+        ),
         ({"name": "y"}, r"name is 'y'; it is the file's name without \.json$"),
-        ({"cycle": PACED["cycle"]}, r"duration and cycle are both given; .* so leave duration out$"),
-        ({**PACED, "repetitions": None}, r"repetitions is missing; a task with a cycle needs a number of them, 1 to 100$"),
+        (
+            {"cycle": PACED["cycle"]},
+            r"duration and cycle are both given; .* so leave duration out$",
+        ),
+        (
+            {**PACED, "repetitions": None},
+            r"repetitions is missing; a task with a cycle needs a number of them, 1 to 100$",
+        ),
         ({**PACED, "cycle": [{"say": "Bend"}]}, r"cycle\[0\]\.seconds is missing$"),
         (
             {**PACED, "cycle": [{"say": "Bend", "second": 1}]},
             r"cycle\[0\]\.second is no field; fields are say, seconds, mark \(and 1 more\)$",
         ),
-        ({**PACED, "cycle": [{"say": "Bend", "seconds": 0}]}, r"cycle\[0\]\.seconds is 0; it should be greater than 0$"),
-        ({"pause": 60}, r"pause is given, but there is one trial only; give trials, or leave pause out$"),
+        (
+            {**PACED, "cycle": [{"say": "Bend", "seconds": 0}]},
+            r"cycle\[0\]\.seconds is 0; it should be greater than 0$",
+        ),
+        (
+            {"pause": 60},
+            r"pause is given, but there is one trial only; give trials, or leave pause out$",
+        ),
     ],
 )
-def test_a_fault_in_a_file_is_named_with_its_field_and_what_is_allowed(change: dict[str, object], sentence: str) -> None:
+def test_a_fault_in_a_file_is_named_with_its_field_and_what_is_allowed(
+    change: dict[str, object], sentence: str
+) -> None:
     with pytest.raises(InputError, match=rf"^protocol x\.json(, line 1)?: {sentence}"):
         protocol_of("x.json", json.dumps({**GOOD, **change}))
 
@@ -162,7 +226,10 @@ def test_an_incomplete_or_broken_file_is_named() -> None:
         (json.dumps({k: v for k, v in GOOD.items() if k != "title"}), "title is missing$"),
         ("{", "is not valid JSON"),
         ("[]", "the file should hold one object with the fields name, "),
-        (json.dumps({**GOOD, "duration": float("nan")}), "duration is nan; it should be a finite number$"),
+        (
+            json.dumps({**GOOD, "duration": float("nan")}),
+            "duration is nan; it should be a finite number$",
+        ),
     ):
         with pytest.raises(InputError, match=rf"^protocol x\.json(, line 1)?: .*{sentence}"):
             protocol_of("x.json", text)
@@ -190,7 +257,9 @@ def test_a_faulty_file_is_left_out_and_does_not_stop_the_others(
     ]
 
 
-def test_a_file_dropped_into_the_data_folder_is_offered_and_a_broken_one_is_named_with_its_line(tmp_path: Path) -> None:
+def test_a_file_dropped_into_the_data_folder_is_offered_and_a_broken_one_is_named_with_its_line(
+    tmp_path: Path,
+) -> None:
     known, none = offered(tmp_path)
     assert (known, none) == (ALL, [])
     own = tmp_path / "protocols"
@@ -198,12 +267,24 @@ def test_a_file_dropped_into_the_data_folder_is_offered_and_a_broken_one_is_name
     (own / "x.json").write_text(json.dumps({**GOOD, "order": -1}))
     (own / "broken.json").write_text('{\n  "name": "broken",\n  "title": "T"\n  "group": "g"\n}')
     (own / "wrong.json").write_text(
-        json.dumps({**GOOD, "name": "wrong", **PACED, "cycle": [{"say": "Up", "seconds": 1}, {"say": "Down", "seconds": 0}]}, indent=1)
+        json.dumps(
+            {
+                **GOOD,
+                "name": "wrong",
+                **PACED,
+                "cycle": [{"say": "Up", "seconds": 1}, {"say": "Down", "seconds": 0}],
+            },
+            indent=1,
+        )
     )
     (own / "tapping.json").write_text(json.dumps({**GOOD, "name": "tapping"}))
     found, faults = offered(tmp_path)
     assert list(found) == ["x", *ALL] and found["tapping"] == ALL["tapping"]
-    line = next(k for k, text in enumerate((own / "wrong.json").read_text().splitlines(), 1) if '"seconds": 0' in text)
+    line = next(
+        k
+        for k, text in enumerate((own / "wrong.json").read_text().splitlines(), 1)
+        if '"seconds": 0' in text
+    )
     assert faults == [
         "protocol broken.json: is not valid JSON (expected `,` or `}` at line 4 column 3)",
         f"protocol wrong.json, line {line}: cycle[1].seconds is 0; it should be greater than 0",
@@ -215,14 +296,26 @@ def test_a_file_dropped_into_the_data_folder_is_offered_and_a_broken_one_is_name
 
 @pytest.mark.parametrize("mode", ["active", "passive"])
 def test_every_joint_is_taken_to_both_ends_three_times_by_patient_and_therapist(mode: str) -> None:
-    found = {p.name.removeprefix("p"): p for p in ALL.values() if p.group == f"range_of_motion_{'joints' if mode == 'active' else mode}"}
+    found = {
+        p.name.removeprefix("p"): p
+        for p in ALL.values()
+        if p.group == f"range_of_motion_{'joints' if mode == 'active' else mode}"
+    }
     assert {p.mode for p in found.values()} == {mode}
     assert set(found) - {"rom_fist"} == set(RANGES) - {"reach"}
-    moved = {angle for p in found.values() for g in p.ghost for angle in g if len({h.get(angle, 0.0) for h in p.ghost}) > 1}
+    moved = {
+        angle
+        for p in found.values()
+        for g in p.ghost
+        for angle in g
+        if len({h.get(angle, 0.0) for h in p.ghost}) > 1
+    }
     assert {name for name in DOF_NAMES if name.endswith("flexion")} <= moved
     for name, p in found.items():
         assert p.repetitions == 3
-        assert tuple(phase.mark for phase in p.cycle) == (RANGES[name].phases if name in RANGES else ())
+        assert tuple(phase.mark for phase in p.cycle) == (
+            RANGES[name].phases if name in RANGES else ()
+        )
 
 
 def test_a_held_contact_is_the_distance_that_the_protocol_keeps_for_the_measures() -> None:
@@ -232,15 +325,21 @@ def test_a_held_contact_is_the_distance_that_the_protocol_keeps_for_the_measures
         streams = layout(FINGERS, 100.0)
         person = SimulatedPerson("left", geometry, streams, np.random.default_rng(2), IDEAL)
         assert person.cue(task, {"lead": f"{p.countdown:g}"}, 2.0)
-        t = 2.0 + p.countdown + np.arange(0.2, 9.5 if p.cycle else 19.0, 0.5)  # the virtual patient holds it at least so long
+        t = (
+            2.0 + p.countdown + np.arange(0.2, 9.5 if p.cycle else 19.0, 0.5)
+        )  # the virtual patient holds it at least so long
         x = person.doing(t)
-        for contact, distance in zip(p.details["contacts"].split(), p.details["distances_mm"].split()):
+        for contact, distance in zip(
+            p.details["contacts"].split(), p.details["distances_mm"].split()
+        ):
             (a, b) = (tuple(end.split("_")) for end in contact.split("-"))
             apart = np.linalg.norm(between(x, Hold(a, b, 0.0), geometry), axis=1)
             np.testing.assert_allclose(1e3 * apart, float(distance), atol=0.1)
 
 
-@pytest.mark.parametrize("one", [one for one in languages().values() if one.code != "en"], ids=lambda one: one.code)
+@pytest.mark.parametrize(
+    "one", [one for one in languages().values() if one.code != "en"], ids=lambda one: one.code
+)
 def test_every_language_says_every_task(one: Language) -> None:
     texts = {t for p in ALL.values() for t in (p.title, p.instruction, *(c.say for c in p.cycle))}
     texts |= {t for p in ALL.values() if p.score for t in (p.score.title, p.score.hint)}

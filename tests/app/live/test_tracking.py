@@ -89,7 +89,9 @@ def test_samples_are_kept_whole_from_the_instant_asked_for_in_few_blocks() -> No
 
 def test_the_trail_is_the_path_of_the_last_seconds_however_late_somebody_asks_for_it() -> None:
     recording, shown = in_strips("left"), []
-    watched = Tracking(m2, PARAMS, "left", recording.geometry, lambda _: shown.append(watched.trail(1.0)))
+    watched = Tracking(
+        m2, PARAMS, "left", recording.geometry, lambda _: shown.append(watched.trail(1.0))
+    )
     late, _ = live()
     pose = initial_pose.pose_of(recording.events[0])
     with watched:
@@ -101,11 +103,16 @@ def test_the_trail_is_the_path_of_the_last_seconds_however_late_somebody_asks_fo
     asked_at_last = late.trail(1.0)
     late.take_back()
     assert len(late.trail(1.0)) == 0
-    assert watched.calibration is not None and recording.samples["hand"].t[-1] - watched.calibration.t > REACH
+    assert (
+        watched.calibration is not None
+        and recording.samples["hand"].t[-1] - watched.calibration.t > REACH
+    )
     assert len(shown) > 20 and len(trail) == pytest.approx(100, abs=2)
     np.testing.assert_array_equal(trail[-1], 0.0)
     start = zupt_navigation.start(LOOKS, watched.calibration)
-    _, path = zupt_navigation.step(LOOKS, start, recording.samples["hand"].between(watched.calibration.t, np.inf))
+    _, path = zupt_navigation.step(
+        LOOKS, start, recording.samples["hand"].between(watched.calibration.t, np.inf)
+    )
     np.testing.assert_allclose(trail, path.p[-len(trail) :] - path.p[-1], atol=1e-9)
     assert 0 < np.ptp(trail, axis=0).max() < 0.05  # fingers wiggle, the hand stays
     np.testing.assert_allclose(asked_at_last, trail, atol=2e-3)
@@ -119,7 +126,9 @@ def test_a_full_queue_skips_the_oldest_and_counts_it() -> None:
 
 
 @pytest.mark.parametrize("times", [1, 7])
-def test_a_method_that_fails_goes_on_from_its_last_state_and_at_last_from_its_calibration(times: int) -> None:
+def test_a_method_that_fails_goes_on_from_its_last_state_and_at_last_from_its_calibration(
+    times: int,
+) -> None:
     failing, started, taken, lost = {"left": times}, [], Counter[str](), Counter[str]()
 
     def step(params: Any, state: Any, block: Block) -> Any:
@@ -134,7 +143,9 @@ def test_a_method_that_fails_goes_on_from_its_last_state_and_at_last_from_its_ca
         started.append(arguments)
         return m2.start(*arguments)
 
-    broken = cast(ModuleType, SimpleNamespace(start=start, step=step, release=m2.release, finish=m2.finish))
+    broken = cast(
+        ModuleType, SimpleNamespace(start=start, step=step, release=m2.release, finish=m2.finish)
+    )
     recording = in_strips("left")
     tracking, rows = live(broken)
     pose = initial_pose.pose_of(recording.events[0])
@@ -144,12 +155,19 @@ def test_a_method_that_fails_goes_on_from_its_last_state_and_at_last_from_its_ca
     assert tracking.failures == times
     assert len(started) == 1 + times // 4  # once for the calibration
     assert tracking.calibration is not None
-    whole = {name: int((block.t >= tracking.calibration.t).sum()) for name, block in recording.samples.items()}
-    assert taken + lost == whole, "what did not fail lost nothing, neither of this stream nor of another"
+    whole = {
+        name: int((block.t >= tracking.calibration.t).sum())
+        for name, block in recording.samples.items()
+    }
+    assert taken + lost == whole, (
+        "what did not fail lost nothing, neither of this stream nor of another"
+    )
     assert np.isfinite(trajectory.join(rows[-5:], "left").tips).all()
     if times == 1:  # some 20 ms were left out: nothing of the heading is lost
         k = int(np.searchsorted(tracked(recording).t, rows[-1].t[-1]))
-        assert np.nanmax(np.abs(tracked(recording).angles[k] - rows[-1].angles[-1])) < np.radians(1.0)
+        assert np.nanmax(np.abs(tracked(recording).angles[k] - rows[-1].angles[-1])) < np.radians(
+            1.0
+        )
 
 
 def test_what_shows_poses_may_fail_and_the_method_goes_on() -> None:
@@ -161,7 +179,11 @@ def test_what_shows_poses_may_fail_and_the_method_goes_on() -> None:
 
     tracking = Tracking(m2, PARAMS, "left", recording.geometry, show)
     with tracking:
-        play(tracking, {name: b.between(0.0, 8.0) for name, b in recording.samples.items()}, initial_pose.pose_of(recording.events[0]))
+        play(
+            tracking,
+            {name: b.between(0.0, 8.0) for name, b in recording.samples.items()},
+            initial_pose.pose_of(recording.events[0]),
+        )
         wait_for(lambda: shown and shown[-1].t[-1] > 7.5)
     assert tracking.failures == 0
 
@@ -182,7 +204,14 @@ def test_a_sensor_mounted_wrong_is_among_the_warnings_of_the_calibration() -> No
     samples, pose = dict(recording.samples), initial_pose.pose_of(recording.events[0])
     ring = samples["ring"]
     values = ring.values.copy()
-    values[:, 1] = values[:, 1][:, [1, 0, 2, 4, 3, 5]] * [1, -1, 1, 1, -1, 1]  # turned by 90 deg about z
+    values[:, 1] = values[:, 1][:, [1, 0, 2, 4, 3, 5]] * [
+        1,
+        -1,
+        1,
+        1,
+        -1,
+        1,
+    ]  # turned by 90 deg about z
     tracking, _ = live()
     with tracking:
         play(tracking, samples | {"ring": Block(ring.stream, ring.t, values)}, pose)
@@ -191,12 +220,24 @@ def test_a_sensor_mounted_wrong_is_among_the_warnings_of_the_calibration() -> No
     assert warning.startswith("ring_middle: it sits turned by about 90 deg")
 
 
-def test_a_functional_calibration_in_force_from_the_next_pose_on_is_what_a_batch_run_of_the_recording_finds() -> None:
+def test_a_functional_calibration_in_force_from_the_next_pose_on_is_what_a_batch_run_of_the_recording_finds() -> (
+    None
+):
     rng = np.random.default_rng(3)
     person = drawn("left", rng)
-    pose, steps = task_performance.initial_pose(person.true), functional_calibration.all_steps(person.true, rng)
+    pose, steps = (
+        task_performance.initial_pose(person.true),
+        functional_calibration.all_steps(person.true, rng),
+    )
     recording = strips_of(
-        performed([pose, *steps, pose, task_performance.tapping(person.true, 3.0)], "left", person.true, rng, ANYHOW, known=person.told)
+        performed(
+            [pose, *steps, pose, task_performance.tapping(person.true, 3.0)],
+            "left",
+            person.true,
+            rng,
+            ANYHOW,
+            known=person.told,
+        )
     )
     tracking = Tracking(m2, m2.Params(), "left", recording.geometry, lambda rows: None)
     fed, found = 0, {}
@@ -217,7 +258,11 @@ def test_a_functional_calibration_in_force_from_the_next_pose_on_is_what_a_batch
                 found[event.trial_type] = tracking.measure(event.trial_type, event.onset, event.end)
         for blocks in cut[fed:]:
             tracking.feed(blocks)
-            wait_for(lambda blocks=blocks: tracking.newest_sample() >= max(float(b.t[-1]) for b in blocks))
+            wait_for(
+                lambda blocks=blocks: (
+                    tracking.newest_sample() >= max(float(b.t[-1]) for b in blocks)
+                )
+            )
         tracking.drain()
         shown = tracking.past(calibration.t)
     batch = pipeline_process.process(m2, m2.Params(), recording)
@@ -230,7 +275,9 @@ def test_a_functional_calibration_in_force_from_the_next_pose_on_is_what_a_batch
     np.testing.assert_allclose(shown.angles, same.angles, atol=1e-6)
 
 
-def test_a_calibration_that_is_taken_back_leaves_what_was_shown_before_and_goes_on_with_the_one_before() -> None:
+def test_a_calibration_that_is_taken_back_leaves_what_was_shown_before_and_goes_on_with_the_one_before() -> (
+    None
+):
     recording = in_strips("left")
     first = initial_pose.pose_of(recording.events[0])
     tracking, _ = live()
@@ -243,7 +290,9 @@ def test_a_calibration_that_is_taken_back_leaves_what_was_shown_before_and_goes_
         assert tracking.calibration is not before
         assert tracking.take_back() is before
         for t in (tracking, whole):
-            for blocks in pieces({name: b.between(9.0, 13.0) for name, b in recording.samples.items()}):
+            for blocks in pieces(
+                {name: b.between(9.0, 13.0) for name, b in recording.samples.items()}
+            ):
                 t.feed(blocks)
             wait_for(lambda t=t: t.newest_sample() >= 12.9)
             t.drain()
@@ -252,7 +301,9 @@ def test_a_calibration_that_is_taken_back_leaves_what_was_shown_before_and_goes_
     np.testing.assert_allclose(later.angles, same.angles, atol=1e-9)
 
 
-def test_without_any_calibration_every_row_is_flagged_live_and_in_batch_and_they_are_the_same() -> None:
+def test_without_any_calibration_every_row_is_flagged_live_and_in_batch_and_they_are_the_same() -> (
+    None
+):
     recording = in_strips("left")
     tracking, _ = live()
     with tracking:
@@ -281,7 +332,14 @@ def test_a_sensor_found_at_fault_flags_its_rows_live_from_the_calibration_on() -
     samples, pose = dict(recording.samples), initial_pose.pose_of(recording.events[0])
     ring = samples["ring"]
     values = ring.values.copy()
-    values[:, 1] = values[:, 1][:, [1, 0, 2, 4, 3, 5]] * [1, -1, 1, 1, -1, 1]  # turned by 90 deg about z
+    values[:, 1] = values[:, 1][:, [1, 0, 2, 4, 3, 5]] * [
+        1,
+        -1,
+        1,
+        1,
+        -1,
+        1,
+    ]  # turned by 90 deg about z
     tracking, _ = live()
     with tracking:
         play(tracking, samples | {"ring": Block(ring.stream, ring.t, values)}, pose)
@@ -299,16 +357,25 @@ def test_what_was_recorded_before_a_second_pose_is_still_processed_with_the_firs
         task_performance.initial_pose(person),
         task_performance.fist_and_stretch(person, 1),
     )
-    slipped = functional_calibration.missed(task_performance.flat(), 6.0, rng)  # the second pose is another one
+    slipped = functional_calibration.missed(
+        task_performance.flat(), 6.0, rng
+    )  # the second pose is another one
     again = task_performance.initial_pose(person, taken=slipped)
     made = strips_of(performed([pose, moved, again, moved], "left", person, rng, ANYHOW))
     _, second = (e for e in made.events if e.trial_type == "initial_pose")
-    one = pipeline_process.process(m2, PARAMS, replace(made, events=tuple(e for e in made.events if e is not second)))
+    one = pipeline_process.process(
+        m2, PARAMS, replace(made, events=tuple(e for e in made.events if e is not second))
+    )
     both = pipeline_process.process(m2, PARAMS, made)
     assert [c.source for c in both.calibrations] == ["initial pose"] * 2
     t = both.calibrations[1].t
-    np.testing.assert_array_equal(both.trajectory.between(0.0, t).angles, one.trajectory.between(0.0, t).angles)
-    after = both.trajectory.between(t + 1.0, np.inf).angles - one.trajectory.between(t + 1.0, np.inf).angles
+    np.testing.assert_array_equal(
+        both.trajectory.between(0.0, t).angles, one.trajectory.between(0.0, t).angles
+    )
+    after = (
+        both.trajectory.between(t + 1.0, np.inf).angles
+        - one.trajectory.between(t + 1.0, np.inf).angles
+    )
     assert np.nanmax(np.abs(after)) > np.radians(2.0)
 
 
@@ -336,7 +403,9 @@ def test_blocks_of_a_stream_that_was_described_anew_are_not_laid_together() -> N
     np.testing.assert_array_equal(np.concatenate([first.t, second.t]), before.between(0.0, 4.0).t)
 
 
-def test_a_tracker_that_waits_for_its_turn_is_fed_more_seldom_but_never_less_than_thirty_times_a_second() -> None:
+def test_a_tracker_that_waits_for_its_turn_is_fed_more_seldom_but_never_less_than_thirty_times_a_second() -> (
+    None
+):
     assert rest_after(0.002, 0.002) == 0.002  # all of it was work: more is wanted at once
     assert rest_after(0.006, 0.002) == pytest.approx(0.010)
     assert rest_after(3.0, 0.1) == LONGEST_REST < 1 / 30

@@ -37,18 +37,26 @@ def reviewed(station: Station, task: str, act: Act, **times: Any) -> None:  # no
     station._do(orders, READY)
 
 
-def test_an_accepted_trial_is_kept_with_its_number_and_its_whole_phases(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+def test_an_accepted_trial_is_kept_with_its_number_and_its_whole_phases(
+    station: Station, monkeypatch: pytest.MonkeyPatch
+) -> None:
     events = kept(station, monkeypatch)
     reviewed(station, "repeatability_mould", Act.AGAIN, onset=10.0, end=130.0)
     reviewed(station, "repeatability_mould", Act.ACCEPT, onset=200.0, end=215.0)
     trials = [(e.onset, e.duration, e.details["trial"]) for e in events if e.trial_type == "task"]
     assert trials == [(10.0, 120.0, 1), (200.0, 15.0, 2)]
-    phases = [(e.onset, e.duration, e.details["phase"], e.details["repetition"]) for e in events if e.trial_type == "annotation"]
+    phases = [
+        (e.onset, e.duration, e.details["phase"], e.details["repetition"])
+        for e in events
+        if e.trial_type == "annotation"
+    ]
     assert phases[:3] == [(10.0, 6.0, "grip", 1), (16.0, 6.0, "flat", 1), (22.0, 6.0, "grip", 2)]
     assert phases[20:] == [(200.0, 6.0, "grip", 1), (206.0, 6.0, "flat", 1)]
 
 
-def test_pauses_of_an_accepted_trial_are_marked_and_its_phases_lie_outside_them(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+def test_pauses_of_an_accepted_trial_are_marked_and_its_phases_lie_outside_them(
+    station: Station, monkeypatch: pytest.MonkeyPatch
+) -> None:
     events = kept(station, monkeypatch)
     reviewed(station, "rom_mcp", Act.ACCEPT, onset=10.0, end=45.0, pauses=((15.0, 35.0),))
     reviewed(station, "rom_mcp", Act.REDO, onset=50.0, end=85.0, pauses=((55.0, 75.0),))
@@ -58,7 +66,10 @@ def test_pauses_of_an_accepted_trial_are_marked_and_its_phases_lie_outside_them(
     assert [onset for _, onset, _ in phases[1:]] == [10.0, 12.5, 35.0, 37.5, 40.0, 42.5]
 
 
-@pytest.mark.parametrize(("act", "outcome"), [(Act.REDO, "redone: pain"), (Act.SKIP, "skipped: pain"), (Act.UNABLE, "unable: pain")])
+@pytest.mark.parametrize(
+    ("act", "outcome"),
+    [(Act.REDO, "redone: pain"), (Act.SKIP, "skipped: pain"), (Act.UNABLE, "unable: pain")],
+)
 def test_a_trial_that_was_not_accepted_leaves_no_phases(
     station: Station,  # noqa: F811
     monkeypatch: pytest.MonkeyPatch,
@@ -67,10 +78,14 @@ def test_a_trial_that_was_not_accepted_leaves_no_phases(
 ) -> None:
     events = kept(station, monkeypatch)
     reviewed(station, "repeatability_mould", act, onset=10.0, end=130.0)
-    assert [(e.trial_type, e.details) for e in events] == [("annotation", {"task_name": "repeatability_mould", "outcome": outcome})]
+    assert [(e.trial_type, e.details) for e in events] == [
+        ("annotation", {"task_name": "repeatability_mould", "outcome": outcome})
+    ]
 
 
-def test_a_task_of_one_trial_has_no_number(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+def test_a_task_of_one_trial_has_no_number(
+    station: Station, monkeypatch: pytest.MonkeyPatch
+) -> None:
     events = kept(station, monkeypatch)
     reviewed(station, "rom_fist", Act.ACCEPT, onset=10.0, end=25.0)
     assert [e.details for e in events] == [{"task_name": "rom_fist", "outcome": "accepted"}]
@@ -89,37 +104,65 @@ def test_who_moved_the_hand_and_what_the_protocol_keeps_for_the_measures_stand_i
 
 
 def test_how_the_trunks_sensor_is_worn_stands_in_the_event_of_a_reach_alone() -> None:
-    order, worn = wizard_machine.Order("keep_attempt", "a task", 1.0, 9.0, "accepted"), {"trunk_height": 0.42}
-    told = {p.name for p in PROTOCOLS if next(trial_events.events(order, p, 1, 9.0, worn))[1].details.get("trunk_height") == 0.42}
+    order, worn = (
+        wizard_machine.Order("keep_attempt", "a task", 1.0, 9.0, "accepted"),
+        {"trunk_height": 0.42},
+    )
+    told = {
+        p.name
+        for p in PROTOCOLS
+        if next(trial_events.events(order, p, 1, 9.0, worn))[1].details.get("trunk_height") == 0.42
+    }
     assert told == {"reach"}
 
 
-def test_the_clinicians_score_stands_in_the_event_of_the_trial(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+def test_the_clinicians_score_stands_in_the_event_of_the_trial(
+    station: Station, monkeypatch: pytest.MonkeyPatch
+) -> None:
     events = kept(station, monkeypatch)
-    station._wizard = replace(station._wizard, state=State.TASK_REVIEW, task="kapandji", onset=10.0, end=40.0)
+    station._wizard = replace(
+        station._wizard, state=State.TASK_REVIEW, task="kapandji", onset=10.0, end=40.0
+    )
     station._known = READY
-    with pytest.raises(InputError, match="the Kapandji score is 12; it is a whole number from 0 to 10"):
+    with pytest.raises(
+        InputError, match="the Kapandji score is 12; it is a whole number from 0 to 10"
+    ):
         station.act("accept", value=12.0)
     assert events == []
     station.act("accept", value=9.0)
     task, *positions = events
-    assert task.details == {"task_name": "kapandji", "outcome": "accepted", "score": 9.0, "score_title": "Kapandji score"}
+    assert task.details == {
+        "task_name": "kapandji",
+        "outcome": "accepted",
+        "score": 9.0,
+        "score_title": "Kapandji score",
+    }
     assert [e.details["phase"] for e in positions] == [f"position_{k}" for k in range(1, 11)]
 
 
-def test_a_virtual_patient_is_told_how_long_the_countdown_takes(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+def test_a_virtual_patient_is_told_how_long_the_countdown_takes(
+    station: Station, monkeypatch: pytest.MonkeyPatch
+) -> None:
     sent: list[Cue] = []
     monkeypatch.setattr(station.glove, "send", sent.append)
     for task in ("powerglove_01_index_mcp", "tapping"):
         station._wizard = replace(station._wizard, state=State.TASK_READY, task=task)
         station._wizard, orders = wizard_machine.act(station._wizard, Act.START, READY)
         station._do(orders, READY)
-    assert sent == [Cue("powerglove_01_index_mcp", {"lead": "3"}), Cue("tapping", {"lead": "3", "duration": "18"})]
+    assert sent == [
+        Cue("powerglove_01_index_mcp", {"lead": "3"}),
+        Cue("tapping", {"lead": "3", "duration": "18"}),
+    ]
 
 
-def test_a_station_goes_on_while_a_calibration_is_computed(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+def test_a_station_goes_on_while_a_calibration_is_computed(
+    station: Station, monkeypatch: pytest.MonkeyPatch
+) -> None:
     events = kept(station, monkeypatch)
-    computing, calibration = threading.Event(), initial_pose.uncalibrated("left", sized("left"), {}, SEGMENTS, 0.0)
+    computing, calibration = (
+        threading.Event(),
+        initial_pose.uncalibrated("left", sized("left"), {}, SEGMENTS, 0.0),
+    )
 
     def calibrate(pose: initial_pose.Pose) -> Calibration:
         assert computing.wait(5.0)

@@ -79,7 +79,9 @@ def page(browser: Browser) -> Iterator[Page]:
 def serve(route: Route) -> None:
     path = route.request.url.removeprefix(SITE)
     if path.startswith("/languages/"):
-        answer = languages.names() if path.endswith("/names.js") else languages.words(Path(path).stem)
+        answer = (
+            languages.names() if path.endswith("/names.js") else languages.words(Path(path).stem)
+        )
         route.fulfill(body=bytes(answer.body), content_type=KINDS[".js"])
     elif path.startswith("/static/"):
         file = ROOT / path.removeprefix("/static/")
@@ -110,7 +112,9 @@ class Session:
     def __post_init__(self) -> None:
         self._dice = random.Random(5)
         self._offset: float = self.page.evaluate("performance.now() / 1000") - self.facts.now
-        self._ahead = 0  # ms that the page's clock is ahead of the wizard's: a message was on its way
+        self._ahead = (
+            0  # ms that the page's clock is ahead of the wizard's: a message was on its way
+        )
         self._tell(0)
 
     def act(self, what: Act, **more: str) -> None:
@@ -131,8 +135,16 @@ class Session:
 
     def _tell(self, way: int) -> None:
         """A message that is `way` ms on its way, and a picture of the screen after it."""
-        numbers = [] if self.counted is None else [{"name": "repetitions", "value": self.counted, "unit": ""}]
-        message = {"wizard": told_of(self.wizard, self.facts), "glove": {"flowing": self.flowing}, "numbers": numbers}
+        numbers = (
+            []
+            if self.counted is None
+            else [{"name": "repetitions", "value": self.counted, "unit": ""}]
+        )
+        message = {
+            "wizard": told_of(self.wizard, self.facts),
+            "glove": {"flowing": self.flowing},
+            "numbers": numbers,
+        }
         if way:
             self.page.clock.run_for(way)
         self.page.evaluate("(full) => tell(full)", message)
@@ -143,7 +155,9 @@ class Session:
 def ready(page: Page, task: str, late: float = 0.0) -> Session:
     """The task is about to start, and the browser gives sound."""
     session = Session(page, at(State.TASK_READY, task=task), late=late)
-    eventually(lambda: page.evaluate("contexts.every((audio) => audio.state === 'running')"))  # in real time, which the page has not
+    eventually(
+        lambda: page.evaluate("contexts.every((audio) => audio.state === 'running')")
+    )  # in real time, which the page has not
     return session
 
 
@@ -178,7 +192,12 @@ def test_the_lamp_is_bright_when_a_beat_is_due_and_dark_between(page: Page) -> N
     for _ in range(20):
         session.passes(STEP)
         bright.append("bright" in (page.locator(".beat").get_attribute("class") or ""))
-    assert [k for k in range(20) if bright[k]] == [8, 9, 18, 19]  # looked at 0.2 s after the onset first
+    assert [k for k in range(20) if bright[k]] == [
+        8,
+        9,
+        18,
+        19,
+    ]  # looked at 0.2 s after the onset first
 
 
 def test_long_phases_have_a_countdown_of_their_own(page: Page) -> None:
@@ -218,7 +237,9 @@ def test_sound_can_be_switched_off_and_stays_off(page: Page) -> None:
     session = ready(page, "powerglove_01_index_mcp")
     switch = page.get_by_role("button", name="Sound is on")
     switch.click()
-    expect(page.get_by_role("button", name="Sound is off")).to_have_attribute("aria-pressed", "false")
+    expect(page.get_by_role("button", name="Sound is off")).to_have_attribute(
+        "aria-pressed", "false"
+    )
     session.act(Act.START)
     session.passes(6.0)
     assert session.clicks() == []
@@ -233,7 +254,9 @@ def test_blocked_sound_is_said_and_the_light_goes_on_until_a_press_brings_it(pag
     page.evaluate(BLOCK)
     session = Session(page, at(State.TASK_READY, task="powerglove_01_index_mcp"))
     session.passes(1.0)
-    expect(page.get_by_role("status")).to_have_text("The browser blocks the sound until you press somewhere on this page.")
+    expect(page.get_by_role("status")).to_have_text(
+        "The browser blocks the sound until you press somewhere on this page."
+    )
     session.act(Act.START)
     session.passes(4.5)
     assert (session.clicks(), lamp(page)) == ([], "Straighten")
@@ -252,17 +275,27 @@ def test_after_a_pause_it_goes_on_with_the_phase_that_the_pause_broke_off(page: 
     session.act(Act.RESUME)
     before = len(session.clicks())
     session.passes(1.5)
-    assert (lamp(page), page.locator(".metronome .count").inner_text()) == ("3 index tip", "2 of 10")
+    assert (lamp(page), page.locator(".metronome .count").inner_text()) == (
+        "3 index tip",
+        "2 of 10",
+    )
     session.passes(1.7)
     goes_on = session.wizard.pauses[0][1] - session.facts.t + session.facts.now
-    assert (lamp(page).split()[0], page.locator(".metronome .count").inner_text()) == ("3", "3 of 10")
+    assert (lamp(page).split()[0], page.locator(".metronome .count").inner_text()) == (
+        "3",
+        "3 of 10",
+    )
     session.passes(4.5)
     due = [t for t, _ in session.clicks()[before:]]
-    assert due == pytest.approx([goes_on + 3 * k for k in range(2)], abs=0.03)  # positions 3 and 4; the next is not due within a second
+    assert due == pytest.approx(
+        [goes_on + 3 * k for k in range(2)], abs=0.03
+    )  # positions 3 and 4; the next is not due within a second
 
 
 def test_a_task_at_free_speed_counts_what_is_seen_and_needs_no_metronome(page: Page) -> None:
-    session = Session(page, at(State.TASK_RUN, task="powerglove_15_index_circles", onset=READY.t), counted=0)
+    session = Session(
+        page, at(State.TASK_RUN, task="powerglove_15_index_circles", onset=READY.t), counted=0
+    )
     session.counted = 7
     session.passes(0.2)
     expect(page.locator(".metronome .count")).to_have_text("7 of 10")
@@ -278,7 +311,14 @@ def test_other_tasks_have_none(page: Page, task: str) -> None:
 
 
 def test_the_place_in_a_cycle_is_where_the_seconds_say(page: Page) -> None:
-    pace = {"cycle": [{"say": "a", "seconds": 1.5}, {"say": "b", "seconds": 0.5}, {"say": "c", "seconds": 2.0}], "repetitions": 3}
+    pace = {
+        "cycle": [
+            {"say": "a", "seconds": 1.5},
+            {"say": "b", "seconds": 0.5},
+            {"say": "c", "seconds": 2.0},
+        ],
+        "repetitions": 3,
+    }
     asked = [-0.1, 0.0, 1.4, 1.5, 2.0, 3.9, 4.0, 9.75, 11.9, 12.0]
     places = page.evaluate(
         "async ([pace, asked]) => { const { placeAt } = await import('/static/station/beats.js'); return asked.map((t) => placeAt(pace, t)); }",

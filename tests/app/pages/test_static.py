@@ -53,15 +53,24 @@ def test_a_part_of_a_page_can_be_mounted(path: Path) -> None:
     assert path.name in NOT_MOUNTED or "export function mount(root" in path.read_text("utf-8")
 
 
-@pytest.mark.parametrize("path", [p for p in (*STYLES, *MODULES, *DOCUMENTS) if p.name != "colors.css"], ids=name)
+@pytest.mark.parametrize(
+    "path", [p for p in (*STYLES, *MODULES, *DOCUMENTS) if p.name != "colors.css"], ids=name
+)
 def test_colours_stand_in_one_file(path: Path) -> None:
     assert COLOUR.findall(path.read_text("utf-8")) == []
 
 
 def test_every_colour_that_is_used_is_defined_for_light_and_for_dark() -> None:
-    light, dark = (set(re.findall(r"(--[\w-]+):", part)) for part in (ROOT / "colors.css").read_text("utf-8").split("@media"))
+    light, dark = (
+        set(re.findall(r"(--[\w-]+):", part))
+        for part in (ROOT / "colors.css").read_text("utf-8").split("@media")
+    )
     used = {
-        c for path in (*STYLES, *MODULES) for c in re.findall(r"var\((--[\w-]+)\)|\"(--[\w-]+)\"", path.read_text("utf-8")) for c in c if c
+        c
+        for path in (*STYLES, *MODULES)
+        for c in re.findall(r"var\((--[\w-]+)\)|\"(--[\w-]+)\"", path.read_text("utf-8"))
+        for c in c
+        if c
     }
     assert used - light == set()
     assert light - dark <= {"--accent-strong"} - dark
@@ -72,13 +81,17 @@ def test_documents_hold_nothing_that_the_security_policy_forbids(path: Path) -> 
     text = path.read_text("utf-8")
     assert "style=" not in text and "<style" not in text and not re.search(r"\son\w+=", text)
     assert re.findall(r"<script(?![^>]*\ssrc=)", text) == []
-    assert all(address.startswith("/static/") for address in re.findall(r"(?:src|href)=\"([^\"]+)\"", text))
+    assert all(
+        address.startswith("/static/") for address in re.findall(r"(?:src|href)=\"([^\"]+)\"", text)
+    )
 
 
 @pytest.mark.parametrize("path", MODULES, ids=name)
 def test_modules_make_no_markup_from_text_and_load_nothing_from_elsewhere(path: Path) -> None:
     text = path.read_text("utf-8")
-    assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function", text)
+    assert not re.search(
+        r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function", text
+    )
     assert "http://" not in text.replace(SVG, "") and "https://" not in text
 
 
@@ -90,7 +103,10 @@ def test_the_login_page_needs_only_what_is_served_without_a_login() -> None:
     modules, k = [page / "login.js"], 0
     while k < len(modules):  # and what they import in their turn
         text = modules[k].read_text("utf-8")
-        found = [(modules[k].parent / n).resolve() for n in re.findall(r"(?:from|import\() ?\"(\.[^\"]+)\"", text)]
+        found = [
+            (modules[k].parent / n).resolve()
+            for n in re.findall(r"(?:from|import\() ?\"(\.[^\"]+)\"", text)
+        ]
         modules, k = [*modules, *(m for m in found if m not in modules)], k + 1
     needed += [f"/static/{m.relative_to(ROOT).as_posix()}" for m in modules]
     assert [n for n in needed if n not in OPEN_FILES and not n.startswith(OPEN_FOLDERS)] == []
@@ -121,29 +137,45 @@ def _used() -> Iterator[tuple[str, str]]:
 
 
 def _pattern(key: str) -> str:
-    return "[\\\\w.]+".join(re.escape(piece) for piece in re.sub(r"\$\{(?:[^{}]|\{[^}]*\})*\}", "\0", key).split("\0")).replace(
-        "\\\\w", "\\w"
-    )
+    return "[\\\\w.]+".join(
+        re.escape(piece) for piece in re.sub(r"\$\{(?:[^{}]|\{[^}]*\})*\}", "\0", key).split("\0")
+    ).replace("\\\\w", "\\w")
 
 
 def test_every_text_that_is_used_is_in_the_dictionary_and_none_is_left_over() -> None:
     words = ENGLISH.pages
     used = set(_used())
     assert len(used) > 200
-    lacking = [(where, key) for where, key in used if not any(re.fullmatch(key, word) for word in words)]
+    lacking = [
+        (where, key) for where, key in used if not any(re.fullmatch(key, word) for word in words)
+    ]
     # `known` has another word at hand where a key is missing; what ends in an extension names a file
-    assert [k for k in lacking if not re.search(r"\.(js|css|svg|zip|csv|json|pdf)$", k[1].replace("\\", ""))] == []
+    assert [
+        k
+        for k in lacking
+        if not re.search(r"\.(js|css|svg|zip|csv|json|pdf)$", k[1].replace("\\", ""))
+    ] == []
     patterns = [re.compile(key) for _, key in used]
     assert [word for word in words if not any(p.fullmatch(word) for p in patterns)] == []
 
 
-@pytest.mark.parametrize("other", [one for one in languages().values() if one is not ENGLISH], ids=lambda one: one.code)
+@pytest.mark.parametrize(
+    "other", [one for one in languages().values() if one is not ENGLISH], ids=lambda one: one.code
+)
 def test_every_language_has_every_text_of_the_pages_with_the_same_gaps(other: Language) -> None:
-    own = json.loads(files("handscope.app.language").joinpath(f"{other.code}.json").read_text("utf-8"))["pages"]
+    own = json.loads(
+        files("handscope.app.language").joinpath(f"{other.code}.json").read_text("utf-8")
+    )["pages"]
     assert [key for key in own if key not in ENGLISH.pages] == []
     assert [key for key in ENGLISH.pages if key not in own] == []
-    assert [key for key in own if sorted(GAP.findall(own[key])) != sorted(GAP.findall(ENGLISH.pages[key]))] == []
+    assert [
+        key
+        for key in own
+        if sorted(GAP.findall(own[key])) != sorted(GAP.findall(ENGLISH.pages[key]))
+    ] == []
 
 
 def test_words_stand_in_no_module() -> None:
-    assert [p.name for p in MODULES if p.parent.name == "words" and len(p.stem) == 2] == [], "words belong into app/language/*.json, pages"
+    assert [p.name for p in MODULES if p.parent.name == "words" and len(p.stem) == 2] == [], (
+        "words belong into app/language/*.json, pages"
+    )

@@ -36,7 +36,9 @@ def movement() -> dict[str, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    return replay_file("left", GEOMETRY, movement(), [Chapter("Fist <1>", 6.0, 9.0)], "Hand & movement", ENGLISH).decode()
+    return replay_file(
+        "left", GEOMETRY, movement(), [Chapter("Fist <1>", 6.0, 9.0)], "Hand & movement", ENGLISH
+    ).decode()
 
 
 def held(page: str, name: str) -> str:
@@ -47,16 +49,23 @@ def held(page: str, name: str) -> str:
 
 def test_the_movement_in_the_file_is_the_one_that_was_measured(page: str) -> None:
     told = json.loads(held(page, "told"))
-    steps = np.frombuffer(gzip.decompress(base64.b64decode(held(page, "movement"))), "<i2").reshape(-1, len(told["t"]))
+    steps = np.frombuffer(gzip.decompress(base64.b64decode(held(page, "movement"))), "<i2").reshape(
+        -1, len(told["t"])
+    )
     numbers = np.cumsum(steps, axis=1, dtype="<i2").T.astype(float)
     n = told["bones"]
-    turns, places = numbers[:, 4 : 4 + 4 * n].reshape(-1, n, 4) / FULL, numbers[:, 4 + 4 * n :].reshape(-1, n, 3) * told["reach"]
+    turns, places = (
+        numbers[:, 4 : 4 + 4 * n].reshape(-1, n, 4) / FULL,
+        numbers[:, 4 + 4 * n :].reshape(-1, n, 3) * told["reach"],
+    )
     assert len(told["t"]) == pytest.approx(10 * RATE, abs=1)
     k = len(told["t"]) // 2
     row = int(np.argmin(np.abs(T - told["t"][k])))
     wanted = bones.pose(postures.filled(movement()["angles"][row]), GEOMETRY)
     np.testing.assert_allclose(turns[k], wanted[0], atol=1 / FULL)
-    np.testing.assert_allclose(places[k], wanted[1] * view.units_per_metre(GEOMETRY), atol=told["reach"])
+    np.testing.assert_allclose(
+        places[k], wanted[1] * view.units_per_metre(GEOMETRY), atol=told["reach"]
+    )
     assert np.abs(np.linalg.norm(numbers[:, :4] / FULL, axis=1) - 1).max() < 1e-3
     assert told["chapters"] == [{"title": "Fist <1>", "start": 1.0, "stop": 4.0}]
     assert {bone for mesh in told["parts"].values() for bone in mesh} <= set(range(n))
@@ -83,7 +92,11 @@ def test_an_orientation_that_is_not_known_is_the_one_before() -> None:
 
 
 def test_chapters_are_named_in_the_language_asked_for() -> None:
-    told = [Event(0, 3, "initial_pose"), Event(4, 9, "task", {"task_name": "tapping"}), Event(14, 9, "task", {"task_name": "tapping"})]
+    told = [
+        Event(0, 3, "initial_pose"),
+        Event(4, 9, "task", {"task_name": "tapping"}),
+        Event(14, 9, "task", {"task_name": "tapping"}),
+    ]
     found = chapters([*told, Event(20, 1, "annotation")], load_all(), languages()["de"])
     assert [c.title for c in found] == ["Ausgangsstellung", "Fingertippen 1", "Fingertippen 2"]
 
@@ -95,7 +108,12 @@ def test_a_browser_without_a_network_plays_it(page: str, tmp_path: Path, browser
         context.add_init_script(UNDRAWN)
         shown = context.new_page()
         asked: list[str] = []
-        shown.on("request", lambda request: asked.append(request.url) if request.url.startswith(("http", "ws")) else None)
+        shown.on(
+            "request",
+            lambda request: (
+                asked.append(request.url) if request.url.startswith(("http", "ws")) else None
+            ),
+        )
         context.set_offline(True)
         shown.goto((tmp_path / "replay.html").as_uri())
         shown.wait_for_selector("html[data-ready]", timeout=60_000)
@@ -106,5 +124,7 @@ def test_a_browser_without_a_network_plays_it(page: str, tmp_path: Path, browser
         shown.keyboard.press("ArrowRight")
         assert shown.locator("#where").input_value() == "2"
         frame = shown.frames[1]
-        assert frame.evaluate("window.__viserMutable.skinnedMeshState['\\u0000/hand/palm'] !== undefined")
+        assert frame.evaluate(
+            "window.__viserMutable.skinnedMeshState['\\u0000/hand/palm'] !== undefined"
+        )
         assert asked == []

@@ -57,13 +57,33 @@ def session(
     made = simulate(tasks, hand, sized(hand), np.random.default_rng(3), ERRORS, segments, rate=60.0)
     source = {"device": "Glove <7>", "device_id": "00a7", "firmware": "1.2.0", "format": "native"}
     recording = LoadedRecording(
-        hand, made.geometry, {}, change(dict(made.samples)), made.events, (), "2026-11-21T10:30:00+00:00", CHECKSUM, source, {"imu": 12}
+        hand,
+        made.geometry,
+        {},
+        change(dict(made.samples)),
+        made.events,
+        (),
+        "2026-11-21T10:30:00+00:00",
+        CHECKSUM,
+        source,
+        {"imu": 12},
     )
     processed = process(m2, m2.Params(), recording)
     return recording, processed, tuple(assess(processed.trajectory, recording.events))
 
 
-def report(of: Session | None = None, visit: Visit = VISIT, params: Any = None, **recorded: Any) -> Content:
+def report(
+    of: Session | None = None, visit: Visit = VISIT, params: Any = None, **recorded: Any
+) -> Content:
     """The content of a session's report; `recorded` replaces fields of its recording."""
     recording, processed, results = of or session()
-    return content(visit, replace(recording, **recorded), processed, "m2", params or m2.Params(), results, "handscope 1.2.3", load_all())
+    return content(
+        visit,
+        replace(recording, **recorded),
+        processed,
+        "m2",
+        params or m2.Params(),
+        results,
+        "handscope 1.2.3",
+        load_all(),
+    )

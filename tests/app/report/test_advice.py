@@ -24,14 +24,24 @@ def test_a_reason_that_a_person_can_mend_comes_with_what_to_do() -> None:
     ]
 
 
-@pytest.mark.parametrize(("grade", "reason"), [("good", "the object slipped"), ("fair", "found in the fingertips' speed"), ("poor", "")])
-def test_nothing_is_to_be_done_where_figures_are_good_or_nobody_can_mend_them(grade: str, reason: str) -> None:
+@pytest.mark.parametrize(
+    ("grade", "reason"),
+    [("good", "the object slipped"), ("fair", "found in the fingertips' speed"), ("poor", "")],
+)
+def test_nothing_is_to_be_done_where_figures_are_good_or_nobody_can_mend_them(
+    grade: str, reason: str
+) -> None:
     [section] = other_measures([trial(0, 0.9, grade, reason)], ENGLISH)  # type: ignore[arg-type]
     assert section["advice"] == []
 
 
 def test_another_magnet_is_put_away_and_no_cup_moved_for_it() -> None:
-    told = advice([f"{PLACE_WORDS[PlaceFlag.DOUBTFUL]} in 77 % of the samples; {PLACE_WORDS[PlaceFlag.OUT_OF_REACH]}"], ENGLISH)
+    told = advice(
+        [
+            f"{PLACE_WORDS[PlaceFlag.DOUBTFUL]} in 77 % of the samples; {PLACE_WORDS[PlaceFlag.OUT_OF_REACH]}"
+        ],
+        ENGLISH,
+    )
     assert len(told) == 1
     assert told[0].startswith("Keep phones, watches, tools and other magnets half a metre")
     assert "nearer to the trunk" in advice([PLACE_WORDS[PlaceFlag.OUT_OF_REACH]], ENGLISH)[0]
@@ -47,5 +57,7 @@ def test_every_flag_of_a_force_or_place_has_advice_in_every_language(words: str)
     english = advice([words], ENGLISH)
     assert english
     for code in languages():
-        own = json.loads(files("handscope.app.language").joinpath(f"{code}.json").read_text("utf-8"))["words"]
+        own = json.loads(
+            files("handscope.app.language").joinpath(f"{code}.json").read_text("utf-8")
+        )["words"]
         assert {f"advice.{what}" for _, what in ADVICE} <= own.keys()

@@ -30,19 +30,35 @@ MAY = datetime(2026, 5, 12, 9, tzinfo=UTC)
 
 
 def row(mdc95: float, freedom: int = 4, patient: int | None = 1, people: int = 1) -> Repeatability:
-    return Repeatability(mdc95=mdc95, freedom=freedom, patient_id=patient, people=people, sessions=freedom + people)
+    return Repeatability(
+        mdc95=mdc95, freedom=freedom, patient_id=patient, people=people, sessions=freedom + people
+    )
 
 
 def judged(difference: float, key: Key = PIP, unit: str = "rad", **kept: Any) -> Any:
-    found = changes(Comparison(MAY, {key: (1.0 + difference, unit)}, {key: (1.0, unit)}, kept.get("own", {}), kept.get("glove", {})))
+    found = changes(
+        Comparison(
+            MAY,
+            {key: (1.0 + difference, unit)},
+            {key: (1.0, unit)},
+            kept.get("own", {}),
+            kept.get("glove", {}),
+        )
+    )
     assert found is not None
     return found.each[0]
 
 
 def test_the_patients_own_goes_before_the_gloves_and_that_before_what_is_published() -> None:
     own, glove = {PIP: row(5 / DEG)}, {PIP: row(7 / DEG, 6, None, 3)}
-    assert (judged(6 / DEG, own=own, glove=glove).basis, judged(6 / DEG, own=own, glove=glove).beyond) == ("own", True)
-    assert (judged(6 / DEG, glove=glove).basis, judged(6 / DEG, glove=glove).beyond) == ("glove", False)
+    assert (
+        judged(6 / DEG, own=own, glove=glove).basis,
+        judged(6 / DEG, own=own, glove=glove).beyond,
+    ) == ("own", True)
+    assert (judged(6 / DEG, glove=glove).basis, judged(6 / DEG, glove=glove).beyond) == (
+        "glove",
+        False,
+    )
     published = judged(6 / DEG)
     assert (published.basis, published.mdc95, published.beyond) == ("published", 12, False)
     assert "Reissner 2019" in published.sources[0]
@@ -57,7 +73,10 @@ def test_too_few_sessions_one_person_and_no_spread_are_not_judged_by(kept: Repea
 
 def test_tapping_has_a_published_value_for_its_rate_only() -> None:
     assert (judged(1.3, RATE, "Hz").mdc95, judged(1.3, RATE, "Hz").beyond) == (1.26, True)
-    assert (judged(0.01, AMPLITUDE, "m").basis, judged(0.01, AMPLITUDE, "m").beyond) == ("none", False)
+    assert (judged(0.01, AMPLITUDE, "m").basis, judged(0.01, AMPLITUDE, "m").beyond) == (
+        "none",
+        False,
+    )
     assert judged(0.01, AMPLITUDE, "m", own={AMPLITUDE: row(0.004)}).mdc95 == pytest.approx(4)  # mm
 
 
@@ -82,7 +101,9 @@ def compared(tasks: tuple[str, ...] = NORMAL) -> tuple[Content, dict[str, Any]]:
     made = session(tasks)
     figures = [figure for t in made[2] for figure in figure_rows(t)]
     found = before(values(figures))
-    return replace(report(made), changes=found), readings({"tasks": [_task(t) for t in made[2]]}, figures, load_all(), ENGLISH, found)
+    return replace(report(made), changes=found), readings(
+        {"tasks": [_task(t) for t in made[2]]}, figures, load_all(), ENGLISH, found
+    )
 
 
 def test_the_page_says_it_beside_every_figure() -> None:
@@ -101,17 +122,27 @@ def test_the_page_says_it_beside_every_figure() -> None:
     assert words["tapping_rate"] == "0.40 per s higher, within MDC"
     assert words["tapping_amplitude_mean"] == "unchanged"
     assert any("no MDC is published" in s for s in told["changes"]["sources"]["tapping"])
-    assert not any("no MDC is published" in s for s in told["changes"]["sources"]["range_of_motion"])
+    assert not any(
+        "no MDC is published" in s for s in told["changes"]["sources"]["range_of_motion"]
+    )
 
 
 def test_the_pdf_says_it_what_is_beyond_first() -> None:
     content = compared()[0]
     text = text_of(content).replace("’", "'")
     beyond = "Index PIP extension 3° less (the patient's own MDC 2°), flexion 15° more."
-    assert f"Since 12 May 2026, beyond what repeated measurement gives (MDC95): {beyond} Within it: all 42 others." in text
-    assert "MDC of a joint's angle: 12° (Reissner 2019). Published MDCs stand in until 5 sessions within a week" in text
+    assert (
+        f"Since 12 May 2026, beyond what repeated measurement gives (MDC95): {beyond} Within it: all 42 others."
+        in text
+    )
+    assert (
+        "MDC of a joint's angle: 12° (Reissner 2019). Published MDCs stand in until 5 sessions within a week"
+        in text
+    )
     assert text.count("Published MDCs stand in") == 1
-    assert "gives (MDC95): nothing. Within it: Rate 0.40 per s higher. All others unchanged." in text
+    assert (
+        "gives (MDC95): nothing. Within it: Rate 0.40 per s higher. All others unchanged." in text
+    )
     assert "from 5 sessions repeated within a week" in text
     assert pages(FORMS["pdf"](content, Style())) == 3
 
@@ -121,7 +152,8 @@ def test_changes_of_every_figure_of_three_trials_are_printed() -> None:
     now = values([f for t in made[2] for f in figure_rows(t)])
     rng = np.random.default_rng(1)
     then: Values = {
-        key: (value + rng.normal(0, 5 / DEG if unit == "rad" else 0.1 * abs(value)), unit) for key, (value, unit) in now.items()
+        key: (value + rng.normal(0, 5 / DEG if unit == "rad" else 0.1 * abs(value)), unit)
+        for key, (value, unit) in now.items()
     }
     content = replace(report(made), changes=changes(Comparison(MAY, now, then, {}, {})))
     assert pages(FORMS["pdf"](content, Style())) == 3
@@ -134,13 +166,23 @@ def test_the_tables_for_programs_say_it_in_numbers() -> None:
     content = compared()[0]
     told = orjson.loads(FORMS["json"](content, Style()))["changes"]
     (pip,) = [c for c in told["each"] if c["name"] == PIP[2] and c["task"] == PIP[1]]
-    assert (round(pip["value"], 6), pip["unit"], pip["mdc95"], pip["basis"]) == (15.0, "deg", 12.0, "published")
+    assert (round(pip["value"], 6), pip["unit"], pip["mdc95"], pip["basis"]) == (
+        15.0,
+        "deg",
+        12.0,
+        "published",
+    )
     assert told["since"].startswith("2026-05-12")
 
 
 def test_with_nothing_to_compare_with_nothing_is_said() -> None:
     assert "Since " not in text_of(report())
     made = session()
-    told = readings({"tasks": [_task(t) for t in made[2]]}, [f for t in made[2] for f in figure_rows(t)], load_all(), ENGLISH)
+    told = readings(
+        {"tasks": [_task(t) for t in made[2]]},
+        [f for t in made[2] for f in figure_rows(t)],
+        load_all(),
+        ENGLISH,
+    )
     assert told["changes"] is None
     assert all(r["changes"] == {} for table in told["ranges"] for r in table["rows"])

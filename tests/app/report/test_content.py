@@ -9,14 +9,26 @@ from handscope.app.protocols import load_all
 from handscope.app.report.content import CURVE_POINTS
 from handscope.estimators.hand.anatomy import FLEXION, JOINT, SEGMENTS
 from handscope.estimators.methods import m2
-from tests.app.report.simulated_sessions import CHECKSUM, ROM, VISIT, gap_in_the_little_finger, report, session
+from tests.app.report.simulated_sessions import (
+    CHECKSUM,
+    ROM,
+    VISIT,
+    gap_in_the_little_finger,
+    report,
+    session,
+)
 
 
 def test_a_session_is_gathered_whole() -> None:
     recording, processed, results = session()
     c = report()
     assert c.visit is VISIT
-    assert (c.hand, c.software, c.method.name, c.method.title) == ("left", "handscope 1.2.3", "m2", m2.TITLE)
+    assert (c.hand, c.software, c.method.name, c.method.title) == (
+        "left",
+        "handscope 1.2.3",
+        "m2",
+        m2.TITLE,
+    )
     assert (c.recording.checksum, c.recording.start_utc) == (CHECKSUM, recording.start_utc)
     assert c.recording.duration == recording.duration
     assert c.recording.source["firmware"] == "1.2.0"
@@ -31,14 +43,21 @@ def test_a_session_is_gathered_whole() -> None:
 def test_only_options_that_differ_from_their_default_are_listed() -> None:
     assert report().method.changed == ()
     (changed,) = report(params=m2.Params(max_gap=0.1)).method.changed
-    assert (changed.option.name, changed.value, changed.option.default, changed.option.unit) == ("max_gap", 0.1, 0.25, "s")
+    assert (changed.option.name, changed.value, changed.option.default, changed.option.unit) == (
+        "max_gap",
+        0.1,
+        0.25,
+        "s",
+    )
 
 
 def test_the_date_is_the_visits_else_the_recordings_else_unknown() -> None:
     undated = replace(VISIT, date=None)
     assert report().date == VISIT.date
     assert report(visit=undated).date == datetime(2026, 11, 21, 10, 30, tzinfo=UTC)
-    assert report(visit=undated, start_utc="2026-11-21T10:30:00").date == datetime(2026, 11, 21, 10, 30, tzinfo=UTC)
+    assert report(visit=undated, start_utc="2026-11-21T10:30:00").date == datetime(
+        2026, 11, 21, 10, 30, tzinfo=UTC
+    )
     assert report(visit=undated, start_utc=None).date is None
 
 
@@ -62,7 +81,11 @@ def test_curves_are_the_trajectorys_flexion_during_the_task() -> None:
     assert 0.5 * CURVE_POINTS < len(curve.t) <= CURVE_POINTS
     assert curve.t[0] >= 0.0
     assert curve.t[-1] <= results[0].end - results[0].onset
-    truth = np.interp(curve.t + results[0].onset, processed.trajectory.t, processed.trajectory.angles[:, JOINT["ring_pip"], FLEXION])
+    truth = np.interp(
+        curve.t + results[0].onset,
+        processed.trajectory.t,
+        processed.trajectory.angles[:, JOINT["ring_pip"], FLEXION],
+    )
     np.testing.assert_allclose(curve.angle, truth, atol=1e-9)  # rad
 
 

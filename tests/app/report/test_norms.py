@@ -43,4 +43,8 @@ def test_published_changes_agree_with_those_that_stand_alone() -> None:
 
 
 def test_no_norm_and_no_category_is_a_score_of_the_updrs() -> None:
-    assert not [what for what in KINDS if "updrs" in what.lower() or (what.endswith("_score") and what != "kapandji_score")]
+    assert not [
+        what
+        for what in KINDS
+        if "updrs" in what.lower() or (what.endswith("_score") and what != "kapandji_score")
+    ]

@@ -18,9 +18,19 @@ from handscope.estimators.data.samples import Event
 from handscope.estimators.measures import tapping
 from handscope.estimators.measures.assessment import assess
 from handscope.estimators.methods import m2
-from tests.app.report.simulated_sessions import CHECKSUM, NORMAL, ROM, VISIT, gap_in_the_little_finger, report, session
+from tests.app.report.simulated_sessions import (
+    CHECKSUM,
+    NORMAL,
+    ROM,
+    VISIT,
+    gap_in_the_little_finger,
+    report,
+    session,
+)
 
-NASTY = "Łódź <b>x</b> & #let $x^2$ *y* _z_ @ref \\ `r` -- ... \"q\" 'p' [l](m) {n} //c /*d*/ Ελ Кир עב"
+NASTY = (
+    "Łódź <b>x</b> & #let $x^2$ *y* _z_ @ref \\ `r` -- ... \"q\" 'p' [l](m) {n} //c /*d*/ Ελ Кир עב"
+)
 
 
 GERMAN = languages()["de"]
@@ -41,14 +51,18 @@ def pages(made: bytes) -> int:
 
 def printed(made: bytes) -> str:
     """The text of the PDF with runs of white space as one space."""
-    return " ".join(" ".join(page.extract_text() for page in PdfReader(BytesIO(made)).pages).split())
+    return " ".join(
+        " ".join(page.extract_text() for page in PdfReader(BytesIO(made)).pages).split()
+    )
 
 
 def text_of(c: Content) -> str:
     return printed(pdf_(c))
 
 
-@pytest.mark.parametrize(("paper", "size"), [("a4", rb"595\.27\d* 841\.8\d*"), ("us-letter", rb"612 792")])
+@pytest.mark.parametrize(
+    ("paper", "size"), [("a4", rb"595\.27\d* 841\.8\d*"), ("us-letter", rb"612 792")]
+)
 def test_a_normal_session_is_three_pages_of_the_paper_asked_for(paper: str, size: bytes) -> None:
     made = pdf_(report(), paper=paper)
     assert made.startswith(b"%PDF-1.7")
@@ -79,15 +93,23 @@ def test_a_session_without_an_accepted_task_says_so_and_why_tasks_were_not_done(
 def test_a_whole_recording_without_tasks_is_said_to_be_one() -> None:
     recording, processed, _ = session()
     made = assess(processed.trajectory, [e for e in recording.events if e.trial_type != "task"])
-    assert "The recording names no accepted task." in text_of(report((recording, processed, tuple(made))))
+    assert "The recording names no accepted task." in text_of(
+        report((recording, processed, tuple(made)))
+    )
 
 
 def test_every_word_and_number_of_the_page_is_printed() -> None:
     page, text = page_of(report()), text_of(report())
-    cells = [words for row in page["ranges"][0]["table"]["rows"] for words in (row["finger"], row["joint"], *(c[0] for c in row["cells"]))]
+    cells = [
+        words
+        for row in page["ranges"][0]["table"]["rows"]
+        for words in (row["finger"], row["joint"], *(c[0] for c in row["cells"]))
+    ]
     cells += [cell for row in page["tapping"][0]["rows"] for cell in row]
     cells += [cell for row in page["calibration"]["rows"] for cell in row]
-    cells += [cell for row in [*page["facts"], *page["signal"], *page["provenance"]] for cell in row[1:]]
+    cells += [
+        cell for row in [*page["facts"], *page["signal"], *page["provenance"]] for cell in row[1:]
+    ]
     for words in [
         *cells,
         *page["summary"],
@@ -109,9 +131,19 @@ def test_the_numbers_are_those_that_were_measured() -> None:
     assert re.search(rf"Rate {tapping.rate:.3f} ± 0\.00[1-9] per s", text)
     assert re.search(rf"Amplitude, mean {1e3 * tapping.amplitudes.mean():.1f} ± \d+\.\d mm", text)
     assert re.search(r"Ring MCP 80° ± \d\.\d° 90° 1\d° hyperextension 1\d° abd\., \d° add\.", text)
-    wrist = {f.name: abs(round(float(np.degrees(f.value)))) for f in session()[2][-2].figures if f.name.startswith("wrist")}
-    bent, stretched, ulnar, radial = (wrist[f"wrist_{name}"] for name in ("flexion_max", "flexion_min", "deviation_max", "deviation_min"))
-    assert re.search(rf"Wrist {bent}° ± \d\.\d° 80° {stretched}° extension {radial}° radial, {ulnar}° ulnar", text)
+    wrist = {
+        f.name: abs(round(float(np.degrees(f.value))))
+        for f in session()[2][-2].figures
+        if f.name.startswith("wrist")
+    }
+    bent, stretched, ulnar, radial = (
+        wrist[f"wrist_{name}"]
+        for name in ("flexion_max", "flexion_min", "deviation_max", "deviation_min")
+    )
+    assert re.search(
+        rf"Wrist {bent}° ± \d\.\d° 80° {stretched}° extension {radial}° radial, {ulnar}° ulnar",
+        text,
+    )
 
 
 def test_no_angle_is_printed_with_a_bare_sign() -> None:
@@ -121,15 +153,25 @@ def test_no_angle_is_printed_with_a_bare_sign() -> None:
 
 
 def test_text_prints_literally() -> None:
-    visit = replace(VISIT, patient="<i>P</i> & #1", examiner="$A$ *B*", notes=NASTY + "\r\nsecond line")
+    visit = replace(
+        VISIT, patient="<i>P</i> & #1", examiner="$A$ *B*", notes=NASTY + "\r\nsecond line"
+    )
     text = text_of(report(visit=visit, source={"device": "#glove *7*"}))
-    for words in ("<i>P</i> & #1", "$A$ *B*", NASTY[: NASTY.index("עב")].strip(), "second line", "#glove *7*"):
+    for words in (
+        "<i>P</i> & #1",
+        "$A$ *B*",
+        NASTY[: NASTY.index("עב")].strip(),
+        "second line",
+        "#glove *7*",
+    ):
         assert words in text
     assert "[U+" not in text
 
 
 def test_characters_without_a_glyph_are_printed_by_their_number() -> None:
-    assert "a[U+4E2D]b [U+0007] [U+1F600] c [U+6587]" in text_of(report(visit=replace(VISIT, notes="a中b \x07 😀 c 文")))
+    assert "a[U+4E2D]b [U+0007] [U+1F600] c [U+6587]" in text_of(
+        report(visit=replace(VISIT, notes="a中b \x07 😀 c 文"))
+    )
     assert "[U+FEFF]first" in text_of(report(visit=replace(VISIT, patient="\ufefffirst")))
 
 
@@ -174,11 +216,20 @@ def test_a_trial_without_taps_says_so() -> None:
 
 
 @pytest.mark.parametrize(
-    ("slope", "words"), [(-0.00052, "0.52 mm smaller"), (0.0004, "0.40 mm larger"), (0.000001, "no change"), (float("nan"), "too few taps")]
+    ("slope", "words"),
+    [
+        (-0.00052, "0.52 mm smaller"),
+        (0.0004, "0.40 mm larger"),
+        (0.000001, "no change"),
+        (float("nan"), "too few taps"),
+    ],
 )
 def test_a_change_of_amplitude_is_said_in_words(slope: float, words: str) -> None:
     recording, processed, results = session()
-    figures = tuple(replace(f, value=slope) if f.name == "tapping_decrement_slope" else f for f in results[-1].figures)
+    figures = tuple(
+        replace(f, value=slope) if f.name == "tapping_decrement_slope" else f
+        for f in results[-1].figures
+    )
     changed = replace(results[-1], figures=figures)
     (section,) = page_of(report((recording, processed, (changed,))))["tapping"]
     assert ["Change per tap", "", words] in section["rows"]
@@ -186,14 +237,28 @@ def test_a_change_of_amplitude_is_said_in_words(slope: float, words: str) -> Non
 
 def test_poor_signal_is_said_with_its_reason() -> None:
     text = text_of(report(session(change=gap_in_the_little_finger)))
-    assert re.search(r"Poor signal of Little MCP, Little PIP: samples missing and bridged in \d+ % of the samples\.", text)
+    assert re.search(
+        r"Poor signal of Little MCP, Little PIP: samples missing and bridged in \d+ % of the samples\.",
+        text,
+    )
     assert re.search(r"samples missing and bridged \(worst: little proximal, 3\d %\)", text)
     assert "Warnings. little proximal" in text
-    assert "Index PIP" not in text.replace("Index MCP", "").split("Flexion in degrees")[0].split("Poor signal")[1]
+    assert (
+        "Index PIP"
+        not in text.replace("Index MCP", "").split("Flexion in degrees")[0].split("Poor signal")[1]
+    )
 
 
 def test_fingers_that_are_not_measured_are_named() -> None:
-    segments = ("hand", "thumb_metacarpal", "thumb_proximal", "thumb_distal", "index_proximal", "index_middle", "index_distal")
+    segments = (
+        "hand",
+        "thumb_metacarpal",
+        "thumb_proximal",
+        "thumb_distal",
+        "index_proximal",
+        "index_middle",
+        "index_distal",
+    )
     text = text_of(report(session(("initial_pose", "rom_thumb", "tapping"), segments=segments)))
     assert "Without sensors: wrist, middle, ring, little." in text
     assert "Not asked for, or without usable samples: index." in text
@@ -222,7 +287,16 @@ def test_long_notes_go_on_and_nothing_is_lost() -> None:
 
 def test_options_that_were_changed_and_facts_that_are_unknown_are_said() -> None:
     unknown = replace(VISIT, date=None, examiner="")
-    text = text_of(report(visit=unknown, params=m2.Params(max_gap=0.1), start_utc=None, checksum="", source={}, losses={}))
+    text = text_of(
+        report(
+            visit=unknown,
+            params=m2.Params(max_gap=0.1),
+            start_utc=None,
+            checksum="",
+            source={},
+            losses={},
+        )
+    )
     for words in (
         "max_gap = 0.1 s (default 0.25)",
         "date not recorded",
@@ -244,11 +318,24 @@ def test_warnings_beyond_the_first_are_counted() -> None:
 def test_streams_of_one_kind_are_told_together() -> None:
     recording, processed, results = session()
     imu = recording.samples["imu"]
-    strips = {name: replace(imu, stream=replace(imu.stream, name=name, sensors=(name,))) for name in ("hand", "forearm")}
+    strips = {
+        name: replace(imu, stream=replace(imu.stream, name=name, sensors=(name,)))
+        for name in ("hand", "forearm")
+    }
     said = page_of(
-        report((replace(recording, samples=strips, losses={"hand": 2, "forearm": 1}), processed, results), losses={"hand": 2, "forearm": 1})
+        report(
+            (
+                replace(recording, samples=strips, losses={"hand": 2, "forearm": 1}),
+                processed,
+                results,
+            ),
+            losses={"hand": 2, "forearm": 1},
+        )
     )
-    assert said["signal"][0] == ["Streams", f"hand, forearm: 2 sensors at 60 Hz, {2 * len(imu.t):,} samples, 3 lost"]
+    assert said["signal"][0] == [
+        "Streams",
+        f"hand, forearm: 2 sensors at 60 Hz, {2 * len(imu.t):,} samples, 3 lost",
+    ]
 
 
 def test_every_form_is_handed_out() -> None:

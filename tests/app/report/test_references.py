@@ -4,7 +4,13 @@ import json
 
 import pytest
 
-from handscope.app.report.references import FILE, Reference, references, smallest_change, smallest_change_of_rate
+from handscope.app.report.references import (
+    FILE,
+    Reference,
+    references,
+    smallest_change,
+    smallest_change_of_rate,
+)
 from handscope.estimators.hand.anatomy import ANGLES, JOINT, JOINTS
 
 
@@ -20,9 +26,9 @@ def test_a_reference_value_has_a_source_and_is_plausible(reference: Reference) -
 def test_no_value_stands_twice_and_every_source_is_used() -> None:
     assert len({(r.joint, r.angle, r.end) for r in references()}) == len(references())
     file = json.loads(FILE.read_text("utf-8"))
-    used = {v["source"] for table in ("values", "norms", "smallest_changes") for v in file[table]} | {
-        file[name]["source"] for name in ("smallest_change", "smallest_change_of_rate")
-    }
+    used = {
+        v["source"] for table in ("values", "norms", "smallest_changes") for v in file[table]
+    } | {file[name]["source"] for name in ("smallest_change", "smallest_change_of_rate")}
     assert used == set(file["sources"])
 
 
@@ -54,5 +60,7 @@ def test_values_are_the_published_ones(joint: str, angle: str, end: str, degrees
 def test_the_smallest_change_that_counts_names_its_source() -> None:
     assert smallest_change().value == 12
     assert smallest_change().source.name == "Reissner 2019"
-    assert smallest_change_of_rate().value == pytest.approx(1.96 * 2**0.5 * 0.46, abs=0.02)  # from the SD that its source names
+    assert smallest_change_of_rate().value == pytest.approx(
+        1.96 * 2**0.5 * 0.46, abs=0.02
+    )  # from the SD that its source names
     assert "0.46 Hz" in smallest_change_of_rate().source.reference

@@ -47,8 +47,12 @@ OTHERS: dict[str, Callable[[], bytes]] = {
     "cut": lambda: packed(report())[:-200],
     "half a tree": lambda: altered(lambda tree: tree[: len(tree) // 2]),
     "another field": lambda: altered(lambda tree: tree.replace('"meaning"', '"sense"')),
-    "another class": lambda: altered(lambda tree: tree.replace("range_of_motion.Range", "range_of_motion.Params")),
-    "a class not ours": lambda: altered(lambda tree: json.dumps({"of": "builtins.eval", "fields": {}})),
+    "another class": lambda: altered(
+        lambda tree: tree.replace("range_of_motion.Range", "range_of_motion.Params")
+    ),
+    "a class not ours": lambda: altered(
+        lambda tree: json.dumps({"of": "builtins.eval", "fields": {}})
+    ),
     "no content": lambda: altered(lambda tree: "[]"),
 }
 

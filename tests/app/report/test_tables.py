@@ -19,7 +19,11 @@ def parsed(made: bytes) -> tuple[list[str], list[dict[str, str]]]:
     """Comment lines and rows."""
     lines = made.decode().splitlines(keepends=True)
     comments = [line[2:].rstrip("\n") for line in lines if line.startswith("# ")]
-    return comments, list(csv_format.DictReader(io.StringIO("".join(line for line in lines if not line.startswith("# ")))))
+    return comments, list(
+        csv_format.DictReader(
+            io.StringIO("".join(line for line in lines if not line.startswith("# ")))
+        )
+    )
 
 
 def with_figure(figure: Figure, task: str = "rom") -> Any:
@@ -32,7 +36,12 @@ def test_a_row_a_figure_with_the_value_exactly_as_measured() -> None:
     figures = [(r, f) for r in session()[2] for f in r.figures]
     assert len(rows) == len(figures) > 100
     for row, (result, f) in zip(rows, figures):
-        assert (row["task"], row["measure"], row["name"], row["unit_si"]) == (result.task, result.measure, f.name, f.unit)
+        assert (row["task"], row["measure"], row["name"], row["unit_si"]) == (
+            result.task,
+            result.measure,
+            f.name,
+            f.unit,
+        )
         assert float(row["value_si"]) == f.value
         assert float(row["value"]) == reading(f).value
         assert (float(row["onset_s"]), float(row["end_s"])) == (result.onset, result.end)
@@ -51,14 +60,18 @@ def test_a_row_a_figure_with_the_value_exactly_as_measured() -> None:
         ("tapping_rate", "Hz", 2.5, 2.5, "Hz"),
     ],
 )
-def test_values_are_read_in_degrees_and_millimetres(name: str, unit: str, value: float, read: float, read_unit: str) -> None:
+def test_values_are_read_in_degrees_and_millimetres(
+    name: str, unit: str, value: float, read: float, read_unit: str
+) -> None:
     _, (row,) = parsed(csv(with_figure(Figure(name, value, unit, "here"))))
     assert float(row["value"]) == pytest.approx(read, rel=1e-12)
     assert row["unit"] == read_unit
 
 
 def test_what_was_not_measured_is_empty_and_says_why() -> None:
-    c = with_figure(Figure("tapping_decrement_slope", math.nan, "m", "here", None, "poor", "too few taps"))
+    c = with_figure(
+        Figure("tapping_decrement_slope", math.nan, "m", "here", None, "poor", "too few taps")
+    )
     _, (row,) = parsed(csv(c))
     assert (row["value"], row["value_si"], row["reason"]) == ("", "", "too few taps")
     (figure,) = json_format.loads(json(c))["figures"]

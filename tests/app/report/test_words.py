@@ -5,7 +5,14 @@ import math
 import pytest
 
 from handscope.app.language import ENGLISH
-from handscope.app.report.words import SIDES, both_ways, extension_words, flexion_words, joint_words, span_words
+from handscope.app.report.words import (
+    SIDES,
+    both_ways,
+    extension_words,
+    flexion_words,
+    joint_words,
+    span_words,
+)
 from tests.app.report.simulated_sessions import report
 
 
@@ -25,12 +32,17 @@ from tests.app.report.simulated_sessions import report
         ("thumb_cmc", 0, 50, "to palm plane"),
     ],
 )
-def test_extension_is_a_deficit_or_beyond_straight(joint: str, smallest: float, largest: float, words: str) -> None:
+def test_extension_is_a_deficit_or_beyond_straight(
+    joint: str, smallest: float, largest: float, words: str
+) -> None:
     assert extension_words(joint, math.radians(smallest), math.radians(largest), ENGLISH) == words
 
 
 def test_a_task_that_did_not_ask_for_full_extension_shows_no_deficit() -> None:
-    assert extension_words("index_pip", math.radians(28), math.radians(90), ENGLISH, full=False) == "not below 28°"
+    assert (
+        extension_words("index_pip", math.radians(28), math.radians(90), ENGLISH, full=False)
+        == "not below 28°"
+    )
 
 
 @pytest.mark.parametrize(("largest", "words"), [(95.4, "95°"), (-0.2, "0°"), (-5, "none")])
@@ -51,7 +63,9 @@ def test_flexion_is_the_largest_angle(largest: float, words: str) -> None:
         ("thumb_cmc", -60, 10, "60° radial abd., 10° add."),
     ],
 )
-def test_side_motion_names_both_directions(joint: str, smallest: float, largest: float, words: str) -> None:
+def test_side_motion_names_both_directions(
+    joint: str, smallest: float, largest: float, words: str
+) -> None:
     assert both_ways(math.radians(smallest), math.radians(largest), SIDES[joint], ENGLISH) == words
 
 
@@ -63,6 +77,11 @@ def test_joints_are_named_by_finger_and_joint() -> None:
 def test_the_span_of_tasks_names_each_and_its_seconds() -> None:
     tasks = report().tasks
     assert span_words(tasks[:1], ENGLISH) == "Fist and stretch, 7 to 20 s of the recording"
-    assert span_words([tasks[0], tasks[0]], ENGLISH) == "Fist and stretch, 7 to 20 and 7 to 20 s of the recording"
+    assert (
+        span_words([tasks[0], tasks[0]], ENGLISH)
+        == "Fist and stretch, 7 to 20 and 7 to 20 s of the recording"
+    )
     ranges = [t for t in tasks if t.result.measure == "range_of_motion"]
-    assert span_words(ranges[:4], ENGLISH).startswith("Fist and stretch; Spread and close; Thumb across and away; Wrist")
+    assert span_words(ranges[:4], ENGLISH).startswith(
+        "Fist and stretch; Spread and close; Thumb across and away; Wrist"
+    )

@@ -26,21 +26,63 @@ def recordings(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_cohort_is_processed_once_and_what_failed_is_named(recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["process", "--cohort", str(recordings), "--method", "m2", "--out", str(tmp_path / "out"), "--workers", "1"]
+def test_a_cohort_is_processed_once_and_what_failed_is_named(
+    recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [
+        "process",
+        "--cohort",
+        str(recordings),
+        "--method",
+        "m2",
+        "--out",
+        str(tmp_path / "out"),
+        "--workers",
+        "1",
+    ]
     assert main(words) == 1
     told = capsys.readouterr().out
-    assert "FAILED broken: broken.zip" in told and "2 recordings by m2" in told and "0 of them done before; 1 failed" in told
-    assert main(["process", str(recordings / "a.zip"), "--method", "m2", "--out", str(tmp_path / "alone")]) == 0
+    assert (
+        "FAILED broken: broken.zip" in told
+        and "2 recordings by m2" in told
+        and "0 of them done before; 1 failed" in told
+    )
+    assert (
+        main(
+            [
+                "process",
+                str(recordings / "a.zip"),
+                "--method",
+                "m2",
+                "--out",
+                str(tmp_path / "alone"),
+            ]
+        )
+        == 0
+    )
     alone, ours = (
-        {p.relative_to(d): p.read_bytes() for p in d.rglob("*_motion.tsv")} for d in (tmp_path / "alone", tmp_path / "out" / "a")
+        {p.relative_to(d): p.read_bytes() for p in d.rglob("*_motion.tsv")}
+        for d in (tmp_path / "alone", tmp_path / "out" / "a")
     )
     assert alone == ours and len(ours) == 1
     assert not (tmp_path / "out" / "broken").exists()
-    works = [cohort.Work(n, str(p), str(tmp_path / "out"), "m2", {}, None) for n, p in cohort.recordings(recordings).items()]
+    works = [
+        cohort.Work(n, str(p), str(tmp_path / "out"), "m2", {}, None)
+        for n, p in cohort.recordings(recordings).items()
+    ]
     assert [cohort.one(w).state for w in works] == ["before", "failed", "before"]
     assert (
-        cohort.one(cohort.Work("a", str(recordings / "a.zip"), str(tmp_path / "out"), "m2", {"alignment": "heading"}, None)).state == "done"
+        cohort.one(
+            cohort.Work(
+                "a",
+                str(recordings / "a.zip"),
+                str(tmp_path / "out"),
+                "m2",
+                {"alignment": "heading"},
+                None,
+            )
+        ).state
+        == "done"
     ), "another option is another result"
 
 

@@ -8,7 +8,9 @@ from handscope.app.results.curves import LEAD, Step, at_other, thinned
 
 def test_thinning_loses_no_peak_and_keeps_the_order() -> None:
     t = np.arange(36_000) / 60
-    tapping = 30 + 30 * np.cos(2 * np.pi * 2.5 * t)  # ten minutes: every 24th sample would show a slow beat
+    tapping = 30 + 30 * np.cos(
+        2 * np.pi * 2.5 * t
+    )  # ten minutes: every 24th sample would show a slow beat
     spike = np.where(t == t[20_001], 500.0, 0.0)
     places, (a, b) = thinned(t, [tapping, spike], 1500)
     assert len(places) <= 1500 and (np.diff(places) > 0).all()
@@ -42,4 +44,6 @@ def test_two_recordings_run_task_by_task_in_step() -> None:
         inside = (t >= step.onset) & (t <= step.onset + step.length)
         np.testing.assert_allclose(other[inside] - step.other, t[inside] - step.onset, atol=1e-9)
     assert other.min() >= 90.0 - LEAD and other.max() <= 105.0 + LEAD
-    assert np.count_nonzero(np.abs(np.diff(other)) > 0.1) == 1  # it jumps once, before the second task
+    assert (
+        np.count_nonzero(np.abs(np.diff(other)) > 0.1) == 1
+    )  # it jumps once, before the second task

@@ -15,7 +15,9 @@ from handscope.app.scene.hand_scene import HandScene
 
 COOKIE = {"name": "session", "value": "known"}
 WAIT = 90.0  # s until a test gives up
-PICTURE = 1.0  # s between two pictures: without a graphics card each takes half a second of both cores
+PICTURE = (
+    1.0  # s between two pictures: without a graphics card each takes half a second of both cores
+)
 SELDOM = f"""
   const drawn = window.requestAnimationFrame;
   window.requestAnimationFrame = (draw) => setTimeout(() => drawn(draw), {1000 * PICTURE});
@@ -57,7 +59,9 @@ def site(scene: HandScene, with_policy: bool = True) -> Iterator[Site]:
         listener.close()
 
 
-def eventually(condition: Callable[[], object], within: float = WAIT, every: float = 0.02) -> object:
+def eventually(
+    condition: Callable[[], object], within: float = WAIT, every: float = 0.02
+) -> object:
     """Ask every so many s until the answer is true, and return it."""
     end = time.monotonic() + within
     while not (answer := condition()):
@@ -73,8 +77,16 @@ def _app(scene: HandScene, here: Site, with_policy: bool) -> FastAPI:
     def page(request: Request) -> Response:
         if request.cookies.get(COOKIE["name"]) != COOKIE["value"]:
             return Response(status_code=401)
-        headers = {"Content-Security-Policy": bridge.policy(request.headers["host"])} if with_policy else {}
-        return Response(bridge.client_page_gzipped(), media_type="text/html", headers={**headers, "Content-Encoding": "gzip"})
+        headers = (
+            {"Content-Security-Policy": bridge.policy(request.headers["host"])}
+            if with_policy
+            else {}
+        )
+        return Response(
+            bridge.client_page_gzipped(),
+            media_type="text/html",
+            headers={**headers, "Content-Encoding": "gzip"},
+        )
 
     @app.websocket(here.path.rstrip("/"))
     async def messages(websocket: WebSocket) -> None:

@@ -20,7 +20,9 @@ from handscope.estimators.numerics.quaternions import Array
 from tests.app.scene.small_site import COOKIE, WAIT, Site, eventually, site
 
 
-def connected(served: Site, cookie: str = COOKIE["value"], protocol: str = PROTOCOL) -> ClientConnection:
+def connected(
+    served: Site, cookie: str = COOKIE["value"], protocol: str = PROTOCOL
+) -> ClientConnection:
     return connect(
         f"ws://{served.host}{served.path.rstrip('/')}",
         subprotocols=[protocol],  # type: ignore[list-item]
@@ -57,7 +59,9 @@ def test_what_is_shown_reaches_every_viewer(scene: HandScene, served: Site) -> N
         with scene.picture():
             scene.show(angles, None)
         for viewer in (one, two):
-            while not any(turns(m, "/hand/index", 4, tip) for m in messages_of(viewer.recv(timeout=WAIT))):
+            while not any(
+                turns(m, "/hand/index", 4, tip) for m in messages_of(viewer.recv(timeout=WAIT))
+            ):
                 pass
 
 
@@ -77,8 +81,12 @@ def test_a_scene_that_closes_lets_its_viewers_go() -> None:
             connected(served)
 
 
-@pytest.mark.parametrize(("sent", "code"), [("text", 1003), (bytes(bridge.LARGEST_FROM_BROWSER + 1), 1009)])
-def test_a_viewer_that_sends_what_no_page_of_ours_sends_is_disconnected(served: Site, sent: str | bytes, code: int) -> None:
+@pytest.mark.parametrize(
+    ("sent", "code"), [("text", 1003), (bytes(bridge.LARGEST_FROM_BROWSER + 1), 1009)]
+)
+def test_a_viewer_that_sends_what_no_page_of_ours_sends_is_disconnected(
+    served: Site, sent: str | bytes, code: int
+) -> None:
     with connected(served) as viewer:
         viewer.send(sent)
         assert _end_of(viewer) == code
@@ -89,7 +97,9 @@ def test_a_page_of_another_version_is_refused(served: Site) -> None:
         connected(served, protocol="viser-v0.0.1")
 
 
-def test_a_proxy_of_the_environment_is_not_asked_for_our_own_machine(served: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_proxy_of_the_environment_is_not_asked_for_our_own_machine(
+    served: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for name in ("http_proxy", "all_proxy", "HTTP_PROXY", "ALL_PROXY"):
         monkeypatch.setenv(name, "http://127.0.0.1:1")
     monkeypatch.delenv("no_proxy", raising=False)
@@ -102,29 +112,41 @@ def test_a_viewer_that_does_not_read_holds_nobody_up(scene: HandScene, served: S
         eventually(lambda: viewers(scene) == 2)
         for k in range(300):
             scene.show(postures.relaxed() + 0.001 * k, None)
-        tip = bones.pose(postures.relaxed() + 0.001 * 299, sized("left"))[0][bones.BONE["index_distal"]]
-        while not any(turns(m, "/hand/index", 4, tip) for m in messages_of(reader.recv(timeout=WAIT))):
+        tip = bones.pose(postures.relaxed() + 0.001 * 299, sized("left"))[0][
+            bones.BONE["index_distal"]
+        ]
+        while not any(
+            turns(m, "/hand/index", 4, tip) for m in messages_of(reader.recv(timeout=WAIT))
+        ):
             pass
 
 
 def test_the_page_is_one_file_with_our_style() -> None:
     page = bridge.client_page()
     assert gzip.decompress(bridge.client_page_gzipped()) == page
-    assert page.count(b"<title>") == 1 and b"<title>Hand</title>" in page and b"mantine-Paper-root" in page
+    assert (
+        page.count(b"<title>") == 1
+        and b"<title>Hand</title>" in page
+        and b"mantine-Paper-root" in page
+    )
     assert b'<script src="' not in page and b'rel="stylesheet"' not in page
 
 
 def test_the_policy_lets_the_page_talk_to_its_own_host_only() -> None:
     rules = dict(rule.split(" ", 1) for rule in bridge.policy("hand.clinic:8443").split("; "))
     assert rules["default-src"] == "'none'"
-    assert rules["script-src"].count("'sha256-") == 3 and not {"'unsafe-eval'", "'unsafe-inline'", "'self'"} & set(
-        rules["script-src"].split()
-    )
+    assert rules["script-src"].count("'sha256-") == 3 and not {
+        "'unsafe-eval'",
+        "'unsafe-inline'",
+        "'self'",
+    } & set(rules["script-src"].split())
     assert rules["connect-src"] == "'self' data: blob: ws://hand.clinic:8443 wss://hand.clinic:8443"
     assert "ws://[::1]:8000" in bridge.policy("[::1]:8000")
 
 
-@pytest.mark.parametrize("host", ["", "a b", "evil; script-src *", "a\r\nx", "ä", "*", "a:b", "http://a"])
+@pytest.mark.parametrize(
+    "host", ["", "a b", "evil; script-src *", "a\r\nx", "ä", "*", "a:b", "http://a"]
+)
 def test_a_host_that_is_none_gets_no_policy(host: str) -> None:
     with pytest.raises(ValueError, match="is not a host name"):
         bridge.policy(host)
@@ -134,12 +156,18 @@ def messages_of(batch: str | bytes) -> list[dict[str, Any]]:
     """viser's messages in one web socket message: two lengths, then msgpack packed by zstd, then arrays."""
     assert isinstance(batch, bytes)
     packed = int.from_bytes(batch[8:16], "little")
-    found: list[dict[str, Any]] = msgspec.msgpack.decode(zstandard.decompress(batch[16 : 16 + packed]))["messages"]
+    found: list[dict[str, Any]] = msgspec.msgpack.decode(
+        zstandard.decompress(batch[16 : 16 + packed])
+    )["messages"]
     return found
 
 
 def turns(message: dict[str, Any], mesh: str, bone: int, wxyz: Array) -> bool:
-    is_it = (message["type"], message.get("name"), message.get("bone_index")) == ("SetBoneOrientationMessage", mesh, bone)
+    is_it = (message["type"], message.get("name"), message.get("bone_index")) == (
+        "SetBoneOrientationMessage",
+        mesh,
+        bone,
+    )
     return is_it and np.allclose(message["wxyz"], wxyz, atol=1e-6)
 
 

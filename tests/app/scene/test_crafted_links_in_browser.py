@@ -30,7 +30,11 @@ class Stranger:
 @contextmanager
 def stranger() -> Iterator[Stranger]:
     listener = socket.create_server(("127.0.0.1", 0))
-    here, loop, stop = Stranger(listener.getsockname()[1]), asyncio.new_event_loop(), asyncio.Event()
+    here, loop, stop = (
+        Stranger(listener.getsockname()[1]),
+        asyncio.new_event_loop(),
+        asyncio.Event(),
+    )
 
     def note(connection: ServerConnection, request: Request) -> Response | None:
         here.visits.append(request.path)
@@ -74,32 +78,59 @@ def following(browser: Browser, where: Site, query: str) -> Iterator[tuple[Page,
         context.close()
 
 
-LINKS = {"websocket": "?websocket=ws://127.0.0.1:{port}/evil", "playback": "?playbackPath=http://127.0.0.1:{port}/evil.viser"}
+LINKS = {
+    "websocket": "?websocket=ws://127.0.0.1:{port}/evil",
+    "playback": "?playbackPath=http://127.0.0.1:{port}/evil.viser",
+}
 
 
 @pytest.mark.parametrize("kind", LINKS)
-def test_without_the_policy_a_link_takes_the_page_to_a_stranger(browser: Browser, without_policy: Site, kind: str) -> None:
-    with stranger() as evil, following(browser, without_policy, LINKS[kind].format(port=evil.port)) as (page, _):
+def test_without_the_policy_a_link_takes_the_page_to_a_stranger(
+    browser: Browser, without_policy: Site, kind: str
+) -> None:
+    with (
+        stranger() as evil,
+        following(browser, without_policy, LINKS[kind].format(port=evil.port)) as (page, _),
+    ):
         eventually(lambda: page.title() and evil.visits)
         assert evil.visits[0].startswith("/evil")
 
 
-def test_with_the_policy_a_link_does_not_take_the_page_to_a_strangers_recording(browser: Browser, served: Site) -> None:
-    with stranger() as evil, following(browser, served, LINKS["playback"].format(port=evil.port)) as (page, said):
+def test_with_the_policy_a_link_does_not_take_the_page_to_a_strangers_recording(
+    browser: Browser, served: Site
+) -> None:
+    with (
+        stranger() as evil,
+        following(browser, served, LINKS["playback"].format(port=evil.port)) as (page, said),
+    ):
 
         def refused() -> bool:
             page.title()  # lets the browser's messages in
-            return any(str(evil.port) in line and "Content Security Policy" in line for line in said)
+            return any(
+                str(evil.port) in line and "Content Security Policy" in line for line in said
+            )
 
         eventually(refused)
         assert evil.visits == []
 
 
-def test_with_the_policy_a_link_does_not_take_the_page_to_a_strangers_scene(browser: Browser, served: Site) -> None:
-    with stranger() as evil, following(browser, served, LINKS["websocket"].format(port=evil.port)) as (page, said):
-        eventually(lambda: page.title() and any("Connecting to" in line and str(evil.port) in line for line in said))
+def test_with_the_policy_a_link_does_not_take_the_page_to_a_strangers_scene(
+    browser: Browser, served: Site
+) -> None:
+    with (
+        stranger() as evil,
+        following(browser, served, LINKS["websocket"].format(port=evil.port)) as (page, said),
+    ):
+        eventually(
+            lambda: (
+                page.title()
+                and any("Connecting to" in line and str(evil.port) in line for line in said)
+            )
+        )
         again = "url => new Promise(done => { addEventListener('securitypolicyviolation', e => done(e.blockedURI)); new WebSocket(url); })"
-        blocked = page.workers[0].evaluate(again, f"ws://127.0.0.1:{evil.port}/evil")  # the page's own attempt was before this one
+        blocked = page.workers[0].evaluate(
+            again, f"ws://127.0.0.1:{evil.port}/evil"
+        )  # the page's own attempt was before this one
         assert str(evil.port) in blocked
         assert evil.visits == []
 
@@ -116,7 +147,19 @@ def test_with_the_policy_only_visers_own_scripts_run(browser: Browser, served: S
     with following(browser, served, "") as (page, said):
         page.wait_for_selector("canvas")  # viser's do
         page.evaluate(INLINE)
-        eventually(lambda: page.title() and len([line for line in said if "inline" in line and "Content Security Policy" in line]) >= 2)
+        eventually(
+            lambda: (
+                page.title()
+                and len(
+                    [
+                        line
+                        for line in said
+                        if "inline" in line and "Content Security Policy" in line
+                    ]
+                )
+                >= 2
+            )
+        )
         assert page.title() == "Hand"
 
 
@@ -124,7 +167,10 @@ def test_a_strangers_page_cannot_reach_the_scene(browser: Browser, scene: HandSc
     """What plain viser allows: any page the clinician has open connects to the loopback port and reads along."""
     context = browser.new_context()
     page = context.new_page()
-    page.route("http://evil.example/", lambda route: route.fulfill(body="<p>evil</p>", content_type="text/html"))
+    page.route(
+        "http://evil.example/",
+        lambda route: route.fulfill(body="<p>evil</p>", content_type="text/html"),
+    )
     page.goto("http://evil.example/")
     tried = "([port, protocol]) => new Promise(done => { const s = new WebSocket(`ws://127.0.0.1:${port}`, [protocol]); s.onopen = () => done('open'); s.onclose = () => done('closed'); })"
     assert page.evaluate(tried, [scene.port, PROTOCOL]) == "closed"

@@ -38,10 +38,19 @@ def started(guarded: bool) -> Iterator[tuple[ViserServer, str]]:
 
 
 def connected(port: int, origin: str | None) -> ClientConnection:
-    return connect(f"ws://127.0.0.1:{port}", subprotocols=[PROTOCOL], origin=origin, compression=None, max_size=None, proxy=None)  # type: ignore[arg-type]
+    return connect(
+        f"ws://127.0.0.1:{port}",
+        subprotocols=[PROTOCOL],
+        origin=origin,
+        compression=None,
+        max_size=None,
+        proxy=None,
+    )  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("origin", [None, "http://evil.example", "http://127.0.0.1", "null", "scene-"])
+@pytest.mark.parametrize(
+    "origin", [None, "http://evil.example", "http://127.0.0.1", "null", "scene-"]
+)
 def test_a_connection_without_the_word_is_refused(origin: str | None) -> None:
     with started(guarded=True) as (server, _), pytest.raises(InvalidStatus) as refusal:
         connected(server.get_port(), origin)
@@ -49,7 +58,10 @@ def test_a_connection_without_the_word_is_refused(origin: str | None) -> None:
 
 
 def test_as_it_comes_viser_lets_any_page_in() -> None:
-    with started(guarded=False) as (server, _), connected(server.get_port(), "http://evil.example") as stranger:
+    with (
+        started(guarded=False) as (server, _),
+        connected(server.get_port(), "http://evil.example") as stranger,
+    ):
         assert isinstance(stranger.recv(timeout=WAIT), bytes)
 
 
@@ -69,7 +81,12 @@ def test_it_listens_on_the_loopback_address_only() -> None:
     with started(guarded=True) as (server, secret):
         assert server.get_host() == "127.0.0.1"
         with pytest.raises(ConnectionRefusedError):
-            connect(f"ws://127.0.0.2:{server.get_port()}", subprotocols=[PROTOCOL], origin=secret, proxy=None)  # type: ignore[arg-type]
+            connect(
+                f"ws://127.0.0.2:{server.get_port()}",
+                subprotocols=[PROTOCOL],
+                origin=secret,
+                proxy=None,
+            )  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("guarded", [True, False])
@@ -89,13 +106,20 @@ def test_it_serves_no_page(guarded: bool) -> None:
 
 
 @pytest.mark.parametrize("guarded", [True, False])
-def test_a_viewer_cannot_open_a_public_tunnel(guarded: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_viewer_cannot_open_a_public_tunnel(
+    guarded: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     asked, seen = threading.Event(), threading.Event()
     monkeypatch.setattr(ViserServer, "request_share_url", lambda *_: asked.set())
-    with started(guarded) as (server, secret), connected(server.get_port(), secret or None) as viewer:
+    with (
+        started(guarded) as (server, secret),
+        connected(server.get_port(), secret or None) as viewer,
+    ):
         server.on_client_connect(lambda _: seen.set())
         viewer.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
-        viewer.send(msgspec.msgpack.encode(_CAMERA))  # answered after the request, which viser handles in its order
+        viewer.send(
+            msgspec.msgpack.encode(_CAMERA)
+        )  # answered after the request, which viser handles in its order
         assert seen.wait(10)
         if guarded:
             assert not asked.is_set()

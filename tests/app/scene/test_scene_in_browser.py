@@ -67,17 +67,25 @@ def resized(page: Page, size: tuple[int, int]) -> None:
 
 
 def opened(
-    browser: Browser, served: Site, size: tuple[int, int] = QUICK, hear: Callable[[str], None] = lambda url: None, points: float = 1
+    browser: Browser,
+    served: Site,
+    size: tuple[int, int] = QUICK,
+    hear: Callable[[str], None] = lambda url: None,
+    points: float = 1,
 ) -> Page:
     """The page of a scene, logged in, when the hand has come; so many points of a picture a CSS pixel."""
     width, height = size
-    context = browser.new_context(viewport={"width": width, "height": height}, device_scale_factor=points)
+    context = browser.new_context(
+        viewport={"width": width, "height": height}, device_scale_factor=points
+    )
     context.add_cookies([{**COOKIE, "url": f"http://{served.host}"}])  # type: ignore[list-item, typeddict-item]
     context.add_init_script(SELDOM)
     page = context.new_page()
     page.on("request", lambda request: hear(request.url))
     page.goto(served.address)
-    page.wait_for_function("() => window.__viserSceneTree?.getState()['/hand/palm'] !== undefined", timeout=1e3 * WAIT)
+    page.wait_for_function(
+        "() => window.__viserSceneTree?.getState()['/hand/palm'] !== undefined", timeout=1e3 * WAIT
+    )
     return page
 
 
@@ -113,7 +121,9 @@ def seen(page: Page, condition: Callable[[Picture], object], keep: Path | None =
     return picture[-1]
 
 
-def settled(page: Page, condition: Callable[[Picture], object], keep: Path | None = None) -> Picture:
+def settled(
+    page: Page, condition: Callable[[Picture], object], keep: Path | None = None
+) -> Picture:
     """The same some pictures later: on a page that draws seldom the first may still be of what was shown before."""
     seen(page, condition)
     page.evaluate(DRAWN, 3)
@@ -128,7 +138,9 @@ def hand_like(picture: Picture) -> bool:
         return False
     central = (abs(columns - width / 2) < 0.42 * min(width, height)).mean()
     border = picture.skin[[0, -1]].any() or picture.skin[:, [0, -1]].any()
-    return bool(central > 0.97 and not border and np.median(np.nonzero(picture.cuff)[0]) > np.median(rows))
+    return bool(
+        central > 0.97 and not border and np.median(np.nonzero(picture.cuff)[0]) > np.median(rows)
+    )
 
 
 @pytest.mark.parametrize("sizes", [("wide", "small"), ("narrow",)], ids=" then ".join)
@@ -136,36 +148,58 @@ def test_a_hand_is_drawn_in_the_middle_at_every_size(
     browser: Browser, scene: HandScene, served: Site, sizes: tuple[str, ...], tmp_path: Path
 ) -> None:
     """A page is opened at the first size; at the shape of the small one all the others are."""
-    page = opened(browser, served, SIZES[sizes[0]], points=0.5)  # a quarter of the work of drawing it
+    page = opened(
+        browser, served, SIZES[sizes[0]], points=0.5
+    )  # a quarter of the work of drawing it
     for size in sizes:
         resized(page, SIZES[size])
         scene.show(postures.relaxed(), None)
-        resting = settled(page, hand_like, tmp_path / f"resting-{size}.png")  # the first pictures are darker: its light is still to come
+        resting = settled(
+            page, hand_like, tmp_path / f"resting-{size}.png"
+        )  # the first pictures are darker: its light is still to come
         scene.show(postures.angles_of(task_performance.spread()), None)
         more = 1.1 * resting.share(resting.skin)
-        wider = 1.2 * np.ptp(np.nonzero(resting.skin)[1])  # light alone makes more skin, not a wider hand
-        spread = lambda p: hand_like(p) and p.share(p.skin) > more and np.ptp(np.nonzero(p.skin)[1]) > wider  # noqa: B023, E731
+        wider = 1.2 * np.ptp(
+            np.nonzero(resting.skin)[1]
+        )  # light alone makes more skin, not a wider hand
+        spread = lambda p: (
+            hand_like(p) and p.share(p.skin) > more and np.ptp(np.nonzero(p.skin)[1]) > wider
+        )
         seen(page, spread, tmp_path / f"spread-{size}.png")
     page.context.close()
 
 
-def test_one_page_opens_one_socket_to_us_and_nothing_else(page: Page, asked: Asked, served: Site) -> None:
+def test_one_page_opens_one_socket_to_us_and_nothing_else(
+    page: Page, asked: Asked, served: Site
+) -> None:
     assert asked.sockets == [f"http://{served.host}"]
-    elsewhere = [url for url in asked.addresses if not url.startswith((f"http://{served.host}/", "data:", "blob:"))]
+    elsewhere = [
+        url
+        for url in asked.addresses
+        if not url.startswith((f"http://{served.host}/", "data:", "blob:"))
+    ]
     assert served.address in asked.addresses and elsewhere == []
 
 
-def test_left_and_right_are_told_apart(page: Page, browser: Browser, scene: HandScene, right_scene: HandScene, tmp_path: Path) -> None:
+def test_left_and_right_are_told_apart(
+    page: Page, browser: Browser, scene: HandScene, right_scene: HandScene, tmp_path: Path
+) -> None:
     sides = {}
     with site(right_scene) as other:
         right_page = opened(browser, other)
         for name, each, where in (("left", scene, page), ("right", right_scene, right_page)):
             each.show(postures.angles_of(task_performance.flat()), None)
-            flat = settled(where, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[1]) > 105, tmp_path / f"{name}.png")
+            flat = settled(
+                where,
+                lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[1]) > 105,
+                tmp_path / f"{name}.png",
+            )
             columns = np.nonzero(flat.skin)[1] - QUICK[0] / 2
             sides[name] = columns.max() + columns.min()  # the thumb reaches out
         right_page.context.close()
-    assert sides["left"] > 25 and sides["right"] < -25  # palm down, a left hand's thumb is on the right
+    assert (
+        sides["left"] > 25 and sides["right"] < -25
+    )  # palm down, a left hand's thumb is on the right
     assert sides["left"] == pytest.approx(-sides["right"], abs=5)
 
 
@@ -180,11 +214,17 @@ def test_a_page_that_lost_its_connection_comes_back_with_the_newest_hand(
     scene._server._websock_server.disconnect_all_clients()
     eventually(lambda: len(served.sockets) > before)
     scene.show(postures.angles_of(task_performance.spread()), None)
-    seen(page, lambda p: hand_like(p) and p.share(p.skin) > 1.1 * resting.share(resting.skin), tmp_path / "again.png")
+    seen(
+        page,
+        lambda p: hand_like(p) and p.share(p.skin) > 1.1 * resting.share(resting.skin),
+        tmp_path / "again.png",
+    )
     assert failures == []
 
 
-def test_a_scene_in_a_frame_connects_again_although_somebody_works_beside_it(browser: Browser, scene: HandScene, served: Site) -> None:
+def test_a_scene_in_a_frame_connects_again_although_somebody_works_beside_it(
+    browser: Browser, scene: HandScene, served: Site
+) -> None:
     """viser's own page waits until it has the focus."""
     context = browser.new_context(viewport={"width": 320, "height": 240})
     context.add_cookies([{**COOKIE, "url": f"http://{served.host}"}])  # type: ignore[list-item, typeddict-item]
@@ -198,11 +238,19 @@ def test_a_scene_in_a_frame_connects_again_although_somebody_works_beside_it(bro
     page.get_by_role("button", name="Continue").click()
     eventually(lambda: page.title() == "" and len(viewers) > others)
     scene._server._websock_server.disconnect_all_clients()
-    eventually(lambda: page.title() == "" and len(served.sockets) >= before + 2 + others and len(viewers) > others)
+    eventually(
+        lambda: (
+            page.title() == ""
+            and len(served.sockets) >= before + 2 + others
+            and len(viewers) > others
+        )
+    )
     context.close()
 
 
-def test_the_ghost_comes_in_another_hue_and_goes(page: Page, scene: HandScene, tmp_path: Path) -> None:
+def test_the_ghost_comes_in_another_hue_and_goes(
+    page: Page, scene: HandScene, tmp_path: Path
+) -> None:
     seen(page, lambda p: hand_like(p) and p.share(p.ghost) < 1e-4)
     scene.ghost(postures.angles_of(task_performance.flat()))
     seen(page, lambda p: hand_like(p) and p.share(p.ghost) > 0.004, tmp_path / "ghost.png")
@@ -219,30 +267,50 @@ def test_one_segment_is_lit_and_no_other(page: Page, scene: HandScene, tmp_path:
     where = {}
     for segment in ("index_middle", "little_middle", "thumb_distal"):
         scene.highlight(segment)
-        lit = seen(page, lambda p: hand_like(p) and 3e-4 < p.share(p.lit) < 0.01, tmp_path / f"{segment}.png")
+        lit = seen(
+            page,
+            lambda p: hand_like(p) and 3e-4 < p.share(p.lit) < 0.01,
+            tmp_path / f"{segment}.png",
+        )
         where[segment] = np.median(np.nonzero(lit.lit)[1])
         scene.highlight(None)
         seen(page, lambda p: p.share(p.lit) < 2e-5)
     assert where["little_middle"] < where["index_middle"] < where["thumb_distal"]
 
 
-def test_fingers_that_are_not_measured_are_pale(page: Page, scene: HandScene, tmp_path: Path) -> None:
+def test_fingers_that_are_not_measured_are_pale(
+    page: Page, scene: HandScene, tmp_path: Path
+) -> None:
     scene.show(postures.angles_of(task_performance.flat()), None)
-    whole = settled(page, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[0]) > 155, tmp_path / "whole.png")
+    whole = settled(
+        page, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[0]) > 155, tmp_path / "whole.png"
+    )
     scene.measured(["thumb"])
-    seen(page, lambda p: np.ptp(np.nonzero(p.skin)[0]) < 0.8 * np.ptp(np.nonzero(whole.skin)[0]), tmp_path / "pale.png")
+    seen(
+        page,
+        lambda p: np.ptp(np.nonzero(p.skin)[0]) < 0.8 * np.ptp(np.nonzero(whole.skin)[0]),
+        tmp_path / "pale.png",
+    )
 
 
 def test_the_hand_turns_as_it_is_turned(page: Page, scene: HandScene, tmp_path: Path) -> None:
     level = view.palm_down("left")
     scene.show(postures.angles_of(task_performance.flat()), level)
     flat = settled(page, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[1]) > 105)
-    scene.show(postures.angles_of(task_performance.flat()), quat.multiply(quat.about(1, np.pi), level))
+    scene.show(
+        postures.angles_of(task_performance.flat()), quat.multiply(quat.about(1, np.pi), level)
+    )
     thumb = np.nonzero(flat.skin)[1].max() - QUICK[0] / 2
-    seen(page, lambda p: QUICK[0] / 2 - np.nonzero(p.skin)[1].min() > 0.8 * thumb, tmp_path / "palm-up.png")
+    seen(
+        page,
+        lambda p: QUICK[0] / 2 - np.nonzero(p.skin)[1].min() > 0.8 * thumb,
+        tmp_path / "palm-up.png",
+    )
 
 
-def test_where_the_hand_has_been_is_a_line_that_comes_and_goes(page: Page, scene: HandScene, tmp_path: Path) -> None:
+def test_where_the_hand_has_been_is_a_line_that_comes_and_goes(
+    page: Page, scene: HandScene, tmp_path: Path
+) -> None:
     line = lambda p: (p.rgb[..., 2] > p.rgb[..., 0] + 60) & (p.rgb[..., 2] > 120)  # noqa: E731
     seen(page, lambda p: hand_like(p) and line(p).sum() == 0)
     angle = np.linspace(0.0, 1.5 * np.pi, 200)
@@ -255,24 +323,38 @@ def test_where_the_hand_has_been_is_a_line_that_comes_and_goes(page: Page, scene
     seen(page, lambda p: hand_like(p) and line(p).sum() == 0)
 
 
-def test_what_fingertips_push_with_is_an_arrow_and_a_number_each(page: Page, scene: HandScene, tmp_path: Path) -> None:
+def test_what_fingertips_push_with_is_an_arrow_and_a_number_each(
+    page: Page, scene: HandScene, tmp_path: Path
+) -> None:
     ink = lambda p: (p.rgb.max(axis=-1) < 50).sum()  # noqa: E731
-    arrow = lambda p: (p.rgb[..., 0] > 150) & (p.rgb[..., 1] < 0.62 * p.rgb[..., 0]) & (p.rgb[..., 2] < 70)  # noqa: E731
+    arrow = lambda p: (
+        (p.rgb[..., 0] > 150) & (p.rgb[..., 1] < 0.62 * p.rgb[..., 0]) & (p.rgb[..., 2] < 70)
+    )
     bare = seen(page, lambda p: hand_like(p) and arrow(p).sum() == 0)
     forces, level = np.full((5, 3), np.nan), view.palm_down("left")
     scene.show(postures.relaxed(), level)
-    forces[FINGERS.index("index")] = quat.rotate(level, np.array([0.0, 8.0, 0.0]))  # along the fingers, away from the viewer
+    forces[FINGERS.index("index")] = quat.rotate(
+        level, np.array([0.0, 8.0, 0.0])
+    )  # along the fingers, away from the viewer
     forces[FINGERS.index("thumb")] = 0.1  # N: what is left of a zero
     scene.forces(forces)
     one = settled(page, lambda p: arrow(p).sum() > 40 and ink(p) > ink(bare) + 20)
-    forces[FINGERS.index("thumb")] = quat.rotate(level, np.array([0.0, 0.0, -8.0]))  # away from the hand, where nothing hides it
+    forces[FINGERS.index("thumb")] = quat.rotate(
+        level, np.array([0.0, 0.0, -8.0])
+    )  # away from the hand, where nothing hides it
     scene.forces(forces)
-    seen(page, lambda p: arrow(p).sum() > 1.4 * arrow(one).sum() and ink(p) > ink(one) + 20, tmp_path / "forces.png")
+    seen(
+        page,
+        lambda p: arrow(p).sum() > 1.4 * arrow(one).sum() and ink(p) > ink(one) + 20,
+        tmp_path / "forces.png",
+    )
     scene.forces(None)
     seen(page, lambda p: hand_like(p) and arrow(p).sum() == 0)
 
 
-def test_an_instruction_is_written_and_replaced(page: Page, scene: HandScene, tmp_path: Path) -> None:
+def test_an_instruction_is_written_and_replaced(
+    page: Page, scene: HandScene, tmp_path: Path
+) -> None:
     ink = lambda p: (p.rgb.max(axis=-1) < 60)[: len(p.rgb) // 4]  # noqa: E731
     seen(page, lambda p: hand_like(p) and ink(p).sum() == 0)
     scene.caption("Move your index finger")

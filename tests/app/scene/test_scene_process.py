@@ -37,7 +37,9 @@ def sees(viewer: ClientConnection, angle: float) -> bool:
 
 def process_of(scene: SceneApart) -> int:
     """Its process, once it draws."""
-    eventually(lambda: scene.port, within=120.0)  # the first one waits for what all processes are forked from
+    eventually(
+        lambda: scene.port, within=120.0
+    )  # the first one waits for what all processes are forked from
     (pid,) = [p.pid for p in active_children() if p.name == "handscope scene"]
     assert pid is not None
     return pid
@@ -60,13 +62,18 @@ def test_what_was_wished_before_the_process_began_is_drawn(apart: SceneApart) ->
         assert sees(viewer, 0.5)
 
 
-def test_a_process_that_stands_still_holds_nobody_up_and_then_draws_what_was_wished_last(apart: SceneApart) -> None:
+def test_a_process_that_stands_still_holds_nobody_up_and_then_draws_what_was_wished_last(
+    apart: SceneApart,
+) -> None:
     pid = process_of(apart)
     with connected(apart.port, apart.secret) as viewer:
         assert sees(viewer, 0.5)
         os.kill(pid, signal.SIGSTOP)
         try:
-            wishing = threading.Thread(target=lambda: [apart.show(bent(0.2 + 1e-4 * k), None) for k in range(3000)], daemon=True)
+            wishing = threading.Thread(
+                target=lambda: [apart.show(bent(0.2 + 1e-4 * k), None) for k in range(3000)],
+                daemon=True,
+            )
             wishing.start()
             wishing.join(30.0)
             assert not wishing.is_alive()
@@ -77,7 +84,9 @@ def test_a_process_that_stands_still_holds_nobody_up_and_then_draws_what_was_wis
         assert sees(viewer, 0.2 + 1e-4 * 2999)
 
 
-def test_a_process_that_dies_is_replaced_by_one_that_shows_the_same(apart: SceneApart, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_process_that_dies_is_replaced_by_one_that_shows_the_same(
+    apart: SceneApart, caplog: pytest.LogCaptureFixture
+) -> None:
     pid, port = process_of(apart), apart.port
     apart.show(bent(0.9), None)
     os.kill(pid, signal.SIGKILL)

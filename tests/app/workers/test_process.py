@@ -55,7 +55,9 @@ def test_a_value_that_cannot_travel_ends_the_process_not_the_queue() -> None:
         assert process.do(divmod, 7, 2) == (3, 1)
 
 
-def test_a_process_sees_the_environment_of_its_own_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_sees_the_environment_of_its_own_beginning(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     for word in ("first", "second"):
         monkeypatch.setenv("HANDSCOPE_WORD", word)
         with WorkingProcess(os.getpid) as process:
@@ -65,7 +67,9 @@ def test_a_process_sees_the_environment_of_its_own_beginning(monkeypatch: pytest
 @pytest.mark.skipif(sys.platform != "linux", reason="forked on Linux alone")
 def test_a_process_begins_with_what_its_work_needs() -> None:
     with WorkingProcess(os.getpid) as process:
-        assert {"handscope.app.results.make", "handscope.app.results.report"} <= process.do(imported)
+        assert {"handscope.app.results.make", "handscope.app.results.report"} <= process.do(
+            imported
+        )
 
 
 def test_killing_one_that_has_not_begun_is_nothing() -> None:
@@ -75,8 +79,15 @@ def test_killing_one_that_has_not_begun_is_nothing() -> None:
 
 
 def test_it_leaves_when_its_parent_is_killed() -> None:
-    with subprocess.Popen([sys.executable, "-c", PARENT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as parent:
+    with subprocess.Popen(
+        [sys.executable, "-c", PARENT],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as parent:
         assert parent.stdout is not None
         assert int(parent.stdout.readline()) != parent.pid
         parent.kill()
-        parent.communicate(timeout=120)  # until nobody has the pipes any more: the process has them, too
+        parent.communicate(
+            timeout=120
+        )  # until nobody has the pipes any more: the process has them, too

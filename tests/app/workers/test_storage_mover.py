@@ -26,7 +26,9 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def test_a_recording_moves_away_and_pages_still_have_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_recording_moves_away_and_pages_still_have_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(storage_mover, "PAUSE", 0.3)
     with object_store.server() as server:
         url, port = f"s3://{object_store.BUCKET}/site", free_port()
@@ -40,7 +42,9 @@ def test_a_recording_moves_away_and_pages_still_have_it(tmp_path: Path, monkeypa
             patient = client.post("/api/patients", json={"pseudonym": "P-1"}).json()["id"]
             packed = writer.packed(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle"))
             made = upload(client, patient, packed).json()
-            assert wait_for(lambda: client.get(f"/api/results/{made['result']}").json()["state"] == "done")
+            assert wait_for(
+                lambda: client.get(f"/api/results/{made['result']}").json()["state"] == "done"
+            )
             fs, root = fsspec.core.url_to_fs(url, use_listings_cache=False)
             assert wait_for(
                 lambda: len(fs.find(root)) == 4 and not any((tmp_path / "recordings").iterdir())
@@ -53,11 +57,17 @@ def test_a_recording_moves_away_and_pages_still_have_it(tmp_path: Path, monkeypa
             server.stop()
             shutil.rmtree(tmp_path / "cache")
             assert wait_for(lambda: health()["status"] == "cannot be used")
-            told = client.get(f"/api/recordings/{recording}/file", headers={"Accept-Language": "de"})
-            assert told.status_code == 422 and told.json()["error"].startswith(f"Der Objektspeicher {url} ist nicht zu erreichen (")
+            told = client.get(
+                f"/api/recordings/{recording}/file", headers={"Accept-Language": "de"}
+            )
+            assert told.status_code == 422 and told.json()["error"].startswith(
+                f"Der Objektspeicher {url} ist nicht zu erreichen ("
+            )
             again = upload(client, patient, packed).json()
             assert again["session"] != made["session"], "what comes meanwhile is kept here"
             with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics") as answer:
                 assert "handscope_object_storage_up 0.0" in answer.read().decode()
             server.start()
-            assert wait_for(lambda: health()["status"] == "ok" and not any((tmp_path / "recordings").iterdir()))
+            assert wait_for(
+                lambda: health()["status"] == "ok" and not any((tmp_path / "recordings").iterdir())
+            )

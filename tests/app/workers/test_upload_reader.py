@@ -14,7 +14,9 @@ from tests.simulated import loaded, pose_and_wiggle
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no named pipes in folders")
-def test_the_server_goes_on_while_an_upload_is_read_and_when_its_process_dies(tmp_path: Path) -> None:
+def test_the_server_goes_on_while_an_upload_is_read_and_when_its_process_dies(
+    tmp_path: Path,
+) -> None:
     slow, good, bad = (tmp_path / name for name in ("slow.zip", "good.zip", "upload-7.zip"))
     os.mkfifo(slow)  # whoever reads it waits for ever
     good.write_bytes(writer.packed(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle")))
@@ -23,7 +25,11 @@ def test_the_server_goes_on_while_an_upload_is_read_and_when_its_process_dies(tm
     async def go() -> None:
         with Opening() as opening:
             found = await opening.read(good, "mine.zip", None)
-            assert (found.hand, found.bytes, found.summary["events"][1]["task"]) == ("left", good.stat().st_size, "wiggle")
+            assert (found.hand, found.bytes, found.summary["events"][1]["task"]) == (
+                "left",
+                good.stat().st_size,
+                "wiggle",
+            )
             waiting = asyncio.create_task(opening.read(slow, "slow.zip", None))
             done, _ = await asyncio.wait([waiting], timeout=0.3)
             assert not done, "it waits, and this goes on"
@@ -31,7 +37,9 @@ def test_the_server_goes_on_while_an_upload_is_read_and_when_its_process_dies(tm
             with pytest.raises(InputError) as told:
                 await waiting
             assert str(told.value) == DIED
-            with pytest.raises(InputError, match=r"mine.zip is neither a folder, a zip nor a native recording"):
+            with pytest.raises(
+                InputError, match=r"mine.zip is neither a folder, a zip nor a native recording"
+            ):
                 await opening.read(bad, "mine.zip", None)
 
     asyncio.run(go())

@@ -17,13 +17,27 @@ from handscope.estimators.simulation.person import drawn
 from handscope.estimators.simulation.scenario import Simulated, performed
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
 
-ANYHOW = SensorErrors(misalignment=15.0, misalignment_width=15.0)  # up to 30 deg off, about any axis
+ANYHOW = SensorErrors(
+    misalignment=15.0, misalignment_width=15.0
+)  # up to 30 deg off, about any axis
 PERFECT = Carelessness(pose=0.0, apart=0.0, joints=0.0, hand=2.0)
-TURNED = SensorErrors(**{**{n: getattr(IDEAL, n) for n in IDEAL.__dataclass_fields__}, "misalignment": 15.0, "misalignment_width": 15.0})
+TURNED = SensorErrors(
+    **{
+        **{n: getattr(IDEAL, n) for n in IDEAL.__dataclass_fields__},
+        "misalignment": 15.0,
+        "misalignment_width": 15.0,
+    }
+)
 
 
 @cache
-def done(hand: Hand, seed: int = 3, errors: SensorErrors = ANYHOW, care: Carelessness | None = None, after: bool = False) -> Simulated:
+def done(
+    hand: Hand,
+    seed: int = 3,
+    errors: SensorErrors = ANYHOW,
+    care: Carelessness | None = None,
+    after: bool = False,
+) -> Simulated:
     """The initial pose and all steps; `after` them fists, spreading, the thumb and tapping."""
     rng, care = np.random.default_rng(seed), care or Carelessness()
     person = drawn(hand, rng)
@@ -50,10 +64,14 @@ def posed(recording: Simulated) -> Calibration:
 
 
 def pieces(recording: Simulated, params: m2.Params | None = None) -> dict[str, Piece]:
-    return pipeline_process.functional_pieces(params or m2.Params(), recording, [posed(recording)])[0]
+    return pipeline_process.functional_pieces(params or m2.Params(), recording, [posed(recording)])[
+        0
+    ]
 
 
 def errors_of(recording: Simulated, calibration: Calibration) -> dict[str, Array]:
     """Turns (3,) in rad, in the segment's frame, between the sensors as they are taken to sit and as they do."""
     true = dict(zip(recording.sensors.segments, recording.sensors.q_BS))
-    return {s: quat.log(quat.multiply(q, quat.conjugate(true[s]))) for s, q in calibration.q_BS.items()}
+    return {
+        s: quat.log(quat.multiply(q, quat.conjugate(true[s]))) for s, q in calibration.q_BS.items()
+    }

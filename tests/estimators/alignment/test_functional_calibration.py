@@ -16,15 +16,29 @@ from handscope.estimators.simulation.movements import functional_calibration as 
 from handscope.estimators.simulation.movements import task_performance
 from handscope.estimators.simulation.movements.functional_calibration import Carelessness
 from handscope.estimators.simulation.scenario import Simulated, performed
-from tests.estimators.alignment.functional import ANYHOW, PERFECT, TURNED, done, errors_of, pieces, posed
+from tests.estimators.alignment.functional import (
+    ANYHOW,
+    PERFECT,
+    TURNED,
+    done,
+    errors_of,
+    pieces,
+    posed,
+)
 from tests.simulated import DEG
 
 PARAMS = m2.Params(gyr_reading="instant")
 MAIN = {  # the angles that a task moves: joints and which of their angles
     "rom_fist": ([(f"{f}_{j}", 0) for f in FINGERS[1:] for j in ("mcp", "pip", "dip")], 3.0),
     "rom_spread": ([(f"{f}_mcp", 1) for f in FINGERS[1:]], 3.0),
-    "rom_thumb": ([("thumb_mcp", 0), ("thumb_ip", 0), ("thumb_cmc", 0), ("thumb_cmc", 1), ("thumb_cmc", 2)], 3.0),
-    "tapping": ([(f"index_{j}", 0) for j in ("mcp", "pip", "dip")] + [("thumb_mcp", 0), ("thumb_ip", 0)], 5.0),
+    "rom_thumb": (
+        [("thumb_mcp", 0), ("thumb_ip", 0), ("thumb_cmc", 0), ("thumb_cmc", 1), ("thumb_cmc", 2)],
+        3.0,
+    ),
+    "tapping": (
+        [(f"index_{j}", 0) for j in ("mcp", "pip", "dip")] + [("thumb_mcp", 0), ("thumb_ip", 0)],
+        5.0,
+    ),
 }  # deg: our targets for slow and fast tasks
 
 
@@ -34,7 +48,9 @@ def _combined(recording: Simulated, *without: str):
 
 
 def _without(recording: Simulated, *steps: str) -> Simulated:
-    return replace(recording, events=tuple(e for e in recording.events if e.trial_type not in steps))
+    return replace(
+        recording, events=tuple(e for e in recording.events if e.trial_type not in steps)
+    )
 
 
 @pytest.mark.parametrize("hand", HANDS)
@@ -43,10 +59,14 @@ def test_axes_of_sensors_put_on_anyhow_are_found_within_two_degrees(hand: Hand) 
     found = _combined(recording)
     errors = errors_of(recording, found)
     assert set(found.q_BS_sd) == set(SEGMENTS)
-    assert max(np.linalg.norm(e[:2]) for s, e in errors.items() if s != "forearm") < 3 * DEG  # where z points
+    assert (
+        max(np.linalg.norm(e[:2]) for s, e in errors.items() if s != "forearm") < 3 * DEG
+    )  # where z points
     assert np.sqrt(np.mean([e[:2] ** 2 for s, e in errors.items() if s != "forearm"])) < 1.2 * DEG
     alone = errors_of(recording, posed(recording))
-    assert np.sqrt(np.mean([e[:2] ** 2 for e in alone.values()])) > 5 * DEG  # what the pose alone leaves
+    assert (
+        np.sqrt(np.mean([e[:2] ** 2 for e in alone.values()])) > 5 * DEG
+    )  # what the pose alone leaves
 
 
 @pytest.mark.parametrize("hand", HANDS)
@@ -70,7 +90,11 @@ def test_a_recording_of_the_right_hand_gives_what_its_mirror_image_of_the_left_d
 def test_a_sensor_on_its_head_is_no_different() -> None:
     """Nominal mounting not known at all: turned by 180 and 90 deg, and nobody says so."""
     recording = done("left")
-    turned = {"index_middle": quat.about(0, np.pi), "ring_distal": quat.about(1, np.pi / 2), "little_proximal": quat.about(2, 2.0)}
+    turned = {
+        "index_middle": quat.about(0, np.pi),
+        "ring_distal": quat.about(1, np.pi / 2),
+        "little_proximal": quat.about(2, 2.0),
+    }
     imu = recording.samples["imu"]
     values = imu.values.copy()
     for segment, q in turned.items():
@@ -84,16 +108,24 @@ def test_a_sensor_on_its_head_is_no_different() -> None:
         assert quat.angle(quat.relative(plain.q_BS[segment], there)) < 1 * DEG
     said = process(m2, PARAMS, upset)
     assert not [f for f in said.findings if f.kind == "turned"]
-    assert [f for f in process(m2, m2.Params(functional=False), upset).findings if f.kind == "turned"]
+    assert [
+        f for f in process(m2, m2.Params(functional=False), upset).findings if f.kind == "turned"
+    ]
 
 
 def test_steps_in_a_recording_are_used_by_themselves() -> None:
     recording = done("right")
-    with_steps, alone = process(m2, PARAMS, recording), process(m2, m2.Params(gyr_reading="instant", functional=False), recording)
+    with_steps, alone = (
+        process(m2, PARAMS, recording),
+        process(m2, m2.Params(gyr_reading="instant", functional=False), recording),
+    )
     assert with_steps.calibrations[0].source == "initial pose and functional calibration"
     assert set(with_steps.calibrations[0].steps) == set(STEPS)
     assert with_steps.warnings == ()
-    rms = [np.sqrt(np.nanmean((p.trajectory.angles - recording.truth.angles) ** 2)) for p in (with_steps, alone)]
+    rms = [
+        np.sqrt(np.nanmean((p.trajectory.angles - recording.truth.angles) ** 2))
+        for p in (with_steps, alone)
+    ]
     assert rms[0] < 0.5 * rms[1]
 
 
@@ -102,14 +134,20 @@ def test_the_papers_own_alignment_does_not_use_them() -> None:
     assert done_so.calibrations[0].source == "initial pose"
 
 
-def test_without_the_figure_of_eight_a_hand_that_rested_points_as_mounted_and_this_is_said() -> None:
+def test_without_the_figure_of_eight_a_hand_that_rested_points_as_mounted_and_this_is_said() -> (
+    None
+):
     recording = done("left", care=Carelessness(joints=0.0, hand=0.0))
     found = _combined(recording, "figure_eight")
     assert any(w.startswith("hand: which way its sensor points") for w in found.warnings)
-    assert any(w.startswith("forearm: no functional") and "figure of eight" in w for w in found.warnings)
+    assert any(
+        w.startswith("forearm: no functional") and "figure of eight" in w for w in found.warnings
+    )
     assert "forearm" not in found.q_BS_sd
     off = abs(errors_of(recording, found)["hand"][0])
-    assert off < 2 * found.q_BS_sd["hand"][0]  # the knuckles pull the skin under a hand that rests: that is no movement of the hand
+    assert (
+        off < 2 * found.q_BS_sd["hand"][0]
+    )  # the knuckles pull the skin under a hand that rests: that is no movement of the hand
 
 
 def test_without_the_figure_of_eight_a_hand_that_swayed_has_told_enough() -> None:
@@ -123,19 +161,29 @@ def test_without_the_figure_of_eight_a_hand_that_swayed_has_told_enough() -> Non
 
 def test_a_sensor_that_slips_between_two_steps_is_named() -> None:
     recording = done("left")
-    mcp, imu = next(e for e in recording.events if e.trial_type == "flexion_mcp"), recording.samples["imu"]
+    mcp, imu = (
+        next(e for e in recording.events if e.trial_type == "flexion_mcp"),
+        recording.samples["imu"],
+    )
     values, before = imu.values.copy(), imu.t < mcp.end
     k = imu.stream.sensors.index("index_middle")
     for axes in (slice(0, 3), slice(3, 6)):
-        values[before, k, axes] = quat.rotate(quat.exp(np.array([0.0, 0.5, 0.0])), values[before, k, axes])
+        values[before, k, axes] = quat.rotate(
+            quat.exp(np.array([0.0, 0.5, 0.0])), values[before, k, axes]
+        )
     found = _combined(replace(recording, samples={"imu": replace(imu, values=values)}))
-    assert any(w.startswith("index_middle: the steps") and "contradict each other; repeat them" in w for w in found.warnings)
+    assert any(
+        w.startswith("index_middle: the steps") and "contradict each other; repeat them" in w
+        for w in found.warnings
+    )
 
 
 def test_without_the_thumbs_steps_its_posture_comes_from_the_initial_pose() -> None:
     recording = done("left")
     found = _combined(recording, "thumb_flat", "flexion_thumb_ip")
-    assert any("steps not done: flat thumb, flexion of the thumb's last joint" in w for w in found.warnings)
+    assert any(
+        "steps not done: flat thumb, flexion of the thumb's last joint" in w for w in found.warnings
+    )
     assert np.linalg.norm(errors_of(recording, found)["thumb_distal"][:2]) < 4 * DEG
 
 
@@ -150,11 +198,18 @@ def test_a_flat_hand_alone_changes_nothing() -> None:
 def test_a_step_may_be_repeated_and_the_last_good_one_counts() -> None:
     recording = done("left")
     mcp = next(e for e in recording.events if e.trial_type == "flexion_mcp")
-    bad = replace(mcp, onset=next(e for e in recording.events if e.trial_type == "rest" or e.trial_type == "thumb_flat").onset)
+    bad = replace(
+        mcp,
+        onset=next(
+            e for e in recording.events if e.trial_type == "rest" or e.trial_type == "thumb_flat"
+        ).onset,
+    )
     both = replace(recording, events=(*recording.events, bad))
     assert pieces(both)["flexion_mcp"].onset == mcp.onset
     assert process(m2, PARAMS, both).warnings == ()
-    only_bad = replace(_without(recording, "flexion_mcp"), events=(*_without(recording, "flexion_mcp").events, bad))
+    only_bad = replace(
+        _without(recording, "flexion_mcp"), events=(*_without(recording, "flexion_mcp").events, bad)
+    )
     said = process(m2, PARAMS, only_bad).warnings
     assert any("MCP flexion" in w and "repeat it" in w for w in said)
     assert any("steps not done: MCP flexion" in w for w in said)
@@ -203,24 +258,35 @@ def test_a_perfect_calibration_sees_the_pose_as_it_was_held() -> None:
 
 
 def test_a_glove_with_two_strips_and_a_forearm_of_another_rate_is_calibrated() -> None:
-    worn = tuple(s for s in SEGMENTS if s in ("hand", "forearm") or s.startswith(("index", "thumb")))
+    worn = tuple(
+        s for s in SEGMENTS if s in ("hand", "forearm") or s.startswith(("index", "thumb"))
+    )
     g = sized("right")
     rng = np.random.default_rng(8)
     performances = [task_performance.initial_pose(g), *functional.all_steps(g, rng)]
     recording = performed(performances, "right", g, rng, ANYHOW, segments=worn, forearm_rate=60.0)
     found = process(m2, PARAMS, recording).calibrations[0]
     assert set(found.q_BS_sd) == set(worn)
-    assert max(np.linalg.norm(e[:2]) for s, e in errors_of(recording, found).items() if s != "forearm") < 4 * DEG
+    assert (
+        max(np.linalg.norm(e[:2]) for s, e in errors_of(recording, found).items() if s != "forearm")
+        < 4 * DEG
+    )
 
 
 def test_even_the_hands_sensor_may_sit_in_any_way() -> None:
     recording = done("left")
     imu = recording.samples["imu"]
     values = imu.values.copy()
-    for segment, turn in {"hand": [0.3, 2.8, 0.4], "thumb_metacarpal": [2.0, 0.0, 0.0], "forearm": [0.0, 0.0, 3.0]}.items():
+    for segment, turn in {
+        "hand": [0.3, 2.8, 0.4],
+        "thumb_metacarpal": [2.0, 0.0, 0.0],
+        "forearm": [0.0, 0.0, 3.0],
+    }.items():
         k = imu.stream.sensors.index(segment)
         for axes in (slice(0, 3), slice(3, 6)):
             values[:, k, axes] = quat.rotate(quat.exp(np.array(turn)), values[:, k, axes])
     anyhow = process(m2, PARAMS, replace(recording, samples={"imu": replace(imu, values=values)}))
-    np.testing.assert_allclose(anyhow.trajectory.angles, process(m2, PARAMS, recording).trajectory.angles, atol=0.1 * DEG)
+    np.testing.assert_allclose(
+        anyhow.trajectory.angles, process(m2, PARAMS, recording).trajectory.angles, atol=0.1 * DEG
+    )
     assert anyhow.warnings == ()

@@ -30,7 +30,9 @@ def measured(performance: Performance, change: "object" = None) -> Piece:
     if callable(change):
         blocks = [change(b) for b in blocks]
     bias = dict(zip(made.sensors.segments, made.sensors.bias[:, :3]))
-    return functional_movements.measure(PARAMS, event.trial_type, blocks, event.onset, event.end, bias)
+    return functional_movements.measure(
+        PARAMS, event.trial_type, blocks, event.onset, event.end, bias
+    )
 
 
 def bent_to(step: str, times: int = 3, half: float = 1.4, **degrees: float) -> Performance:
@@ -38,8 +40,13 @@ def bent_to(step: str, times: int = 3, half: float = 1.4, **degrees: float) -> P
     bent = posture(flat(), **degrees)
     points = [(0.0, relaxed()), (1.5, flat()), (1.8, flat())]
     points += [(1.8 + (k + 1) * half, bent if k % 2 == 0 else flat()) for k in range(2 * times)]
-    event = functional_calibration._step(step, np.linspace(0, 1, 51), np.tile(flat(), (51, 1)), {}).events[0]
-    return Performance(through([*points, (points[-1][0] + 1.5, relaxed())]), (replace(event, duration=points[-1][0] - 1.5 + 0.2),))
+    event = functional_calibration._step(
+        step, np.linspace(0, 1, 51), np.tile(flat(), (51, 1)), {}
+    ).events[0]
+    return Performance(
+        through([*points, (points[-1][0] + 1.5, relaxed())]),
+        (replace(event, duration=points[-1][0] - 1.5 + 0.2),),
+    )
 
 
 @pytest.mark.parametrize("step", STEPS)
@@ -60,16 +67,30 @@ def test_a_flexion_with_sideways_movement_is_not_in_one_plane() -> None:
     there = posture(flat(), **mcp)
     aside = {f"{f}_mcp_deviation": 30.0 for f in ("index", "middle", "ring", "little")}
     back = posture(flat(), **aside)
-    points = [(0.0, relaxed()), (1.5, flat()), *((1.5 + 1.4 * (k + 1), (there, back, flat())[k % 3]) for k in range(9))]
+    points = [
+        (0.0, relaxed()),
+        (1.5, flat()),
+        *((1.5 + 1.4 * (k + 1), (there, back, flat())[k % 3]) for k in range(9)),
+    ]
     event = bent_to("flexion_mcp", **mcp).events[0]
-    piece = measured(Performance(through([*points, (points[-1][0] + 1.5, relaxed())]), (replace(event, duration=points[-1][0] - 1.5),)))
+    piece = measured(
+        Performance(
+            through([*points, (points[-1][0] + 1.5, relaxed())]),
+            (replace(event, duration=points[-1][0] - 1.5),),
+        )
+    )
     assert "the MCP flexion at 1.5 s was not in one plane (" in _one(piece)
     assert _one(piece).endswith("%): rest the other joints and repeat it")
     assert piece.quality["planarity"] < 0.9
 
 
 def test_a_small_flexion_is_to_be_done_further() -> None:
-    piece = measured(bent_to("flexion_mcp", **{f"{f}_mcp_flexion": 12.0 for f in ("index", "middle", "ring", "little")}))
+    piece = measured(
+        bent_to(
+            "flexion_mcp",
+            **{f"{f}_mcp_flexion": 12.0 for f in ("index", "middle", "ring", "little")},
+        )
+    )
     assert "was small (" in _one(piece)
     assert "bend further and repeat it" in _one(piece)
 
@@ -88,13 +109,24 @@ def test_a_hand_that_moves_along_is_told_to_rest() -> None:
 
 def test_repetitions_about_different_axes_are_told() -> None:
     rng = np.random.default_rng(2)
-    step = functional_calibration.flexion_thumb_ip(sized("left"), rng, Carelessness(pose=0.0, apart=0.0, joints=0.0, hand=0.0))
+    step = functional_calibration.flexion_thumb_ip(
+        sized("left"), rng, Carelessness(pose=0.0, apart=0.0, joints=0.0, hand=0.0)
+    )
 
     def twist(block: Block) -> Block:
         """The sensor slips round by 25 deg after the second repetition."""
         values = block.values.copy()
-        k, late = block.stream.sensors.index("thumb_distal"), block.t > 1.5 + 0.3 + 4 * functional_calibration.HALF
-        turn = np.array([[np.cos(25 * DEG), -np.sin(25 * DEG), 0], [np.sin(25 * DEG), np.cos(25 * DEG), 0], [0, 0, 1]])
+        k, late = (
+            block.stream.sensors.index("thumb_distal"),
+            block.t > 1.5 + 0.3 + 4 * functional_calibration.HALF,
+        )
+        turn = np.array(
+            [
+                [np.cos(25 * DEG), -np.sin(25 * DEG), 0],
+                [np.sin(25 * DEG), np.cos(25 * DEG), 0],
+                [0, 0, 1],
+            ]
+        )
         values[late, k, :3] = values[late, k, :3] @ np.roll(np.roll(turn, 1, 0), 1, 1).T
         return replace(block, values=values)
 
@@ -106,7 +138,9 @@ def test_a_hand_that_is_not_still_is_told_by_its_worst_sensor() -> None:
 
     def tremble(block: Block) -> Block:
         values = block.values.copy()
-        values[:, block.stream.sensors.index("ring_middle"), 1] += np.where(block.t > 3.0, 6 * DEG, 0.0)
+        values[:, block.stream.sensors.index("ring_middle"), 1] += np.where(
+            block.t > 3.0, 6 * DEG, 0.0
+        )
         return replace(block, values=values)
 
     problem = _one(measured(step, tremble))
@@ -116,25 +150,40 @@ def test_a_hand_that_is_not_still_is_told_by_its_worst_sensor() -> None:
 
 def test_a_figure_of_eight_about_one_axis_tells_too_little() -> None:
     points = [(0.0, relaxed()), (1.5, flat())]
-    points += [(1.5 + 0.8 * (k + 1), posture(flat(), forearm_deviation=25.0 * (-1) ** k)) for k in range(6)]
-    eight = functional_calibration.figure_eight(sized("left"), np.random.default_rng(1), Carelessness())
+    points += [
+        (1.5 + 0.8 * (k + 1), posture(flat(), forearm_deviation=25.0 * (-1) ** k)) for k in range(6)
+    ]
+    eight = functional_calibration.figure_eight(
+        sized("left"), np.random.default_rng(1), Carelessness()
+    )
     piece = measured(Performance(through([*points, (7.8, relaxed())]), eight.events))
-    assert any("was nearly about one axis" in p and "tilt and turn the hands" in p for p in piece.problems)
+    assert any(
+        "was nearly about one axis" in p and "tilt and turn the hands" in p for p in piece.problems
+    )
 
 
 def test_fingers_that_move_in_the_figure_of_eight_are_named() -> None:
-    eight = functional_calibration.figure_eight(sized("left"), np.random.default_rng(1), Carelessness(joints=60.0))
-    assert any("moved on the hand in the figure of eight" in p and "press the hands together" in p for p in measured(eight).problems)
+    eight = functional_calibration.figure_eight(
+        sized("left"), np.random.default_rng(1), Carelessness(joints=60.0)
+    )
+    assert any(
+        "moved on the hand in the figure of eight" in p and "press the hands together" in p
+        for p in measured(eight).problems
+    )
 
 
 @pytest.mark.parametrize("step", ["flat_hand", "flexion_mcp", "figure_eight"])
 def test_a_step_without_samples_is_to_be_recorded_again(step: str) -> None:
-    piece = functional_movements.measure(PARAMS, step, list(done("left").samples.values()), 5000.0, 5004.0, {})
+    piece = functional_movements.measure(
+        PARAMS, step, list(done("left").samples.values()), 5000.0, 5004.0, {}
+    )
     assert "record it again" in _one(piece)
 
 
 def test_a_sensor_that_misses_many_samples_has_no_axis() -> None:
-    step = functional_calibration.flexion_mcp(sized("left"), np.random.default_rng(4), Carelessness())
+    step = functional_calibration.flexion_mcp(
+        sized("left"), np.random.default_rng(4), Carelessness()
+    )
 
     def silent(block: Block) -> Block:
         values = block.values.copy()

@@ -24,7 +24,9 @@ STILL = Pose(1.5, 3.0, (0.0, -45 * DEG, 60 * DEG))
 
 def _calibrate(recording: Simulated, pose: Pose = STILL, **options: float | str) -> Calibration:
     blocks = list(recording.samples.values())
-    return initial_pose.calibrate(m2.Params(**options), recording.hand, recording.geometry, recording.mounting, blocks, pose)
+    return initial_pose.calibrate(
+        m2.Params(**options), recording.hand, recording.geometry, recording.mounting, blocks, pose
+    )
 
 
 def _changed(recording: Simulated, name: str, change: "object") -> Simulated:
@@ -32,7 +34,9 @@ def _changed(recording: Simulated, name: str, change: "object") -> Simulated:
     block = recording.samples[name]
     values = block.values.copy()
     change(block.t, values)
-    return with_samples(recording, {**recording.samples, name: Block(block.stream, block.t, values)})
+    return with_samples(
+        recording, {**recording.samples, name: Block(block.stream, block.t, values)}
+    )
 
 
 def test_biases_are_found_and_misalignment_but_for_its_part_about_the_vertical() -> None:
@@ -40,16 +44,29 @@ def test_biases_are_found_and_misalignment_but_for_its_part_about_the_vertical()
     found = calibrated(recording)
     hand = recording.sensors.segments.index("hand")
     for k, segment in enumerate(recording.sensors.segments):
-        np.testing.assert_allclose(found.gyr_bias[segment], recording.sensors.bias[k, :3], atol=1e-9)
-        assert found.quality[segment].bias == pytest.approx(np.linalg.norm(recording.sensors.bias[k, :3]), abs=1e-9)
+        np.testing.assert_allclose(
+            found.gyr_bias[segment], recording.sensors.bias[k, :3], atol=1e-9
+        )
+        assert found.quality[segment].bias == pytest.approx(
+            np.linalg.norm(recording.sensors.bias[k, :3]), abs=1e-9
+        )
         if not segment.startswith("thumb"):  # the pose turns the thumb's frames against the hand's
-            true = quat.multiply(quat.conjugate(recording.sensors.q_BS[hand]), recording.sensors.q_BS[k])  # the hand's own cannot be seen
+            true = quat.multiply(
+                quat.conjugate(recording.sensors.q_BS[hand]), recording.sensors.q_BS[k]
+            )  # the hand's own cannot be seen
             error = quat.log(quat.multiply(found.q_BS[segment], quat.conjugate(true)))
-            up = quat.rotate(quat.conjugate(quat.multiply(found.q_GS[segment], quat.conjugate(found.q_BS[segment]))), np.array([0, 0, 1.0]))
+            up = quat.rotate(
+                quat.conjugate(
+                    quat.multiply(found.q_GS[segment], quat.conjugate(found.q_BS[segment]))
+                ),
+                np.array([0, 0, 1.0]),
+            )
             assert np.linalg.norm(error - (error @ up) * up) < 0.02 * DEG
 
 
-def test_the_hand_lies_palm_down_with_its_fingers_along_the_global_y_axis(simulated: Simulated) -> None:
+def test_the_hand_lies_palm_down_with_its_fingers_along_the_global_y_axis(
+    simulated: Simulated,
+) -> None:
     found, k = calibrated(simulated), np.searchsorted(simulated.truth.t, STILL.onset)
     for s, segment in enumerate(SEGMENTS):
         assert quat.angle(quat.relative(simulated.truth.q_GS[k, s], found.q_GS[segment])) < 1e-6
@@ -61,7 +78,9 @@ def test_the_paper_keeps_the_nominal_mounting_and_takes_the_heading_only() -> No
     for segment in recording.sensors.segments:
         np.testing.assert_array_equal(found.q_BS[segment], quat.IDENTITY)
     true = quat.multiply(recording.truth.q_GS[200, 0], recording.sensors.q_BS[0])
-    assert quat.angle(quat.relative(true, found.q_GS["forearm"])) < 15 * DEG  # heading of the pose, inclination measured
+    assert (
+        quat.angle(quat.relative(true, found.q_GS["forearm"])) < 15 * DEG
+    )  # heading of the pose, inclination measured
 
 
 def test_a_nominal_mounting_is_the_starting_point() -> None:
@@ -85,20 +104,31 @@ def test_of_a_long_pose_the_stillest_stretch_counts() -> None:
         values[:, 3, 0] += np.where(t < 1.2, 0.02 * np.sin(60 * t), 0.0)
         values[:, 5] = np.nan  # a dead sensor must not hide the others' trembling
 
-    found = _calibrate(_changed(recording, "imu", tremble), Pose(0.9, 3.9, STILL.thumb_cmc), pose_rate=1000.0, pose_tilt=90.0)
+    found = _calibrate(
+        _changed(recording, "imu", tremble),
+        Pose(0.9, 3.9, STILL.thumb_cmc),
+        pose_rate=1000.0,
+        pose_tilt=90.0,
+    )
     assert found.t >= 1.2
 
 
 def test_streams_that_are_not_inertial_do_not_matter() -> None:
     recording = pose_and_wiggle("left")
     mag = Stream("mag", ("hand",), (MAG,), 50.0)
-    with_mag = with_samples(recording, {"mag": Block(mag, np.arange(700) / 50, np.zeros((700, 1, 3))), **recording.samples})
+    with_mag = with_samples(
+        recording,
+        {"mag": Block(mag, np.arange(700) / 50, np.zeros((700, 1, 3))), **recording.samples},
+    )
     assert _calibrate(with_mag).q_GS.keys() == _calibrate(recording).q_GS.keys()
 
 
 def test_a_sensor_with_few_or_no_samples_in_the_pose_is_not_calibrated() -> None:
     recording = pose_and_wiggle("left")
-    columns = {name: recording.samples["imu"].stream.sensors.index(name) for name in ("ring_distal", "index_distal")}
+    columns = {
+        name: recording.samples["imu"].stream.sensors.index(name)
+        for name in ("ring_distal", "index_distal")
+    }
 
     def fall_silent(t: np.ndarray, values: np.ndarray) -> None:
         values[t < 3.3, columns["ring_distal"]] = np.nan
@@ -179,11 +209,19 @@ def test_an_accelerometer_that_is_off_is_a_warning() -> None:
         values[:, 7, 3:] *= 1.2
 
     found = _calibrate(_changed(recording, "imu", scale))
-    assert [w for w in found.warnings if recording.samples["imu"].stream.sensors[7] in w and "11.8 m/s^2" in w]
+    assert [
+        w
+        for w in found.warnings
+        if recording.samples["imu"].stream.sensors[7] in w and "11.8 m/s^2" in w
+    ]
 
 
 def test_a_pose_event_tells_the_thumbs_angles_in_degrees() -> None:
-    details = {"thumb_cmc_deviation_deg": "-45", "thumb_cmc_pronation_deg": 60.0, "thumb_cmc_flexion_deg": None}
+    details = {
+        "thumb_cmc_deviation_deg": "-45",
+        "thumb_cmc_pronation_deg": 60.0,
+        "thumb_cmc_flexion_deg": None,
+    }
     pose = initial_pose.pose_of(Event(1.0, 3.0, "initial_pose", details))
     assert pose == Pose(1.0, 3.0, (0.0, pytest.approx(-45 * DEG), pytest.approx(60 * DEG)))
     assert initial_pose.pose_of(Event(1.0, 3.0, "initial_pose")).thumb_cmc == (0.0, 0.0, 0.0)
@@ -205,7 +243,9 @@ def test_another_recordings_headings_are_taken_over_with_this_ones_inclination()
 
 
 @pytest.mark.parametrize("hand", ["left", "right"])
-def test_the_inclination_in_which_the_sensors_agree_lessens_the_effect_of_a_hand_sensor_askew(hand: str) -> None:
+def test_the_inclination_in_which_the_sensors_agree_lessens_the_effect_of_a_hand_sensor_askew(
+    hand: str,
+) -> None:
     recording = pose_and_wiggle(hand, replace(IDEAL, misalignment=7.5, misalignment_width=2.5))
     error = {}
     for alignment in ("full", "common", "heading"):
@@ -217,7 +257,10 @@ def test_the_inclination_in_which_the_sensors_agree_lessens_the_effect_of_a_hand
 
 def test_of_a_long_pose_a_stretch_is_taken_in_which_every_sensor_was_there() -> None:
     recording = _long_pose()
-    index = [recording.samples["imu"].stream.sensors.index(s) for s in ("index_proximal", "index_middle", "index_distal")]
+    index = [
+        recording.samples["imu"].stream.sensors.index(s)
+        for s in ("index_proximal", "index_middle", "index_distal")
+    ]
 
     def without_index(t: np.ndarray, values: np.ndarray) -> None:
         values[np.ix_((t > 3.0) & (t < 5.5), index)] = np.nan
@@ -238,4 +281,10 @@ def test_a_gap_in_a_long_pose_does_not_refuse_it() -> None:
 
 def _long_pose() -> Simulated:
     g = sized("left")
-    return performed([task_performance.initial_pose(g, 12.0)], "left", g, np.random.default_rng(2), SensorErrors())
+    return performed(
+        [task_performance.initial_pose(g, 12.0)],
+        "left",
+        g,
+        np.random.default_rng(2),
+        SensorErrors(),
+    )

@@ -15,7 +15,14 @@ class Params:
 
 def test_options_are_described_in_the_order_of_declaration() -> None:
     window, side = describe(Params)
-    assert (window.name, window.default, window.kind, window.unit, window.meaning, window.source) == (
+    assert (
+        window.name,
+        window.default,
+        window.kind,
+        window.unit,
+        window.meaning,
+        window.source,
+    ) == (
         "window",
         0.2,
         "float",

@@ -18,9 +18,19 @@ from handscope.estimators.numerics.quaternions import Array
 
 DEG = np.pi / 180
 RATE = 200.0
-FREE_INDEX, LIMITS_INDEX = finger_ekf_measurements.IS_FREE[1], finger_ekf_measurements.LIMITS[1]  # MCP, PIP, DIP
+FREE_INDEX, LIMITS_INDEX = (
+    finger_ekf_measurements.IS_FREE[1],
+    finger_ekf_measurements.LIMITS[1],
+)  # MCP, PIP, DIP
 WHITE = FilterParams(
-    correlation=0.0, inclination_time=0.0, inclination=0.3, gyr_scale=0.0, bias_sd=0.1, creeping=1e3, dimension_noise=1.0, misalignment=1.0
+    correlation=0.0,
+    inclination_time=0.0,
+    inclination=0.3,
+    gyr_scale=0.0,
+    bias_sd=0.1,
+    creeping=1e3,
+    dimension_noise=1.0,
+    misalignment=1.0,
 )
 WHITE = replace(WHITE, inclination_by_rate=0.0, acc_bias=0.0)
 
@@ -54,42 +64,68 @@ def _bent_chain(rng: np.random.Generator) -> tuple[Array, Array]:
     return seat, quat.multiply(quat.multiply(seat[:, :3], q), quat.conjugate(seat[:, 1:]))
 
 
-def test_the_errors_of_true_joints_follow_from_all_error_states_as_the_derivative_says(rng: np.random.Generator) -> None:
+def test_the_errors_of_true_joints_follow_from_all_error_states_as_the_derivative_says(
+    rng: np.random.Generator,
+) -> None:
     """Skin that turns in proportion to flexion, whose own error counts for nothing in it: a part in fifty."""
     seat, q_pc = _bent_chain(rng)
     skin = 0.02 * rng.normal(size=(1, 3, 3))
     at = _seated(q_pc, seat, skin)
 
     def found(x: Array) -> Array:
-        parts = quat.multiply(q_pc, quat.exp(x[:9].reshape(1, 3, 3))), quat.multiply(seat, quat.exp(x[21:33].reshape(1, 4, 3)))
-        return quat.log(quat.relative(at.q, _seated(*parts, skin + x[33:42].reshape(1, 3, 3)).q)).ravel()
+        parts = (
+            quat.multiply(q_pc, quat.exp(x[:9].reshape(1, 3, 3))),
+            quat.multiply(seat, quat.exp(x[21:33].reshape(1, 4, 3))),
+        )
+        return quat.log(
+            quat.relative(at.q, _seated(*parts, skin + x[33:42].reshape(1, 3, 3)).q)
+        ).ravel()
 
     numeric = _derivative(found, sensor_to_segment.SIZE)
-    np.testing.assert_allclose(at.A[0][:, sensor_to_segment.SKIN], numeric[:, sensor_to_segment.SKIN], atol=1e-7)
+    np.testing.assert_allclose(
+        at.A[0][:, sensor_to_segment.SKIN], numeric[:, sensor_to_segment.SKIN], atol=1e-7
+    )
     np.testing.assert_allclose(at.A[0], numeric, atol=0.06)
     at = _seated(q_pc, seat, skin := np.zeros((1, 3, 3)))
     without = np.delete(np.arange(sensor_to_segment.SIZE), np.arange(33, 42))
-    np.testing.assert_allclose(at.A[0][:, without], _derivative(found, sensor_to_segment.SIZE)[:, without], atol=1e-7)
+    np.testing.assert_allclose(
+        at.A[0][:, without], _derivative(found, sensor_to_segment.SIZE)[:, without], atol=1e-7
+    )
 
 
-def test_true_joints_of_sensors_that_sit_straight_are_the_rotations_between_them(rng: np.random.Generator) -> None:
+def test_true_joints_of_sensors_that_sit_straight_are_the_rotations_between_them(
+    rng: np.random.Generator,
+) -> None:
     q_pc, straight = _random(rng, 5, 3), np.tile(quat.IDENTITY, (5, 4, 1))
-    np.testing.assert_allclose(np.abs((_seated(q_pc, straight, np.zeros((5, 3, 3))).q * q_pc).sum(axis=-1)), 1.0, atol=1e-12)
+    np.testing.assert_allclose(
+        np.abs((_seated(q_pc, straight, np.zeros((5, 3, 3))).q * q_pc).sum(axis=-1)),
+        1.0,
+        atol=1e-12,
+    )
 
 
 def test_skin_turns_the_child_s_sensor_by_its_share_of_the_flexion() -> None:
     """Sensors turned on their segments as the simulator does it: q_BS = exp(flexion k)."""
-    flexion, k = np.array([0.9, 1.2, 0.7]), 0.03 * np.array([[1.0, -0.5, 0.0], [0.2, 1.0, 0.0], [-1.0, 0.3, 0.0]])
+    flexion, k = (
+        np.array([0.9, 1.2, 0.7]),
+        0.03 * np.array([[1.0, -0.5, 0.0], [0.2, 1.0, 0.0], [-1.0, 0.3, 0.0]]),
+    )
     q = quat.about(2, flexion)
     q_BS = np.concatenate([[quat.IDENTITY], quat.exp(flexion[:, None] * k)])
     q_pc = quat.multiply(quat.multiply(quat.conjugate(q_BS[:3]), q), q_BS[1:])
     found = _seated(q_pc[None], np.tile(quat.IDENTITY, (1, 4, 1)), k[None]).q[0]
-    assert quat.angle(quat.relative(q, found)).max() < 0.1 * DEG  # from which flexion, is of the second order
+    assert (
+        quat.angle(quat.relative(q, found)).max() < 0.1 * DEG
+    )  # from which flexion, is of the second order
     assert quat.angle(quat.relative(q, q_pc)).max() > 2 * DEG
 
 
 def test_vector_and_angle_jacobians_are_derivatives(rng: np.random.Generator) -> None:
-    q_pc, v, angles = _random(rng, 6), 9.8 * rng.normal(size=(6, 3)), rng.uniform(-1.2, 1.2, (20, 3))
+    q_pc, v, angles = (
+        _random(rng, 6),
+        9.8 * rng.normal(size=(6, 3)),
+        rng.uniform(-1.2, 1.2, (20, 3)),
+    )
     vectors = _derivative(lambda dth: quat.rotate(quat.multiply(q_pc, quat.exp(dth)), v), 3)
     for R_pc, v_c, expected in zip(quat.matrix(q_pc), v, vectors):
         H = np.zeros((5, 6))
@@ -110,10 +146,23 @@ class _Rows:
 
 def _told(seated: _Seated) -> _Rows:
     """What index fingers cannot do, three rows a joint."""
-    rows = _Rows(np.zeros((len(seated.q), 18)), np.zeros((len(seated.q), 18, sensor_to_segment.SIZE)), np.zeros((len(seated.q), 18, 18)))
+    rows = _Rows(
+        np.zeros((len(seated.q), 18)),
+        np.zeros((len(seated.q), 18, sensor_to_segment.SIZE)),
+        np.zeros((len(seated.q), 18, 18)),
+    )
     for each in zip(seated.q, seated.A, rows.missed, rows.H, rows.noise):
-        given = np.eye(sensor_to_segment.SIZE), np.full(3, (2 * DEG) ** 2), FREE_INDEX.astype(float), LIMITS_INDEX, np.ones(3), 0.2
-        finger_ekf_measurements.joints_row(finger_ekf_measurements.numbers(FilterParams()), *each[:2], *given, *each[2:])
+        given = (
+            np.eye(sensor_to_segment.SIZE),
+            np.full(3, (2 * DEG) ** 2),
+            FREE_INDEX.astype(float),
+            LIMITS_INDEX,
+            np.ones(3),
+            0.2,
+        )
+        finger_ekf_measurements.joints_row(
+            finger_ekf_measurements.numbers(FilterParams()), *each[:2], *given, *each[2:]
+        )
     return _Rows(rows.missed[:, 9:], rows.H[:, 9:], rows.noise[:, 9:, 9:])
 
 
@@ -125,7 +174,10 @@ def test_what_joints_cannot_do_misses_what_the_derivative_says(rng: np.random.Ge
     no_skin = np.zeros((1, 3, 3))
 
     def missed(x: Array) -> Array:
-        parts = quat.multiply(q_pc, quat.exp(x[:9].reshape(1, 3, 3))), quat.multiply(seat, quat.exp(x[21:33].reshape(1, 4, 3)))
+        parts = (
+            quat.multiply(q_pc, quat.exp(x[:9].reshape(1, 3, 3))),
+            quat.multiply(seat, quat.exp(x[21:33].reshape(1, 4, 3))),
+        )
         return np.asarray(_told(_seated(*parts, no_skin + x[33:42].reshape(1, 3, 3))).missed[0])
 
     rows = _told(_seated(q_pc, seat, no_skin))
@@ -133,7 +185,9 @@ def test_what_joints_cannot_do_misses_what_the_derivative_says(rng: np.random.Ge
     np.testing.assert_allclose(rows.missed, 0.0, atol=1e-12)
 
 
-def test_a_hinge_tells_nothing_of_its_flexion_however_askew_it_seems(rng: np.random.Generator) -> None:
+def test_a_hinge_tells_nothing_of_its_flexion_however_askew_it_seems(
+    rng: np.random.Generator,
+) -> None:
     angles = rng.uniform(-0.3, 0.3, (4, 3, 3)) + [0.5, 0.0, 0.0]
     straight = np.tile(quat.IDENTITY, (4, 4, 1))
     H = _told(_seated(joint_angles.compose(angles), straight, np.zeros((4, 3, 3)))).H
@@ -142,7 +196,10 @@ def test_a_hinge_tells_nothing_of_its_flexion_however_askew_it_seems(rng: np.ran
 
 
 def test_only_a_flexion_beyond_its_range_is_told() -> None:
-    straight, flexion = np.tile(quat.IDENTITY, (2, 4, 1)), np.array([[0.5, 1.0, 0.5], [0.5, 2.3, 0.5]])
+    straight, flexion = (
+        np.tile(quat.IDENTITY, (2, 4, 1)),
+        np.array([[0.5, 1.0, 0.5], [0.5, 2.3, 0.5]]),
+    )
     rows = _told(_seated(quat.about(2, flexion), straight, np.zeros((2, 3, 3))))
     np.testing.assert_allclose(rows.missed[:, 3], [0.0, 120 * DEG - 2.3], atol=1e-12)
     assert rows.H[0, 3].any() == np.False_
@@ -156,30 +213,59 @@ def test_the_gates_leave_out_accelerometers_that_disagree_or_turn_fast() -> None
     rates[2, 1] = 3.0  # the proximal one turns
     straight, H = np.tile(quat.IDENTITY, (3, 1)), np.zeros((3, 18, sensor_to_segment.SIZE))
     for case in range(3):
-        given = straight, up[case], up[case] / 9.81, np.zeros(4), rates[case], np.ones(3), 0.2, np.zeros(18), H[case], np.zeros((18, 18))
+        given = (
+            straight,
+            up[case],
+            up[case] / 9.81,
+            np.zeros(4),
+            rates[case],
+            np.ones(3),
+            0.2,
+            np.zeros(18),
+            H[case],
+            np.zeros((18, 18)),
+        )
         finger_ekf_measurements.vectors_row(finger_ekf_measurements.numbers(params), *given)
     used = np.abs(H[:, :9]).reshape(3, 3, 3, -1).sum(axis=(2, 3)) > 0
-    np.testing.assert_array_equal(used, [[True, True, True], [True, False, False], [False, False, True]])
+    np.testing.assert_array_equal(
+        used, [[True, True, True], [True, False, False], [False, False, True]]
+    )
 
 
 def test_a_pose_leaves_joints_to_what_is_missed_and_seats_alike_but_about_the_vertical() -> None:
     """The covariance after the pose against 20000 people who put on sensors askew, miss the pose and are calibrated by gravity."""
-    rng, params, trials = np.random.default_rng(1), FilterParams(misalignment=1.0, pose_sd=0.5, angle_sd=0.2), 20000
+    rng, params, trials = (
+        np.random.default_rng(1),
+        FilterParams(misalignment=1.0, pose_sd=0.5, angle_sd=0.2),
+        20000,
+    )
     up = np.array([1.0, 0.0, 0.0])
     q_nominal = quat.multiply(
-        quat.exp(1.0 * DEG * rng.normal(size=(trials, 4, 3))), np.tile(quat.IDENTITY, (trials, 4, 1))
+        quat.exp(1.0 * DEG * rng.normal(size=(trials, 4, 3))),
+        np.tile(quat.IDENTITY, (trials, 4, 1)),
     )  # segment to sensor
     missed = 0.5 * DEG * rng.normal(size=(trials, 3, 3)) * FREE_INDEX
     q_joint = joint_angles.compose(missed)
     q_HS = quat.multiply(_chained(q_joint), quat.conjugate(q_nominal))  # of the sensors as they sit
     seen = quat.rotate(quat.conjugate(q_HS), up)
     seen += 0.2 * DEG * rng.normal(size=(trials, 4, 3)) * [0, 1, 1]
-    turn = quat.exp(np.cross(seen, seen[:, :1]))  # small: each sensor's frame is turned until it sees up where the hand's sees it
+    turn = quat.exp(
+        np.cross(seen, seen[:, :1])
+    )  # small: each sensor's frame is turned until it sees up where the hand's sees it
     seat = quat.multiply(turn, q_nominal)
-    q_pc = quat.relative(quat.multiply(q_HS, quat.conjugate(turn))[:, :3], quat.multiply(q_HS, quat.conjugate(turn))[:, 1:])
-    errors = np.concatenate([quat.log(q_pc).reshape(trials, 9), quat.log(seat).reshape(trials, 12)], axis=1)
+    q_pc = quat.relative(
+        quat.multiply(q_HS, quat.conjugate(turn))[:, :3],
+        quat.multiply(q_HS, quat.conjugate(turn))[:, 1:],
+    )
+    errors = np.concatenate(
+        [quat.log(q_pc).reshape(trials, 9), quat.log(seat).reshape(trials, 12)], axis=1
+    )
     P = sensor_to_segment.after_pose(
-        params, np.tile(quat.IDENTITY, (1, 3, 1)), np.tile(9.81 * up, (1, 4, 1)), FREE_INDEX[None], _seats(params)
+        params,
+        np.tile(quat.IDENTITY, (1, 3, 1)),
+        np.tile(9.81 * up, (1, 4, 1)),
+        FREE_INDEX[None],
+        _seats(params),
     )[0]
     kept = np.r_[0:9, 21:33]
     np.testing.assert_allclose(np.cov(errors.T) / DEG**2, P[np.ix_(kept, kept)] / DEG**2, atol=0.06)
@@ -191,7 +277,9 @@ def test_a_pose_leaves_each_freedom_of_a_thumb_held_aside_to_what_is_missed() ->
     angles = np.array([[[30.0, -45.0, 60.0], [0, 0, 0], [0, 0, 0]]]) * DEG
     q_pc = joint_angles.compose(angles)
     up = quat.rotate(quat.conjugate(_chained(q_pc)), np.array([1.0, 0.0, 0.0]))
-    P = sensor_to_segment.after_pose(params, q_pc, up, finger_ekf_measurements.IS_FREE[:1], _seats(params))[0]
+    P = sensor_to_segment.after_pose(
+        params, q_pc, up, finger_ekf_measurements.IS_FREE[:1], _seats(params)
+    )[0]
     A = _seated(q_pc, np.tile(quat.IDENTITY, (1, 4, 1)), np.zeros((1, 3, 3))).A[0]
     J = finger_ekf_measurements.angle_jacobian(angles[0, 0])
     of_angles = J @ (A @ P @ A.T)[:3, :3] @ J.T
@@ -206,9 +294,15 @@ def _chained(q_pc: Array) -> Array:
     return np.stack(q, axis=1)
 
 
-def _samples(t: Array, turn: Array, acc: Array | None = None, q_first: Array | None = None) -> Samples:
+def _samples(
+    t: Array, turn: Array, acc: Array | None = None, q_first: Array | None = None
+) -> Samples:
     n, fingers = turn.shape[:2]
-    first = np.tile(quat.IDENTITY, (n, fingers, 3, 1)) if q_first is None else np.broadcast_to(q_first, (n, fingers, 3, 4))
+    first = (
+        np.tile(quat.IDENTITY, (n, fingers, 3, 1))
+        if q_first is None
+        else np.broadcast_to(q_first, (n, fingers, 3, 4))
+    )
     dt = np.diff(t, prepend=t[0])
     return Samples(
         t,
@@ -243,14 +337,21 @@ def _index(params: FilterParams, trials: int = 1) -> State:
 
 def _seats(params: FilterParams, trials: int = 1) -> Seats:
     """Sensors put on somehow, their frames aligned by the pose."""
-    return Seats(np.tile((params.misalignment * DEG) ** 2 * np.eye(12), (trials, 1, 1)), np.ones((trials, 4), bool))
+    return Seats(
+        np.tile((params.misalignment * DEG) ** 2 * np.eye(12), (trials, 1, 1)),
+        np.ones((trials, 4), bool),
+    )
 
 
-def _finger_trials(rng: np.random.Generator, params: FilterParams, trials: int, seconds: float) -> tuple[Samples, Array, Array, Array]:
+def _finger_trials(
+    rng: np.random.Generator, params: FilterParams, trials: int, seconds: float
+) -> tuple[Samples, Array, Array, Array]:
     """Index fingers that bend while the hand turns, drawn as the model says: samples, the true q_pc between sensors and of the joints
     (n, trials, 3, 4), the true biases at the end (trials, 4, 3)."""
     t = np.arange(0.0, seconds, 1 / RATE)
-    flexion = 0.6 * (np.cos(2 * np.pi * 0.4 * t[:, None, None]) - 1) * rng.uniform(-1, -0.2, (trials, 3))
+    flexion = (
+        0.6 * (np.cos(2 * np.pi * 0.4 * t[:, None, None]) - 1) * rng.uniform(-1, -0.2, (trials, 3))
+    )
     missed = params.pose_sd * DEG * rng.normal(size=(trials, 3, 3)) * FREE_INDEX
     angles = missed + flexion[..., None] * [1.0, 0.0, 0.0]
     q_joint = joint_angles.compose(angles)
@@ -259,8 +360,17 @@ def _finger_trials(rng: np.random.Generator, params: FilterParams, trials: int, 
     for j in range(3):
         q_GB.append(quat.multiply(q_GB[-1], q_joint[:, :, j]))
     straight = quat.exp(params.misalignment * DEG * rng.normal(size=(trials, 4, 3)))
-    k = params.skin * DEG / (np.pi / 2) / np.sqrt(3) * rng.normal(size=(trials, 3, 3)) * np.array([np.sqrt(2), 1, 1])[:, None]
-    by_skin = np.concatenate([np.tile(quat.IDENTITY, (len(t), trials, 1, 1)), quat.exp(-angles[..., :1] * k)], axis=2)
+    k = (
+        params.skin
+        * DEG
+        / (np.pi / 2)
+        / np.sqrt(3)
+        * rng.normal(size=(trials, 3, 3))
+        * np.array([np.sqrt(2), 1, 1])[:, None]
+    )
+    by_skin = np.concatenate(
+        [np.tile(quat.IDENTITY, (len(t), trials, 1, 1)), quat.exp(-angles[..., :1] * k)], axis=2
+    )
     q_GS = quat.multiply(np.stack(q_GB, axis=2), quat.conjugate(quat.multiply(straight, by_skin)))
     up = quat.rotate(quat.conjugate(q_GS), np.array([1.0, 0.0, 0.0]))  # x is up in the pose
     wrong = params.angle_sd * DEG * rng.normal(size=(trials, 4, 3))
@@ -273,23 +383,37 @@ def _finger_trials(rng: np.random.Generator, params: FilterParams, trials: int, 
     q_GS, up = quat.multiply(q_GS, quat.conjugate(aligned)), quat.rotate(aligned, up)
     turn = quat.log(quat.relative(np.concatenate([q_GS[:1], q_GS[:-1]]), q_GS))
     bias = params.bias_sd * DEG * rng.normal(size=(trials, 4, 3))
-    walk = params.bias_walk * DEG / np.sqrt(RATE) * rng.normal(size=(len(t), trials, 4, 3)).cumsum(axis=0)
+    walk = (
+        params.bias_walk
+        * DEG
+        / np.sqrt(RATE)
+        * rng.normal(size=(len(t), trials, 4, 3)).cumsum(axis=0)
+    )
     noise = params.gyr_noise * DEG * np.sqrt(RATE / 2) * rng.normal(size=turn.shape)
     turn[1:] += (bias + walk + noise)[1:] / RATE
     acc = 9.80665 * (up + params.inclination * DEG * rng.normal(size=up.shape))
-    return _samples(t, turn, acc), quat.relative(q_GS[:, :, :3], q_GS[:, :, 1:]), q_joint, bias + walk[-1]
+    return (
+        _samples(t, turn, acc),
+        quat.relative(q_GS[:, :, :3], q_GS[:, :, 1:]),
+        q_joint,
+        bias + walk[-1],
+    )
 
 
 def _nees(state: State, q_true: Array, bias: Array) -> Array:
     """Normalised error squared of each trial's 21 states of rotations between sensors and biases."""
     dth = quat.log(quat.relative(state.q_pc, q_true)).reshape(len(q_true), 9)
     error = np.concatenate([dth, (bias - state.bias).reshape(len(q_true), 12)], axis=-1)
-    return np.asarray((error * np.linalg.solve(state.P[:, :21, :21], error[..., None])[..., 0]).sum(axis=-1))
+    return np.asarray(
+        (error * np.linalg.solve(state.P[:, :21, :21], error[..., None])[..., 0]).sum(axis=-1)
+    )
 
 
 def _nees_of_joints(found: finger_ekf_filter.Estimate, q_joint: Array) -> Array:
     d = quat.log(quat.relative(found.q_joint[-1], q_joint[-1])).reshape(len(q_joint[-1]), 9)
-    return np.asarray((d * np.linalg.solve(found.P[-1] + 1e-9 * np.eye(9), d[..., None])[..., 0]).sum(axis=-1))
+    return np.asarray(
+        (d * np.linalg.solve(found.P[-1] + 1e-9 * np.eye(9), d[..., None])[..., 0]).sum(axis=-1)
+    )
 
 
 def _bounds(freedoms: int, trials: int) -> tuple[float, float]:
@@ -299,10 +423,14 @@ def _bounds(freedoms: int, trials: int) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("seconds", [1.0, 10.0])
-def test_standard_deviations_of_joints_rotations_and_biases_are_honest_on_data_as_modelled(seconds: float) -> None:
+def test_standard_deviations_of_joints_rotations_and_biases_are_honest_on_data_as_modelled(
+    seconds: float,
+) -> None:
     """Everything at once, joints that are true hinges but for what the noise says; means over 100 fingers within the 95 % bounds of chi squared."""
     trials = 100
-    samples, q_true, q_joint, bias = _finger_trials(np.random.default_rng(7), WHITE, trials, seconds + 0.5 / RATE)
+    samples, q_true, q_joint, bias = _finger_trials(
+        np.random.default_rng(7), WHITE, trials, seconds + 0.5 / RATE
+    )
     free = replace(WHITE, dimensions=False)
     state, found = finger_ekf_filter.step(free, _index(free, trials), samples)
     assert state.newest == state.t
@@ -314,20 +442,31 @@ def test_standard_deviations_of_joints_rotations_and_biases_are_honest_on_data_a
 
 def test_noise_of_the_gyroscopes_alone_makes_angles_walk_as_said() -> None:
     """No vertical, biases next to nothing: 9 angles of 300 fingers after 2 s."""
-    params, trials = replace(WHITE, dimensions=False, gyr_noise=0.3, bias_sd=1e-4, bias_walk=1e-8), 300
-    samples, q_true, _, _ = _finger_trials(np.random.default_rng(11), params, trials, 2.0 + 0.5 / RATE)
+    params, trials = (
+        replace(WHITE, dimensions=False, gyr_noise=0.3, bias_sd=1e-4, bias_walk=1e-8),
+        300,
+    )
+    samples, q_true, _, _ = _finger_trials(
+        np.random.default_rng(11), params, trials, 2.0 + 0.5 / RATE
+    )
     acc = np.full(samples.acc.shape, np.nan)
     acc[0] = samples.acc[0]
     state, _ = finger_ekf_filter.step(params, _index(params, trials), replace(samples, acc=acc))
     dth = quat.log(quat.relative(state.q_pc, q_true[-1])).reshape(trials, 9)
     low, high = _bounds(9, trials)
-    assert low < (dth * np.linalg.solve(state.P[:, :9, :9], dth[..., None])[..., 0]).sum(axis=-1).mean() < high
+    assert (
+        low
+        < (dth * np.linalg.solve(state.P[:, :9, :9], dth[..., None])[..., 0]).sum(axis=-1).mean()
+        < high
+    )
 
 
 def test_what_joints_cannot_do_makes_them_better_known_and_the_filter_no_less_careful() -> None:
     """True hinges play less than their noise says, so the filter may only be too careful."""
     trials = 50
-    samples, _, q_joint, _ = _finger_trials(np.random.default_rng(8), WHITE, trials, 20.0 + 0.5 / RATE)
+    samples, _, q_joint, _ = _finger_trials(
+        np.random.default_rng(8), WHITE, trials, 20.0 + 0.5 / RATE
+    )
     free, errors, sizes = replace(WHITE, dimensions=False), [], []
     for params in (WHITE, free):
         _, found = finger_ekf_filter.step(params, _index(params, trials), samples)
@@ -346,9 +485,13 @@ def test_biases_are_found_while_the_fingers_move_and_better_while_they_rest() ->
     assert relative < 0.9  # what turns all sensors alike can be told from none of them
     still = np.broadcast_to(bias / RATE, samples.turn.shape).copy()
     state, _ = finger_ekf_filter.step(
-        replace(params, rest_rate=10.0), _index(params, trials), replace(samples, turn=still, acc=samples.acc[:1] + 0 * samples.acc)
+        replace(params, rest_rate=10.0),
+        _index(params, trials),
+        replace(samples, turn=still, acc=samples.acc[:1] + 0 * samples.acc),
     )
-    error = (state.bias - bias) / np.sqrt(state.P[:, range(9, 21), range(9, 21)]).reshape(trials, 4, 3)
+    error = (state.bias - bias) / np.sqrt(state.P[:, range(9, 21), range(9, 21)]).reshape(
+        trials, 4, 3
+    )
     assert np.sqrt(((state.bias - bias) ** 2).mean()) < 0.1 * DEG
     assert np.sqrt((error**2).mean()) < 1.2
 
@@ -357,11 +500,18 @@ def test_missing_samples_cost_certainty_and_leave_no_nan() -> None:
     samples, q_true, _, _ = _finger_trials(np.random.default_rng(3), WHITE, 5, 4.0)
     params = FilterParams()
     gap = (samples.t > 2.0) & (samples.t < 3.0)
-    acc, turn, doubt, bias_time = samples.acc.copy(), samples.turn.copy(), samples.doubt.copy(), samples.bias_time.copy()
+    acc, turn, doubt, bias_time = (
+        samples.acc.copy(),
+        samples.turn.copy(),
+        samples.doubt.copy(),
+        samples.bias_time.copy(),
+    )
     acc[gap, :, 2], turn[gap, :, 2], bias_time[gap, :, 2] = np.nan, 0.0, 0.0
     doubt[gap, :, 2] = (60 * DEG) ** 2 * 0.005 / 0.25
     holed = replace(samples, acc=acc, turn=turn, doubt=doubt, bias_time=bias_time)
-    (_, whole), (state, found) = (finger_ekf_filter.step(params, _index(params, 5), s) for s in (samples, holed))
+    (_, whole), (state, found) = (
+        finger_ekf_filter.step(params, _index(params, 5), s) for s in (samples, holed)
+    )
     assert np.isfinite(found.q_joint).all()
     assert np.isfinite(state.P).all()
     k = int(np.flatnonzero(gap)[-1])
@@ -369,8 +519,12 @@ def test_missing_samples_cost_certainty_and_leave_no_nan() -> None:
     sd = np.sqrt(np.trace(found.P[at, :, 3:6, 3:6], axis1=1, axis2=2))
     assert (sd > 20 * DEG).all()
     assert (quat.angle(quat.relative(found.q_joint[k, :, 1], q_true[k, :, 1])) < 3 * sd).all()
-    assert (np.linalg.eigvalsh(state.P[:, :42, :42]) > 0).all()  # without magnetometers the last is nothing
-    assert (np.trace(found.P[at], axis1=1, axis2=2) > 10 * np.trace(whole.P[at_whole], axis1=1, axis2=2)).all()
+    assert (
+        np.linalg.eigvalsh(state.P[:, :42, :42]) > 0
+    ).all()  # without magnetometers the last is nothing
+    assert (
+        np.trace(found.P[at], axis1=1, axis2=2) > 10 * np.trace(whole.P[at_whole], axis1=1, axis2=2)
+    ).all()
 
 
 def test_what_may_have_been_missed_is_told_at_once() -> None:
@@ -378,7 +532,9 @@ def test_what_may_have_been_missed_is_told_at_once() -> None:
     samples, _, _, _ = _finger_trials(np.random.default_rng(5), WHITE, 2, 2.0)
     row, doubt = 215, samples.doubt.copy()
     doubt[row, 0, 2] = (5 * DEG) ** 2
-    params = replace(WHITE, dimensions=False)  # turns about the vertical are then told by nothing else
+    params = replace(
+        WHITE, dimensions=False
+    )  # turns about the vertical are then told by nothing else
     _, found = finger_ekf_filter.step(params, _index(params, 2), replace(samples, doubt=doubt))
     assert row in found.told
     at = int(np.searchsorted(found.told, row))
@@ -395,7 +551,11 @@ def test_samples_may_be_cut_anywhere(where: list[int]) -> None:
     pieces, told = [], []
     for a, b in zip([0, *where], [*where, len(samples)]):
         state, piece = finger_ekf_filter.step(
-            WHITE, state, Samples(*(getattr(samples, n)[a:b] for n in Samples.__dataclass_fields__ if n != "mag"))
+            WHITE,
+            state,
+            Samples(
+                *(getattr(samples, n)[a:b] for n in Samples.__dataclass_fields__ if n != "mag")
+            ),
         )
         pieces.append(piece)
         told.append(piece.told + a)

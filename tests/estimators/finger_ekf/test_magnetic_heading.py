@@ -30,12 +30,16 @@ NUMBERS = finger_ekf_filter._numbers(WITH)
 
 
 def _tracked(recording: Simulated, params: ekf.Params) -> Trajectory:
-    return trajectory.join(list(run.run(ekf, params, [calibrated(recording, params)], recording)), recording.hand)
+    return trajectory.join(
+        list(run.run(ekf, params, [calibrated(recording, params)], recording)), recording.hand
+    )
 
 
 def _look(q_pc: Array, mag: Array, up: Array, sd: float = 1.0) -> tuple[bool, float, Array]:
     missed, H, noise = np.zeros(1), np.zeros((1, SIZE)), np.zeros((1, 1))
-    used = magnetic_heading.heading_row(NUMBERS, q_pc, mag, up, np.zeros(2), sd**2 * np.eye(SIZE), missed, H, noise)
+    used = magnetic_heading.heading_row(
+        NUMBERS, q_pc, mag, up, np.zeros(2), sd**2 * np.eye(SIZE), missed, H, noise
+    )
     return used, missed[0], H[0]
 
 
@@ -60,7 +64,9 @@ def test_the_heading_s_jacobian_is_its_derivative(rng: np.random.Generator) -> N
     np.testing.assert_allclose(_look(q_pc, mag, up)[2][:9], -numeric, atol=1e-7)
 
 
-def test_one_field_misses_nothing_and_a_turn_about_the_vertical_is_its_angle(rng: np.random.Generator) -> None:
+def test_one_field_misses_nothing_and_a_turn_about_the_vertical_is_its_angle(
+    rng: np.random.Generator,
+) -> None:
     q_pc, mag, up = _posed(rng)
     assert _look(q_pc, mag, up)[1] == pytest.approx(0.0, abs=1e-12)
     turned = q_pc.copy()
@@ -68,11 +74,15 @@ def test_one_field_misses_nothing_and_a_turn_about_the_vertical_is_its_angle(rng
     assert _look(turned, mag, up)[1] == pytest.approx(-0.3, abs=1e-12)
 
 
-def test_fields_of_another_size_or_dip_and_unlikely_headings_are_left_out(rng: np.random.Generator) -> None:
+def test_fields_of_another_size_or_dip_and_unlikely_headings_are_left_out(
+    rng: np.random.Generator,
+) -> None:
     q_pc, mag, up = _posed(rng)
     assert _look(q_pc, mag, up)[0]
     assert not _look(q_pc, mag * [[1.0], [1.2]], up)[0]
-    tilted = quat.exp(-0.4 * np.cross(up[0], mag[0]) / np.linalg.norm(np.cross(up[0], mag[0])))  # about what is level and across the field
+    tilted = quat.exp(
+        -0.4 * np.cross(up[0], mag[0]) / np.linalg.norm(np.cross(up[0], mag[0]))
+    )  # about what is level and across the field
     q_HT = quat.multiply(quat.multiply(q_pc[0], q_pc[1]), q_pc[2])
     dipped = quat.rotate(quat.conjugate(q_HT), quat.rotate(tilted, mag[0]))
     assert not _look(q_pc, np.stack([mag[0], dipped]), up)[0]
@@ -87,11 +97,16 @@ def _without_thumb(recording: Simulated, seconds: float) -> tuple[Simulated, Arr
     from_here = recording.truth.t[judged(recording)][0] + 1.0
     samples = dict(recording.samples)
     for name, block in samples.items():
-        silent = np.ix_((block.t >= from_here) & (block.t < from_here + seconds), [s.startswith("thumb") for s in block.stream.sensors])
+        silent = np.ix_(
+            (block.t >= from_here) & (block.t < from_here + seconds),
+            [s.startswith("thumb") for s in block.stream.sensors],
+        )
         values = block.values.copy()
         values[silent] = np.nan
         samples[name] = Block(block.stream, block.t, values)
-    return with_samples(recording, samples), judged(recording) & (recording.truth.t > from_here + seconds + 1.0)
+    return with_samples(recording, samples), judged(recording) & (
+        recording.truth.t > from_here + seconds + 1.0
+    )
 
 
 def test_a_heading_that_a_gap_has_lost_is_found_again_and_as_sure_as_told() -> None:
@@ -99,26 +114,51 @@ def test_a_heading_that_a_gap_has_lost_is_found_again_and_as_sure_as_told() -> N
     errors: dict[bool, list[float]] = {False: [], True: []}
     normal = []
     for seed in (7001, 7002):
-        whole = recorded(experiments.EXPERIMENTS["AF-F1"], np.random.default_rng(seed), SensorErrors(), homogeneous(0.3), "left", 2.5)
+        whole = recorded(
+            experiments.EXPERIMENTS["AF-F1"],
+            np.random.default_rng(seed),
+            SensorErrors(),
+            homogeneous(0.3),
+            "left",
+            2.5,
+        )
         recording, behind = _without_thumb(whole, 1.0)
         for params in (WITHOUT, WITH):
             moved = _tracked(recording, params)
             assert moved.angles_sd is not None
             error = (moved.angles - recording.truth.angles)[behind]
-            errors[params.magnetometers].append(float(np.sqrt((error[:, JOINT["thumb_cmc"]] ** 2).mean())))
+            errors[params.magnetometers].append(
+                float(np.sqrt((error[:, JOINT["thumb_cmc"]] ** 2).mean()))
+            )
             normal.append((error / moved.angles_sd[behind])[:, IS_DOF] ** 2)
     assert min(errors[False]) > 8 * DEG
     assert max(errors[True]) < 3 * DEG
-    assert 0.3 < np.mean(np.concatenate(normal[1::2])) < 1.25  # with them it is never surer than it may be
+    assert (
+        0.3 < np.mean(np.concatenate(normal[1::2])) < 1.25
+    )  # with them it is never surer than it may be
 
 
 def test_in_a_disturbed_room_the_gates_keep_it_harmless() -> None:
     """A steel desk that turns headings by tens of degrees from hand to tip."""
     for seed in (7000, 7002):
         field = office(np.random.default_rng(seed - 6950), 0.3)
-        recording = recorded(experiments.EXPERIMENTS["AF-F1"], np.random.default_rng(seed), SensorErrors(), field, "left", 2.5)
+        recording = recorded(
+            experiments.EXPERIMENTS["AF-F1"],
+            np.random.default_rng(seed),
+            SensorErrors(),
+            field,
+            "left",
+            2.5,
+        )
         rms = [
-            float(np.sqrt(np.nanmean((_tracked(recording, p).angles - recording.truth.angles)[judged(recording)] ** 2)))
+            float(
+                np.sqrt(
+                    np.nanmean(
+                        (_tracked(recording, p).angles - recording.truth.angles)[judged(recording)]
+                        ** 2
+                    )
+                )
+            )
             for p in (WITHOUT, WITH)
         ]
         assert rms[1] < 1.1 * rms[0]
@@ -129,14 +169,24 @@ def test_magnetometers_that_are_not_there_or_not_wanted_change_no_bit() -> None:
     assert_same(_tracked(recording, WITH), _tracked(recording, WITHOUT))
     magnetic = _magnetic(recording)
     assert_same(_tracked(magnetic, WITHOUT), _tracked(recording, WITHOUT))
-    assert np.abs(_tracked(magnetic, WITH).angles - _tracked(recording, WITHOUT).angles)[:, IS_DOF].max() > 0
+    assert (
+        np.abs(_tracked(magnetic, WITH).angles - _tracked(recording, WITHOUT).angles)[
+            :, IS_DOF
+        ].max()
+        > 0
+    )
 
 
 def test_with_magnetometers_a_recording_may_be_cut_anywhere() -> None:
     recording, given = _magnetic(in_strips("left")), []
     for where in ([], [400, 401, 777, 1003]):
         state, moved = ekf.start(WITH, calibrated(recording, WITH), recording.streams), []
-        pieces = [piece for block in recording.samples.values() for piece in cut(block, where) if len(piece.t)]
+        pieces = [
+            piece
+            for block in recording.samples.values()
+            for piece in cut(block, where)
+            if len(piece.t)
+        ]
         for piece in sorted(pieces, key=lambda p: float(p.t[0])):
             state, part = ekf.step(WITH, state, piece.between(state.calibration.t, np.inf))
             moved.append(part)
@@ -147,20 +197,36 @@ def test_with_magnetometers_a_recording_may_be_cut_anywhere() -> None:
 
 def _magnetic(recording: Simulated) -> Simulated:
     """The same with the magnetometers of a hand in a homogeneous field, made from the truth."""
-    t, q_GS, streams = recording.truth.t[::2], recording.truth.q_GS[::2], [b.stream for b in recording.samples.values()]
+    t, q_GS, streams = (
+        recording.truth.t[::2],
+        recording.truth.q_GS[::2],
+        [b.stream for b in recording.samples.values()],
+    )
     sensors = tuple(s for stream in streams for s in stream.sensors)
-    return with_samples(recording, {**recording.samples, "mag": _fields(recording, sensors, t, q_GS)})
+    return with_samples(
+        recording, {**recording.samples, "mag": _fields(recording, sensors, t, q_GS)}
+    )
 
 
 def _fields(recording: Simulated, sensors: tuple[str, ...], t: Array, q_GS: Array) -> Block:
-    fields = quat.rotate(quat.conjugate(q_GS[:, [SEGMENT[s] for s in sensors]]), homogeneous().earth)
+    fields = quat.rotate(
+        quat.conjugate(q_GS[:, [SEGMENT[s] for s in sensors]]), homogeneous().earth
+    )
     return Block(Stream("mag", sensors, (MAG,), 50.0), t, fields)
 
 
 def test_what_fields_differ_by_is_forgotten_over_a_turn() -> None:
-    still, turned = np.tile(quat.IDENTITY, (4, 1)), np.tile(quat.exp(np.array([0.0, 2.0, 0.0])), (4, 1))
+    still, turned = (
+        np.tile(quat.IDENTITY, (4, 1)),
+        np.tile(quat.exp(np.array([0.0, 2.0, 0.0])), (4, 1)),
+    )
     P = np.zeros((SIZE, SIZE))
     P[APART, APART] = 0.25
-    for T, expected in ((still, 0.25), (turned, np.exp(-4) * 0.25 + 2 * WITH.mag_error**2 * (1 - np.exp(-4)))):
-        _, after = preintegration.carried(NUMBERS, 0.0, T, np.zeros((4, 3, 3)), np.zeros(4), np.tile(quat.IDENTITY, (3, 1)), P)
+    for T, expected in (
+        (still, 0.25),
+        (turned, np.exp(-4) * 0.25 + 2 * WITH.mag_error**2 * (1 - np.exp(-4))),
+    ):
+        _, after = preintegration.carried(
+            NUMBERS, 0.0, T, np.zeros((4, 3, 3)), np.zeros(4), np.tile(quat.IDENTITY, (3, 1)), P
+        )
         assert after[APART, APART] == pytest.approx(expected)

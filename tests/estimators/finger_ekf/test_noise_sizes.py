@@ -15,11 +15,17 @@ NUMBERS = finger_ekf_measurements.numbers(UpdateParams())
 
 
 @pytest.mark.parametrize("density", [0.01, 0.04])
-def test_white_noise_is_told_from_tremor_and_swaying(density: float, rng: np.random.Generator) -> None:
+def test_white_noise_is_told_from_tremor_and_swaying(
+    density: float, rng: np.random.Generator
+) -> None:
     """Three seconds at 100 Hz: 3 deg/s at 8 Hz and 0.5 deg/s at 0.7 Hz beside noise of two qualities."""
     t = np.arange(300)[:, None] / 100
-    moved = 3 * np.sin(2 * np.pi * (8 * t + [0, 0.3, 0.6])) + 0.5 * np.sin(2 * np.pi * (0.7 * t + [0.2, 0.5, 0]))
-    found = initial_pose.white_noise((moved + density * np.sqrt(50) * rng.normal(size=(300, 3))) * DEG, 100.0)
+    moved = 3 * np.sin(2 * np.pi * (8 * t + [0, 0.3, 0.6])) + 0.5 * np.sin(
+        2 * np.pi * (0.7 * t + [0.2, 0.5, 0])
+    )
+    found = initial_pose.white_noise(
+        (moved + density * np.sqrt(50) * rng.normal(size=(300, 3))) * DEG, 100.0
+    )
     assert found == pytest.approx(density * DEG, rel=0.25)
 
 
@@ -31,15 +37,24 @@ def _rests(rates: Array, biases_known: float = 0.01 * DEG) -> Array:
     """Noise (12, 12) that the last of rests counts with; rates (rests, 4, 3) rad/s that sensors of bias 0 show."""
     rested, creep, P = np.full((4, 3), np.nan), np.zeros(2), biases_known**2 * np.eye(43)
     for rate in rates:
-        rest, missed, H, noise = np.full(4, 1.5), np.zeros(12), np.zeros((12, 43)), np.zeros((12, 12))
+        rest, missed, H, noise = (
+            np.full(4, 1.5),
+            np.zeros(12),
+            np.zeros((12, 43)),
+            np.zeros((12, 12)),
+        )
         zero_rate_update.learnt_row(rate * 1.5, rest, np.ones(4), rested, creep)
-        zero_rate_update.resting_row(NUMBERS, rate * 1.5, rest, np.ones(4), np.zeros((4, 3)), P, creep, missed, H, noise)
+        zero_rate_update.resting_row(
+            NUMBERS, rate * 1.5, rest, np.ones(4), np.zeros((4, 3)), P, creep, missed, H, noise
+        )
     np.testing.assert_allclose(missed, rate.ravel(), atol=1e-15)
     return noise
 
 
 @pytest.mark.parametrize("creeping", [0.01, 0.3])
-def test_how_much_sensors_creep_is_learnt_from_rest_to_rest(creeping: float, rng: np.random.Generator) -> None:
+def test_how_much_sensors_creep_is_learnt_from_rest_to_rest(
+    creeping: float, rng: np.random.Generator
+) -> None:
     noise = _rests(creeping * DEG * rng.normal(size=(40, 4, 3)))
     usual = np.median(np.sqrt(noise.diagonal()))
     first = np.median(np.sqrt(_rests(np.zeros((1, 4, 3))).diagonal()))
@@ -66,24 +81,37 @@ def _learnt(seemed: Array, known: float, turned: float) -> Array:
     before, after = np.tile(quat.IDENTITY, (3, 1)), quat.about(2, np.full(3, turned))
     for one in seemed:
         joint_compliance.believed_row(NUMBERS, give, variance)
-        missed[rows], noise = one * DEG, np.diag(np.repeat([0.0, 5.0], 9) * np.repeat(np.append(np.ones(3), variance), 3))
-        joint_compliance.learnt_row(NUMBERS, before, after, P, free, variance, 0.2, missed, H, noise, give)
+        missed[rows], noise = (
+            one * DEG,
+            np.diag(np.repeat([0.0, 5.0], 9) * np.repeat(np.append(np.ones(3), variance), 3)),
+        )
+        joint_compliance.learnt_row(
+            NUMBERS, before, after, P, free, variance, 0.2, missed, H, noise, give
+        )
     joint_compliance.believed_row(NUMBERS, give, variance)
     return np.sqrt(variance) / DEG
 
 
 @pytest.mark.parametrize(("gives", "believed"), [(0.6, 2.0), (6.0, 6.0)])
-def test_that_a_joint_gives_more_than_is_believed_is_learnt_while_it_moves(gives: float, believed: float, rng: np.random.Generator) -> None:
+def test_that_a_joint_gives_more_than_is_believed_is_learnt_while_it_moves(
+    gives: float, believed: float, rng: np.random.Generator
+) -> None:
     """Beside errors of the filter's own as large as it says."""
     seemed = np.hypot(gives, 0.5) * rng.normal(size=(2000, 3, 2))
     np.testing.assert_allclose(_learnt(seemed, 0.5, 0.3), believed, rtol=0.2)
 
 
-def test_a_joint_that_lies_as_it_lay_tells_nothing_of_how_it_gives(rng: np.random.Generator) -> None:
-    np.testing.assert_allclose(_learnt(6.0 * rng.normal(size=(2000, 3, 2)), 0.5, 0.0), 2.0, rtol=1e-6)
+def test_a_joint_that_lies_as_it_lay_tells_nothing_of_how_it_gives(
+    rng: np.random.Generator,
+) -> None:
+    np.testing.assert_allclose(
+        _learnt(6.0 * rng.normal(size=(2000, 3, 2)), 0.5, 0.0), 2.0, rtol=1e-6
+    )
 
 
-def test_what_the_filter_does_not_know_itself_is_not_taken_for_give(rng: np.random.Generator) -> None:
+def test_what_the_filter_does_not_know_itself_is_not_taken_for_give(
+    rng: np.random.Generator,
+) -> None:
     """Hinges that give nothing, seats known to 5 deg."""
     assert _learnt(5.0 * rng.normal(size=(2000, 3, 2)), 5.0, 0.3).max() < 2.5
 
@@ -91,10 +119,14 @@ def test_what_the_filter_does_not_know_itself_is_not_taken_for_give(rng: np.rand
 def test_a_vertical_is_the_less_sure_the_faster_the_sensor_has_turned() -> None:
     variance, lively = np.empty(4), np.array([0.0, 100.0, 400.0, 50.0]) ** 2 * DEG**2
     inclination_noise.variances_row(NUMBERS, lively, variance)
-    np.testing.assert_allclose(np.sqrt(variance) / DEG, np.hypot(0.18, 0.0016 * np.array([0, 100, 400, 50])), rtol=1e-9)
+    np.testing.assert_allclose(
+        np.sqrt(variance) / DEG, np.hypot(0.18, 0.0016 * np.array([0, 100, 400, 50])), rtol=1e-9
+    )
 
 
-def test_biases_of_accelerometers_count_as_drawn_ones_err_and_not_where_sensors_lie_as_they_began(rng: np.random.Generator) -> None:
+def test_biases_of_accelerometers_count_as_drawn_ones_err_and_not_where_sensors_lie_as_they_began(
+    rng: np.random.Generator,
+) -> None:
     """Each sensor's own turn (u - u_0) x b / g, minus its parent's as the joint's child sees it."""
     began, q = np.tile([1.0, 0.0, 0.0], (4, 1)), quat.normalize(rng.normal(size=(3, 4)))
     lies = quat.rotate(quat.normalize(rng.normal(size=(4, 4))), began)

@@ -17,7 +17,9 @@ def _derivative(f: Callable[[Array], Array], size: int, step: float = 1e-6) -> A
 
 def _ended(q_pc: Array, turned: Array) -> Array:
     """Rotations between sensors (..., 3, 4) once those have turned by (..., 4, 4)."""
-    return quat.multiply(quat.multiply(quat.conjugate(turned[..., :3, :]), q_pc), turned[..., 1:, :])
+    return quat.multiply(
+        quat.multiply(quat.conjugate(turned[..., :3, :]), q_pc), turned[..., 1:, :]
+    )
 
 
 def _window(rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
@@ -38,7 +40,9 @@ def _wound(turns: Array, bias: Array, times: Array) -> tuple[Array, Array]:
     return after[-1], by_bias
 
 
-def test_the_covariance_goes_along_by_the_derivative_of_the_two_sided_update(rng: np.random.Generator) -> None:
+def test_the_covariance_goes_along_by_the_derivative_of_the_two_sided_update(
+    rng: np.random.Generator,
+) -> None:
     """21 errors put in before, 9 read off behind; what is correlated with all 21 then shows their transition F."""
     q_pc, turns, bias, times = _window(rng)
     turned, by_bias = _wound(turns, bias, times)
@@ -48,18 +52,26 @@ def test_the_covariance_goes_along_by_the_derivative_of_the_two_sided_update(rng
 
     def ended(errors: Array) -> Array:
         q = quat.multiply(q_pc, quat.exp(errors[:9].reshape(3, 3)))
-        return quat.log(quat.relative(q_new, _ended(q, _wound(turns, bias + errors[9:].reshape(4, 3), times)[0]))).ravel()
+        return quat.log(
+            quat.relative(
+                q_new, _ended(q, _wound(turns, bias + errors[9:].reshape(4, 3), times)[0])
+            )
+        ).ravel()
 
     np.testing.assert_allclose(P_new[:9, 21:42], _derivative(ended, 21), atol=1e-7)
     np.testing.assert_allclose(q_new, _ended(q_pc, turned), atol=1e-14)
 
 
 @pytest.mark.parametrize("sensor", range(4))
-def test_what_a_sensor_may_have_missed_enters_as_the_derivative_says(sensor: int, rng: np.random.Generator) -> None:
+def test_what_a_sensor_may_have_missed_enters_as_the_derivative_says(
+    sensor: int, rng: np.random.Generator
+) -> None:
     q_pc, turns, bias, times = _window(rng)
     turned, by_bias = _wound(turns, bias, times)
     doubt = np.where(np.arange(4) == sensor, 1.0, 0.0)
-    q_new, P_new = preintegration.carried(np.zeros(21), 0.2, turned, by_bias, doubt, q_pc, np.zeros((43, 43)))
+    q_new, P_new = preintegration.carried(
+        np.zeros(21), 0.2, turned, by_bias, doubt, q_pc, np.zeros((43, 43))
+    )
 
     def ended(error: Array) -> Array:
         wrong = turned.copy()

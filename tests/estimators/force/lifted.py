@@ -9,7 +9,11 @@ from handscope.estimators.methods import m2
 from handscope.estimators.pipeline.process import Processed, process
 from handscope.estimators.simulation import kinematics, person
 from handscope.estimators.simulation.force_sensors import ForceErrors
-from handscope.estimators.simulation.movements import functional_calibration, object_dynamics, task_performance
+from handscope.estimators.simulation.movements import (
+    functional_calibration,
+    object_dynamics,
+    task_performance,
+)
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
 from handscope.estimators.simulation.sensors import PRESETS
@@ -28,11 +32,15 @@ def done(
     """The recording, and the true forces (n, 5, 3) N in the global frame at the instants of its truth."""
     of_person, of_pose, of_motion, of_sensors = np.random.default_rng(seed).spawn(4)
     somebody = person.drawn("left", of_person)
-    pose = task_performance.initial_pose(somebody.true, taken=functional_calibration.missed(task_performance.flat(), POSE, of_pose))
+    pose = task_performance.initial_pose(
+        somebody.true, taken=functional_calibration.missed(task_performance.flat(), POSE, of_pose)
+    )
     task = perform(somebody.true, of_motion, **how)
     glove = ForceGlove(rate=rate, errors=errors or ForceErrors(), six_axes=six_axes)
     preset = PRESETS["LSM330DLC/HMC5983"]
-    made = performed([pose, task], "left", somebody.true, of_sensors, preset, known=somebody.told, force=glove)
+    made = performed(
+        [pose, task], "left", somebody.true, of_sensors, preset, known=somebody.told, force=glove
+    )
     t = made.truth.t - pose.motion.duration
     assert task.forces is not None
     forces = np.zeros((len(t), 5, 3))

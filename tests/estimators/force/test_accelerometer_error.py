@@ -21,7 +21,9 @@ def resting(bias: float, seed: int, seconds: float = 4.0, moving: bool = False) 
         + 0.02 * rng.normal(size=(2 * n, 7, 3))
     )
     gyr = 0.003 * rng.normal(size=(2 * n, 7, 3)) + (np.sin(9 * t)[:, None, None] if moving else 0.0)
-    return Block(Stream("imu", SENSORS, ("gyr", "acc"), 100.0), t, np.concatenate([gyr, acc], axis=2))
+    return Block(
+        Stream("imu", SENSORS, ("gyr", "acc"), 100.0), t, np.concatenate([gyr, acc], axis=2)
+    )
 
 
 @pytest.mark.parametrize("bias", [0.02, 0.05, 0.3])

@@ -59,7 +59,15 @@ def test_mass_and_forces_are_near_the_truth_and_as_sure_as_they_say() -> None:
 
 def without_forces(moved: Trajectory) -> Trajectory:
     """As it is before forces are attached."""
-    return replace(moved, forces=None, forces_sd=None, force_flags=None, lifting=None, torques=None, torques_sd=None)
+    return replace(
+        moved,
+        forces=None,
+        forces_sd=None,
+        force_flags=None,
+        lifting=None,
+        torques=None,
+        torques_sd=None,
+    )
 
 
 @cache
@@ -90,7 +98,10 @@ def test_forces_for_the_eye_are_near_the_truth_at_once() -> None:
     told = fingertip_forces.newest(zeros, rows, before, made.mounting, moved.calibrations)
     expected = true[np.searchsorted(made.truth.t, held)]
     assert np.linalg.norm(expected[:2], axis=1).min() > 2.0  # N
-    assert np.linalg.norm(told[:2] - expected[:2], axis=1).max() < 0.15 * np.linalg.norm(expected[:2], axis=1).max()
+    assert (
+        np.linalg.norm(told[:2] - expected[:2], axis=1).max()
+        < 0.15 * np.linalg.norm(expected[:2], axis=1).max()
+    )
     assert np.isnan(told[2:]).all()  # fingers without a force sensor
 
 
@@ -104,7 +115,9 @@ def test_torques_are_those_of_the_forces_at_the_places_that_are_touched() -> Non
     along = (M * F).sum(axis=2) / np.linalg.norm(F, axis=2)
     assert 0.1 < np.mean((along / np.sqrt((sd**2).mean(axis=2))) ** 2) < 2.0
     lever = np.linalg.norm(M, axis=2) / np.linalg.norm(F, axis=2)
-    true = np.linalg.norm(made.samples["force"].of(TORQUE) - made.samples["force"].of(TORQUE)[:6].mean(axis=0), axis=2).max(axis=0)
+    true = np.linalg.norm(
+        made.samples["force"].of(TORQUE) - made.samples["force"].of(TORQUE)[:6].mean(axis=0), axis=2
+    ).max(axis=0)
     assert np.linalg.norm(M, axis=2).max(axis=0) == pytest.approx(true, rel=0.15)
     assert (lever.std(axis=0) < 0.5e-3).all()
     assert np.isnan(moved.torques[:, 2:]).all()
@@ -120,7 +133,9 @@ def test_torques_are_those_of_the_forces_at_the_places_that_are_touched() -> Non
 def test_grip_and_load_are_as_unsure_as_the_push_of_one_side_lacks() -> None:
     (made, _), good = heavy(), heavy_moved().trajectory
     assert good.forces is not None
-    less = replace(good, forces=good.forces * np.array([0.8, 1.0, 1.0, 1.0, 1.0])[:, None])  # the thumb's sensor tells a fifth too little
+    less = replace(
+        good, forces=good.forces * np.array([0.8, 1.0, 1.0, 1.0, 1.0])[:, None]
+    )  # the thumb's sensor tells a fifth too little
     was, now = ({f.what: f for f in lift.figures(measured(made, moved))} for moved in (good, less))
     for what in ("lift_grip_hold", "lift_load_hold", "lift_grip_over_load"):
         assert abs(now[what].value - was[what].value) < 1.2 * (now[what].sd or 0.0)
@@ -131,43 +146,75 @@ def test_no_mass_is_told_of_what_weighs_nothing() -> None:
     assert good.forces is not None
     thumb, index = good.forces[:, 0], good.forces[:, 1]
     found = measured(
-        made, replace(good, forces=np.concatenate([index[:, None] * -0.99 + 0.01 * thumb[:, None], good.forces[:, 1:]], axis=1))
+        made,
+        replace(
+            good,
+            forces=np.concatenate(
+                [index[:, None] * -0.99 + 0.01 * thumb[:, None], good.forces[:, 1:]], axis=1
+            ),
+        ),
     )
     assert "hardly weighs anything" in found.reason and np.isnan(found.lifts[0].mass)
 
 
-def held_up(support: float, swing: float, noise: float = 0.07, alike: float = 0.02, poured: float = 0.0) -> Holding:
+def held_up(
+    support: float, swing: float, noise: float = 0.07, alike: float = 0.02, poured: float = 0.0
+) -> Holding:
     """0.2 kg between two fingers for five seconds, raised and lowered meanwhile; something else pushes up by so many N, so many kg are added in two."""
     t, rng = np.arange(0.0, 5.0, 0.08), np.random.default_rng(5)
     lifting = np.stack([0 * t, 0 * t, GRAVITY + swing * np.sin(2 * np.pi * 0.4 * t)], axis=1)
     push = np.array([3.0, 0.0, 0.0])
     mass = 0.2 + poured * np.clip(0.5 * (t - 1.5), 0.0, 1.0)
-    forces = np.stack([0.5 * (mass[:, None] * lifting - [0.0, 0.0, support]) + side * push for side in (1, -1)], axis=1)
+    forces = np.stack(
+        [0.5 * (mass[:, None] * lifting - [0.0, 0.0, support]) + side * push for side in (1, -1)],
+        axis=1,
+    )
     forces += noise / np.sqrt(2) * rng.normal(size=forces.shape)
     axis, sd = np.tile([1.0, 0.0, 0.0], (len(t), 1)), np.full(forces.shape, alike)
     return Holding(
-        t, ("thumb", "index"), forces, np.hypot(sd, noise), sd, lifting, axis, 0 * t, 0 * t, 0 * t, np.zeros((len(t), 2), np.uint8)
+        t,
+        ("thumb", "index"),
+        forces,
+        np.hypot(sd, noise),
+        sd,
+        lifting,
+        axis,
+        0 * t,
+        0 * t,
+        0 * t,
+        np.zeros((len(t), 2), np.uint8),
     )
 
 
-def test_what_else_carries_the_object_shows_where_the_load_does_not_follow_the_acceleration() -> None:
+def test_what_else_carries_the_object_shows_where_the_load_does_not_follow_the_acceleration() -> (
+    None
+):
     def weighed(h: Holding) -> lift.Weighed:
         return lift.mass_of(lift.Params(), h, np.ones(len(h.t), bool))
 
-    alone, shared, hidden = weighed(held_up(0.0, 1.0)), weighed(held_up(0.45, 1.0)), weighed(held_up(0.45, 0.05))
+    alone, shared, hidden = (
+        weighed(held_up(0.0, 1.0)),
+        weighed(held_up(0.45, 1.0)),
+        weighed(held_up(0.45, 0.05)),
+    )
     assert alone.supported < lift.Params().perhaps < shared.supported
     assert weighed(held_up(0.8, 1.0)).supported > lift.Params().constant
-    assert hidden.supported < lift.Params().perhaps, "who holds still cannot tell it from a lighter object"
+    assert hidden.supported < lift.Params().perhaps, (
+        "who holds still cannot tell it from a lighter object"
+    )
     for one, mass in ((alone, 0.2), (shared, 0.2), (hidden, 0.2 - 0.45 / GRAVITY)):
         assert one.mass == pytest.approx(mass, abs=2 * one.sd)
-    assert alone.sd < 0.02 * 0.2 + np.sqrt(2) * 0.02 / GRAVITY, "noise of many samples is averaged out"
+    assert alone.sd < 0.02 * 0.2 + np.sqrt(2) * 0.02 / GRAVITY, (
+        "noise of many samples is averaged out"
+    )
     assert shared.sd > 5 * alone.sd
 
 
 def test_what_is_added_while_it_is_held_up_shows_as_a_mass_that_grows() -> None:
     p = lift.Params()
     same, more, much, less = (
-        lift.mass_of(p, h, np.ones(len(h.t), bool)) for h in (held_up(0.0, 0.3, poured=kg) for kg in (0.0, 0.008, 0.06, -0.06))
+        lift.mass_of(p, h, np.ones(len(h.t), bool))
+        for h in (held_up(0.0, 0.3, poured=kg) for kg in (0.0, 0.008, 0.06, -0.06))
     )
     assert same.changed < p.perhaps < more.changed < p.constant < min(much.changed, less.changed)
     assert more.mass - 2 * more.sd < 0.2 and more.mass + 2 * more.sd > 0.208, "any of those it had"
@@ -176,7 +223,9 @@ def test_what_is_added_while_it_is_held_up_shows_as_a_mass_that_grows() -> None:
 
 def test_no_mass_is_told_of_what_becomes_heavier_in_mid_air() -> None:
     made, _ = done(0, mass=0.44)
-    found = measured(changed(made, lambda t, v: v * (1 + 0.3 * np.clip((t - 2.5) / 2, 0.0, 1.0))[:, None, None]))
+    found = measured(
+        changed(made, lambda t, v: v * (1 + 0.3 * np.clip((t - 2.5) / 2, 0.0, 1.0))[:, None, None])
+    )
     assert found.grade == "poor"
     assert "the load changed while the object was held up" in found.reason
     assert np.isnan(found.lifts[0].mass)
@@ -190,7 +239,9 @@ def test_forces_and_mass_are_as_sure_as_the_sensors_are_calibrated() -> None:
     for share in (0.005, 0.1):
         known = replace(force.stream, scale_sd=dict.fromkeys(force.stream.sensors, share))
         blocks = [replace(force, stream=known), *others]
-        moved, _ = fingertip_forces.attached(ForceParams(), bare, blocks, {}, heavy_moved().calibrations)
+        moved, _ = fingertip_forces.attached(
+            ForceParams(), bare, blocks, {}, heavy_moved().calibrations
+        )
         assert moved.force_scale_sd is not None
         np.testing.assert_array_equal(moved.force_scale_sd[0, :3], [share, share, np.nan])
         (one,) = measured(made, moved).lifts
@@ -198,10 +249,20 @@ def test_forces_and_mass_are_as_sure_as_the_sensors_are_calibrated() -> None:
         sds.append(one.mass_sd)
     (usual,) = measured(made, good).lifts
     assert sds[0] < usual.mass_sd < sds[1]
-    assert sds[1] > 0.4 * 0.1 * 0.44 / np.sqrt(2), "both fingers carry half of it each, and err apart"
+    assert sds[1] > 0.4 * 0.1 * 0.44 / np.sqrt(2), (
+        "both fingers carry half of it each, and err apart"
+    )
     held = replace(force.stream, turn_sd=dict.fromkeys(force.stream.sensors, 0.005))
-    drawn = {"thumb_tip_force": np.array([0.0, 1.0, 0.0, 0.0])}  # does not count: the forces are in the inertial sensor's axes
-    moved, _ = fingertip_forces.attached(ForceParams(), bare, [replace(force, stream=held), *others], drawn, heavy_moved().calibrations)
+    drawn = {
+        "thumb_tip_force": np.array([0.0, 1.0, 0.0, 0.0])
+    }  # does not count: the forces are in the inertial sensor's axes
+    moved, _ = fingertip_forces.attached(
+        ForceParams(),
+        bare,
+        [replace(force, stream=held), *others],
+        drawn,
+        heavy_moved().calibrations,
+    )
     (straight,) = measured(made, moved).lifts
     assert straight.mass == pytest.approx(usual.mass, rel=0.02)
     assert straight.mass_sd < 0.95 * usual.mass_sd, "how the cuff holds the sensor is known"
@@ -209,30 +270,54 @@ def test_forces_and_mass_are_as_sure_as_the_sensors_are_calibrated() -> None:
     assert usual.held.squeeze_scale_sd is None
 
 
-@pytest.mark.parametrize("told", [True, False], ids=["at a limit that is told", "at a limit that nobody told"])
+@pytest.mark.parametrize(
+    "told", [True, False], ids=["at a limit that is told", "at a limit that nobody told"]
+)
 def test_clipped_torques_are_not_told_and_tell_no_work(told: bool) -> None:
     (made, _), good = heavy(), heavy_moved().trajectory
     assert good.torques is not None
     force, limit = made.samples["force"], 6e-3  # Nm
-    values = np.concatenate([force.values[..., :3], np.clip(force.values[..., 3:], -limit, limit)], axis=2)
+    values = np.concatenate(
+        [force.values[..., :3], np.clip(force.values[..., 3:], -limit, limit)], axis=2
+    )
     assert np.abs(force.values[..., 3:]).max() > 1.5 * limit
-    block = Block(replace(force.stream, full_scale={TORQUE: limit} if told else {}), force.t, values)
+    block = Block(
+        replace(force.stream, full_scale={TORQUE: limit} if told else {}), force.t, values
+    )
     blocks = [block, *(b for n, b in made.samples.items() if n != "force")]
     bare = without_forces(good)
-    moved, _ = fingertip_forces.attached(ForceParams(), bare, blocks, {}, heavy_moved().calibrations)
+    moved, _ = fingertip_forces.attached(
+        ForceParams(), bare, blocks, {}, heavy_moved().calibrations
+    )
     assert moved.torques is not None and moved.torques_sd is not None
-    clipped = np.linalg.norm(good.torques, axis=2) > 9.5e-3  # Nm: the other axes of the thumb's reach 6
+    clipped = (
+        np.linalg.norm(good.torques, axis=2) > 9.5e-3
+    )  # Nm: the other axes of the thumb's reach 6
     assert clipped.any() and np.isnan(moved.torques[clipped]).all()
-    assert not [f for f in lift.figures(measured(made, moved)) if f.what == "lift_work_turning" and np.isfinite(f.value)]
+    assert not [
+        f
+        for f in lift.figures(measured(made, moved))
+        if f.what == "lift_work_turning" and np.isfinite(f.value)
+    ]
 
 
 @pytest.mark.parametrize(
     ("change", "said", "left"),
     [
         (lambda v: v[..., 3:], "torques without forces of the same fingertip", False),
-        (lambda v: np.concatenate([v[..., :3], 1e6 * v[..., 3:]], axis=2), "torques that no fingertip exerts", False),
+        (
+            lambda v: np.concatenate([v[..., :3], 1e6 * v[..., 3:]], axis=2),
+            "torques that no fingertip exerts",
+            False,
+        ),
         (lambda v: np.concatenate([v[..., :3], np.nan * v[..., 3:]], axis=2), "", False),
-        (lambda v: np.where((np.arange(len(v)) % 5 == 0)[:, None, None] & (np.arange(6) > 2), np.nan, v), "", True),
+        (
+            lambda v: np.where(
+                (np.arange(len(v)) % 5 == 0)[:, None, None] & (np.arange(6) > 2), np.nan, v
+            ),
+            "",
+            True,
+        ),
     ],
     ids=["without a force", "in another unit", "missing throughout", "missing now and then"],
 )
@@ -246,7 +331,9 @@ def test_torques_that_cannot_be_used_are_not_told_and_leave_the_forces_as_they_a
     block = Block(replace(force.stream, quantities=quantities, full_scale={}), force.t, values)
     bare = without_forces(good)
     blocks = [block, *(b for n, b in made.samples.items() if n != "force")]
-    moved, words = fingertip_forces.attached(ForceParams(), bare, blocks, {}, heavy_moved().calibrations)
+    moved, words = fingertip_forces.attached(
+        ForceParams(), bare, blocks, {}, heavy_moved().calibrations
+    )
     assert (moved.torques is not None) == left
     assert not said or any(said in w for w in words)
     if FORCE in quantities:
@@ -294,10 +381,14 @@ def test_work_is_done_against_gravity_and_inertia_in_all_directions() -> None:
     assert lift.lifting_work(h, np.ones(len(t), bool)) == pytest.approx(expected, rel=1e-4)
 
 
-def test_while_it_is_held_up_the_mass_is_told_so_far_and_its_curve_ends_where_the_figure_does() -> None:
+def test_while_it_is_held_up_the_mass_is_told_so_far_and_its_curve_ends_where_the_figure_does() -> (
+    None
+):
     (made, _), moved = heavy(), heavy_moved().trajectory
     event = next(e for e in made.events if e.trial_type == "task")
-    assert object_frame.mass(moved.between(0.0, event.onset + 0.8), made.geometry) is None  # still on the table
+    assert (
+        object_frame.mass(moved.between(0.0, event.onset + 0.8), made.geometry) is None
+    )  # still on the table
     so_far = object_frame.mass(moved.between(0.0, event.onset + 3.8), made.geometry)
     assert so_far is not None
     assert so_far.t[-1] == pytest.approx(event.onset + 3.8, abs=0.05)
@@ -305,12 +396,16 @@ def test_while_it_is_held_up_the_mass_is_told_so_far_and_its_curve_ends_where_th
     assert so_far.sd[-1] < 0.08
     for later in (6.4, 6.8, 7.2):  # on its way down, back on the table, let go
         told = object_frame.mass(moved.between(0.0, event.onset + later), made.geometry)
-        assert told is not None and told.value[-1] == pytest.approx(0.44, abs=2.5 * told.sd[-1]), later
+        assert told is not None and told.value[-1] == pytest.approx(0.44, abs=2.5 * told.sd[-1]), (
+            later
+        )
     whole = lift.measure(lift.Params(), moved, event.onset, event.end)
     curves = {c.name: c for c in lift.shown(whole).curves}
     last = curves["mass"].y[np.isfinite(curves["mass"].y)][-1]
     assert last == pytest.approx(whole.lifts[0].mass, rel=0.05)
-    assert (curves["mass_high"].y - curves["mass_low"].y)[-2] == pytest.approx(2 * whole.lifts[0].mass_sd, rel=0.4)
+    assert (curves["mass_high"].y - curves["mass_low"].y)[-2] == pytest.approx(
+        2 * whole.lifts[0].mass_sd, rel=0.4
+    )
 
 
 @pytest.mark.parametrize(
@@ -327,7 +422,9 @@ def test_while_it_is_held_up_the_mass_is_told_so_far_and_its_curve_ends_where_th
 )
 def test_what_went_wrong_is_told_and_gives_no_mass(what: str, said: str) -> None:
     changes: dict[str, Change] = {
-        "step": lambda t, v: np.where((t > 4)[:, None, None] & (np.arange(2) == 0)[:, None], v + 0.8, v),
+        "step": lambda t, v: np.where(
+            (t > 4)[:, None, None] & (np.arange(2) == 0)[:, None], v + 0.8, v
+        ),
         "lost": lambda t, v: np.where(((t > 3.5) & (t < 5))[:, None, None], np.nan, v),
         "dead": lambda t, v: np.where((np.arange(2) == 1)[:, None], v[:1], v),
         "exchanged": lambda t, v: v[:, ::-1],
@@ -336,11 +433,15 @@ def test_what_went_wrong_is_told_and_gives_no_mass(what: str, said: str) -> None
         good, followed_once = usual()
         made = changed(good, changes[what])
         bare, calibrations = without_forces(followed_once.trajectory), followed_once.calibrations
-        moved, _ = fingertip_forces.attached(ForceParams(), bare, list(made.blocks()), made.mounting, calibrations)
+        moved, _ = fingertip_forces.attached(
+            ForceParams(), bare, list(made.blocks()), made.mounting, calibrations
+        )
         found = measured(made, moved)
     else:
         limit = ForceErrors(limit=3.0) if what.startswith("limit") else None
-        made, _ = done(0, mass=0.44, errors=limit, mishap=Mishap(third=0.33 if what == "third finger" else 0.0))
+        made, _ = done(
+            0, mass=0.44, errors=limit, mishap=Mishap(third=0.33 if what == "third finger" else 0.0)
+        )
         found = measured(changed(made, lambda t, v: v, told=what != "limit not told"))
     assert found.grade == "poor"
     assert said in found.reason
@@ -348,10 +449,16 @@ def test_what_went_wrong_is_told_and_gives_no_mass(what: str, said: str) -> None
     f = {x.name: x for x in lift.figures(found)}
     untold = {name for name, x in f.items() if np.isnan(x.value)}
     assert {"lift_load_hold", "lift_grip_over_load", "lift_work"} <= untold
-    assert ("lift_grip_hold" in untold) == ("thumb_force_share" in untold) == (what in ("limit told", "limit not told", "lost"))
+    assert (
+        ("lift_grip_hold" in untold)
+        == ("thumb_force_share" in untold)
+        == (what in ("limit told", "limit not told", "lost"))
+    )
 
 
-def test_a_third_finger_that_carries_a_seventh_is_told_and_the_mass_is_as_unsure_as_it_is_wrong() -> None:
+def test_a_third_finger_that_carries_a_seventh_is_told_and_the_mass_is_as_unsure_as_it_is_wrong() -> (
+    None
+):
     made, _ = done(4, mass=0.44, mishap=Mishap(third=0.15))
     found = measured(made)
     assert found.grade == "fair"

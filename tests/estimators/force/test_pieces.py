@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from handscope.estimators.force import contact, fingertip_torques, force_balance, identification, interpolation, tip_orientation, zero
+from handscope.estimators.force import (
+    contact,
+    fingertip_torques,
+    force_balance,
+    identification,
+    interpolation,
+    tip_orientation,
+    zero,
+)
 from handscope.estimators.force.tip_orientation import TipParams, Tips
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
@@ -22,8 +30,15 @@ def test_the_zero_is_followed_through_a_contact_and_knows_how_well() -> None:
     t, surprise = np.arange(0.0, 12.0, 1 / 12), []
     for seed in range(30):
         rng = np.random.default_rng(seed)
-        drift = 0.2 * rng.normal(size=3) + np.cumsum(0.03 / np.sqrt(12) * rng.normal(size=(len(t), 1, 3)), axis=0)
-        found = zero.found(zero.ZeroParams(), t, pushes(t) + drift + 0.05 * rng.normal(size=drift.shape), np.array([0.05]))
+        drift = 0.2 * rng.normal(size=3) + np.cumsum(
+            0.03 / np.sqrt(12) * rng.normal(size=(len(t), 1, 3)), axis=0
+        )
+        found = zero.found(
+            zero.ZeroParams(),
+            t,
+            pushes(t) + drift + 0.05 * rng.normal(size=drift.shape),
+            np.array([0.05]),
+        )
         assert not found.free[(t > 4.2) & (t < 6.8)].any()
         assert found.free[t < 3.5].mean() > 0.9
         surprise.append((((found.level - drift) / found.sd[..., None]) ** 2).mean())
@@ -36,7 +51,12 @@ def test_a_light_touch_below_the_noise_of_a_reading_is_no_zero() -> None:
     touch = np.where((t > 2.0) & (t < 4.0), 0.5, 0.0)[:, None, None] * np.array([0.0, 0.0, 1.0])
     for seed in range(10):
         rng = np.random.default_rng(seed)
-        found = zero.found(zero.ZeroParams(), t, pushes(t) + touch + 0.2 * rng.normal(size=(len(t), 1, 3)), np.array([0.2]))
+        found = zero.found(
+            zero.ZeroParams(),
+            t,
+            pushes(t) + touch + 0.2 * rng.normal(size=(len(t), 1, 3)),
+            np.array([0.2]),
+        )
         assert found.jump.max() < 4
         assert found.free[(t > 2.5) & (t < 6.5)].mean() < 0.1
         assert found.free[t > 8.0].mean() > 0.9
@@ -49,7 +69,12 @@ def test_how_fast_a_zero_walks_is_read_from_the_free_sensor(walk: float) -> None
     for seed in range(20):
         rng = np.random.default_rng(100 + seed)
         drift = np.cumsum(walk / np.sqrt(12) * rng.normal(size=(len(t), 1, 3)), axis=0)
-        found = zero.found(zero.ZeroParams(), t, pushes(t - 6.0) + drift + 0.05 * rng.normal(size=drift.shape), np.array([0.05]))
+        found = zero.found(
+            zero.ZeroParams(),
+            t,
+            pushes(t - 6.0) + drift + 0.05 * rng.normal(size=drift.shape),
+            np.array([0.05]),
+        )
         touched = (t > 10.5) & (t < 12.5)
         if not found.free[touched].any():
             surprise.append((((found.level - drift) / found.sd[..., None])[touched] ** 2).mean())
@@ -63,7 +88,9 @@ def test_a_sensor_that_is_hardly_ever_free_walks_as_is_likely() -> None:
     t, rng = np.arange(0.0, 8.0, 1 / 12), np.random.default_rng(3)
     size = np.clip(np.minimum(t - 0.7, 7.3 - t) / 0.2, 0.0, 1.0) * (1 + 0.4 * np.sin(2 * t))
     held = size[:, None, None] * np.array([0.4, -0.2, 2.0])
-    found = zero.found(zero.ZeroParams(), t, held + 0.05 * rng.normal(size=held.shape), np.array([0.05]))
+    found = zero.found(
+        zero.ZeroParams(), t, held + 0.05 * rng.normal(size=held.shape), np.array([0.05])
+    )
     assert found.drift[0] == pytest.approx(0.03, rel=0.35)
 
 
@@ -73,7 +100,9 @@ def test_a_zero_that_moves_further_than_it_walks_is_less_sure_between() -> None:
         zero.found(
             zero.ZeroParams(),
             t,
-            pushes(t) + np.where(t > 5.5, by, 0.0)[:, None, None] + 0.05 * rng.normal(size=(len(t), 1, 3)),
+            pushes(t)
+            + np.where(t > 5.5, by, 0.0)[:, None, None]
+            + 0.05 * rng.normal(size=(len(t), 1, 3)),
             np.array([0.05]),
         )
         for by in (0.0, 0.15)
@@ -84,7 +113,11 @@ def test_a_zero_that_moves_further_than_it_walks_is_less_sure_between() -> None:
 
 def test_a_zero_that_jumps_within_a_contact_is_told() -> None:
     t, rng = np.arange(0.0, 12.0, 1 / 12), np.random.default_rng(0)
-    read = pushes(t) + np.where(t > 5.5, 0.4, 0.0)[:, None, None] + 0.05 * rng.normal(size=(len(t), 1, 3))
+    read = (
+        pushes(t)
+        + np.where(t > 5.5, 0.4, 0.0)[:, None, None]
+        + 0.05 * rng.normal(size=(len(t), 1, 3))
+    )
     found = zero.found(zero.ZeroParams(least=0.8), t, read, np.array([0.05]))
     assert found.jump[(t > 4.5) & (t < 6.5)].min() > 4
 
@@ -100,11 +133,15 @@ def test_between_slow_samples_it_is_as_sure_as_it_says() -> None:
     fine, surprise = np.arange(0.0, 20.0, 0.01), []
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        rate = np.cumsum(3.0 * np.sqrt(0.01) * rng.normal(size=(len(fine), 1, 3)), axis=0)  # a rate that wanders at random
+        rate = np.cumsum(
+            3.0 * np.sqrt(0.01) * rng.normal(size=(len(fine), 1, 3)), axis=0
+        )  # a rate that wanders at random
         signal = np.cumsum(0.01 * rate, axis=0)
         k = np.arange(0, len(fine), 8)
         keep = rng.random(len(k)) > 0.1
-        read = np.where(keep[:, None, None], signal[k] + 0.05 * rng.normal(size=(len(k), 1, 3)), np.nan)
+        read = np.where(
+            keep[:, None, None], signal[k] + 0.05 * rng.normal(size=(len(k), 1, 3)), np.nan
+        )
         found = interpolation.brought(fine[k], read, np.array([0.05]), fine[8:-8])
         surprise.append((((found.values - signal[8:-8]) / found.sd[..., None]) ** 2).mean())
     assert 0.7 < np.mean(surprise) < 1.4
@@ -112,7 +149,9 @@ def test_between_slow_samples_it_is_as_sure_as_it_says() -> None:
 
 def test_noise_is_read_from_the_samples_while_forces_come_and_go() -> None:
     t, rng = np.arange(0.0, 30.0, 1 / 12), np.random.default_rng(1)
-    y = 3 * np.sin(t)[:, None, None] * np.ones((1, 2, 3)) + np.array([0.03, 0.1])[:, None] * rng.normal(size=(len(t), 2, 3))
+    y = 3 * np.sin(t)[:, None, None] * np.ones((1, 2, 3)) + np.array([0.03, 0.1])[
+        :, None
+    ] * rng.normal(size=(len(t), 2, 3))
     np.testing.assert_allclose(interpolation.noise_of(t, y), [0.03, 0.1], rtol=0.25)
 
 
@@ -123,7 +162,9 @@ def test_a_grasp_is_from_touch_to_release_and_a_flicker_none() -> None:
     assert (found.onset, found.end) == pytest.approx((4.05, 6.95), abs=0.03)
 
 
-def test_a_sensor_whose_zero_jumped_does_not_go_on_holding_and_one_that_is_dead_lets_the_other_tell() -> None:
+def test_a_sensor_whose_zero_jumped_does_not_go_on_holding_and_one_that_is_dead_lets_the_other_tell() -> (
+    None
+):
     t = np.arange(0.0, 12.0, 0.01)
     size = np.linalg.norm(pushes(t), axis=2)
     jumped = np.hstack([size + 0.5 * (t > 5.0)[:, None], size])
@@ -148,16 +189,24 @@ def held(heading: float, n: int = 200) -> tuple[Tips, Array]:
 
 
 @pytest.mark.parametrize("heading_deg", [-20.0, 6.0, 20.0])
-def test_balance_of_the_forces_tells_how_the_tips_head_against_each_other(heading_deg: float) -> None:
+def test_balance_of_the_forces_tells_how_the_tips_head_against_each_other(
+    heading_deg: float,
+) -> None:
     tips, forces = held(heading_deg * DEG)
     found = tip_orientation.corrected(TipParams(tip_sd=15.0), tips)
-    net = quat.rotate(quat.multiply(quat.exp(found.turn), tips.q_GF), tips.force).sum(axis=1)[100:].mean(axis=0)
+    net = (
+        quat.rotate(quat.multiply(quat.exp(found.turn), tips.q_GF), tips.force)
+        .sum(axis=1)[100:]
+        .mean(axis=0)
+    )
     np.testing.assert_allclose(net, forces[0].sum(axis=0), atol=0.1)
     between = found.turn[100:, 1, 2].mean() - found.turn[100:, 0, 2].mean()
     assert between == pytest.approx(heading_deg * DEG, abs=2 * DEG)
     assert np.median(found.unbalanced) < 1.0
     tips.acc[150] = np.nan  # an instant at which no inertial sensor answered
-    assert np.isnan(tip_orientation.corrected(TipParams(tip_sd=15.0), tips).unbalanced).nonzero()[0].tolist() == [150]
+    assert np.isnan(tip_orientation.corrected(TipParams(tip_sd=15.0), tips).unbalanced).nonzero()[
+        0
+    ].tolist() == [150]
 
 
 def test_how_the_tips_stand_against_each_other_is_as_sure_as_a_cuff_holds_its_sensors() -> None:
@@ -168,13 +217,23 @@ def test_how_the_tips_stand_against_each_other_is_as_sure_as_a_cuff_holds_its_se
         heading = 4 * DEG * rng.normal()
         tips, _ = held(heading, n=300)
         askew = quat.exp(DEG * rng.normal(size=(2, 3)))
-        read = Tips(tips.t, tips.q_GF, quat.rotate(quat.conjugate(askew), tips.force), tips.acc + 0.1 * rng.normal(size=(2, 3)), tips.gyr)
+        read = Tips(
+            tips.t,
+            tips.q_GF,
+            quat.rotate(quat.conjugate(askew), tips.force),
+            tips.acc + 0.1 * rng.normal(size=(2, 3)),
+            tips.gyr,
+        )
         found = tip_orientation.corrected(TipParams(), read)
-        true = quat.multiply(quat.multiply(quat.about(2, np.array([0.0, heading])), tips.q_GF[-1]), askew)
+        true = quat.multiply(
+            quat.multiply(quat.about(2, np.array([0.0, heading])), tips.q_GF[-1]), askew
+        )
         told = quat.multiply(quat.exp(found.turn[-1]), tips.q_GF[-1])
         off = np.diff(quat.log(quat.multiply(true, quat.conjugate(told))), axis=0)[0]
         C = found.covariance[-1]
-        surprise.append(off @ np.linalg.solve(C[:3, :3] + C[3:, 3:] - C[:3, 3:] - C[3:, :3], off) / 3)
+        surprise.append(
+            off @ np.linalg.solve(C[:3, :3] + C[3:, 3:] - C[:3, 3:] - C[3:, :3], off) / 3
+        )
     assert 0.3 < np.mean(surprise) < 2.0
 
 
@@ -184,8 +243,14 @@ def test_slopes_of_what_tells_how_the_tips_turn_are_differences() -> None:
     params, h = TipParams(), 1e-6
     rows = tip_orientation._measurements(params, tips, 1, np.zeros(12))
     assert [len(missed) for missed, _, _ in rows] == [3, 3, 3, 3, 2]
-    ahead, behind = ([tip_orientation._measurements(params, tips, 1, sign * dx) for dx in h * np.eye(12)] for sign in (1.0, -1.0))
-    slopes = [np.stack([(b[k][0] - a[k][0]) / (2 * h) for a, b in zip(ahead, behind)], axis=1) for k in range(5)]
+    ahead, behind = (
+        [tip_orientation._measurements(params, tips, 1, sign * dx) for dx in h * np.eye(12)]
+        for sign in (1.0, -1.0)
+    )
+    slopes = [
+        np.stack([(b[k][0] - a[k][0]) / (2 * h) for a, b in zip(ahead, behind)], axis=1)
+        for k in range(5)
+    ]
     for k, ((_, H, _), slope) in enumerate(zip(rows, slopes)):
         np.testing.assert_allclose(
             H, slope, atol=0.01 if k == 4 else 1e-6
@@ -199,7 +264,11 @@ def test_what_twists_a_fingertip_is_told_wherever_it_is_touched() -> None:
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     aside = np.cross(n, rng.normal(size=(40, 3)))
     size = np.linspace(0.1, 6.0, 40)[:, None]
-    F, m = size * (n + 0.8 * aside / np.linalg.norm(aside, axis=1, keepdims=True) * rng.random((40, 1))), rng.normal(0.0, 5e-3, 40)
+    F, m = (
+        size
+        * (n + 0.8 * aside / np.linalg.norm(aside, axis=1, keepdims=True) * rng.random((40, 1))),
+        rng.normal(0.0, 5e-3, 40),
+    )
     M = np.cross(3e-3 * rng.normal(size=(40, 3)), F) + m[:, None] * n
     found, sd = fingertip_torques.twist(F, M, np.full((40, 3), 2e-4), n)
     told = size[:, 0] > 0.5
@@ -227,8 +296,12 @@ def test_recursive_least_squares_without_forgetting_ends_where_the_batch_does() 
     fit = identification.fitted(y, H, sd)
     np.testing.assert_allclose(state.theta, fit.theta, atol=1e-6)
     np.testing.assert_allclose(track[-1], fit.theta, atol=1e-6)
-    np.testing.assert_allclose(np.diag(state.P), np.diag(np.linalg.inv(np.einsum("nmi,nmj->ij", H, H) / 0.01)), rtol=1e-4)
-    first, _, _ = identification.run(identification.begun(np.ones(2)), t[:150], y[:150], H[:150], sd[:150])
+    np.testing.assert_allclose(
+        np.diag(state.P), np.diag(np.linalg.inv(np.einsum("nmi,nmj->ij", H, H) / 0.01)), rtol=1e-4
+    )
+    first, _, _ = identification.run(
+        identification.begun(np.ones(2)), t[:150], y[:150], H[:150], sd[:150]
+    )
     again, _, _ = identification.run(first, t[150:], y[150:], H[150:], sd[150:])
     np.testing.assert_array_equal(again.theta, state.theta)
     assert spread[-1].max() < spread[10].min()
@@ -238,17 +311,23 @@ def test_recursive_least_squares_that_forgets_follows_a_change() -> None:
     t = 0.02 * np.arange(1000)
     y = np.where(t < 10, 0.3, 0.5)[:, None] * 9.81
     H = np.full((1000, 1, 1), 9.81)
-    _, track, _ = identification.run(identification.begun(np.ones(1)), t, y, H, np.full(1000, 0.2), memory=1.0)
+    _, track, _ = identification.run(
+        identification.begun(np.ones(1)), t, y, H, np.full(1000, 0.2), memory=1.0
+    )
     assert track[499, 0] == pytest.approx(0.3, abs=1e-4)
     assert track[-1, 0] == pytest.approx(0.5, abs=1e-3)
 
 
-def test_a_running_estimate_is_told_once_it_is_half_known_and_is_never_surer_than_what_errs_alike() -> None:
+def test_a_running_estimate_is_told_once_it_is_half_known_and_is_never_surer_than_what_errs_alike() -> (
+    None
+):
     """5 N/m^-1 s^2 of mass 0.5 with a noise of 4 N a sample: known to half of 0.5 after three samples at the earliest."""
     t = 0.02 * np.arange(400)
     H = np.full((400, 1, 1), 9.81)
     y = 0.5 * H[:, :, 0] + np.random.default_rng(4).normal(0.0, 4.0, (400, 1))
-    told = identification.followed(t, y, H, 4.0, np.ones(1), 1e9, lambda value: np.full(len(value), 0.03))
+    told = identification.followed(
+        t, y, H, 4.0, np.ones(1), 1e9, lambda value: np.full(len(value), 0.03)
+    )
     known = np.flatnonzero(np.isfinite(told.value))
     assert known[0] >= 2
     assert told.value[-1] == pytest.approx(0.5, abs=0.06)
@@ -265,10 +344,14 @@ def pushing(share: float) -> tuple[float, float]:
     return force_balance.rest_along_push(force, acc, turns, np.full((50, 2), 0.05), 0.02)
 
 
-def test_what_a_third_finger_carries_is_left_along_the_push_and_turned_tips_do_not_hide_it() -> None:
+def test_what_a_third_finger_carries_is_left_along_the_push_and_turned_tips_do_not_hide_it() -> (
+    None
+):
     rest, sd = pushing(0.1)
     assert rest == pytest.approx(0.6)
-    assert sd == pytest.approx(np.sqrt(0.12**2 + 0.108**2 + 2 * 0.05**2 + 2 * (2.0 * 0.05) ** 2), rel=1e-3)
+    assert sd == pytest.approx(
+        np.sqrt(0.12**2 + 0.108**2 + 2 * 0.05**2 + 2 * (2.0 * 0.05) ** 2), rel=1e-3
+    )
     assert pushing(0.0)[0] == pytest.approx(0.0, abs=1e-9)
 
 

@@ -31,7 +31,9 @@ def spring_moved(seed: int) -> Trajectory:
 
 def figures(made: Simulated, moved: Trajectory | None = None) -> dict[str, Figure]:
     event = next(e for e in made.events if e.trial_type == "task")
-    found = squeeze.measure(squeeze.Params(), moved or followed(made).trajectory, event.onset, event.end, made.geometry)
+    found = squeeze.measure(
+        squeeze.Params(), moved or followed(made).trajectory, event.onset, event.end, made.geometry
+    )
     return {f.name: f for f in squeeze.figures(found)}
 
 
@@ -48,10 +50,14 @@ def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
         assert K.sd
         off.append(abs(K.value / 600 - 1))
         surprise.append(((K.value - 600) / K.sd) ** 2)
-        assert f["squeeze_damping"].value == pytest.approx(0.0, abs=3 * (f["squeeze_damping"].sd or 0.0))
+        assert f["squeeze_damping"].value == pytest.approx(
+            0.0, abs=3 * (f["squeeze_damping"].sd or 0.0)
+        )
         assert f["squeeze_coherence"].value > 0.95
         assert 0.7 < f["squeeze_force_bandwidth"].value < 6.0  # squeezed every 1.2 s, read at 12 Hz
-        assert all(np.isfinite(one.value) for one in f.values())  # a spring answers as far as it is pushed: that is no figure that lacks
+        assert all(
+            np.isfinite(one.value) for one in f.values()
+        )  # a spring answers as far as it is pushed: that is no figure that lacks
     so_far = object_frame.stiffness(moved.between(0.0, made.events[-1].onset + 7.0), made.geometry)
     assert so_far is not None and so_far.value[-1] == pytest.approx(600.0, abs=2.5 * so_far.sd[-1])
     assert so_far.sd[-1] < 120.0
@@ -67,7 +73,9 @@ def damped() -> tuple[Simulated, Trajectory]:
 
 def test_a_damper_is_told_from_a_spring() -> None:
     f = figures(*damped())
-    assert f["squeeze_damping"].value == pytest.approx(60.0, abs=2.5 * (f["squeeze_damping"].sd or 0.0))
+    assert f["squeeze_damping"].value == pytest.approx(
+        60.0, abs=2.5 * (f["squeeze_damping"].sd or 0.0)
+    )
     assert f["squeeze_stiffness"].value == pytest.approx(400.0, rel=0.2)
     assert f["squeeze_stiffness"].reason == ""
     assert f["squeeze_lag"].category == "holds", "a damper takes energy up"
@@ -93,7 +101,10 @@ def test_the_conditions_are_told_with_what_decides_them_and_the_answer_with_its_
     (made, _), moved = spring(0), spring_moved(0)
     event = next(e for e in made.events if e.trial_type == "task")
     f = figures(made, moved)
-    told = {name: f[name].category for name in ("squeeze_coherence", "squeeze_force_bandwidth", "squeeze_lag")}
+    told = {
+        name: f[name].category
+        for name in ("squeeze_coherence", "squeeze_force_bandwidth", "squeeze_lag")
+    }
     assert told == {
         "squeeze_coherence": "nothing speaks against it",
         "squeeze_force_bandwidth": "cannot be told",  # a spring answers as far up as it is pushed
@@ -109,7 +120,10 @@ def test_the_conditions_are_told_with_what_decides_them_and_the_answer_with_its_
     assert (low < 0).all() and (high > 0).all()
     assert curves["squeeze_coherence"].x_unit == "Hz"
     short = {
-        one.name: one for one in squeeze.figures(squeeze.measure(squeeze.Params(), moved, event.onset, event.onset + 7.0, made.geometry))
+        one.name: one
+        for one in squeeze.figures(
+            squeeze.measure(squeeze.Params(), moved, event.onset, event.onset + 7.0, made.geometry)
+        )
     }
     assert np.isnan(short["squeeze_coherence"].value)
     assert "too short a time" in short["squeeze_coherence"].reason
@@ -120,7 +134,9 @@ def test_forces_that_were_not_read_have_no_tops() -> None:
     made, moved = damped()
     assert moved.force_flags is not None
     full = replace(moved, force_flags=moved.force_flags | np.uint8(ForceFlag.SATURATED))
-    assert {"squeeze_force", "squeeze_work", "squeeze_stiffness", "thumb_squeeze_share"} <= untold(figures(made, full))
+    assert {"squeeze_force", "squeeze_work", "squeeze_stiffness", "thumb_squeeze_share"} <= untold(
+        figures(made, full)
+    )
 
 
 def test_with_a_third_finger_no_stiffness_is_told() -> None:
@@ -140,10 +156,18 @@ def test_a_third_finger_that_takes_a_fifth_makes_the_stiffness_as_unsure_as_it_i
     assert K.sd / K.value > 0.1
 
 
-def test_a_sensor_that_saturates_softly_bends_the_force_over_the_distance_and_that_is_said() -> None:
+def test_a_sensor_that_saturates_softly_bends_the_force_over_the_distance_and_that_is_said() -> (
+    None
+):
     made, _ = spring(5)
     block = made.samples["force"]
-    soft = replace(made, samples={**made.samples, "force": Block(block.stream, block.t, 6.0 * np.tanh(block.values / 6.0))})
+    soft = replace(
+        made,
+        samples={
+            **made.samples,
+            "force": Block(block.stream, block.t, 6.0 * np.tanh(block.values / 6.0)),
+        },
+    )
     K = figures(soft)["squeeze_stiffness"]
     assert "the force does not grow evenly with the distance" in K.reason
     assert K.sd
@@ -178,13 +202,19 @@ def test_what_the_data_do_not_bear_out_is_told() -> None:
     rng, t = np.random.default_rng(0), np.arange(6000) / 100
     u = np.convolve(rng.normal(size=6000), np.ones(20) / 20, "same")
     pushed_elsewhere = frequency_response.conditions(
-        frequency_response.response(t, u, u / 600 + 2e-3 * np.convolve(rng.normal(size=6000), np.ones(20) / 20, "same"))
+        frequency_response.response(
+            t, u, u / 600 + 2e-3 * np.convolve(rng.normal(size=6000), np.ones(20) / 20, "same")
+        )
     )
     assert pushed_elsewhere.independent is False
-    ahead = frequency_response.conditions(frequency_response.response(t, u, np.roll(u, -8) / 600))  # the object moves first
+    ahead = frequency_response.conditions(
+        frequency_response.response(t, u, np.roll(u, -8) / 600)
+    )  # the object moves first
     assert ahead.passive is False
     assert len(ahead.reasons) == 1
-    short = frequency_response.conditions(frequency_response.response(t[:400], u[:400], u[:400] / 600))
+    short = frequency_response.conditions(
+        frequency_response.response(t[:400], u[:400], u[:400] / 600)
+    )
     assert (short.independent, short.wide, short.passive) == (None, None, None)
 
 
@@ -192,9 +222,13 @@ def test_power_and_work_of_lifting_and_of_turning() -> None:
     t = np.linspace(0.0, 2.0, 201)
     forces, v = np.tile([[[0.0, 0.0, 3.0], [0.0, 0.0, 1.0]]], (201, 1, 1)), np.zeros((201, 2, 3))
     v[:, :, 2] = (0.25 * (1 - np.cos(np.pi * t)))[:, None]
-    assert load_exchange.work(t, load_exchange.power(forces, v))[-1] == pytest.approx(4.0 * 0.5, rel=1e-4)
+    assert load_exchange.work(t, load_exchange.power(forces, v))[-1] == pytest.approx(
+        4.0 * 0.5, rel=1e-4
+    )
     turn = np.tile([[[0.2, 0.0, 0.0], [0.0, 0.0, 0.0]]], (201, 1, 1))
-    assert load_exchange.work(t, load_exchange.power(forces, v * 0, turn, turn * 0 + 3.0))[-1] == pytest.approx(0.2 * 3.0 * 2.0)
+    assert load_exchange.work(t, load_exchange.power(forces, v * 0, turn, turn * 0 + 3.0))[
+        -1
+    ] == pytest.approx(0.2 * 3.0 * 2.0)
 
 
 def test_a_joint_beyond_the_model_is_said_and_the_stiffness_is_less_sure() -> None:
@@ -202,7 +236,10 @@ def test_a_joint_beyond_the_model_is_said_and_the_stiffness_is_less_sure() -> No
     made, moved = spring(0)[0], spring_moved(0)
     angles = moved.angles.copy()
     angles[:, JOINT["thumb_ip"], FLEXION] = np.radians(-20.0)
-    usual, beyond = figures(made, moved)["squeeze_stiffness"], figures(made, replace(moved, angles=angles))["squeeze_stiffness"]
+    usual, beyond = (
+        figures(made, moved)["squeeze_stiffness"],
+        figures(made, replace(moved, angles=angles))["squeeze_stiffness"],
+    )
     assert "a joint bends further than it may" not in usual.reason
     assert "a joint bends further than it may" in beyond.reason
     assert usual.sd and beyond.sd and beyond.sd > 1.3 * usual.sd

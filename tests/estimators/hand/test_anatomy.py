@@ -2,7 +2,17 @@
 
 import numpy as np
 
-from handscope.estimators.hand.anatomy import CHILDREN, DOF_NAMES, FINGER_JOINTS, JOINT, JOINTS, LIMITS, PARENTS, SEGMENTS, side_sign
+from handscope.estimators.hand.anatomy import (
+    CHILDREN,
+    DOF_NAMES,
+    FINGER_JOINTS,
+    JOINT,
+    JOINTS,
+    LIMITS,
+    PARENTS,
+    SEGMENTS,
+    side_sign,
+)
 from tests.simulated import DEG
 
 
@@ -20,7 +30,9 @@ def test_every_segment_but_the_forearm_is_the_child_of_one_joint() -> None:
 
 def test_the_papers_ranges_are_kept() -> None:
     for name in FINGER_JOINTS["index"][1:] + ("thumb_ip",):
-        np.testing.assert_allclose(LIMITS[JOINT[name], 0] / DEG, [-20, 120 if name.endswith("pip") else 100])
+        np.testing.assert_allclose(
+            LIMITS[JOINT[name], 0] / DEG, [-20, 120 if name.endswith("pip") else 100]
+        )
 
 
 def test_every_range_names_its_source() -> None:

@@ -10,7 +10,15 @@ from hypothesis import strategies as st
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS
-from handscope.estimators.hand.geometry import RATIOS, HandMeasures, measures_from, root_joint, sized, table_of, with_found
+from handscope.estimators.hand.geometry import (
+    RATIOS,
+    HandMeasures,
+    measures_from,
+    root_joint,
+    sized,
+    table_of,
+    with_found,
+)
 
 LENGTH = st.floats(0.14, 0.22)
 TABLES = st.fixed_dictionaries(
@@ -27,14 +35,18 @@ TABLES = st.fixed_dictionaries(
         "forearm": st.floats(0.2, 0.3),
         "joint_positions": st.dictionaries(
             st.sampled_from([root_joint(f) for f in FINGERS]),
-            st.tuples(st.floats(-0.02, 0.02), st.floats(0.03, 0.09), st.floats(-0.05, 0.05)).map(list),
+            st.tuples(st.floats(-0.02, 0.02), st.floats(0.03, 0.09), st.floats(-0.05, 0.05)).map(
+                list
+            ),
         ),
     },
 )
 
 
 @given(TABLES, st.sampled_from(["left", "right"]))
-def test_what_was_measured_is_kept_and_reading_back_gives_the_same_hand(table: Mapping[str, Any], hand: Any) -> None:
+def test_what_was_measured_is_kept_and_reading_back_gives_the_same_hand(
+    table: Mapping[str, Any], hand: Any
+) -> None:
     geometry = sized(hand, measures_from(table))
     assert sized(hand, measures_from(table_of(geometry))) == geometry
     for name in ("index_proximal", "ring_distal", "thumb_metacarpal", "forearm"):
@@ -42,7 +54,9 @@ def test_what_was_measured_is_kept_and_reading_back_gives_the_same_hand(table: M
             assert geometry.lengths[name] == table[name]
     for finger, outer in table.get("finger_length", {}).items():
         phalanges = CHAINS[finger] if finger != "thumb" else CHAINS[finger][1:]
-        assert sum(geometry.lengths[s] for s in phalanges) + geometry.tip_tissue[finger] == pytest.approx(outer, abs=1e-12)
+        assert sum(geometry.lengths[s] for s in phalanges) + geometry.tip_tissue[
+            finger
+        ] == pytest.approx(outer, abs=1e-12)
     for joint, place in table.get("joint_positions", {}).items():
         assert geometry.joint_positions[joint] == tuple(place)
     if "palm_length" in table:
@@ -130,28 +144,48 @@ def test_a_table_of_another_shape_is_refused(table: Mapping[str, Any]) -> None:
 
 def test_phalanges_longer_than_their_finger_are_refused() -> None:
     with pytest.raises(InputError, match="index"):
-        sized("left", HandMeasures(finger_length={"index": 0.05}, segment_length={"index_proximal": 0.06}))
+        sized(
+            "left",
+            HandMeasures(finger_length={"index": 0.05}, segment_length={"index_proximal": 0.06}),
+        )
 
 
-def test_a_last_phalanx_is_what_the_others_leave_of_a_measured_finger_and_grows_where_none_was() -> None:
+def test_a_last_phalanx_is_what_the_others_leave_of_a_measured_finger_and_grows_where_none_was() -> (
+    None
+):
     found = {"index_proximal": 0.046, "index_middle": 0.026}
     derived, total, bone = (
         sized("left", HandMeasures(**measures))  # type: ignore[arg-type]
-        for measures in ({}, {"finger_length": {"index": 0.095}}, {"segment_length": {"index_distal": 0.019}})
+        for measures in (
+            {},
+            {"finger_length": {"index": 0.095}},
+            {"segment_length": {"index_distal": 0.019}},
+        )
     )
     size = {s: derived.lengths[s] for s in CHAINS["index"]}
     grown = size["index_distal"] * 0.072 / (size["index_proximal"] + size["index_middle"])
     assert with_found(derived, "index", found).lengths["index_distal"] == pytest.approx(grown)
     whole = with_found(total, "index", found)
-    assert sum(whole.lengths[s] for s in CHAINS["index"]) + whole.tip_tissue["index"] == pytest.approx(0.095)
+    assert sum(whole.lengths[s] for s in CHAINS["index"]) + whole.tip_tissue[
+        "index"
+    ] == pytest.approx(0.095)
     assert with_found(bone, "index", found).lengths["index_distal"] == 0.019
-    assert with_found(bone, "index", found, off=0.05).lengths["index_distal"] == pytest.approx(0.019 * 1.05)
-    too_long = {"index_proximal": 0.06, "index_middle": 0.04}  # of that finger nothing would be left
-    assert with_found(total, "index", too_long).lengths["index_distal"] > total.lengths["index_distal"]
+    assert with_found(bone, "index", found, off=0.05).lengths["index_distal"] == pytest.approx(
+        0.019 * 1.05
+    )
+    too_long = {
+        "index_proximal": 0.06,
+        "index_middle": 0.04,
+    }  # of that finger nothing would be left
+    assert (
+        with_found(total, "index", too_long).lengths["index_distal"] > total.lengths["index_distal"]
+    )
 
 
 def test_a_thumbs_metacarpal_is_not_counted_to_its_measured_length() -> None:
     total = sized("right", HandMeasures(finger_length={"thumb": 0.065}))
     found = with_found(total, "thumb", {"thumb_metacarpal": 0.05, "thumb_proximal": 0.033}).lengths
-    assert found["thumb_proximal"] + found["thumb_distal"] + total.tip_tissue["thumb"] == pytest.approx(0.065)
+    assert found["thumb_proximal"] + found["thumb_distal"] + total.tip_tissue[
+        "thumb"
+    ] == pytest.approx(0.065)
     assert with_found(total, "forearm", {}).lengths == total.lengths

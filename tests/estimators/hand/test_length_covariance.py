@@ -13,7 +13,9 @@ from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.simulation import person
 
 FEW_PERCENTS = 0.03
-MEASURED = HandMeasures(palm_length=0.083, hand_breadth=0.085, finger_length=dict.fromkeys(FINGERS, 0.09))
+MEASURED = HandMeasures(
+    palm_length=0.083, hand_breadth=0.085, finger_length=dict.fromkeys(FINGERS, 0.09)
+)
 
 
 def _bent(rng: np.random.Generator) -> Array:
@@ -24,13 +26,25 @@ def _tips_sd(geometry: HandGeometry, q_pc: Array) -> Array:
     """(5, 3) m where the rotations are known exactly."""
     of_lengths = length_covariance.covariance(geometry, FEW_PERCENTS)
     angles = joint_angles.decompose(q_pc)
-    return np.asarray(output_covariance.of_hand(angles[None], q_pc[None], np.zeros((1, 6, 9, 9)), geometry, of_lengths)[1][0])
+    return np.asarray(
+        output_covariance.of_hand(
+            angles[None], q_pc[None], np.zeros((1, 6, 9, 9)), geometry, of_lengths
+        )[1][0]
+    )
 
 
-def _told_otherwise(geometry: HandGeometry, finger: str, root: Array, shares: Array) -> HandGeometry:
+def _told_otherwise(
+    geometry: HandGeometry, finger: str, root: Array, shares: Array
+) -> HandGeometry:
     lengths = {s: geometry.lengths[s] * (1 + share) for s, share in zip(CHAINS[finger], shares)}
-    places = {root_joint(finger): tuple(np.array(geometry.joint_positions[root_joint(finger)]) + root)}
-    return replace(geometry, lengths={**geometry.lengths, **lengths}, joint_positions={**geometry.joint_positions, **places})
+    places = {
+        root_joint(finger): tuple(np.array(geometry.joint_positions[root_joint(finger)]) + root)
+    }
+    return replace(
+        geometry,
+        lengths={**geometry.lengths, **lengths},
+        joint_positions={**geometry.joint_positions, **places},
+    )
 
 
 def test_tips_err_as_drawn_lengths_make_them(rng: np.random.Generator) -> None:
@@ -40,8 +54,13 @@ def test_tips_err_as_drawn_lengths_make_them(rng: np.random.Generator) -> None:
     here = forward_kinematics.tips(q_pc, geometry)
     for f, finger in enumerate(FINGERS):
         drawn = rng.multivariate_normal(np.zeros(6), covariance[f], 2000)
-        tips = [forward_kinematics.tips(q_pc, _told_otherwise(geometry, finger, d[:3], d[3:]))[f] for d in drawn]
-        np.testing.assert_allclose(np.sqrt(np.mean((np.array(tips) - here[f]) ** 2, axis=0)), sds[f], rtol=0.08, atol=2e-5)
+        tips = [
+            forward_kinematics.tips(q_pc, _told_otherwise(geometry, finger, d[:3], d[3:]))[f]
+            for d in drawn
+        ]
+        np.testing.assert_allclose(
+            np.sqrt(np.mean((np.array(tips) - here[f]) ** 2, axis=0)), sds[f], rtol=0.08, atol=2e-5
+        )
 
 
 @pytest.mark.parametrize("finger", FINGERS[1:])
@@ -52,16 +71,22 @@ def test_bones_of_a_measured_finger_make_up_for_each_other(finger: str) -> None:
     bones = length_covariance.covariance(geometry, FEW_PERCENTS)[f, 3:, 3:] * np.outer(size, size)
     total = np.hypot(1e-3, 0.6e-3)
     assert np.sqrt(bones.sum()) == pytest.approx(total, rel=0.02)
-    assert np.sqrt(bones[0, 0]) / size[0] == pytest.approx(np.hypot(0.54 * FEW_PERCENTS, total / size.sum()), rel=0.05)
+    assert np.sqrt(bones[0, 0]) / size[0] == pytest.approx(
+        np.hypot(0.54 * FEW_PERCENTS, total / size.sum()), rel=0.05
+    )
     assert bones[0, 2] < 0
-    whole = length_covariance.covariance(sized("left", HandMeasures(hand_length=0.19)), FEW_PERCENTS)[f, 3:, 3:] * np.outer(size, size)
+    whole = length_covariance.covariance(
+        sized("left", HandMeasures(hand_length=0.19)), FEW_PERCENTS
+    )[f, 3:, 3:] * np.outer(size, size)
     assert np.sqrt(whole.sum()) == pytest.approx(FEW_PERCENTS * size.sum(), rel=0.01)
 
 
 def test_bones_measured_one_by_one_err_each_for_itself() -> None:
     measured = HandMeasures(segment_length=dict.fromkeys(CHAINS["ring"], 0.03))
     np.testing.assert_allclose(
-        length_covariance.covariance(sized("left", measured), FEW_PERCENTS)[3, 3:, 3:], FEW_PERCENTS**2 * np.eye(3), atol=1e-15
+        length_covariance.covariance(sized("left", measured), FEW_PERCENTS)[3, 3:, 3:],
+        FEW_PERCENTS**2 * np.eye(3),
+        atol=1e-15,
     )
 
 
@@ -70,6 +95,8 @@ def test_people_err_as_told(rng: np.random.Generator) -> None:
     normal = []
     for _ in range(150):
         somebody, q_pc = person.drawn("left", rng), _bent(rng)
-        error = forward_kinematics.tips(q_pc, somebody.told) - forward_kinematics.tips(q_pc, somebody.true)
+        error = forward_kinematics.tips(q_pc, somebody.told) - forward_kinematics.tips(
+            q_pc, somebody.true
+        )
         normal.append(error / _tips_sd(somebody.told, q_pc))
     assert 0.7 < np.mean(np.square(normal)) < 1.05

@@ -15,7 +15,10 @@ Movement = Callable[[Array], Array]  # s -> (n, channels) rad
 def movement(seed: int, channels: int = 3, fastest: float = 2.5) -> Movement:
     """Twelve sines a channel of up to `fastest` Hz: repeats itself nowhere."""
     rng = np.random.default_rng(seed)
-    frequency, phase = rng.uniform(0.1, fastest, (12, channels)), rng.uniform(0, 2 * np.pi, (12, channels))
+    frequency, phase = (
+        rng.uniform(0.1, fastest, (12, channels)),
+        rng.uniform(0, 2 * np.pi, (12, channels)),
+    )
     size = rng.uniform(0.02, 0.15, (12, channels))
     return lambda t: (size * np.sin(2 * np.pi * frequency * t[:, None, None] + phase)).sum(axis=1)
 
@@ -34,4 +37,11 @@ def moving(t: Array, index: Array, hand: Hand = "left", tips: Array | None = Non
     mcp, pip = names.index("index_mcp"), names.index("index_pip")
     angles[:, mcp, 0], angles[:, mcp, 1], angles[:, pip, 0] = index.T
     places = np.full((n, len(FINGERS), 3), np.nan) if tips is None else tips
-    return Trajectory(hand, t, angles, np.full((n, len(SEGMENTS), 4), np.nan), places, np.zeros((n, len(SEGMENTS)), np.uint8))
+    return Trajectory(
+        hand,
+        t,
+        angles,
+        np.full((n, len(SEGMENTS), 4), np.nan),
+        places,
+        np.zeros((n, len(SEGMENTS)), np.uint8),
+    )

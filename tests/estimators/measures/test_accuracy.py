@@ -9,23 +9,46 @@ from handscope.estimators.data.calibration import Calibration, SensorQuality
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.hand.anatomy import JOINT, JOINTS, SEGMENT
 from handscope.estimators.hand.geometry import sized
-from handscope.estimators.measures.accuracy import ANGLE, ANGLE_UNPOSED, CMC, DEG, OWN, TIP, accuracy_of, with_sd
+from handscope.estimators.measures.accuracy import (
+    ANGLE,
+    ANGLE_UNPOSED,
+    CMC,
+    DEG,
+    OWN,
+    TIP,
+    accuracy_of,
+    with_sd,
+)
 from tests.estimators.measures.trajectories import made
 
 
 def _calibration(tilt: float) -> Calibration:
-    return Calibration("left", sized("left"), 0.0, 3.0, {}, {}, {}, "initial pose", {"index_middle": SensorQuality(0.0, tilt, 0.0, 0.0)})
+    return Calibration(
+        "left",
+        sized("left"),
+        0.0,
+        3.0,
+        {},
+        {},
+        {},
+        "initial pose",
+        {"index_middle": SensorQuality(0.0, tilt, 0.0, 0.0)},
+    )
 
 
 def test_a_default_is_the_methods_and_the_calibration_adds_its_tilt() -> None:
-    moved, basis = with_sd(made(10), accuracy_of("m2", [_calibration(3 * DEG), _calibration(1 * DEG)]))
+    moved, basis = with_sd(
+        made(10), accuracy_of("m2", [_calibration(3 * DEG), _calibration(1 * DEG)])
+    )
     assert moved.angles_sd is not None
     assert moved.tips_sd is not None
     assert "Table 6" in basis
     sd = moved.angles_sd[0, :, 0]
     assert sd[JOINT["ring_pip"]] == pytest.approx(ANGLE)
     assert sd[JOINT["thumb_cmc"]] == pytest.approx(CMC)
-    assert sd[JOINT["index_pip"]] == sd[JOINT["index_dip"]] == pytest.approx(np.hypot(ANGLE, 3 * DEG))
+    assert (
+        sd[JOINT["index_pip"]] == sd[JOINT["index_dip"]] == pytest.approx(np.hypot(ANGLE, 3 * DEG))
+    )
     assert np.sqrt((moved.tips_sd[0, 1] ** 2).sum()) == pytest.approx(TIP)
 
 

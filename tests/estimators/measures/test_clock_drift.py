@@ -11,15 +11,28 @@ from tests.estimators.measures.movements import movement
 PPM = 1e-6
 
 
-def pair(seed: int, length: float, drift: float, rate: float = 128.0, noise: float = 0.005, offset: float = 5.0) -> tuple[Signal, Signal]:
+def pair(
+    seed: int,
+    length: float,
+    drift: float,
+    rate: float = 128.0,
+    noise: float = 0.005,
+    offset: float = 5.0,
+) -> tuple[Signal, Signal]:
     """One movement told by A at 100 Hz and by B, whose clock reads (1 + drift) t - offset, starts 3 s later and ends 6 s later."""
     move, rng = movement(seed), np.random.default_rng(seed)
     t_a, t_b = np.arange(0.0, length, 0.01), np.arange(3.0, length + 6.0, 1 / rate)
     a = Signal(t_a, move(t_a) + rng.normal(scale=0.5 * noise, size=(len(t_a), 3)))
-    return a, Signal(t_b * (1 + drift) - offset, 0.9 * move(t_b) + 0.1 + rng.normal(scale=noise, size=(len(t_b), 3)))
+    return a, Signal(
+        t_b * (1 + drift) - offset,
+        0.9 * move(t_b) + 0.1 + rng.normal(scale=noise, size=(len(t_b), 3)),
+    )
 
 
-@pytest.mark.parametrize(("drift", "rate"), [(-500 * PPM, 60.0), (50 * PPM, 128.0), (100 * PPM, 100.0), (500 * PPM, 200.0)])
+@pytest.mark.parametrize(
+    ("drift", "rate"),
+    [(-500 * PPM, 60.0), (50 * PPM, 128.0), (100 * PPM, 100.0), (500 * PPM, 200.0)],
+)
 def test_a_drift_is_found_and_every_instant_is_right(drift: float, rate: float) -> None:
     lag = synchronised_clocks(*pair(1, 90.0, drift, rate))
     assert lag.drift is not None and lag.drift.applied
@@ -31,7 +44,10 @@ def test_a_drift_is_found_and_every_instant_is_right(drift: float, rate: float) 
 
 
 def test_equal_clocks_are_left_alone_and_the_standard_deviation_is_honest() -> None:
-    lags = [with_drift(a, b, synchronised(a, b)) for a, b in (pair(seed, 45.0, 0.0) for seed in range(12))]
+    lags = [
+        with_drift(a, b, synchronised(a, b))
+        for a, b in (pair(seed, 45.0, 0.0) for seed in range(12))
+    ]
     assert not any(lag.rate for lag in lags)
     off = [lag.drift.value / lag.drift.sd for lag in lags if lag.drift]
     assert len(off) == 12

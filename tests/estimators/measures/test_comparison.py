@@ -7,7 +7,16 @@ from scipy.spatial.transform import Rotation
 from handscope.estimators.data.samples import ACC, GYR, Block, Event, Stream
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand.anatomy import FINGERS, SEGMENT, SEGMENTS
-from handscope.estimators.measures.comparison import TIPS, WHOLE, Agreement, agreements, gyroscope_consistency, paired, shared, stretches
+from handscope.estimators.measures.comparison import (
+    TIPS,
+    WHOLE,
+    Agreement,
+    agreements,
+    gyroscope_consistency,
+    paired,
+    shared,
+    stretches,
+)
 from tests.estimators.measures.movements import movement, moving
 from tests.simulated import DEG, pose_and_wiggle, tracked
 
@@ -18,8 +27,12 @@ def by_name(found: list[Agreement], task: str = WHOLE) -> dict[str, Agreement]:
     return {g.name: g for g in found if g.task == task}
 
 
-def compared(a: Trajectory, b: Trajectory, lag: float = 0.0, events: tuple[Event, ...] = ()) -> list[Agreement]:
-    return agreements(paired(a, b, lag), stretches(events, (), lag, (float(a.t[0]), float(a.t[-1]))))
+def compared(
+    a: Trajectory, b: Trajectory, lag: float = 0.0, events: tuple[Event, ...] = ()
+) -> list[Agreement]:
+    return agreements(
+        paired(a, b, lag), stretches(events, (), lag, (float(a.t[0]), float(a.t[-1])))
+    )
 
 
 def test_an_offset_is_b_minus_a_and_all_of_the_difference() -> None:
@@ -27,7 +40,9 @@ def test_an_offset_is_b_minus_a_and_all_of_the_difference() -> None:
     found = by_name(compared(moving(T, angles), moving(T, angles + offset)))
     for name, o in zip(("index_mcp_flexion", "index_mcp_deviation", "index_pip_flexion"), offset):
         g = found[name]
-        assert (g.offset, g.drms, g.drms_minus_offset, g.drom) == pytest.approx((o, abs(o), 0.0, 0.0), abs=1e-12)
+        assert (g.offset, g.drms, g.drms_minus_offset, g.drom) == pytest.approx(
+            (o, abs(o), 0.0, 0.0), abs=1e-12
+        )
         assert g.limits == pytest.approx((o, o), abs=1e-12)
         assert g.share == 1.0
 
@@ -42,7 +57,9 @@ def test_a_larger_movement_is_a_range_of_motion_difference() -> None:
     assert g.offset == pytest.approx(0.0, abs=1e-9)
     assert g.limits[1] == pytest.approx(1.96 * 4 * DEG / np.sqrt(2), rel=1e-3)
     assert g.correlation == pytest.approx(1.0)
-    assert np.isnan(by_name(compared(moving(T, swing), moving(T, swing)))["index_pip_flexion"].correlation)  # stands still
+    assert np.isnan(
+        by_name(compared(moving(T, swing), moving(T, swing)))["index_pip_flexion"].correlation
+    )  # stands still
 
 
 def test_another_clock_and_rate_change_nothing_once_the_lag_is_known() -> None:
@@ -57,12 +74,23 @@ def test_another_clock_and_rate_change_nothing_once_the_lag_is_known() -> None:
 def test_tasks_are_compared_one_by_one_wherever_they_are_told() -> None:
     angles = movement(3)(T)
     later = angles + 6 * DEG * (T > 10)[:, None]
-    tasks = (Event(2.0, 5.0, "task", {"task_name": "slow"}), Event(12.0, 5.0, "task", {"task_name": "fast"}), Event(0.0, 1.0, "rest"))
-    found = compared(moving(T, angles), moving(T, later), events=(*tasks, Event(8.0, 1.0, "task", {"task_name": "no", "excluded": "yes"})))
+    tasks = (
+        Event(2.0, 5.0, "task", {"task_name": "slow"}),
+        Event(12.0, 5.0, "task", {"task_name": "fast"}),
+        Event(0.0, 1.0, "rest"),
+    )
+    found = compared(
+        moving(T, angles),
+        moving(T, later),
+        events=(*tasks, Event(8.0, 1.0, "task", {"task_name": "no", "excluded": "yes"})),
+    )
     assert {g.task for g in found} == {WHOLE, "slow", "fast"}
     assert by_name(found, "slow")["index_pip_flexion"].offset == pytest.approx(0.0, abs=1e-12)
     assert by_name(found, "fast")["index_pip_flexion"].offset == pytest.approx(6 * DEG)
-    assert stretches((), tasks, 1.5, (0.0, 20.0))[1:] == [("slow", 3.5, 8.5), ("fast", 13.5, 18.5)]  # B's events on A's clock
+    assert stretches((), tasks, 1.5, (0.0, 20.0))[1:] == [
+        ("slow", 3.5, 8.5),
+        ("fast", 13.5, 18.5),
+    ]  # B's events on A's clock
 
 
 def test_what_either_does_not_know_is_left_out() -> None:
@@ -94,7 +122,9 @@ def test_tips_are_compared_by_their_distance_and_are_enough_by_themselves() -> N
 def test_the_gyroscope_agrees_with_the_orientations_of_a_turning_body() -> None:
     t = np.arange(0, 10, 0.005)
     w = np.stack([3 * np.sin(t), 2 * np.cos(1.3 * t), 1 + 0 * t], axis=-1)
-    middle = np.stack([3 * np.sin(t[1:] - 0.0025), 2 * np.cos(1.3 * (t[1:] - 0.0025)), 1 + 0 * t[1:]], axis=-1)
+    middle = np.stack(
+        [3 * np.sin(t[1:] - 0.0025), 2 * np.cos(1.3 * (t[1:] - 0.0025)), 1 + 0 * t[1:]], axis=-1
+    )
     turned = [Rotation.identity()]
     for step in middle:
         turned.append(turned[-1] * Rotation.from_rotvec(step * 0.005))
@@ -106,7 +136,9 @@ def test_the_gyroscope_agrees_with_the_orientations_of_a_turning_body() -> None:
 
     def block(extra: float, means: bool = False) -> Block:
         rates = np.concatenate([w[:1], middle]) if means else w
-        values = np.concatenate([sensor.apply(rates) * (1 + extra) + bias, np.zeros_like(w)], axis=-1)[:, None]
+        values = np.concatenate(
+            [sensor.apply(rates) * (1 + extra) + bias, np.zeros_like(w)], axis=-1
+        )[:, None]
         return Block(Stream("imu", ("index_distal",), (GYR, ACC), 200.0), t, values)
 
     (exact,) = gyroscope_consistency(moved, [block(0.0)], {"index_distal": bias})
@@ -116,7 +148,9 @@ def test_the_gyroscope_agrees_with_the_orientations_of_a_turning_body() -> None:
     (scaled,) = gyroscope_consistency(moved, [block(0.1)], {"index_distal": bias})
     norm = np.linalg.norm(w, axis=-1)
     assert scaled.drms == pytest.approx(0.1 * np.sqrt((norm**2).mean()), rel=1e-2)
-    assert scaled.share == pytest.approx(0.1 * np.sqrt((norm**2).mean()) / (1.1 * norm.max()), rel=2e-2)
+    assert scaled.share == pytest.approx(
+        0.1 * np.sqrt((norm**2).mean()) / (1.1 * norm.max()), rel=2e-2
+    )
     assert np.isnan(gyroscope_consistency(moved, [block(-0.999)], {})[0].share)  # hardly turned
 
 

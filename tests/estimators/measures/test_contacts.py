@@ -25,9 +25,13 @@ from tests.estimators.measures.trajectories import by_name, made
 def test_what_is_truly_held_has_no_error(name: str, perform: object, pairs: list[str]) -> None:
     geometry = sized("right")
     done = perform(geometry, np.random.default_rng(2), sway=0.0)  # type: ignore[operator]
-    recording = performed([initial_pose(geometry), done], "right", geometry, np.random.default_rng(1), IDEAL)
+    recording = performed(
+        [initial_pose(geometry), done], "right", geometry, np.random.default_rng(1), IDEAL
+    )
     task = next(e for e in recording.events if e.trial_type == "task")
-    found = self_check.measure(self_check.Params(), recording.truth, task.onset, task.end, geometry, Asked(name))
+    found = self_check.measure(
+        self_check.Params(), recording.truth, task.onset, task.end, geometry, Asked(name)
+    )
     f = by_name(self_check.figures(found))
     assert [r.contact.part for r in found] == pairs
     for pair in pairs:
@@ -35,11 +39,19 @@ def test_what_is_truly_held_has_no_error(name: str, perform: object, pairs: list
 
 
 def test_the_task_says_which_points_and_how_far_apart() -> None:
-    details = {"contacts": "thumb_bottom-index_bottom index_left-middle_right nose_left-ear_right", "distances_mm": "53 25"}
+    details = {
+        "contacts": "thumb_bottom-index_bottom index_left-middle_right nose_left-ear_right",
+        "distances_mm": "53 25",
+    }
     a, b = contacts_of(Asked("selfcheck_p4", details))
     assert (a.a, a.b, a.distance) == (("thumb", "bottom"), ("index", "bottom"), 0.053)
     assert (b.part, b.distance) == ("index_middle", 0.025)
-    assert contacts_of(Asked("x", {"contacts": "thumb_distal-index_distal", "distances_mm": "many"}))[0].distance is None
+    assert (
+        contacts_of(Asked("x", {"contacts": "thumb_distal-index_distal", "distances_mm": "many"}))[
+            0
+        ].distance
+        is None
+    )
     assert contacts_of(Asked()) == []
 
 
@@ -55,11 +67,19 @@ def test_only_what_is_marked_as_closed_is_judged() -> None:
     tips = np.zeros((1000, 5, 3))
     t = np.arange(1000) / 100
     tips[(t < 2) | (t > 7), 1, 1] = 0.06
-    asked = Asked("selfcheck_p3", {"contacts": "thumb_distal-index_distal", "distances_mm": "0"}, (Mark(1.5, 7.4, "closed", 1),))
-    (found,) = self_check.measure(self_check.Params(), made(1000, tips=tips), 0.0, 10.0, None, asked)
+    asked = Asked(
+        "selfcheck_p3",
+        {"contacts": "thumb_distal-index_distal", "distances_mm": "0"},
+        (Mark(1.5, 7.4, "closed", 1),),
+    )
+    (found,) = self_check.measure(
+        self_check.Params(), made(1000, tips=tips), 0.0, 10.0, None, asked
+    )
     assert errors(found.distance, 0.0)["rmse"] == 0
     assert "between the ends of the bones" in self_check.figures([found])[0].reason
-    (whole,) = self_check.measure(self_check.Params(), made(1000, tips=tips), 0.0, 10.0, None, Asked("selfcheck_p3"))
+    (whole,) = self_check.measure(
+        self_check.Params(), made(1000, tips=tips), 0.0, 10.0, None, Asked("selfcheck_p3")
+    )
     assert errors(whole.distance, 0.0)["rmse"] > 0.02
 
 
@@ -74,7 +94,9 @@ def test_pinches_are_counted_and_their_distances_told() -> None:
     t = np.arange(1000) / 100
     tips[:, 1, 1] = 0.010 + 0.025 * (1 - np.cos(2 * np.pi * t / 2.0))
     f = by_name(pinch.figures(pinch.measure(pinch.Params(), made(1000, tips=tips), 0.0, 10.0)))
-    assert f["thumb_index_pinch_count"].value == 4  # those at the very ends are not seen as closings
+    assert (
+        f["thumb_index_pinch_count"].value == 4
+    )  # those at the very ends are not seen as closings
     assert f["thumb_index_pinch_distance_min"].value == pytest.approx(0.010, abs=1e-3)
     assert f["thumb_index_pinch_distance_closed"].value == pytest.approx(0.010, abs=1e-3)
     assert f["thumb_index_pinch_aperture_max"].value == pytest.approx(0.060, abs=1e-3)

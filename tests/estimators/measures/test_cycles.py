@@ -22,8 +22,15 @@ def _values(trial: tapping.Tapping) -> dict[str, float]:
     return {name: f.value for name, f in by_name(tapping.figures(trial)).items()}
 
 
-@given(st.floats(0.8, 5.0), st.floats(15, 110), st.sampled_from([30.0, 60.0, 200.0]), st.integers(0, 2**32 - 1))
-def test_a_noisy_camera_with_uneven_frames_tells_rate_and_amplitude(rate: float, amplitude: float, fps: float, seed: int) -> None:
+@given(
+    st.floats(0.8, 5.0),
+    st.floats(15, 110),
+    st.sampled_from([30.0, 60.0, 200.0]),
+    st.integers(0, 2**32 - 1),
+)
+def test_a_noisy_camera_with_uneven_frames_tells_rate_and_amplitude(
+    rate: float, amplitude: float, fps: float, seed: int
+) -> None:
     rng = np.random.default_rng(seed)
     t = np.arange(0, 15, 1 / fps)
     t = t + rng.uniform(-0.2, 0.2, len(t)) / fps
@@ -32,16 +39,23 @@ def test_a_noisy_camera_with_uneven_frames_tells_rate_and_amplitude(rate: float,
     found = tapping.of_angle(t, angle)
     v = _values(found)
     assert v["tapping_rate"] == pytest.approx(rate, rel=0.03)
-    assert v["tapping_angle_amplitude_mean"] == pytest.approx(amplitude * DEG, rel=0.25 if fps == 30 else 0.12)
+    assert v["tapping_angle_amplitude_mean"] == pytest.approx(
+        amplitude * DEG, rel=0.25 if fps == 30 else 0.12
+    )
     assert abs(found.count - rate * 14.5) <= 2
 
 
 def test_a_distance_and_its_angle_tell_the_same_taps() -> None:
     t = np.arange(0, 10, 0.005)
-    distance, angle = (tapping.of_distance(t, _opening(t, 2.0, 0.06)), tapping.of_angle(t, _opening(t, 2.0, 60 * DEG)))
+    distance, angle = (
+        tapping.of_distance(t, _opening(t, 2.0, 0.06)),
+        tapping.of_angle(t, _opening(t, 2.0, 60 * DEG)),
+    )
     assert distance.count == angle.count == 18
     assert distance.amplitudes.mean() == pytest.approx(0.06, rel=0.01)
-    assert _values(distance)["tapping_opening_speed_mean"] == pytest.approx(np.pi * 2.0 * 0.06, rel=0.03)
+    assert _values(distance)["tapping_opening_speed_mean"] == pytest.approx(
+        np.pi * 2.0 * 0.06, rel=0.03
+    )
     assert np.isnan(_values(distance)["tapping_freezes"])  # a distance has no deg/s
     assert _values(angle)["tapping_freezes"] == 0
 
@@ -51,13 +65,20 @@ def test_gyroscopes_mounted_anyhow_tell_the_angle_through_which_the_fingers_turn
     rng = np.random.default_rng(3)
     t = np.arange(0, 12, 0.005)
     phase = (2.5 * t) % 1.0
-    opening = np.where(phase < 0.6, np.sin(0.5 * np.pi * phase / 0.6), np.cos(0.5 * np.pi * (phase - 0.6) / 0.4))
+    opening = np.where(
+        phase < 0.6, np.sin(0.5 * np.pi * phase / 0.6), np.cos(0.5 * np.pi * (phase - 0.6) / 0.4)
+    )
     slope = np.gradient(opening, t)
     axes = [a / np.linalg.norm(a) for a in rng.normal(size=(2, 3))]
-    rates = [size * DEG * slope[:, None] * a + rng.normal(0, 0.01, (len(t), 3)) + 0.01 for size, a in zip((20, 50), axes)]
+    rates = [
+        size * DEG * slope[:, None] * a + rng.normal(0, 0.01, (len(t), 3)) + 0.01
+        for size, a in zip((20, 50), axes)
+    ]
     found = tapping.of_rates(t, *rates)
     assert found.rate == pytest.approx(2.5, rel=0.01)
-    assert found.amplitudes.mean() == pytest.approx(70 * DEG, rel=0.06)  # the low-pass rounds the cusps off
+    assert found.amplitudes.mean() == pytest.approx(
+        70 * DEG, rel=0.06
+    )  # the low-pass rounds the cusps off
     assert found.closing_speeds.mean() > found.opening_speeds.mean()
     closed = np.interp(found.closings, t, opening)
     assert closed.max() < 0.25
@@ -91,7 +112,9 @@ def test_decrement_and_fatigue_are_those_put_in() -> None:
     assert f["tapping_angle_first_amplitude_mean"].value == pytest.approx(55.5 * DEG, rel=0.02)
     assert f["tapping_first_rate"].value == pytest.approx(10 / intervals[:10].sum(), rel=0.01)
     for percent, n in ((10, 2), (25, 5), (50, 10)):
-        assert f[f"tapping_fatigue{percent}"].value == pytest.approx(intervals[:n].mean() - intervals[-n:].mean(), abs=0.01)
+        assert f[f"tapping_fatigue{percent}"].value == pytest.approx(
+            intervals[:n].mean() - intervals[-n:].mean(), abs=0.01
+        )
     assert f["tapping_angle_half_decrement"].value == pytest.approx(10 * DEG, rel=0.03)
 
 
@@ -136,7 +159,9 @@ def test_a_hole_takes_its_cycles_out_and_says_so() -> None:
         ([[0, 1, 2]], [[1, 2, 3]], "shapes"),
     ],
 )
-def test_what_is_no_signal_is_refused_in_words(t: list[float], values: list[float], words: str) -> None:
+def test_what_is_no_signal_is_refused_in_words(
+    t: list[float], values: list[float], words: str
+) -> None:
     for measure in (tapping.of_angle, tapping.of_distance):
         with pytest.raises(InputError, match=words):
             measure(np.array(t), np.array(values))
@@ -172,7 +197,9 @@ def test_a_slow_or_short_recording_gives_few_taps_or_none_with_a_reason(seconds:
         (pronation_supination.of_turn, 1000.0, 1.0, "are the times in seconds"),
     ],
 )
-def test_other_units_than_asked_for_are_refused_in_words(measure: object, t: float, size: float, words: str) -> None:
+def test_other_units_than_asked_for_are_refused_in_words(
+    measure: object, t: float, size: float, words: str
+) -> None:
     seconds = np.arange(0, 10, 0.02)
     with pytest.raises(InputError, match=words):
         measure(seconds * t, _opening(seconds, 2.0, size))  # type: ignore[operator]
@@ -200,11 +227,18 @@ def test_noise_alone_is_no_tapping() -> None:
     assert tapping.of_angle(t, noise).count == 0
 
 
-@pytest.mark.parametrize(("measure", "prefix"), [(open_close, "open_close"), (pronation_supination, "pronation_supination")])
+@pytest.mark.parametrize(
+    ("measure", "prefix"),
+    [(open_close, "open_close"), (pronation_supination, "pronation_supination")],
+)
 def test_fists_and_turns_are_said_in_the_same_terms(measure: object, prefix: str) -> None:
     t = np.arange(0, 15, 0.01)
     angle = _opening(t, 1.2, 150 * DEG)
-    trial = open_close.of_flexion(t, -angle) if measure is open_close else pronation_supination.of_turn(t, angle)
+    trial = (
+        open_close.of_flexion(t, -angle)
+        if measure is open_close
+        else pronation_supination.of_turn(t, angle)
+    )
     f = by_name(measure.figures(trial))  # type: ignore[attr-defined]
     assert f[f"{prefix}_rate"].value == pytest.approx(1.2, rel=0.01)
     assert f[f"{prefix}_amplitude_mean"].value == pytest.approx(150 * DEG, rel=0.01)

@@ -16,12 +16,20 @@ BEND = 150 * DEG * 0.5 * (1 - np.cos(2 * np.pi * np.arange(0, 4, 0.01) / 4))
 
 def test_the_index_is_one_less_the_mean_slope_of_the_others() -> None:
     """Followed by 20, 10, 0 and, the other way, 2 %: 1 - 0.32 / 4."""
-    sums = {"index": BEND, "middle": 0.2 * BEND, "ring": 0.1 * BEND, "little": 0 * BEND, "thumb": -0.02 * BEND}
+    sums = {
+        "index": BEND,
+        "middle": 0.2 * BEND,
+        "ring": 0.1 * BEND,
+        "little": 0 * BEND,
+        "thumb": -0.02 * BEND,
+    }
     found = of_sums("index", sums)
     assert found.index == pytest.approx(1 - 0.32 / 4)
     assert found.enslaving == pytest.approx({"thumb": 0.02, "middle": 0.2})
     assert found.sum_range == pytest.approx(150 * DEG)
-    assert found.independent == pytest.approx(25 / 150, abs=0.02)  # the middle finger has moved by 5 deg when the index has by 25
+    assert found.independent == pytest.approx(
+        25 / 150, abs=0.02
+    )  # the middle finger has moved by 5 deg when the index has by 25
 
 
 def test_a_finger_alone_is_independent_over_its_whole_range_and_all_together_not_at_all() -> None:
@@ -45,8 +53,14 @@ def test_every_finger_is_judged_in_the_rounds_in_which_it_was_called() -> None:
         rows = slice(400 * k, 400 * (k + 1))
         angles[rows, JOINT[f"{finger}_pip"], FLEXION] = BEND
         angles[rows, JOINT["middle_pip"], FLEXION] = share * BEND
-    asked = Asked("finger_independence", {}, (Mark(0.0, 4.0, "index", 1), Mark(4.0, 8.0, "ring", 1)))
-    f = by_name(independence.figures(independence.measure(Params(), made(800, angles), 0.0, 8.0, None, asked)))
+    asked = Asked(
+        "finger_independence", {}, (Mark(0.0, 4.0, "index", 1), Mark(4.0, 8.0, "ring", 1))
+    )
+    f = by_name(
+        independence.figures(
+            independence.measure(Params(), made(800, angles), 0.0, 8.0, None, asked)
+        )
+    )
     assert f["index_individuation_index"].value == pytest.approx(1 - 0.1 / 4)
     assert f["ring_individuation_index"].value == pytest.approx(1 - 0.3 / 4)
     assert f["ring_middle_enslaving_share"].value == pytest.approx(0.3, abs=0.01)
@@ -57,8 +71,14 @@ def test_without_a_call_the_name_tells_the_finger_or_the_one_that_bends_furthest
     angles = np.zeros((400, len(JOINTS), 3))
     angles[:, JOINT["index_pip"], FLEXION], angles[:, JOINT["ring_pip"], FLEXION] = BEND, 0.5 * BEND
     moved = made(400, angles)
-    assert [a.finger for a in independence.measure(Params(), moved, 0, 4, None, Asked("independence_ring"))] == ["ring"]
-    assert [a.finger for a in independence.measure(Params(), moved, 0, 4, None, Asked("x", {"finger": "ring"}))] == ["ring"]
+    assert [
+        a.finger
+        for a in independence.measure(Params(), moved, 0, 4, None, Asked("independence_ring"))
+    ] == ["ring"]
+    assert [
+        a.finger
+        for a in independence.measure(Params(), moved, 0, 4, None, Asked("x", {"finger": "ring"}))
+    ] == ["ring"]
     assert [a.finger for a in independence.measure(Params(), moved, 0, 4)] == ["index"]
 
 

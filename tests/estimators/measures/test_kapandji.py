@@ -21,7 +21,9 @@ def test_the_places_of_a_flat_hand_lie_where_anatomy_has_them(hand: Hand) -> Non
     dorsal, distal, ulnar = places.T
     assert (np.diff(ulnar[2:6]) > 0).all()  # index, middle, ring, little
     assert distal[3] == distal[2:6].max()  # the middle finger is the longest
-    assert (np.diff(distal[[5, 6, 7, 8, 9]]) < 0).all()  # from the little finger's tip towards the palm
+    assert (
+        np.diff(distal[[5, 6, 7, 8, 9]]) < 0
+    ).all()  # from the little finger's tip towards the palm
     assert (dorsal[6:] < -0.004).all()
     assert (ulnar[:2] < ulnar[2]).all()  # the index's radial side
     assert distal[0] < distal[1] < distal[2]
@@ -29,17 +31,36 @@ def test_the_places_of_a_flat_hand_lie_where_anatomy_has_them(hand: Hand) -> Non
 
 @pytest.mark.parametrize(
     ("reached", "score"),
-    [({1, 2, 3}, (3, False)), ({3, 6, 8}, (8, False)), (set(), (0, False)), ({7, 8, 9}, (0, True)), ({1, 10}, (10, False))],
+    [
+        ({1, 2, 3}, (3, False)),
+        ({3, 6, 8}, (8, False)),
+        (set(), (0, False)),
+        ({7, 8, 9}, (0, True)),
+        ({1, 10}, (10, False)),
+    ],
 )
-def test_the_score_is_the_highest_place_if_the_first_ones_are_possible(reached: set[int], score: tuple[int, bool]) -> None:
+def test_the_score_is_the_highest_place_if_the_first_ones_are_possible(
+    reached: set[int], score: tuple[int, bool]
+) -> None:
     assert score_of({k: 0.005 if k in reached else 0.05 for k in range(1, 11)}, 0.02) == score
 
 
 def test_the_simulated_patient_reaches_the_tips_that_it_goes_to() -> None:
     recording = simulate(["kapandji"], "left", sized("left"), np.random.default_rng(1), IDEAL)
     task = next(e for e in recording.events if e.trial_type == "task")
-    marks = tuple(Mark(e.onset, e.end, e.details["phase"], 1) for e in recording.events if e.trial_type == "annotation")
-    found = kapandji.measure(Params(), recording.truth, task.onset, task.end, recording.geometry, Asked("kapandji", {}, marks))
+    marks = tuple(
+        Mark(e.onset, e.end, e.details["phase"], 1)
+        for e in recording.events
+        if e.trial_type == "annotation"
+    )
+    found = kapandji.measure(
+        Params(),
+        recording.truth,
+        task.onset,
+        task.end,
+        recording.geometry,
+        Asked("kapandji", {}, marks),
+    )
     assert all(found.distances[k] < 0.025 for k in (3, 4, 5, 6))
     f = by_name(kapandji.figures(found))
     assert f["kapandji_score"].grade == "fair"

@@ -42,7 +42,10 @@ def _range(moved: Trajectory, onset: float = 0.0, end: float = np.inf) -> Range:
 
 def _plateaus() -> np.ndarray:
     """-10 deg, 80 deg, -10 deg, each held a second, joined by half a second."""
-    return np.interp(np.arange(0, 4, 1 / RATE), [0, 1, 1.5, 2.5, 3, 4], [-10, -10, 80, 80, -10, -10]) * DEG
+    return (
+        np.interp(np.arange(0, 4, 1 / RATE), [0, 1, 1.5, 2.5, 3, 4], [-10, -10, 80, 80, -10, -10])
+        * DEG
+    )
 
 
 def test_held_extremes_are_found_exactly_with_their_times() -> None:
@@ -57,7 +60,9 @@ def test_held_extremes_are_found_exactly_with_their_times() -> None:
 @given(st.integers(0, 399), st.integers(1, 9), st.floats(-200, 200))
 @example(0, 9, 150.0)
 @example(391, 9, 150.0)
-def test_a_spike_shorter_than_half_the_hold_changes_nothing(first: int, length: int, height: float) -> None:
+def test_a_spike_shorter_than_half_the_hold_changes_nothing(
+    first: int, length: int, height: float
+) -> None:
     """Anywhere, at the very ends of the task too."""
     angle = _plateaus()
     angle[first : first + length] += height * DEG
@@ -110,9 +115,17 @@ def test_what_is_not_measured_or_too_short_has_no_range() -> None:
 def test_the_simulated_tasks_extremes_are_those_of_its_postures() -> None:
     recording = simulate(["rom"], "left", sized("left"), np.random.default_rng(1), IDEAL)
     (task,) = recording.events
-    found = {(r.joint, r.angle): r for r in range_of_motion.measure(Params(), recording.truth, task.onset, task.end)}
+    found = {
+        (r.joint, r.angle): r
+        for r in range_of_motion.measure(Params(), recording.truth, task.onset, task.end)
+    }
     assert {f"{joint}_{angle}" for joint, angle in found} == set(DOF_NAMES)
-    for joint, largest, smallest in (("ring_pip", 95, 0), ("middle_mcp", 80, -12), ("thumb_ip", 65, -10), ("wrist", 50, -45)):
+    for joint, largest, smallest in (
+        ("ring_pip", 95, 0),
+        ("middle_mcp", 80, -12),
+        ("thumb_ip", 65, -10),
+        ("wrist", 50, -45),
+    ):
         r = found[joint, "flexion"]
         assert r.largest / DEG == pytest.approx(largest, abs=0.01)
         assert r.smallest / DEG == pytest.approx(smallest, abs=0.01)
@@ -120,7 +133,13 @@ def test_the_simulated_tasks_extremes_are_those_of_its_postures() -> None:
 
 
 def test_figures_name_joint_angle_and_extreme() -> None:
-    figures = range_of_motion.figures(range_of_motion.measure(Params(), _bending(_plateaus()), 0, 4))
-    assert [f.name for f in figures] == ["index_pip_flexion_max", "index_pip_flexion_min", "index_pip_flexion_range"]
+    figures = range_of_motion.figures(
+        range_of_motion.measure(Params(), _bending(_plateaus()), 0, 4)
+    )
+    assert [f.name for f in figures] == [
+        "index_pip_flexion_max",
+        "index_pip_flexion_min",
+        "index_pip_flexion_range",
+    ]
     assert {f.unit for f in figures} == {"rad"}
     assert figures[2].value == pytest.approx(90 * DEG)

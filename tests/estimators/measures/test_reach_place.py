@@ -26,7 +26,11 @@ def _reached(place: np.ndarray, lean: np.ndarray | None = None, flags: int = 0) 
     q_GS = np.full((len(T), len(SEGMENTS), 4), np.nan)
     q_GS[:, SEGMENT["hand"]] = quat.IDENTITY
     turned = np.tile(quat.IDENTITY, (len(T), 1)) if lean is None else quat.about(1, lean)
-    known = {"place": place, "place_sd": np.full((len(T), 3), 0.005), "place_flags": np.full(len(T), flags, np.uint8)}
+    known = {
+        "place": place,
+        "place_sd": np.full((len(T), 3), 0.005),
+        "place_flags": np.full(len(T), flags, np.uint8),
+    }
     return replace(
         made(len(T), q_GS=q_GS, tips=np.zeros((len(T), 5, 3))),
         **known,
@@ -63,7 +67,9 @@ def test_a_way_round_about_is_longer_than_straight() -> None:
     """Half a circle of 0.1 m: pi / 2 times its diameter."""
     angle = np.pi * _smooth(2.0, 1.0)
     place = np.stack([0.3 - 0.1 * np.cos(angle), 0.1 * np.sin(angle), np.zeros_like(T)], axis=1)
-    assert _figures(_reached(place))["reach_straightness"].value == pytest.approx(np.pi / 2, rel=0.01)
+    assert _figures(_reached(place))["reach_straightness"].value == pytest.approx(
+        np.pi / 2, rel=0.01
+    )
 
 
 def _leaning(**details: object) -> Figure:
@@ -78,12 +84,21 @@ def test_a_trunk_that_leans_about_the_hips_carries_its_sensor_forward() -> None:
     """h sin 30 deg; the error of h, of the lean (h cos 30 deg 0.01), and of a line that stood 10 deg off upright (h (1 - cos 30 deg) 0.175)."""
     f = _leaning()
     assert f.value == pytest.approx(0.40 * 0.5, rel=0.01)
-    assert f.sd == pytest.approx(np.sqrt((0.5 * 0.05) ** 2 + (0.40 * 0.866 * 0.01) ** 2 + (0.40 * 0.134 * 0.1745) ** 2), rel=0.02)
-    assert f.reason == "the height of the trunk's sensor above the hips was not measured: 400 mm were taken"
+    assert f.sd == pytest.approx(
+        np.sqrt((0.5 * 0.05) ** 2 + (0.40 * 0.866 * 0.01) ** 2 + (0.40 * 0.134 * 0.1745) ** 2),
+        rel=0.02,
+    )
+    assert (
+        f.reason
+        == "the height of the trunk's sensor above the hips was not measured: 400 mm were taken"
+    )
     measured = _leaning(trunk_height="0.5")
     assert measured.reason == "reckoned with the trunk's sensor 500 mm above the hips, as measured"
     assert measured.value == pytest.approx(0.25, rel=0.01)
-    assert measured.sd == pytest.approx(np.sqrt((0.5 * 0.02) ** 2 + (0.5 * 0.866 * 0.01) ** 2 + (0.5 * 0.134 * 0.1745) ** 2), rel=0.02)
+    assert measured.sd == pytest.approx(
+        np.sqrt((0.5 * 0.02) ** 2 + (0.5 * 0.866 * 0.01) ** 2 + (0.5 * 0.134 * 0.1745) ** 2),
+        rel=0.02,
+    )
 
 
 def test_a_height_in_another_unit_gives_no_displacement_and_says_why() -> None:
@@ -92,10 +107,16 @@ def test_a_height_in_another_unit_gives_no_displacement_and_says_why() -> None:
     assert "give it in m" in f.reason
 
 
-def test_turning_about_the_vertical_carries_nothing_forward_and_drift_of_heading_hardly_matters() -> None:
-    q = quat.multiply(quat.about(2, np.linspace(0.0, 0.3, 50)), quat.about(1, np.linspace(0.0, 0.2, 50)))
+def test_turning_about_the_vertical_carries_nothing_forward_and_drift_of_heading_hardly_matters() -> (
+    None
+):
+    q = quat.multiply(
+        quat.about(2, np.linspace(0.0, 0.3, 50)), quat.about(1, np.linspace(0.0, 0.2, 50))
+    )
     params = trunk_displacement.TrunkParams()
-    turned = trunk_displacement.displacement(params, quat.about(2, np.linspace(0.0, 1.0, 50)), np.zeros((50, 3)), None)
+    turned = trunk_displacement.displacement(
+        params, quat.about(2, np.linspace(0.0, 1.0, 50)), np.zeros((50, 3)), None
+    )
     assert np.abs(turned.forward).max() < 1e-9
     drifting = trunk_displacement.displacement(params, q, np.zeros((50, 3)), None)
     assert drifting.forward[-1] == pytest.approx(0.40 * np.sin(0.2) * np.cos(0.3), rel=1e-6)
@@ -112,7 +133,10 @@ def test_without_a_magnet_nothing_in_metres_is_measured_and_the_reason_is_said()
 def test_places_that_cannot_be_trusted_give_no_figure(flag: PlaceFlag) -> None:
     place = np.stack([0.2 + 0.3 * _smooth(2.0, 1.0), np.zeros_like(T), np.zeros_like(T)], axis=1)
     f = _figures(_reached(place, flags=int(flag)))
-    assert all(np.isnan(f[kind].value) and f[kind].grade == "poor" and f[kind].reason for kind in reach_place.KINDS)
+    assert all(
+        np.isnan(f[kind].value) and f[kind].grade == "poor" and f[kind].reason
+        for kind in reach_place.KINDS
+    )
 
 
 def test_the_volume_of_a_box_and_how_far_off_it_is() -> None:

@@ -21,10 +21,17 @@ def test_the_worked_example_of_shrout_and_fleiss() -> None:
     assert round(found.icc_consistency.value, 2) == 0.71  # ICC(3,1)
     # intervals as R's psych prints them for this example
     assert (round(found.icc_agreement.low, 3), round(found.icc_agreement.high, 2)) == (0.019, 0.76)
-    assert (round(found.icc_consistency.low, 2), round(found.icc_consistency.high, 2)) == (0.34, 0.95)
+    assert (round(found.icc_consistency.low, 2), round(found.icc_consistency.high, 2)) == (
+        0.34,
+        0.95,
+    )
     # Table 3: between judges 32.49, residual 1.02, within targets 6.26
     assert found.sem_consistency.value == pytest.approx(np.sqrt(1.02), abs=0.005)
-    assert found.sem.value == pytest.approx(np.sqrt(1.02 + (32.49 - 1.02) / 6), abs=0.005) == pytest.approx(np.sqrt(6.26), abs=0.005)
+    assert (
+        found.sem.value
+        == pytest.approx(np.sqrt(1.02 + (32.49 - 1.02) / 6), abs=0.005)
+        == pytest.approx(np.sqrt(6.26), abs=0.005)
+    )
     assert found.mdc95.value == pytest.approx(1.96 * np.sqrt(2) * found.sem.value)
 
 
@@ -70,7 +77,15 @@ def test_within_groups_of_unequal_size_is_the_mean_square_of_an_analysis_of_vari
     assert equal is not None
     assert equal.sem.value == pytest.approx(reliability(SHROUT_FLEISS).sem.value)
     rng = np.random.default_rng(5)
-    sems = [w.sem for _ in range(1500) if (w := within([rng.normal(m, 3, k).tolist() for m, k in ((50, 2), (70, 3), (60, 1), (65, 4))]))]
+    sems = [
+        w.sem
+        for _ in range(1500)
+        if (
+            w := within(
+                [rng.normal(m, 3, k).tolist() for m, k in ((50, 2), (70, 3), (60, 1), (65, 4))]
+            )
+        )
+    ]
     assert 0.935 < np.mean([i.low <= 3.0 <= i.high for i in sems]) < 0.965  # 95 %
 
 
@@ -101,7 +116,9 @@ def test_range_and_sd_are_taken_within_a_trial_and_averaged_over_the_trials() ->
 def test_the_range_over_ten_holds_is_three_standard_deviations() -> None:
     held = np.random.default_rng(4).normal(scale=0.4, size=(2000, 10, 1))
     found = spread(held, ["index_pip_flexion"])
-    assert found.range[0] / 0.4 == pytest.approx(3.078, abs=0.05)  # d2 of ten values; Table 2.3 has 1.1 / 0.4
+    assert found.range[0] / 0.4 == pytest.approx(
+        3.078, abs=0.05
+    )  # d2 of ten values; Table 2.3 has 1.1 / 0.4
 
 
 def test_a_hold_counts_without_its_ends() -> None:
@@ -114,7 +131,9 @@ def test_a_hold_counts_without_its_ends() -> None:
     np.testing.assert_allclose(flat, np.array([10, 11]) * DEG, atol=0.01 * DEG)
     assert np.isnan(held[:, DOF_NAMES.index("little_dip_flexion")]).all()
     found = spread(held[None])
-    assert found.range[DOF_NAMES.index("index_mcp_flexion")] == pytest.approx(1 * DEG, abs=0.01 * DEG)
+    assert found.range[DOF_NAMES.index("index_mcp_flexion")] == pytest.approx(
+        1 * DEG, abs=0.01 * DEG
+    )
     assert np.isnan(found.range[DOF_NAMES.index("little_dip_flexion")])
     with pytest.raises(InputError, match="nothing remains"):
         held_angles(moved, [(0.0, 1.5)])

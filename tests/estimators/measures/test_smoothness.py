@@ -6,7 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.measures.smoothness import dimensionless_jerk, log_dimensionless_jerk, movement_units, sparc
+from handscope.estimators.measures.smoothness import (
+    dimensionless_jerk,
+    log_dimensionless_jerk,
+    movement_units,
+    sparc,
+)
 
 SPEED = np.exp(-5 * np.arange(-1, 1, 0.01) ** 2)
 
@@ -21,17 +26,23 @@ def test_the_published_vectors_come_out_to_the_last_digit() -> None:
 @given(st.floats(1e-3, 1e3))
 def test_the_size_of_a_movement_does_not_count(size: float) -> None:
     assert sparc(size * SPEED, 100.0) == pytest.approx(sparc(SPEED, 100.0), rel=1e-9)
-    assert log_dimensionless_jerk(size * SPEED, 100.0) == pytest.approx(log_dimensionless_jerk(SPEED, 100.0), rel=1e-9)
+    assert log_dimensionless_jerk(size * SPEED, 100.0) == pytest.approx(
+        log_dimensionless_jerk(SPEED, 100.0), rel=1e-9
+    )
 
 
 def test_the_jerk_of_a_movement_does_not_count_how_long_it_took() -> None:
-    assert dimensionless_jerk(SPEED, 50.0) == pytest.approx(dimensionless_jerk(SPEED, 100.0), rel=1e-9)
+    assert dimensionless_jerk(SPEED, 50.0) == pytest.approx(
+        dimensionless_jerk(SPEED, 100.0), rel=1e-9
+    )
 
 
 def test_a_minimum_jerk_movement_has_the_jerk_of_its_closed_form() -> None:
     """Speed 30 (s^2 - 2 s^3 + s^4): its second derivative squared integrates to 720, its peak is 15/8."""
     s = np.linspace(0, 1, 4001)
-    assert dimensionless_jerk(30 * (s**2 - 2 * s**3 + s**4), 4000.0) == pytest.approx(-720 / (15 / 8) ** 2, rel=2e-3)
+    assert dimensionless_jerk(30 * (s**2 - 2 * s**3 + s**4), 4000.0) == pytest.approx(
+        -720 / (15 / 8) ** 2, rel=2e-3
+    )
 
 
 def test_a_movement_in_two_pieces_is_less_smooth() -> None:
@@ -43,7 +54,9 @@ def test_a_movement_in_two_pieces_is_less_smooth() -> None:
 def test_jerk_and_acceleration_may_be_given_instead_of_the_speed() -> None:
     t = np.arange(0, 1, 1e-4)
     acceleration = np.sin(2 * np.pi * t)  # mean square of its slope is (2 pi)^2 / 2 over 1 s
-    assert dimensionless_jerk(acceleration, 1e4, "acceleration") == pytest.approx(-((2 * np.pi) ** 2) / 2, rel=1e-3)
+    assert dimensionless_jerk(acceleration, 1e4, "acceleration") == pytest.approx(
+        -((2 * np.pi) ** 2) / 2, rel=1e-3
+    )
     assert dimensionless_jerk(acceleration, 1e4, "jerk") == pytest.approx(-0.5, rel=1e-3)
 
 
@@ -56,7 +69,9 @@ def test_jerk_and_acceleration_may_be_given_instead_of_the_speed() -> None:
         ([[1.0, 2.0, 1.0]], 100.0, "shape"),
     ],
 )
-def test_what_is_no_movement_is_refused_in_words(speed: list[float], rate: float, words: str) -> None:
+def test_what_is_no_movement_is_refused_in_words(
+    speed: list[float], rate: float, words: str
+) -> None:
     for measure in (sparc, log_dimensionless_jerk):
         with pytest.raises(InputError, match=words):
             measure(np.array(speed), rate)

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from handscope.estimators.data.trajectory import Flag
-from handscope.estimators.hand.anatomy import DEVIATION, FLEXION, JOINT, JOINTS, PRONATION, SEGMENT, SEGMENTS, Hand
+from handscope.estimators.hand.anatomy import (
+    DEVIATION,
+    FLEXION,
+    JOINT,
+    JOINTS,
+    PRONATION,
+    SEGMENT,
+    SEGMENTS,
+    Hand,
+)
 from handscope.estimators.measures import finger_spread, forearm_rotation, thumb_abduction
 from handscope.estimators.measures.sustained_angles import Params
 from handscope.estimators.numerics import quaternions as quat
@@ -25,7 +34,12 @@ def test_spread_is_the_difference_of_neighbouring_deviations() -> None:
     f = by_name(finger_spread.figures(finger_spread.measure(Params(), moved, 0, 3)))
     degrees = {name: figure.value / DEG for name, figure in f.items()}
     assert degrees == pytest.approx(
-        {"index_middle_spread": 12, "middle_ring_spread": 10, "ring_little_spread": 18, "index_little_whole_spread": 40}
+        {
+            "index_middle_spread": 12,
+            "middle_ring_spread": 10,
+            "ring_little_spread": 18,
+            "index_little_whole_spread": 40,
+        }
     )
     assert f["index_middle_spread"].sd == pytest.approx(np.sqrt(2) * DEG)
 
@@ -55,8 +69,14 @@ def test_palm_up_and_palm_down_are_told_from_gravity_on_either_hand(hand: Hand) 
     ways = []
     for way in (-1.0, 1.0):  # about the long axis; one of the two turns the thumb up first
         q_GS = np.full((300, len(SEGMENTS), 4), np.nan)
-        q_GS[:, SEGMENT["hand"]] = quat.headed(quat.multiply(level, quat.exp(way * turned[:, None] * np.array([0.0, 1.0, 0.0]))), 0.7)
-        f = by_name(forearm_rotation.figures(forearm_rotation.measure(Params(), made(300, q_GS=q_GS, hand=hand), 0, 3)))
+        q_GS[:, SEGMENT["hand"]] = quat.headed(
+            quat.multiply(level, quat.exp(way * turned[:, None] * np.array([0.0, 1.0, 0.0]))), 0.7
+        )
+        f = by_name(
+            forearm_rotation.figures(
+                forearm_rotation.measure(Params(), made(300, q_GS=q_GS, hand=hand), 0, 3)
+            )
+        )
         ways.append((f["supination"].value / DEG, f["pronation"].value / DEG))
     assert min(ways) == pytest.approx((75, 90), abs=0.1)
 
@@ -64,10 +84,16 @@ def test_palm_up_and_palm_down_are_told_from_gravity_on_either_hand(hand: Hand) 
 @pytest.mark.parametrize(
     ("module", "yes", "no"),
     [
-        (thumb_abduction, ("rom_thumb", "rom_thumb_palmar", "prom_thumb_radial"), ("rom_thumb_ip", "thumb_flat", "rom_fist")),
+        (
+            thumb_abduction,
+            ("rom_thumb", "rom_thumb_palmar", "prom_thumb_radial"),
+            ("rom_thumb_ip", "thumb_flat", "rom_fist"),
+        ),
         (finger_spread, ("rom_spread",), ("rom_fist", "tapping")),
         (forearm_rotation, ("rom_forearm", "prom_forearm"), ("rom_wrist", "pronation_supination")),
     ],
 )
-def test_tasks_are_told_by_the_words_of_their_names(module: object, yes: tuple[str, ...], no: tuple[str, ...]) -> None:
+def test_tasks_are_told_by_the_words_of_their_names(
+    module: object, yes: tuple[str, ...], no: tuple[str, ...]
+) -> None:
     assert [module.applies(n) for n in yes + no] == [True] * len(yes) + [False] * len(no)  # type: ignore[attr-defined]

@@ -11,7 +11,9 @@ from tests.simulated import DEG
 
 @pytest.mark.parametrize("clock", [0.0, 3.7, -11.0034, 0.0004])
 @pytest.mark.parametrize("rates", [(100.0, 100.0), (100.0, 120.0), (200.0, 60.0), (60.0, 1000.0)])
-def test_a_lag_is_found_below_a_tenth_of_a_millisecond_at_any_rates(clock: float, rates: tuple[float, float]) -> None:
+def test_a_lag_is_found_below_a_tenth_of_a_millisecond_at_any_rates(
+    clock: float, rates: tuple[float, float]
+) -> None:
     move = movement(1)
     a, b = sampled(move, 0.0, 40.0, rates[0]), sampled(move, 2.0, 45.0, rates[1], clock)
     lag = synchronised(a, b)
@@ -24,7 +26,10 @@ def test_a_lag_is_found_below_a_tenth_of_a_millisecond_at_any_rates(clock: float
 def test_offsets_other_sizes_and_noise_do_not_move_the_lag() -> None:
     move, rng = movement(2), np.random.default_rng(0)
     a, b = sampled(move, 0.0, 60.0, 100.0), sampled(move, 0.0, 60.0, 90.0, 1.23456)
-    worse = Signal(b.t, 0.8 * b.values + np.array([0.3, -2.0, 0.1]) + rng.normal(scale=0.05, size=b.values.shape))
+    worse = Signal(
+        b.t,
+        0.8 * b.values + np.array([0.3, -2.0, 0.1]) + rng.normal(scale=0.05, size=b.values.shape),
+    )
     lag = synchronised(a, worse)
     assert lag.seconds == pytest.approx(1.23456, abs=2e-3)
     assert 0.95 < lag.correlation < 0.999
@@ -50,7 +55,9 @@ def test_samples_left_out_are_a_gap_and_not_a_straight_line() -> None:
     within = (at > 7.99) & (at < 9.01)
     assert np.isnan(values[within]).all()
     np.testing.assert_allclose(values[~within], move(at)[~within], atol=3e-5)
-    assert synchronised(sampled(move, 0.0, 20.0, 100.0, 0.5), thinned).seconds == pytest.approx(-0.5, abs=1e-4)
+    assert synchronised(sampled(move, 0.0, 20.0, 100.0, 0.5), thinned).seconds == pytest.approx(
+        -0.5, abs=1e-4
+    )
 
 
 def test_samples_come_back_as_they_are_and_nothing_stands_outside() -> None:
@@ -64,17 +71,29 @@ def test_a_periodic_movement_gives_the_lag_of_the_longest_overlap_and_names_the_
     def swinging(t: np.ndarray) -> np.ndarray:
         return 0.5 * np.sin(np.pi * t)[:, None]  # 0.5 Hz, as by a metronome
 
-    lag = synchronised(sampled(swinging, 0.0, 30.0, 100.0), sampled(swinging, 0.0, 30.0, 80.0, 0.37))
+    lag = synchronised(
+        sampled(swinging, 0.0, 30.0, 100.0), sampled(swinging, 0.0, 30.0, 80.0, 0.37)
+    )
     assert lag.seconds == pytest.approx(0.37, abs=1e-3)
     assert lag.rival is not None
     assert abs(abs(lag.rival - 0.37) - 2.0) < 0.03
-    assert synchronised(sampled(swinging, 0.0, 30.0, 100.0), sampled(swinging, 0.0, 30.0, 80.0, 0.37), 1.0).rival is None
+    assert (
+        synchronised(
+            sampled(swinging, 0.0, 30.0, 100.0), sampled(swinging, 0.0, 30.0, 80.0, 0.37), 1.0
+        ).rival
+        is None
+    )
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_another_movement_is_refused(seed: int) -> None:
-    a, b = sampled(movement(10 + seed), 0.0, 40.0, 100.0), sampled(movement(50 + seed), 0.0, 40.0, 100.0)
-    with pytest.raises(InputError, match="do not fit each other at any lag: the best correlation is 0"):
+    a, b = (
+        sampled(movement(10 + seed), 0.0, 40.0, 100.0),
+        sampled(movement(50 + seed), 0.0, 40.0, 100.0),
+    )
+    with pytest.raises(
+        InputError, match="do not fit each other at any lag: the best correlation is 0"
+    ):
         synchronised(a, b)
 
 
@@ -97,17 +116,28 @@ def test_recordings_one_after_the_other_are_refused() -> None:
 
 def test_a_hand_that_does_not_move_cannot_be_synchronised() -> None:
     still = Signal(np.arange(0, 20, 0.01), np.full((2000, 3), 0.4))
-    with pytest.raises(InputError, match="nothing moves in the channels that both recordings hold in B"):
+    with pytest.raises(
+        InputError, match="nothing moves in the channels that both recordings hold in B"
+    ):
         synchronised(sampled(movement(7), 0.0, 20.0, 100.0), still)
-    with pytest.raises(InputError, match="overlap nowhere by 25 %"):  # neither the clock's lag nor any other within reach
-        synchronised(sampled(movement(7), 0.0, 20.0, 100.0, 40.0), sampled(movement(7), 0.0, 20.0, 100.0), 1.0)
+    with pytest.raises(
+        InputError, match="overlap nowhere by 25 %"
+    ):  # neither the clock's lag nor any other within reach
+        synchronised(
+            sampled(movement(7), 0.0, 20.0, 100.0, 40.0),
+            sampled(movement(7), 0.0, 20.0, 100.0),
+            1.0,
+        )
 
 
 def test_ten_minutes_of_all_angles_take_a_few_seconds() -> None:
     import time
 
     few = movement(8, 3)
-    a, b = (Signal(s.t, np.tile(s.values, 8)) for s in (sampled(few, 0.0, 600.0, 100.0), sampled(few, 5.0, 605.0, 100.0, 5.0)))
+    a, b = (
+        Signal(s.t, np.tile(s.values, 8))
+        for s in (sampled(few, 0.0, 600.0, 100.0), sampled(few, 5.0, 605.0, 100.0, 5.0))
+    )
     start = time.process_time()
     assert synchronised(a, b).seconds == pytest.approx(5.0, abs=1e-4)
     assert time.process_time() - start < 5.0  # 0.8 s when it was written

@@ -19,7 +19,9 @@ from handscope.estimators.simulation.sensors import IDEAL
 RATE, ONSET = 200.0, 1.0
 
 
-def _distance(closings: np.ndarray, amplitudes: np.ndarray, drift: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def _distance(
+    closings: np.ndarray, amplitudes: np.ndarray, drift: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
     """Raised cosines between the closings, open by 40 mm before and after; `drift` in m/s."""
     t = np.arange(0, closings[-1] + 1.0, 1 / RATE)
     d = np.full(len(t), 0.010)
@@ -53,19 +55,34 @@ def _measured(closings: np.ndarray, amplitudes: np.ndarray, drift: float = 0.0) 
     st.lists(st.tuples(st.floats(0.2, 0.8), st.floats(0.03, 0.09)), min_size=2, max_size=20),
     st.sampled_from([0.0, 0.002, -0.0005]),
 )
-@example([(0.53125, 0.0625), (0.509765625, 0.0625), (0.387205065004955, 0.0625), (0.697265625, 0.03), (0.201171875, 0.078125)], 0.0)
-def test_known_taps_are_found_with_their_times_amplitudes_and_speeds(drawn: list[tuple[float, float]], drift: float) -> None:
+@example(
+    [
+        (0.53125, 0.0625),
+        (0.509765625, 0.0625),
+        (0.387205065004955, 0.0625),
+        (0.697265625, 0.03),
+        (0.201171875, 0.078125),
+    ],
+    0.0,
+)
+def test_known_taps_are_found_with_their_times_amplitudes_and_speeds(
+    drawn: list[tuple[float, float]], drift: float
+) -> None:
     intervals, amplitudes = np.array(drawn).T
     closings = ONSET + np.concatenate([[0], np.cumsum(intervals)])
     found = _measured(closings, amplitudes, drift)
     assert found.count == len(amplitudes)
     # a sample, and what the low-pass smears where a slow small tap meets a fast wide one
-    np.testing.assert_allclose(found.closings, closings, atol=1 / RATE + 1 / (2 * np.pi * Params().lowpass))
+    np.testing.assert_allclose(
+        found.closings, closings, atol=1 / RATE + 1 / (2 * np.pi * Params().lowpass)
+    )
     np.testing.assert_allclose(found.amplitudes, amplitudes, atol=0.5e-3 + 0.01 * amplitudes.max())
     peaks = np.pi * amplitudes / intervals
     np.testing.assert_allclose(found.opening_speeds, peaks, rtol=0.05)
     np.testing.assert_allclose(found.closing_speeds, peaks, rtol=0.05)
-    assert found.rate == pytest.approx(len(amplitudes) / intervals.sum(), rel=0.01 + 2 / RATE / intervals.sum())  # a sample at either end
+    assert found.rate == pytest.approx(
+        len(amplitudes) / intervals.sum(), rel=0.01 + 2 / RATE / intervals.sum()
+    )  # a sample at either end
     assert found.grade == "good"
 
 
@@ -73,7 +90,9 @@ def test_the_decrement_is_the_slope_of_amplitude_and_the_ratio_of_the_ends() -> 
     amplitudes = 0.06 - 0.002 * np.arange(12)
     found = _measured(ONSET + 0.4 * np.arange(13), amplitudes)
     assert found.decrement_slope == pytest.approx(-0.002, rel=0.01)
-    assert found.decrement_ratio == pytest.approx((amplitudes[-5:].mean() - amplitudes[:5].mean()) / amplitudes[:5].mean(), rel=0.01)
+    assert found.decrement_ratio == pytest.approx(
+        (amplitudes[-5:].mean() - amplitudes[:5].mean()) / amplitudes[:5].mean(), rel=0.01
+    )
 
 
 def test_fewer_than_eight_taps_have_no_decrement_and_say_so() -> None:
@@ -81,7 +100,11 @@ def test_fewer_than_eight_taps_have_no_decrement_and_say_so() -> None:
     assert found.count == 7
     assert np.isnan([found.decrement_slope, found.decrement_ratio]).all()
     reasons = {f.name: f.reason for f in tapping.figures(found)}
-    assert reasons["tapping_decrement_slope"] == reasons["tapping_decrement_ratio"] == "too few taps for a decrement"
+    assert (
+        reasons["tapping_decrement_slope"]
+        == reasons["tapping_decrement_ratio"]
+        == "too few taps for a decrement"
+    )
     assert reasons["tapping_count"] == ""
 
 
@@ -89,7 +112,9 @@ def test_rhythm_is_the_coefficient_of_variation_with_the_sample_sd() -> None:
     intervals = np.array([0.3, 0.4, 0.5, 0.4, 0.3, 0.5])
     found = _measured(ONSET + np.concatenate([[0], np.cumsum(intervals)]), np.full(6, 0.05))
     figures = {f.name: f.value for f in tapping.figures(found)}
-    assert figures["tapping_interval_cv"] == pytest.approx(intervals.std(ddof=1) / intervals.mean(), rel=0.03)
+    assert figures["tapping_interval_cv"] == pytest.approx(
+        intervals.std(ddof=1) / intervals.mean(), rel=0.03
+    )
     assert figures["tapping_interval_mean"] == pytest.approx(0.4, abs=2 / RATE)
     assert figures["tapping_amplitude_cv"] < 0.02
 
@@ -125,7 +150,10 @@ def test_a_finger_that_was_not_measured_is_the_reason() -> None:
     moved.tips[:, 0] = np.nan
     found = tapping.measure(Params(), moved, 1.0, 3.0)
     assert found.reason == "thumb or index finger not measured"
-    assert tapping.measure(Params(), moved, 100.0, 110.0).reason == "thumb or index finger not measured"
+    assert (
+        tapping.measure(Params(), moved, 100.0, 110.0).reason
+        == "thumb or index finger not measured"
+    )
 
 
 def test_bridged_samples_lower_the_grade() -> None:

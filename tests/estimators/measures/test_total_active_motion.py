@@ -15,7 +15,9 @@ from tests.estimators.measures.trajectories import by_name, made
 DEG = np.pi / 180
 
 
-def _fist(bent: tuple[float, ...], straight: tuple[float, ...], finger: str = "index") -> Trajectory:
+def _fist(
+    bent: tuple[float, ...], straight: tuple[float, ...], finger: str = "index"
+) -> Trajectory:
     """A second stretched, a second in a fist, joined by half a second: MCP, PIP, DIP in deg."""
     joints = [j.name for j in JOINTS if j.name.startswith(finger) and j.name != "thumb_cmc"]
     weight = np.interp(np.arange(400) / 100, [1, 1.5, 2.5, 3], [0, 1, 1, 0])
@@ -33,7 +35,11 @@ def _motion(tam: float, finger: str = "index", **changes: float) -> Motion:
 
 def test_tam_is_the_fist_less_the_deficits_and_hyperextension_counts_as_zero() -> None:
     """85 + 100 + 60, with 10 deg of deficit at the PIP joint and 12 of hyperextension at the MCP joint."""
-    f = by_name(total_active_motion.figures(total_active_motion.measure(Params(), _fist((85, 100, 60), (-12, 10, 0)), 0, 4)))
+    f = by_name(
+        total_active_motion.figures(
+            total_active_motion.measure(Params(), _fist((85, 100, 60), (-12, 10, 0)), 0, 4)
+        )
+    )
     assert f["index_taf"].value == pytest.approx(245 * DEG)
     assert f["index_tam"].value == pytest.approx(235 * DEG)
     assert f["index_tam_share"].value == pytest.approx(235 / 260)
@@ -42,14 +48,18 @@ def test_tam_is_the_fist_less_the_deficits_and_hyperextension_counts_as_zero() -
     assert f["index_mcp_extension_deficit"].value == 0
     assert f["index_mcp_hyperextension"].value == pytest.approx(12 * DEG)
     assert f["index_taf"].sd == pytest.approx(np.sqrt(3) * 2 * DEG)
-    assert f["index_tam"].sd == pytest.approx(np.sqrt(5) * 2 * DEG)  # three flexions, and the two joints that may have a deficit
+    assert f["index_tam"].sd == pytest.approx(
+        np.sqrt(5) * 2 * DEG
+    )  # three flexions, and the two joints that may have a deficit
 
 
 def test_joints_that_bend_one_after_the_other_have_no_composite_fist() -> None:
     """90 deg each, never together: TAF is 90, not 270."""
     angles = np.full((600, len(JOINTS), 3), np.nan)
     for k, joint in enumerate(("index_mcp", "index_pip", "index_dip")):
-        angles[:, JOINT[joint], FLEXION] = np.interp(np.arange(600) / 100, [2 * k, 2 * k + 1, 2 * k + 2], [0, 90 * DEG, 0])
+        angles[:, JOINT[joint], FLEXION] = np.interp(
+            np.arange(600) / 100, [2 * k, 2 * k + 1, 2 * k + 2], [0, 90 * DEG, 0]
+        )
     (found,) = total_active_motion.measure(Params(), made(600, angles), 0, 6)
     assert found.taf == pytest.approx(90 * DEG, abs=6 * DEG)
 
@@ -61,7 +71,10 @@ def test_a_finger_without_all_its_joints_has_no_tam_and_flags_lower_the_grade() 
     moved = _fist((85, 100, 60), (0, 0, 0))
     moved.flags[:40, SEGMENT["index_middle"]] = Flag.MISSING
     (found,) = total_active_motion.measure(Params(), moved, 0, 4)
-    assert (found.grade, found.reason) == ("fair", "samples missing and bridged in 10 % of the samples")
+    assert (found.grade, found.reason) == (
+        "fair",
+        "samples missing and bridged in 10 % of the samples",
+    )
 
 
 @pytest.mark.parametrize(
@@ -92,7 +105,9 @@ def test_a_finger_without_all_its_joints_has_no_tam_and_flags_lower_the_grade() 
         ("burn", "index", 179, "poor"),
     ],
 )
-def test_every_grading_has_its_published_bounds(scheme: str, finger: str, tam: float, word: str) -> None:
+def test_every_grading_has_its_published_bounds(
+    scheme: str, finger: str, tam: float, word: str
+) -> None:
     assert graded_as(scheme, _motion(tam, finger)) == word
 
 
@@ -105,7 +120,9 @@ def test_the_uninjured_hand_is_the_norm_where_it_is_known() -> None:
 def test_strickland_leaves_the_mcp_joint_out() -> None:
     flexions = {"index_mcp": 90 * DEG, "index_pip": 100 * DEG, "index_dip": 60 * DEG}
     left = {"index_mcp": 20 * DEG, "index_pip": 15 * DEG, "index_dip": -5 * DEG}
-    assert strickland(Motion("index", flexions, left, {}, {}, 0.0, 1.0, "good", "")) == pytest.approx(145 / 175)
+    assert strickland(
+        Motion("index", flexions, left, {}, {}, 0.0, 1.0, "good", "")
+    ) == pytest.approx(145 / 175)
 
 
 def test_an_unknown_grading_is_refused() -> None:

@@ -24,11 +24,17 @@ def _rates(frequency: float, amplitude: float, noise: float = 0.0, seed: int = 0
 
 
 @given(st.floats(3.6, 14.0), st.floats(0.2, 5.0), st.integers(0, 1000))
-def test_frequency_and_amplitude_of_a_sine_are_found_in_noise(frequency: float, degrees: float, seed: int) -> None:
-    found = tremor.of_rates(T, _rates(frequency, degrees * DEG, 0.05 * 2 * np.pi * frequency * degrees * DEG, seed))
+def test_frequency_and_amplitude_of_a_sine_are_found_in_noise(
+    frequency: float, degrees: float, seed: int
+) -> None:
+    found = tremor.of_rates(
+        T, _rates(frequency, degrees * DEG, 0.05 * 2 * np.pi * frequency * degrees * DEG, seed)
+    )
     assert found.frequency == pytest.approx(frequency, abs=0.05)
     assert found.amplitude == pytest.approx(degrees * DEG, rel=0.06)
-    assert found.rate_rms == pytest.approx(2 * np.pi * frequency * degrees * DEG / np.sqrt(2), rel=0.06)
+    assert found.rate_rms == pytest.approx(
+        2 * np.pi * frequency * degrees * DEG / np.sqrt(2), rel=0.06
+    )
     assert found.time_share == 1.0
 
 
@@ -47,16 +53,23 @@ def test_a_tremor_for_half_the_time_is_said_to_be_so() -> None:
 @pytest.mark.parametrize("seed", range(20))
 def test_noise_and_slow_movement_are_no_tremor(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    for rates in (rng.normal(0, 0.01, (len(T), 3)), np.cumsum(rng.normal(0, 0.01, (len(T), 3)), axis=0)):
+    for rates in (
+        rng.normal(0, 0.01, (len(T), 3)),
+        np.cumsum(rng.normal(0, 0.01, (len(T), 3)), axis=0),
+    ):
         found = tremor.of_rates(T, rates)
         assert np.isnan([found.frequency, found.amplitude]).all()
         assert found.reason == NO_PEAK
 
 
-def test_a_segment_that_trembles_is_found_in_a_trajectory_and_its_figures_have_a_standard_deviation() -> None:
+def test_a_segment_that_trembles_is_found_in_a_trajectory_and_its_figures_have_a_standard_deviation() -> (
+    None
+):
     turned = 2 * DEG * np.sin(2 * np.pi * 6 * T)
     q_GS = np.full((len(T), len(SEGMENTS), 4), np.nan)
-    q_GS[:, SEGMENT["hand"]] = quat.multiply(np.array([0.5, 0.5, -0.5, 0.5]), quat.exp(turned[:, None] * np.array([0.0, 1.0, 0.0])))
+    q_GS[:, SEGMENT["hand"]] = quat.multiply(
+        np.array([0.5, 0.5, -0.5, 0.5]), quat.exp(turned[:, None] * np.array([0.0, 1.0, 0.0]))
+    )
     (found,) = tremor.measure(Params(), made(len(T), q_GS=q_GS), 0.0, 30.0)
     f = by_name(tremor.figures([found]))
     assert f["hand_tremor_frequency"].value == pytest.approx(6.0, abs=0.02)

@@ -21,39 +21,56 @@ from tests.simulated import assert_same, calibrated, cut, in_strips, interleaved
 every_method = pytest.mark.parametrize("method", METHODS.values(), ids=METHODS.keys())
 
 
-def _stepped(method: ModuleType, recording: Simulated, pieces: list[Block], saved: bool = False) -> Trajectory:
+def _stepped(
+    method: ModuleType, recording: Simulated, pieces: list[Block], saved: bool = False
+) -> Trajectory:
     params, found = method.Params(), calibrated(recording, method.Params())
     state, given = method.start(params, found, recording.streams), []
     for piece in pieces:
-        state, moved = method.step(params, pickle.loads(pickle.dumps(state)) if saved else state, piece.between(found.t, np.inf))
+        state, moved = method.step(
+            params,
+            pickle.loads(pickle.dumps(state)) if saved else state,
+            piece.between(found.t, np.inf),
+        )
         given.append(moved)
     _, moved = method.finish(params, state)
     return trajectory.join([*given, moved], recording.hand)
 
 
 def _pieces(recording: Simulated, where: list[int], seed: int = 1) -> list[Block]:
-    return list(interleaved({n: cut(b, where) for n, b in recording.samples.items()}, np.random.default_rng(seed)))
+    return list(
+        interleaved(
+            {n: cut(b, where) for n, b in recording.samples.items()}, np.random.default_rng(seed)
+        )
+    )
 
 
 @every_method
 @given(where=st.lists(st.integers(0, 1500), max_size=10), seed=st.integers(0, 2**32 - 1))
 def test_a_recording_may_be_cut_anywhere(method: ModuleType, where: list[int], seed: int) -> None:
     recording = in_strips("left")
-    assert_same(_stepped(method, recording, _pieces(recording, where, seed)), _stepped(method, recording, list(recording.blocks())))
+    assert_same(
+        _stepped(method, recording, _pieces(recording, where, seed)),
+        _stepped(method, recording, list(recording.blocks())),
+    )
 
 
 @every_method
 def test_a_method_goes_on_from_a_saved_state(method: ModuleType) -> None:
     recording = in_strips("right")
     pieces = _pieces(recording, [200, 500, 900])
-    assert_same(_stepped(method, recording, pieces, saved=True), _stepped(method, recording, pieces))
+    assert_same(
+        _stepped(method, recording, pieces, saved=True), _stepped(method, recording, pieces)
+    )
 
 
 @every_method
 @pytest.mark.parametrize("missing", ["thumb", "index", "little", "forearm"])
 def test_a_method_survives_a_missing_strip(method: ModuleType, missing: str) -> None:
     whole = in_strips("left")
-    recording = with_samples(whole, {name: b for name, b in whole.samples.items() if name != missing})
+    recording = with_samples(
+        whole, {name: b for name, b in whole.samples.items() if name != missing}
+    )
     moved = _stepped(method, recording, list(recording.blocks()))
     assert len(moved) > 1000
     assert np.isnan(moved.tips).all(axis=(0, 2)).sum() == (missing != "forearm")
@@ -67,7 +84,9 @@ def test_nothing_in_nothing_out(method: ModuleType) -> None:
 
 
 @every_method
-def test_every_option_says_what_it_means_in_which_unit_and_where_it_comes_from(method: ModuleType) -> None:
+def test_every_option_says_what_it_means_in_which_unit_and_where_it_comes_from(
+    method: ModuleType,
+) -> None:
     for option in describe(method.Params):
         assert option.meaning, option.name
         assert option.source, option.name
@@ -91,7 +110,9 @@ def test_a_method_has_a_title_and_says_whether_it_needs_a_pose(method: ModuleTyp
 def test_a_mirrored_recording_gives_the_mirrored_hand(method: ModuleType) -> None:
     """In the mirror polar vectors change the sign of their components in the other hand's frames, axial ones (rates, magnetic fields) keep it."""
     recording = in_strips("left")
-    moved, seen = (_stepped(method, r, list(r.blocks())) for r in (recording, _in_the_mirror(recording)))
+    moved, seen = (
+        _stepped(method, r, list(r.blocks())) for r in (recording, _in_the_mirror(recording))
+    )
     np.testing.assert_array_equal(seen.t, moved.t)
     np.testing.assert_array_equal(seen.flags, moved.flags)
     np.testing.assert_allclose(seen.angles, moved.angles, atol=1e-9)

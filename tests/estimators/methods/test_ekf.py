@@ -28,20 +28,36 @@ from handscope.estimators.simulation.experiments import judged, recorded
 from handscope.estimators.simulation.joint_compliance import AS_MEASURED
 from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
-from tests.simulated import DEG, assert_same, calibrated, cut, in_strips, interleaved, pose_and_wiggle, tracked, with_samples
+from tests.simulated import (
+    DEG,
+    assert_same,
+    calibrated,
+    cut,
+    in_strips,
+    interleaved,
+    pose_and_wiggle,
+    tracked,
+    with_samples,
+)
 
 PARAMS = ekf.Params(gyr_reading="instant")  # as the simulated gyroscopes read
 
 
 def _tracked(recording: Simulated, params: ekf.Params = PARAMS) -> Trajectory:
-    return trajectory.join(list(run.run(ekf, params, [calibrated(recording, params)], recording)), recording.hand)
+    return trajectory.join(
+        list(run.run(ekf, params, [calibrated(recording, params)], recording)), recording.hand
+    )
 
 
 def _stepped(recording: Simulated, pieces: list[Block], saved: bool = False) -> Trajectory:
     found = calibrated(recording, PARAMS)
     state, given = ekf.start(PARAMS, found, recording.streams), []
     for piece in pieces:
-        state, moved = ekf.step(PARAMS, pickle.loads(pickle.dumps(state)) if saved else state, piece.between(found.t, np.inf))
+        state, moved = ekf.step(
+            PARAMS,
+            pickle.loads(pickle.dumps(state)) if saved else state,
+            piece.between(found.t, np.inf),
+        )
         given.append(moved)
     _, moved = ekf.finish(PARAMS, state)
     return trajectory.join([*given, moved], recording.hand)
@@ -58,16 +74,24 @@ def _assert_all_same(a: Trajectory, b: Trajectory) -> None:
 def test_the_truth_is_recovered_without_noise(simulated: Simulated) -> None:
     moved = _tracked(simulated)
     np.testing.assert_array_equal(moved.t, simulated.truth.t)
-    assert np.nanmax(np.abs(moved.angles - simulated.truth.angles)) < 0.5 * DEG  # accelerometers disagree while fingers turn
+    assert (
+        np.nanmax(np.abs(moved.angles - simulated.truth.angles)) < 0.5 * DEG
+    )  # accelerometers disagree while fingers turn
     assert np.abs(moved.tips - simulated.truth.tips).max() < 1e-3
     assert not moved.flags.any()
 
 
-def test_joints_begin_as_the_whole_pose_has_them_not_as_its_first_sample(simulated: Simulated, rng: np.random.Generator) -> None:
+def test_joints_begin_as_the_whole_pose_has_them_not_as_its_first_sample(
+    simulated: Simulated, rng: np.random.Generator
+) -> None:
     """Accelerometers with 0.1 m/s^2 of noise a sample, 0.6 deg of inclination."""
     noisy = {}
     for name, b in simulated.samples.items():
-        noise = 0.1 * rng.normal(size=b.values.shape) * (np.arange(b.values.shape[-1]) // 3 == list(b.stream.quantities).index(ACC))
+        noise = (
+            0.1
+            * rng.normal(size=b.values.shape)
+            * (np.arange(b.values.shape[-1]) // 3 == list(b.stream.quantities).index(ACC))
+        )
         noisy[name] = replace(b, values=b.values + noise)
     moved = _tracked(with_samples(simulated, noisy))
     assert np.abs(moved.angles[0] - simulated.truth.angles[0])[IS_DOF].max() < 0.2 * DEG
@@ -82,7 +106,9 @@ def test_every_angle_and_every_tip_has_a_standard_deviation(simulated: Simulated
     assert np.isfinite(moved.tips_sd).all()
 
 
-def test_without_a_forearm_the_wrist_has_none_and_the_tips_do_not_count_it(simulated: Simulated) -> None:
+def test_without_a_forearm_the_wrist_has_none_and_the_tips_do_not_count_it(
+    simulated: Simulated,
+) -> None:
     whole = in_strips("left")
     part = with_samples(whole, {name: b for name, b in whole.samples.items() if name != "forearm"})
     moved, expected = _tracked(part), _tracked(whole)
@@ -97,10 +123,20 @@ EXPERIMENTS = ("AF-F1", "F-F3", "P4 F1-F2", "free")
 NOISIER = replace(SensorErrors(), gyr_noise=0.04, acc_noise=1.2e-3)  # four times
 
 
-def _somebody(name: str, seed: int, errors: SensorErrors, give: float = 0.0) -> tuple[Simulated, Trajectory]:
+def _somebody(
+    name: str, seed: int, errors: SensorErrors, give: float = 0.0
+) -> tuple[Simulated, Trajectory]:
     """A hand of its own, left or right, that misses the pose by up to 2.5 deg, sensors with all errors: what ekf makes of it."""
     hand: Hand = "left" if seed % 2 else "right"
-    recording = recorded(experiments.EXPERIMENTS[name], np.random.default_rng(seed), errors, None, hand, 2.5, give_deg=give)
+    recording = recorded(
+        experiments.EXPERIMENTS[name],
+        np.random.default_rng(seed),
+        errors,
+        None,
+        hand,
+        2.5,
+        give_deg=give,
+    )
     return recording, _tracked(recording)
 
 
@@ -111,19 +147,27 @@ def performed() -> list[tuple[Simulated, Trajectory]]:
 
 @pytest.fixture(scope="module")
 def performed_noisily() -> list[tuple[Simulated, Trajectory]]:
-    return [_somebody(name, seed, NOISIER, AS_MEASURED) for seed, name in enumerate(("AF-F2", "F-F2", "tapping", "free"), 4)]
+    return [
+        _somebody(name, seed, NOISIER, AS_MEASURED)
+        for seed, name in enumerate(("AF-F2", "F-F2", "tapping", "free"), 4)
+    ]
 
 
 def _errors(performed: list[tuple[Simulated, Trajectory]], what: str) -> list[Array]:
     """Of angles or tips where the experiment is judged, estimate minus truth."""
-    return [(getattr(moved, what) - getattr(recording.truth, what))[judged(recording)] for recording, moved in performed]
+    return [
+        (getattr(moved, what) - getattr(recording.truth, what))[judged(recording)]
+        for recording, moved in performed
+    ]
 
 
 def test_it_is_never_worse_than_m2(performed: list[tuple[Simulated, Trajectory]]) -> None:
     """RMS of all angles and of all tips of each recording."""
     by_m2 = [(recording, tracked(recording)) for recording, _ in performed]
     for what, worse in (("angles", 1.05), ("tips", 1.1)):
-        ours, theirs = ([np.sqrt(np.nanmean(e**2)) for e in _errors(p, what)] for p in (performed, by_m2))
+        ours, theirs = (
+            [np.sqrt(np.nanmean(e**2)) for e in _errors(p, what)] for p in (performed, by_m2)
+        )
         assert (np.array(ours) < worse * np.array(theirs)).all(), what
         assert np.mean(ours) < 0.9 * np.mean(theirs), what
 
@@ -143,7 +187,9 @@ def _within_bounds(performed: list[tuple[Simulated, Trajectory]], what: str) -> 
 
 
 @pytest.mark.parametrize("what", ["angles", "tips"])
-def test_standard_deviations_are_honest_with_all_errors(performed: list[tuple[Simulated, Trajectory]], what: str) -> None:
+def test_standard_deviations_are_honest_with_all_errors(
+    performed: list[tuple[Simulated, Trajectory]], what: str
+) -> None:
     assert np.mean(np.abs(_within_bounds(performed, what)) < 2) > 0.93
 
 
@@ -158,17 +204,30 @@ def test_standard_deviations_are_honest_with_sensors_of_another_quality(
 def test_a_functional_calibration_tells_how_well_it_is_known_how_the_sensors_sit() -> None:
     """Sensors 20-30 deg askew: the movements' calibration and its covariance are used, and the angles are as good as told."""
     errors = replace(SensorErrors(), misalignment=25.0, misalignment_width=5.0)
-    recording = recorded(experiments.EXPERIMENTS["free"], np.random.default_rng(5103), errors, None, "left", 2.5, steps=True)
+    recording = recorded(
+        experiments.EXPERIMENTS["free"],
+        np.random.default_rng(5103),
+        errors,
+        None,
+        "left",
+        2.5,
+        steps=True,
+    )
     found: list[Array] = []
     for functional in (True, False):
         moved = process(ekf, replace(PARAMS, functional=functional), recording).trajectory
         assert moved.angles_sd is not None
         error = (moved.angles - recording.truth.angles)[judged(recording)][:, IS_DOF]
-        found += [np.sqrt((error**2).mean()) / DEG, np.abs(error / moved.angles_sd[judged(recording)][:, IS_DOF])]
+        found += [
+            np.sqrt((error**2).mean()) / DEG,
+            np.abs(error / moved.angles_sd[judged(recording)][:, IS_DOF]),
+        ]
     assert found[0] < 1.5
     assert found[0] < 0.5 * found[2]
     assert (found[1] < 2).mean() > 0.95
-    assert (found[3] < 2).mean() > 0.9  # without it the pose has seen how far off the sensors are put on
+    assert (
+        found[3] < 2
+    ).mean() > 0.9  # without it the pose has seen how far off the sensors are put on
 
 
 def _derivative(f: Callable[[Array], Array], size: int, step: float = 1e-6) -> Array:
@@ -185,7 +244,11 @@ def test_the_jacobian_of_the_tips_is_their_derivative(rng: np.random.Generator) 
             turned[columns] = quat.multiply(q_pc[columns], quat.exp(d.reshape(4, 3)))
             return np.asarray(forward_kinematics.tips(turned, geometry)[finger])
 
-        J, bones, places = np.empty((3, 12)), np.empty((4, 3)), (geometry.roots()[finger], geometry.chain_offsets()[finger])
+        J, bones, places = (
+            np.empty((3, 12)),
+            np.empty((4, 3)),
+            (geometry.roots()[finger], geometry.chain_offsets()[finger]),
+        )
         output_covariance.tip_row(q_pc[JOINT["wrist"]], q_pc[joints], *places, J, bones)
         np.testing.assert_allclose(J, _derivative(tip, 12), atol=1e-8)
         np.testing.assert_allclose(bones.sum(axis=0), tip(np.zeros(12)), atol=1e-12)
@@ -196,12 +259,19 @@ def test_a_recording_with_gaps_may_be_cut_anywhere(where: list[int], seed: int) 
     recording = _holed()
     pieces: Mapping[str, list[Block]] = {n: cut(b, where) for n, b in recording.samples.items()}
     expected = _stepped(recording, list(recording.samples.values()))
-    _assert_all_same(_stepped(recording, list(interleaved(pieces, np.random.default_rng(seed)))), expected)
+    _assert_all_same(
+        _stepped(recording, list(interleaved(pieces, np.random.default_rng(seed)))), expected
+    )
 
 
 def test_a_saved_state_goes_on_as_if_nothing_had_happened() -> None:
     recording = _holed()
-    pieces = list(interleaved({n: cut(b, [300, 700, 1000]) for n, b in recording.samples.items()}, np.random.default_rng(1)))
+    pieces = list(
+        interleaved(
+            {n: cut(b, [300, 700, 1000]) for n, b in recording.samples.items()},
+            np.random.default_rng(1),
+        )
+    )
     _assert_all_same(_stepped(recording, pieces, saved=True), _stepped(recording, pieces))
 
 
@@ -257,7 +327,9 @@ def test_saturated_rates_are_bridged_and_said_to_be_unsure() -> None:
     values = imu.values.copy()
     k, middle = int(np.searchsorted(imu.t, 8.45)), imu.stream.sensors.index("index_middle")
     values[k : k + 6, middle, 2] = 10.0
-    moved = _tracked(with_samples(recording, {**recording.samples, "imu": Block(stream, imu.t, values)}))
+    moved = _tracked(
+        with_samples(recording, {**recording.samples, "imu": Block(stream, imu.t, values)})
+    )
     assert np.nanmax(np.abs(moved.angles - recording.truth.angles)) < 1.0 * DEG
     assert (moved.flags[k : k + 6, SEGMENT["index_middle"]] & trajectory.Flag.SATURATED).all()
 
@@ -266,14 +338,24 @@ def test_a_forearm_and_strips_of_another_rate_are_taken_along() -> None:
     recording = in_strips("left")
     ring = recording.samples["ring"]
     slower = Block(replace(ring.stream, rate=50.0), ring.t[::2], ring.values[::2])
-    moved = _tracked(with_samples(recording, {**recording.samples, "ring": slower}), replace(PARAMS, gyr_reading="instant"))
+    moved = _tracked(
+        with_samples(recording, {**recording.samples, "ring": slower}),
+        replace(PARAMS, gyr_reading="instant"),
+    )
     error = np.abs(moved.angles - recording.truth.angles)
     assert np.nanmax(error) < 1.5 * DEG
     assert np.isfinite(moved.tips).all()
 
 
 def test_without_noise_the_method_gives_out_every_row_only_once() -> None:
-    recording = simulate(["initial_pose", "wiggle"], "right", sized("right"), np.random.default_rng(5), IDEAL, rate=50.0)
+    recording = simulate(
+        ["initial_pose", "wiggle"],
+        "right",
+        sized("right"),
+        np.random.default_rng(5),
+        IDEAL,
+        rate=50.0,
+    )
     moved = _tracked(recording)
     assert (np.diff(moved.t) > 0).all()
     assert len(moved) == len(recording.truth.t)

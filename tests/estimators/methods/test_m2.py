@@ -13,7 +13,16 @@ from handscope.estimators.data import trajectory
 from handscope.estimators.data.samples import MAG, Block, Stream
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand import joint_angles
-from handscope.estimators.hand.anatomy import CHILDREN, FINGERS, IS_DOF, JOINT, JOINTS, PARENTS, SEGMENT, SEGMENTS
+from handscope.estimators.hand.anatomy import (
+    CHILDREN,
+    FINGERS,
+    IS_DOF,
+    JOINT,
+    JOINTS,
+    PARENTS,
+    SEGMENT,
+    SEGMENTS,
+)
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import m2
 from handscope.estimators.simulation.motion import posture, through
@@ -36,7 +45,9 @@ from tests.simulated import (
 )
 
 PARAMS = INSTANT
-EXACT = 0.1 * DEG  # without noise; what is left comes from the accelerometers' correction while the hand moves
+EXACT = (
+    0.1 * DEG
+)  # without noise; what is left comes from the accelerometers' correction while the hand moves
 
 
 def _stepped(recording: Simulated, pieces: list[Block], calibration: Any = None) -> Trajectory:
@@ -62,23 +73,39 @@ def test_the_truth_is_recovered_without_noise(simulated: Simulated) -> None:
 @pytest.mark.parametrize("rate", [50.0, 100.0, 1000.0])
 def test_the_truth_of_fast_tapping_is_recovered_at_every_rate(rate: float) -> None:
     """5 rad/s at a joint: half a sample late would be 3 deg at 50 Hz."""
-    recording = simulate(["initial_pose", "tapping"], "left", sized("left"), np.random.default_rng(5), IDEAL, rate=rate)
-    assert np.nanmax(np.abs(tracked(recording).angles - recording.truth.angles)) < (0.3 if rate == 50 else 0.1) * DEG
+    recording = simulate(
+        ["initial_pose", "tapping"],
+        "left",
+        sized("left"),
+        np.random.default_rng(5),
+        IDEAL,
+        rate=rate,
+    )
+    assert (
+        np.nanmax(np.abs(tracked(recording).angles - recording.truth.angles))
+        < (0.3 if rate == 50 else 0.1) * DEG
+    )
 
 
 def test_the_whole_range_of_motion_is_recovered_with_real_errors() -> None:
     """Data-sheet noise, biases, skin and 5 to 10 deg of misalignment: within the fingertip errors of Salchow's Table 6 (0.6 to 2.1 cm)."""
-    recording = simulate(["initial_pose", "rom"], "right", sized("right"), np.random.default_rng(3), SensorErrors())
+    recording = simulate(
+        ["initial_pose", "rom"], "right", sized("right"), np.random.default_rng(3), SensorErrors()
+    )
     moved = tracked(recording)
     rmse = np.sqrt(((moved.tips - recording.truth.tips) ** 2).sum(axis=-1).mean(axis=0))
     assert (rmse < 8e-3).all()
     assert np.sqrt(np.nanmean((moved.angles - recording.truth.angles) ** 2)) < 1.5 * DEG
 
 
-@given(st.sets(st.sampled_from([s for s in STRIPS if s != "hand"])), st.sampled_from(["left", "right"]))
+@given(
+    st.sets(st.sampled_from([s for s in STRIPS if s != "hand"])), st.sampled_from(["left", "right"])
+)
 def test_removing_strips_changes_no_bit_of_the_other_joints(removed: set[str], hand: str) -> None:
     whole = in_strips(hand)
-    part = with_samples(whole, {name: b for name, b in whole.samples.items() if name not in removed})
+    part = with_samples(
+        whole, {name: b for name, b in whole.samples.items() if name not in removed}
+    )
     expected, moved = tracked(whole), tracked(part)
     gone = [SEGMENT[s] for strip in removed for s in STRIPS[strip]]
     known = ~(np.isin(PARENTS, gone) | np.isin(CHILDREN, gone))
@@ -97,28 +124,52 @@ def test_removing_strips_changes_no_bit_of_the_other_joints(removed: set[str], h
 def test_a_strip_with_one_sensor_gone_keeps_what_can_be_known() -> None:
     whole = in_strips("left")
     index = whole.samples["index"]
-    short = Block(replace(index.stream, sensors=("index_proximal", "index_distal")), index.t, index.values[:, [0, 2]])
-    moved, expected = tracked(with_samples(whole, {**whole.samples, "index": short})), tracked(whole)
-    np.testing.assert_array_equal(moved.angles[:, JOINT["index_mcp"]], expected.angles[:, JOINT["index_mcp"]])
+    short = Block(
+        replace(index.stream, sensors=("index_proximal", "index_distal")),
+        index.t,
+        index.values[:, [0, 2]],
+    )
+    moved, expected = (
+        tracked(with_samples(whole, {**whole.samples, "index": short})),
+        tracked(whole),
+    )
+    np.testing.assert_array_equal(
+        moved.angles[:, JOINT["index_mcp"]], expected.angles[:, JOINT["index_mcp"]]
+    )
     assert np.isnan(moved.angles[:, [JOINT["index_pip"], JOINT["index_dip"]]]).all()
     assert np.isnan(moved.tips[:, FINGERS.index("index")]).all()
-    np.testing.assert_allclose(moved.q_GS[:, SEGMENT["index_distal"]], expected.q_GS[:, SEGMENT["index_distal"]], atol=0.01)
-
-
-@given(st.dictionaries(st.sampled_from(sorted(STRIPS)), st.lists(st.integers(0, 1500), max_size=8)), st.integers(0, 2**32 - 1))
-def test_streams_may_be_cut_anywhere_and_arrive_in_any_order(where: dict[str, list[int]], seed: int) -> None:
-    recording = in_strips("left")
-    pieces = {name: cut(b, where.get(name, [])) for name, b in recording.samples.items()}
-    expected = _stepped(recording, list(recording.samples.values()))
-    assert_same(_stepped(recording, list(interleaved(pieces, np.random.default_rng(seed)))), expected)
+    np.testing.assert_allclose(
+        moved.q_GS[:, SEGMENT["index_distal"]], expected.q_GS[:, SEGMENT["index_distal"]], atol=0.01
+    )
 
 
 @given(
-    st.lists(st.tuples(st.sampled_from(sorted(STRIPS)), st.integers(400, 1400), st.integers(1, 60)), min_size=1, max_size=4),
+    st.dictionaries(st.sampled_from(sorted(STRIPS)), st.lists(st.integers(0, 1500), max_size=8)),
+    st.integers(0, 2**32 - 1),
+)
+def test_streams_may_be_cut_anywhere_and_arrive_in_any_order(
+    where: dict[str, list[int]], seed: int
+) -> None:
+    recording = in_strips("left")
+    pieces = {name: cut(b, where.get(name, [])) for name, b in recording.samples.items()}
+    expected = _stepped(recording, list(recording.samples.values()))
+    assert_same(
+        _stepped(recording, list(interleaved(pieces, np.random.default_rng(seed)))), expected
+    )
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from(sorted(STRIPS)), st.integers(400, 1400), st.integers(1, 60)),
+        min_size=1,
+        max_size=4,
+    ),
     st.lists(st.integers(0, 1500), max_size=8),
     st.integers(0, 2**32 - 1),
 )
-def test_with_gaps_too_streams_may_be_cut_anywhere(gaps: list[tuple[str, int, int]], where: list[int], seed: int) -> None:
+def test_with_gaps_too_streams_may_be_cut_anywhere(
+    gaps: list[tuple[str, int, int]], where: list[int], seed: int
+) -> None:
     samples = dict(in_strips("left").samples)
     for name, first, count in gaps:
         block = samples[name]
@@ -129,16 +180,25 @@ def test_with_gaps_too_streams_may_be_cut_anywhere(gaps: list[tuple[str, int, in
     found = calibrated(in_strips("left"))
     pieces = {name: cut(b, where) for name, b in samples.items()}
     expected = _stepped(recording, list(samples.values()), found)
-    assert_same(_stepped(recording, list(interleaved(pieces, np.random.default_rng(seed))), found), expected)
+    assert_same(
+        _stepped(recording, list(interleaved(pieces, np.random.default_rng(seed))), found), expected
+    )
 
 
 def test_a_saved_state_goes_on_as_if_nothing_had_happened() -> None:
     recording = in_strips("right")
-    pieces = list(interleaved({n: cut(b, [300, 700, 1000]) for n, b in recording.samples.items()}, np.random.default_rng(1)))
+    pieces = list(
+        interleaved(
+            {n: cut(b, [300, 700, 1000]) for n, b in recording.samples.items()},
+            np.random.default_rng(1),
+        )
+    )
     found = calibrated(recording)
     state, given = m2.start(PARAMS, found, recording.streams), []
     for piece in pieces:
-        state, moved = m2.step(PARAMS, pickle.loads(pickle.dumps(state)), piece.between(found.t, np.inf))
+        state, moved = m2.step(
+            PARAMS, pickle.loads(pickle.dumps(state)), piece.between(found.t, np.inf)
+        )
         given.append(moved)
     _, moved = m2.finish(PARAMS, state)
     assert_same(trajectory.join([*given, moved], "right"), _stepped(recording, pieces))
@@ -166,23 +226,36 @@ def test_a_short_gap_is_bridged_and_marked() -> None:
     recording = pose_and_wiggle("left")
     moved = tracked(_without(recording, 8.4, 0.15, "index_middle"))  # while the index bends
     middle = SEGMENT["index_middle"]
-    assert np.nanmax(np.abs(moved.angles - recording.truth.angles)) < 0.5 * DEG  # the cubic; a straight line misses 1.6 deg
-    assert (((moved.flags[:, middle] & Flag.MISSING) != 0) == ((moved.t >= 8.4) & (moved.t < 8.55 - 1e-9))).all()
+    assert (
+        np.nanmax(np.abs(moved.angles - recording.truth.angles)) < 0.5 * DEG
+    )  # the cubic; a straight line misses 1.6 deg
+    assert (
+        ((moved.flags[:, middle] & Flag.MISSING) != 0)
+        == ((moved.t >= 8.4) & (moved.t < 8.55 - 1e-9))
+    ).all()
     assert not (moved.flags & Flag.HEADING_LOST).any()
     assert not np.delete(moved.flags, middle, axis=1).any()
 
 
 @pytest.mark.parametrize("from_t", [8.4, 8.45])
-def test_after_a_long_gap_the_heading_is_said_to_be_lost_until_the_joints_tell_it(from_t: float) -> None:
+def test_after_a_long_gap_the_heading_is_said_to_be_lost_until_the_joints_tell_it(
+    from_t: float,
+) -> None:
     recording = pose_and_wiggle("left")
     whole, moved = tracked(recording), tracked(_without(recording, from_t, 0.4, "index_middle"))
     lost = (moved.flags[:, SEGMENT["index_middle"]] & Flag.HEADING_LOST) != 0
     assert not lost[moved.t < from_t - 0.001].any()
     assert lost[(moved.t >= from_t - 0.001) & (moved.t <= from_t + 0.4)].all()
     assert not lost[moved.t > from_t + 1.5].any()
-    uncorrected = tracked(_without(recording, from_t, 0.4, "index_middle"), m2.Params(heading_correction=False))
-    assert ((uncorrected.flags[moved.t >= from_t, SEGMENT["index_middle"]] & Flag.HEADING_LOST) != 0).all()
-    others = [j for j, joint in enumerate(JOINTS) if "index_middle" not in (joint.parent, joint.child)]
+    uncorrected = tracked(
+        _without(recording, from_t, 0.4, "index_middle"), m2.Params(heading_correction=False)
+    )
+    assert (
+        (uncorrected.flags[moved.t >= from_t, SEGMENT["index_middle"]] & Flag.HEADING_LOST) != 0
+    ).all()
+    others = [
+        j for j, joint in enumerate(JOINTS) if "index_middle" not in (joint.parent, joint.child)
+    ]
     np.testing.assert_array_equal(moved.angles[:, others], whole.angles[:, others])
     assert np.isfinite(moved.q_GS).all()
 
@@ -203,8 +276,12 @@ def test_a_forearm_that_lags_holds_the_rows_back_and_loses_none() -> None:
 
 def test_blocks_without_gyroscope_change_nothing() -> None:
     recording = pose_and_wiggle("left")
-    mag = Block(Stream("mag", ("hand",), (MAG,), 100.0), np.arange(1400) / 100, np.zeros((1400, 1, 3)))
-    assert_same(tracked(with_samples(recording, {"mag": mag, **recording.samples})), tracked(recording))
+    mag = Block(
+        Stream("mag", ("hand",), (MAG,), 100.0), np.arange(1400) / 100, np.zeros((1400, 1, 3))
+    )
+    assert_same(
+        tracked(with_samples(recording, {"mag": mag, **recording.samples})), tracked(recording)
+    )
 
 
 def test_a_strip_plugged_in_later_is_tracked_and_said_to_be_uncalibrated() -> None:
@@ -214,7 +291,11 @@ def test_a_strip_plugged_in_later_is_tracked_and_said_to_be_uncalibrated() -> No
     late = recording.samples["ring"].between(6.0, np.inf)
     moved = _stepped(
         without,
-        [*(b.between(-np.inf, 6.0) for b in without.samples.values()), late, *(b.between(6.0, 99) for b in without.samples.values())],
+        [
+            *(b.between(-np.inf, 6.0) for b in without.samples.values()),
+            late,
+            *(b.between(6.0, 99) for b in without.samples.values()),
+        ],
         found,
     )
     ring = [SEGMENT[s] for s in STRIPS["ring"]]
@@ -230,7 +311,11 @@ def test_a_strip_described_anew_while_running_goes_on(factor: int) -> None:
     index = recording.samples["index"]
     anew = replace(index.stream, rate=100.0 / factor, full_scale={})
     later = Block(anew, index.t[600::factor], index.values[600::factor])
-    pieces = [*(b for n, b in recording.samples.items() if n != "index"), index.between(-np.inf, 6.0), later]
+    pieces = [
+        *(b for n, b in recording.samples.items() if n != "index"),
+        index.between(-np.inf, 6.0),
+        later,
+    ]
     moved = _stepped(recording, pieces)
     columns = [SEGMENT[s] for s in STRIPS["index"]]
     after = moved.t >= 6.0
@@ -243,14 +328,20 @@ def test_the_forearm_and_the_hand_point_as_their_sensors_say() -> None:
     recording = pose_and_wiggle("left", SensorErrors())
     free, kept = tracked(recording, replace(INSTANT, constraints=False)), tracked(recording)
     for segment in ("forearm", "hand"):
-        np.testing.assert_array_equal(kept.q_GS[:, SEGMENT[segment]], free.q_GS[:, SEGMENT[segment]])
-    assert not np.array_equal(kept.q_GS[:, SEGMENT["index_middle"]], free.q_GS[:, SEGMENT["index_middle"]])
+        np.testing.assert_array_equal(
+            kept.q_GS[:, SEGMENT[segment]], free.q_GS[:, SEGMENT[segment]]
+        )
+    assert not np.array_equal(
+        kept.q_GS[:, SEGMENT["index_middle"]], free.q_GS[:, SEGMENT["index_middle"]]
+    )
 
 
 def test_without_constraints_all_angles_come_from_the_sensors(simulated: Simulated) -> None:
     free, kept = tracked(simulated, replace(INSTANT, constraints=False)), tracked(simulated)
     np.testing.assert_allclose(free.angles, kept.angles, atol=0.5 * DEG)
-    np.testing.assert_allclose(joint_angles.of_segments(kept.q_GS)[..., 0][:, 1:], kept.angles[..., 0][:, 1:], atol=1e-9)
+    np.testing.assert_allclose(
+        joint_angles.of_segments(kept.q_GS)[..., 0][:, 1:], kept.angles[..., 0][:, 1:], atol=1e-9
+    )
     off = joint_angles.of_segments(free.q_GS)[:, JOINT["index_pip"], 1]
     assert 0 < np.abs(off).max() < 1 * DEG
     assert np.abs(joint_angles.of_segments(kept.q_GS)[:, JOINT["index_pip"], 1]).max() < 1e-9
@@ -290,4 +381,6 @@ def test_the_mechanical_fingers_joints_move_one_at_a_time(hand: Any) -> None:
         before = (moved.t >= start + 1.0) & (moved.t <= start + begin - 1.5)
         assert np.abs(found[before, k]).max() < 1.5
     others = [j for j in range(1, len(JOINTS)) if j not in joints]
-    assert np.nanmax(np.abs(moved.angles[:, others] - recording.truth.angles[:, others])) < 1.0 * DEG
+    assert (
+        np.nanmax(np.abs(moved.angles[:, others] - recording.truth.angles[:, others])) < 1.0 * DEG
+    )

@@ -19,12 +19,18 @@ from tests.estimators.self_calibration.fingers import recorded, stiffened, watch
 
 DEG = np.pi / 180
 METHOD = BATCH["map"]
-PRINTED = METHOD.Params(hand_skin=0.0)  # soft fingers on a rigid board, which nothing but the option tells
+PRINTED = METHOD.Params(
+    hand_skin=0.0
+)  # soft fingers on a rigid board, which nothing but the option tells
 
 
-def _with(recording: Simulated, values: np.ndarray, start: float = 0.0, stop: float = np.inf) -> Simulated:
+def _with(
+    recording: Simulated, values: np.ndarray, start: float = 0.0, stop: float = np.inf
+) -> Simulated:
     block = recording.samples["imu"]
-    return replace(recording, samples={"imu": Block(block.stream, block.t, values).between(start, stop)})
+    return replace(
+        recording, samples={"imu": Block(block.stream, block.t, values).between(start, stop)}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +47,9 @@ def processed(gapped: Simulated) -> Processed:
     return process(METHOD, PRINTED, gapped)
 
 
-def test_a_finger_is_followed_without_pose_and_magnetometer(processed: Processed, gapped: Simulated) -> None:
+def test_a_finger_is_followed_without_pose_and_magnetometer(
+    processed: Processed, gapped: Simulated
+) -> None:
     moved, truth = processed.trajectory, gapped.truth
     np.testing.assert_allclose(moved.t, truth.t, atol=1e-9)
     inside = moved.t > 3.5
@@ -50,10 +58,14 @@ def test_a_finger_is_followed_without_pose_and_magnetometer(processed: Processed
         assert np.sqrt(np.nanmean(off[inside] ** 2)) < 1.5 * DEG
 
 
-def test_its_calibration_holds_seats_places_lengths_and_biases(processed: Processed, gapped: Simulated) -> None:
+def test_its_calibration_holds_seats_places_lengths_and_biases(
+    processed: Processed, gapped: Simulated
+) -> None:
     found, worn = processed.calibrations[0], gapped.sensors
     assert found.source == "self-calibration"
-    assert found.span == pytest.approx((3.5, 16.0), abs=0.05) and found.end == found.t  # orientations hold at an instant
+    assert (
+        found.span == pytest.approx((3.5, 16.0), abs=0.05) and found.end == found.t
+    )  # orientations hold at an instant
     for k, name in enumerate(SEGMENTS[1:3], 1):
         assert found.geometry.lengths[name] == pytest.approx(artificial_finger.HINGES, rel=0.02)
         assert found.lengths_sd[name] < 0.02 * artificial_finger.HINGES
@@ -62,11 +74,17 @@ def test_its_calibration_holds_seats_places_lengths_and_biases(processed: Proces
             0,
             2,
         ]  # to the hinges' common axis, y of these sensors: along it a bias that all sensors share is told by no movement of the finger
-        np.testing.assert_allclose(found.gyr_bias[name][square], worn.bias[k, :3][square], atol=0.1 * DEG)
-        np.testing.assert_allclose(found.acc_bias[name][square], worn.bias[k, 3:6][square], atol=0.05)
+        np.testing.assert_allclose(
+            found.gyr_bias[name][square], worn.bias[k, :3][square], atol=0.1 * DEG
+        )
+        np.testing.assert_allclose(
+            found.acc_bias[name][square], worn.bias[k, 3:6][square], atol=0.05
+        )
 
 
-def test_where_the_live_meter_says_enough_the_lengths_are_found(processed: Processed, gapped: Simulated) -> None:
+def test_where_the_live_meter_says_enough_the_lengths_are_found(
+    processed: Processed, gapped: Simulated
+) -> None:
     assert [o.share for o in watched(gapped)] == [1.0, 1.0, 1.0]
     assert set(processed.calibrations[0].lengths_sd) == {"index_proximal", "index_middle"}
 
@@ -80,13 +98,23 @@ def test_what_is_told_of_errors_holds(processed: Processed, gapped: Simulated) -
         gapped.geometry.joint_positions["index_mcp"]
     )  # of where the finger hangs on the hand nothing is told by its movement
     assert (moved.tips_sd[inside, 1] >= root - 1e-9).all()
-    assert np.linalg.norm(found.p_BS_sd["hand"]) > 0.05 * np.linalg.norm(np.subtract(*_roots(gapped)))
+    assert np.linalg.norm(found.p_BS_sd["hand"]) > 0.05 * np.linalg.norm(
+        np.subtract(*_roots(gapped))
+    )
     for joint, largest in (("index_mcp", 6.0), ("index_pip", 2.0), ("index_dip", 6.0)):
-        off, sd = ((a[inside, JOINT[joint], FLEXION]) for a in (moved.angles - truth.angles, moved.angles_sd))
+        off, sd = (
+            (a[inside, JOINT[joint], FLEXION])
+            for a in (moved.angles - truth.angles, moved.angles_sd)
+        )
         assert np.sqrt(np.mean((off / sd) ** 2)) < 3.0
         assert sd.max() < largest * DEG
     for k, name in enumerate(SEGMENTS[1:3], 1):
-        assert (np.abs(quat.log(quat.multiply(found.q_BS[name], quat.conjugate(gapped.sensors.q_BS[k])))) < 3 * found.q_BS_sd[name]).all()
+        assert (
+            np.abs(
+                quat.log(quat.multiply(found.q_BS[name], quat.conjugate(gapped.sensors.q_BS[k])))
+            )
+            < 3 * found.q_BS_sd[name]
+        ).all()
         assert (np.abs(found.p_BS[name] - gapped.sensors.p_BS[k]) < 3.5 * found.p_BS_sd[name]).all()
         assert found.p_BS_sd[name].max() < 1e-3
     assert np.isfinite(moved.tips_sd[:, 1]).all() and moved.tips_sd[inside, 1].max() < 0.02
@@ -113,11 +141,15 @@ def test_a_stiff_joint_is_named_and_the_rest_is_calibrated() -> None:
     assert said.startswith("index_pip (")
     assert "the lengths of index_proximal, index_middle stay as given" in said
     assert dict(done.calibrations[0].lengths_sd) == {}
-    assert {o.joint for o in watched(recording) if o.share < 0.5} == {"index_pip"}, "so did the live meter"
+    assert {o.joint for o in watched(recording) if o.share < 0.5} == {"index_pip"}, (
+        "so did the live meter"
+    )
     assert not {"index_proximal", "index_middle"} & set(done.calibrations[0].p_BS)
     moved, truth = done.trajectory, recording.truth
     for joint in ("index_mcp", "index_pip", "index_dip"):
-        off, sd = ((a[:, JOINT[joint], FLEXION]) for a in (moved.angles - truth.angles, moved.angles_sd))
+        off, sd = (
+            (a[:, JOINT[joint], FLEXION]) for a in (moved.angles - truth.angles, moved.angles_sd)
+        )
         assert np.sqrt(np.mean((off / sd) ** 2)) < 2.0
         assert sd.mean() < 25.0 * DEG
 
@@ -125,7 +157,9 @@ def test_a_stiff_joint_is_named_and_the_rest_is_calibrated() -> None:
 def test_a_hand_that_lay_still_is_told_what_to_do() -> None:
     recording = recorded(2, 16.0, skin=True)
     values = np.tile(recording.samples["imu"].values[:200], (8, 1, 1))
-    with pytest.raises(InputError, match=r"turned at 0 deg/s on average .* move the hand in all directions"):
+    with pytest.raises(
+        InputError, match=r"turned at 0 deg/s on average .* move the hand in all directions"
+    ):
         process(METHOD, METHOD.Params(), _with(recording, values))
 
 
@@ -133,7 +167,9 @@ def test_gaps_that_leave_no_long_stretch_are_told() -> None:
     recording = recorded(2, 16.0, skin=True)
     values = recording.samples["imu"].values.copy()
     values[800:850, 3] = np.nan
-    with pytest.raises(InputError, match=r"\(1, most of index_distal\) leave no longer stretch than 8\.0 s"):
+    with pytest.raises(
+        InputError, match=r"\(1, most of index_distal\) leave no longer stretch than 8\.0 s"
+    ):
         process(METHOD, METHOD.Params(), _with(recording, values))
 
 
@@ -142,7 +178,9 @@ def test_five_seconds_are_too_few() -> None:
     short = _with(recording, recording.samples["imu"].values, 4.0, 9.01)
     with pytest.raises(InputError, match=r"5\.0 s of movement, self-calibration needs 10 s"):
         process(METHOD, METHOD.Params(), short)
-    assert max(o.share for o in watched(short, start=4.0, stop=9.0)) < 0.6, "nor does the live meter say enough"
+    assert max(o.share for o in watched(short, start=4.0, stop=9.0)) < 0.6, (
+        "nor does the live meter say enough"
+    )
 
 
 @pytest.mark.parametrize("spoke", [0, 1150])
@@ -152,13 +190,19 @@ def test_a_last_sensor_that_falls_silent_costs_its_own_segment_alone(spoke: int)
     values = recording.samples["imu"].values.copy()
     values[spoke:, 3] = np.nan
     done = process(METHOD, PRINTED, _with(recording, values))
-    said = "index: the sensor of index_distal gave no samples; it is calibrated without index_distal"
+    said = (
+        "index: the sensor of index_distal gave no samples; it is calibrated without index_distal"
+    )
     assert any(w.startswith(said) for w in done.warnings) == (not spoke)
     found, moved, truth = done.calibrations[0], done.trajectory, recording.truth
-    assert found.geometry.lengths["index_proximal"] == pytest.approx(artificial_finger.HINGES, rel=0.02)
+    assert found.geometry.lengths["index_proximal"] == pytest.approx(
+        artificial_finger.HINGES, rel=0.02
+    )
     assert "index_proximal" in found.p_BS and ("index_middle" in found.p_BS) == bool(spoke)
     assert moved.angles_sd is not None
-    off, sd = (a[:, JOINT["index_pip"], FLEXION] for a in (moved.angles - truth.angles, moved.angles_sd))
+    off, sd = (
+        a[:, JOINT["index_pip"], FLEXION] for a in (moved.angles - truth.angles, moved.angles_sd)
+    )
     assert np.sqrt(np.mean((off / sd) ** 2)) < 2.0
     assert sd.max() < 6.0 * DEG
     of_dip = moved.angles_sd[spoke + 10 :, JOINT["index_dip"], FLEXION]
@@ -175,11 +219,17 @@ def test_knocks_on_gyroscopes_are_named_and_cost_nothing() -> None:
     for row, at in knocks.items():
         said = f"the gyroscope of {SEGMENTS[row]} contradicts the accelerations once, at {at:.1f} s"
         assert any(w.startswith(said) for w in done.warnings)
-    assert not any(word in w for w in done.warnings for word in ("movement says otherwise", "off its nominal", "not observable"))
+    assert not any(
+        word in w
+        for w in done.warnings
+        for word in ("movement says otherwise", "off its nominal", "not observable")
+    )
     moved, truth = done.trajectory, recording.truth
     assert moved.angles_sd is not None
     for joint in ("index_mcp", "index_pip", "index_dip"):
-        off, sd = (a[:, JOINT[joint], FLEXION] for a in (moved.angles - truth.angles, moved.angles_sd))
+        off, sd = (
+            a[:, JOINT[joint], FLEXION] for a in (moved.angles - truth.angles, moved.angles_sd)
+        )
         assert np.sqrt(np.mean((off / sd) ** 2)) < 2.0
         assert np.std(off) < 0.5 * DEG
 
@@ -188,16 +238,24 @@ def test_a_finger_of_which_the_first_sensor_is_silent_is_refused_by_name() -> No
     recording = recorded(2, 16.0, skin=True)
     values = recording.samples["imu"].values.copy()
     values[:, 1] = np.nan
-    with pytest.raises(InputError, match="index: the sensor of index_proximal gave no samples; it is not calibrated"):
+    with pytest.raises(
+        InputError,
+        match="index: the sensor of index_proximal gave no samples; it is not calibrated",
+    ):
         process(METHOD, METHOD.Params(), _with(recording, values))
 
 
 def test_a_sensor_that_was_at_its_limit_most_of_the_time_is_told_from_a_silent_one() -> None:
     recording = recorded(2, 16.0, skin=True)
     block = recording.samples["imu"]
-    narrow = replace(block, stream=replace(block.stream, full_scale={**block.stream.full_scale, "acc": 6.0}))
+    narrow = replace(
+        block, stream=replace(block.stream, full_scale={**block.stream.full_scale, "acc": 6.0})
+    )
     recording = replace(recording, samples={"imu": narrow})
-    with pytest.raises(InputError, match="index: the sensor of hand was at its limit in more than half of its samples; set a larger"):
+    with pytest.raises(
+        InputError,
+        match="index: the sensor of hand was at its limit in more than half of its samples; set a larger",
+    ):
         process(METHOD, METHOD.Params(), recording)
 
 

@@ -37,7 +37,11 @@ def posed() -> Calibration:
 def stepped(made: Simulated, pieces: list[Block], saved: bool = False) -> Trajectory:
     state, given = map_live.start(PARAMS, posed(), made.streams), []
     for piece in pieces:
-        state, moved = map_live.step(PARAMS, pickle.loads(pickle.dumps(state)) if saved else state, piece.between(BEGIN, np.inf))
+        state, moved = map_live.step(
+            PARAMS,
+            pickle.loads(pickle.dumps(state)) if saved else state,
+            piece.between(BEGIN, np.inf),
+        )
         given.append(moved)
     _, moved = map_live.finish(PARAMS, state)
     return trajectory.join([*given, moved], made.hand)
@@ -88,7 +92,9 @@ def test_a_gap_leaves_numbers_with_flags(silent: float) -> None:
     made = recording()
     block = made.samples["index"]
     gap = (block.t > 4.0) & (block.t < 4.0 + silent)
-    holed = with_samples(made, {**made.samples, "index": Block(block.stream, block.t[~gap], block.values[~gap])})
+    holed = with_samples(
+        made, {**made.samples, "index": Block(block.stream, block.t[~gap], block.values[~gap])}
+    )
     moved = stepped(holed, list(holed.blocks()))
     own = [SEGMENT[s] for s in CHAINS["index"]]
     inside = (moved.t > 4.01) & (moved.t < 3.99 + silent)
@@ -110,8 +116,18 @@ def test_samples_that_fit_no_hand_widen_what_is_told_or_leave_it_to_the_filter()
 
 def test_an_hour_of_silence_costs_nothing() -> None:
     made = recording()
-    later = {n: Block(b.stream, np.where(b.t < 4.5, b.t, b.t + 3600.0), b.values) for n, b in made.samples.items()}
-    moved = stepped(made, [b for block in later.values() for b in (block.between(0, 4.5), block.between(4.5, np.inf))])
+    later = {
+        n: Block(b.stream, np.where(b.t < 4.5, b.t, b.t + 3600.0), b.values)
+        for n, b in made.samples.items()
+    }
+    moved = stepped(
+        made,
+        [
+            b
+            for block in later.values()
+            for b in (block.between(0, 4.5), block.between(4.5, np.inf))
+        ],
+    )
     assert len(moved) == len(whole())
     assert np.isfinite(moved.angles[:, JOINT["index_pip"], 0]).all()
     assert (moved.flags[moved.t > 3600.0][:, SEGMENT["index_middle"]] & Flag.HEADING_LOST).any()
@@ -122,7 +138,10 @@ def _in_deviations(moved: Trajectory) -> np.ndarray:
     joints = [JOINT[j] for j in ("index_mcp", "index_pip", "index_dip")]
     true = recording().truth
     assert moved.angles_sd is not None
-    off = moved.angles[:, joints, 0] - true.angles[np.searchsorted(true.t, moved.t - 1e-6)][:, joints, 0]
+    off = (
+        moved.angles[:, joints, 0]
+        - true.angles[np.searchsorted(true.t, moved.t - 1e-6)][:, joints, 0]
+    )
     return np.asarray(off / moved.angles_sd[:, joints, 0])
 
 

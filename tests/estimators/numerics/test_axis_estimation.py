@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.axis_estimation import bending, common_rotation, of_two_clocks, principal_axis
+from handscope.estimators.numerics.axis_estimation import (
+    bending,
+    common_rotation,
+    of_two_clocks,
+    principal_axis,
+)
 from handscope.estimators.numerics.quaternions import Array
 from tests.simulated import DEG
 
@@ -17,7 +22,11 @@ def flexed(rng: np.random.Generator, sway: float = 0.0) -> Array:
     """Three times 70 deg there and back about AXIS, with noise of 0.02 rad/s and a sway across it."""
     rate = 35 * DEG * (2 * np.pi / 3) * np.sin(2 * np.pi * T / 3)
     across = np.cross(AXIS, [1.0, 0.0, 0.0])
-    return np.outer(rate, AXIS) + sway * np.outer(np.sin(1.3 * T), across) + rng.normal(scale=0.02, size=(len(T), 3))
+    return (
+        np.outer(rate, AXIS)
+        + sway * np.outer(np.sin(1.3 * T), across)
+        + rng.normal(scale=0.02, size=(len(T), 3))
+    )
 
 
 def whirled(t: Array) -> Array:
@@ -33,7 +42,9 @@ def test_the_axis_of_flexion_is_found_with_its_sign_and_its_three_repetitions() 
     assert found.repeatability < 1 * DEG
 
 
-def test_a_sensor_put_on_the_other_way_round_sees_the_opposite_axis_and_still_flexion_is_positive() -> None:
+def test_a_sensor_put_on_the_other_way_round_sees_the_opposite_axis_and_still_flexion_is_positive() -> (
+    None
+):
     turned = quat.about(0, np.pi)
     found = bending(quat.rotate(turned, flexed(np.random.default_rng(1))), DT)
     assert np.arccos(found.axis @ quat.rotate(turned, AXIS)) < 0.2 * DEG
@@ -69,7 +80,9 @@ def test_two_sensors_on_one_body_are_related_by_their_rates() -> None:
 
 
 def test_a_turn_about_one_axis_only_shows_as_little_spread() -> None:
-    rate = np.outer(np.sin(2 * T), AXIS) + np.random.default_rng(6).normal(scale=0.01, size=(len(T), 3))
+    rate = np.outer(np.sin(2 * T), AXIS) + np.random.default_rng(6).normal(
+        scale=0.01, size=(len(T), 3)
+    )
     assert common_rotation(rate, rate).spread < 0.05
 
 

@@ -15,11 +15,15 @@ def _known(n: int, first: int, length: int) -> np.ndarray:
 
 
 @given(st.lists(st.floats(-5, 5), min_size=4, max_size=4), st.integers(2, 20), st.integers(1, 15))
-def test_a_parabola_s_neighbours_and_a_straight_line_are_kept_exactly(line: list[float], first: int, length: int) -> None:
+def test_a_parabola_s_neighbours_and_a_straight_line_are_kept_exactly(
+    line: list[float], first: int, length: int
+) -> None:
     t = np.arange(40) / 100
     values = np.stack([line[0] + line[1] * t, line[2] + line[3] * t], axis=-1)
     known = _known(40, first, length)
-    np.testing.assert_allclose(bridge(t, np.where(known[:, None], values, np.nan), known), values, atol=1e-12)
+    np.testing.assert_allclose(
+        bridge(t, np.where(known[:, None], values, np.nan), known), values, atol=1e-12
+    )
 
 
 def test_a_movement_of_two_hertz_is_followed_through_a_tenth_of_a_second() -> None:
@@ -42,7 +46,9 @@ def test_what_lies_before_the_first_or_behind_the_last_sample_stays_unknown() ->
 def test_without_a_second_sample_at_one_side_the_gap_s_own_slope_serves(where: int) -> None:
     t = np.arange(10) / 100
     values, known = (t**2)[:, None], _known(10, where, 1)
-    np.testing.assert_allclose(bridge(t, np.where(known[:, None], values, np.nan), known), values, atol=1e-4)
+    np.testing.assert_allclose(
+        bridge(t, np.where(known[:, None], values, np.nan), known), values, atol=1e-4
+    )
 
 
 def test_the_doubt_of_a_gap_covers_what_a_movement_of_that_frequency_hides() -> None:

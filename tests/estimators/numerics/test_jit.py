@@ -16,6 +16,9 @@ def _kernel(of_angle: Callable[..., Any], factor: float) -> Callable[..., Any]:
 
 def test_a_kernel_is_another_when_a_function_or_a_number_that_it_takes_is_another() -> None:
     sine, twice = inlined(lambda x: math.sin(x)), inlined(lambda x: 2 * math.sin(x))
-    kept = [list(called_by(_kernel(*taken))) for taken in ((sine, 1.0), (twice, 1.0), (sine, 2.0), (sine, 1.0))]
+    kept = [
+        list(called_by(_kernel(*taken)))
+        for taken in ((sine, 1.0), (twice, 1.0), (sine, 2.0), (sine, 1.0))
+    ]
     assert kept[0] == kept[3]
     assert kept[0] not in kept[1:3]

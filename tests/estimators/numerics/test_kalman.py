@@ -11,8 +11,16 @@ def _covariance(rng: np.random.Generator, size: int) -> Array:
     return np.asarray(L @ L.T + 0.1 * np.eye(size))
 
 
-def test_a_correction_is_the_textbook_s_and_keeps_the_covariance_symmetric_to_the_last_bit(rng: np.random.Generator) -> None:
-    before, H, noise, missed, change = _covariance(rng, 7), rng.normal(size=(4, 7)), _covariance(rng, 4), rng.normal(size=4), np.empty(7)
+def test_a_correction_is_the_textbook_s_and_keeps_the_covariance_symmetric_to_the_last_bit(
+    rng: np.random.Generator,
+) -> None:
+    before, H, noise, missed, change = (
+        _covariance(rng, 7),
+        rng.normal(size=(4, 7)),
+        _covariance(rng, 4),
+        rng.normal(size=4),
+        np.empty(7),
+    )
     after = before.copy()
     kalman.correct(after, missed, H, noise, change)
     K = before @ H.T @ np.linalg.inv(H @ before @ H.T + noise)

@@ -62,7 +62,9 @@ def test_when_the_time_is_over_what_is_done_stays_and_the_rest_is_refused() -> N
         if share >= 1 / 3:
             raise InputError("the time is over")
 
-    done, *late = parallel.finished(_patient, [*_set(1), threading.Event(), threading.Event()], progress)
+    done, *late = parallel.finished(
+        _patient, [*_set(1), threading.Event(), threading.Event()], progress
+    )
     assert done == "done"
     assert [str(piece) for piece in late] == ["the time is over"] * 2
 

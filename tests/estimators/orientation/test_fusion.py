@@ -17,7 +17,14 @@ from tests.simulated import DEG, cut
 
 RATE, N = 100.0, 300
 PARAMS = FusionParams(gyr_reading="instant")
-STREAM = Stream("imu", ("hand", "index_proximal", "index_middle"), (GYR, ACC), RATE, "imu", {GYR: 5.0, ACC: 100.0})
+STREAM = Stream(
+    "imu",
+    ("hand", "index_proximal", "index_middle"),
+    (GYR, ACC),
+    RATE,
+    "imu",
+    {GYR: 5.0, ACC: 100.0},
+)
 LEVEL = dict.fromkeys(STREAM.sensors, quat.IDENTITY)
 GAPS = st.lists(st.tuples(st.integers(0, 2), st.integers(0, N - 1), st.integers(1, 40)), max_size=6)
 LOST_ROWS = st.lists(st.tuples(st.integers(1, N - 1), st.integers(1, 35)), max_size=3)
@@ -38,7 +45,9 @@ def _headings(rate: float = 1.0) -> np.ndarray:
     return rate * np.array([1.0, -0.5, 0.25]) * ((1 - np.cos(w * np.arange(N) / RATE)) / w)[:, None]
 
 
-def _with_gaps(block: Block, gaps: list[tuple[int, int, int]], rows: list[tuple[int, int]] = ()) -> Block:
+def _with_gaps(
+    block: Block, gaps: list[tuple[int, int, int]], rows: list[tuple[int, int]] = ()
+) -> Block:
     values, keep = block.values.copy(), np.ones(len(block.t), bool)
     for sensor, first, count in gaps:
         values[first : first + count, sensor, first % 6] = np.nan
@@ -56,7 +65,12 @@ def _oriented(blocks: list[Block], params: FusionParams = PARAMS) -> Oriented:
     state, piece = orientation_fusion.finish(params, state)
     assert state.held is None
     pieces.append(piece)
-    return Oriented(*(np.concatenate([getattr(p, name) for p in pieces]) for name in ("t", "q_GS", "flags", "doubt", "sampled")))
+    return Oriented(
+        *(
+            np.concatenate([getattr(p, name) for p in pieces])
+            for name in ("t", "q_GS", "flags", "doubt", "sampled")
+        )
+    )
 
 
 @given(GAPS, LOST_ROWS, st.lists(st.integers(0, N), max_size=12))
@@ -71,12 +85,18 @@ def test_blocks_may_be_cut_anywhere_whatever_is_missing(
 
 
 @given(GAPS, LOST_ROWS)
-def test_nan_never_reaches_a_filter(gaps: list[tuple[int, int, int]], rows: list[tuple[int, int]]) -> None:
+def test_nan_never_reaches_a_filter(
+    gaps: list[tuple[int, int, int]], rows: list[tuple[int, int]]
+) -> None:
     state = orientation_fusion.start(STREAM, LEVEL, {})
     state, _ = orientation_fusion.step(PARAMS, state, _with_gaps(_turning(), gaps, rows))
     state, _ = orientation_fusion.finish(PARAMS, state)
     for sensor in state.sensors:
-        for name in ("gyrQuat", "accQuat", "bias", "biasP", "lastAccLp", "restLastGyrLp") if sensor.filter_state else ():
+        for name in (
+            ("gyrQuat", "accQuat", "bias", "biasP", "lastAccLp", "restLastGyrLp")
+            if sensor.filter_state
+            else ()
+        ):
             assert np.isfinite(sensor.filter_state[name]).all(), name
         assert sensor.q_GS is None or np.isfinite(sensor.q_GS).all()
 
@@ -87,7 +107,10 @@ def test_a_short_gap_is_bridged(first: int, count: int) -> None:
     error = np.abs(quat.twist(found.q_GS, 2) - _headings())
     assert error[:, 1].max() < 1.5 * DEG  # a straight line over 0.2 s of 0.5 rad/s at 0.7 Hz
     assert not (found.flags & Flag.HEADING_LOST).any()
-    np.testing.assert_array_equal((found.flags[:, 1] & Flag.MISSING) != 0, (np.arange(N) >= first) & (np.arange(N) < first + count))
+    np.testing.assert_array_equal(
+        (found.flags[:, 1] & Flag.MISSING) != 0,
+        (np.arange(N) >= first) & (np.arange(N) < first + count),
+    )
     assert not found.flags[:, [0, 2]].any()
 
 
@@ -102,7 +125,9 @@ def test_many_whole_samples_lost_are_a_loss_of_all_headings_with_one_instant_in_
     found = _oriented([_with_gaps(_turning(), [], [(150, 30)])])
     (missing,) = np.flatnonzero(~found.sampled)
     assert found.t[missing] == pytest.approx(1.645)
-    np.testing.assert_array_equal((found.flags & Flag.HEADING_LOST) != 0, (found.t > 1.495)[:, None].repeat(3, axis=1))
+    np.testing.assert_array_equal(
+        (found.flags & Flag.HEADING_LOST) != 0, (found.t > 1.495)[:, None].repeat(3, axis=1)
+    )
 
 
 def test_jitter_of_the_time_stamps_neither_makes_nor_hides_a_loss(rng: np.random.Generator) -> None:
@@ -126,7 +151,9 @@ def test_a_long_gap_loses_the_heading_until_the_end_and_holds_the_orientation() 
     found = _oriented([_with_gaps(_turning(), [(0, 100, 40)])])
     lost = (found.flags[:, 0] & Flag.HEADING_LOST) != 0
     np.testing.assert_array_equal(lost, np.arange(N) >= 100)
-    np.testing.assert_array_equal(found.q_GS[100:140, 0], np.broadcast_to(found.q_GS[99, 0], (40, 4)))
+    np.testing.assert_array_equal(
+        found.q_GS[100:140, 0], np.broadcast_to(found.q_GS[99, 0], (40, 4))
+    )
     assert np.isfinite(found.q_GS).all()
 
 
@@ -136,7 +163,9 @@ def test_gaps_of_two_sensors_that_overlap_are_both_bridged_wherever_the_block_en
         assert not (_oriented(cut(block, [end])).flags & Flag.HEADING_LOST).any(), f"cut at {end}"
 
 
-@pytest.mark.parametrize("length", [1, 2, 5])  # samples a block: a filter's state is read less often than it goes on
+@pytest.mark.parametrize(
+    "length", [1, 2, 5]
+)  # samples a block: a filter's state is read less often than it goes on
 def test_any_state_may_be_gone_on_from_more_than_once_and_saved(length: int) -> None:
     parts = list(_turning().parts(length))
     states, given = [orientation_fusion.start(STREAM, LEVEL, {})], []
@@ -148,12 +177,16 @@ def test_any_state_may_be_gone_on_from_more_than_once_and_saved(length: int) -> 
         for state in (states[from_where], pickle.loads(pickle.dumps(states[from_where]))):
             for k in (from_where, from_where + 1):
                 state, again = orientation_fusion.step(PARAMS, state, parts[k])
-                np.testing.assert_array_equal(again.q_GS, given[k], err_msg=f"block {k}, gone on from block {from_where}")
+                np.testing.assert_array_equal(
+                    again.q_GS, given[k], err_msg=f"block {k}, gone on from block {from_where}"
+                )
 
 
 def test_options_may_change_from_block_to_block() -> None:
     leaning = _turning()
-    leaning.values[..., 3] = 2.0  # the accelerometers say so, the pose does not: how fast they are believed is an option
+    leaning.values[..., 3] = (
+        2.0  # the accelerometers say so, the pose does not: how fast they are believed is an option
+    )
     first, second = cut(leaning, [N // 2])
     state, _ = orientation_fusion.step(PARAMS, orientation_fusion.start(STREAM, LEVEL, {}), first)
     for part in second.parts(1):
@@ -187,7 +220,11 @@ def test_samples_at_the_limit_are_flagged() -> None:
 
 def test_a_turn_faster_than_the_gyroscope_reads_is_bridged_over_its_peak() -> None:
     fast, truth = _turning(5.5), _headings(5.5)[:, 0]  # the limit is 5 rad/s
-    clipped = Block(fast.stream, fast.t, np.clip(fast.values, [*[-5.0] * 3, *[-100.0] * 3], [*[5.0] * 3, *[100.0] * 3]))
+    clipped = Block(
+        fast.stream,
+        fast.t,
+        np.clip(fast.values, [*[-5.0] * 3, *[-100.0] * 3], [*[5.0] * 3, *[100.0] * 3]),
+    )
     found = _oriented([clipped])
     turned = 2 * np.arctan2(found.q_GS[:, 0, 3], found.q_GS[:, 0, 0])
     error = np.abs(np.angle(np.exp(1j * (turned - truth))))
@@ -201,13 +238,17 @@ def test_a_sensor_that_was_not_in_the_pose_starts_from_gravity_and_says_so() -> 
     _, found = orientation_fusion.step(PARAMS, state, _turning())
     assert not found.flags[:, 0].any()
     assert (found.flags[:, 1:] == Flag.UNCALIBRATED).all()
-    np.testing.assert_allclose(quat.rotate(found.q_GS, np.broadcast_to([0, 0, 1.0], (N, 3, 3)))[..., 2], 1.0, atol=1e-6)
+    np.testing.assert_allclose(
+        quat.rotate(found.q_GS, np.broadcast_to([0, 0, 1.0], (N, 3, 3)))[..., 2], 1.0, atol=1e-6
+    )
 
 
 def test_a_sensor_that_begins_long_after_its_pose_has_lost_its_heading() -> None:
     block = _turning()
     for known_until, lost in ((-1.0, True), (-0.1, False)):
-        _, found = orientation_fusion.step(PARAMS, orientation_fusion.start(STREAM, LEVEL, {}, known_until), block)
+        _, found = orientation_fusion.step(
+            PARAMS, orientation_fusion.start(STREAM, LEVEL, {}, known_until), block
+        )
         assert ((found.flags & Flag.HEADING_LOST) != 0).all() == lost
 
 
@@ -220,10 +261,16 @@ def test_a_known_bias_is_taken_away() -> None:
     np.testing.assert_allclose(quat.angle(found.q_GS), 0.0, atol=1e-6)
 
 
-@pytest.mark.parametrize("acc", [[0, 0, 9.81], [1.0, 2.0, -3.0], [0, 0, -9.81], [1e-9, 0, -9.81], [0.1, 0, 0]])
-def test_upright_turns_the_specific_force_upwards_and_keeps_the_heading_where_it_can(acc: list[float]) -> None:
+@pytest.mark.parametrize(
+    "acc", [[0, 0, 9.81], [1.0, 2.0, -3.0], [0, 0, -9.81], [1e-9, 0, -9.81], [0.1, 0, 0]]
+)
+def test_upright_turns_the_specific_force_upwards_and_keeps_the_heading_where_it_can(
+    acc: list[float],
+) -> None:
     q_GS = quat.multiply(quat.about(2, 0.7), quat.about(0, 0.2))
-    up = quat.rotate(orientation_fusion.upright(q_GS, np.array(acc)), np.array(acc) / np.linalg.norm(acc))
+    up = quat.rotate(
+        orientation_fusion.upright(q_GS, np.array(acc)), np.array(acc) / np.linalg.norm(acc)
+    )
     np.testing.assert_allclose(up, [0, 0, 1], atol=1e-7)
 
 

@@ -32,7 +32,9 @@ def _turned(q_GB: Array, segments: list[str]) -> Array:
     return turned
 
 
-def _stepped(t: Array, q_GB: Array, doubted: list[str], params: HeadingParams = PARAMS) -> tuple[Array, np.ndarray]:
+def _stepped(
+    t: Array, q_GB: Array, doubted: list[str], params: HeadingParams = PARAMS
+) -> tuple[Array, np.ndarray]:
     doubt = np.zeros((len(t), len(SEGMENTS)))
     doubt[t > 2.0] = np.where(np.isin(SEGMENTS, doubted), np.radians(60.0) ** 2, 0.0)
     _, corrected, lost = heading_constraints.step(
@@ -69,7 +71,9 @@ def test_a_heading_of_the_thumb_s_base_stays_lost_because_its_joint_turns_all_wa
 
 def test_a_joint_whose_axis_stands_upright_tells_nothing() -> None:
     t, q_GB = _moving()
-    on_its_side = quat.multiply(quat.about(1, np.array(90 * DEG)), q_GB)  # the hand's edge down: flexion axes are vertical
+    on_its_side = quat.multiply(
+        quat.about(1, np.array(90 * DEG)), q_GB
+    )  # the hand's edge down: flexion axes are vertical
     _, lost = _stepped(t, on_its_side, ["index_middle"])
     assert lost[-1, SEGMENT["index_middle"]]
 
@@ -87,7 +91,10 @@ def test_a_gap_of_the_hand_costs_no_heading_where_nothing_is_worn() -> None:
     worn = [SEGMENT[s] for s in ("hand", "index_proximal", "index_middle")]
     q_GB[:, np.setdiff1d(np.arange(len(SEGMENTS)), worn)] = np.nan
     _, lost = _stepped(t, q_GB, ["hand"])
-    assert {SEGMENTS[s] for s in np.flatnonzero(lost.any(axis=0))} == {"index_proximal", "index_middle"}
+    assert {SEGMENTS[s] for s in np.flatnonzero(lost.any(axis=0))} == {
+        "index_proximal",
+        "index_middle",
+    }
 
 
 def test_slopes_are_the_derivatives_of_the_angles_by_the_heading() -> None:
@@ -97,16 +104,38 @@ def test_slopes_are_the_derivatives_of_the_angles_by_the_heading() -> None:
     q_GC = quat.multiply(q_GP, joint_angles.compose(angles))
     up = quat.rotate(quat.conjugate(q_GP), np.array([0.0, 0.0, 1.0]))
     step = 1e-6
-    turned = [joint_angles.decompose(quat.relative(q_GP, quat.multiply(quat.about(2, np.array(d)), q_GC))) for d in (-step, step)]
-    np.testing.assert_allclose(heading_constraints._slopes(angles, up), (turned[1] - turned[0]) / (2 * step), atol=1e-7)
+    turned = [
+        joint_angles.decompose(quat.relative(q_GP, quat.multiply(quat.about(2, np.array(d)), q_GC)))
+        for d in (-step, step)
+    ]
+    np.testing.assert_allclose(
+        heading_constraints._slopes(angles, up), (turned[1] - turned[0]) / (2 * step), atol=1e-7
+    )
 
 
 def test_the_forearm_turns_for_the_wrist_and_every_segment_for_the_joints_before_it() -> None:
     by_joint = np.zeros((1, len(JOINTS)))
     by_joint[0, [JOINT["wrist"], JOINT["index_mcp"], JOINT["index_dip"]]] = 1.0, 10.0, 100.0
     sums = heading_constraints._by_segment(by_joint)[0]
-    found = {s: sums[SEGMENT[s]] for s in ("forearm", "hand", "index_proximal", "index_middle", "index_distal", "ring_distal")}
-    assert found == {"forearm": -1.0, "hand": 0.0, "index_proximal": 10.0, "index_middle": 10.0, "index_distal": 110.0, "ring_distal": 0.0}
+    found = {
+        s: sums[SEGMENT[s]]
+        for s in (
+            "forearm",
+            "hand",
+            "index_proximal",
+            "index_middle",
+            "index_distal",
+            "ring_distal",
+        )
+    }
+    assert found == {
+        "forearm": -1.0,
+        "hand": 0.0,
+        "index_proximal": 10.0,
+        "index_middle": 10.0,
+        "index_distal": 110.0,
+        "ring_distal": 0.0,
+    }
     assert len(PARENTS) == len(JOINTS)
 
 

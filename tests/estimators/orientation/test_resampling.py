@@ -16,16 +16,24 @@ FOREARM = Stream("forearm", ("forearm",), (GYR, ACC), 40.0)
 INDEX = Stream("index", ("index_proximal", "index_middle"), (GYR, ACC), 100.0)
 
 
-def _turning(stream: Stream, start: float, stop: float, rate: float = 1.0, flag: int = 0) -> Oriented:
+def _turning(
+    stream: Stream, start: float, stop: float, rate: float = 1.0, flag: int = 0
+) -> Oriented:
     """Sensors that turn about z at `rate` rad/s from heading 0 at t = 0."""
     t = np.arange(round(start * stream.rate), round(stop * stream.rate)) / stream.rate
     q = np.repeat(quat.about(2, rate * t)[:, None], len(stream.sensors), axis=1)
     return Oriented(
-        t, q, np.full((len(t), len(stream.sensors)), flag, np.uint8), np.zeros((len(t), len(stream.sensors))), np.ones(len(t), bool)
+        t,
+        q,
+        np.full((len(t), len(stream.sensors)), flag, np.uint8),
+        np.zeros((len(t), len(stream.sensors))),
+        np.ones(len(t), bool),
     )
 
 
-def _rows(streams: tuple[Stream, ...], fed: list[tuple[Stream, Oriented]]) -> tuple[list[resampling.Rows], resampling.Rows]:
+def _rows(
+    streams: tuple[Stream, ...], fed: list[tuple[Stream, Oriented]]
+) -> tuple[list[resampling.Rows], resampling.Rows]:
     """What each step gives, and everything together."""
     state, given = resampling.start(streams), []
     for stream, oriented in fed:
@@ -37,30 +45,48 @@ def _rows(streams: tuple[Stream, ...], fed: list[tuple[Stream, Oriented]]) -> tu
 
 def test_the_fastest_stream_makes_the_rows_and_the_hands_where_rates_are_equal() -> None:
     assert resampling.start((FOREARM, INDEX, HAND)).reference == "hand"
-    assert resampling.start((HAND, Stream("index", ("index_distal",), (GYR, ACC), 200.0))).reference == "index"
+    assert (
+        resampling.start((HAND, Stream("index", ("index_distal",), (GYR, ACC), 200.0))).reference
+        == "index"
+    )
     mag = Stream("mag", ("hand",), (MAG,), 500.0)
     assert resampling.start((HAND, mag)).reference == "hand"
 
 
 def test_a_slower_stream_is_interpolated_along_the_great_circle() -> None:
-    _, rows = _rows((HAND, FOREARM), [(FOREARM, _turning(FOREARM, 0, 1, -2.0)), (HAND, _turning(HAND, 0, 1))])
+    _, rows = _rows(
+        (HAND, FOREARM), [(FOREARM, _turning(FOREARM, 0, 1, -2.0)), (HAND, _turning(HAND, 0, 1))]
+    )
     inside = rows.t <= 39 / 40
     np.testing.assert_array_equal(rows.t, np.arange(100) / 100)
-    np.testing.assert_allclose(quat.twist(rows.q_GS[inside, SEGMENT["forearm"]], 2), -2 * rows.t[inside], atol=1e-12)
+    np.testing.assert_allclose(
+        quat.twist(rows.q_GS[inside, SEGMENT["forearm"]], 2), -2 * rows.t[inside], atol=1e-12
+    )
     assert np.isnan(rows.q_GS[:, SEGMENT["ring_distal"]]).all()
     assert not rows.flags[inside].any()
 
 
 def test_rows_wait_for_the_slowest_stream() -> None:
     given, rows = _rows(
-        (HAND, FOREARM), [(HAND, _turning(HAND, 0, 1)), (FOREARM, _turning(FOREARM, 0, 0.5)), (FOREARM, _turning(FOREARM, 0.5, 1))]
+        (HAND, FOREARM),
+        [
+            (HAND, _turning(HAND, 0, 1)),
+            (FOREARM, _turning(FOREARM, 0, 0.5)),
+            (FOREARM, _turning(FOREARM, 0.5, 1)),
+        ],
     )
-    assert [len(g.t) for g in given] == [0, 48, 50]  # up to the forearm's samples at 0.475 and 0.975 s
+    assert [len(g.t) for g in given] == [
+        0,
+        48,
+        50,
+    ]  # up to the forearm's samples at 0.475 and 0.975 s
     assert len(rows.t) == 100
 
 
 def test_at_the_end_a_stream_that_fell_silent_is_held_and_marked() -> None:
-    _, rows = _rows((HAND, FOREARM), [(FOREARM, _turning(FOREARM, 0, 0.5)), (HAND, _turning(HAND, 0, 1))])
+    _, rows = _rows(
+        (HAND, FOREARM), [(FOREARM, _turning(FOREARM, 0, 0.5)), (HAND, _turning(HAND, 0, 1))]
+    )
     late = rows.t > 0.475 + 1.5 / 40
     forearm = rows.q_GS[:, SEGMENT["forearm"]]
     np.testing.assert_allclose(quat.twist(forearm[late], 2), 0.475, atol=1e-12)  # held
@@ -76,7 +102,9 @@ def test_a_live_view_leaves_a_silent_stream_behind_after_its_patience() -> None:
     state, released = resampling.release(state, 0.1)
     assert released.t[0] == pytest.approx(0.48)
     assert released.t[-1] == pytest.approx(0.99 - 0.1)
-    _, later = resampling.step(state, FOREARM, _turning(FOREARM, 0.5, 1))  # it was only late: what was shown is not shown again
+    _, later = resampling.step(
+        state, FOREARM, _turning(FOREARM, 0.5, 1)
+    )  # it was only late: what was shown is not shown again
     assert later.t[0] == pytest.approx(0.90)
 
 
@@ -94,7 +122,9 @@ def test_while_the_reference_is_silent_another_stream_makes_the_rows() -> None:
 
 
 def test_before_a_stream_begins_its_segments_are_unknown() -> None:
-    _, rows = _rows((HAND, FOREARM), [(FOREARM, _turning(FOREARM, 0.5, 1)), (HAND, _turning(HAND, 0, 1))])
+    _, rows = _rows(
+        (HAND, FOREARM), [(FOREARM, _turning(FOREARM, 0.5, 1)), (HAND, _turning(HAND, 0, 1))]
+    )
     early = rows.t < 0.5 - 1.5 / 40 - 1e-9
     np.testing.assert_array_equal(np.isnan(rows.q_GS[:, SEGMENT["forearm"], 0]), early)
     np.testing.assert_array_equal((rows.flags[:, SEGMENT["forearm"]] & Flag.MISSING) != 0, early)
@@ -108,7 +138,9 @@ def test_a_segment_that_goes_on_in_another_stream_is_known_throughout(swapped: b
     streams = (HAND, anew, INDEX) if swapped else (HAND, INDEX, anew)
     _, rows = _rows(streams, [*fed, (HAND, _turning(HAND, 0, 1))])
     inside = rows.t <= 0.98
-    np.testing.assert_allclose(quat.twist(rows.q_GS[inside, SEGMENT["index_middle"]], 2), rows.t[inside], atol=0.02)
+    np.testing.assert_allclose(
+        quat.twist(rows.q_GS[inside, SEGMENT["index_middle"]], 2), rows.t[inside], atol=0.02
+    )
     assert not rows.flags[inside, SEGMENT["index_middle"]].any()
 
 
@@ -139,7 +171,9 @@ def test_nothing_is_kept_but_what_later_rows_need() -> None:
 
 
 @pytest.mark.parametrize("share", [0.98, 0.9985, 1.01, 1.6])
-def test_the_rate_at_which_samples_come_is_measured_in_spite_of_jitter_and_loss(share: float) -> None:
+def test_the_rate_at_which_samples_come_is_measured_in_spite_of_jitter_and_loss(
+    share: float,
+) -> None:
     rng = np.random.default_rng(3)
     t = np.arange(1000) / (100.0 * share)
     kept = rng.random(1000) > 0.05 if share < 1.25 else np.ones(1000, bool)
@@ -153,7 +187,9 @@ def test_stamps_that_scatter_by_a_fifth_of_a_period_hide_no_rate() -> None:
     """Scatter as of a host's stamps was counted as samples left out: 97 Hz came out as 99."""
     t = np.sort(np.arange(4000) / 97.0 + 2e-3 * np.random.default_rng(3).normal(size=4000))
     stream = Stream("imu", ("hand",), (GYR, ACC), 100.0)
-    assert resampling.measured_rates([Block(stream, t, np.zeros((4000, 1, 6)))])["imu"] == pytest.approx(97.0, rel=1e-3)
+    assert resampling.measured_rates([Block(stream, t, np.zeros((4000, 1, 6)))])[
+        "imu"
+    ] == pytest.approx(97.0, rel=1e-3)
 
 
 def test_a_rate_that_is_what_it_says_is_left_alone() -> None:

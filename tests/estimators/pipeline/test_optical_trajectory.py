@@ -8,7 +8,15 @@ from scipy.spatial.transform import Rotation
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand import joint_angles
-from handscope.estimators.hand.anatomy import FINGERS, JOINT, JOINTS, PARENTS, SEGMENT, SEGMENTS, Hand
+from handscope.estimators.hand.anatomy import (
+    FINGERS,
+    JOINT,
+    JOINTS,
+    PARENTS,
+    SEGMENT,
+    SEGMENTS,
+    Hand,
+)
 from handscope.estimators.measures.comparison import tip_distance
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.pipeline import optical_trajectory
@@ -22,7 +30,9 @@ PILLOW = Path(__file__).parents[1] / "simulation" / "pillow_grasp.tsv.gz"
 T = np.arange(0, 12, 0.01)
 
 
-def marked(hand: Hand = "left", thumb: np.ndarray | None = None, seed: int = 0, up: int = 2) -> tuple[Markers, np.ndarray]:
+def marked(
+    hand: Hand = "left", thumb: np.ndarray | None = None, seed: int = 0, up: int = 2
+) -> tuple[Markers, np.ndarray]:
     """Markers on every segment of a hand that lies flat for 2 s and then moves in all angles of all joints, and these angles (n, joints, 3)."""
     rng = np.random.default_rng(seed)
     begun = np.clip((T - 2.2) / 2, 0, 1)[:, None, None]
@@ -30,15 +40,24 @@ def marked(hand: Hand = "left", thumb: np.ndarray | None = None, seed: int = 0, 
     if thumb is not None:
         angles[:, JOINT["thumb_cmc"]] += thumb
     side = 1.0 if hand == "left" else -1.0
-    distal, dorsal = np.array([np.cos(0.4), np.sin(0.4), 0.0]), np.array([0.0, 0.0, 1.0])  # it points anywhere on the table
+    distal, dorsal = (
+        np.array([np.cos(0.4), np.sin(0.4), 0.0]),
+        np.array([0.0, 0.0, 1.0]),
+    )  # it points anywhere on the table
     R = np.stack([side * dorsal, side * distal, np.cross(dorsal, distal)], axis=-1)
     q_GS = np.full((len(T), len(SEGMENTS), 4), np.nan)
-    q_GS[:, SEGMENT["forearm"]] = quat.multiply(quat.exp(0.3 * begun[:, 0] * movement(seed + 1, 3, 0.5)(T)), quat.from_matrix(R))
+    q_GS[:, SEGMENT["forearm"]] = quat.multiply(
+        quat.exp(0.3 * begun[:, 0] * movement(seed + 1, 3, 0.5)(T)), quat.from_matrix(R)
+    )
     for j, joint in enumerate(JOINTS):
-        q_GS[:, SEGMENT[joint.child]] = quat.multiply(q_GS[:, PARENTS[j]], joint_angles.compose(angles[:, j]))
+        q_GS[:, SEGMENT[joint.child]] = quat.multiply(
+            q_GS[:, PARENTS[j]], joint_angles.compose(angles[:, j])
+        )
     names, places = [], []
     for k, segment in enumerate(SEGMENTS):
-        along = 0.03 * (k - 2) % 0.09 + 0.09 if k > 1 else -0.1 * (2 - k)  # metacarpals before distal bones
+        along = (
+            0.03 * (k - 2) % 0.09 + 0.09 if k > 1 else -0.1 * (2 - k)
+        )  # metacarpals before distal bones
         centre = side * np.array([0.0, along, 0.02 * ((k - 2) // 3)])
         for m in range(3):
             at = rng.normal(scale=0.008, size=3)
@@ -48,21 +67,27 @@ def marked(hand: Hand = "left", thumb: np.ndarray | None = None, seed: int = 0, 
             places.append(root + quat.rotate(q_GS[:, k], at))
     together = np.stack(places, axis=1)
     middles = together.reshape(len(T), len(SEGMENTS), 3, 3).mean(axis=2, keepdims=True)
-    together = (together.reshape(len(T), len(SEGMENTS), 3, 3) - middles[:1] + _straight(q_GS[0, SEGMENT["hand"]], side)).reshape(
-        len(T), -1, 3
-    )
+    together = (
+        together.reshape(len(T), len(SEGMENTS), 3, 3)
+        - middles[:1]
+        + _straight(q_GS[0, SEGMENT["hand"]], side)
+    ).reshape(len(T), -1, 3)
     turned = np.roll(np.eye(3), up - 2, axis=1)
     return Markers(T, tuple(names), together @ turned), angles
 
 
 def _straight(q_GH: np.ndarray, side: float) -> np.ndarray:
     """Where the clusters' centres lie in the flat pose: fingers straight and parallel."""
-    centres = [[0, -0.2, 0], [0, -0.05, 0]] + [[0, 0.03 * (k % 3), 0.02 * (k // 3)] for k in range(15)]
+    centres = [[0, -0.2, 0], [0, -0.05, 0]] + [
+        [0, 0.03 * (k % 3), 0.02 * (k // 3)] for k in range(15)
+    ]
     return np.asarray(quat.rotate(q_GH, side * np.array(centres))[None, :, None])
 
 
 def tracked(markers: Markers, hand: Hand = "left", pose: FlatPose = FLAT) -> np.ndarray:
-    return optical_trajectory.trajectory_of(markers, optical_trajectory.clusters(markers, pose), hand, pose).angles
+    return optical_trajectory.trajectory_of(
+        markers, optical_trajectory.clusters(markers, pose), hand, pose
+    ).angles
 
 
 @pytest.mark.parametrize("hand", ["left", "right"])
@@ -74,29 +99,46 @@ def test_all_three_angles_of_every_joint_are_found_again(hand: Hand) -> None:
 def test_a_thumb_held_otherwise_and_another_axis_up() -> None:
     thumb = np.array([0.1, -0.7, 0.5])
     markers, angles = marked("right", thumb)
-    np.testing.assert_allclose(tracked(markers, "right", FlatPose(0, 2, FLAT.up, thumb)), angles, atol=1e-9)
+    np.testing.assert_allclose(
+        tracked(markers, "right", FlatPose(0, 2, FLAT.up, thumb)), angles, atol=1e-9
+    )
     markers, angles = marked("left", up=0)
     up = np.array([0.0, 0.0, 1.0]) @ np.roll(np.eye(3), -2, axis=1)
-    np.testing.assert_allclose(tracked(markers, "left", FlatPose(0, 2, up, np.zeros(3))), angles, atol=1e-9)
+    np.testing.assert_allclose(
+        tracked(markers, "left", FlatPose(0, 2, up, np.zeros(3))), angles, atol=1e-9
+    )
 
 
 def test_our_angles_are_those_of_grood_and_suntay() -> None:
     """Grood & Suntay 1983 with flexion about the parent's z, rotation about the child's y, and the floating axis square to both."""
     rng = np.random.default_rng(1)
     angles = rng.uniform(-1.2, 1.2, (200, 3))
-    R = Rotation.from_quat(joint_angles.compose(angles), scalar_first=True).as_matrix()  # the child's axes on the parent, in columns
+    R = Rotation.from_quat(
+        joint_angles.compose(angles), scalar_first=True
+    ).as_matrix()  # the child's axes on the parent, in columns
     e1, e3 = np.broadcast_to([0.0, 0.0, 1.0], (200, 3)), R[:, :, 1]
     floating = np.cross(e3, e1)
     floating /= np.linalg.norm(floating, axis=1, keepdims=True)
-    flexion = np.arctan2(floating[:, 1], floating[:, 0])  # the floating axis against the parent's x, about e1
+    flexion = np.arctan2(
+        floating[:, 1], floating[:, 0]
+    )  # the floating axis against the parent's x, about e1
     deviation = np.arcsin((e1 * e3).sum(axis=1))
-    rotation = np.arctan2(-np.einsum("ni,ni->n", np.cross(floating, R[:, :, 0]), -e3), (floating * R[:, :, 0]).sum(axis=1))
-    np.testing.assert_allclose(np.stack([flexion, deviation, rotation], axis=-1), angles, atol=1e-12)
+    rotation = np.arctan2(
+        -np.einsum("ni,ni->n", np.cross(floating, R[:, :, 0]), -e3),
+        (floating * R[:, :, 0]).sum(axis=1),
+    )
+    np.testing.assert_allclose(
+        np.stack([flexion, deviation, rotation], axis=-1), angles, atol=1e-12
+    )
 
 
 def test_hidden_markers_cost_a_sample_only_where_fewer_than_three_are_left() -> None:
     markers, angles = marked()
-    four = Markers(T, (*markers.names, "index_middle_4"), np.concatenate([markers.places, _fourth(markers)], axis=1))
+    four = Markers(
+        T,
+        (*markers.names, "index_middle_4"),
+        np.concatenate([markers.places, _fourth(markers)], axis=1),
+    )
     column = four.names.index("index_middle_2")
     four.places[400:500, column] = np.nan
     four.places[600:650, column - 1 : column + 1] = np.nan
@@ -119,7 +161,9 @@ def _fourth(markers: Markers) -> np.ndarray:
 def test_one_finger_without_a_hand_gives_its_own_joints() -> None:
     markers, angles = marked()
     own = [k for k, name in enumerate(markers.names) if name.startswith("index_")]
-    few = Markers(T, tuple(f"Subject:{markers.names[k].title()}" for k in own), markers.places[:, own])
+    few = Markers(
+        T, tuple(f"Subject:{markers.names[k].title()}" for k in own), markers.places[:, own]
+    )
     found = tracked(few)
     for joint in ("index_pip", "index_dip"):
         np.testing.assert_allclose(found[:, JOINT[joint]], angles[:, JOINT[joint]], atol=1e-9)
@@ -128,22 +172,39 @@ def test_one_finger_without_a_hand_gives_its_own_joints() -> None:
 
 def test_rigid_markers_do_not_move_and_a_slipping_one_does() -> None:
     markers, _ = marked()
-    still = {r.segment: r for r in optical_trajectory.rigidity(optical_trajectory.clusters(markers, FLAT), markers)}
+    still = {
+        r.segment: r
+        for r in optical_trajectory.rigidity(optical_trajectory.clusters(markers, FLAT), markers)
+    }
     assert max(r.movement_max for r in still.values()) < 1e-12
     assert max(r.angle_max for r in still.values()) < 1e-6
     slipping = Markers(T, markers.names, markers.places.copy())
-    k, hand = slipping.names.index("index_middle_1"), [slipping.names.index(f"index_middle_{m}") for m in (1, 2, 3)]
+    k, hand = (
+        slipping.names.index("index_middle_1"),
+        [slipping.names.index(f"index_middle_{m}") for m in (1, 2, 3)],
+    )
     side = slipping.places[:, hand[1]] - slipping.places[:, k]
-    away = np.cross(side, np.cross(side, slipping.places[:, hand[2]] - slipping.places[:, k]))  # in the markers' plane, square to that side
+    away = np.cross(
+        side, np.cross(side, slipping.places[:, hand[2]] - slipping.places[:, k])
+    )  # in the markers' plane, square to that side
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     slipping.places[600:, k] += 0.006 * away[600:]
-    moved = {r.segment: r for r in optical_trajectory.rigidity(optical_trajectory.clusters(slipping, FLAT), slipping)}
+    moved = {
+        r.segment: r
+        for r in optical_trajectory.rigidity(optical_trajectory.clusters(slipping, FLAT), slipping)
+    }
     rows = slipping.places[600:][:, hand]
     fit = [
-        Rotation.align_vectors(p - p.mean(axis=0), (rest := slipping.places[:200, hand].mean(axis=0)) - rest.mean(axis=0))
+        Rotation.align_vectors(
+            p - p.mean(axis=0),
+            (rest := slipping.places[:200, hand].mean(axis=0)) - rest.mean(axis=0),
+        )
         for p in rows[::60]
     ]
-    expected = [np.linalg.norm(p - p.mean(axis=0) - R.apply(rest - rest.mean(axis=0)), axis=1).max() for p, (R, _) in zip(rows[::60], fit)]
+    expected = [
+        np.linalg.norm(p - p.mean(axis=0) - R.apply(rest - rest.mean(axis=0)), axis=1).max()
+        for p, (R, _) in zip(rows[::60], fit)
+    ]
     assert moved["index_middle"].movement_max == pytest.approx(max(expected), rel=1e-6)
     assert moved["index_middle"].angle_max == pytest.approx(
         max(_between(R.apply(rest), p).max() for p, (R, _) in zip(rows[::60], fit)), rel=1e-6
@@ -166,10 +227,13 @@ def test_real_markers_on_the_back_of_a_hand_are_rigid_within_half_a_millimetre()
     real = read_markers(PILLOW)
     markers = Markers(real.t, ("hand_1", "hand_2", "hand_3"), real.back)
     sides = np.linalg.norm(real.back - np.roll(real.back, 1, axis=1), axis=-1)
-    np.testing.assert_allclose(np.sort(np.nanmean(sides, axis=0)), [0.0324, 0.0447, 0.0552], atol=2e-4)
+    np.testing.assert_allclose(
+        np.sort(np.nanmean(sides, axis=0)), [0.0324, 0.0447, 0.0552], atol=2e-4
+    )
     start = float(real.t[int(np.nanargmin(_restless(real.back)))])
     (hand,) = optical_trajectory.rigidity(
-        optical_trajectory.clusters(markers, FlatPose(start, start + 0.18, FLAT.up, np.zeros(3))), markers
+        optical_trajectory.clusters(markers, FlatPose(start, start + 0.18, FLAT.up, np.zeros(3))),
+        markers,
     )
     assert 1e-5 < hand.movement_mean < 0.2e-3
     assert hand.movement_max < 1e-3
@@ -184,9 +248,15 @@ def _restless(places: np.ndarray) -> np.ndarray:
 def test_tips_are_told_by_their_markers_and_their_distance_needs_no_hand() -> None:
     markers, _ = marked()
     tip = np.stack([0.1 + 0.02 * np.sin(T), 0 * T, 0 * T], axis=-1)
-    more = Markers(T, (*markers.names, "thumb_tip", "Index_tip"), np.concatenate([markers.places, 0 * tip[:, None], tip[:, None]], axis=1))
+    more = Markers(
+        T,
+        (*markers.names, "thumb_tip", "Index_tip"),
+        np.concatenate([markers.places, 0 * tip[:, None], tip[:, None]], axis=1),
+    )
     for few in (more, Markers(T, more.names[-2:], more.places[:, -2:])):
-        moved = optical_trajectory.trajectory_of(few, optical_trajectory.clusters(few, FLAT), "left", FLAT)
+        moved = optical_trajectory.trajectory_of(
+            few, optical_trajectory.clusters(few, FLAT), "left", FLAT
+        )
         np.testing.assert_allclose(tip_distance(moved), tip[:, 0], atol=1e-9)
         assert np.isnan(moved.tips[:, FINGERS.index("little")]).all()
 
@@ -195,7 +265,9 @@ def test_orientations_of_bodies_that_sit_anyhow_are_aligned_in_the_flat_pose() -
     thumb = np.array([0.0, -0.7, 1.0])
     markers, angles = marked(thumb=thumb)
     pose = FlatPose(0.0, 2.0, FLAT.up, thumb)
-    moved = optical_trajectory.trajectory_of(markers, optical_trajectory.clusters(markers, pose), "left", pose)
+    moved = optical_trajectory.trajectory_of(
+        markers, optical_trajectory.clusters(markers, pose), "left", pose
+    )
     rng = np.random.default_rng(2)
     askew = moved.q_GS.copy()
     for k in range(len(SEGMENTS)):
@@ -216,7 +288,10 @@ def test_orientations_of_bodies_that_sit_anyhow_are_aligned_in_the_flat_pose() -
             lambda m: Markers(T, m.names, m.places + 0.01 * np.sin(T)[:, None, None]),
             "in the flat pose (standard deviation, 1 mm are allowed)",
         ),
-        (lambda m: Markers(T, m.names, np.where((T < 3)[:, None, None], np.nan, m.places)), "hidden during the whole flat pose"),
+        (
+            lambda m: Markers(T, m.names, np.where((T < 3)[:, None, None], np.nan, m.places)),
+            "hidden during the whole flat pose",
+        ),
         (lambda m: Markers(T, m.names, np.repeat(m.places[:, ::3], 3, axis=1)), "lie on a line"),
     ],
 )

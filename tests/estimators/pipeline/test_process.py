@@ -21,7 +21,9 @@ TOO_SHORT = Event(2.0, 1.0, "initial_pose")
 
 def _without_pose(recording: Simulated) -> Simulated:
     """What is left from the middle of the pose on, and nothing that says so."""
-    later = with_samples(recording, {name: b.between(2.0, np.inf) for name, b in recording.samples.items()})
+    later = with_samples(
+        recording, {name: b.between(2.0, np.inf) for name, b in recording.samples.items()}
+    )
     return replace(later, events=(), truth=recording.truth.between(2.0, np.inf))
 
 
@@ -52,7 +54,10 @@ def test_a_recording_whose_only_pose_is_bad_is_refused_with_its_fault() -> None:
 
 
 def test_a_recording_without_a_pose_is_refused_with_what_to_do() -> None:
-    with pytest.raises(InputError, match="no initial_pose event; record 3 s of it, or take one from another recording with --calibration"):
+    with pytest.raises(
+        InputError,
+        match="no initial_pose event; record 3 s of it, or take one from another recording with --calibration",
+    ):
         process(m2, PARAMS, _without_pose(pose_and_wiggle("left")))
 
 
@@ -67,7 +72,10 @@ def test_the_pose_may_come_from_another_recording() -> None:
 @pytest.mark.parametrize("named", [94.0, 103.0])
 def test_a_rate_that_the_recording_names_wrongly_is_measured_and_said(named: float) -> None:
     recording = pose_and_wiggle("left")
-    wrong = {name: Block(replace(b.stream, rate=named), b.t, b.values) for name, b in recording.samples.items()}
+    wrong = {
+        name: Block(replace(b.stream, rate=named), b.t, b.values)
+        for name, b in recording.samples.items()
+    }
     done = process(m2, PARAMS, with_samples(recording, wrong))
     assert np.nanmax(np.abs(done.trajectory.angles - recording.truth.angles)) < 0.5 * DEG
     assert any(f"come at 100 Hz and not at {named:g}" in w for w in done.warnings)
@@ -86,7 +94,11 @@ def test_what_was_missing_lost_or_at_its_limit_is_told_by_segment() -> None:
     values[1000:1005, [names.index("ring_middle"), names.index("ring_distal")]] = np.nan
     values[1100:1200, names.index("little_distal")] = np.nan
     values[900, names.index("thumb_distal"), 0] = imu.stream.full_scale["gyr"]
-    done = process(m2, PARAMS, with_samples(recording, {**recording.samples, "imu": Block(imu.stream, imu.t, values)}))
+    done = process(
+        m2,
+        PARAMS,
+        with_samples(recording, {**recording.samples, "imu": Block(imu.stream, imu.t, values)}),
+    )
     assert set(done.warnings) == {
         "thumb_distal: sensor at its limit in 0.1 % of the samples",
         "ring_middle, ring_distal: samples missing and bridged in 0.4 % of the samples",

@@ -12,11 +12,29 @@ from handscope.estimators.methods import m2
 from handscope.estimators.pipeline import run
 from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import IDEAL
-from tests.simulated import DEG, INSTANT, STRIPS, Samples, assert_same, calibrated, in_strips, pose_and_wiggle, tracked
+from tests.simulated import (
+    DEG,
+    INSTANT,
+    STRIPS,
+    Samples,
+    assert_same,
+    calibrated,
+    in_strips,
+    pose_and_wiggle,
+    tracked,
+)
 
 
 def _wiggle_first() -> Simulated:
-    return simulate(["wiggle", "initial_pose"], "left", sized("left"), np.random.default_rng(5), IDEAL, rate=100.0, forearm_rate=60.0)
+    return simulate(
+        ["wiggle", "initial_pose"],
+        "left",
+        sized("left"),
+        np.random.default_rng(5),
+        IDEAL,
+        rate=100.0,
+        forearm_rate=60.0,
+    )
 
 
 def test_what_lies_before_the_pose_is_recovered_backwards() -> None:
@@ -35,7 +53,9 @@ def test_backwards_a_bias_has_the_other_sign() -> None:
         values = block.values.copy()
         values[..., :3] += 2 * DEG * np.array([1.0, -0.5, 0.7])
         biased[name] = Block(block.stream, block.t, values)
-    moved = tracked(replace(recording, samples=biased), replace(INSTANT, rest_bias=False, motion_bias=False))
+    moved = tracked(
+        replace(recording, samples=biased), replace(INSTANT, rest_bias=False, motion_bias=False)
+    )
     assert np.nanmax(np.abs(moved.angles - recording.truth.angles)) < 0.15 * DEG
 
 
@@ -45,10 +65,21 @@ def test_every_sample_of_the_reference_makes_one_row_and_order_is_kept() -> None
 
 
 def test_each_calibration_serves_until_the_next() -> None:
-    recording = simulate(["initial_pose", "wiggle", "initial_pose"], "left", sized("left"), np.random.default_rng(5), IDEAL)
+    recording = simulate(
+        ["initial_pose", "wiggle", "initial_pose"],
+        "left",
+        sized("left"),
+        np.random.default_rng(5),
+        IDEAL,
+    )
     events = [e for e in recording.events if e.trial_type == "initial_pose"]
     blocks, params = list(recording.samples.values()), INSTANT
-    both = [initial_pose.calibrate(params, "left", recording.geometry, {}, blocks, initial_pose.pose_of(e)) for e in events]
+    both = [
+        initial_pose.calibrate(
+            params, "left", recording.geometry, {}, blocks, initial_pose.pose_of(e)
+        )
+        for e in events
+    ]
     moved = trajectory.join(list(run.run(m2, params, both, recording)), "left")
     alone = trajectory.join(list(run.run(m2, params, both[:1], recording)), "left")
     np.testing.assert_array_equal(moved.t, recording.truth.t)
@@ -64,7 +95,9 @@ def test_empty_blocks_and_streams_without_samples_change_nothing() -> None:
     nothing = [b.between(1e9, 2e9) for b in blocks]
     params, found = INSTANT, calibrated(recording)
     padded = Samples(recording.streams, (*nothing, *blocks, *nothing))
-    assert_same(trajectory.join(list(run.run(m2, params, [found], padded)), "left"), tracked(recording))
+    assert_same(
+        trajectory.join(list(run.run(m2, params, [found], padded)), "left"), tracked(recording)
+    )
 
 
 def test_strips_and_one_big_stream_give_the_same_bits() -> None:

@@ -13,7 +13,17 @@ from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
 from handscope.estimators.self_calibration import observability, sample_preparation
 from handscope.estimators.self_calibration.observability import Limb, Observed, Told
-from handscope.estimators.self_calibration.problem import Chain, Noise, Problem, Readings, Unknowns, Z, chain, mounted, posed
+from handscope.estimators.self_calibration.problem import (
+    Chain,
+    Noise,
+    Problem,
+    Readings,
+    Unknowns,
+    Z,
+    chain,
+    mounted,
+    posed,
+)
 from handscope.estimators.self_calibration.result import Asked
 from handscope.estimators.simulation import artificial_finger
 from handscope.estimators.simulation.artificial_finger import SEGMENTS
@@ -21,7 +31,9 @@ from handscope.estimators.simulation.motion import COORDINATES
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import IDEAL
 
-WHITE = replace(IDEAL, gyr_noise=0.01, acc_noise=300e-6, gyr_bias=0.5, acc_bias=0.05)  # MPU-9250: noise and constant biases only
+WHITE = replace(
+    IDEAL, gyr_noise=0.01, acc_noise=300e-6, gyr_bias=0.5, acc_bias=0.05
+)  # MPU-9250: noise and constant biases only
 DURATION = 16.0  # s
 SKIN = replace(WHITE, skin_angle=2.0, skin_shift=1.0)
 HINGED: Chain = chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
@@ -29,7 +41,9 @@ HINGED: Chain = chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
 
 @cache
 def recorded(seed: int, duration: float, skin: bool = False) -> Simulated:
-    return artificial_finger.recorded(np.random.default_rng(seed), SKIN if skin else WHITE, duration=duration)
+    return artificial_finger.recorded(
+        np.random.default_rng(seed), SKIN if skin else WHITE, duration=duration
+    )
 
 
 def stiffened(seed: int, duration: float, held: Mapping[str, float]) -> Simulated:
@@ -40,7 +54,9 @@ def stiffened(seed: int, duration: float, held: Mapping[str, float]) -> Simulate
         courses[:, :, COORDINATES[name]] = 0.0
         courses[-1, :, COORDINATES[name]] = value if name.startswith("wrist") else np.radians(value)
     still = replace(motion, spline=type(motion.spline)(courses, motion.spline.x))
-    return artificial_finger.recorded(np.random.default_rng(seed), SKIN, duration=duration, motion=still)
+    return artificial_finger.recorded(
+        np.random.default_rng(seed), SKIN, duration=duration, motion=still
+    )
 
 
 def slipped(recording: Simulated, row: int, by: float) -> Simulated:
@@ -58,10 +74,14 @@ def readings(recording: Simulated) -> Readings:
     return Readings(1 / block.stream.rate, block.of("gyr"), block.of("acc"), sure, sure)
 
 
-def cold(recording: Simulated, noise: Noise | None = None, read: Readings | None = None) -> tuple[Problem, Unknowns]:
+def cold(
+    recording: Simulated, noise: Noise | None = None, read: Readings | None = None
+) -> tuple[Problem, Unknowns]:
     """The problem and where the solver begins from nothing; `read`: other readings of the same finger."""
     noise, read = noise or Noise(), read or readings(recording)
-    guess = self_calibration_initialisation.unknowns(HINGED, noise, read, mounted(HINGED, recording.mounting, Z))
+    guess = self_calibration_initialisation.unknowns(
+        HINGED, noise, read, mounted(HINGED, recording.mounting, Z)
+    )
     return posed(HINGED, noise, read, guess.q_GS[0], recording.hand, recording.mounting), guess
 
 
@@ -76,25 +96,49 @@ def distances(at: Unknowns) -> Array:
 
 
 def looked(
-    recording: Simulated, start: float, stop: float, finger: str = "index", every: float = 1.0, noise: Noise | None = None
+    recording: Simulated,
+    start: float,
+    stop: float,
+    finger: str = "index",
+    every: float = 1.0,
+    noise: Noise | None = None,
 ) -> tuple[Limb, list[Told]]:
     """What a live meter takes in of a finger, stretch by stretch; its tracker is off by 8 deg, each sensor about another axis."""
     blocks = list(recording.blocks())
-    limb = observability.limb(finger, [s for b in blocks for s in b.stream.sensors], recording.geometry, recording.mounting)
+    limb = observability.limb(
+        finger,
+        [s for b in blocks for s in b.stream.sensors],
+        recording.geometry,
+        recording.mounting,
+    )
     off = quat.exp(np.radians(8.0) * np.eye(3)[np.arange(len(limb.links.sensors)) % 3])
-    rows, nominal = [SEGMENT[s] for s in limb.links.sensors], [recording.mounting.get(s, quat.IDENTITY) for s in limb.links.sensors]
+    rows, nominal = (
+        [SEGMENT[s] for s in limb.links.sensors],
+        [recording.mounting.get(s, quat.IDENTITY) for s in limb.links.sensors],
+    )
     told, so_far = [], observability.nothing(limb)
     for begun in np.arange(start, stop - 0.5 * every, every):
         t, read = sample_preparation.readings(blocks, limb.links.sensors, begun, begun + every)
         q_GB = recording.truth.q_GS[np.searchsorted(recording.truth.t, t[0]), rows]
-        told.append(observability.told(limb, read, quat.multiply(quat.multiply(q_GB, np.array(nominal)), off), noise or so_far.noise))
+        told.append(
+            observability.told(
+                limb,
+                read,
+                quat.multiply(quat.multiply(q_GB, np.array(nominal)), off),
+                noise or so_far.noise,
+            )
+        )
         so_far = observability.together(so_far, told[-1])
     return limb, told
 
 
-def watched(recording: Simulated, finger: str = "index", start: float = 0.0, stop: float | None = None) -> list[Observed]:
+def watched(
+    recording: Simulated, finger: str = "index", start: float = 0.0, stop: float | None = None
+) -> list[Observed]:
     """What the live meter says at the end of a recording."""
-    limb, stretches = looked(recording, start, float(recording.truth.t[-1]) if stop is None else stop, finger)
+    limb, stretches = looked(
+        recording, start, float(recording.truth.t[-1]) if stop is None else stop, finger
+    )
     so_far = observability.nothing(limb)
     for told in stretches:
         so_far = observability.together(so_far, told)

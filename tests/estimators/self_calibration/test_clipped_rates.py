@@ -28,7 +28,13 @@ def clipped() -> Block:
 def test_each_sensor_is_bridged_where_it_stands_at_its_own_largest_value() -> None:
     block = clipped()
     t, read = sample_preparation.readings([block], SEGMENTS, 0.0, 16.0)
-    at_limit = np.stack([np.isclose(np.abs(block.of("gyr")[:, k]).max(axis=1), np.radians(LIMITS.get(k, 1e9))) for k in range(4)], axis=1)
+    at_limit = np.stack(
+        [
+            np.isclose(np.abs(block.of("gyr")[:, k]).max(axis=1), np.radians(LIMITS.get(k, 1e9)))
+            for k in range(4)
+        ],
+        axis=1,
+    )
     np.testing.assert_allclose(read.gyr_doubt[at_limit[: len(t)]], DOUBTFUL, rtol=1e-9)
     assert at_limit[:, 3].mean() > 0.2
     np.testing.assert_allclose(read.gyr_doubt[:, 0], 1.0, rtol=1e-9)
@@ -44,7 +50,9 @@ def test_turns_of_a_second_are_as_uncertain_at_every_rate(rate: float) -> None:
     _, read = sample_preparation.readings([Block(stream, t, noise)], ("hand",), 0.0, 400.0)
     each = round(1 / read.dt)
     for values, doubt in ((read.gyr, read.gyr_doubt), (read.acc, read.acc_doubt)):
-        seconds = values[: len(values) // each * each].reshape(-1, each, 3).sum(axis=1) / np.sqrt(each)
+        seconds = values[: len(values) // each * each].reshape(-1, each, 3).sum(axis=1) / np.sqrt(
+            each
+        )
         np.testing.assert_allclose(np.sqrt(np.mean(seconds**2)), doubt[0, 0], rtol=0.05)
 
 
@@ -71,18 +79,25 @@ def test_stamps_that_scatter_are_put_right_where_the_samples_do_not_scatter(scat
     even = np.delete(np.arange(2000) / 100.0, np.s_[700:750])
     stamps = even + np.clip(2e-3 * rng.standard_normal(len(even)), -4e-3, 4e-3)
     taken = even if scattered == "stamps" else stamps
-    values = 3 * np.sin(2 * np.pi * np.array([0.4, 0.7, 1.1, 0.5, 0.9, 1.3]) * taken[:, None]) + 0.002 * rng.standard_normal((len(even), 6))
+    values = 3 * np.sin(
+        2 * np.pi * np.array([0.4, 0.7, 1.1, 0.5, 0.9, 1.3]) * taken[:, None]
+    ) + 0.002 * rng.standard_normal((len(even), 6))
     found = sample_preparation.evened(Block(stream, stamps, values[:, None])).t
     np.testing.assert_allclose(found, taken, atol=2e-4 if scattered == "stamps" else 0.0)
 
 
-def test_where_nothing_is_found_clipping_is_said_to_be_why(solved: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_nothing_is_found_clipping_is_said_to_be_why(
+    solved: Solution, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(mounting_shift, "slips", lambda *others: [])
     read = readings(recorded(1, 16.0))
     often = read.gyr_doubt.copy()
     often[::4, 3] = DOUBTFUL
     lost, clipping = replace(solved, outcome="not converged"), replace(read, gyr_doubt=often)
-    with pytest.raises(InputError, match=r"the gyroscope of index_distal was at its limit, or missing, in 25 % of the samples"):
+    with pytest.raises(
+        InputError,
+        match=r"the gyroscope of index_distal was at its limit, or missing, in 25 % of the samples",
+    ):
         self_calibration_messages.require_one_minimum(Asked(), "index", clipping, lost)
     with pytest.raises(InputError, match="did not come to an end"):
         self_calibration_messages.require_one_minimum(Asked(), "index", read, lost)

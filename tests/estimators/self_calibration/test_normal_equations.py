@@ -16,7 +16,11 @@ def problem() -> tuple[Normal, Array, Array]:
     normal, rows, values = normal_equations.empty(N, E, P), [], []
     for knots in (1, 2, 3):
         T = N - knots + 1
-        J, K, r = rng.normal(size=(T, 5, knots * E)), rng.normal(size=(T, 5, 2)), rng.normal(size=(T, 5))
+        J, K, r = (
+            rng.normal(size=(T, 5, knots * E)),
+            rng.normal(size=(T, 5, 2)),
+            rng.normal(size=(T, 5)),
+        )
         normal_equations.add(normal, Terms(0, knots, r, J, K, np.array([0, 2])))
         for t in range(T):
             whole = np.zeros((5, N * E + P))
@@ -34,8 +38,12 @@ def test_the_step_is_that_of_a_dense_solver(problem: tuple[Normal, Array, Array]
     factor = normal_equations.factored(normal)
     step = normal_equations.step(normal, factor)
     dense = -np.linalg.lstsq(J, r)[0]
-    np.testing.assert_allclose(np.concatenate([step.turns.ravel(), step.parameters]), dense, atol=1e-12)
-    np.testing.assert_allclose(factor.covariance, np.linalg.inv(J.T @ J)[N * E :, N * E :], atol=1e-13)
+    np.testing.assert_allclose(
+        np.concatenate([step.turns.ravel(), step.parameters]), dense, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        factor.covariance, np.linalg.inv(J.T @ J)[N * E :, N * E :], atol=1e-13
+    )
 
 
 def test_draws_have_the_equations_covariance(problem: tuple[Normal, Array, Array]) -> None:

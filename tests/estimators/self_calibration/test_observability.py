@@ -36,7 +36,9 @@ def test_information_of_stretches_adds_up_and_never_falls() -> None:
     assert (sds[0] > 8e-3).all()  # what given lengths are good for
     assert (np.diff(sds, axis=0) < 1e-5).all()
     assert (sds[-1] < 1e-3).all()
-    assert lengths_sd(on_skin, so_far)[0] > 1.3 * sds[-1][0], "skin of a hand that slides with the joint looks like length"
+    assert lengths_sd(on_skin, so_far)[0] > 1.3 * sds[-1][0], (
+        "skin of a hand that slides with the joint looks like length"
+    )
     (_, (whole,)) = looked(made, 3.0, 9.0, every=6.0, noise=Noise())
     np.testing.assert_allclose(lengths_sd(of, so_far), lengths_sd(of, whole), rtol=0.15)
 
@@ -55,7 +57,9 @@ def test_a_stiff_finger_on_a_turning_hand_tells_no_length() -> None:
     so_far = stretches[0]
     for told in stretches[1:]:
         so_far = meter.together(so_far, told)
-    assert max(o.share for o in meter.observed(ASKED, of, so_far, BENT)) < 1.0, "though its joints were bent"
+    assert max(o.share for o in meter.observed(ASKED, of, so_far, BENT)) < 1.0, (
+        "though its joints were bent"
+    )
 
 
 def test_enough_is_said_only_of_a_joint_that_was_bent_long_enough_by_a_hand_that_moved() -> None:
@@ -66,10 +70,17 @@ def test_enough_is_said_only_of_a_joint_that_was_bent_long_enough_by_a_hand_that
         so_far = meter.together(so_far, told)
     shares = [o.share for o in meter.observed(ASKED, of, so_far, BENT)]
     assert shares == [1.0, 1.0, 1.0]
-    half = meter.observed(ASKED, of, so_far, {**BENT, "index_pip": np.append(np.radians([5.0, 15.0]), np.nan)})
+    half = meter.observed(
+        ASKED, of, so_far, {**BENT, "index_pip": np.append(np.radians([5.0, 15.0]), np.nan)}
+    )
     assert [round(o.share, 1) for o in half] == [1.0, 0.5, 1.0]
-    for less in (replace(so_far, seconds=5.0), replace(so_far, turned=np.radians(0.5 * ASKED.moving * so_far.seconds))):
-        assert max(o.share for o in meter.observed(ASKED, of, less, BENT)) == pytest.approx(0.5, abs=0.01)
+    for less in (
+        replace(so_far, seconds=5.0),
+        replace(so_far, turned=np.radians(0.5 * ASKED.moving * so_far.seconds)),
+    ):
+        assert max(o.share for o in meter.observed(ASKED, of, less, BENT)) == pytest.approx(
+            0.5, abs=0.01
+        )
 
 
 def test_samples_that_are_missing_tell_nothing_and_spoil_nothing() -> None:
@@ -91,7 +102,11 @@ def test_a_finger_with_one_sensor_is_looked_at_as_far_as_that_tells() -> None:
     made = recorded(2, 16.0, skin=True)
     block = made.samples["imu"]
     stream = replace(block.stream, sensors=block.stream.sensors[:2])
-    (mcp,) = watched(replace(made, samples={"imu": replace(block, stream=stream, values=block.values[:, :2])}))
+    (mcp,) = watched(
+        replace(made, samples={"imu": replace(block, stream=stream, values=block.values[:, :2])})
+    )
     assert mcp.joint == "index_mcp"
-    assert 10e-3 < mcp.length_sd < 0.1, "where along its axis a printed hinge lies is told by no movement"
+    assert 10e-3 < mcp.length_sd < 0.1, (
+        "where along its axis a printed hinge lies is told by no movement"
+    )
     assert 0.0 < mcp.share < 1.0

@@ -47,7 +47,9 @@ def test_measured_lengths_make_a_short_recording_sure() -> None:
 def test_a_length_that_was_measured_wrongly_and_a_mounting_that_is_not_so_give_way() -> None:
     """0.2 mm was said, it is 12 mm; sensors are said to sit within 5 deg, and sit 40 deg off."""
     problem, guess = cold(_between(2.5, 9.0), MEASURED)
-    wrong = measured(_mounted_otherwise(problem, quat.about(0, np.radians(40.0))), {SEGMENTS[1]: 0.042})
+    wrong = measured(
+        _mounted_otherwise(problem, quat.about(0, np.radians(40.0))), {SEGMENTS[1]: 0.042}
+    )
     found = solver.learnt(wrong, guess)
     told = segments.of_solution(found, "left", recorded(1, 16.0).mounting)
     assert found.outcome == "converged"
@@ -59,7 +61,9 @@ def test_a_length_that_was_measured_wrongly_and_a_mounting_that_is_not_so_give_w
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("row", [1, 2])
-def test_a_sensor_put_on_the_other_way_round_is_seated_by_its_bone_and_its_neighbours(solved: Solution, row: int, axis: int) -> None:
+def test_a_sensor_put_on_the_other_way_round_is_seated_by_its_bone_and_its_neighbours(
+    solved: Solution, row: int, axis: int
+) -> None:
     nominal = recorded(1, 16.0).mounting
     name, told = SEGMENTS[row], segments.of_solution(solved, "left", nominal)
     turned = {**nominal, name: quat.multiply(quat.about(axis, np.pi), np.asarray(nominal[name]))}
@@ -67,8 +71,12 @@ def test_a_sensor_put_on_the_other_way_round_is_seated_by_its_bone_and_its_neigh
     for segment, q in told.q_BS.items():
         assert quat.angle(quat.relative(q, round_.q_BS[segment])) < 1e-6
     to_sensor = quat.conjugate(turned[name])
-    problem = replace(solved.problem, flexing=solved.problem.flexing.copy(), distal=solved.problem.distal.copy())
-    problem.flexing[row], problem.distal[row] = (quat.rotate(to_sensor, np.eye(3)[k]) for k in (2, 1))
+    problem = replace(
+        solved.problem, flexing=solved.problem.flexing.copy(), distal=solved.problem.distal.copy()
+    )
+    problem.flexing[row], problem.distal[row] = (
+        quat.rotate(to_sensor, np.eye(3)[k]) for k in (2, 1)
+    )
     worn = Finger("index", np.zeros(1), replace(solved, problem=problem), round_, None)  # type: ignore[arg-type]
     (said,) = self_calibration_messages._reversed(worn)
     assert said.startswith(f"the sensor of {name} sits 1")
@@ -80,15 +88,23 @@ def test_a_hand_whose_sensor_sits_the_other_way_round_is_refused(solved: Solutio
     self_calibration_messages.require_possible(Finger("index", np.zeros(1), solved, told, None))  # type: ignore[arg-type]
     for axis in range(3):
         turned = {**told.q_GB, "hand": quat.multiply(told.q_GB["hand"], quat.about(axis, np.pi))}
-        with pytest.raises(InputError, match="as the sensor of hand is said to sit, index_mcp would be bent"):
-            self_calibration_messages.require_possible(Finger("index", np.zeros(1), solved, replace(told, q_GB=turned), None))  # type: ignore[arg-type]
+        with pytest.raises(
+            InputError, match="as the sensor of hand is said to sit, index_mcp would be bent"
+        ):
+            self_calibration_messages.require_possible(
+                Finger("index", np.zeros(1), solved, replace(told, q_GB=turned), None)
+            )  # type: ignore[arg-type]
 
 
 def _mounted_otherwise(problem: Problem, q: Array) -> Problem:
-    return replace(problem, flexing=quat.rotate(q, problem.flexing), distal=quat.rotate(q, problem.distal))
+    return replace(
+        problem, flexing=quat.rotate(q, problem.flexing), distal=quat.rotate(q, problem.distal)
+    )
 
 
-def test_a_hand_mounted_otherwise_has_its_skin_pulled_from_another_zero(with_skin: Solution) -> None:
+def test_a_hand_mounted_otherwise_has_its_skin_pulled_from_another_zero(
+    with_skin: Solution,
+) -> None:
     """By 12 deg about the MCP joint's axis: where the next sensor's joints and hinge lie follows from how soft its skin is."""
     before, links, turn = with_skin.problem, with_skin.problem.chain, np.radians(12.0)
     distal = before.distal.copy()
@@ -96,5 +112,7 @@ def test_a_hand_mounted_otherwise_has_its_skin_pulled_from_another_zero(with_ski
     other = solver.solve(replace(before, distal=distal), with_skin.at, Limits(iterations=4)).at
     zero = monte_carlo.straightened(other, links, np.array([-turn, 0.0, 0.0]))
     for name in ("near", "far", "axis_far"):
-        here, there, back = (getattr(at, name)[1 if name != "near" else 0] for at in (with_skin.at, other, zero))
+        here, there, back = (
+            getattr(at, name)[1 if name != "near" else 0] for at in (with_skin.at, other, zero)
+        )
         assert np.linalg.norm(back - here) < 0.3 * np.linalg.norm(there - here)

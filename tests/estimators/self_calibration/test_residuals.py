@@ -39,7 +39,9 @@ def _somewhere() -> tuple[Problem, Unknowns]:
     rng, links = np.random.default_rng(0), HUMAN
     S, J, H = len(links.sensors), len(links.joints), len(links.hinges)
     sure = rng.uniform(1, 2, (SAMPLES, S))
-    read = Readings(0.01, rng.normal(size=(SAMPLES, S, 3)), 9 * rng.normal(size=(SAMPLES, S, 3)), sure, sure)
+    read = Readings(
+        0.01, rng.normal(size=(SAMPLES, S, 3)), 9 * rng.normal(size=(SAMPLES, S, 3)), sure, sure
+    )
     q = quat.normalize(rng.normal(size=(SAMPLES, S, 4)))
     q = quat.multiply(q[:1], quat.exp(0.1 * rng.normal(size=(SAMPLES, S, 3))))
     axes = rng.normal(size=(2, H, 3))
@@ -60,31 +62,49 @@ def _somewhere() -> tuple[Problem, Unknowns]:
     )
     problem = posed(links, Noise(), read, quat.normalize(q[0] + 0.1), "left", {})
     given = measured(problem, {"index_proximal": 0.04, "index_middle": 0.02})
-    return replace(given, bent=rng.normal(size=(SAMPLES, J)), by_tilt=rng.normal(size=(SAMPLES, J, 2))), at
+    return replace(
+        given, bent=rng.normal(size=(SAMPLES, J)), by_tilt=rng.normal(size=(SAMPLES, J, 2))
+    ), at
 
 
 @pytest.mark.parametrize("kind", residuals.EVERY_SAMPLE, ids=lambda k: k.__name__)
 @pytest.mark.parametrize("stretch", [(0, SAMPLES), (0, 3), (1, 4)])
-def test_derivatives_of_a_residual(kind: Callable[..., residuals.Terms], stretch: tuple[int, int]) -> None:
+def test_derivatives_of_a_residual(
+    kind: Callable[..., residuals.Terms], stretch: tuple[int, int]
+) -> None:
     problem, at = _somewhere()
     terms = kind(problem, at, *stretch)
     S, P = len(problem.chain.sensors), columns(problem.chain).count
     each, m = 3 * S, terms.r.shape[1]
-    analytic_x, analytic_p = np.zeros((len(terms.r), m, SAMPLES * each)), np.zeros((len(terms.r), m, P))
+    analytic_x, analytic_p = (
+        np.zeros((len(terms.r), m, SAMPLES * each)),
+        np.zeros((len(terms.r), m, P)),
+    )
     for t in range(len(terms.r)):
         first = (terms.first + t) * each
         analytic_x[t, :, first : first + terms.knots * each] = terms.by_turns[t]
     analytic_p[:, :, terms.cols] = terms.by_parameters
-    numeric = _derivative(lambda x: kind(problem, _changed(problem, at, x), *stretch).r, SAMPLES * each + P, _steps(problem))
+    numeric = _derivative(
+        lambda x: kind(problem, _changed(problem, at, x), *stretch).r,
+        SAMPLES * each + P,
+        _steps(problem),
+    )
     scale = np.abs(numeric).max(initial=1.0)
-    np.testing.assert_allclose(np.concatenate([analytic_x, analytic_p], axis=2), numeric, atol=2e-7 * scale)
+    np.testing.assert_allclose(
+        np.concatenate([analytic_x, analytic_p], axis=2), numeric, atol=2e-7 * scale
+    )
 
 
 def test_derivatives_of_the_priors() -> None:
     problem, at = _somewhere()
     _, analytic = residuals.priors(problem, at)
     P, n = columns(problem.chain).count, SAMPLES * 3 * len(problem.chain.sensors)
-    numeric = _derivative(lambda p: residuals.priors(problem, _changed(problem, at, np.concatenate([np.zeros(n), p])))[0], P)
+    numeric = _derivative(
+        lambda p: residuals.priors(
+            problem, _changed(problem, at, np.concatenate([np.zeros(n), p]))
+        )[0],
+        P,
+    )
     np.testing.assert_allclose(analytic, numeric, atol=2e-7 * np.abs(numeric).max())
 
 
@@ -95,7 +115,9 @@ def test_bending_about_an_axis_that_is_tilted() -> None:
     here, there = bent(problem, rigid), replace(rigid, tilt=at.tilt + 1e-4)
     change = bending(here, there, np.arange(SAMPLES)) - here.bent
     np.testing.assert_allclose(change, bent(problem, there).bent - here.bent, atol=1e-7)
-    assert (np.abs(change) > 1e-5).any(axis=0).tolist() == [k not in problem.chain.hinges for k in range(len(problem.chain.joints))]
+    assert (np.abs(change) > 1e-5).any(axis=0).tolist() == [
+        k not in problem.chain.hinges for k in range(len(problem.chain.joints))
+    ]
 
 
 def test_skin_of_another_law_leaves_nothing_either() -> None:
@@ -105,7 +127,9 @@ def test_skin_of_another_law_leaves_nothing_either() -> None:
     farther = replace(problem, bent=bending(problem, at, np.arange(SAMPLES)), tilt=at.tilt)
     farther = replace(farther, bent=farther.bent * (1 + 0.5 * farther.bent / (np.pi / 2)))
     np.testing.assert_allclose(
-        residuals.meeting(problem, lawful, 0, SAMPLES).r, residuals.meeting(farther, replace(at, law=0 * at.law), 0, SAMPLES).r, rtol=1e-9
+        residuals.meeting(problem, lawful, 0, SAMPLES).r,
+        residuals.meeting(farther, replace(at, law=0 * at.law), 0, SAMPLES).r,
+        rtol=1e-9,
     )
 
 
@@ -124,7 +148,9 @@ def test_jacobians_of_rotation_vectors(size: float) -> None:
     v = size * np.array([0.6, -0.48, 0.64])
     numeric = _derivative(lambda d: quat.log(quat.relative(quat.exp(v), quat.exp(v + d))), 3)
     np.testing.assert_allclose(right_jacobian(v), numeric, atol=1e-8)
-    np.testing.assert_allclose(residuals.inverse_jacobian(v) @ right_jacobian(v), np.eye(3), atol=1e-10)
+    np.testing.assert_allclose(
+        residuals.inverse_jacobian(v) @ right_jacobian(v), np.eye(3), atol=1e-10
+    )
 
 
 def test_sensors_of_the_same_rate_turn_exactly() -> None:
@@ -142,7 +168,10 @@ def test_the_truth_leaves_almost_nothing(skin: bool) -> None:
     errors = replace(IDEAL, skin_angle=2.0, skin_shift=1.0) if skin else IDEAL
     recording = artificial_finger.recorded(np.random.default_rng(0), errors, duration=10.0)
     read, at, bends = readings(recording), *_truth(recording)
-    problem = replace(posed(HINGED, Noise(acc=1.0), read, at.q_GS[0], recording.hand, recording.mounting), bent=bends)
+    problem = replace(
+        posed(HINGED, Noise(acc=1.0), read, at.q_GS[0], recording.hand, recording.mounting),
+        bent=bends,
+    )
     white = residuals.meeting(problem, at, 0, len(problem)).r
     assert np.sqrt((white**2).mean()) < 5e-4  # m/s^2: the noise was said to be 1
     apart = np.radians(problem.noise.hinge) * residuals.hinging(problem, at, 0, len(problem)).r
@@ -152,13 +181,23 @@ def test_the_truth_leaves_almost_nothing(skin: bool) -> None:
 def test_a_small_world_gains_nothing_from_a_lively_hand() -> None:
     """However fast it goes to and fro: gravity tells how large the accelerometers' world is."""
     problem, at = _somewhere()
-    upright = replace(at, q_GS=np.broadcast_to(quat.IDENTITY, at.q_GS.shape), bias_acc=0 * at.bias_acc)
-    read = np.array([0.0, 0.0, GRAVITY]) + 40.0 * np.array([[1.0, -2, 1], [-2, 1, -1], [0, 0, 0], [2, 1, 1], [-1, 0, -1]])
+    upright = replace(
+        at, q_GS=np.broadcast_to(quat.IDENTITY, at.q_GS.shape), bias_acc=0 * at.bias_acc
+    )
+    read = np.array([0.0, 0.0, GRAVITY]) + 40.0 * np.array(
+        [[1.0, -2, 1], [-2, 1, -1], [0, 0, 0], [2, 1, 1], [-1, 0, -1]]
+    )
     lively = replace(problem, acc=np.repeat(read[:, None], len(problem.chain.sensors), axis=1))
     costs = [
         float(
             (
-                residuals.staying(lively, replace(upright, scale_acc=np.broadcast_to(s * np.eye(3), at.scale_acc.shape)), 0, SAMPLES).r ** 2
+                residuals.staying(
+                    lively,
+                    replace(upright, scale_acc=np.broadcast_to(s * np.eye(3), at.scale_acc.shape)),
+                    0,
+                    SAMPLES,
+                ).r
+                ** 2
             ).sum()
         )
         for s in (-0.5, -0.001, 0.0, 0.001, 0.5)
@@ -176,15 +215,23 @@ def _truth(recording: Simulated) -> tuple[Unknowns, Array]:
     if not worn.skin_turn[0].any():
         q_BS[:, 0] = worn.q_BS[0]
     else:
-        q_BS[:, 0] = quat.multiply(quat.exp(truth.angles[:, JOINT["middle_mcp"], FLEXION, None] * worn.skin_turn[0]), worn.q_BS[0])
+        q_BS[:, 0] = quat.multiply(
+            quat.exp(truth.angles[:, JOINT["middle_mcp"], FLEXION, None] * worn.skin_turn[0]),
+            worn.q_BS[0],
+        )
     geometry = artificial_finger.printed(hand)
     bone = side_sign(hand) * np.array([0.0, artificial_finger.HINGES, 0.0])
-    knuckle = np.array(geometry.joint_positions["index_mcp"]) - np.array(geometry.joint_positions["middle_mcp"])
+    knuckle = np.array(geometry.joint_positions["index_mcp"]) - np.array(
+        geometry.joint_positions["middle_mcp"]
+    )
     to_sensor = quat.conjugate(worn.q_BS)
     far = quat.rotate(to_sensor[:3], np.array([knuckle, np.zeros(3), np.zeros(3)]) - worn.p_BS[:3])
     near = quat.rotate(to_sensor[1:], -bone - worn.p_BS[1:])
     axes = quat.rotate(to_sensor, np.array([0.0, 0.0, 1.0]))
-    turn, slide = quat.rotate(to_sensor[1:], worn.skin_turn[1:]), quat.rotate(to_sensor[1:], worn.skin_slide[1:])
+    turn, slide = (
+        quat.rotate(to_sensor[1:], worn.skin_turn[1:]),
+        quat.rotate(to_sensor[1:], worn.skin_slide[1:]),
+    )
     q_GS = quat.multiply(truth.q_GS[:, rows], q_BS)
     return Unknowns(
         q_GS,

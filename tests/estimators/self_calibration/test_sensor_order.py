@@ -10,7 +10,14 @@ from handscope.estimators.self_calibration import mounting_shift, sensor_order
 from handscope.estimators.self_calibration.problem import Noise, Problem, Readings
 from handscope.estimators.self_calibration.result import Asked
 from handscope.estimators.self_calibration.solver import Solution
-from tests.estimators.self_calibration.fingers import DURATION, HINGED, cold, readings, recorded, slipped
+from tests.estimators.self_calibration.fingers import (
+    DURATION,
+    HINGED,
+    cold,
+    readings,
+    recorded,
+    slipped,
+)
 
 
 @pytest.fixture(scope="module")
@@ -23,13 +30,20 @@ def _sitting(read: Readings, rows: list[int]) -> Readings:
 
 
 @pytest.mark.parametrize("rows", [[0, 2, 1, 3], [0, 3, 2, 1], [3, 1, 2, 0]])
-def test_exchanged_sensors_are_named_and_nothing_else_is_said(problem: Problem, rows: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exchanged_sensors_are_named_and_nothing_else_is_said(
+    problem: Problem, rows: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
     read = _sitting(readings(recorded(1, DURATION)), rows)
-    assert sensor_order.exchanged(HINGED, Noise(), read, problem.flexing) == tuple(HINGED.sensors[k] for k in rows)
+    assert sensor_order.exchanged(HINGED, Noise(), read, problem.flexing) == tuple(
+        HINGED.sensors[k] for k in rows
+    )
     monkeypatch.setattr(mounting_shift, "slips", lambda *others: [])
     found = Solution(None, problem, "not converged", (), None)  # type: ignore[arg-type]
     elsewhere = [HINGED.sensors[k] for k in range(4) if rows[k] != k]
-    with pytest.raises(InputError, match=f"index: the sensors of {elsewhere[0]} and {elsewhere[1]} seem to be exchanged"):
+    with pytest.raises(
+        InputError,
+        match=f"index: the sensors of {elsewhere[0]} and {elsewhere[1]} seem to be exchanged",
+    ):
         self_calibration_messages.require_one_minimum(Asked(), "index", read, found)
 
 

@@ -28,27 +28,41 @@ QUARTER = np.pi / 2
 
 
 @lru_cache(maxsize=8)  # as many as tests share; each is some 20 MB
-def made(task: str, hand: str = "left", seed: int = 0, errors: SensorErrors = SensorErrors(), magnetic: bool = False) -> Simulated:  # noqa: B008  frozen
+def made(
+    task: str,
+    hand: str = "left",
+    seed: int = 0,
+    errors: SensorErrors = SensorErrors(),
+    magnetic: bool = False,
+) -> Simulated:
     geometry, field = sized(hand), homogeneous() if magnetic else None  # type: ignore[arg-type]
-    return simulate(["initial_pose", task], hand, geometry, np.random.default_rng(seed), errors, field=field)  # type: ignore[arg-type]
+    return simulate(
+        ["initial_pose", task], hand, geometry, np.random.default_rng(seed), errors, field=field
+    )  # type: ignore[arg-type]
 
 
 def found(recording: Simulated) -> list[Finding]:
     return list(findings_of(recording, calibrate(m2.Params(), recording)[0]))
 
 
-def changed(recording: Simulated, change: Callable[[Array, tuple[str, ...]], None], stream: str = "imu") -> Simulated:
+def changed(
+    recording: Simulated, change: Callable[[Array, tuple[str, ...]], None], stream: str = "imu"
+) -> Simulated:
     """The recording with its samples (n, sensors, axes) changed in place by a function."""
     block = recording.samples[stream]
     values = block.values.copy()
     change(values, block.stream.sensors)
-    return replace(recording, samples={**recording.samples, stream: Block(block.stream, block.t, values)})
+    return replace(
+        recording, samples={**recording.samples, stream: Block(block.stream, block.t, values)}
+    )
 
 
 def turned(recording: Simulated, sensor: str, q: Array) -> Simulated:
     def turn(values: Array, names: tuple[str, ...]) -> None:
         for axes in (slice(0, 3), slice(3, 6)):
-            values[:, names.index(sensor), axes] = quat.rotate(quat.conjugate(q), values[:, names.index(sensor), axes])
+            values[:, names.index(sensor), axes] = quat.rotate(
+                quat.conjugate(q), values[:, names.index(sensor), axes]
+            )
 
     return changed(recording, turn)
 
@@ -75,15 +89,26 @@ def test_nothing_is_found_in_a_healthy_glove_of_separate_strips() -> None:
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("hand", ["left", "right"])
-def test_a_sensor_turned_by_90_deg_is_named_with_the_mounting_that_it_has(axis: int, sign: int, hand: str) -> None:
+def test_a_sensor_turned_by_90_deg_is_named_with_the_mounting_that_it_has(
+    axis: int, sign: int, hand: str
+) -> None:
     q = quat.about(axis, sign * QUARTER)
     for task in ("rom_fist", "open_close", "wiggle"):
         (finding,) = found(turned(made(task, hand), "ring_middle", q))
-        assert (finding.sensor, finding.kind, finding.severity) == ("ring_middle", "turned", "fault")
+        assert (finding.sensor, finding.kind, finding.severity) == (
+            "ring_middle",
+            "turned",
+            "fault",
+        )
         assert "by about 90 deg about its" in finding.sentence
         given = np.array([float(x) for x in finding.fix.split("[")[1].rstrip("]").split(",")])
         np.testing.assert_allclose(given * np.sign(given[0]), q, atol=1e-3)
-        assert found(replace(turned(made(task, hand), "ring_middle", q), mounting={"ring_middle": given})) == []
+        assert (
+            found(
+                replace(turned(made(task, hand), "ring_middle", q), mounting={"ring_middle": given})
+            )
+            == []
+        )
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -105,15 +130,24 @@ def test_a_turn_about_the_vertical_is_not_seen_by_gravity_alone() -> None:
 
 @pytest.mark.parametrize("finger", ["index", "little"])
 @pytest.mark.parametrize("task", ["rom_fist", "tapping"])
-def test_the_thumbs_strip_exchanged_with_a_fingers_is_named_once_for_each(finger: str, task: str) -> None:
+def test_the_thumbs_strip_exchanged_with_a_fingers_is_named_once_for_each(
+    finger: str, task: str
+) -> None:
     findings = found(exchanged(made(task, seed=1), "thumb", finger))
     assert {f.sensor for f in findings} == {*CHAINS["thumb"], *CHAINS[finger]}
     assert {f.kind for f in findings} == {"swapped"}
-    assert f"the strips of the thumb and the {finger} finger seem to be exchanged" in findings[0].sentence
+    assert (
+        f"the strips of the thumb and the {finger} finger seem to be exchanged"
+        in findings[0].sentence
+    )
 
 
-@pytest.mark.parametrize(("one", "other"), [("index", "middle"), ("index", "little"), ("ring", "little")])
-def test_two_fingers_strips_exchanged_are_named_where_one_finger_after_the_other_bent(one: str, other: str) -> None:
+@pytest.mark.parametrize(
+    ("one", "other"), [("index", "middle"), ("index", "little"), ("ring", "little")]
+)
+def test_two_fingers_strips_exchanged_are_named_where_one_finger_after_the_other_bent(
+    one: str, other: str
+) -> None:
     findings = found(exchanged(made("wiggle", "right"), one, other))
     assert {f.sensor for f in findings} == {*CHAINS[one], *CHAINS[other]}
     assert f"exchange the strips of {one} and {other}" in findings[0].fix
@@ -131,9 +165,15 @@ def test_another_fingers_strip_that_taps_is_the_indexs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("task", "one", "other"), [("powerglove_10_index_fast", "index", "middle"), ("powerglove_06_middle_all", "middle", "little")]
+    ("task", "one", "other"),
+    [
+        ("powerglove_10_index_fast", "index", "middle"),
+        ("powerglove_06_middle_all", "middle", "little"),
+    ],
 )
-def test_another_fingers_strip_that_moves_is_that_of_the_finger_the_task_is_named_after(task: str, one: str, other: str) -> None:
+def test_another_fingers_strip_that_moves_is_that_of_the_finger_the_task_is_named_after(
+    task: str, one: str, other: str
+) -> None:
     findings = found(exchanged(made(task, seed=2), one, other))
     assert {f.sensor for f in findings} == {*CHAINS[one], *CHAINS[other]}
     assert found(made(task, seed=2)) == []
@@ -144,15 +184,23 @@ def test_two_fingers_exchanged_in_a_fist_are_not_seen() -> None:
     assert found(exchanged(made("rom_fist"), "index", "ring")) == []
 
 
-@pytest.mark.parametrize(("column", "words"), [(0, "x axis of its gyroscope"), (5, "z axis of its accelerometer")])
+@pytest.mark.parametrize(
+    ("column", "words"), [(0, "x axis of its gyroscope"), (5, "z axis of its accelerometer")]
+)
 @pytest.mark.parametrize("corrected", [False, True])
-def test_a_dead_axis_is_named_also_behind_a_strips_correction(column: int, words: str, corrected: bool) -> None:
-    correction = ImuCalibration({q: np.eye(3) + 0.02 * np.random.default_rng(3).normal(size=(3, 3)) for q in (GYR, ACC)})
+def test_a_dead_axis_is_named_also_behind_a_strips_correction(
+    column: int, words: str, corrected: bool
+) -> None:
+    correction = ImuCalibration(
+        {q: np.eye(3) + 0.02 * np.random.default_rng(3).normal(size=(3, 3)) for q in (GYR, ACC)}
+    )
 
     def kill(values: Array, names: tuple[str, ...]) -> None:
         values[:, names.index("index_middle"), column] = 0.0
         if corrected:
-            values[:, [names.index("index_middle")]] = apply([correction], (GYR, ACC), values[:, [names.index("index_middle")]])
+            values[:, [names.index("index_middle")]] = apply(
+                [correction], (GYR, ACC), values[:, [names.index("index_middle")]]
+            )
 
     dead = [f for f in found(changed(made("rom_fist"), kill)) if f.kind == "dead_axis"]
     assert [f.sensor for f in dead] == ["index_middle"]
@@ -169,7 +217,9 @@ def test_a_sensor_that_repeats_its_last_reading_is_named_with_the_time() -> None
     assert finding.spans[0] == pytest.approx((9.0, 15.0), abs=1.01)
 
 
-def test_a_sensor_that_stood_still_is_flagged_meanwhile_and_its_heading_is_lost_afterwards() -> None:
+def test_a_sensor_that_stood_still_is_flagged_meanwhile_and_its_heading_is_lost_afterwards() -> (
+    None
+):
     def freeze(values: Array, names: tuple[str, ...]) -> None:
         values[900:1500, names.index("little_distal")] = values[899, names.index("little_distal")]
 
@@ -207,7 +257,11 @@ def test_clipping_is_named_with_and_without_a_known_full_scale(known: bool) -> N
     values[:, k, :3] = np.clip(values[:, k, :3], -limit, limit)
     stream = replace(block.stream, full_scale={GYR: limit} if known else {})
     others = [i for i in range(values.shape[1]) if i != k]
-    values[:, others, :3] = np.clip(values[:, others, :3], -0.9 * limit, 0.9 * limit) if known else values[:, others, :3]
+    values[:, others, :3] = (
+        np.clip(values[:, others, :3], -0.9 * limit, 0.9 * limit)
+        if known
+        else values[:, others, :3]
+    )
     findings = found(replace(recording, samples={"imu": Block(stream, block.t, values)}))
     assert [(f.sensor, f.kind) for f in findings] == [("index_distal", "saturated")]
     assert not any("rest" in f.sentence for f in findings)
@@ -245,8 +299,13 @@ def test_a_stuck_magnetometer_is_flagged_only_where_it_is_used() -> None:
     values = recording.samples["mag"].values.copy()
     values[:, SEGMENT["ring_distal"]] = values[0, SEGMENT["ring_distal"]]
     mag = recording.samples["mag"]
-    assert mag.stream.quantities == (MAG,) and mag.stream.sensors[SEGMENT["ring_distal"]] == "ring_distal"
-    recording = replace(recording, samples={**recording.samples, "mag": Block(mag.stream, mag.t, values)})
+    assert (
+        mag.stream.quantities == (MAG,)
+        and mag.stream.sensors[SEGMENT["ring_distal"]] == "ring_distal"
+    )
+    recording = replace(
+        recording, samples={**recording.samples, "mag": Block(mag.stream, mag.t, values)}
+    )
     for method, used in ((b, True), (m2, False)):
         flags = process(method, method.Params(), recording).trajectory.flags
         assert ((flags[:, SEGMENT["ring_distal"]] & Flag.FAULTY) != 0).any() == used

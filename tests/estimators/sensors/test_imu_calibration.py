@@ -11,9 +11,20 @@ from handscope.estimators.data.samples import ACC, GYR, MAG
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
-from handscope.estimators.sensors.imu_calibration import CALIBRATED, ImuCalibration, after, apply, reach
+from handscope.estimators.sensors.imu_calibration import (
+    CALIBRATED,
+    ImuCalibration,
+    after,
+    apply,
+    reach,
+)
 from handscope.estimators.sensors.six_position_calibration import Solved, SolveParams, solve
-from handscope.estimators.sensors.static_segments import RestParams, find, missing_positions, positions
+from handscope.estimators.sensors.static_segments import (
+    RestParams,
+    find,
+    missing_positions,
+    positions,
+)
 from handscope.estimators.simulation.sensors import IDEAL
 from tests.laid_down import SIX, Readings, laid_down, many_positions
 
@@ -42,7 +53,9 @@ def test_a_calibration_takes_its_own_inverse_out_of_the_readings(seed: int) -> N
     read = truth.copy()
     for k, c in enumerate(made):
         for n, q in enumerate(CALIBRATED):
-            read[:, k, 3 * n : 3 * n + 3] = truth[:, k, 3 * n : 3 * n + 3] @ np.linalg.inv(c.matrix[q]).T + c.bias[q]
+            read[:, k, 3 * n : 3 * n + 3] = (
+                truth[:, k, 3 * n : 3 * n + 3] @ np.linalg.inv(c.matrix[q]).T + c.bias[q]
+            )
     np.testing.assert_allclose(apply(made, CALIBRATED, read), truth, atol=1e-12)
 
 
@@ -55,9 +68,15 @@ def test_blocks_may_be_cut_anywhere(seed: int, where: int) -> None:
 
 @given(SEEDS)
 def test_two_calibrations_in_turn_are_one(seed: int) -> None:
-    first, second, values = drawn(seed), drawn(seed + 1), np.random.default_rng([seed, 5]).normal(size=(5, 1, 9))
+    first, second, values = (
+        drawn(seed),
+        drawn(seed + 1),
+        np.random.default_rng([seed, 5]).normal(size=(5, 1, 9)),
+    )
     np.testing.assert_allclose(
-        apply([after(first, second)], CALIBRATED, values), apply([second], CALIBRATED, apply([first], CALIBRATED, values)), atol=1e-12
+        apply([after(first, second)], CALIBRATED, values),
+        apply([second], CALIBRATED, apply([first], CALIBRATED, values)),
+        atol=1e-12,
     )
 
 
@@ -87,13 +106,32 @@ def test_a_reading_at_the_sensors_limit_reaches_the_corrected_limit(seed: int) -
 
 
 def test_without_noise_the_errors_are_recovered() -> None:
-    errors = replace(IDEAL, gyr_bias=5.0, acc_bias=0.5, mag_bias=30.0, gyr_scale=0.03, acc_scale=0.03, mag_scale=0.05, cross_axis=0.02)
+    errors = replace(
+        IDEAL,
+        gyr_bias=5.0,
+        acc_bias=0.5,
+        mag_bias=30.0,
+        gyr_scale=0.03,
+        acc_scale=0.03,
+        mag_scale=0.05,
+        cross_axis=0.02,
+    )
     r = laid_down(many_positions(3), 3, errors)
     found = solved(r)
-    for quantity, tolerance in {ACC: 1e-6, GYR: 2e-5, MAG: 1e-6}.items():  # the gyroscope's is that of integrating at 100 Hz
-        M = r.truth.matrix[quantity] / (np.cbrt(np.linalg.det(r.truth.matrix[quantity])) if quantity == MAG else 1.0)
+    for quantity, tolerance in {
+        ACC: 1e-6,
+        GYR: 2e-5,
+        MAG: 1e-6,
+    }.items():  # the gyroscope's is that of integrating at 100 Hz
+        M = r.truth.matrix[quantity] / (
+            np.cbrt(np.linalg.det(r.truth.matrix[quantity])) if quantity == MAG else 1.0
+        )
         np.testing.assert_allclose(found.calibration.matrix[quantity], M, atol=tolerance)
-        np.testing.assert_allclose(found.calibration.bias[quantity], r.bias[quantity], atol=1e-6 * np.abs(r.bias[quantity]).max())
+        np.testing.assert_allclose(
+            found.calibration.bias[quantity],
+            r.bias[quantity],
+            atol=1e-6 * np.abs(r.bias[quantity]).max(),
+        )
 
 
 def test_the_errors_found_are_as_far_from_the_true_ones_as_is_said() -> None:
@@ -104,10 +142,16 @@ def test_the_errors_found_are_as_far_from_the_true_ones_as_is_said() -> None:
         assert found.unobserved == ()
         for q in CALIBRATED:
             M = r.truth.matrix[q] / (np.cbrt(np.linalg.det(r.truth.matrix[q])) if q == MAG else 1.0)
-            squares.setdefault((q, "matrix"), []).append(float(np.mean(((found.calibration.matrix[q] - M) / found.matrix_sd[q]) ** 2)))
-            squares.setdefault((q, "bias"), []).append(float(np.mean(((found.calibration.bias[q] - r.bias[q]) / found.bias_sd[q]) ** 2)))
+            squares.setdefault((q, "matrix"), []).append(
+                float(np.mean(((found.calibration.matrix[q] - M) / found.matrix_sd[q]) ** 2))
+            )
+            squares.setdefault((q, "bias"), []).append(
+                float(np.mean(((found.calibration.bias[q] - r.bias[q]) / found.bias_sd[q]) ** 2))
+            )
     for key, values in squares.items():
-        assert 0.4 < np.mean(values) < 1.6, key  # of 1: 12 sensors with 3 to 9 correlated parameters each
+        assert 0.4 < np.mean(values) < 1.6, (
+            key
+        )  # of 1: 12 sensors with 3 to 9 correlated parameters each
 
 
 def test_what_is_left_at_rest_and_over_a_turn_is_the_noise() -> None:
@@ -116,7 +160,9 @@ def test_what_is_left_at_rest_and_over_a_turn_is_the_noise() -> None:
     assert before > 0.3 and left < 0.002  # m/s^2
     before, left = found.residuals[GYR]
     assert before > np.radians(2.0) and left < np.radians(0.05)
-    assert found.residuals[MAG][1] < 1.2 * 0.6e-6 / 48e-6  # the magnetometer's noise, as a share of the field
+    assert (
+        found.residuals[MAG][1] < 1.2 * 0.6e-6 / 48e-6
+    )  # the magnetometer's noise, as a share of the field
 
 
 def test_six_sides_give_scales_and_say_what_they_do_not_give() -> None:
@@ -124,7 +170,9 @@ def test_six_sides_give_scales_and_say_what_they_do_not_give() -> None:
     found = solved(r)
     assert found.positions == 6
     assert any("cross axes of the accelerometer" in what for what in found.unobserved)
-    np.testing.assert_allclose(np.diag(found.calibration.matrix[ACC]), np.diag(r.truth.matrix[ACC]), atol=0.001)
+    np.testing.assert_allclose(
+        np.diag(found.calibration.matrix[ACC]), np.diag(r.truth.matrix[ACC]), atol=0.001
+    )
     np.testing.assert_allclose(found.calibration.bias[ACC], r.bias[ACC], atol=0.02)
     assert np.isinf(found.matrix_sd[ACC][0, 1])
 
@@ -134,7 +182,10 @@ def test_a_side_that_is_missing_is_named(left_out: int) -> None:
     kept = [q for k, q in enumerate(SIX) if k != left_out]
     up = quat.rotate(quat.conjugate(SIX[left_out]), np.array([0.0, 0, 1]))
     axis, way = "xyz"[int(np.argmax(np.abs(up)))], "up" if up.sum() > 0 else "down"
-    with pytest.raises(InputError, match=f"index_distal: 5 positions at rest found, none with its {axis} axis pointing {way}"):
+    with pytest.raises(
+        InputError,
+        match=f"index_distal: 5 positions at rest found, none with its {axis} axis pointing {way}",
+    ):
         solved(laid_down(kept, 1, IDEAL))
 
 
@@ -145,7 +196,10 @@ def test_a_turn_that_is_missing_is_named() -> None:
 
 def test_a_magnetometer_that_stands_still_is_left_out_and_said() -> None:
     r = laid_down(many_positions(2), 2)
-    for mag, words in ((np.ones_like(r.mag), "constant"), (np.full_like(r.mag, np.nan), "no samples")):
+    for mag, words in (
+        (np.ones_like(r.mag), "constant"),
+        (np.full_like(r.mag, np.nan), "no samples"),
+    ):
         found = solved(replace(r, mag=mag))
         assert MAG not in found.calibration.matrix
         assert words in found.unobserved[-1]
@@ -162,6 +216,8 @@ def test_rests_are_found_where_they_were_and_the_turns_are_not() -> None:
     rests = find(RestParams(), r.t, r.gyr, r.acc)
     assert len(rests) == 14
     for k, rest in enumerate(rests):
-        assert 5.0 * k - 0.01 <= r.t[rest.first] < r.t[rest.last - 1] <= 5.0 * k + 3.3  # the turns begin and end slowly
+        assert (
+            5.0 * k - 0.01 <= r.t[rest.first] < r.t[rest.last - 1] <= 5.0 * k + 3.3
+        )  # the turns begin and end slowly
     assert len(positions(rests)) <= 14
     assert find(RestParams(), r.t, np.full_like(r.gyr, np.nan), r.acc) == []

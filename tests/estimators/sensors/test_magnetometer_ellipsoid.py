@@ -41,16 +41,23 @@ def test_hard_and_soft_iron_are_found_with_honest_standard_deviations() -> None:
         found = sphere.fitted(readings, strength=STRENGTH)
         true = np.linalg.inv(soft)
         entries = np.triu_indices(3)
-        squares += [*((found.matrix - true)[entries] / found.matrix_sd[entries]) ** 2, *((found.bias - hard) / found.bias_sd) ** 2]
+        squares += [
+            *((found.matrix - true)[entries] / found.matrix_sd[entries]) ** 2,
+            *((found.bias - hard) / found.bias_sd) ** 2,
+        ]
         assert found.after < 0.006 and found.before > 0.02
-        assert np.linalg.norm(found.corrected(readings), axis=1).mean() == pytest.approx(STRENGTH, rel=2e-3)
+        assert np.linalg.norm(found.corrected(readings), axis=1).mean() == pytest.approx(
+            STRENGTH, rel=2e-3
+        )
     assert 0.8 < np.mean(squares) < 1.2  # 360 of them
 
 
 def test_slopes_of_the_sphere_are_differences() -> None:
     rng = np.random.default_rng(5)
     x, z, h = np.array([1.0, 0.9, 1.1, *0.1 * rng.normal(size=6)]), rng.normal(size=(8, 3)), 1e-6
-    numeric = np.stack([(sphere._off(x + d, z) - sphere._off(x - d, z)) / (2 * h) for d in h * np.eye(9)], axis=1)
+    numeric = np.stack(
+        [(sphere._off(x + d, z) - sphere._off(x - d, z)) / (2 * h) for d in h * np.eye(9)], axis=1
+    )
     np.testing.assert_allclose(sphere._slopes(x, z), numeric, atol=1e-8)
 
 
@@ -77,14 +84,18 @@ def test_a_plate_shares_its_axes() -> None:
     assert list(sphere.not_on_the_plate("abc", sphere.common_axes(mag))) == ["b"]
 
 
-def test_magnetometers_of_a_plate_agree_once_it_was_turned_and_one_that_is_silent_is_named() -> None:
+def test_magnetometers_of_a_plate_agree_once_it_was_turned_and_one_that_is_silent_is_named() -> (
+    None
+):
     """Iron of 20 uT and 5 %, turned by a degree, the second left-handed, the third mounted the other way round; the fifth reads nothing."""
     rng = np.random.default_rng(8)
     worn, room = magnet.worn(rng), homogeneous()
     nominal = np.tile(quat.IDENTITY, (5, 1))
     nominal[2] = quat.about(2, np.pi)
     turning = magnet.turned_about(rng)
-    mag = magnet.magnetic(replace(worn, q_bl=quat.multiply(worn.q_bl, nominal[:4])), turning, room, rng, magnet=False)
+    mag = magnet.magnetic(
+        replace(worn, q_bl=quat.multiply(worn.q_bl, nominal[:4])), turning, room, rng, magnet=False
+    )
     mag[:, 1] = mag[:, 1, [1, 0, 2]]
     names = ("a", "b", "c", "d", "e")
     silent = np.full_like(mag[:, :1], np.nan)
@@ -93,18 +104,26 @@ def test_magnetometers_of_a_plate_agree_once_it_was_turned_and_one_that_is_silen
     assert tuple(found) == names[:4]
     assert [said.split(":")[0] for said in told.refused] == ["e"]
     assert told.strength == pytest.approx(STRENGTH, rel=0.05)
-    corrected = np.stack([apply([found[n].calibration], (MAG,), mag[:, [k]])[:, 0] for k, n in enumerate(names[:4])], axis=1)
+    corrected = np.stack(
+        [apply([found[n].calibration], (MAG,), mag[:, [k]])[:, 0] for k, n in enumerate(names[:4])],
+        axis=1,
+    )
     level = quat.rotate(nominal[:4], corrected)
     raw = quat.rotate(nominal[:4], mag)
     before, after = (np.linalg.norm(v[:, 1:] - v[:, :1], axis=-1).mean() for v in (raw, level))
     assert after < 0.8e-6 < 10e-6 < before  # of which 0.5 uT is noise
-    np.testing.assert_allclose(np.linalg.norm(level, axis=-1).mean(axis=0), told.strength, rtol=2e-3)
+    np.testing.assert_allclose(
+        np.linalg.norm(level, axis=-1).mean(axis=0), told.strength, rtol=2e-3
+    )
 
 
 def test_the_dip_is_told_by_an_accelerometer_beside() -> None:
     rng = np.random.default_rng(6)
     q = quat.normalize(rng.normal(size=(300, 4)))
-    mag, acc = quat.rotate(q, np.array([0.0, 18.6e-6, -46.2e-6])), quat.rotate(q, np.array([0.0, 0.0, 9.81]))
+    mag, acc = (
+        quat.rotate(q, np.array([0.0, 18.6e-6, -46.2e-6])),
+        quat.rotate(q, np.array([0.0, 0.0, 9.81])),
+    )
     noisy = mag + NOISE * rng.normal(size=mag.shape), acc + 0.3 * rng.normal(size=acc.shape)
     assert sphere.dip(*noisy) == pytest.approx(np.arctan2(46.2, 18.6), abs=np.radians(0.5))
 
@@ -114,8 +133,16 @@ def test_the_dip_is_told_by_an_accelerometer_beside() -> None:
     [
         (lambda rng: _turned(20, rng), "too few"),
         (lambda rng: np.tile([1e-5, 2e-5, 3e-5], (100, 1)), "all readings are the same"),
-        (lambda rng: _turned(300, rng) * [1, 1, 0] + [0, 0, 4e-5] + NOISE * rng.normal(size=(300, 3)), "through all directions"),
-        (lambda rng: _turned(300, rng) * (1 + 0.3 * rng.random((300, 1))), "not the same everywhere"),
+        (
+            lambda rng: (
+                _turned(300, rng) * [1, 1, 0] + [0, 0, 4e-5] + NOISE * rng.normal(size=(300, 3))
+            ),
+            "through all directions",
+        ),
+        (
+            lambda rng: _turned(300, rng) * (1 + 0.3 * rng.random((300, 1))),
+            "not the same everywhere",
+        ),
     ],
 )
 def test_what_cannot_be_calibrated_is_refused(readings, says) -> None:

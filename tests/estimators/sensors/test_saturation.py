@@ -50,14 +50,22 @@ def test_what_does_not_clip_has_no_limit() -> None:
 
 
 def test_clipped_rates_are_bridged_as_if_the_full_scale_had_been_told() -> None:
-    made = simulate(("initial_pose", "tapping"), "left", sized("left"), np.random.default_rng(4), IDEAL)
+    made = simulate(
+        ("initial_pose", "tapping"), "left", sized("left"), np.random.default_rng(4), IDEAL
+    )
     block = made.samples["imu"]
     limit = 0.9 * np.abs(block.of(GYR)).max()
     assert limit > np.radians(240.0)
     values = block.values.copy()
     values[..., :3] = np.clip(values[..., :3], -limit, limit)
     untold, told = (
-        with_samples(made, {**made.samples, "imu": Block(replace(block.stream, full_scale=scale), block.t, values)})
+        with_samples(
+            made,
+            {
+                **made.samples,
+                "imu": Block(replace(block.stream, full_scale=scale), block.t, values),
+            },
+        )
         for scale in ({}, {GYR: limit})
     )
     moved, reference = (process(m2, INSTANT, r).trajectory for r in (untold, told))
@@ -69,7 +77,9 @@ def test_clipped_rates_are_bridged_as_if_the_full_scale_had_been_told() -> None:
 def test_samples_tell_what_was_found_and_keep_what_they_told() -> None:
     block = _block(_swinging(750.0))
     clipped = replace(
-        block, values=np.clip(block.values, -np.radians(500.0), np.radians(500.0)), stream=replace(STREAM, full_scale={ACC: 78.0})
+        block,
+        values=np.clip(block.values, -np.radians(500.0), np.radians(500.0)),
+        stream=replace(STREAM, full_scale={ACC: 78.0}),
     )
     (told,) = saturation.told({"imu": clipped}).values()
     assert told.stream.full_scale == {ACC: 78.0, GYR: pytest.approx(np.radians(500.0))}

@@ -6,12 +6,25 @@ from functools import cache
 import numpy as np
 import pytest
 
-from handscope.estimators.data.fingertip_contacts import FINGERTIPS, contact_points, contact_points_of
+from handscope.estimators.data.fingertip_contacts import (
+    FINGERTIPS,
+    contact_points,
+    contact_points_of,
+)
 from handscope.estimators.data.samples import ACC, GYR
 from handscope.estimators.hand.anatomy import FINGERS, HANDS, IS_DOF, JOINT, JOINTS, LIMITS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.simulation import kinematics, person
-from handscope.estimators.simulation.experiments import EXPERIMENTS, KORTIER2, OTHERS, TABLE6, TABLE7, Experiment, judged, recorded
+from handscope.estimators.simulation.experiments import (
+    EXPERIMENTS,
+    KORTIER2,
+    OTHERS,
+    TABLE6,
+    TABLE7,
+    Experiment,
+    judged,
+    recorded,
+)
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.magnetic_field import office
 from handscope.estimators.simulation.motion import COORDINATES
@@ -44,8 +57,16 @@ def _moved(name: str, hand: Hand = "left") -> Kinematics:
 
 
 @cache
-def _recorded(name: str, seed: int = 1, errors: SensorErrors = IDEAL, pose_error: float = 0.0, lengths: bool = True) -> Simulated:
-    return recorded(EXPERIMENTS[name], np.random.default_rng(seed), errors, None, "left", pose_error, lengths)
+def _recorded(
+    name: str,
+    seed: int = 1,
+    errors: SensorErrors = IDEAL,
+    pose_error: float = 0.0,
+    lengths: bool = True,
+) -> Simulated:
+    return recorded(
+        EXPERIMENTS[name], np.random.default_rng(seed), errors, None, "left", pose_error, lengths
+    )
 
 
 def _within(k: Kinematics, name: str, values: np.ndarray) -> np.ndarray:
@@ -73,7 +94,10 @@ def test_joints_turn_slower_than_two_radians_a_second(name: str) -> None:
 def test_ten_to_fifteen_repetitions_take_thirty_to_fifty_seconds(name: str) -> None:
     (event,) = _done(name).events
     k, finger = _moved(name), FINGERS.index(TABLE6[name].fingers[0])
-    away = np.linalg.norm(_within(k, name, k.tips[:, finger]) - k.tips[np.searchsorted(k.t, event.onset), finger], axis=-1)
+    away = np.linalg.norm(
+        _within(k, name, k.tips[:, finger]) - k.tips[np.searchsorted(k.t, event.onset), finger],
+        axis=-1,
+    )
     turns = np.flatnonzero(np.diff((away > 0.5 * away.max()).astype(int)) == 1)
     assert 10 <= len(turns) <= 15
     assert 30 <= event.duration <= 50
@@ -83,7 +107,9 @@ def test_ten_to_fifteen_repetitions_take_thirty_to_fifty_seconds(name: str) -> N
 def test_only_the_finger_asked_for_moves(name: str) -> None:
     k = _moved(name)
     moved = np.ptp(_within(k, name, k.angles), axis=0).max(axis=-1) > 1e-9
-    assert {JOINTS[j].name.split("_")[0] for j in np.flatnonzero(moved)} == set(TABLE6[name].fingers)
+    assert {JOINTS[j].name.split("_")[0] for j in np.flatnonzero(moved)} == set(
+        TABLE6[name].fingers
+    )
 
 
 @pytest.mark.parametrize("name", ["A-F1", "A-F2", "A-F3"])
@@ -95,7 +121,10 @@ def test_pure_abduction_turns_about_one_axis_only(name: str) -> None:
 @every_contact
 def test_contact_points_keep_their_distance_while_the_hand_moves_about(name: str) -> None:
     e, k = TABLE7[name], _moved(name)
-    a, b = (contact_points(k.angles, _somebody("left"), f, point, FINGERTIPS[f]) for f, point in e.contact)
+    a, b = (
+        contact_points(k.angles, _somebody("left"), f, point, FINGERTIPS[f])
+        for f, point in e.contact
+    )
     apart = _within(k, name, np.linalg.norm(a - b, axis=-1))
     np.testing.assert_allclose(apart, e.distance, atol=0.1e-3)
     wrist = _within(k, name, k.p[:, 0])
@@ -113,7 +142,10 @@ def test_the_hand_moves_about_above_the_desk(name: str) -> None:
 def test_a_pinch_is_closed_twice_and_opened_between() -> None:
     e, k = TABLE7["P3 F1-F2"], _moved("P3 F1-F2")
     first, second = _done("P3 F1-F2").events
-    a, b = (contact_points(k.angles, _somebody("left"), f, point, FINGERTIPS[f]) for f, point in e.contact)
+    a, b = (
+        contact_points(k.angles, _somebody("left"), f, point, FINGERTIPS[f])
+        for f, point in e.contact
+    )
     between = (k.t > first.end) & (k.t < second.onset)
     assert np.linalg.norm(a - b, axis=-1)[between].max() > 0.02
 
@@ -138,7 +170,9 @@ def test_no_grasp_leaves_the_natural_ranges_whoever_does_it(name: str) -> None:
     for seed in range(3):
         rng = np.random.default_rng(seed)
         motion = TABLE7[name].perform(person.drawn("left", rng).true, rng)[1].motion
-        angles = motion.at(np.arange(0.0, motion.duration, 0.1))[0][:, 6:].reshape(-1, len(JOINTS), 3)
+        angles = motion.at(np.arange(0.0, motion.duration, 0.1))[0][:, 6:].reshape(
+            -1, len(JOINTS), 3
+        )
         for joint, ranges in NATURAL.items():
             for a, (low, high) in enumerate(ranges):
                 assert angles[:, JOINT[joint], a].min() > low * DEG - 1e-6
@@ -155,9 +189,14 @@ def test_the_right_hand_is_the_left_ones_mirror_image(name: str) -> None:
 @pytest.mark.parametrize("name", ["AF-F1", "P2 F2-F3", "free"])
 def test_sensors_on_the_right_hand_read_the_mirror_image(name: str) -> None:
     left, right = (
-        recorded(EXPERIMENTS[name], np.random.default_rng(6), IDEAL, None, hand, pose_error_deg=2.5).samples["imu"] for hand in HANDS
+        recorded(
+            EXPERIMENTS[name], np.random.default_rng(6), IDEAL, None, hand, pose_error_deg=2.5
+        ).samples["imu"]
+        for hand in HANDS
     )
-    np.testing.assert_allclose(right.of(GYR), left.of(GYR), atol=1e-9)  # rotations have the same components on both hands
+    np.testing.assert_allclose(
+        right.of(GYR), left.of(GYR), atol=1e-9
+    )  # rotations have the same components on both hands
     np.testing.assert_allclose(right.of(ACC), -left.of(ACC), atol=1e-8)
 
 
@@ -165,10 +204,14 @@ def test_sensors_on_the_right_hand_read_the_mirror_image(name: str) -> None:
 def test_velocities_are_those_of_the_places_however_the_motion_was_put_together(name: str) -> None:
     motion, dt = _done(name).motion, 1e-4
     for start in (0.25, 0.5, 0.75):
-        k = kinematics.of_motion(motion, _somebody("left"), start * motion.duration + np.arange(60) * dt)
+        k = kinematics.of_motion(
+            motion, _somebody("left"), start * motion.duration + np.arange(60) * dt
+        )
         second = (k.p[2:] - 2 * k.p[1:-1] + k.p[:-2]) / dt**2
         np.testing.assert_allclose(second, k.a[1:-1], atol=1e-3)
-        np.testing.assert_allclose((k.angles[2:] - k.angles[:-2]) / (2 * dt), k.rates[1:-1], atol=1e-5)
+        np.testing.assert_allclose(
+            (k.angles[2:] - k.angles[:-2]) / (2 * dt), k.rates[1:-1], atol=1e-5
+        )
 
 
 @every_experiment
@@ -178,13 +221,22 @@ def test_every_performance_begins_and_ends_relaxed_and_has_a_task(name: str) -> 
     np.testing.assert_allclose(x, np.tile(task_performance.relaxed(), (2, 1)), atol=1e-9)
     np.testing.assert_allclose(dx, 0.0, atol=1e-6)
     kinds = [e.trial_type for e in performance.events]
-    assert "task" in kinds and set(kinds) <= {"task", "annotation"}  # annotations mark the phases of a task
+    assert "task" in kinds and set(kinds) <= {
+        "task",
+        "annotation",
+    }  # annotations mark the phases of a task
 
 
-def test_the_mechanical_finger_bends_joint_after_joint_and_its_dip_stays_at_ninety_degrees() -> None:
+def test_the_mechanical_finger_bends_joint_after_joint_and_its_dip_stays_at_ninety_degrees() -> (
+    None
+):
     (event,) = _done("mechanical finger").events
-    x = _done("mechanical finger").motion.at(event.onset + np.array([30.0, 51.0, 76.0, 96.0, 111.0, 131.0, 139.0, 160.0]))[0]
-    told = {joint: x[:, COORDINATES[f"index_{joint}_flexion"]] / DEG for joint in ("dip", "pip", "mcp")}
+    x = _done("mechanical finger").motion.at(
+        event.onset + np.array([30.0, 51.0, 76.0, 96.0, 111.0, 131.0, 139.0, 160.0])
+    )[0]
+    told = {
+        joint: x[:, COORDINATES[f"index_{joint}_flexion"]] / DEG for joint in ("dip", "pip", "mcp")
+    }
     np.testing.assert_allclose(told["dip"], [0, 90, 90, 90, 90, 90, 90, 0], atol=1e-9)
     np.testing.assert_allclose(told["pip"], [0, 0, 90, 90, 90, 0, 0, 0], atol=1e-9)
     np.testing.assert_allclose(told["mcp"], [0, 0, 0, 90, 0, 0, 0, 0], atol=1e-9)
@@ -222,14 +274,22 @@ def _without(errors: SensorErrors) -> Callable[[Experiment], np.ndarray]:
 def test_switching_a_source_of_error_off_leaves_the_motion_as_it_was() -> None:
     e = OTHERS["circles"]
     np.testing.assert_array_equal(_without(IDEAL)(e), _without(SensorErrors())(e))
-    with_field = recorded(e, np.random.default_rng(5), SensorErrors(), office(np.random.default_rng(0)))
+    with_field = recorded(
+        e, np.random.default_rng(5), SensorErrors(), office(np.random.default_rng(0))
+    )
     np.testing.assert_array_equal(
-        with_field.samples["imu"].values, recorded(e, np.random.default_rng(5), SensorErrors(), None).samples["imu"].values
+        with_field.samples["imu"].values,
+        recorded(e, np.random.default_rng(5), SensorErrors(), None).samples["imu"].values,
     )
 
 
 def test_a_seed_draws_the_same_person_pose_and_motion_and_another_one_another() -> None:
-    a, b, c = (recorded(TABLE7["P1 F1-F2"], np.random.default_rng(s), SensorErrors(), None, pose_error_deg=2.5) for s in (4, 4, 5))
+    a, b, c = (
+        recorded(
+            TABLE7["P1 F1-F2"], np.random.default_rng(s), SensorErrors(), None, pose_error_deg=2.5
+        )
+        for s in (4, 4, 5)
+    )
     np.testing.assert_array_equal(a.samples["imu"].values, b.samples["imu"].values)
     assert a.geometry == b.geometry != c.geometry
     assert not np.array_equal(a.truth.tips[:500], c.truth.tips[:500])
@@ -239,7 +299,11 @@ def test_contact_points_of_a_trajectory_are_those_of_its_angles() -> None:
     made = _recorded("P2 F2-F3", lengths=False)
     for finger, point in TABLE7["P2 F2-F3"].contact:
         ours = contact_points_of(made.truth, made.geometry, finger, point, FINGERTIPS[finger])
-        np.testing.assert_allclose(ours, contact_points(made.truth.angles, made.geometry, finger, point, FINGERTIPS[finger]), atol=1e-12)
+        np.testing.assert_allclose(
+            ours,
+            contact_points(made.truth.angles, made.geometry, finger, point, FINGERTIPS[finger]),
+            atol=1e-12,
+        )
 
 
 @pytest.mark.parametrize("name", ["brisk flexion", "brisk circles"])
@@ -248,6 +312,10 @@ def test_five_brisk_movements_take_a_second_each_and_only_the_index_moves(name: 
     k = _moved(name)
     assert 4.5 <= event.duration <= 7.0
     moved = np.ptp(_within(k, name, k.tips), axis=0).max(axis=-1)
-    assert moved[FINGERS.index("index")] > 0.03 > 0.01 > np.delete(moved, FINGERS.index("index")).max()
+    assert (
+        moved[FINGERS.index("index")] > 0.03 > 0.01 > np.delete(moved, FINGERS.index("index")).max()
+    )
     away = _within(k, name, k.tips[:, FINGERS.index("index")])[:, 0]
-    assert len(np.flatnonzero(np.diff((away > 0.5 * (away.min() + away.max())).astype(int)) == 1)) == 5
+    assert (
+        len(np.flatnonzero(np.diff((away > 0.5 * (away.min() + away.max())).astype(int)) == 1)) == 5
+    )

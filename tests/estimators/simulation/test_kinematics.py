@@ -31,19 +31,27 @@ def moving(request: pytest.FixtureRequest, rng: np.random.Generator) -> tuple[An
     """A right hand whose joints give, a left one of exact hinges."""
     geometry, motion = sized(request.param), _random_motion(rng)
     if geometry.hand == "right":
-        motion = joint_compliance.Giving(motion.spline, np.radians(3.0), joint_compliance.phases(rng))
+        motion = joint_compliance.Giving(
+            motion.spline, np.radians(3.0), joint_compliance.phases(rng)
+        )
     return geometry, kinematics.of_motion(motion, geometry, np.arange(0.3, 0.6, DT))
 
 
 def test_angular_velocity_is_the_derivative_of_orientation(moving: tuple[Any, Kinematics]) -> None:
     k = moving[1]
-    step = quat.log(quat.multiply(k.q_GB[2:], quat.conjugate(k.q_GB[:-2]))) / (2 * DT)  # in the global frame
+    step = quat.log(quat.multiply(k.q_GB[2:], quat.conjugate(k.q_GB[:-2]))) / (
+        2 * DT
+    )  # in the global frame
     np.testing.assert_allclose(step, k.w[1:-1], atol=1e-5 * np.abs(k.w).max())
 
 
-def test_angular_acceleration_is_the_derivative_of_angular_velocity(moving: tuple[Any, Kinematics]) -> None:
+def test_angular_acceleration_is_the_derivative_of_angular_velocity(
+    moving: tuple[Any, Kinematics],
+) -> None:
     k = moving[1]
-    np.testing.assert_allclose((k.w[2:] - k.w[:-2]) / (2 * DT), k.dw[1:-1], atol=1e-5 * np.abs(k.dw).max())
+    np.testing.assert_allclose(
+        (k.w[2:] - k.w[:-2]) / (2 * DT), k.dw[1:-1], atol=1e-5 * np.abs(k.dw).max()
+    )
 
 
 def test_acceleration_is_the_second_derivative_of_place(moving: tuple[Any, Kinematics]) -> None:
@@ -52,7 +60,9 @@ def test_acceleration_is_the_second_derivative_of_place(moving: tuple[Any, Kinem
     np.testing.assert_allclose(second, k.a[1:-1], atol=1e-4 * np.abs(k.a).max())
 
 
-def test_places_and_orientations_are_those_of_forward_kinematics(moving: tuple[Any, Kinematics]) -> None:
+def test_places_and_orientations_are_those_of_forward_kinematics(
+    moving: tuple[Any, Kinematics],
+) -> None:
     geometry, k = moving
     q_pc = joint_angles.compose(k.angles)
     np.testing.assert_allclose(k.tips, forward_kinematics.tips(q_pc, geometry), atol=1e-15)
@@ -79,7 +89,9 @@ def test_between_its_points_a_motion_is_minimum_jerk_and_rests_outside() -> None
     motion = through([(1.0, np.zeros(SIZE)), (3.0, end)])
     x, dx, ddx = motion.at(np.array([0.0, 1.0, 1.5, 2.0, 3.0, 4.0]))
     s = 0.25
-    np.testing.assert_allclose(x[:, 7], [0, 0, 10 * s**3 - 15 * s**4 + 6 * s**5, 0.5, 1, 1], atol=1e-12)
+    np.testing.assert_allclose(
+        x[:, 7], [0, 0, 10 * s**3 - 15 * s**4 + 6 * s**5, 0.5, 1, 1], atol=1e-12
+    )
     np.testing.assert_allclose(dx[[0, 1, 3, 4, 5], 7], [0, 0, 1.875 / 2, 0, 0], atol=1e-12)
     np.testing.assert_allclose(ddx[[0, 1, 3, 4, 5], 7], 0.0, atol=1e-12)
     later, _, _ = shifted(motion, 2.0).at(np.array([3.5]))

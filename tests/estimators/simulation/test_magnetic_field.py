@@ -12,8 +12,12 @@ def _heading_sd(place: tuple[float, float, float]) -> float:
     return float(np.std(np.arctan2(B[:, 0], B[:, 1])) / DEG)
 
 
-@pytest.mark.parametrize(("height", "least", "most"), [(0.0, 50, 75), (0.15, 25, 40), (1.0, 0.3, 3)])
-def test_steel_under_the_desk_turns_a_compass_the_less_the_higher_it_is(height: float, least: float, most: float) -> None:
+@pytest.mark.parametrize(
+    ("height", "least", "most"), [(0.0, 50, 75), (0.15, 25, 40), (1.0, 0.3, 3)]
+)
+def test_steel_under_the_desk_turns_a_compass_the_less_the_higher_it_is(
+    height: float, least: float, most: float
+) -> None:
     assert least < _heading_sd((0.0, 0.15 if height == 0.15 else 0.0, height)) < most
 
 

@@ -28,7 +28,10 @@ def store(tmp_path: Path) -> Store:
 
 def told(store: Store) -> list[tuple[str, str, str, int | None]]:
     with store.database() as db:
-        return [(line.who, f"{line.what} {line.kind}", line.ref, line.patient) for line in reversed(audit.lines(db))]
+        return [
+            (line.who, f"{line.what} {line.kind}", line.ref, line.patient)
+            for line in reversed(audit.lines(db))
+        ]
 
 
 def verdict(store: Store, *against: tuple[int, str]) -> Verdict:
@@ -36,7 +39,9 @@ def verdict(store: Store, *against: tuple[int, str]) -> Verdict:
         return audit.verified(db, against)
 
 
-def test_what_is_changed_is_told_by_itself_with_names_of_fields_and_never_a_value(store: Store) -> None:
+def test_what_is_changed_is_told_by_itself_with_names_of_fields_and_never_a_value(
+    store: Store,
+) -> None:
     with store.database() as db:
         audit.by(db, "anna", "10.0.0.1")
         quince = patients.create(db, "Quince-4711", note="fell from a ladder", year_of_birth=1953)
@@ -50,7 +55,12 @@ def test_what_is_changed_is_told_by_itself_with_names_of_fields_and_never_a_valu
     ]
     with store.database() as db:
         assert audit.lines(db)[1].counts == {"fields": ["year_of_birth", "affected_hand"]}
-        text = str([[getattr(line, c.key) for c in AuditLine.__table__.columns] for line in audit.lines(db)])
+        text = str(
+            [
+                [getattr(line, c.key) for c in AuditLine.__table__.columns]
+                for line in audit.lines(db)
+            ]
+        )
     assert not any(secret in text for secret in ("Quince", "ladder", "horse", "1953", "1954"))
 
 
@@ -164,15 +174,28 @@ def test_accounts_are_audited_without_their_passwords(store: Store) -> None:
         account = accounts.add(db, "anna", ["scientist"])
         accounts.set_password(db, account, "seven hands on a table")
         accounts.change(db, account, roles=["clinician"])
-        assert [line.counts for line in audit.lines(db)] == [{"fields": ["roles"]}, {"fields": ["password"]}, {}]
+        assert [line.counts for line in audit.lines(db)] == [
+            {"fields": ["roles"]},
+            {"fields": ["password"]},
+            {},
+        ]
 
 
 def test_no_table_of_patients_data_is_left_out_of_the_audit() -> None:
-    machines = {"audit", "erased_file", "login", "attempt", "repeatability", "alembic_version"}  # derived, or no patient's
+    machines = {
+        "audit",
+        "erased_file",
+        "login",
+        "attempt",
+        "repeatability",
+        "alembic_version",
+    }  # derived, or no patient's
     assert {t.__tablename__ for t in audit.KINDS} == set(Base.metadata.tables) - machines
 
 
-def test_a_line_of_an_earlier_time_is_told_and_the_trail_holds(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_line_of_an_earlier_time_is_told_and_the_trail_holds(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with store.database() as db:
         for k, day in enumerate((3, 1, 2)):
             monkeypatch.setattr(audit, "now", lambda day=day: datetime(2026, 1, day, tzinfo=UTC))

@@ -10,7 +10,13 @@ from sqlalchemy.orm import Session
 from handscope.estimators.data.samples import Event
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import corrections, results, trunk_height
-from handscope.sessions.db.tables import Patient, PatientSession, RecordingFile, Repeatability, Result
+from handscope.sessions.db.tables import (
+    Patient,
+    PatientSession,
+    RecordingFile,
+    Repeatability,
+    Result,
+)
 from handscope.sessions.store import visit_facts
 from handscope.sessions.store.store import open_store
 from handscope.sessions.store.visit_facts import TrunkHeight
@@ -32,28 +38,45 @@ def db(tmp_path: Path) -> Iterator[Session]:
 
 @pytest.fixture
 def file(db: Session) -> RecordingFile:
-    events = [{"trial_type": kind, "onset": onset, "duration": long, "task": task} for kind, onset, long, task in TRIALS]
+    events = [
+        {"trial_type": kind, "onset": onset, "duration": long, "task": task}
+        for kind, onset, long, task in TRIALS
+    ]
     session = PatientSession(patient=Patient(pseudonym="one"), hand="left", state="processed")
-    made = RecordingFile(session=session, format="native", file="f", sha256="aa", summary={"events": events, "duration": 60.0})
+    made = RecordingFile(
+        session=session,
+        format="native",
+        file="f",
+        sha256="aa",
+        summary={"events": events, "duration": 60.0},
+    )
     db.add(made)
     db.commit()
     return made
 
 
-def test_a_result_is_a_function_of_what_counts_and_undoing_gives_the_first_one_back(db: Session, file: RecordingFile) -> None:
+def test_a_result_is_a_function_of_what_counts_and_undoing_gives_the_first_one_back(
+    db: Session, file: RecordingFile
+) -> None:
     first = results.wanted(db, file, "m2", {}, "1")
     made = corrections.add(db, file, 2, "exclude", " Pain ")
     second = results.wanted(db, file, "m2", {}, "1")
     assert second.id != first.id
-    assert second.corrections == [{"event": 2, "kind": "exclude", "onset": 22.0, "end": 37.0, "reason": "Pain"}]
+    assert second.corrections == [
+        {"event": 2, "kind": "exclude", "onset": 22.0, "end": 37.0, "reason": "Pain"}
+    ]
     assert results.current(file) == [second]
     corrections.undo(db, made.id)
     assert results.wanted(db, file, "m2", {}, "1").id == first.id
     assert results.current(file) == [first]
-    assert [(c.reason, c.undone is None) for c in file.corrections] == [("Pain", False)]  # what was decided stays readable
+    assert [(c.reason, c.undone is None) for c in file.corrections] == [
+        ("Pain", False)
+    ]  # what was decided stays readable
 
 
-def test_a_height_of_the_trunk_told_afterwards_counts_in_new_results_and_can_be_put_back(db: Session, file: RecordingFile) -> None:
+def test_a_height_of_the_trunk_told_afterwards_counts_in_new_results_and_can_be_put_back(
+    db: Session, file: RecordingFile
+) -> None:
     with pytest.raises(InputError, match="no sensor on the trunk"):
         visit_facts.change(db, file.session_id, 1, trunk=TrunkHeight(0.42))
     file.summary = {**file.summary, "streams": [{"name": "trunk", "sensors": ["trunk"]}]}
@@ -62,7 +85,11 @@ def test_a_height_of_the_trunk_told_afterwards_counts_in_new_results_and_can_be_
         visit_facts.change(db, file.session_id, 1, trunk=TrunkHeight(42.0))
     visit_facts.change(db, file.session_id, 1, trunk=TrunkHeight(0.42))
     second = results.wanted(db, file, "m2", {}, "1")
-    assert (first.trunk_height, second.trunk_height, results.current(file)) == (None, 0.42, [second])
+    assert (first.trunk_height, second.trunk_height, results.current(file)) == (
+        None,
+        0.42,
+        [second],
+    )
     told = trunk_height.applied(loaded(pose_and_wiggle("left")), 0.42)
     assert {e.details.get("trunk_height") for e in told.events if e.trial_type == "task"} == {0.42}
     visit_facts.change(db, file.session_id, 2, trunk=TrunkHeight(None))
@@ -92,7 +119,9 @@ def test_ends_moved_again_replace_the_ends_moved_before(db: Session, file: Recor
         ((1, "leave_out", "x", 5.0, 6.0), "taps that follow each other"),
     ],
 )
-def test_what_cannot_be_is_refused_in_words_and_leaves_nothing(db: Session, file: RecordingFile, given: tuple, sentence: str) -> None:  # type: ignore[type-arg]
+def test_what_cannot_be_is_refused_in_words_and_leaves_nothing(
+    db: Session, file: RecordingFile, given: tuple, sentence: str
+) -> None:  # type: ignore[type-arg]
     with pytest.raises(InputError, match=sentence):
         corrections.add(db, file, *given)
     assert corrections.standing(file) == []
@@ -105,7 +134,10 @@ def test_a_trial_is_left_out_once(db: Session, file: RecordingFile) -> None:
 
 
 def test_events_are_corrected_and_every_correction_is_said() -> None:
-    tasks = tuple(Event(onset, long, kind, {"task_name": task} if task else {}) for kind, onset, long, task in TRIALS)
+    tasks = tuple(
+        Event(onset, long, kind, {"task_name": task} if task else {})
+        for kind, onset, long, task in TRIALS
+    )
     recording = replace(loaded(pose_and_wiggle("left")), events=tasks)
     rows = [
         {"event": 1, "kind": "exclude", "onset": 4.0, "end": 19.0, "reason": "Pain"},
@@ -126,16 +158,46 @@ def test_events_are_corrected_and_every_correction_is_said() -> None:
 
 
 def test_repeatability_goes_by_the_results_that_count(db: Session, file: RecordingFile) -> None:
-    figure = {"measure": "range_of_motion", "task": "rom_fist", "name": "index_pip_flexion_max", "unit": "rad", "grade": "good"}
-    other = RecordingFile(session=PatientSession(patient=file.session.patient, hand="left"), format="native", file="g", sha256="bb")
+    figure = {
+        "measure": "range_of_motion",
+        "task": "rom_fist",
+        "name": "index_pip_flexion_max",
+        "unit": "rad",
+        "grade": "good",
+    }
+    other = RecordingFile(
+        session=PatientSession(patient=file.session.patient, hand="left"),
+        format="native",
+        file="g",
+        sha256="bb",
+    )
     for of, value in ((file, 1.0), (other, 1.2)):
-        db.add(Result(recording=of, key="k", method="m2", version="1", state="done", figures=[{**figure, "value": value}]))
+        db.add(
+            Result(
+                recording=of,
+                key="k",
+                method="m2",
+                version="1",
+                state="done",
+                figures=[{**figure, "value": value}],
+            )
+        )
     db.commit()
     before = db.query(Repeatability).one().sem
     made = corrections.add(db, file, 3, "exclude", "x")
     assert db.query(Repeatability).count() == 0  # until there is a result by what counts now
     figures = [{**figure, "value": 1.1}]
-    db.add(Result(recording=file, key="l", method="m2", version="1", state="done", corrections=corrections.standing(file), figures=figures))
+    db.add(
+        Result(
+            recording=file,
+            key="l",
+            method="m2",
+            version="1",
+            state="done",
+            corrections=corrections.standing(file),
+            figures=figures,
+        )
+    )
     db.commit()
     assert db.query(Repeatability).one().sem == pytest.approx(before / 2)
     corrections.undo(db, made.id)

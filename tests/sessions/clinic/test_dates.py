@@ -9,7 +9,9 @@ NOON = datetime(2026, 11, 21, 12, tzinfo=UTC)
 DAY = timedelta(days=1)
 
 
-def session(number: int, started: datetime, name: str = "", state: str = "processed") -> PatientSession:
+def session(
+    number: int, started: datetime, name: str = "", state: str = "processed"
+) -> PatientSession:
     file = RecordingFile(format="native", file="f", original_name=name)
     return PatientSession(id=number, hand="left", state=state, started=started, recordings=[file])
 
@@ -24,8 +26,16 @@ def test_sessions_in_order_raise_no_doubt_and_their_order_in_the_list_does_not_m
 
 
 def test_a_session_dated_in_the_future_or_before_birth_or_before_the_last() -> None:
-    future, unborn, before = session(1, NOON + DAY), session(2, datetime(1970, 1, 1, tzinfo=UTC)), session(3, NOON - DAY)
-    assert doubts(future, unborn, before, born=1980) == {1: ["future"], 2: ["before_birth", "before_last"], 3: ["before_last"]}
+    future, unborn, before = (
+        session(1, NOON + DAY),
+        session(2, datetime(1970, 1, 1, tzinfo=UTC)),
+        session(3, NOON - DAY),
+    )
+    assert doubts(future, unborn, before, born=1980) == {
+        1: ["future"],
+        2: ["before_birth", "before_last"],
+        3: ["before_last"],
+    }
 
 
 def test_an_upload_may_be_older_than_the_last_session_and_tells_nothing_of_our_clock() -> None:
@@ -33,11 +43,16 @@ def test_an_upload_may_be_older_than_the_last_session_and_tells_nothing_of_our_c
     patient = Patient(year_of_birth=None)
     assert dates.clock_doubts(patient, [session(1, NOON + DAY, "odd.mcap")], NOON) == []
     assert dates.clock_doubts(patient, [session(1, NOON + DAY)], NOON) == ["before_last"]
-    assert dates.clock_doubts(Patient(year_of_birth=1990), [], datetime(1980, 1, 1, tzinfo=UTC)) == ["before_birth"]
+    assert dates.clock_doubts(
+        Patient(year_of_birth=1990), [], datetime(1980, 1, 1, tzinfo=UTC)
+    ) == ["before_birth"]
 
 
 def test_a_session_left_open_overnight_is_told_from_one_that_runs() -> None:
-    assert doubts(session(1, NOON - timedelta(hours=20), state="open"), session(2, NOON - timedelta(hours=1), state="open")) == {
+    assert doubts(
+        session(1, NOON - timedelta(hours=20), state="open"),
+        session(2, NOON - timedelta(hours=1), state="open"),
+    ) == {
         1: ["overnight"],
         2: [],
     }

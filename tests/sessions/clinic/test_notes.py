@@ -15,7 +15,9 @@ from handscope.sessions.store import database
 from handscope.sessions.store.store import open_store
 
 
-def test_a_removed_note_is_forgotten_when_it_cannot_be_brought_back_any_more(tmp_path: Path) -> None:
+def test_a_removed_note_is_forgotten_when_it_cannot_be_brought_back_any_more(
+    tmp_path: Path,
+) -> None:
     store = open_store(tmp_path)
     with store.database() as db:
         patient = patients.create(db, "P")
@@ -38,20 +40,41 @@ def _at(engine: Any, to: str, move: Callable[[Config, str], None] = command.upgr
         move(config, to)
 
 
-def test_an_older_database_keeps_every_row_and_note_and_gives_no_number_twice(tmp_path: Path) -> None:
+def test_an_older_database_keeps_every_row_and_note_and_gives_no_number_twice(
+    tmp_path: Path,
+) -> None:
     engine = create_engine(f"sqlite:///{tmp_path / database.FILE}")
     _at(engine, "0004")
     day = "2026-05-12 09:00:00.000000"
     with engine.begin() as old:
         for k, note in ((1, ""), (2, "tired")):
-            old.execute(text(f"insert into patient values ({k}, 'P{k}', null, null, null, '{{}}', '{note}', 0, '{day}', 3)"))
-            old.execute(text(f"insert into session values ({k}, {k}, 'left', 'processed', '{day}', null, '', '', '{{}}')"))
-            old.execute(text(f"insert into recording values ({k}, {k}, 'native', 'f{k}', '', 'x', 0, '{day}', '{{}}')"))
+            old.execute(
+                text(
+                    f"insert into patient values ({k}, 'P{k}', null, null, null, '{{}}', '{note}', 0, '{day}', 3)"
+                )
+            )
+            old.execute(
+                text(
+                    f"insert into session values ({k}, {k}, 'left', 'processed', '{day}', null, '', '', '{{}}')"
+                )
+            )
+            old.execute(
+                text(
+                    f"insert into recording values ({k}, {k}, 'native', 'f{k}', '', 'x', 0, '{day}', '{{}}')"
+                )
+            )
     store = open_store(tmp_path)
     with store.database() as db:
         one, two = db.scalars(select(Patient).order_by(Patient.id))
-        assert ([n.text for n in one.notes], [n.text for n in two.notes], two.version) == ([], ["tired"], 3)
-        assert [f.file for p in (one, two) for s in p.sessions for f in s.recordings] == ["f1", "f2"]
+        assert ([n.text for n in one.notes], [n.text for n in two.notes], two.version) == (
+            [],
+            ["tired"],
+            3,
+        )
+        assert [f.file for p in (one, two) for s in p.sessions for f in s.recordings] == [
+            "f1",
+            "f2",
+        ]
         assert two.notes[0].written == two.created
         db.delete(two)
         db.commit()
@@ -59,4 +82,7 @@ def test_an_older_database_keeps_every_row_and_note_and_gives_no_number_twice(tm
         assert timedelta(0) == one.created - one.sessions[0].started
     _at(engine, "0004", command.downgrade)
     with engine.connect() as back:
-        assert back.execute(text("select pseudonym, notes from patient order by id")).all() == [("P1", ""), ("P3", "")]
+        assert back.execute(text("select pseudonym, notes from patient order by id")).all() == [
+            ("P1", ""),
+            ("P3", ""),
+        ]

@@ -7,7 +7,20 @@ from handscope.sessions.clinic.pseudonyms import DOUBTS, doubts
 
 @pytest.mark.parametrize(
     "code",
-    ["H-017", "P0001", "study 4 / 12", "A7", "left-3", "CIDP-22", "2026-017", "ward 3 bed 2", "x", "HRT-A4", "SUB 12", "2026-11 / 4"],
+    [
+        "H-017",
+        "P0001",
+        "study 4 / 12",
+        "A7",
+        "left-3",
+        "CIDP-22",
+        "2026-017",
+        "ward 3 bed 2",
+        "x",
+        "HRT-A4",
+        "SUB 12",
+        "2026-11 / 4",
+    ],
 )
 def test_a_code_raises_no_doubt(code: str) -> None:
     assert doubts(code) == ()

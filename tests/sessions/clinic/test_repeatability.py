@@ -15,7 +15,14 @@ from sqlalchemy import create_engine, inspect, select, text
 from sqlalchemy.orm import Session
 
 from handscope.sessions.clinic.repeatability import ENOUGH, comparison, enough
-from handscope.sessions.db.tables import Base, Patient, PatientSession, RecordingFile, Repeatability, Result
+from handscope.sessions.db.tables import (
+    Base,
+    Patient,
+    PatientSession,
+    RecordingFile,
+    Repeatability,
+    Result,
+)
 from handscope.sessions.store import database
 from handscope.sessions.store.store import open_store
 
@@ -35,17 +42,42 @@ def visit(db: Session) -> Callable[..., Result]:
     count = 0
 
     def make(
-        patient: Patient, day: float, *trials: float, hand: str = "left", device: str = "00a7", method: str = "m2", **more: Any
+        patient: Patient,
+        day: float,
+        *trials: float,
+        hand: str = "left",
+        device: str = "00a7",
+        method: str = "m2",
+        **more: Any,
     ) -> Result:
         nonlocal count
         count += 1
-        session = PatientSession(patient=patient, hand=hand, started=MAY + timedelta(days=day), state="processed")
+        session = PatientSession(
+            patient=patient, hand=hand, started=MAY + timedelta(days=day), state="processed"
+        )
         source = {"device": "Glove", "device_id": device} if device else {}
         file = RecordingFile(
-            session=session, format="native", file=f"{count}", sha256=more.get("sha256", f"{count}"), summary={"source": source}
+            session=session,
+            format="native",
+            file=f"{count}",
+            sha256=more.get("sha256", f"{count}"),
+            summary={"source": source},
         )
-        figure = {"measure": PIP[0], "task": PIP[1], "name": PIP[2], "unit": "rad", "grade": more.get("grade", "good")}
-        result = Result(recording=file, key="k", method=method, version="1", state="done", figures=[{**figure, "value": v} for v in trials])
+        figure = {
+            "measure": PIP[0],
+            "task": PIP[1],
+            "name": PIP[2],
+            "unit": "rad",
+            "grade": more.get("grade", "good"),
+        }
+        result = Result(
+            recording=file,
+            key="k",
+            method=method,
+            version="1",
+            state="done",
+            figures=[{**figure, "value": v} for v in trials],
+        )
         db.add(result)
         db.commit()
         return result
@@ -61,17 +93,28 @@ def patient(db: Session, name: str) -> Patient:
 
 
 def kept(db: Session, of: Patient | None) -> list[Repeatability]:
-    return list(db.scalars(select(Repeatability).where(Repeatability.patient_id == (of.id if of else None))))
+    return list(
+        db.scalars(select(Repeatability).where(Repeatability.patient_id == (of.id if of else None)))
+    )
 
 
-def test_five_sessions_in_a_week_give_the_patients_own(db: Session, visit: Callable[..., Result]) -> None:
+def test_five_sessions_in_a_week_give_the_patients_own(
+    db: Session, visit: Callable[..., Result]
+) -> None:
     one = patient(db, "one")
     results = [visit(one, day, value) for day, value in enumerate((50.0, 53.0, 47.0, 52.0, 48.0))]
     (row,) = kept(db, one)
-    assert (row.measure, row.task, row.name, row.unit, row.hand, row.method) == (*PIP, "rad", "left", "m2")
+    assert (row.measure, row.task, row.name, row.unit, row.hand, row.method) == (
+        *PIP,
+        "rad",
+        "left",
+        "m2",
+    )
     assert row.sem == pytest.approx(np.sqrt(26 / 4))  # deviations from 50: 0, 3, -3, 2, -2
     assert row.mdc95 == pytest.approx(1.96 * np.sqrt(2) * np.sqrt(6.5))
-    assert row.mdc95_high / row.mdc95 == pytest.approx(2.874, abs=0.001)  # sqrt(4 / 0.4844), a table of chi-squared with 4 degrees
+    assert row.mdc95_high / row.mdc95 == pytest.approx(
+        2.874, abs=0.001
+    )  # sqrt(4 / 0.4844), a table of chi-squared with 4 degrees
     assert row.mdc95_low / row.mdc95 == pytest.approx(0.599, abs=0.001)  # sqrt(4 / 11.143)
     assert (row.sessions, row.people, row.freedom, row.icc) == (5, 1, ENOUGH, None)
     assert row.results == [r.id for r in results]
@@ -105,7 +148,9 @@ def test_only_what_is_alike_counts_as_repeated(db: Session, visit: Callable[...,
     assert row.sem == pytest.approx(np.sqrt(8))
 
 
-def test_a_glove_is_judged_over_the_people_who_wore_it(db: Session, visit: Callable[..., Result]) -> None:
+def test_a_glove_is_judged_over_the_people_who_wore_it(
+    db: Session, visit: Callable[..., Result]
+) -> None:
     values = ((9.0, 2.0), (6.0, 1.0), (8.0, 4.0))
     for k, (first, second) in enumerate(values):
         one = patient(db, f"p{k}")
@@ -115,12 +160,18 @@ def test_a_glove_is_judged_over_the_people_who_wore_it(db: Session, visit: Calla
     (row,) = kept(db, None)
     assert (row.people, row.sessions, row.freedom) == (3, 6, 3)
     assert row.sem == pytest.approx(np.sqrt((24.5 + 12.5 + 8) / 3))
-    bms, jms, ems = 2 * (5.5**2 + 3.5**2 + 6**2) / 2 - 75.0, 3 * 2 * (8 / 3) ** 2, 7 / 6  # by hand; the grand mean is 5
+    bms, jms, ems = (
+        2 * (5.5**2 + 3.5**2 + 6**2) / 2 - 75.0,
+        3 * 2 * (8 / 3) ** 2,
+        7 / 6,
+    )  # by hand; the grand mean is 5
     assert jms == pytest.approx(42.667, abs=0.001)
     assert row.icc == pytest.approx((bms - ems) / (bms + ems + 2 * (jms - ems) / 3))
 
 
-def test_removed_sessions_and_erased_patients_leave_nothing(db: Session, visit: Callable[..., Result]) -> None:
+def test_removed_sessions_and_erased_patients_leave_nothing(
+    db: Session, visit: Callable[..., Result]
+) -> None:
     one, two = patient(db, "one"), patient(db, "two")
     for person in (one, two):
         for day in range(3):
@@ -129,7 +180,9 @@ def test_removed_sessions_and_erased_patients_leave_nothing(db: Session, visit: 
     db.commit()
     assert [r.sessions for r in kept(db, one)] == [2]
     assert [r.sessions for r in kept(db, None)] == [5]
-    one_results = {r.id for r in db.scalars(select(Result)) if r.recording.session.patient_id == one.id}
+    one_results = {
+        r.id for r in db.scalars(select(Result)) if r.recording.session.patient_id == one.id
+    }
     db.expire_all()
     db.delete(one)
     db.commit()
@@ -142,7 +195,9 @@ def test_removed_sessions_and_erased_patients_leave_nothing(db: Session, visit: 
     assert db.scalars(select(Repeatability)).all() == []
 
 
-def test_a_transaction_that_fails_leaves_the_table_as_it_was(db: Session, visit: Callable[..., Result]) -> None:
+def test_a_transaction_that_fails_leaves_the_table_as_it_was(
+    db: Session, visit: Callable[..., Result]
+) -> None:
     one = patient(db, "one")
     visit(one, 0, 50.0)
     last = visit(one, 1, 52.0)
@@ -153,9 +208,15 @@ def test_a_transaction_that_fails_leaves_the_table_as_it_was(db: Session, visit:
     assert [r.sessions for r in kept(db, one)] == [3]
 
 
-def test_a_result_is_compared_with_the_session_before(db: Session, visit: Callable[..., Result]) -> None:
+def test_a_result_is_compared_with_the_session_before(
+    db: Session, visit: Callable[..., Result]
+) -> None:
     one = patient(db, "one")
-    first, other, last = visit(one, 0, 50.0), visit(one, 20, 80.0, hand="right"), visit(one, 30, 58.0)
+    first, other, last = (
+        visit(one, 0, 50.0),
+        visit(one, 20, 80.0, hand="right"),
+        visit(one, 30, 58.0),
+    )
     assert comparison(db, first) is None
     assert comparison(db, other) is None
     told = comparison(db, last)
@@ -181,11 +242,31 @@ def test_a_database_from_before_is_brought_up_to_date_and_back(tmp_path: Path) -
     migrate(engine, "0002")
     figures = '[{"measure": "tapping", "task": "tapping", "name": "tapping_rate", "unit": "Hz", "value": %s, "grade": "good"}]'
     with engine.begin() as old:
-        old.execute(text("insert into patient values (1, 'P', null, null, null, :none, '', 0, '2026-05-12 09:00:00', 1)"), {"none": "{}"})
+        old.execute(
+            text(
+                "insert into patient values (1, 'P', null, null, null, :none, '', 0, '2026-05-12 09:00:00', 1)"
+            ),
+            {"none": "{}"},
+        )
         for k, rate in ((1, 3.0), (2, 3.5)):
-            values = {"id": k, "none": "{}", "day": f"2026-05-{11 + k} 09:00:00.000000", "figures": figures % rate}
-            old.execute(text("insert into session values (:id, 1, 'left', 'processed', :day, null, '', '', :none)"), values)
-            old.execute(text("insert into recording values (:id, :id, 'native', 'f', '', :id, 0, :day, :none)"), values)
+            values = {
+                "id": k,
+                "none": "{}",
+                "day": f"2026-05-{11 + k} 09:00:00.000000",
+                "figures": figures % rate,
+            }
+            old.execute(
+                text(
+                    "insert into session values (:id, 1, 'left', 'processed', :day, null, '', '', :none)"
+                ),
+                values,
+            )
+            old.execute(
+                text(
+                    "insert into recording values (:id, :id, 'native', 'f', '', :id, 0, :day, :none)"
+                ),
+                values,
+            )
             old.execute(
                 text(
                     "insert into result (id, recording_id, key, method, parameters, version, created, state, progress, error, figures, content, "
@@ -196,7 +277,12 @@ def test_a_database_from_before_is_brought_up_to_date_and_back(tmp_path: Path) -
     store = open_store(tmp_path)
     with store.database() as db:
         (row,) = db.scalars(select(Repeatability))
-        assert (row.name, row.patient_id, row.device, row.results) == ("tapping_rate", 1, "", [1, 2])
+        assert (row.name, row.patient_id, row.device, row.results) == (
+            "tapping_rate",
+            1,
+            "",
+            [1, 2],
+        )
         assert row.sem == pytest.approx(0.5 / np.sqrt(2))
     with engine.connect() as now:
         assert compare_metadata(MigrationContext.configure(now), Base.metadata) == []

@@ -17,7 +17,13 @@ from handscope.estimators.methods import OFFERED
 from handscope.estimators.numerics import quaternions as quat
 from handscope.sessions.clinic import audit, results, self_calibrations
 from handscope.sessions.clinic.self_calibrations import Found
-from handscope.sessions.db.tables import Patient, PatientSession, RecordingFile, Reuse, SelfCalibration
+from handscope.sessions.db.tables import (
+    Patient,
+    PatientSession,
+    RecordingFile,
+    Reuse,
+    SelfCalibration,
+)
 from handscope.sessions.formats.derivative import calibration_table
 from handscope.sessions.store import erasure, patient_export
 from handscope.sessions.store.store import Store, open_store
@@ -38,7 +44,9 @@ def found(onset: float = 0.0) -> Found:
         q_BS_sd={"index_proximal": SURE},
         lengths_sd={"index_proximal": 2e-4},
     )
-    return Found(calibration_table(c), ["middle: its length is not observable"], onset, onset + 40.0)
+    return Found(
+        calibration_table(c), ["middle: its length is not observable"], onset, onset + 40.0
+    )
 
 
 @pytest.fixture
@@ -52,11 +60,19 @@ def db(store: Store) -> Iterator[Session]:
         yield opened
 
 
-def visit(db: Session, patient: Patient, glove: str = "g1", hand: str = "left", day: int = 1) -> RecordingFile:
+def visit(
+    db: Session, patient: Patient, glove: str = "g1", hand: str = "left", day: int = 1
+) -> RecordingFile:
     """A closed recording of a visit."""
     session = PatientSession(patient=patient, hand=hand, state="processed")
     summary = {"source": {"device_id": glove}, "events": [], "duration": 60.0}
-    made = RecordingFile(session=session, format="native", file=f"recordings/{glove}{day}", sha256=f"{glove}{day}", summary=summary)
+    made = RecordingFile(
+        session=session,
+        format="native",
+        file=f"recordings/{glove}{day}",
+        sha256=f"{glove}{day}",
+        summary=summary,
+    )
     db.add(made)
     db.commit()
     return made
@@ -77,7 +93,9 @@ def test_nothing_is_taken_over_that_nobody_decided(db: Session, patient: Patient
     assert results.wanted(db, later, "m2", {}, "1").reused == {}
 
 
-def test_lengths_alone_or_also_seats_are_taken_over_as_decided_and_a_result_is_a_function_of_that(db: Session, patient: Patient) -> None:
+def test_lengths_alone_or_also_seats_are_taken_over_as_decided_and_a_result_is_a_function_of_that(
+    db: Session, patient: Patient
+) -> None:
     first, later = visit(db, patient), visit(db, patient, day=2)
     kept = self_calibrations.keep(db, first, found(), "1")
     before = results.wanted(db, later, "m2", {}, "1")
@@ -96,16 +114,25 @@ def test_lengths_alone_or_also_seats_are_taken_over_as_decided_and_a_result_is_a
     self_calibrations.decide(db, later.session, "nothing")
     assert results.wanted(db, later, "m2", {}, "1").id == before.id
     assert results.current(later) == [before]
-    assert [r.parts for r in later.session.reuses] == ["lengths", "lengths_and_seats", "nothing"]  # what was decided stays readable
+    assert [r.parts for r in later.session.reuses] == [
+        "lengths",
+        "lengths_and_seats",
+        "nothing",
+    ]  # what was decided stays readable
 
 
 def test_offered_methods_that_begin_with_a_pose_take_it_over_and_no_others() -> None:
     assert set(self_calibrations.USED_BY) == {name for name, m in OFFERED.items() if m.NEEDS_POSE}
 
 
-def test_of_another_glove_only_lengths_are_offered_and_of_another_hand_nothing(db: Session, patient: Patient) -> None:
+def test_of_another_glove_only_lengths_are_offered_and_of_another_hand_nothing(
+    db: Session, patient: Patient
+) -> None:
     kept = self_calibrations.keep(db, visit(db, patient), found(), "1")
-    other_glove, other_hand = visit(db, patient, glove="g2"), visit(db, patient, hand="right", day=3)
+    other_glove, other_hand = (
+        visit(db, patient, glove="g2"),
+        visit(db, patient, hand="right", day=3),
+    )
     (offer,) = self_calibrations.offers(other_glove.session)
     assert (offer.self_calibration.id, offer.parts) == (kept.id, ("lengths",))
     assert self_calibrations.offers(other_hand.session) == []
@@ -120,20 +147,33 @@ def test_of_another_glove_only_lengths_are_offered_and_of_another_hand_nothing(d
     assert self_calibrations.decision(other_glove.session) is None
 
 
-def test_the_newest_is_offered_first_and_one_that_was_withdrawn_not_at_all(db: Session, patient: Patient) -> None:
+def test_the_newest_is_offered_first_and_one_that_was_withdrawn_not_at_all(
+    db: Session, patient: Patient
+) -> None:
     first, second = visit(db, patient), visit(db, patient, day=2)
-    old, new = self_calibrations.keep(db, first, found(), "1"), self_calibrations.keep(db, second, found(), "1")
+    old, new = (
+        self_calibrations.keep(db, first, found(), "1"),
+        self_calibrations.keep(db, second, found(), "1"),
+    )
     third = visit(db, patient, day=3)
-    assert [o.self_calibration.id for o in self_calibrations.offers(third.session)] == [new.id, old.id]
+    assert [o.self_calibration.id for o in self_calibrations.offers(third.session)] == [
+        new.id,
+        old.id,
+    ]
     self_calibrations.withdraw(db, new.id, True)
     assert [o.self_calibration.id for o in self_calibrations.offers(third.session)] == [old.id]
     self_calibrations.withdraw(db, new.id, False)
     assert len(self_calibrations.offers(third.session)) == 2
 
 
-def test_the_same_stretch_is_kept_once_and_what_is_no_self_calibration_is_refused(db: Session, patient: Patient) -> None:
+def test_the_same_stretch_is_kept_once_and_what_is_no_self_calibration_is_refused(
+    db: Session, patient: Patient
+) -> None:
     file = visit(db, patient)
-    assert self_calibrations.keep(db, file, found(), "1").id == self_calibrations.keep(db, file, found(), "1").id
+    assert (
+        self_calibrations.keep(db, file, found(), "1").id
+        == self_calibrations.keep(db, file, found(), "1").id
+    )
     assert self_calibrations.keep(db, file, found(onset=50.0), "1").id == 2
     with pytest.raises(InputError, match="no self-calibration"):
         self_calibrations.keep(db, file, replace(found(), table={"MeasuredHand": "both"}), "1")
@@ -157,4 +197,6 @@ def test_export_audit_and_erasure_include_it(db: Session, store: Store, patient:
     assert told["found"]["segment_lengths"]["index_proximal"] == {"value": 0.043, "sd": 2e-4}
     assert [r["parts"] for r in session["reuses"]] == ["lengths"]
     erasure.erase(db, store, patient.id, "Quince-1")
-    assert [db.scalar(select(func.count()).select_from(table)) for table in (SelfCalibration, Reuse)] == [0, 0]
+    assert [
+        db.scalar(select(func.count()).select_from(table)) for table in (SelfCalibration, Reuse)
+    ] == [0, 0]

@@ -11,7 +11,9 @@ from tests.sessions.clinic.test_repeatability import MAY, PIP, db, patient, visi
 __all__ = ["db", "visit"]
 
 
-def test_the_course_ends_with_the_result_and_leaves_out_other_people_hands_and_methods(db: Session, visit: Callable[..., Result]) -> None:
+def test_the_course_ends_with_the_result_and_leaves_out_other_people_hands_and_methods(
+    db: Session, visit: Callable[..., Result]
+) -> None:
     one, other = patient(db, "one"), patient(db, "other")
     visit(other, 0, 10.0)
     visit(one, 1, 20.0)
@@ -26,7 +28,9 @@ def test_the_course_ends_with_the_result_and_leaves_out_other_people_hands_and_m
     assert found.other.values[PIP][0] == 90.0
 
 
-def test_the_other_hands_nearest_session_is_the_last_before_else_the_first_after(db: Session, visit: Callable[..., Result]) -> None:
+def test_the_other_hands_nearest_session_is_the_last_before_else_the_first_after(
+    db: Session, visit: Callable[..., Result]
+) -> None:
     one = patient(db, "one")
     mine = visit(one, 4, 22.0)
     for day, value in ((6, 60.0), (9, 90.0)):

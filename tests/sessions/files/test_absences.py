@@ -47,7 +47,11 @@ def test_a_cable_that_was_pulled_takes_every_strip_with_it() -> None:
 def test_lost_bursts_and_slow_streams_are_no_absence() -> None:
     slow = np.arange(0, 10, 2 * SHORTEST)
     samples = dict(recording(hand=[during(0, 4), during(4 + 0.9 * SHORTEST, 10)]).samples)
-    samples["force"] = Block(Stream("force", ("index_tip_force",), ("force",), 0.5 / SHORTEST), slow, np.zeros((len(slow), 1, 3)))
+    samples["force"] = Block(
+        Stream("force", ("index_tip_force",), ("force",), 0.5 / SHORTEST),
+        slow,
+        np.zeros((len(slow), 1, 3)),
+    )
     assert absences(LoadedRecording("left", sized("left"), {}, samples, ())) == {}
 
 

@@ -29,7 +29,9 @@ def test_a_movement_is_columns_in_the_units_a_person_reads() -> None:
     columns = movement(truth)
     assert {len(v) for v in columns.values()} == {len(truth)}
     np.testing.assert_allclose(columns["time"], truth.t)
-    np.testing.assert_allclose(columns["index_pip_flexion_deg"] * DEG, truth.angles[:, JOINT["index_pip"], FLEXION])
+    np.testing.assert_allclose(
+        columns["index_pip_flexion_deg"] * DEG, truth.angles[:, JOINT["index_pip"], FLEXION]
+    )
     assert 100 < columns["middle_tip_y_mm"].max() < 220
     assert "hand_quat_w" in columns
 
@@ -52,18 +54,26 @@ def test_a_data_frame_has_the_columns() -> None:
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda p: p.stem)
 @pytest.mark.filterwarnings("ignore")
 def test_the_examples_run(
-    example: Path, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    example: Path,
+    recording: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     pytest.importorskip("pandas")
-    made = {"01_load_and_plot": ["movement.png"], "02_measures": ["figures.csv"]}.get(example.stem, [])
+    made = {"01_load_and_plot": ["movement.png"], "02_measures": ["figures.csv"]}.get(
+        example.stem, []
+    )
     given = [str(recording), *(str(tmp_path / name) for name in made)] if made else []
     monkeypatch.setattr(sys, "argv", [str(example), *given])
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(example), run_name="__main__")
     assert all((tmp_path / name).stat().st_size > 500 for name in made)
-    assert {"01_load_and_plot": "index_pip_flexion_deg", "02_measures": "tapping_rate", "03_tapping_from_arrays": "do not increase"}[
-        example.stem
-    ] in capsys.readouterr().out
+    assert {
+        "01_load_and_plot": "index_pip_flexion_deg",
+        "02_measures": "tapping_rate",
+        "03_tapping_from_arrays": "do not increase",
+    }[example.stem] in capsys.readouterr().out
 
 
 def test_there_are_three_examples() -> None:

@@ -31,7 +31,9 @@ def _record(path: Path, hand: str = "left", **metadata: object) -> list[tuple[fl
             written.append((sent.arrival, encoder.frame(sent.message)))
             recorder.write(written[-1][1], sent.arrival)
         recorder.event("e", EVENT, 103.0)
-        recorder.metadata({"geometry": {"hand_length": 0.19}, "mounting": {"index_middle": [0, 0, 1, 0]}}, 103.0)
+        recorder.metadata(
+            {"geometry": {"hand_length": 0.19}, "mounting": {"index_middle": [0, 0, 1, 0]}}, 103.0
+        )
     return written
 
 
@@ -53,7 +55,9 @@ def test_a_recording_is_what_the_glove_sent(recorded: Recorded) -> None:
     assert set(recording.samples) == {"hand", "index"}
     for name, block in SAMPLES.items():
         np.testing.assert_array_equal(recording.samples[name].values, as_float32(block))
-        np.testing.assert_allclose(recording.samples[name].t, block.t - SAMPLES["hand"].t[0], atol=2e-9)
+        np.testing.assert_allclose(
+            recording.samples[name].t, block.t - SAMPLES["hand"].t[0], atol=2e-9
+        )
     assert recording.hand == "left"
     assert recording.events == (EVENT,)
     assert recording.geometry.palm_length == pytest.approx(0.19 * 0.446)
@@ -80,7 +84,9 @@ def test_cut_anywhere_every_whole_message_is_there(
         if at > 500:  # the first message, the metadata, is whole
             raise
         return
-    assert contents.wire == [(pytest.approx(a, abs=1e-9), d) for a, d in written[: len(contents.wire)]]
+    assert contents.wire == [
+        (pytest.approx(a, abs=1e-9), d) for a, d in written[: len(contents.wire)]
+    ]
     assert contents.file.unread < 500  # bytes: one message
     assert contents.file.finished == (at >= len(whole) - 8)
     assert contents.file.damaged == 0
@@ -94,7 +100,14 @@ def test_a_cut_recording_opens_with_a_warning(tmp_path: Path, recorded: Recorded
     assert 0.5 < recording.duration < 1.5
 
 
-@given(st.dictionaries(st.floats(0, 1, exclude_max=True) | st.floats(0, 0.02), st.integers(1, 255), min_size=1, max_size=4))
+@given(
+    st.dictionaries(
+        st.floats(0, 1, exclude_max=True) | st.floats(0, 0.02),
+        st.integers(1, 255),
+        min_size=1,
+        max_size=4,
+    )
+)
 def test_flipped_bytes_cost_only_the_messages_that_they_hit(
     tmp_path_factory: pytest.TempPathFactory, recorded: Recorded, flips: dict[float, int]
 ) -> None:
@@ -126,7 +139,9 @@ def test_damage_is_told(tmp_path: Path, recorded: Recorded) -> None:
 
 @pytest.mark.parametrize("how", [0x01, 0x02, 0x10, 0x80, 0xFF])
 @pytest.mark.parametrize("byte", range(1, 9))
-def test_a_length_that_was_hit_costs_its_own_message_only(tmp_path: Path, recorded: Recorded, byte: int, how: int) -> None:
+def test_a_length_that_was_hit_costs_its_own_message_only(
+    tmp_path: Path, recorded: Recorded, byte: int, how: int
+) -> None:
     damaged = bytearray(recorded.whole)
     chunk = damaged.index(b"zstd", len(damaged) // 2) - 41
     assert damaged[chunk] == 6  # a chunk record: opcode, then eight bytes of length
@@ -147,7 +162,9 @@ def test_damage_in_the_last_message_is_told_too(tmp_path: Path, recorded: Record
 
 
 @given(st.binary(max_size=300))
-def test_no_file_makes_it_fail_otherwise(tmp_path_factory: pytest.TempPathFactory, garbage: bytes) -> None:
+def test_no_file_makes_it_fail_otherwise(
+    tmp_path_factory: pytest.TempPathFactory, garbage: bytes
+) -> None:
     path = tmp_path_factory.getbasetemp() / "garbage.mcap"
     for content in (garbage, b"\x89MCAP0\r\n" + garbage):
         path.write_bytes(content)
@@ -174,7 +191,9 @@ def _foreign(path: Path, topic: str, data: bytes, profile: str = "") -> None:
         ("metadata", b'{"hand": "left"}', "is no Handscope recording"),
     ],
 )
-def test_an_mcap_file_of_another_program_is_refused(tmp_path: Path, topic: str, data: bytes, words: str) -> None:
+def test_an_mcap_file_of_another_program_is_refused(
+    tmp_path: Path, topic: str, data: bytes, words: str
+) -> None:
     path = tmp_path / "other.mcap"
     _foreign(path, topic, data)
     with pytest.raises(InputError, match=words):
@@ -223,7 +242,9 @@ def test_an_impossible_hand_geometry_is_refused(tmp_path: Path) -> None:
         native.load(path)
 
 
-def test_a_recording_without_samples_is_refused_where_one_is_to_be_processed(tmp_path: Path) -> None:
+def test_a_recording_without_samples_is_refused_where_one_is_to_be_processed(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "empty.mcap"
     with Recorder(path, {"hand": "left"}, 0.0):
         pass
@@ -235,51 +256,86 @@ def test_a_recording_without_samples_is_refused_where_one_is_to_be_processed(tmp
 def test_bursts_that_were_never_described_are_a_warning(tmp_path: Path) -> None:
     path, sent = tmp_path / "odd.mcap", whole_session(SAMPLES)
     with Recorder(path, {"hand": "left"}, 100.0) as recorder:
-        recorder.write(b"".join(frames(s.message for s in sent if s.message != strip("index"))), 100.0)
+        recorder.write(
+            b"".join(frames(s.message for s in sent if s.message != strip("index"))), 100.0
+        )
     assert [w for w in native.load(path).warnings if "50 bursts of samples were left out" in w]
 
 
 def test_what_the_glove_marked_is_an_event(tmp_path: Path) -> None:
     path = tmp_path / "marked.mcap"
     with Recorder(path, {"hand": "left"}, 100.0) as recorder:
-        messages = [*(s.message for s in whole_session(SAMPLES)), Mark(round((ON + 1) * NS), round(NS), "annotation", {"note": "button"})]
+        messages = [
+            *(s.message for s in whole_session(SAMPLES)),
+            Mark(round((ON + 1) * NS), round(NS), "annotation", {"note": "button"}),
+        ]
         recorder.write(b"".join(frames(messages)), 100.0)
         recorder.event("e", EVENT, 101.0)
-    assert [(e.trial_type, e.onset) for e in native.load(path).events] == [("task", 0.5), ("annotation", pytest.approx(1.0))]
+    assert [(e.trial_type, e.onset) for e in native.load(path).events] == [
+        ("task", 0.5),
+        ("annotation", pytest.approx(1.0)),
+    ]
 
 
 def test_a_strip_described_anew_goes_on_as_a_stream_of_its_own(tmp_path: Path) -> None:
     path, sent = tmp_path / "anew.mcap", [s.message for s in whole_session(SAMPLES)]
     half = len(sent) // 2
     with Recorder(path, {"hand": "left"}, 100.0) as recorder:
-        recorder.write(b"".join(frames([*sent[:half], info("index", rate=200.0), *sent[half:]])), 100.0)
+        recorder.write(
+            b"".join(frames([*sent[:half], info("index", rate=200.0), *sent[half:]])), 100.0
+        )
     recording = native.load(path)
-    assert {name: b.stream.rate for name, b in recording.samples.items()} == {"hand": 100.0, "index": 100.0, "index-2": 200.0}
+    assert {name: b.stream.rate for name, b in recording.samples.items()} == {
+        "hand": 100.0,
+        "index": 100.0,
+        "index-2": 200.0,
+    }
     assert recording.samples["index-2"].stream.name == "index-2"
-    assert len(recording.samples["index"].t) + len(recording.samples["index-2"].t) == len(SAMPLES["index"].t)
+    assert len(recording.samples["index"].t) + len(recording.samples["index-2"].t) == len(
+        SAMPLES["index"].t
+    )
 
 
-def test_where_magnetometers_and_magnet_are_is_kept_as_the_glove_tells_and_as_somebody_measured_it_better(tmp_path: Path) -> None:
+def test_where_magnetometers_and_magnet_are_is_kept_as_the_glove_tells_and_as_somebody_measured_it_better(
+    tmp_path: Path,
+) -> None:
     told = Plate({"trunk_mag_1": (0.0, 0.125, 0.0)}, (0.0, 0.0, 0.5), (0.0, 0.25, 0.0), 2.0**-14)
     for name, metadata in (
         ("glove", {}),
-        ("person", {"magnet_setup": {"places": {"trunk_mag_1": [0, 0.1, 0]}, "moment": [0, 0, 0.3], "earth": 5e-5}}),
+        (
+            "person",
+            {
+                "magnet_setup": {
+                    "places": {"trunk_mag_1": [0, 0.1, 0]},
+                    "moment": [0, 0, 0.3],
+                    "earth": 5e-5,
+                }
+            },
+        ),
     ):
         with Recorder(tmp_path / f"{name}.mcap", {"hand": "left", **metadata}, 100.0) as recorder:
             for frame in frames([identity(), told]):
                 recorder.write(frame, 100.0)
     assert native.load(tmp_path / "glove.mcap").plate == told
     measured = native.load(tmp_path / "person.mcap").plate
-    assert measured == Plate({"trunk_mag_1": (0.0, 0.1, 0.0)}, (0.0, 0.0, 0.3), (0.0, 0.0, 0.0), 5e-5)
+    assert measured == Plate(
+        {"trunk_mag_1": (0.0, 0.1, 0.0)}, (0.0, 0.0, 0.3), (0.0, 0.0, 0.0), 5e-5
+    )
 
 
-def test_strips_found_on_each_others_finger_are_read_as_worn_from_the_beginning(tmp_path: Path) -> None:
-    two = {name: cut(in_strips("left").samples[name], [250])[0] for name in ("hand", "index", "ring")}
+def test_strips_found_on_each_others_finger_are_read_as_worn_from_the_beginning(
+    tmp_path: Path,
+) -> None:
+    two = {
+        name: cut(in_strips("left").samples[name], [250])[0] for name in ("hand", "index", "ring")
+    }
     path, encoder = tmp_path / "exchanged.mcap", Encoder()
     with Recorder(path, {"hand": "left"}, 100.0) as recorder:
         for sent in whole_session(two, Format.FLOAT32):
             recorder.write(encoder.frame(sent.message), sent.arrival)
-        recorder.metadata({"exchanged_strips": {"index": "ring", "ring": "index"}}, 103.0)  # found out at the end
+        recorder.metadata(
+            {"exchanged_strips": {"index": "ring", "ring": "index"}}, 103.0
+        )  # found out at the end
     read, plain = formats_recordings.load(path), in_strips("left")
     for finger, other in (("index", "ring"), ("ring", "index")):
         assert read.samples[finger].stream.sensors == plain.samples[finger].stream.sensors

@@ -47,12 +47,26 @@ def test_everything_written_comes_back(tmp_path: Path) -> None:
     with Recorder(path, {"hand": "left", "note": "Łódź"}, 50.0, BEGAN) as recorder:
         recorder.write(b"\1\2\3", 50.25)
         recorder.command(b"\4", 50.5)
-        recorder.event("e1", Event(1.0, 3.0, "task", {"task_name": "rom", "angle": np.float64(2.5), "list": np.arange(2)}), 51.0)
+        recorder.event(
+            "e1",
+            Event(
+                1.0,
+                3.0,
+                "task",
+                {"task_name": "rom", "angle": np.float64(2.5), "list": np.arange(2)},
+            ),
+            51.0,
+        )
         recorder.write(b"\5", 51.5)
         assert recorder.bytes_written > 5
     contents = native.read(path)
-    assert contents.wire == [(pytest.approx(50.25, abs=1e-9), b"\1\2\3"), (pytest.approx(51.5, abs=1e-9), b"\5")]
-    assert contents.events == {"e1": Event(1.0, 3.0, "task", {"task_name": "rom", "angle": 2.5, "list": [0, 1]})}
+    assert contents.wire == [
+        (pytest.approx(50.25, abs=1e-9), b"\1\2\3"),
+        (pytest.approx(51.5, abs=1e-9), b"\5"),
+    ]
+    assert contents.events == {
+        "e1": Event(1.0, 3.0, "task", {"task_name": "rom", "angle": 2.5, "list": [0, 1]})
+    }
     assert contents.metadata["note"] == "Łódź"
     assert contents.metadata["start_utc"] == "2025-03-01T12:00:00+00:00"
     assert (contents.file.finished, contents.file.damaged, contents.file.unread) == (True, 0, 0)
@@ -72,7 +86,9 @@ def test_an_event_may_be_replaced_and_taken_back_and_metadata_changed(tmp_path: 
     assert (contents.metadata["task"], contents.metadata["hand"]) == ("tapping", "left")
 
 
-def test_times_of_arrival_come_back_to_the_bit_where_they_are_whole_nanoseconds(tmp_path: Path) -> None:
+def test_times_of_arrival_come_back_to_the_bit_where_they_are_whole_nanoseconds(
+    tmp_path: Path,
+) -> None:
     """So that a recording played again maps clocks exactly as the live view did: take monotonic_ns() * 1e-9."""
     arrivals = [ns * 1e-9 for ns in (1, 123_456_789_012_345, 999_999_999_999_999)]
     path = tmp_path / "a.mcap"
@@ -87,7 +103,10 @@ def test_any_mcap_reader_can_read_a_finished_recording(tmp_path: Path) -> None:
     with Recorder(path, {"hand": "left"}, 0.0, BEGAN) as recorder:
         recorder.write(b"abc", 0.5)
     with path.open("rb") as file:
-        found = [(channel.topic, message.data, message.log_time) for _, channel, message in make_reader(file).iter_messages()]
+        found = [
+            (channel.topic, message.data, message.log_time)
+            for _, channel, message in make_reader(file).iter_messages()
+        ]
     assert [topic for topic, _, _ in found] == ["metadata", "wire"]
     assert found[1] == ("wire", b"abc", round(BEGAN.timestamp() * 1e9) + 500_000_000)
 
@@ -100,7 +119,9 @@ def test_an_existing_recording_is_never_written_over(tmp_path: Path) -> None:
     assert path.read_bytes() == b"precious"
 
 
-def test_each_message_is_handed_to_the_system_at_once_and_to_the_disk_every_second(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_each_message_is_handed_to_the_system_at_once_and_to_the_disk_every_second(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     synced: list[int] = []
     monkeypatch.setattr("handscope.sessions.files.recorder.os.fsync", synced.append)
     path = tmp_path / "a.mcap"

@@ -14,12 +14,24 @@ from tests.simulated import in_strips, loaded
 
 
 def _stream(name: str, start: float, n: int, rate: float) -> Block:
-    return Block(Stream(name, ("hand",), (GYR, ACC), rate), start + np.arange(n) / rate, np.arange(6.0 * n).reshape(n, 1, 6))
+    return Block(
+        Stream(name, ("hand",), (GYR, ACC), rate),
+        start + np.arange(n) / rate,
+        np.arange(6.0 * n).reshape(n, 1, 6),
+    )
 
 
-@given(st.floats(-5, 5), st.integers(1, 5000), st.sampled_from([10.0, 33.3, 100.0]), st.floats(-20, 20))
-def test_every_sample_comes_once_and_in_order(start: float, n: int, rate: float, later: float) -> None:
-    blocks = {"a": _stream("a", start, n, rate), "b": _stream("b", start + later, n // 2, rate / 2), "c": _stream("c", 0, 0, 50.0)}
+@given(
+    st.floats(-5, 5), st.integers(1, 5000), st.sampled_from([10.0, 33.3, 100.0]), st.floats(-20, 20)
+)
+def test_every_sample_comes_once_and_in_order(
+    start: float, n: int, rate: float, later: float
+) -> None:
+    blocks = {
+        "a": _stream("a", start, n, rate),
+        "b": _stream("b", start + later, n // 2, rate / 2),
+        "c": _stream("c", 0, 0, 50.0),
+    }
     recording = replace(loaded(in_strips("left")), samples=blocks)
     pieces = list(recording.blocks())
     for name in ("a", "b") if n > 1 else ("a",):
@@ -41,7 +53,10 @@ def test_a_sample_on_the_edge_of_a_slice_is_neither_lost_nor_doubled() -> None:
 
 
 def test_its_duration_is_from_the_first_to_the_last_sample_of_any_stream() -> None:
-    recording = replace(loaded(in_strips("left")), samples={"a": _stream("a", 1.0, 101, 100.0), "b": _stream("b", 1.5, 201, 100.0)})
+    recording = replace(
+        loaded(in_strips("left")),
+        samples={"a": _stream("a", 1.0, 101, 100.0), "b": _stream("b", 1.5, 201, 100.0)},
+    )
     assert recording.duration == pytest.approx(2.5)
     assert replace(recording, samples={}).duration == 0.0
     assert list(replace(recording, samples={}).blocks()) == []

@@ -15,13 +15,22 @@ from handscope.sessions.formats.c3d import read_markers
 NAMES = ("hand_1", "hand_2", "index_tip")
 
 
-def written(path: Path, places: np.ndarray, names: tuple[str, ...] = NAMES, unit: str = "mm", rate: float = 120.0) -> Path:
+def written(
+    path: Path,
+    places: np.ndarray,
+    names: tuple[str, ...] = NAMES,
+    unit: str = "mm",
+    rate: float = 120.0,
+) -> Path:
     """A C3D file of places (n, markers, 3) in its unit; a marker that is not a number is marked as not seen."""
     writer = c3d.Writer(point_rate=rate, analog_rate=0, point_scale=-1.0, point_units=unit)
     writer.set_point_labels(names)
     seen = np.isfinite(places).all(axis=-1)
     points = np.zeros((*places.shape[:2], 5), np.float32)
-    points[..., :3], points[..., 3] = np.where(seen[..., None], places, 0.0), np.where(seen, 0.5, -1.0)
+    points[..., :3], points[..., 3] = (
+        np.where(seen[..., None], places, 0.0),
+        np.where(seen, 0.5, -1.0),
+    )
     writer.add_frames([(frame, np.array([[]])) for frame in points])
     with path.open("wb") as file, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that there are no analogue channels
@@ -34,7 +43,9 @@ def places(n: int = 60) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("mm", 1e-3), ("m", 1.0), ("cm", 1e-2)])
-def test_markers_come_in_metres_with_their_names_and_rate(tmp_path: Path, unit: str, factor: float) -> None:
+def test_markers_come_in_metres_with_their_names_and_rate(
+    tmp_path: Path, unit: str, factor: float
+) -> None:
     markers = read_markers(written(tmp_path / "a.c3d", places(), unit=unit))
     assert markers.names == NAMES
     np.testing.assert_allclose(markers.places, places() * factor, rtol=1e-6)
@@ -114,21 +125,32 @@ def raw(
         + struct.pack(order + "h", 3)
         + b"\0"
         + b"".join(
-            b"%c\x02" % len(name) + name + rest for name, rest in [_number("USED", order, "h", used), _number("RATE", order, "f", 120.0)]
+            b"%c\x02" % len(name) + name + rest
+            for name, rest in [
+                _number("USED", order, "h", used),
+                _number("RATE", order, "f", 120.0),
+            ]
         )
         + b"\0\0"
     )
-    head = struct.pack(order + "BBhhhhhfhhf", 2, 80, markers, said, first, first + n - 1, 10, scale, 4, 1, 120.0)
+    head = struct.pack(
+        order + "BBhhhhhfhhf", 2, 80, markers, said, first, first + n - 1, 10, scale, 4, 1, 120.0
+    )
     kind, factor = ("f", 1.0) if scale < 0 else ("h", scale)
     data = b""
     for frame in places:
         for place in frame:
             seen = bool(np.isfinite(place).all())
             values = [*(np.where(seen, place, 0.0) / factor), 0.0 if seen else -1.0]
-            data += struct.pack(f"{order}4{kind}", *(values if kind == "f" else [round(v) for v in values]))
+            data += struct.pack(
+                f"{order}4{kind}", *(values if kind == "f" else [round(v) for v in values])
+            )
         data += struct.pack(f"{order}{words}{kind}", *[7] * words)
     processor = {"<": 84, ">": 86}[order]
-    return b"".join(part + b"\0" * (-len(part) % 512) for part in (head, bytes([1, 80, 2, processor]) + section.ljust(1020, b"\0"), data))
+    return b"".join(
+        part + b"\0" * (-len(part) % 512)
+        for part in (head, bytes([1, 80, 2, processor]) + section.ljust(1020, b"\0"), data)
+    )
 
 
 def _number(name: str, order: str, kind: str, value: float) -> tuple[bytes, bytes]:
@@ -138,7 +160,11 @@ def _number(name: str, order: str, kind: str, value: float) -> tuple[bytes, byte
 
 
 def _text(name: str, order: str, width: int, words: tuple[str, ...]) -> tuple[bytes, bytes]:
-    body = bytes([255, 2, width, len(words)]) + b"".join(word.encode().ljust(width) for word in words) + b"\0"
+    body = (
+        bytes([255, 2, width, len(words)])
+        + b"".join(word.encode().ljust(width) for word in words)
+        + b"\0"
+    )
     return name.encode(), struct.pack(order + "h", len(body) + 2) + body
 
 
@@ -159,14 +185,18 @@ def _text(name: str, order: str, width: int, words: tuple[str, ...]) -> tuple[by
         ({"analogue": (14, 2, 14)}, 1e-3),  # the header is
     ],
 )
-def test_files_as_programs_write_them_are_read(tmp_path: Path, what: dict[str, Any], factor: float) -> None:
+def test_files_as_programs_write_them_are_read(
+    tmp_path: Path, what: dict[str, Any], factor: float
+) -> None:
     """Each of these came with a public sample of some program's; places as they were put in, a hidden marker hidden."""
     put = places()
     put[20:30, 1] = np.nan
     (tmp_path / "a.c3d").write_bytes(raw(put, **what))
     markers = read_markers(tmp_path / "a.c3d")
     assert markers.names == NAMES
-    np.testing.assert_allclose(markers.places, put * factor, atol=factor * max(what.get("scale", 0.0), 1e-4))
+    np.testing.assert_allclose(
+        markers.places, put * factor, atol=factor * max(what.get("scale", 0.0), 1e-4)
+    )
     np.testing.assert_allclose(markers.t, np.arange(60) / 120.0)
 
 

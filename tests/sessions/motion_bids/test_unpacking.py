@@ -27,7 +27,14 @@ def record(*records: object) -> bytes:
 
 def chunk(packed: bytes, size: int, crc: int, compression: str = "zstd") -> bytes:
     return record(
-        Chunk(compression=compression, data=packed, message_start_time=0, message_end_time=0, uncompressed_crc=crc, uncompressed_size=size)
+        Chunk(
+            compression=compression,
+            data=packed,
+            message_start_time=0,
+            message_end_time=0,
+            uncompressed_crc=crc,
+            uncompressed_size=size,
+        )
     )
 
 
@@ -56,17 +63,24 @@ def test_a_message_of_a_gigabyte_of_nothing_is_not_unpacked(tmp_path: Path) -> N
     packed = b"".join(pack.compress(bytes(8 * MB)) for _ in range(128)) + pack.flush()
     assert len(packed) < MB
     assert peak(recorded(tmp_path, chunk(packed, 2**30, 0))) < 16 * MB
-    assert peak(recorded(tmp_path, chunk(packed, 100, 0))) < 16 * MB  # the chunk says another size than its data
+    assert (
+        peak(recorded(tmp_path, chunk(packed, 100, 0))) < 16 * MB
+    )  # the chunk says another size than its data
 
 
-def test_a_frame_that_does_not_say_its_size_unpacks_to_no_more_than_the_chunk_says(tmp_path: Path) -> None:
+def test_a_frame_that_does_not_say_its_size_unpacks_to_no_more_than_the_chunk_says(
+    tmp_path: Path,
+) -> None:
     pack = zstandard.ZstdCompressor(level=1).compressobj()
     packed = b"".join(pack.compress(bytes(8 * MB)) for _ in range(32)) + pack.flush()
     assert peak(recorded(tmp_path, chunk(packed, 1000, 0))) < 16 * MB
 
 
 def test_many_small_chunks_that_unpack_to_much_are_refused(tmp_path: Path) -> None:
-    content = record(CHANNELS["wire"], Message(channel_id=1, log_time=0, data=bytes(8 * MB), publish_time=0, sequence=1))
+    content = record(
+        CHANNELS["wire"],
+        Message(channel_id=1, log_time=0, data=bytes(8 * MB), publish_time=0, sequence=1),
+    )
     one = chunk(zstandard.compress(content), len(content), zlib.crc32(content))
     with pytest.raises(InputError, match="no glove sends that, it was not opened"):
         native.read(recorded(tmp_path, one * 40))

@@ -43,15 +43,32 @@ def server() -> Iterator[str]:
 def filled(store: Store) -> Store:
     with store.database() as db:
         for k, word in enumerate(("Plum", "Grüße ✓", "Quince")):
-            patient = patients.create(db, word, confirmed=True, year_of_birth=1950 + k, note=f"fell from a {word}")
-            session = PatientSession(patient=patient, hand="left", state="processed", started=datetime(2026, 3, 4, 5, 6, 7, 89, UTC))
+            patient = patients.create(
+                db, word, confirmed=True, year_of_birth=1950 + k, note=f"fell from a {word}"
+            )
+            session = PatientSession(
+                patient=patient,
+                hand="left",
+                state="processed",
+                started=datetime(2026, 3, 4, 5, 6, 7, 89, UTC),
+            )
             name = f"recordings/{k}.mcap"
             (store.folder / name).write_bytes(bytes(range(256)) * (k + 1))
             file = RecordingFile(
-                session=session, format="native", file=name, sha256=file_checksum(store.folder / name), summary={"duration": 0.1 + k}
+                session=session,
+                format="native",
+                file=name,
+                sha256=file_checksum(store.folder / name),
+                summary={"duration": 0.1 + k},
             )
             made = Result(
-                recording=file, key="k", method="m2", version="1", state="done", content={"of": [word, None, 1e-17, True]}, progress=1 / 3
+                recording=file,
+                key="k",
+                method="m2",
+                version="1",
+                state="done",
+                content={"of": [word, None, 1e-17, True]},
+                progress=1 / 3,
             )
             db.add(made)
             db.commit()
@@ -59,7 +76,9 @@ def filled(store: Store) -> Store:
             (store.folder / f"results/{made.id}.npz").write_bytes(word.encode())
         running = PatientSession(patient_id=1, hand="right")
         login = Login(token_hash="0" * 64, account=accounts.local(db))
-        db.add_all([RecordingFile(session=running, format="native", file="recordings/runs.mcap"), login])
+        db.add_all(
+            [RecordingFile(session=running, format="native", file="recordings/runs.mcap"), login]
+        )
         db.commit()
         (store.folder / "recordings/runs.mcap").write_bytes(b"as far as it goes")
         erasure.erase(db, store, 3, "Quince")
@@ -71,7 +90,11 @@ def rows(folder: Path, url: str | None = None) -> dict[str, list[Any]]:
     engine, metadata = connected(folder, url), MetaData()
     metadata.reflect(engine)
     with engine.connect() as connection:
-        found = {t.name: sorted(map(repr, connection.execute(select(t)))) for t in metadata.sorted_tables if t.name != "login"}
+        found = {
+            t.name: sorted(map(repr, connection.execute(select(t))))
+            for t in metadata.sorted_tables
+            if t.name != "login"
+        }
     engine.dispose()
     return found
 
@@ -87,15 +110,25 @@ def test_what_is_restored_is_what_was_backed_up(store: Store, tmp_path: Path) ->
     assert (tmp_path / "b.zip").stat().st_mode & 0o077 == 0  # nobody else may read it
     manifest = backup.restore(tmp_path / "b.zip", tmp_path / "new")
     before, after = rows(store.folder), rows(tmp_path / "new")
-    assert before == after and len(before["patient"]) == 2 and sum("'erased', 'patient'" in line for line in before["audit"]) == 1
-    assert files(tmp_path / "new") == {n: data for n, data in files(store.folder).items() if not n.startswith("tokens/")}
+    assert (
+        before == after
+        and len(before["patient"]) == 2
+        and sum("'erased', 'patient'" in line for line in before["audit"]) == 1
+    )
+    assert files(tmp_path / "new") == {
+        n: data for n, data in files(store.folder).items() if not n.startswith("tokens/")
+    }
     assert manifest["files"].keys() == {"database.jsonl", *files(tmp_path / "new")}
     again = open_store(tmp_path / "new")
     with again.database() as db:
         assert db.scalar(select(Login)) is None
         assert audit.verified(db).broken == "" and audit.verified(db).lines == len(before["audit"])
-        assert patients.create(db, "P-4").id == 4, "the number of an erased patient is never given again"
-        assert db.scalars(select(PatientSession.started).where(PatientSession.id == 1)).one() == datetime(2026, 3, 4, 5, 6, 7, 89, UTC)
+        assert patients.create(db, "P-4").id == 4, (
+            "the number of an erased patient is never given again"
+        )
+        assert db.scalars(
+            select(PatientSession.started).where(PatientSession.id == 1)
+        ).one() == datetime(2026, 3, 4, 5, 6, 7, 89, UTC)
 
 
 def test_a_backup_moves_to_postgresql_and_back(store: Store, tmp_path: Path, server: str) -> None:
@@ -115,7 +148,9 @@ def test_a_backup_moves_to_postgresql_and_back(store: Store, tmp_path: Path, ser
     with store.database() as db, open_store(tmp_path / "back").database() as other:
         whole = audit.verified(db)
         patients.create(db, "P-4", created=other.get_one(Patient, 4).created)
-        found = audit.verified(other, [(whole.lines, whole.last), backup.audit_head(tmp_path / "b.zip")])
+        found = audit.verified(
+            other, [(whole.lines, whole.last), backup.audit_head(tmp_path / "b.zip")]
+        )
     assert (found.lines, found.broken) == (whole.lines + 1, "")
     before, after = ({**rows(folder), "audit": []} for folder in (store.folder, tmp_path / "back"))
     assert before == after
@@ -148,7 +183,9 @@ def test_a_backup_made_while_others_write_is_of_one_moment(store: Store, tmp_pat
     assert counts[-1] > counts[0], "writing went on meanwhile"
 
 
-def test_a_patient_erased_while_the_backup_is_made_is_not_in_it(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_patient_erased_while_the_backup_is_made_is_not_in_it(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     others, erased = backup._others, []
 
     def slow(folder: Path) -> Iterator[str]:
@@ -160,7 +197,9 @@ def test_a_patient_erased_while_the_backup_is_made_is_not_in_it(store: Store, tm
     monkeypatch.setattr(backup, "_others", slow)
     assert backup.write(store.folder, None, tmp_path / "b.zip", "1").problems == []
     with zipfile.ZipFile(tmp_path / "b.zip") as archive:
-        assert "Grüße" not in "".join(archive.read(name).decode("latin-1") for name in archive.namelist())
+        assert "Grüße" not in "".join(
+            archive.read(name).decode("latin-1") for name in archive.namelist()
+        )
         assert "Grüße".encode() not in archive.read("database.jsonl")
 
 
@@ -189,7 +228,9 @@ def test_a_backup_with_a_wrong_byte_or_cut_short_is_refused_or_restores_the_same
     at = data.draw(st.integers(0, len(whole) - 1))
     cut = data.draw(st.booleans())
     (folder / "b.zip").write_bytes(
-        whole[:at] if cut else whole[:at] + bytes([whole[at] ^ data.draw(st.integers(1, 255))]) + whole[at + 1 :]
+        whole[:at]
+        if cut
+        else whole[:at] + bytes([whole[at] ^ data.draw(st.integers(1, 255))]) + whole[at + 1 :]
     )
     try:
         manifest = backup.restore(folder / "b.zip", folder / "new")
@@ -204,12 +245,20 @@ def test_a_backup_with_a_wrong_byte_or_cut_short_is_refused_or_restores_the_same
         }.items()
 
 
-@pytest.mark.parametrize("name", ["../outside", "/tmp/handscope-outside", "a/../../outside", "restoring"])
+@pytest.mark.parametrize(
+    "name", ["../outside", "/tmp/handscope-outside", "a/../../outside", "restoring"]
+)
 def test_a_crafted_backup_writes_nowhere_else(name: str, whole: bytes, tmp_path: Path) -> None:
     (tmp_path / "w.zip").write_bytes(whole)
-    with zipfile.ZipFile(tmp_path / "w.zip") as good, zipfile.ZipFile(tmp_path / "b.zip", "w") as bad:
+    with (
+        zipfile.ZipFile(tmp_path / "w.zip") as good,
+        zipfile.ZipFile(tmp_path / "b.zip", "w") as bad,
+    ):
         manifest = json.loads(good.read("manifest.json"))
-        manifest["files"][name] = {"bytes": 0, "sha256": "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"}
+        manifest["files"][name] = {
+            "bytes": 0,
+            "sha256": "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855",
+        }
         for kept in set(good.namelist()) - {"manifest.json"}:
             bad.writestr(kept, good.read(kept))
         bad.writestr(name, b"")
@@ -226,7 +275,11 @@ def _rows_exchanged(whole: bytes, lines: bytes) -> bytes:
         manifest = json.loads(old.read("manifest.json"))
         manifest["files"]["database.jsonl"]["sha256"] = hashlib.sha256(lines).hexdigest()
         for name in old.namelist():
-            new.writestr(name, {"manifest.json": json.dumps(manifest).encode(), "database.jsonl": lines}.get(name) or old.read(name))
+            new.writestr(
+                name,
+                {"manifest.json": json.dumps(manifest).encode(), "database.jsonl": lines}.get(name)
+                or old.read(name),
+            )
     return made.getvalue()
 
 
@@ -235,7 +288,10 @@ def _rows_exchanged(whole: bytes, lines: bytes) -> bytes:
     [
         (lambda whole: whole[100:], "is damaged or no backup"),
         (lambda whole: _rows_exchanged(whole, b"{}"), "not those of a Handscope database"),
-        (lambda whole: _rows_exchanged(whole, b'{"revision":"0001"}\n{"table":"nobody"}'), "not those of a Handscope database"),
+        (
+            lambda whole: _rows_exchanged(whole, b'{"revision":"0001"}\n{"table":"nobody"}'),
+            "not those of a Handscope database",
+        ),
     ],
 )
 def test_a_backup_without_its_beginning_or_with_other_rows_is_refused_in_words(
@@ -272,7 +328,10 @@ def test_an_interrupted_restore_is_not_taken_for_data(store: Store, tmp_path: Pa
 
 
 def test_a_backup_of_an_earlier_schema_is_brought_up_to_date(tmp_path: Path) -> None:
-    old, new = create_engine(f"sqlite:///{tmp_path}/old.db"), create_engine(f"sqlite:///{tmp_path}/new.db")
+    old, new = (
+        create_engine(f"sqlite:///{tmp_path}/old.db"),
+        create_engine(f"sqlite:///{tmp_path}/new.db"),
+    )
     upgrade(old, "0001")
     with old.begin() as connection:
         connection.execute(

@@ -8,7 +8,14 @@ from sqlalchemy import func, select
 
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit, notes, patients
-from handscope.sessions.db.tables import Base, ErasedFile, Patient, PatientSession, RecordingFile, Result
+from handscope.sessions.db.tables import (
+    Base,
+    ErasedFile,
+    Patient,
+    PatientSession,
+    RecordingFile,
+    Result,
+)
 from handscope.sessions.motion_bids import writer
 from handscope.sessions.store import erasure, records
 from handscope.sessions.store.store import Store, open_store
@@ -20,14 +27,22 @@ def store(tmp_path: Path) -> Store:
     return open_store(tmp_path)
 
 
-def kept(store: Store, pseudonym: str, word: str, state: str = "processed", result: str = "done") -> int:
+def kept(
+    store: Store, pseudonym: str, word: str, state: str = "processed", result: str = "done"
+) -> int:
     """A patient with a note, a session, a recording's file and a result's; the id."""
     with store.database() as db:
         patient = patients.create(db, pseudonym, note=f"fell from {word}")
-        session = PatientSession(patient=patient, hand="left", state=state, examiner=f"examined by {word}")
+        session = PatientSession(
+            patient=patient, hand="left", state=state, examiner=f"examined by {word}"
+        )
         name = f"recordings/{pseudonym}.mcap"
-        file = RecordingFile(session=session, format="native", file=name, original_name=f"{word}.zip", sha256=word)
-        made = Result(recording=file, key="k", method="m2", version="1", state=result, content={"of": word})
+        file = RecordingFile(
+            session=session, format="native", file=name, original_name=f"{word}.zip", sha256=word
+        )
+        made = Result(
+            recording=file, key="k", method="m2", version="1", state=result, content={"of": word}
+        )
         db.add(made)
         db.commit()
         (store.folder / "results").mkdir(exist_ok=True)
@@ -53,10 +68,20 @@ def test_nothing_is_left_of_an_erased_patient_and_everything_of_another(store: S
         counts = erasure.erase(db, store, quince, "  Quince-4712 ")
     for secret in (b"Quince", b"a ladder"):
         assert mentions(store, secret) == []
-    assert counts == {"sessions": 1, "recordings": 1, "results": 1, "notes": 1, "bytes": 2 * len("movement of Quince-4711")}
+    assert counts == {
+        "sessions": 1,
+        "recordings": 1,
+        "results": 1,
+        "notes": 1,
+        "bytes": 2 * len("movement of Quince-4711"),
+    }
     with store.database() as db:
         assert [p.id for p in db.scalars(select(Patient))] == [other]
-        assert {n: db.scalar(select(func.count()).select_from(t)) for n, t in Base.metadata.tables.items() if n in ("result", "note")} == {
+        assert {
+            n: db.scalar(select(func.count()).select_from(t))
+            for n, t in Base.metadata.tables.items()
+            if n in ("result", "note")
+        } == {
             "result": 1,
             "note": 1,
         }
@@ -74,7 +99,9 @@ def test_nothing_is_left_of_an_erased_patient_and_everything_of_another(store: S
         ("Quince-4711", "recorded", "running", "results of Quince-4711 are being computed"),
     ],
 )
-def test_nothing_is_erased_by_a_slip_or_while_work_goes_on(store: Store, typed: str, state: str, result: str, sentence: str) -> None:
+def test_nothing_is_erased_by_a_slip_or_while_work_goes_on(
+    store: Store, typed: str, state: str, result: str, sentence: str
+) -> None:
     quince = kept(store, "Quince-4711", "a ladder", state, result)
     before = mentions(store, b"Quince-4711")
     with store.database() as db, pytest.raises(InputError, match=sentence):
@@ -84,7 +111,9 @@ def test_nothing_is_erased_by_a_slip_or_while_work_goes_on(store: Store, typed: 
         assert erasure.erasures(db) == []
 
 
-def test_files_that_a_power_cut_left_are_removed_by_the_next_start(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_that_a_power_cut_left_are_removed_by_the_next_start(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
     quince = kept(store, "Quince-4711", "a ladder")
 
     def power_cut(*_: object) -> None:
@@ -112,7 +141,9 @@ def test_an_upload_that_a_power_cut_left_without_a_session_is_removed_by_the_nex
 
     def uploaded(name: str) -> Path:
         place = store.incoming / name
-        place.write_bytes(writer.packed(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle")))
+        place.write_bytes(
+            writer.packed(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle"))
+        )
         return place
 
     with store.database() as db:
@@ -123,4 +154,6 @@ def test_an_upload_that_a_power_cut_left_without_a_session_is_removed_by_the_nex
             records.add_upload(db, store, patient, uploaded("b.zip"), "b.zip", None)
     assert len(list((store.folder / "recordings").iterdir())) == 2
     open_store(store.folder).close()
-    assert [p.name for p in (store.folder / "recordings").iterdir()] == [Path(f.file).name for f in whole.recordings]
+    assert [p.name for p in (store.folder / "recordings").iterdir()] == [
+        Path(f.file).name for f in whole.recordings
+    ]

@@ -22,7 +22,9 @@ GOOD = "seven hands on a table"
 def cheap() -> Iterator[None]:
     """Hashes that cost next to nothing."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(accounts, "_hasher", PasswordHasher(time_cost=1, memory_cost=8, parallelism=1))
+        patch.setattr(
+            accounts, "_hasher", PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
+        )
         accounts._nobodys.cache_clear()
         yield
     accounts._nobodys.cache_clear()
@@ -53,7 +55,12 @@ def tried(store: Store, name: str, password: str, address: str = "10.0.0.1") -> 
 def test_a_password_is_kept_as_an_argon2id_hash_alone_made_anew_when_its_parameters_are_old(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name, password in (("anna", GOOD + " "), ("anna", ""), ("nobody", GOOD), ("ben", "seven hands on a Table")):
+    for name, password in (
+        ("anna", GOOD + " "),
+        ("anna", ""),
+        ("nobody", GOOD),
+        ("ben", "seven hands on a Table"),
+    ):
         assert tried(store, name, password) is None
     monkeypatch.setattr(accounts, "_hasher", PasswordHasher())
     assert tried(store, " Anna ", GOOD) == "anna"
@@ -64,14 +71,18 @@ def test_a_password_is_kept_as_an_argon2id_hash_alone_made_anew_when_its_paramet
     assert not any(GOOD.encode() in p.read_bytes() for p in store.folder.rglob("*") if p.is_file())
 
 
-@pytest.mark.parametrize("password", ["short", "x" * 257, "aaaaaaaaaaaaaaaa", "ababababababab", "my name is anna", ""])
+@pytest.mark.parametrize(
+    "password", ["short", "x" * 257, "aaaaaaaaaaaaaaaa", "ababababababab", "my name is anna", ""]
+)
 def test_a_password_that_is_easily_guessed_is_refused(store: Store, password: str) -> None:
     with store.database() as db, pytest.raises(InputError):
         accounts.set_password(db, accounts.named(db, "anna"), password)
     assert tried(store, "anna", GOOD) == "anna"
 
 
-def test_an_account_is_closed_after_five_tries_wherever_they_came_from_and_a_restart_forgets_none(store: Store) -> None:
+def test_an_account_is_closed_after_five_tries_wherever_they_came_from_and_a_restart_forgets_none(
+    store: Store,
+) -> None:
     for k in range(MOST_OF_ACCOUNT):
         assert tried(store, "anna", "wrong", f"10.0.0.{k}") is None
     again = open_store(store.folder)
@@ -108,7 +119,9 @@ def test_tries_at_once_are_counted_before_any_is_checked(store: Store) -> None:
     assert set(outcomes) == {"None", "throttled"}
 
 
-def test_a_code_of_an_account_that_is_out_of_use_lets_nobody_in(store: Store, tmp_path: Path) -> None:
+def test_a_code_of_an_account_that_is_out_of_use_lets_nobody_in(
+    store: Store, tmp_path: Path
+) -> None:
     token = logins.new_token(store.folder, "ben")
     with store.database() as db:
         ben = accounts.named(db, "ben")
@@ -120,7 +133,9 @@ def test_a_code_of_an_account_that_is_out_of_use_lets_nobody_in(store: Store, tm
             assert logins.redeem(db, store, logins.new_token(store.folder, name)) is None
 
 
-def test_a_person_whose_first_login_comes_twice_at_once_has_one_account(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_person_whose_first_login_comes_twice_at_once_has_one_account(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
     name = accounts._name
 
     def meanwhile(word: str) -> str:

@@ -19,7 +19,10 @@ def test_a_disk_that_takes_nothing_is_named_before_the_database_is_touched(
         raise OSError(why, os.strerror(why))
 
     monkeypatch.setattr(Path, "write_bytes", refuse)
-    with pytest.raises(InputError, match=f"the data folder {tmp_path} cannot be written to: {os.strerror(why)}; mend that"):
+    with pytest.raises(
+        InputError,
+        match=f"the data folder {tmp_path} cannot be written to: {os.strerror(why)}; mend that",
+    ):
         open_store(tmp_path)
     assert {p.name for p in tmp_path.rglob("*")} == {"incoming", "recordings"}
 
@@ -31,4 +34,6 @@ def test_a_database_of_a_newer_version_is_refused_and_left_as_it_is(tmp_path: Pa
     with pytest.raises(InputError, match="has the schema 9999 of a newer version of Handscope"):
         open_store(tmp_path)
     with connected(tmp_path).connect() as connection:
-        assert connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar() == "9999"
+        assert (
+            connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar() == "9999"
+        )

@@ -47,7 +47,13 @@ def filled(folder: Path, url: str | None) -> Store:
     (folder / FIGURES).write_bytes(b"figures")
     with store.database() as db:
         session = PatientSession(patient=patients.create(db, "P-1"), hand="left", state="processed")
-        file = RecordingFile(session=session, format="native", file=CLOSED, sha256=file_checksum(folder / CLOSED), bytes=256_000)
+        file = RecordingFile(
+            session=session,
+            format="native",
+            file=CLOSED,
+            sha256=file_checksum(folder / CLOSED),
+            bytes=256_000,
+        )
         db.add(Result(recording=file, key="k", method="m2", version="1", state="done"))
         db.add(RecordingFile(session=session, format="native", file=RUNNING))
         db.commit()
@@ -55,7 +61,12 @@ def filled(folder: Path, url: str | None) -> Store:
 
 
 def lying(folder: Path) -> set[str]:
-    return {p.relative_to(folder).as_posix() for place in ("recordings", "results") for p in (folder / place).rglob("*") if p.is_file()}
+    return {
+        p.relative_to(folder).as_posix()
+        for place in ("recordings", "results")
+        for p in (folder / place).rglob("*")
+        if p.is_file()
+    }
 
 
 def away(url: str) -> dict[str, bytes]:
@@ -65,12 +76,17 @@ def away(url: str) -> dict[str, bytes]:
     return {path.partition(f"{root}/")[2]: fs.cat_file(path) for path in fs.find(root)}
 
 
-def test_what_is_closed_leaves_the_folder_and_is_read_from_the_storage_as_it_was(url: str, tmp_path: Path) -> None:
+def test_what_is_closed_leaves_the_folder_and_is_read_from_the_storage_as_it_was(
+    url: str, tmp_path: Path
+) -> None:
     store = filled(tmp_path / "data", url)
     whole, sha256 = (store.folder / CLOSED).read_bytes(), file_checksum(store.folder / CLOSED)
     assert stored_files.move_out(store, ROOM) == Round(moved=2, waiting=0, problem="")
     assert lying(store.folder) == {RUNNING}
-    assert {name: data for name, data in away(url).items() if "/" in name} == {CLOSED: whole, FIGURES: b"figures"}
+    assert {name: data for name, data in away(url).items() if "/" in name} == {
+        CLOSED: whole,
+        FIGURES: b"figures",
+    }
     shutil.rmtree(store.folder / "cache")
     other = store_at(store.folder)  # another process: the folder itself knows where its files are
     assert stored_files.at_hand(other, CLOSED, sha256).read_bytes() == whole
@@ -95,28 +111,39 @@ def test_what_comes_back_changed_is_refused(url: str, tmp_path: Path) -> None:
     stored_files.move_out(store, 0)
     fs, root = fsspec.core.url_to_fs(url)
     fs.pipe_file(f"{root}/{CLOSED}", b"something else")
-    with pytest.raises(InputError, match="is not what was recorded: its checksum is another; restore it from a backup"):
+    with pytest.raises(
+        InputError,
+        match="is not what was recorded: its checksum is another; restore it from a backup",
+    ):
         stored_files.at_hand(store, CLOSED, sha256)
     assert list(store.incoming.iterdir()) == [] and not (store.folder / "cache" / CLOSED).exists()
 
 
-def test_a_recording_that_is_not_what_was_recorded_stays_where_it_is(url: str, tmp_path: Path) -> None:
+def test_a_recording_that_is_not_what_was_recorded_stays_where_it_is(
+    url: str, tmp_path: Path
+) -> None:
     store = filled(tmp_path / "data", url)
     (store.folder / CLOSED).write_bytes(b"damaged")
     assert stored_files.move_out(store, ROOM) == Round(moved=1, waiting=1)
     assert lying(store.folder) == {RUNNING, CLOSED} and CLOSED not in away(url)
 
 
-def test_while_the_storage_is_away_everything_waits_in_the_folder(s3: S3Server, tmp_path: Path) -> None:
+def test_while_the_storage_is_away_everything_waits_in_the_folder(
+    s3: S3Server, tmp_path: Path
+) -> None:
     url = f"s3://{object_store.BUCKET}/{tmp_path.name}"
     store = filled(tmp_path / "data", url)
     whole = (store.folder / CLOSED).read_bytes()
     s3.stop()
     try:
         before = lying(store.folder)
-        found = stored_files.move_out(open_store(store.folder), ROOM)  # a server starts without it, too
+        found = stored_files.move_out(
+            open_store(store.folder), ROOM
+        )  # a server starts without it, too
         assert (found.moved, found.waiting) == (0, 2)
-        assert found.problem.startswith(f"the object storage {url} cannot be reached (Could not connect to the endpoint URL")
+        assert found.problem.startswith(
+            f"the object storage {url} cannot be reached (Could not connect to the endpoint URL"
+        )
         assert lying(store.folder) == before and (store.folder / CLOSED).read_bytes() == whole
         with pytest.raises(UnreachableError, match="try again later"):
             stored_files.at_hand(store, "results/1.report.npz")
@@ -125,7 +152,9 @@ def test_while_the_storage_is_away_everything_waits_in_the_folder(s3: S3Server, 
         with store.database() as db:
             assert patients.get(db, 1).pseudonym == "P-1", "nothing was erased"
         with pytest.raises(UnreachableError):
-            open_store(tmp_path / "new", None, f"{url}-new")  # an address that was never reached is a slip, said at once
+            open_store(
+                tmp_path / "new", None, f"{url}-new"
+            )  # an address that was never reached is a slip, said at once
     finally:
         s3.start()
     assert stored_files.move_out(store, ROOM) == Round(moved=2)
@@ -137,7 +166,9 @@ def test_an_erased_patient_is_erased_in_the_storage_too(url: str, tmp_path: Path
     with store.database() as db:
         for session in db.scalars(select(PatientSession)):
             session.state = "processed"
-        assert erasure.erase(db, store, 1, "P-1")["bytes"] == 256_000 + len("figures") + len("as far as it goes")
+        assert erasure.erase(db, store, 1, "P-1")["bytes"] == 256_000 + len("figures") + len(
+            "as far as it goes"
+        )
     assert lying(store.folder) == lying(store.folder / "cache") == set()
     assert stored_files.move_out(store, ROOM) == Round()
     assert list(away(url)) == [object_storage.MARK]
@@ -145,15 +176,22 @@ def test_an_erased_patient_is_erased_in_the_storage_too(url: str, tmp_path: Path
         assert db.scalars(select(ErasedFile)).all() == []
 
 
-def test_a_backup_holds_what_was_moved_out_and_is_restored_into_a_folder_alone(url: str, tmp_path: Path) -> None:
+def test_a_backup_holds_what_was_moved_out_and_is_restored_into_a_folder_alone(
+    url: str, tmp_path: Path
+) -> None:
     store = filled(tmp_path / "data", url)
     before = {name: (store.folder / name).read_bytes() for name in lying(store.folder)}
     stored_files.move_out(store, 0)
     assert backup.write(store.folder, None, tmp_path / "b.zip", "1").problems == []
     backup.restore(tmp_path / "b.zip", tmp_path / "restored")
-    assert {name: (tmp_path / "restored" / name).read_bytes() for name in lying(tmp_path / "restored")} == before
+    assert {
+        name: (tmp_path / "restored" / name).read_bytes() for name in lying(tmp_path / "restored")
+    } == before
     assert store_at(tmp_path / "restored").away is None
-    with pytest.raises(InputError, match=r"holds the recordings of another data folder; give this one a folder of its own"):
+    with pytest.raises(
+        InputError,
+        match=r"holds the recordings of another data folder; give this one a folder of its own",
+    ):
         open_store(tmp_path / "restored", None, url)  # or the one would erase what the other has
     fs, root = fsspec.core.url_to_fs(url)
     fs.rm(root, recursive=True)
@@ -171,7 +209,9 @@ def test_a_backup_holds_what_was_moved_out_and_is_restored_into_a_folder_alone(u
         ("nothing://bucket/x", "cannot be reached"),
     ],
 )
-def test_an_address_that_cannot_be_is_refused_before_anything_is_kept_there(url: str, sentence: str, tmp_path: Path) -> None:
+def test_an_address_that_cannot_be_is_refused_before_anything_is_kept_there(
+    url: str, sentence: str, tmp_path: Path
+) -> None:
     with pytest.raises(InputError, match=sentence):
         open_store(tmp_path, None, url)
     assert store_at(tmp_path).away is None

@@ -43,7 +43,9 @@ def test_a_session_that_is_processed_meanwhile_disturbs_nobody_who_writes(db: Se
 
 
 def test_a_corrected_date_keeps_what_the_clock_said_and_can_be_put_back(db: Session) -> None:
-    once = visit_facts.change(db, 1, 1, started=RIGHT - timedelta(days=1), date_reason="battery of the clock")
+    once = visit_facts.change(
+        db, 1, 1, started=RIGHT - timedelta(days=1), date_reason="battery of the clock"
+    )
     assert (once.recorded_as, once.date_reason) == (WRONG, "battery of the clock")
     twice = visit_facts.change(db, 1, 2, started=RIGHT, date_reason=" a day off ")
     assert (twice.started, twice.recorded_as, twice.date_reason) == (RIGHT, WRONG, "a day off")
@@ -60,7 +62,9 @@ def test_a_corrected_date_keeps_what_the_clock_said_and_can_be_put_back(db: Sess
         (datetime(1950, 1, 1, tzinfo=UTC), "clock", "before the patient's year of birth, 1960"),
     ],
 )
-def test_a_date_that_cannot_be_is_refused(db: Session, started: datetime, reason: str, sentence: str) -> None:
+def test_a_date_that_cannot_be_is_refused(
+    db: Session, started: datetime, reason: str, sentence: str
+) -> None:
     with pytest.raises(InputError, match=sentence):
         visit_facts.change(db, 1, 1, started=started, date_reason=reason)
     session = db.get(PatientSession, 1)

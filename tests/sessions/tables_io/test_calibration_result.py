@@ -14,7 +14,9 @@ from tests.simulated import calibrated, pose_and_wiggle
 TOLD, NOT_TOLD = np.radians([0.1, 0.1, 0.5]), np.radians([0.1, 0.1, 5.0])
 
 
-def test_what_movement_told_comes_back_and_what_a_nominal_mounting_told_does_not(tmp_path: Path) -> None:
+def test_what_movement_told_comes_back_and_what_a_nominal_mounting_told_does_not(
+    tmp_path: Path,
+) -> None:
     found = replace(
         calibrated(pose_and_wiggle("left")),
         q_BS_sd={"index_proximal": TOLD, "index_distal": NOT_TOLD},
@@ -25,7 +27,9 @@ def test_what_movement_told_comes_back_and_what_a_nominal_mounting_told_does_not
     known = calibration_result.read(path)
     assert known.hand == "left"
     assert set(known.q_BS) == {"index_proximal"}
-    assert quat.angle(quat.relative(known.q_BS["index_proximal"], found.q_BS["index_proximal"])) < 1e-9
+    assert (
+        quat.angle(quat.relative(known.q_BS["index_proximal"], found.q_BS["index_proximal"])) < 1e-9
+    )
     assert known.lengths == {"index_proximal": found.geometry.lengths["index_proximal"]}
     np.testing.assert_array_equal(known.gyr_bias["hand"], found.gyr_bias["hand"])
 

@@ -10,7 +10,9 @@ from handscope.sessions.tables_io.writing import save_file, save_folder
 
 
 def _content(place: Path) -> dict[str, bytes]:
-    return {p.relative_to(place).as_posix(): p.read_bytes() for p in place.rglob("*") if p.is_file()}
+    return {
+        p.relative_to(place).as_posix(): p.read_bytes() for p in place.rglob("*") if p.is_file()
+    }
 
 
 def test_a_folder_is_written_with_its_folders(tmp_path: Path) -> None:
@@ -35,7 +37,9 @@ def test_a_folder_that_is_none_is_refused(tmp_path: Path) -> None:
         save_folder({"a.txt": b"1"}, tmp_path / "file")
 
 
-def test_a_file_is_replaced_at_once_and_a_failure_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_is_replaced_at_once_and_a_failure_leaves_the_old_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "report.pdf"
     save_file(b"old", path)
 

@@ -13,7 +13,18 @@ from handscope.sessions.wire import messages as wire
 from handscope.sessions.wire.assembly import WAITING, Assembler, StreamCount
 from handscope.sessions.wire.framing import Encoder
 from handscope.sessions.wire.messages import Format, Mark, Message, Pong, Samples
-from tests.glove import NS, ON, Sent, as_float32, bursts, frames, identity, info, strip, whole_session
+from tests.glove import (
+    NS,
+    ON,
+    Sent,
+    as_float32,
+    bursts,
+    frames,
+    identity,
+    info,
+    strip,
+    whole_session,
+)
 from tests.sessions.wire.test_messages import ANY
 from tests.simulated import cut, in_strips
 
@@ -70,21 +81,46 @@ def test_the_bytes_may_be_cut_anywhere(where: list[int]) -> None:
     got = [b for a, z in zip(edges, edges[1:]) for b in assembler.feed(data[a:z], 100.0)]
     (whole,) = (b for b in Assembler().feed(data, 100.0) if b.stream.name == "index")
     pieces = join([b for b in got if b.stream.name == "index"])
-    (together,) = (b for b in Assembler().feed_all((100.0, data[a:z]) for a, z in zip(edges, edges[1:])) if b.stream.name == "index")
+    (together,) = (
+        b
+        for b in Assembler().feed_all((100.0, data[a:z]) for a, z in zip(edges, edges[1:]))
+        if b.stream.name == "index"
+    )
     for block in (pieces, together):
         np.testing.assert_array_equal(block.t, whole.t)
         np.testing.assert_array_equal(block.values, whole.values)
 
 
-@given(st.lists(st.one_of(ANY, ANY.map(lambda m: replace(m, stream=10, slot=0) if isinstance(m, wire.StreamInfo) else m)), max_size=30))
+@given(
+    st.lists(
+        st.one_of(
+            ANY,
+            ANY.map(
+                lambda m: replace(m, stream=10, slot=0) if isinstance(m, wire.StreamInfo) else m
+            ),
+        ),
+        max_size=30,
+    )
+)
 def test_nothing_that_a_device_sends_makes_it_raise(messages: list[Message]) -> None:
     line = Line()
     for k, message in enumerate(messages):
         line.send(message, at=100.0 + k)
-    line.send(identity(), strip("hand"), info("hand"), *messages, *bursts("hand", HAND, info("hand")), at=200.0)
+    line.send(
+        identity(),
+        strip("hand"),
+        info("hand"),
+        *messages,
+        *bursts("hand", HAND, info("hand")),
+        at=200.0,
+    )
     for block in line.blocks:
         assert (np.diff(block.t) > 0).all()
-        assert block.values.shape == (len(block.t), len(block.stream.sensors), 3 * len(block.stream.quantities))
+        assert block.values.shape == (
+            len(block.t),
+            len(block.stream.sensors),
+            3 * len(block.stream.quantities),
+        )
 
 
 @given(st.permutations(["strip", "info", "bursts"]))
@@ -108,7 +144,12 @@ def test_bursts_that_waited_too_long_are_dropped_and_counted() -> None:
 
 def test_a_burst_of_another_size_than_described_is_dropped_and_counted() -> None:
     line = Line()
-    line.send(identity(), strip("index"), info("index"), replace(bursts("index", INDEX, info("index"))[0], data=bytes(11)))
+    line.send(
+        identity(),
+        strip("index"),
+        info("index"),
+        replace(bursts("index", INDEX, info("index"))[0], data=bytes(11)),
+    )
     assert line.blocks == []
     assert line.assembler.undescribed == 1
 
@@ -140,7 +181,9 @@ def test_another_strip_at_the_connector_begins_another_stream_in_the_same_chunk_
     short = replace(strip("index"), strip_id=5, points=("index_proximal", "index_distal"))
     two = Block(INDEX.stream, INDEX.t, INDEX.values[:, [0, 2]])
     sent, other = bursts("index", INDEX, info("index")), bursts("index", two, info("index"))
-    got = line.send(identity(), strip("index"), info("index"), *sent[:10], short, info("index"), *other[10:])
+    got = line.send(
+        identity(), strip("index"), info("index"), *sent[:10], short, info("index"), *other[10:]
+    )
     assert [(b.stream.name, b.stream.sensors, len(b.t)) for b in got] == [
         ("index", strip("index").points, 50),
         ("index", short.points, 250),
@@ -149,9 +192,15 @@ def test_another_strip_at_the_connector_begins_another_stream_in_the_same_chunk_
 
 def test_two_strips_of_the_same_finger_are_two_streams() -> None:
     line = Line()
-    second, second_info = replace(strip("index"), slot=9, strip_id=5), replace(info("index"), stream=77, slot=9)
+    second, second_info = (
+        replace(strip("index"), slot=9, strip_id=5),
+        replace(info("index"), stream=77, slot=9),
+    )
     line.send(identity(), strip("index"), info("index"), second, second_info)
-    line.send(*bursts("index", INDEX, info("index"))[:4], *(replace(b, stream=77) for b in bursts("index", INDEX, info("index"))[:4]))
+    line.send(
+        *bursts("index", INDEX, info("index"))[:4],
+        *(replace(b, stream=77) for b in bursts("index", INDEX, info("index"))[:4]),
+    )
     assert {b.stream.name: len(b.t) for b in line.blocks} == {"index": 20, "index_slot9": 20}
 
 
@@ -161,7 +210,9 @@ def test_the_magnetometer_of_a_strip_is_a_stream_of_its_own() -> None:
         identity(),
         strip("index"),
         info("index"),
-        replace(info("index"), stream=50, quantities=(MAG,), scale=(1.0,), full_scale=(0.0,), rate=20.0),
+        replace(
+            info("index"), stream=50, quantities=(MAG,), scale=(1.0,), full_scale=(0.0,), rate=20.0
+        ),
     )
     assert {s.name: (s.quantities, s.full_scale) for s in line.assembler.streams.values()} == {
         "index": ((GYR, ACC), {GYR: 40.0, ACC: 160.0}),
@@ -183,7 +234,9 @@ def test_after_a_restart_the_recordings_time_goes_on_with_the_hosts() -> None:
         line.send(s, at=105.2 + s.t_first / NS - 0.5)
     t = line.of("hand").t
     np.testing.assert_allclose(t[:100], HAND.t[:100], atol=2e-9)
-    np.testing.assert_allclose(t[100:], 5.2 + HAND.t, atol=1e-6)  # the first sample's arrival, not the identity's
+    np.testing.assert_allclose(
+        t[100:], 5.2 + HAND.t, atol=1e-6
+    )  # the first sample's arrival, not the identity's
     assert line.assembler.counts["hand"] == StreamCount(400)
     assert line.assembler.decoder.counters.lost == 0
 
@@ -203,13 +256,27 @@ def test_a_foreign_clock_is_mapped_and_loses_no_sample(drift: float, seed: int) 
     rng, n = np.random.default_rng(seed), 2000
     t = np.arange(n) / 100
     line, foreign = Line(), info("forearm", clock=3)
-    line.send(identity(), strip("hand"), info("hand"), strip("forearm"), foreign, bursts("hand", HAND, info("hand"))[0])
+    line.send(
+        identity(),
+        strip("hand"),
+        info("hand"),
+        strip("forearm"),
+        foreign,
+        bursts("hand", HAND, info("hand"))[0],
+    )
     for k in range(0, n, 4):
-        own, sent = round((3.0 + t[k] * (1 + drift)) * NS), round((ON + t[k] + 0.005 + rng.exponential(0.01)) * NS)
-        line.send(Samples(foreign.stream, k, own, sent, 4, np.full((4, 1, 6), k / n, "<f4").tobytes()))
+        own, sent = (
+            round((3.0 + t[k] * (1 + drift)) * NS),
+            round((ON + t[k] + 0.005 + rng.exponential(0.01)) * NS),
+        )
+        line.send(
+            Samples(foreign.stream, k, own, sent, 4, np.full((4, 1, 6), k / n, "<f4").tobytes())
+        )
     got = line.of("forearm")
     assert line.assembler.counts["forearm"] == StreamCount(n)
-    np.testing.assert_array_equal(got.values[:, 0, 0], np.repeat(np.arange(0, n, 4) / n, 4).astype("<f4"))
+    np.testing.assert_array_equal(
+        got.values[:, 0, 0], np.repeat(np.arange(0, n, 4) / n, 4).astype("<f4")
+    )
     assert (np.diff(got.t) > 0).all()
     late = got.t[1000:] - t[1000:] - 0.005
     assert late.min() > -1.5e-3
@@ -230,9 +297,14 @@ def test_marks_become_events_those_before_the_first_sample_too() -> None:
     line = Line()
     early = Mark(round((ON - 0.25) * NS), round(0.5 * NS), "rest", {})
     pose = Mark(
-        round((ON + 2) * NS), round(3 * NS), "initial_pose", {"thumb_cmc_flexion_deg": "-45.5", "note": "x", "thumb_cmc_pronation_deg": "?"}
+        round((ON + 2) * NS),
+        round(3 * NS),
+        "initial_pose",
+        {"thumb_cmc_flexion_deg": "-45.5", "note": "x", "thumb_cmc_pronation_deg": "?"},
     )
-    line.send(identity(), early, strip("hand"), info("hand"), *bursts("hand", HAND, info("hand")), pose)
+    line.send(
+        identity(), early, strip("hand"), info("hand"), *bursts("hand", HAND, info("hand")), pose
+    )
     start = HAND.t[0]
     assert line.assembler.marks == [
         Event(pytest.approx(-0.25 - start, abs=1e-9), pytest.approx(0.5), "rest", {}),
@@ -301,9 +373,15 @@ def test_strips_exchanged_on_the_way_go_on_under_each_others_names_without_a_los
     assert set(found[True]) == {"hand", "index", "ring"}
     assert {c.lost for c in assembler.counts.values()} == {0}
     for finger, other in (("index", "ring"), ("ring", "index")):
-        values = np.concatenate([b.values for half in ((False, finger), (True, other)) for b in found[half[0]][half[1]]])
+        values = np.concatenate(
+            [b.values for half in ((False, finger), (True, other)) for b in found[half[0]][half[1]]]
+        )
         np.testing.assert_array_equal(values, as_float32(samples[finger]))
         assert found[True][finger][0].stream.sensors == samples[finger].stream.sensors
     assembler.exchange({})
     assert {s.name for s in assembler.streams.values()} == {"hand", "index", "ring"}
-    assert {p.split("_")[0] for strip in assembler.strips.values() for p in strip.points} == {"hand", "index", "ring"}
+    assert {p.split("_")[0] for strip in assembler.strips.values() for p in strip.points} == {
+        "hand",
+        "index",
+        "ring",
+    }

@@ -13,7 +13,9 @@ SEED = st.integers(0, 2**32 - 1)
 LEAST = 0.005  # s that every pair is late; no map can see it
 
 
-def _followed(drift: float, delays: np.ndarray, rate: float = 25.0) -> tuple[np.ndarray, np.ndarray, ClockMap]:
+def _followed(
+    drift: float, delays: np.ndarray, rate: float = 25.0
+) -> tuple[np.ndarray, np.ndarray, ClockMap]:
     """Times (n,) and the errors (n,) of the map at the newest pair, s: how much later than the least delay it puts it."""
     clock, t, error = ClockMap(), np.arange(len(delays)) / rate, np.empty(len(delays))
     for k, (true, delay) in enumerate(zip(t, delays)):
@@ -40,7 +42,9 @@ def test_without_jitter_the_map_is_exact_but_for_the_drift_within_a_second(drift
 
 
 @given(DRIFT, SEED, st.floats(20, 40), st.floats(0.02, 0.2))
-def test_ten_seconds_of_a_busy_line_do_not_move_it(drift: float, seed: int, busy: float, late: float) -> None:
+def test_ten_seconds_of_a_busy_line_do_not_move_it(
+    drift: float, seed: int, busy: float, late: float
+) -> None:
     rng = np.random.default_rng(seed)
     delays = rng.exponential(0.002, 25 * 60)
     t = np.arange(len(delays)) / 25

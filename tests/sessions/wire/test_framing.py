@@ -29,7 +29,9 @@ class Line:
     last: bytes = b""
 
     def count(self, **more: int) -> None:
-        self.counters = replace(self.counters, **{name: getattr(self.counters, name) + n for name, n in more.items()})
+        self.counters = replace(
+            self.counters, **{name: getattr(self.counters, name) + n for name, n in more.items()}
+        )
 
     def frame(self, message: Message) -> bytes:
         self.sequence = (self.sequence + 1) % 65536
@@ -66,7 +68,9 @@ class Line:
 
 
 NOISE = st.binary(max_size=40).map(lambda data: data.replace(b"\0", b"\1"))
-NO_IDENTITY = ANY.filter(lambda m: not isinstance(m, Identity))  # a device that begins again is a test of its own
+NO_IDENTITY = ANY.filter(
+    lambda m: not isinstance(m, Identity)
+)  # a device that begins again is a test of its own
 EVENTS = st.lists(
     st.one_of(
         st.tuples(st.just("good"), NO_IDENTITY),
@@ -93,7 +97,9 @@ def _cut(data: bytes, where: list[int]) -> list[bytes]:
 
 
 @given(EVENTS, st.lists(st.integers(0, 2**32), max_size=10))
-def test_whole_or_byte_by_byte_or_cut_anywhere_the_same_comes_out_and_all_is_counted(events: list[tuple], where: list[int]) -> None:
+def test_whole_or_byte_by_byte_or_cut_anywhere_the_same_comes_out_and_all_is_counted(
+    events: list[tuple], where: list[int]
+) -> None:
     line = Line()
     for name, *arguments in events:
         getattr(line, name)(*arguments)
@@ -104,11 +110,15 @@ def test_whole_or_byte_by_byte_or_cut_anywhere_the_same_comes_out_and_all_is_cou
 
 
 @given(st.binary(max_size=3000), st.lists(st.integers(0, 3000), max_size=5))
-def test_garbage_never_raises_and_every_byte_of_it_is_counted(garbage: bytes, where: list[int]) -> None:
+def test_garbage_never_raises_and_every_byte_of_it_is_counted(
+    garbage: bytes, where: list[int]
+) -> None:
     decoder = Decoder()
     assert [m for piece in _cut(garbage + b"\0", where) for m in decoder.feed(piece)] == []
     frames = [f for f in (garbage + b"\0").split(b"\0") if f]
-    assert decoder.counters == Counters(corrupt=len(frames), garbage_bytes=sum(len(f) + 1 for f in frames))
+    assert decoder.counters == Counters(
+        corrupt=len(frames), garbage_bytes=sum(len(f) + 1 for f in frames)
+    )
 
 
 def test_after_garbage_the_next_zero_byte_is_the_next_chance() -> None:
@@ -119,7 +129,9 @@ def test_after_garbage_the_next_zero_byte_is_the_next_chance() -> None:
     assert counters == Counters(frames=2, corrupt=1, garbage_bytes=5 + len(frames[0]))
 
 
-@pytest.mark.parametrize("length", [LONGEST - 1, LONGEST, LONGEST + 1, 2 * LONGEST, 2 * LONGEST + 2])
+@pytest.mark.parametrize(
+    "length", [LONGEST - 1, LONGEST, LONGEST + 1, 2 * LONGEST, 2 * LONGEST + 2]
+)
 def test_what_is_too_long_for_a_frame_is_dropped_without_being_kept(length: int) -> None:
     decoder = Decoder()
     for _ in range(length):
@@ -186,7 +198,12 @@ def test_the_same_identity_again_is_no_new_beginning() -> None:
     assert _decoded([*frames[:2], frames[0], *frames[2:]])[1] == Counters(frames=4, repeated=1)
 
 
-@given(st.binary(max_size=600) | st.lists(st.sampled_from([b"\0", b"\1", b"\2", b"\xff", b"x" * 254]), max_size=8).map(b"".join))
+@given(
+    st.binary(max_size=600)
+    | st.lists(st.sampled_from([b"\0", b"\1", b"\2", b"\xff", b"x" * 254]), max_size=8).map(
+        b"".join
+    )
+)
 def test_frames_are_unstuffed_as_the_reference_does(data: bytes) -> None:
     assert unstuffed(cobs.encode(data)) == data
     try:

@@ -31,7 +31,12 @@ def strips(draw: st.DrawFn) -> wire.Strip:
     turned = np.random.default_rng(draw(SHORT)).normal(size=(len(points), 4))
     mounting = (turned / np.linalg.norm(turned, axis=1, keepdims=True)).astype("<f4").ravel()
     return wire.Strip(
-        draw(BYTE), draw(st.booleans()), draw(LONG), points, tuple(map(float, mounting)) if draw(st.booleans()) else (), draw(st.booleans())
+        draw(BYTE),
+        draw(st.booleans()),
+        draw(LONG),
+        points,
+        tuple(map(float, mounting)) if draw(st.booleans()) else (),
+        draw(st.booleans()),
     )
 
 
@@ -40,19 +45,45 @@ def stream_infos(draw: st.DrawFn) -> wire.StreamInfo:
     quantities = tuple(q for q in wire.QUANTITIES if draw(st.booleans())) or (GYR,)
     numbers = [tuple(draw(REAL) for _ in quantities) for _ in range(2)]
     rate = draw(st.floats(0.01, 10_000))
-    return wire.StreamInfo(draw(BYTE), draw(BYTE), draw(BYTE), quantities, draw(st.sampled_from(Format)), rate, numbers[0], numbers[1])
+    return wire.StreamInfo(
+        draw(BYTE),
+        draw(BYTE),
+        draw(BYTE),
+        quantities,
+        draw(st.sampled_from(Format)),
+        rate,
+        numbers[0],
+        numbers[1],
+    )
 
 
 def force_told(axes: int) -> st.SearchStrategy[ForceTold]:
     share = st.floats(0, 0.5, width=32)
-    return st.builds(ForceTold, BYTE, BYTE, share, st.none() | share, reals(axes), reals(axes * axes))
+    return st.builds(
+        ForceTold, BYTE, BYTE, share, st.none() | share, reals(axes), reals(axes * axes)
+    )
 
 
 CALIBRATIONS = st.builds(wire.StripCalibration, BYTE, BYTE, reals(9), reals(27))
 THREE = st.tuples(REAL, REAL, REAL)
-PLATES = st.builds(Plate, st.dictionaries(st.sampled_from(TRACKED_POINTS), THREE, max_size=4), THREE, THREE, REAL, st.none() | REAL)
+PLATES = st.builds(
+    Plate,
+    st.dictionaries(st.sampled_from(TRACKED_POINTS), THREE, max_size=4),
+    THREE,
+    THREE,
+    REAL,
+    st.none() | REAL,
+)
 MESSAGES: dict[type, st.SearchStrategy[Message]] = {
-    wire.Identity: st.builds(wire.Identity, LONG, SHORT, st.sampled_from([None, "left", "right"]), TEXT, TEXT, st.integers(0, 65535)),
+    wire.Identity: st.builds(
+        wire.Identity,
+        LONG,
+        SHORT,
+        st.sampled_from([None, "left", "right"]),
+        TEXT,
+        TEXT,
+        st.integers(0, 65535),
+    ),
     wire.Strip: strips(),
     wire.StreamInfo: stream_infos(),
     wire.Samples: st.builds(wire.Samples, BYTE, SHORT, LONG, LONG, BYTE, st.binary(max_size=100)),
@@ -64,7 +95,15 @@ MESSAGES: dict[type, st.SearchStrategy[Message]] = {
     Plate: PLATES,
     ForceTold: st.sampled_from([3, 6]).flatmap(force_told),
     wire.Identify: st.just(wire.Identify()),
-    wire.Configure: st.builds(wire.Configure, BYTE, st.floats(0, 1000), st.floats(0, 100), REAL, REAL, st.sampled_from(Format)),
+    wire.Configure: st.builds(
+        wire.Configure,
+        BYTE,
+        st.floats(0, 1000),
+        st.floats(0, 100),
+        REAL,
+        REAL,
+        st.sampled_from(Format),
+    ),
     wire.Start: st.just(wire.Start()),
     wire.Stop: st.just(wire.Stop()),
     wire.Ping: st.builds(wire.Ping, LONG),
@@ -87,7 +126,9 @@ def test_every_message_of_the_protocol_is_tried() -> None:
 
 
 @given(ANY, st.data())
-def test_a_payload_cut_short_is_refused_or_still_a_message(message: Message, data: st.DataObject) -> None:
+def test_a_payload_cut_short_is_refused_or_still_a_message(
+    message: Message, data: st.DataObject
+) -> None:
     code, payload = encode(message)
     cut = payload[: data.draw(st.integers(0, len(payload)))]
     try:
@@ -115,8 +156,16 @@ def test_no_bytes_make_decode_fail_otherwise(code: int, payload: bytes) -> None:
         (0x03, b"\x01\x01\x00\x03\x00" + np.float64(0).tobytes() + bytes(16)),  # a rate of 0
         (0x03, b"\x01\x01\x00\x03\x00" + np.float64("nan").tobytes() + bytes(16)),
         (0x03, b"\x01\x01\x00\x00\x00" + np.float64(100).tobytes()),  # no quantity
-        (0x03, b"\x01\x01\x00\x23\x00" + np.float64(100).tobytes() + bytes(40)),  # a quantity that this version does not know
-        (0x03, b"\x01\x01\x00\x01\x00" + np.float64(100).tobytes() + np.array([np.inf, 1], "<f4").tobytes()),
+        (
+            0x03,
+            b"\x01\x01\x00\x23\x00" + np.float64(100).tobytes() + bytes(40),
+        ),  # a quantity that this version does not know
+        (
+            0x03,
+            b"\x01\x01\x00\x01\x00"
+            + np.float64(100).tobytes()
+            + np.array([np.inf, 1], "<f4").tobytes(),
+        ),
         (0x03, b"\x01\x01\x00\x01\x07" + np.float64(100).tobytes() + bytes(8)),  # no such format
         (0x06, b"\x81\x00\x05abc"),  # text that runs past the end
         (0x06, b"\x81\x00\x02\xff\xfe"),  # text that is no UTF-8
@@ -128,7 +177,11 @@ def test_nonsense_is_refused(code: int, payload: bytes) -> None:
 
 
 def test_a_long_text_is_cut_between_letters() -> None:
-    for text, kept in (("a" + "ü" * 200, "a" + "ü" * 127), ("ü" * 200, "ü" * 127), ("a" * 300, "a" * 255)):
+    for text, kept in (
+        ("a" + "ü" * 200, "a" + "ü" * 127),
+        ("ü" * 200, "ü" * 127),
+        ("a" * 300, "a" * 255),
+    ):
         assert decode(*encode(wire.Cue(text))) == wire.Cue(kept)
 
 
@@ -150,7 +203,9 @@ def test_counts_bring_values_back_to_half_a_count(rng: np.random.Generator) -> N
 
 def test_floats_bring_values_back_to_single_precision(rng: np.random.Generator) -> None:
     values = rng.normal(size=(7, 3, 6))
-    np.testing.assert_array_equal(_sent(values, _info(Format.FLOAT32)), values.astype("<f4").astype(float))
+    np.testing.assert_array_equal(
+        _sent(values, _info(Format.FLOAT32)), values.astype("<f4").astype(float)
+    )
 
 
 @pytest.mark.parametrize("kind", Format)
@@ -167,7 +222,10 @@ def test_missing_values_stay_missing_and_large_ones_stop_at_the_limit(kind: Form
 @given(st.binary(min_size=24, max_size=24))
 def test_any_bits_make_values(data: bytes) -> None:
     """Signalling NaN among them."""
-    for info in (_info(Format.FLOAT32), replace(_info(Format.INT16), quantities=(GYR, ACC), scale=(3e38, 1e-45))):
+    for info in (
+        _info(Format.FLOAT32),
+        replace(_info(Format.INT16), quantities=(GYR, ACC), scale=(3e38, 1e-45)),
+    ):
         count = 1 if info.format is Format.FLOAT32 else 2
         assert values_of([wire.Samples(1, 0, 0, 0, count, data)], info, 1).shape == (count, 1, 6)
 
@@ -179,4 +237,11 @@ def test_a_signalling_nan_is_a_missing_value() -> None:
 
 @pytest.mark.parametrize(("size", "fit"), [(23, False), (24, True), (36, False)])
 def test_bytes_that_are_no_whole_samples_do_not_fit(size: int, fit: bool) -> None:
-    assert fits(wire.Samples(1, 0, 0, 0, 2, bytes(size)), replace(_info(Format.INT16), quantities=(GYR, ACC)), 1) == fit
+    assert (
+        fits(
+            wire.Samples(1, 0, 0, 0, 2, bytes(size)),
+            replace(_info(Format.INT16), quantities=(GYR, ACC)),
+            1,
+        )
+        == fit
+    )

@@ -38,7 +38,9 @@ def test_samples_of_a_raw_strip_are_corrected_by_its_calibrations() -> None:
 
 
 def test_samples_of_a_strip_that_corrects_itself_are_left_alone() -> None:
-    _, block = fed([identity(), strip("index"), *KEPT, info("index"), *bursts("index", INDEX, info("index"))])
+    _, block = fed(
+        [identity(), strip("index"), *KEPT, info("index"), *bursts("index", INDEX, info("index"))]
+    )
     assert block is not None
     np.testing.assert_array_equal(block.values, as_float32(INDEX))
     assert block.stream.full_scale[GYR] == 40.0
@@ -70,16 +72,40 @@ GAINS = 9.0 + np.random.default_rng(1).normal(size=(2, 6, 6))
 OFFSETS = (0.5, 0.25, 0.125, 1.0, 2.0, 3.0)
 
 
-def fingertips(quantities: tuple[str, ...], raw: bool, axes: int = 6, at_limit: float = 0.0) -> Block:
+def fingertips(
+    quantities: tuple[str, ...], raw: bool, axes: int = 6, at_limit: float = 0.0
+) -> Block:
     """Two force sensors that send the same twelve samples of everything, calibrated with 3 or 6 axes; the first of 5 at a limit where there is one."""
     worn = wire.Strip(4, True, 7, POINTS, (), raw)
     told = [
-        ForceTold(4, k, 0.01 * (k + 1), 0.005 if k else None, OFFSETS[:axes], tuple(map(float, GAINS[k, :axes, :axes].ravel())))
+        ForceTold(
+            4,
+            k,
+            0.01 * (k + 1),
+            0.005 if k else None,
+            OFFSETS[:axes],
+            tuple(map(float, GAINS[k, :axes, :axes].ravel())),
+        )
         for k in (0, 1)
     ]
-    described = wire.StreamInfo(9, 4, 0, quantities, wire.Format.FLOAT32, 12.0, (1.0,) * len(quantities), (at_limit,) * len(quantities))
-    values = np.repeat(np.arange(1.0, 13.0)[:, None], 3 * len(quantities) * 2, axis=1).reshape(12, 2, -1)
-    sent = bursts("force", Block(Stream("force", POINTS, quantities, 12.0), np.arange(12) / 12, values), described)
+    described = wire.StreamInfo(
+        9,
+        4,
+        0,
+        quantities,
+        wire.Format.FLOAT32,
+        12.0,
+        (1.0,) * len(quantities),
+        (at_limit,) * len(quantities),
+    )
+    values = np.repeat(np.arange(1.0, 13.0)[:, None], 3 * len(quantities) * 2, axis=1).reshape(
+        12, 2, -1
+    )
+    sent = bursts(
+        "force",
+        Block(Stream("force", POINTS, quantities, 12.0), np.arange(12) / 12, values),
+        described,
+    )
     early = sent[: 1 if raw else 0]
     _, block = fed([identity(), worn, described, *early, *told, *sent[len(early) :]])
     assert block is not None
@@ -93,15 +119,23 @@ def test_raw_forces_wait_for_their_calibration_and_are_corrected_by_it() -> None
     for block, axes in ((three, 3), (six, 6)):
         assert len(block.t) == 12, "the burst before the calibration waited"
         for k in (0, 1):
-            expected = (np.arange(1.0, 13.0)[:, None] - OFFSETS[:axes]) @ GAINS[k, :axes, :axes].astype("<f4").T
+            expected = (np.arange(1.0, 13.0)[:, None] - OFFSETS[:axes]) @ GAINS[
+                k, :axes, :axes
+            ].astype("<f4").T
             np.testing.assert_allclose(block.values[:, k], expected, rtol=1e-6)
-    assert np.isnan(fingertips((FORCE,), True).values).all(), "six axes need the torques in the same stream"
+    assert np.isnan(fingertips((FORCE,), True).values).all(), (
+        "six axes need the torques in the same stream"
+    )
 
 
-def test_raw_forces_at_their_limit_are_infinite_and_those_of_a_strip_that_corrects_itself_are_left_alone() -> None:
+def test_raw_forces_at_their_limit_are_infinite_and_those_of_a_strip_that_corrects_itself_are_left_alone() -> (
+    None
+):
     limited = fingertips((FORCE,), True, 3, at_limit=10.0)
     assert FORCE not in limited.stream.full_scale
-    np.testing.assert_array_equal(np.isinf(limited.values).all(axis=(1, 2)), np.arange(1, 13) >= 9.8)
+    np.testing.assert_array_equal(
+        np.isinf(limited.values).all(axis=(1, 2)), np.arange(1, 13) >= 9.8
+    )
     itself = fingertips((FORCE,), False, 3, at_limit=10.0)
     np.testing.assert_array_equal(itself.values[:, 0, 0], np.arange(1.0, 13.0))
     assert itself.stream.full_scale == {FORCE: 10.0}
@@ -122,5 +156,7 @@ def test_the_recording_stays_raw_and_opens_corrected_to_the_last_bit(tmp_path: P
             recorder.write(data, k * 1e-3)
             live += assembler.feed(data, k * 1e-3)
     np.testing.assert_array_equal(native.load(path).samples["index"].values, join(live).values)
-    np.testing.assert_array_equal(native.load(path, correct=False).samples["index"].values, as_float32(INDEX))
+    np.testing.assert_array_equal(
+        native.load(path, correct=False).samples["index"].values, as_float32(INDEX)
+    )
     assert native.load(path).strip_ids == dict.fromkeys(STRIPS["index"], f"{RAW.strip_id:x}")

@@ -20,18 +20,27 @@ def test_every_benchmark_can_be_loaded(name: str) -> None:
     assert callable(bench(name))
 
 
-def test_the_pages_are_measured_on_as_many_rows_as_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_pages_are_measured_on_as_many_rows_as_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(pages, "PATIENTS", 60)
     monkeypatch.setattr(pages, "SESSIONS", 300)
     monkeypatch.setattr(pages, "MINUTE", ("initial_pose", "tapping"))
     store = open_store(tmp_path)
     pages.fill(store)
     with store.database() as db:
-        counts = [db.scalar(select(func.count(table.id))) for table in (Patient, PatientSession, RecordingFile, Result)]
+        counts = [
+            db.scalar(select(func.count(table.id)))
+            for table in (Patient, PatientSession, RecordingFile, Result)
+        ]
         assert counts == [60, 300, 300, 300]
-        busiest = db.scalar(select(func.count(PatientSession.id)).where(PatientSession.patient_id == 1))
+        busiest = db.scalar(
+            select(func.count(PatientSession.id)).where(PatientSession.patient_id == 1)
+        )
         assert busiest == pages.MANY
-    with TestClient(create_app(Settings(data=tmp_path)), base_url="http://127.0.0.1:8420") as client:
+    with TestClient(
+        create_app(Settings(data=tmp_path)), base_url="http://127.0.0.1:8420"
+    ) as client:
         client.post("/api/login", json={"token": new_token(tmp_path)})
         for paths in pages.pages().values():
             for path in paths:
@@ -45,24 +54,41 @@ def test_the_gate_knows_worse_from_better_and_from_a_slow_hour() -> None:
     def run(yardstick: float, speed: float, lost: float) -> dict[str, list[Metric]]:
         return {"batch": [Metric("yardstick", yardstick, "x", None, "higher"), Metric("speed", speed, "x", None, "higher"), Metric("lost", lost, "", 0, "lower")]}  # fmt: skip
 
-    allowed = {"batch": {"speed": gate.Allowed(0.25, 1.5, "yardstick"), "lost": gate.Allowed(0.0, 1.0)}}
+    allowed = {
+        "batch": {"speed": gate.Allowed(0.25, 1.5, "yardstick"), "lost": gate.Allowed(0.0, 1.0)}
+    }
     assert gate.worse(allowed, run(2000, 500, 0)) == []
     assert gate.worse(allowed, run(200, 50, 0)) == [], "everything is slower: the machine is"
     assert gate.worse(allowed, run(2000, 350, 0)) == []
-    assert [w.split(" is ")[0] for w in gate.worse(allowed, run(2000, 300, 1))] == ["batch: speed", "batch: lost"]
-    assert gate.worse(allowed, {"batch": []}) == ["batch: speed was not measured", "batch: lost was not measured"]
+    assert [w.split(" is ")[0] for w in gate.worse(allowed, run(2000, 300, 1))] == [
+        "batch: speed",
+        "batch: lost",
+    ]
+    assert gate.worse(allowed, {"batch": []}) == [
+        "batch: speed was not measured",
+        "batch: lost was not measured",
+    ]
     assert gate.worse(allowed, {"pages": []}) == []
 
 
-def test_load_grows_until_it_is_too_late_and_what_was_in_time_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(load, "_under", lambda client, pid, stations, viewers: load.Seen(20.0 * viewers, 0.5, 0.6, 0.2))
+def test_load_grows_until_it_is_too_late_and_what_was_in_time_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        load,
+        "_under",
+        lambda client, pid, stations, viewers: load.Seen(20.0 * viewers, 0.5, 0.6, 0.2),
+    )
     seen = dict(load._until_late(None, 0, ((n, ["a"]) for n in (1, 3, 5, 7))))  # type: ignore[arg-type]
     assert list(seen) == [1, 3, 5], "nothing is asked of it after 100 ms"
     assert load._most(seen) == 3.0
 
 
 def test_the_committed_baseline_is_readable(tmp_path: Path) -> None:
-    assert {a.per for a in gate.read(gate.BASELINE)["batch"].values()} == {"", "VQF alone (yardstick)"}
+    assert {a.per for a in gate.read(gate.BASELINE)["batch"].values()} == {
+        "",
+        "VQF alone (yardstick)",
+    }
     (tmp_path / "b.json").write_text('{"batch": {"speed": 3}}')
     with pytest.raises(InputError, match="no baseline"):
         gate.read(tmp_path / "b.json")

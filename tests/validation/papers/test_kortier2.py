@@ -23,10 +23,20 @@ def test_the_tips_error_is_made_of_its_parts_along_the_axes() -> None:
 
 def test_ten_pinches_are_closed_where_they_are_judged() -> None:
     experiment, geometry = KORTIER2["pinch"], sized("left")
-    made = performed(experiment.perform(geometry, np.random.default_rng(3)), "left", geometry, np.random.default_rng(4), IDEAL, ("hand",))
+    made = performed(
+        experiment.perform(geometry, np.random.default_rng(3)),
+        "left",
+        geometry,
+        np.random.default_rng(4),
+        IDEAL,
+        ("hand",),
+    )
     tasks = [e for e in made.events if e.trial_type == "task"]
     assert len(tasks) == 10 and all(0.5 < e.duration < 1.3 for e in tasks)
-    a, b = (contact_points_of(made.truth, geometry, finger, point, FINGERTIPS[finger]) for finger, point in experiment.contact)
+    a, b = (
+        contact_points_of(made.truth, geometry, finger, point, FINGERTIPS[finger])
+        for finger, point in experiment.contact
+    )
     apart = np.linalg.norm(a - b, axis=1)
     assert apart[judged(made)].max() < 1e-3
     assert apart.max() > 0.03
@@ -43,4 +53,6 @@ def test_the_thesis_stands_beside_ours() -> None:
     met = {v.what: v.met for v in found.verdicts}
     assert met[f"brisk flexion, {WITH[0]}"] and met[f"pinch, {WITH[0]}"]
     assert not met[f"flat hand, range, {WITH[0]}"] and met[f"clenched mould, range, {WITH[0]}"]
-    assert {row.name: row.theirs[WITH[0]] for row in found.tables[0].rows} == {n: published.KORTIER_TIP[n]["tip"] for n in TIPS}
+    assert {row.name: row.theirs[WITH[0]] for row in found.tables[0].rows} == {
+        n: published.KORTIER_TIP[n]["tip"] for n in TIPS
+    }

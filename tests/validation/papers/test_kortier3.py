@@ -14,7 +14,10 @@ def test_the_fifteen_tasks_are_in_their_groups() -> None:
 
 
 def test_sensors_sit_up_to_thirty_degrees_off() -> None:
-    turned = [kortier3.MOUNTED.misalignment + sign * kortier3.MOUNTED.misalignment_width for sign in (-1, 1)]
+    turned = [
+        kortier3.MOUNTED.misalignment + sign * kortier3.MOUNTED.misalignment_width
+        for sign in (-1, 1)
+    ]
     assert turned == [0.0, 30.0]
 
 
@@ -27,7 +30,9 @@ def test_targets_are_three_degrees_for_slow_and_five_for_fast_tasks() -> None:
         "amplitude's range": 2.0,
         "consistency": 1.0,
     }
-    found = kortier3.finding(Wanted(seeds=1), [(Trial("powerglove", 0), Found(dict.fromkeys(WITH, figures)))])
+    found = kortier3.finding(
+        Wanted(seeds=1), [(Trial("powerglove", 0), Found(dict.fromkeys(WITH, figures)))]
+    )
     met = {v.what.split(",")[0]: v.met for v in found.verdicts}
     assert {group for group, ok in met.items() if ok} == set(FAST_GROUPS)
     beside = {row.name: row.theirs.get(WITH[0]) for row in found.tables[0].rows}

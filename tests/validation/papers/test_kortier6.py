@@ -10,7 +10,10 @@ from handscope.validation.reproduce import Wanted
 def test_a_trial_tells_how_far_off_it_is_and_how_sure() -> None:
     found = kortier6.measure(Trial("0.28 kg", 3))
     assert set(found) == set(RATES)
-    assert all(0 <= one["error"] < 15 and np.isfinite(one["honesty"]) and one["force"] < 1.0 for one in found.values())
+    assert all(
+        0 <= one["error"] < 15 and np.isfinite(one["honesty"]) and one["force"] < 1.0
+        for one in found.values()
+    )
 
 
 def test_the_thesis_stands_beside_ours() -> None:

@@ -6,7 +6,13 @@ import pytest
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT, JOINTS, SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
-from handscope.validation.reproduce.accuracy import angle_errors, distance_rmse, orientation_error, rms, tip_rmse
+from handscope.validation.reproduce.accuracy import (
+    angle_errors,
+    distance_rmse,
+    orientation_error,
+    rms,
+    tip_rmse,
+)
 
 N = 50
 DEG = np.pi / 180
@@ -16,15 +22,28 @@ RNG = np.random.default_rng(3)
 def some_trajectory() -> Trajectory:
     angles = np.where(IS_DOF, RNG.uniform(-1, 1, (N, len(JOINTS), 3)), np.nan)
     tips = RNG.normal(size=(N, len(FINGERS), 3))
-    return Trajectory("left", np.arange(N) / 100, angles, np.tile(quat.IDENTITY, (N, len(SEGMENTS), 1)), tips, np.zeros((N, 17), np.uint8))
+    return Trajectory(
+        "left",
+        np.arange(N) / 100,
+        angles,
+        np.tile(quat.IDENTITY, (N, len(SEGMENTS), 1)),
+        tips,
+        np.zeros((N, 17), np.uint8),
+    )
 
 
-def changed(truth: Trajectory, angles: float = 0.0, tips: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Trajectory:
-    return Trajectory("left", truth.t, truth.angles + angles, truth.q_GS, truth.tips + np.array(tips), truth.flags)
+def changed(
+    truth: Trajectory, angles: float = 0.0, tips: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> Trajectory:
+    return Trajectory(
+        "left", truth.t, truth.angles + angles, truth.q_GS, truth.tips + np.array(tips), truth.flags
+    )
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_constant_heading_error_of_ten_degrees_is_ten_of_heading_and_none_of_inclination(sign: float) -> None:
+def test_a_constant_heading_error_of_ten_degrees_is_ten_of_heading_and_none_of_inclination(
+    sign: float,
+) -> None:
     q_ref = quat.normalize(RNG.normal(size=(N, 4)))
     error = orientation_error(sign * quat.multiply(quat.about(2, 10 * DEG), q_ref), q_ref)
     np.testing.assert_allclose(error.heading, 10 * DEG, atol=1e-9)
@@ -50,7 +69,9 @@ def test_heading_and_inclination_make_up_the_total_as_the_data_set_says() -> Non
 
 def test_a_tip_that_is_off_by_three_and_four_millimetres_is_off_by_five() -> None:
     truth = some_trajectory()
-    assert tip_rmse(changed(truth, tips=(3e-3, 0.0, -4e-3)), truth, ["index"]) == pytest.approx(5e-3, abs=1e-12)
+    assert tip_rmse(changed(truth, tips=(3e-3, 0.0, -4e-3)), truth, ["index"]) == pytest.approx(
+        5e-3, abs=1e-12
+    )
 
 
 def test_a_whole_turn_is_no_error_of_an_angle_and_only_freedoms_count() -> None:

@@ -4,7 +4,17 @@ import json
 
 import pytest
 
-from handscope.validation.reproduce.finding import Finding, Row, Spread, Table, Verdict, as_json, at_or_below, spread, standing
+from handscope.validation.reproduce.finding import (
+    Finding,
+    Row,
+    Spread,
+    Table,
+    Verdict,
+    as_json,
+    at_or_below,
+    spread,
+    standing,
+)
 from handscope.validation.reproduce.layout import as_markdown, as_text, placed
 
 TABLE = Table(
@@ -19,7 +29,9 @@ TABLE = Table(
     "experiment",
 )
 MISSED = Verdict("tip", 0.9, 0.8, "cm", "our target")
-FINDING = Finding("table", "A table", ("As it was.",), (TABLE,), (MISSED,), ("So it is.",), {"a.svg": "<svg/>"})
+FINDING = Finding(
+    "table", "A table", ("As it was.",), (TABLE,), (MISSED,), ("So it is.",), {"a.svg": "<svg/>"}
+)
 
 
 def test_a_spread_is_mean_standard_deviation_and_largest() -> None:
@@ -34,14 +46,29 @@ def test_a_spread_is_mean_standard_deviation_and_largest() -> None:
 
 def test_a_mean_above_the_papers_is_said_to_be_above() -> None:
     assert [at_or_below(row, "m2") for row in TABLE.rows] == [True, False, None]
-    assert standing(TABLE, "our mean is") == "our mean is at or below the paper's in 1 of 2 rows; above it in B (1.100 against 1)."
+    assert (
+        standing(TABLE, "our mean is")
+        == "our mean is at or below the paper's in 1 of 2 rows; above it in B (1.100 against 1)."
+    )
     assert "ABOVE" in MISSED.words
 
 
 def test_text_has_every_figure_with_the_papers_beside_it() -> None:
     text = as_text(FINDING)
     row = next(line for line in text.splitlines() if line.startswith("A  "))
-    assert row.split()[1:] == ["4.00", "±", "1.41", "(5.00)", "2.2", "0.60", "±", "0.14", "(0.70)", "0.6", "yes"]
+    assert row.split()[1:] == [
+        "4.00",
+        "±",
+        "1.41",
+        "(5.00)",
+        "2.2",
+        "0.60",
+        "±",
+        "0.14",
+        "(0.70)",
+        "0.6",
+        "yes",
+    ]
     assert next(line for line in text.splitlines() if line.startswith("B  ")).endswith("NO")
     assert "tip: 0.90 cm, ABOVE 0.80 cm (our target)" in text
 
@@ -53,7 +80,10 @@ def test_a_section_of_a_page_is_replaced_and_the_rest_stays() -> None:
     assert ".svg" not in as_markdown(FINDING, None)
     assert "| A | 4.00 ± 1.41 (5.00) | 2.2 |" in page
     again = placed({"table": "new"}, page)
-    assert again == "# Page\n\nWords.\n\n<!-- begin table -->\nnew\n<!-- end table -->\n\nMore words.\n"
+    assert (
+        again
+        == "# Page\n\nWords.\n\n<!-- begin table -->\nnew\n<!-- end table -->\n\nMore words.\n"
+    )
     assert placed({"table": "new"}, again) == again
 
 

@@ -47,7 +47,9 @@ def test_a_trial_is_read_in_the_units_of_the_house(turning: Path) -> None:
     assert trial.movement.sum() == N - 501
 
 
-def test_a_fusion_without_errors_is_scored_near_zero_where_the_cameras_see_the_board(turning: Path) -> None:
+def test_a_fusion_without_errors_is_scored_near_zero_where_the_cameras_see_the_board(
+    turning: Path,
+) -> None:
     trial = broad.read(turning)
     error = broad.scored(trial, broad.oriented(trial, (GYR, ACC, MAG), FusionParams()))
     assert len(error.total) == N - 501 - 100
@@ -66,7 +68,8 @@ def test_a_heading_that_is_ten_degrees_off_counts_as_heading(turning: Path) -> N
 def test_missing_trials_are_named_with_where_to_get_them(tmp_path: Path) -> None:
     first = next(iter(published.BROAD))
     with pytest.raises(
-        InputError, match=rf"10 of 10 trials of BROAD are not in .*first {first}.mat.*github.com/dlaidig/broad.*--broad-data"
+        InputError,
+        match=rf"10 of 10 trials of BROAD are not in .*first {first}.mat.*github.com/dlaidig/broad.*--broad-data",
     ):
         broad.trials(Wanted(broad_data=tmp_path))
 

@@ -63,33 +63,52 @@ class Board:
 def drawn(many: int, chips: Chips, rng: np.random.Generator) -> Board:
     told = BOARDS[many]
     soft = chips.soft * rng.normal(size=(many, 3, 3))
-    quarters = Rotation.from_euler("xz", np.column_stack([180 * rng.integers(2, size=many), 90 * rng.integers(4, size=many)]), degrees=True)
+    quarters = Rotation.from_euler(
+        "xz",
+        np.column_stack([180 * rng.integers(2, size=many), 90 * rng.integers(4, size=many)]),
+        degrees=True,
+    )
     axes = quarters.as_matrix() if chips.turned else np.repeat(np.eye(3)[None], many, axis=0)
     axes[0] = np.eye(3)
     axes = (np.eye(3) + (soft + soft.transpose(0, 2, 1)) / 2) @ axes
     if chips.askew:
         axes = axes @ Rotation.from_rotvec(chips.askew * rng.normal(size=(many, 3))).as_matrix()
-    places, hard = told + chips.misplaced * rng.normal(size=(many, 3)), chips.hard * rng.normal(size=(many, 3))
+    places, hard = (
+        told + chips.misplaced * rng.normal(size=(many, 3)),
+        chips.hard * rng.normal(size=(many, 3)),
+    )
     return Board(chips, told, places, axes, hard, 1 + chips.gain * rng.normal(size=(many, 3)))
 
 
 def read(board: Board, B: Values, rng: np.random.Generator, since: bool = True) -> Values:
     """Of fields (n, chips, 3) at the chips; `since` the board was turned."""
     y = np.einsum("kij,nkj->nki", board.axes, B) * (board.gains if since else 1.0) + board.hard
-    y = np.clip(y + board.chips.noise * rng.normal(size=y.shape), -board.chips.limit, board.chips.limit)
+    y = np.clip(
+        y + board.chips.noise * rng.normal(size=y.shape), -board.chips.limit, board.chips.limit
+    )
     return np.asarray(np.round(y / COUNT) * COUNT)
 
 
-def turned(board: Board, seconds: float, rate: float, rng: np.random.Generator) -> tuple[Values, Values]:
+def turned(
+    board: Board, seconds: float, rate: float, rng: np.random.Generator
+) -> tuple[Values, Values]:
     """Times and fields (n, chips, 3) while the board is turned by hand where the field is the same everywhere."""
-    t, rotation, n = np.arange(int(seconds * rate)) / rate, by_hand(seconds, rate, 2.2, rng), len(board.places)
+    t, rotation, n = (
+        np.arange(int(seconds * rate)) / rate,
+        by_hand(seconds, rate, 2.2, rng),
+        len(board.places),
+    )
     return t, np.repeat(rotation.inv().apply(EARTH)[:, None], n, axis=1)
 
 
 def by_hand(seconds: float, rate: float, swing: float, rng: np.random.Generator) -> Rotation:
     """How a board is turned by hand against the room (n,), begun straight; `swing` rad/s."""
     t = np.arange(int(seconds * rate)) / rate
-    size, frequency, phase = rng.uniform(-1, 1, (4, 3)), rng.uniform(0.05, 0.3, (4, 3)), rng.uniform(0, 2 * np.pi, (4, 3))
+    size, frequency, phase = (
+        rng.uniform(-1, 1, (4, 3)),
+        rng.uniform(0.05, 0.3, (4, 3)),
+        rng.uniform(0, 2 * np.pi, (4, 3)),
+    )
     rates = swing * (size * np.sin(2 * np.pi * frequency * t[:, None, None] + phase)).sum(axis=1)
     steps, out = Rotation.from_rotvec(rates / rate), [Rotation.identity()]
     for step in steps[1:]:
@@ -110,7 +129,9 @@ def rod(places: Values, moments: Values, length: float, at: Values) -> Values:
     size = np.linalg.norm(moments, axis=-1, keepdims=True)
     half, pole = 0.5 * length * moments / size, (size / length)[:, None]
     parts = [sign * (at[None] - (places + sign * half)[:, None]) for sign in (1.0, -1.0)]
-    return np.asarray(sum(MU * pole * part / np.linalg.norm(part, axis=-1, keepdims=True) ** 3 for part in parts))
+    return np.asarray(
+        sum(MU * pole * part / np.linalg.norm(part, axis=-1, keepdims=True) ** 3 for part in parts)
+    )
 
 
 def gradient(size: float, rng: np.random.Generator) -> Values:
@@ -123,7 +144,10 @@ def gradient(size: float, rng: np.random.Generator) -> Values:
 def table(path: Path, t: Values, y: Values) -> None:
     """Readings (n, chips, 3) as a CSV file in uT, empty where NaN."""
     names = [f"m{k + 1}_{axis}" for k in range(y.shape[1]) for axis in "xyz"]
-    rows = [",".join([f"{at:.6f}", *("" if np.isnan(v) else f"{v:.6g}" for v in row)]) for at, row in zip(t, 1e6 * y.reshape(len(y), -1))]
+    rows = [
+        ",".join([f"{at:.6f}", *("" if np.isnan(v) else f"{v:.6g}" for v in row)])
+        for at, row in zip(t, 1e6 * y.reshape(len(y), -1))
+    ]
     path.write_text("\n".join([",".join(["t", *names]), *rows]) + "\n")
 
 

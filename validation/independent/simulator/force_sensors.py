@@ -34,7 +34,10 @@ class Cuffs:
     offset: float = 0.2  # N
     walk: float = 0.02  # N/sqrt(s) of the offset
     noise: float = 0.05  # N
-    gain: tuple[float, float] = (1.0, 1.0)  # of thumb and index finger, changed since the calibration
+    gain: tuple[float, float] = (
+        1.0,
+        1.0,
+    )  # of thumb and index finger, changed since the calibration
     jump: float = 0.0  # N of the thumb's zero while the object is held
     limit: float = 30.0  # N, not told
     soft: float = 0.0  # N, at which they saturate; 0: do not
@@ -51,12 +54,18 @@ class Sensor:
 
 def drawn(cuffs: Cuffs, rng: np.random.Generator) -> Sensor:
     """One of them."""
-    matrix = np.eye(3) + np.diag(cuffs.scale * rng.normal(size=3)) + cuffs.cross * rng.normal(size=(3, 3)) * (1 - np.eye(3))
+    matrix = (
+        np.eye(3)
+        + np.diag(cuffs.scale * rng.normal(size=3))
+        + cuffs.cross * rng.normal(size=(3, 3)) * (1 - np.eye(3))
+    )
     turned = Rotation.from_rotvec(np.radians(cuffs.askew) * rng.normal(size=3))
     return Sensor(matrix, turned, cuffs.offset * rng.normal(size=3))
 
 
-def told(pinch: Pinch, cuffs: Cuffs, sensors: list[Sensor], rng: np.random.Generator) -> tuple[Values, Values]:
+def told(
+    pinch: Pinch, cuffs: Cuffs, sensors: list[Sensor], rng: np.random.Generator
+) -> tuple[Values, Values]:
     """Times (m,) s and readings (m, 2, 3) N."""
     t = np.arange(0.037, pinch.t[-1] - 0.05, 1 / cuffs.rate)
     rows = np.round(t * RATE).astype(int)
@@ -70,7 +79,12 @@ def told(pinch: Pinch, cuffs: Cuffs, sensors: list[Sensor], rng: np.random.Gener
         if cuffs.soft:
             felt = cuffs.soft * np.tanh(felt / cuffs.soft)
         walked = cuffs.walk / np.sqrt(cuffs.rate) * np.cumsum(rng.normal(size=felt.shape), axis=0)
-        felt = cuffs.gain[k] * felt + sensor.offset + walked + cuffs.noise * rng.normal(size=felt.shape)
+        felt = (
+            cuffs.gain[k] * felt
+            + sensor.offset
+            + walked
+            + cuffs.noise * rng.normal(size=felt.shape)
+        )
         if k == 0 and cuffs.jump:
             felt += cuffs.jump * np.outer(t > pinch.task[0] + 4.0, [1.0, 0.0, 0.0])
         out[:, k] = np.clip(felt, -cuffs.limit, cuffs.limit)
@@ -79,10 +93,18 @@ def told(pinch: Pinch, cuffs: Cuffs, sensors: list[Sensor], rng: np.random.Gener
 
 def on_the_bench(sensor: Sensor, finger: str, rng: np.random.Generator) -> str:
     """The table that `handscope calibrate-force` reads: two weights along both senses of every axis and none at all, directions by the cuff's accelerometer."""
-    rows = ["mass [g],acc_x [m/s^2],acc_y [m/s^2],acc_z [m/s^2]," + ",".join(f"{channel(finger, axis)} [count]" for axis in "xyz")]
-    bias, downs = 0.04 * rng.normal(size=3), [sign * np.eye(3)[axis] for axis in range(3) for sign in (1.0, -1.0)]
+    rows = [
+        "mass [g],acc_x [m/s^2],acc_y [m/s^2],acc_z [m/s^2],"
+        + ",".join(f"{channel(finger, axis)} [count]" for axis in "xyz")
+    ]
+    bias, downs = (
+        0.04 * rng.normal(size=3),
+        [sign * np.eye(3)[axis] for axis in range(3) for sign in (1.0, -1.0)],
+    )
     for mass, down in [(0.0, downs[0]), *((mass, down) for mass in WEIGHTS for down in downs)]:
-        hung = Rotation.from_rotvec(np.radians(3.0) * rng.normal(size=3)).apply(down)  # nobody holds it straight
+        hung = Rotation.from_rotvec(np.radians(3.0) * rng.normal(size=3)).apply(
+            down
+        )  # nobody holds it straight
         acc = -GRAVITY * sensor.turned.apply(hung) + bias + 0.01 * rng.normal(size=3)
         feels = sensor.matrix @ (-mass * GRAVITY * hung) + sensor.offset + 0.01 * rng.normal(size=3)
         rows.append(",".join(f"{value:.6g}" for value in [1e3 * mass, *acc, *(feels / COUNT)]))

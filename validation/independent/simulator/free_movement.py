@@ -25,7 +25,8 @@ DEG = np.pi / 180
 RIGHT_ANGLE = np.pi / 2
 GRAVITY = 9.81  # m/s^2
 CHAINS = {"thumb": ("thumb_metacarpal", "thumb_proximal", "thumb_distal")} | {
-    f: (f"{f}_proximal", f"{f}_middle", f"{f}_distal") for f in ("index", "middle", "ring", "little")
+    f: (f"{f}_proximal", f"{f}_middle", f"{f}_distal")
+    for f in ("index", "middle", "ring", "little")
 }
 JOINTS = {"thumb": ("thumb_cmc", "thumb_mcp", "thumb_ip")} | {
     f: (f"{f}_mcp", f"{f}_pip", f"{f}_dip") for f in ("index", "middle", "ring", "little")
@@ -51,11 +52,19 @@ SHARED = 0.4  # of that under the hand's sensor for each finger, where several m
 GYR_BIAS, ACC_BIAS = 0.8 * DEG, 0.12  # rad/s, m/s^2, standard deviations of an axis
 GYR_NOISE, ACC_NOISE = 0.007 * DEG, 150e-6 * GRAVITY  # white, a square root of a Hz
 SCALE = 0.003  # of scales and of what axes see of each other
-FOREARM_RATE, FOREARM_LATE = 100.0, 0.0037  # Hz, s: the forearm's strip has a rate and instants of its own
+FOREARM_RATE, FOREARM_LATE = (
+    100.0,
+    0.0037,
+)  # Hz, s: the forearm's strip has a rate and instants of its own
 SHORT = 1.5e-3  # s between the instants of which differences are taken
-FIRST = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * SHORT)  # central differences of the sixth order
+FIRST = np.array([-1, 9, -45, 0, 45, -9, 1]) / (
+    60 * SHORT
+)  # central differences of the sixth order
 SECOND = np.array([2, -27, 270, -490, 270, -27, 2]) / (180 * SHORT**2)
-LAG, LAG_RATE = 9.0 * DEG, 60.0 * DEG  # rad of bending by which skin is behind, rad/s at which it is so almost wholly
+LAG, LAG_RATE = (
+    9.0 * DEG,
+    60.0 * DEG,
+)  # rad of bending by which skin is behind, rad/s at which it is so almost wholly
 LATEST = 4e-3  # s, the largest scatter of a stamp
 
 
@@ -80,7 +89,11 @@ class Setup:
 
     @property
     def segments(self) -> tuple[str, ...]:
-        return ("hand", *(s for f in self.fingers for s in CHAINS[f]), *(("forearm",) if self.forearm else ()))
+        return (
+            "hand",
+            *(s for f in self.fingers for s in CHAINS[f]),
+            *(("forearm",) if self.forearm else ()),
+        )
 
 
 @dataclass(frozen=True)
@@ -131,16 +144,30 @@ def written(setup: Setup, folder: Path) -> Truth:
     noise, t = _rng(setup, 4), np.arange(round(setup.duration * setup.rate)) / setup.rate
     at = folder / "sub-01" / "motion"
     at.mkdir(parents=True)
-    (folder / "dataset_description.json").write_text(json.dumps({"Name": "simulated by formulas of its own", "BIDSVersion": "1.9.0"}))
-    (at / "sub-01_task-free_events.tsv").write_text(f"onset\tduration\ttrial_type\n0\t{setup.duration}\tfree_movement\n")
+    (folder / "dataset_description.json").write_text(
+        json.dumps({"Name": "simulated by formulas of its own", "BIDSVersion": "1.9.0"})
+    )
+    (at / "sub-01_task-free_events.tsv").write_text(
+        f"onset\tduration\ttrial_type\n0\t{setup.duration}\tfree_movement\n"
+    )
     strips = [("imu", setup.rate, t, tuple(s for s in setup.segments if s != "forearm"))]
     if setup.forearm:
         strips.append(
-            ("forearm", FOREARM_RATE, np.arange(round(setup.duration * FOREARM_RATE)) / FOREARM_RATE + FOREARM_LATE, ("forearm",))
+            (
+                "forearm",
+                FOREARM_RATE,
+                np.arange(round(setup.duration * FOREARM_RATE)) / FOREARM_RATE + FOREARM_LATE,
+                ("forearm",),
+            )
         )
     for name, rate, instants, segments in strips:
-        read = {s: _spoilt(noise, sensors, s, rate, *_readings(setup, body, movement, s, instants)) for s in segments}
-        stamps = instants + np.clip(setup.scatter * noise.standard_normal(len(instants)), -LATEST, LATEST)
+        read = {
+            s: _spoilt(noise, sensors, s, rate, *_readings(setup, body, movement, s, instants))
+            for s in segments
+        }
+        stamps = instants + np.clip(
+            setup.scatter * noise.standard_normal(len(instants)), -LATEST, LATEST
+        )
         _write_strip(f"{at}/sub-01_task-free", name, setup, body, rate, stamps, read)
     return Truth(body, sensors, t, *_told(setup, body, movement, t))
 
@@ -159,32 +186,51 @@ def _body(setup: Setup) -> Body:
     rng = _rng(setup, 1)
     size = rng.uniform(0.88, 1.12)
     palm = PALM * size * rng.uniform(0.97, 1.03)
-    lengths = {s: m * size * rng.uniform(0.94, 1.06) for f in CHAINS for s, m in zip(CHAINS[f], USUAL[f])}
+    lengths = {
+        s: m * size * rng.uniform(0.94, 1.06) for f in CHAINS for s, m in zip(CHAINS[f], USUAL[f])
+    }
     roots = {f: setup.side * np.array([x, y * palm, z * size]) for f, (x, y, z) in ROOTS.items()}
     nominal, seats, places, turned, slid = {}, {}, {}, {}, {}
     for s in ("hand", "forearm", *lengths):
         nominal[s] = Rotation.from_quat(rng.standard_normal(4))
         seats[s] = Rotation.from_rotvec(ASKEW * rng.standard_normal(3)) * nominal[s]
         places[s] = setup.side * _on_top(rng, s, lengths.get(s, 0.0))
-        turned[s], slid[s] = (amount * setup.skin / RIGHT_ANGLE * _somewhere(rng) for amount in (TURN, SLIDE))
+        turned[s], slid[s] = (
+            amount * setup.skin / RIGHT_ANGLE * _somewhere(rng) for amount in (TURN, SLIDE)
+        )
     share = setup.skin / RIGHT_ANGLE * (1.0 if len(setup.fingers) == 1 else SHARED)
-    back = {f: (share * TURN * _somewhere(rng), share * SLIDE * _somewhere(rng)) for f in CHAINS if f != "thumb"}
+    back = {
+        f: (share * TURN * _somewhere(rng), share * SLIDE * _somewhere(rng))
+        for f in CHAINS
+        if f != "thumb"
+    }
     return Body(palm, lengths, roots, nominal, seats, places, turned, slid, back)
 
 
 def _on_top(rng: np.random.Generator, segment: str, length: float) -> Array:
     """Where a sensor lies on a segment of the left hand: dorsal, distal, ulnar, m."""
     if segment == "hand":
-        return np.array([rng.uniform(0.010, 0.014), -rng.uniform(0.03, 0.05), rng.uniform(-0.01, 0.01)])
+        return np.array(
+            [rng.uniform(0.010, 0.014), -rng.uniform(0.03, 0.05), rng.uniform(-0.01, 0.01)]
+        )
     if segment == "forearm":
         return np.array([0.02, -rng.uniform(0.05, 0.07), rng.uniform(-0.005, 0.005)])
-    return np.array([rng.uniform(0.009, 0.012), -length * rng.uniform(0.4, 0.65), 1.2e-3 * rng.standard_normal()])
+    return np.array(
+        [
+            rng.uniform(0.009, 0.012),
+            -length * rng.uniform(0.4, 0.65),
+            1.2e-3 * rng.standard_normal(),
+        ]
+    )
 
 
 def _sensors(setup: Setup) -> Sensors:
     rng = _rng(setup, 3)
     segments = ("hand", "forearm", *(s for f in CHAINS for s in CHAINS[f]))
-    drawn = [(rng.standard_normal(3), rng.standard_normal(3), rng.standard_normal((2, 3, 3))) for _ in segments]
+    drawn = [
+        (rng.standard_normal(3), rng.standard_normal(3), rng.standard_normal((2, 3, 3)))
+        for _ in segments
+    ]
     return Sensors(
         {s: GYR_BIAS * g for s, (g, _, _) in zip(segments, drawn)},
         {s: ACC_BIAS * a for s, (_, a, _) in zip(segments, drawn)},
@@ -203,8 +249,14 @@ def _movement(setup: Setup) -> Movement:
         return _about(2, z) @ _about(1, y) @ _about(0, x)
 
     return Movement(
-        {f: (lambda t, w=w, f=f: _thumb(w, t) if f == "thumb" else _finger(w, t)) for f, w in waves.items()},  # type: ignore[misc]
-        lambda t: DEG * np.stack([38 * np.sin(1.2 * wrist[0](t)), 14 * np.sin(wrist[1](t)), 0 * t], axis=1),
+        {
+            f: (lambda t, w=w, f=f: _thumb(w, t) if f == "thumb" else _finger(w, t))
+            for f, w in waves.items()
+        },  # type: ignore[misc]
+        lambda t: (
+            DEG
+            * np.stack([38 * np.sin(1.2 * wrist[0](t)), 14 * np.sin(wrist[1](t)), 0 * t], axis=1)
+        ),
         turned,
         lambda t: 0.09 * np.stack([np.sin(wave(t)) for wave in wanders], axis=1),
     )
@@ -212,7 +264,11 @@ def _movement(setup: Setup) -> Movement:
 
 def _wave(rng: np.random.Generator, fastest: float) -> Wave:
     """Nine sines of random frequency (Hz), phase and size; 1 RMS."""
-    f, phase, size = rng.uniform(0.08 * fastest, fastest, 9), rng.uniform(0, 2 * np.pi, 9), rng.uniform(0.5, 1, 9)
+    f, phase, size = (
+        rng.uniform(0.08 * fastest, fastest, 9),
+        rng.uniform(0, 2 * np.pi, 9),
+        rng.uniform(0.5, 1, 9),
+    )
     size = size / np.sqrt((size**2).sum() / 2)
     return lambda t: np.sin(2 * np.pi * f * t[:, None] + phase) @ size
 
@@ -226,7 +282,9 @@ def _finger(waves: list[Wave], t: Array) -> Array:
 
 def _thumb(waves: list[Wave], t: Array) -> Array:
     a, b, c, d = (wave(t) for wave in waves)
-    cmc = np.stack([5 + 18 * np.sin(1.2 * a), -15 + 12 * np.sin(1.2 * b), 5 + 8 * np.sin(d)], axis=1)
+    cmc = np.stack(
+        [5 + 18 * np.sin(1.2 * a), -15 + 12 * np.sin(1.2 * b), 5 + 8 * np.sin(d)], axis=1
+    )
     mcp, ip = 28 + 27 * np.sin(1.2 * c), 35 + 33 * np.sin(1.2 * (0.8 * a + 0.5 * c))
     return DEG * np.stack([cmc, *(np.stack([x, 0 * t, 0 * t], axis=1) for x in (mcp, ip))], axis=1)
 
@@ -246,7 +304,9 @@ def _moved(R: Array, v: Array) -> Array:
     return np.asarray(np.einsum("nij,nj->ni", R, np.broadcast_to(v, (len(R), 3))))
 
 
-def _posed(setup: Setup, body: Body, movement: Movement, t: Array) -> Iterator[tuple[str, Array, Array]]:
+def _posed(
+    setup: Setup, body: Body, movement: Movement, t: Array
+) -> Iterator[tuple[str, Array, Array]]:
     """Every segment with its orientation (n, 3, 3) and its origin (n, 3) m in the world."""
     R, wrist = movement.turns(t), movement.wanders(t)
     yield "forearm", R, wrist
@@ -261,14 +321,20 @@ def _posed(setup: Setup, body: Body, movement: Movement, t: Array) -> Iterator[t
             yield s, on, end
 
 
-def _told(setup: Setup, body: Body, movement: Movement, t: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+def _told(
+    setup: Setup, body: Body, movement: Movement, t: Array
+) -> tuple[dict[str, Array], dict[str, Array]]:
     """Angles by joint; tips by finger in the wrist's frame, the hand's where there is no forearm."""
-    angles = {j: movement.angles[f](t)[:, k] for f in setup.fingers for k, j in enumerate(JOINTS[f])}
+    angles = {
+        j: movement.angles[f](t)[:, k] for f in setup.fingers for k, j in enumerate(JOINTS[f])
+    }
     if setup.forearm:
         angles["wrist"] = movement.wrist(t)
     at = {s: (R, p) for s, R, p in _posed(setup, body, movement, t)}
     R, wrist = at["forearm"]
-    return angles, {f: np.einsum("nji,nj->ni", R, at[CHAINS[f][-1]][1] - wrist) for f in setup.fingers}
+    return angles, {
+        f: np.einsum("nji,nj->ni", R, at[CHAINS[f][-1]][1] - wrist) for f in setup.fingers
+    }
 
 
 def _proportion(bent: Callable[[Array], Array], t: Array) -> Array:
@@ -292,10 +358,17 @@ def _lagging(bent: Callable[[Array], Array], t: Array) -> Array:
     return np.asarray(bent(t) + LAG * np.tanh(rate / LAG_RATE))
 
 
-LAWS = {"proportion": _proportion, "growing": _growing, "levelling": _levelling, "lagging": _lagging}  # rad of bending that skin follows
+LAWS = {
+    "proportion": _proportion,
+    "growing": _growing,
+    "levelling": _levelling,
+    "lagging": _lagging,
+}  # rad of bending that skin follows
 
 
-def _pulled(setup: Setup, body: Body, movement: Movement, segment: str, t: Array) -> tuple[Array, Array]:
+def _pulled(
+    setup: Setup, body: Body, movement: Movement, segment: str, t: Array
+) -> tuple[Array, Array]:
     """How skin has turned (n, 3) rad and slid (n, 3) m the sensor on a segment."""
 
     def bending(finger: str, joint: int) -> Array:
@@ -304,7 +377,9 @@ def _pulled(setup: Setup, body: Body, movement: Movement, segment: str, t: Array
     if segment == "hand":
         by = [(bending(f, 0), *body.back[f]) for f in setup.fingers if f in body.back]
         still = np.zeros((len(t), 3))
-        return sum((b * turn for b, turn, _ in by), still), sum((b * slide for b, _, slide in by), still)
+        return sum((b * turn for b, turn, _ in by), still), sum(
+            (b * slide for b, _, slide in by), still
+        )
     if segment == "forearm":
         return np.zeros((len(t), 3)), np.zeros((len(t), 3))
     finger = segment.partition("_")[0]
@@ -312,36 +387,60 @@ def _pulled(setup: Setup, body: Body, movement: Movement, segment: str, t: Array
     return bent * body.turned[segment], bent * body.slid[segment]
 
 
-def _worn(setup: Setup, body: Body, movement: Movement, segment: str, t: Array) -> tuple[Array, Array]:
+def _worn(
+    setup: Setup, body: Body, movement: Movement, segment: str, t: Array
+) -> tuple[Array, Array]:
     """Orientation (n, 3, 3) and place (n, 3) m of a sensor in the world."""
     R, p = next((R, p) for s, R, p in _posed(setup, body, movement, t) if s == segment)
     turn, slide = _pulled(setup, body, movement, segment, t)
-    return R @ body.seats[segment].as_matrix() @ Rotation.from_rotvec(turn).as_matrix(), p + _moved(R, body.places[segment] + slide)
+    return R @ body.seats[segment].as_matrix() @ Rotation.from_rotvec(turn).as_matrix(), p + _moved(
+        R, body.places[segment] + slide
+    )
 
 
-def _readings(setup: Setup, body: Body, movement: Movement, segment: str, t: Array) -> tuple[Array, Array]:
+def _readings(
+    setup: Setup, body: Body, movement: Movement, segment: str, t: Array
+) -> tuple[Array, Array]:
     """Rates (n, 3) rad/s and specific forces (n, 3) m/s^2 of a sensor without errors."""
     around = [_worn(setup, body, movement, segment, t + k * SHORT) for k in range(-3, 4)]
     R = around[3][0]
     spin = np.swapaxes(R, 1, 2) @ sum(w * R for w, (R, _) in zip(FIRST, around))
     felt = sum(w * p for w, (_, p) in zip(SECOND, around)) + np.array([0.0, 0.0, GRAVITY])
-    return np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1), np.einsum("nji,nj->ni", R, felt)
+    return np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1), np.einsum(
+        "nji,nj->ni", R, felt
+    )
 
 
-def _spoilt(rng: np.random.Generator, sensors: Sensors, segment: str, rate: float, gyr: Array, acc: Array) -> tuple[Array, Array]:
+def _spoilt(
+    rng: np.random.Generator, sensors: Sensors, segment: str, rate: float, gyr: Array, acc: Array
+) -> tuple[Array, Array]:
     """The readings as the sensor gives them."""
     white = np.sqrt(rate / 2)
     return (
-        gyr @ sensors.gyr_scale[segment].T + sensors.gyr_bias[segment] + GYR_NOISE * white * rng.standard_normal(gyr.shape),
-        acc @ sensors.acc_scale[segment].T + sensors.acc_bias[segment] + ACC_NOISE * white * rng.standard_normal(acc.shape),
+        gyr @ sensors.gyr_scale[segment].T
+        + sensors.gyr_bias[segment]
+        + GYR_NOISE * white * rng.standard_normal(gyr.shape),
+        acc @ sensors.acc_scale[segment].T
+        + sensors.acc_bias[segment]
+        + ACC_NOISE * white * rng.standard_normal(acc.shape),
     )
 
 
 def _write_strip(
-    stem: str, name: str, setup: Setup, body: Body, rate: float, stamps: Array, read: Mapping[str, tuple[Array, Array]]
+    stem: str,
+    name: str,
+    setup: Setup,
+    body: Body,
+    rate: float,
+    stamps: Array,
+    read: Mapping[str, tuple[Array, Array]],
 ) -> None:
     """Samples, channels and sidecar of one tracking system."""
-    channels = [channel for s in read for channel in (*axes(s, "gyr", "GYRO", "rad/s"), *axes(s, "acc", "ACCEL", "m/s^2"))]
+    channels = [
+        channel
+        for s in read
+        for channel in (*axes(s, "gyr", "GYRO", "rad/s"), *axes(s, "acc", "ACCEL", "m/s^2"))
+    ]
     sidecar = {
         "TaskName": "free",
         "SamplingFrequency": rate,
@@ -352,4 +451,11 @@ def _write_strip(
         },
         "SensorMounting": {s: body.nominal[s].as_quat(scalar_first=True).tolist() for s in read},
     }
-    write_system(stem, name, stamps, np.concatenate([x for pair in read.values() for x in pair], axis=1), channels, sidecar)
+    write_system(
+        stem,
+        name,
+        stamps,
+        np.concatenate([x for pair in read.values() for x in pair], axis=1),
+        channels,
+        sidecar,
+    )

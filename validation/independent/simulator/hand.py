@@ -13,11 +13,24 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 Values = NDArray[np.float64]
-SEGMENTS = ("hand", "thumb_metacarpal", "thumb_proximal", "thumb_distal", "index_proximal", "index_middle", "index_distal")
+SEGMENTS = (
+    "hand",
+    "thumb_metacarpal",
+    "thumb_proximal",
+    "thumb_distal",
+    "index_proximal",
+    "index_middle",
+    "index_distal",
+)
 LENGTHS = dict(zip(SEGMENTS[1:], (0.046, 0.033, 0.026, 0.044, 0.0245, 0.019)))
-THUMB_BASE, KNUCKLE = np.array([-0.010, 0.024, -0.030]), np.array([0.0, 0.090, -0.026])  # of a left hand
+THUMB_BASE, KNUCKLE = (
+    np.array([-0.010, 0.024, -0.030]),
+    np.array([0.0, 0.090, -0.026]),
+)  # of a left hand
 PALM = 0.095
-GRASP = np.radians([40, -34, 72, 14, 14, 28, 6, 26, 16.0])  # CMC z x y, MCP, IP of the thumb; MCP z x, PIP, DIP of the index finger
+GRASP = np.radians(
+    [40, -34, 72, 14, 14, 28, 6, 26, 16.0]
+)  # CMC z x y, MCP, IP of the thumb; MCP z x, PIP, DIP of the index finger
 LEAST = np.radians([5, -60, 30, -8, -12, -5, -15, 2, 0.0])
 MOST = np.radians([65, -2, 105, 55, 60, 80, 15, 95, 65.0])
 KNOTS = 9
@@ -43,7 +56,14 @@ class Hand:
         thumb = metacarpal * turned(angles[:, 3], zero, zero)
         index = turned(angles[:, 5], angles[:, 6], zero)
         middle = index * turned(angles[:, 7], zero, zero)
-        return [metacarpal, thumb, thumb * turned(angles[:, 4], zero, zero), index, middle, middle * turned(angles[:, 8], zero, zero)]
+        return [
+            metacarpal,
+            thumb,
+            thumb * turned(angles[:, 4], zero, zero),
+            index,
+            middle,
+            middle * turned(angles[:, 8], zero, zero),
+        ]
 
     def ends(self, rotations: list[Rotation]) -> tuple[dict[str, Values], Values, Values]:
         """Distal ends of the phalanges by name, pad of the thumb, pad of the index finger, each (n, 3)."""
@@ -56,7 +76,9 @@ class Hand:
                     out[name] = at
         pads = [
             out[f"{finger}_distal"] + rotation.apply(self.sign * np.array([-thick, -back, 0.0]))
-            for finger, rotation, thick, back in zip(("thumb", "index"), (rotations[2], rotations[5]), self.thick, self.back)
+            for finger, rotation, thick, back in zip(
+                ("thumb", "index"), (rotations[2], rotations[5]), self.thick, self.back
+            )
         ]
         return out, pads[0], pads[1]
 
@@ -77,9 +99,16 @@ class Hand:
                 _, thumb, index = self.ends(rotations)
                 line = (thumb - index)[0]
                 apart = float(np.linalg.norm(line))
-                faces = [rotations[k].apply(self.sign * np.array([-1.0, 0.0, 0.0]))[0] for k in (2, 5)]
+                faces = [
+                    rotations[k].apply(self.sign * np.array([-1.0, 0.0, 0.0]))[0] for k in (2, 5)
+                ]
                 return np.concatenate(
-                    [[2000 * (apart - wanted)], 0.5 * (faces[1] - line / apart), 0.5 * (faces[0] + line / apart), 0.5 * (x - GRASP)]
+                    [
+                        [2000 * (apart - wanted)],
+                        0.5 * (faces[1] - line / apart),
+                        0.5 * (faces[0] + line / apart),
+                        0.5 * (x - GRASP),
+                    ]
                 )
 
             x = least_squares(missed, np.clip(x, LEAST + 1e-3, MOST - 1e-3), bounds=(LEAST, MOST)).x
@@ -92,12 +121,24 @@ def drawn(rng: np.random.Generator, side: str) -> Hand:
     lengths = {name: length * rng.normal(1, 0.06) for name, length in LENGTHS.items()}
     base, knuckle = THUMB_BASE * rng.normal(1, 0.05), KNUCKLE * rng.normal(1, 0.05)
     thick = 0.0085 + rng.normal(0, 0.0006), 0.007 + rng.normal(0, 0.0005)
-    return Hand(1.0 if side == "left" else -1.0, lengths, base, knuckle, thick, (rng.normal(0, 0.0015), rng.normal(0, 0.0015)))
+    return Hand(
+        1.0 if side == "left" else -1.0,
+        lengths,
+        base,
+        knuckle,
+        thick,
+        (rng.normal(0, 0.0015), rng.normal(0, 0.0015)),
+    )
 
 
 def measured(hand: Hand, rng: np.random.Generator, missed: float = 0.02) -> dict[str, object]:
     """The hand as a clinician measures it, for the sidecar: lengths by 2 %, places of joints by 1 mm."""
-    told: dict[str, object] = {name: float(length * rng.normal(1, missed)) for name, length in hand.lengths.items()}
+    told: dict[str, object] = {
+        name: float(length * rng.normal(1, missed)) for name, length in hand.lengths.items()
+    }
     places = {"index_mcp": hand.knuckle, "thumb_cmc": hand.thumb_base}
-    told["joint_positions"] = {joint: (hand.sign * (p + 0.001 * rng.normal(size=3))).tolist() for joint, p in places.items()}
+    told["joint_positions"] = {
+        joint: (hand.sign * (p + 0.001 * rng.normal(size=3))).tolist()
+        for joint, p in places.items()
+    }
     return told | {"palm_length": PALM}

@@ -18,7 +18,10 @@ RATE, GRAVITY = 1000.0, 9.81
 INERTIAL = 100.0  # Hz
 REACH, BEGUN = 7.0, 0.35  # s: when the pads touch, and how long until they hold
 TIMES, PERIOD = 8, 1.2  # squeezes and s of each
-MISSED, ASKEW = 2.5, 6.0  # deg: of the initial pose in every freedom, of the sensors on their segments
+MISSED, ASKEW = (
+    2.5,
+    6.0,
+)  # deg: of the initial pose in every freedom, of the sensors on their segments
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +32,9 @@ class Held:
     stiffness: float = 600.0  # N/m
     damping: float = 0.0  # N s/m
     bend: float = 0.0  # share by which the stiffness changes from none to all of the way
-    third: float = 0.0  # share of forces that a third finger takes from the index finger and the load
+    third: float = (
+        0.0  # share of forces that a third finger takes from the index finger and the load
+    )
     slips: bool = False
     support: float = 0.0  # N with which something not measured pushes up while it is lifted
 
@@ -42,7 +47,9 @@ class Pinch:
     hand: Hand
     t: Values  # (n,) s
     forces: Values  # (n, 2, 3) N of thumb and index finger
-    q: list[Rotation]  # of inertial sensors on the last phalanges, thumb and index finger: sensor to ground, (n,) each
+    q: list[
+        Rotation
+    ]  # of inertial sensors on the last phalanges, thumb and index finger: sensor to ground, (n,) each
     rows: Rows  # of t at which inertial sensors tell
     inertial: Values  # (m, sensors, 6) rad/s and m/s^2
     task: tuple[float, float]  # s: onset and end
@@ -74,7 +81,9 @@ def during(t: Values, begins: float, ends: float, lasts: float) -> Values:
 
 def wandering(rng: np.random.Generator, t: Values, low: float, high: float) -> Values:
     """Five sines between these frequencies, about 1 large."""
-    waves = [np.sin(2 * np.pi * rng.uniform(low, high) * t + rng.uniform(0, 2 * np.pi)) for _ in range(5)]
+    waves = [
+        np.sin(2 * np.pi * rng.uniform(low, high) * t + rng.uniform(0, 2 * np.pi)) for _ in range(5)
+    ]
     return np.asarray(np.sum(waves, axis=0) / np.sqrt(10.0))
 
 
@@ -97,12 +106,19 @@ def pinched(held: Held, side: str, rng: np.random.Generator) -> Pinch:
     forces = _forces(held, when, t, pads, rng)
     squeezed = (t >= when.squeezed) & (t < when.squeezed + TIMES * PERIOD)
     closed = 0.04 - np.linalg.norm(pads[0] - pads[1], axis=1)[squeezed]
-    stiffness = float(np.polyfit(closed, _spring(held, closed), 1)[0]) if held.mass is None else np.nan
+    stiffness = (
+        float(np.polyfit(closed, _spring(held, closed), 1)[0]) if held.mass is None else np.nan
+    )
     rotations = [q_hand, *(q_hand * phalanx for phalanx in phalanges)]
-    places = [place + q_hand.apply(hand.sign * np.array([0.0, PALM, 0.0])), *(place + q_hand.apply(ends[s]) for s in SEGMENTS[1:])]
+    places = [
+        place + q_hand.apply(hand.sign * np.array([0.0, PALM, 0.0])),
+        *(place + q_hand.apply(ends[s]) for s in SEGMENTS[1:]),
+    ]
     rows = np.arange(int(RATE / INERTIAL), len(t), int(RATE / INERTIAL))
     inertial, q = _inertial(hand, rotations, places, rows, rng)
-    return Pinch(held, hand, t, forces, [q[3], q[6]], rows, inertial, (5.9, float(t[-1]) - 0.3), stiffness)
+    return Pinch(
+        held, hand, t, forces, [q[3], q[6]], rows, inertial, (5.9, float(t[-1]) - 0.3), stiffness
+    )
 
 
 def _when(held: Held, rng: np.random.Generator) -> Times:
@@ -135,28 +151,45 @@ def _depth(held: Held) -> float:
     return min(0.011, 9.0 / held.stiffness)
 
 
-def _angles(hand: Hand, when: Times, t: Values, distance: Values, rng: np.random.Generator) -> Values:
+def _angles(
+    hand: Hand, when: Times, t: Values, distance: Values, rng: np.random.Generator
+) -> Values:
     """Flat at the beginning and the end, missed by a little; opened, closed on the object, opened (n, 9)."""
     opened = np.radians([0, -14, 0, 0, -8, -12, 0, -10, -4.0])
-    angles = hand.closing(distance) + (1 - during(t, REACH - 0.8, when.ends + 0.8, 0.8))[:, None] * opened
+    angles = (
+        hand.closing(distance)
+        + (1 - during(t, REACH - 0.8, when.ends + 0.8, 0.8))[:, None] * opened
+    )
     bent = (smooth(t, 4.3, 1.5) * (1 - smooth(t, t[-1] - 1.6, 1.4)))[:, None]
     return np.asarray(angles * bent + (1 - bent) * np.radians(MISSED) * rng.uniform(-1, 1, 9))
 
 
-def _carried(side: str, when: Times, t: Values, rng: np.random.Generator) -> tuple[Rotation, Values]:
+def _carried(
+    side: str, when: Times, t: Values, rng: np.random.Generator
+) -> tuple[Rotation, Values]:
     """The hand against the ground, and the place of its wrist (n, 3)."""
     off = during(t, when.rises, when.sinks + when.lasts, when.lasts)
     place = np.stack([off * 0.02 * wandering(rng, t, 0.2, 0.7) for _ in range(3)], axis=1)
     place[:, 2] += when.height * off
-    sways = np.radians(5.0) * off[:, None] * np.stack([wandering(rng, t, 0.15, 0.6) for _ in range(3)], axis=1)
-    flat = np.array([[0, 1, 0], [0, 0, 1.0], [1, 0, 0]]) * (1.0 if side == "left" else np.array([[-1.0, -1.0, 1.0]]))
+    sways = (
+        np.radians(5.0)
+        * off[:, None]
+        * np.stack([wandering(rng, t, 0.15, 0.6) for _ in range(3)], axis=1)
+    )
+    flat = np.array([[0, 1, 0], [0, 0, 1.0], [1, 0, 0]]) * (
+        1.0 if side == "left" else np.array([[-1.0, -1.0, 1.0]])
+    )
     roll = np.radians(rng.uniform(20, 50)) * (-1 if side == "left" else 1)
     turned = np.outer(roll * smooth(t, 5, 1.0) * (1 - smooth(t, t[-1] - 1.7, 1.0)), [1.0, 0.0, 0.0])
     heading = Rotation.from_rotvec([0, 0, rng.uniform(-np.pi, np.pi)])
-    return heading * Rotation.from_rotvec(sways) * Rotation.from_rotvec(turned) * Rotation.from_matrix(flat), place
+    return heading * Rotation.from_rotvec(sways) * Rotation.from_rotvec(
+        turned
+    ) * Rotation.from_matrix(flat), place
 
 
-def _forces(held: Held, when: Times, t: Values, pads: list[Values], rng: np.random.Generator) -> Values:
+def _forces(
+    held: Held, when: Times, t: Values, pads: list[Values], rng: np.random.Generator
+) -> Values:
     """That thumb and index finger exert (n, 2, 3): the grip along the line between the pads, and each its share of the load."""
     line = pads[0] - pads[1]
     apart = np.linalg.norm(line, axis=1)
@@ -166,7 +199,9 @@ def _forces(held: Held, when: Times, t: Values, pads: list[Values], rng: np.rand
         grip = during(t, REACH, when.ends, BEGUN) * size * (1 + 0.03 * wandering(rng, t, 0.5, 6))
     else:
         closed = 0.04 - apart
-        grip = np.maximum(_spring(held, closed) - held.damping * np.gradient(apart, 1 / RATE), 0) * (during(t, REACH, when.ends, BEGUN) > 0)
+        grip = np.maximum(
+            _spring(held, closed) - held.damping * np.gradient(apart, 1 / RATE), 0
+        ) * (during(t, REACH, when.ends, BEGUN) > 0)
     share = (0.5 + rng.normal(0, 0.06) + 0.02 * wandering(rng, t, 0.1, 1))[:, None]
     push, left = grip[:, None] * line / apart[:, None], 1 - held.third
     return np.stack([left * (1 - share) * load - push, left * (push + share * load)], axis=1)
@@ -177,7 +212,9 @@ def _load(held: Held, when: Times, t: Values, middle: Values) -> Values:
     accelerated = accelerations(middle)
     if held.slips:
         since = t - when.rises - when.lasts - 1.0
-        accelerated[:, 2] += 4.0 * (((since >= 0.075) & (since < 0.15)).astype(float) - ((since > 0) & (since < 0.075)))
+        accelerated[:, 2] += 4.0 * (
+            ((since >= 0.075) & (since < 0.15)).astype(float) - ((since > 0) & (since < 0.075))
+        )
     carried = during(t, when.rises - 0.45, when.sinks + when.lasts + 0.45, 0.45)[:, None]
     mass = 0.012 if held.mass is None else held.mass
     load = mass * (carried * [0, 0, GRAVITY] + (carried > 0.999) * accelerated)
@@ -185,7 +222,11 @@ def _load(held: Held, when: Times, t: Values, middle: Values) -> Values:
 
 
 def _inertial(
-    hand: Hand, rotations: list[Rotation], places: list[Values], rows: Rows, rng: np.random.Generator
+    hand: Hand,
+    rotations: list[Rotation],
+    places: list[Values],
+    rows: Rows,
+    rng: np.random.Generator,
 ) -> tuple[Values, list[Rotation]]:
     """Readings (m, sensors, 6) and how each sensor was turned to the ground (n,): askew on its segment, gyroscopes tell means between samples."""
     step, read, turned = int(RATE / INERTIAL), [], []

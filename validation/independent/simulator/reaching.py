@@ -20,16 +20,29 @@ FINE = 1000.0  # Hz of the motion
 STILL = 5.0  # s at the start, the hand flat and at rest
 G = 9.81  # m/s^2
 MU0 = 4e-7 * np.pi
-UPRIGHT = Rotation.from_matrix([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # breastbone to room
-PALM_DOWN = Rotation.from_matrix([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])  # left hand to room, fingers forward
+UPRIGHT = Rotation.from_matrix(
+    [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
+)  # breastbone to room
+PALM_DOWN = Rotation.from_matrix(
+    [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]
+)  # left hand to room, fingers forward
 RADIUS, LENGTH, REMANENCE = 0.004, 0.008, 1.2  # m, m, T: a rod of neodymium of 8 mm by 8 mm
 MOMENT = REMANENCE / MU0 * np.pi * RADIUS**2 * LENGTH  # A m^2
-PLATE = np.array([[0.0, 0.0, 0.004], [0.085, 0.01, 0.0], [-0.04, 0.06, 0.012], [0.05, 0.095, 0.0]])  # m, breastbone's sensor
+PLATE = np.array(
+    [[0.0, 0.0, 0.004], [0.085, 0.01, 0.0], [-0.04, 0.06, 0.012], [0.05, 0.095, 0.0]]
+)  # m, breastbone's sensor
 ON_HAND = np.array([0.008, 0.02, 0.0])  # m of the magnet from the hand's sensor
-EARTH = 48e-6 * np.array([0.0, np.cos(np.radians(64.0)), -np.sin(np.radians(64.0))])  # T in the room
-GRADIENT = 2.3e-6  # T/m, root mean square of the components' slopes: BROAD's laboratory (decision 0011)
+EARTH = 48e-6 * np.array(
+    [0.0, np.cos(np.radians(64.0)), -np.sin(np.radians(64.0))]
+)  # T in the room
+GRADIENT = (
+    2.3e-6  # T/m, root mean square of the components' slopes: BROAD's laboratory (decision 0011)
+)
 RATE, MAG_RATE = 100.0, 75.0  # Hz
-TRUNK_PHASE, MAG_PHASE = 0.004, 0.007  # s by which the trunk's samples and the magnetometers' come after the hand's
+TRUNK_PHASE, MAG_PHASE = (
+    0.004,
+    0.007,
+)  # s by which the trunk's samples and the magnetometers' come after the hand's
 LATEST = 0.010  # s: a magnetometer has measured before it is read and stamped
 BIAS_GYR, BIAS_ACC = np.radians(0.3), 0.05  # rad/s, m/s^2
 SCALE, ASKEW = 0.003, np.radians(0.2)  # of the inertial sensors' axes
@@ -42,7 +55,11 @@ HARD, SOFT, TURNED, BESIDE = (
     np.radians(1.0),
     np.radians(0.2),
 )  # T, 1, rad of a magnetometer on the plate, of the first against the inertial sensor
-RULER, ANGLE, GRADE = 0.001, np.radians(1.0), 0.01  # m, rad, share: how well somebody tells places, the moment's direction and its size
+RULER, ANGLE, GRADE = (
+    0.001,
+    np.radians(1.0),
+    0.01,
+)  # m, rad, share: how well somebody tells places, the moment's direction and its size
 LOOPS = np.polynomial.legendre.leggauss(4)
 
 
@@ -56,7 +73,9 @@ class Motion:
 
     def at(self, t: Array) -> tuple[tuple[Array, Array], tuple[Rotation, Rotation]]:
         """Places and rotations at other instants."""
-        p, q = (np.column_stack([np.interp(t, self.t, axis) for axis in place.T]) for place in self.p)
+        p, q = (
+            np.column_stack([np.interp(t, self.t, axis) for axis in place.T]) for place in self.p
+        )
         a, b = (Slerp(self.t, turn)(np.clip(t, self.t[0], self.t[-1])) for turn in self.R)
         return (p, q), (a, b)
 
@@ -65,7 +84,9 @@ class Motion:
 class Worn:
     """Sensors and magnet of one person as they are, and as they were told."""
 
-    imu: tuple[tuple[Array, Array], ...]  # of trunk's and hand's gyroscope, then accelerometers: matrix (3, 3), bias (3,)
+    imu: tuple[
+        tuple[Array, Array], ...
+    ]  # of trunk's and hand's gyroscope, then accelerometers: matrix (3, 3), bias (3,)
     places: Array  # (magnetometers, 3) m
     iron: Array  # (magnetometers, 3, 3), turned axes in it
     hard: Array  # (magnetometers, 3) T
@@ -101,17 +122,26 @@ def worn(rng: np.random.Generator, magnetometers: int) -> Worn:
     turned[0] *= BESIDE / TURNED
     stretch = SOFT * rng.normal(size=(len(PLATE), 3, 3))
     stretch = (stretch + stretch.transpose(0, 2, 1)) / 2  # soft iron turns nothing
-    iron = np.array([(np.eye(3) + s) @ Rotation.from_rotvec(r).inv().as_matrix() for s, r in zip(stretch, turned)])
+    iron = np.array(
+        [
+            (np.eye(3) + s) @ Rotation.from_rotvec(r).inv().as_matrix()
+            for s, r in zip(stretch, turned)
+        ]
+    )
     true, lever = PLATE + RULER * rng.normal(size=PLATE.shape), ON_HAND + RULER * rng.normal(size=3)
     told = MOMENT * np.array([1.0, 0.0, 0.0])
-    moment = Rotation.from_rotvec(ANGLE * rng.normal(size=3)).apply(told) * (1 + GRADE * rng.normal())
+    moment = Rotation.from_rotvec(ANGLE * rng.normal(size=3)).apply(told) * (
+        1 + GRADE * rng.normal()
+    )
     hard, late = HARD * rng.normal(size=PLATE.shape), rng.uniform(0, LATEST)
     some = slice(magnetometers)
     return Worn(imu, true[some], iron[some], hard[some], late, moment, lever, PLATE[some], told)
 
 
 def _matrix(rng: np.random.Generator, scale: float, askew: float) -> Array:
-    return np.asarray(np.diag(1 + scale * rng.normal(size=3)) + askew * rng.normal(size=(3, 3)) * (1 - np.eye(3)))
+    return np.asarray(
+        np.diag(1 + scale * rng.normal(size=3)) + askew * rng.normal(size=(3, 3)) * (1 - np.eye(3))
+    )
 
 
 def cylinder(r: Array, along: Array, moment: float) -> Array:
@@ -121,7 +151,9 @@ def cylinder(r: Array, along: Array, moment: float) -> Array:
     rho = np.maximum(np.linalg.norm(across, axis=1), 1e-7)
     out = np.zeros_like(r)
     for node, weight in zip(*LOOPS):
-        by_z, by_rho = _loop(rho, z - 0.5 * LENGTH * node, 0.5 * weight * moment / (np.pi * RADIUS**2))
+        by_z, by_rho = _loop(
+            rho, z - 0.5 * LENGTH * node, 0.5 * weight * moment / (np.pi * RADIUS**2)
+        )
         out += by_z[:, None] * along + (by_rho / rho)[:, None] * across
     return out
 
@@ -131,10 +163,14 @@ def _loop(rho: Array, z: Array, current: float) -> tuple[Array, Array]:
     near, far = (RADIUS - rho) ** 2 + z**2, (RADIUS + rho) ** 2 + z**2
     K, E = ellipk(4 * RADIUS * rho / far), ellipe(4 * RADIUS * rho / far)
     scale, square = MU0 * current / (2 * np.pi * np.sqrt(far)), rho**2 + z**2
-    return scale * (K + (RADIUS**2 - square) / near * E), scale * z / rho * (-K + (RADIUS**2 + square) / near * E)
+    return scale * (K + (RADIUS**2 - square) / near * E), scale * z / rho * (
+        -K + (RADIUS**2 + square) / near * E
+    )
 
 
-def magnetometers(w: Worn, m: Motion, r: Room, rng: np.random.Generator, magnet: bool = True) -> tuple[Array, Array]:
+def magnetometers(
+    w: Worn, m: Motion, r: Room, rng: np.random.Generator, magnet: bool = True
+) -> tuple[Array, Array]:
     """Time stamps (n,) s and raw readings (n, magnetometers, 3) T."""
     t = np.arange(m.t[0] + MAG_PHASE, m.t[-1], 1 / MAG_RATE)
     (trunk, hand), (R_b, R_t) = m.at(t - w.late)
@@ -159,19 +195,31 @@ def inertial(w: Worn, m: Motion, which: int, rng: np.random.Generator) -> tuple[
     t = np.arange(m.t[0] + 1 / RATE + (TRUNK_PHASE if which == 0 else 0.0), m.t[-1] - h, 1 / RATE)
     edges = np.concatenate([[t[0] - 1 / RATE], t])
     turned = np.concatenate([np.zeros((1, 3)), np.cumsum(rate, axis=0) * h])
-    pushed = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (force[1:] + force[:-1]), axis=0) * h])
-    gyr, acc = (np.diff(np.column_stack([np.interp(edges, m.t, axis) for axis in v.T]), axis=0) * RATE for v in (turned, pushed))
+    pushed = np.concatenate(
+        [np.zeros((1, 3)), np.cumsum(0.5 * (force[1:] + force[:-1]), axis=0) * h]
+    )
+    gyr, acc = (
+        np.diff(np.column_stack([np.interp(edges, m.t, axis) for axis in v.T]), axis=0) * RATE
+        for v in (turned, pushed)
+    )
     (by_gyr, off_gyr), (by_acc, off_acc) = w.imu[which], w.imu[2 + which]
     white = np.sqrt(RATE / 2) * rng.normal(size=(len(t), 6))
-    gyr, acc = gyr @ by_gyr.T + off_gyr + NOISE_GYR * white[:, :3], acc @ by_acc.T + off_acc + NOISE_ACC * white[:, 3:]
-    return t, np.concatenate([np.round(gyr / STEP_GYR) * STEP_GYR, np.round(acc / STEP_ACC) * STEP_ACC], axis=1)
+    gyr, acc = (
+        gyr @ by_gyr.T + off_gyr + NOISE_GYR * white[:, :3],
+        acc @ by_acc.T + off_acc + NOISE_ACC * white[:, 3:],
+    )
+    return t, np.concatenate(
+        [np.round(gyr / STEP_GYR) * STEP_GYR, np.round(acc / STEP_ACC) * STEP_ACC], axis=1
+    )
 
 
 def turned_about(rng: np.random.Generator, seconds: float = 60.0) -> Motion:
     """The plate in somebody's hands, turned every way in a quarter of a cubic metre; the hand is elsewhere."""
     t = np.arange(0.0, seconds, 1 / FINE)
     pace = rng.uniform(0.6, 1.0, 3)
-    R = Rotation.from_euler("zyx", np.column_stack([pace[0] * t, 1.7 * np.sin(0.31 * pace[1] * t), 0.83 * pace[2] * t]))
+    R = Rotation.from_euler(
+        "zyx", np.column_stack([pace[0] * t, 1.7 * np.sin(0.31 * pace[1] * t), 0.83 * pace[2] * t])
+    )
     p = 0.05 * np.column_stack([np.sin(0.9 * t), np.cos(0.7 * t), np.sin(0.5 * t + 1)])
     return Motion(t, (p, p + 5.0), (R, R))
 
@@ -182,7 +230,14 @@ def jerk_least(u: Array) -> Array:
     return np.asarray(s**3 * (10 - 15 * s + 6 * s**2))
 
 
-def moves(rng: np.random.Generator, t: Array, n: int, size: float, lasting: tuple[float, float], rest: float) -> Array:
+def moves(
+    rng: np.random.Generator,
+    t: Array,
+    n: int,
+    size: float,
+    lasting: tuple[float, float],
+    rest: float,
+) -> Array:
     """(len(t), n) coordinates that go from value to value within +-size, each in a time of its own, with rests between."""
     out = np.zeros((len(t), n))
     for k in range(n):
@@ -198,7 +253,9 @@ def breathing(rng: np.random.Generator, t: Array) -> tuple[Array, Array]:
     """Place (n, 3) m and angles (n, 3) rad about right, down, forward: nobody's trunk rests."""
     breath = np.sin(2 * np.pi * rng.uniform(0.2, 0.3) * t + 0.6 * np.sin(2 * np.pi * 0.05 * t))
     slow = np.sin(2 * np.pi * 0.07 * t[:, None] + rng.uniform(0, 6, 3))
-    return 0.003 * breath[:, None] * [0, 1, 0.3] + 0.002 * slow, np.radians(0.8) * breath[:, None] * [1, 0, 0] + np.radians(0.4) * slow
+    return 0.003 * breath[:, None] * [0, 1, 0.3] + 0.002 * slow, np.radians(0.8) * breath[
+        :, None
+    ] * [1, 0, 0] + np.radians(0.4) * slow
 
 
 def seated(rng: np.random.Generator, t: Array) -> tuple[Array, Array]:
@@ -210,7 +267,11 @@ def leaning(rng: np.random.Generator, t: Array) -> tuple[Array, Array]:
     p, angles = breathing(rng, t)
     yaw, pitch, roll = moves(rng, t, 3, 1.0, (1.5, 3.0), 0.5).T
     turned = np.column_stack([np.radians(12) * pitch, np.radians(30) * yaw, np.radians(6) * roll])
-    hips = Rotation.from_euler("XYZ", turned).apply([0.0, -0.35, 0.0]) - [0.0, -0.35, 0.0]  # the breastbone above the hips, sensor's axes
+    hips = Rotation.from_euler("XYZ", turned).apply([0.0, -0.35, 0.0]) - [
+        0.0,
+        -0.35,
+        0.0,
+    ]  # the breastbone above the hips, sensor's axes
     return p + UPRIGHT.apply(hips), angles + turned
 
 
@@ -219,22 +280,32 @@ def stepping(rng: np.random.Generator, t: Array) -> tuple[Array, Array]:
     stride = 2 * np.pi * rng.uniform(0.8, 1.0) * np.maximum(t - STILL, 0.0)
     begun = jerk_least((t - STILL) / 3.0)[:, None]
     p, angles = breathing(rng, t)
-    sway = np.column_stack([0.025 * np.sin(stride), 0.008 * np.sin(2 * stride + 1), 0.015 * np.sin(2 * stride)])
-    turn = np.radians(1.0) * np.column_stack([1.5 * np.sin(2 * stride), 6 * np.sin(stride + 0.5), 2 * np.sin(stride)])
+    sway = np.column_stack(
+        [0.025 * np.sin(stride), 0.008 * np.sin(2 * stride + 1), 0.015 * np.sin(2 * stride)]
+    )
+    turn = np.radians(1.0) * np.column_stack(
+        [1.5 * np.sin(2 * stride), 6 * np.sin(stride + 0.5), 2 * np.sin(stride)]
+    )
     return p + begun * sway, angles + begun * turn
 
 
-def reaching(rng: np.random.Generator, t: Array, trunk: Callable[[float], tuple[Array, Rotation]]) -> tuple[Array, Array]:
+def reaching(
+    rng: np.random.Generator, t: Array, trunk: Callable[[float], tuple[Array, Rotation]]
+) -> tuple[Array, Array]:
     """To things at 12 to 38 cm from the breastbone, where they are as each reach begins; the hand turned as it likes."""
     return _reaches(rng, t, trunk, 0.12, 0.38), moves(rng, t, 3, np.radians(40), (0.7, 1.5), 0.4)
 
 
-def touching(rng: np.random.Generator, t: Array, trunk: Callable[[float], tuple[Array, Rotation]]) -> tuple[Array, Array]:
+def touching(
+    rng: np.random.Generator, t: Array, trunk: Callable[[float], tuple[Array, Rotation]]
+) -> tuple[Array, Array]:
     """To the chest and away: the nearest magnetometers come to their limit."""
     return _reaches(rng, t, trunk, 0.04, 0.25), moves(rng, t, 3, np.radians(30), (0.7, 1.5), 0.4)
 
 
-def resting(rng: np.random.Generator, t: Array, trunk: Callable[[float], tuple[Array, Rotation]]) -> tuple[Array, Array]:
+def resting(
+    rng: np.random.Generator, t: Array, trunk: Callable[[float], tuple[Array, Rotation]]
+) -> tuple[Array, Array]:
     """On a table, a quarter of a metre before the breastbone."""
     p, R = trunk(0.0)
     at = p + R.apply(rng.uniform([-0.06, 0.02, 0.18], [0.10, 0.10, 0.26]))
@@ -242,21 +313,34 @@ def resting(rng: np.random.Generator, t: Array, trunk: Callable[[float], tuple[A
     return at + tremor, np.zeros((len(t), 3))
 
 
-def sliding(rng: np.random.Generator, t: Array, trunk: Callable[[float], tuple[Array, Rotation]]) -> tuple[Array, Array]:
+def sliding(
+    rng: np.random.Generator, t: Array, trunk: Callable[[float], tuple[Array, Rotation]]
+) -> tuple[Array, Array]:
     """To and fro over a table without turning."""
     p, R = trunk(0.0)
     level = moves(rng, t, 2, 1.0, (1.0, 2.5), 0.6) * [0.10, 0.09]
-    return p + R.apply([0.03, 0.08, 0.23]) + np.column_stack([level, np.zeros(len(t))]), np.zeros((len(t), 3))
+    return p + R.apply([0.03, 0.08, 0.23]) + np.column_stack([level, np.zeros(len(t))]), np.zeros(
+        (len(t), 3)
+    )
 
 
-def _reaches(rng: np.random.Generator, t: Array, trunk: Callable[[float], tuple[Array, Rotation]], near: float, far: float) -> Array:
+def _reaches(
+    rng: np.random.Generator,
+    t: Array,
+    trunk: Callable[[float], tuple[Array, Rotation]],
+    near: float,
+    far: float,
+) -> Array:
     p, R = trunk(0.0)
     at = p + R.apply([0.02, 0.08, 0.2])
     out, begin = np.tile(at, (len(t), 1)), STILL
     while begin < t[-1]:
         (p, R), long, away = trunk(begin), rng.uniform(0.7, 1.4), rng.uniform(near, far)
         side, up = rng.uniform(-0.6, 0.6), rng.uniform(-0.3, 0.5)
-        to = p + R.apply([0.02, 0.05, 0.0] + away * np.array([np.sin(side) * np.cos(up), np.sin(up), np.cos(side) * np.cos(up)]))
+        to = p + R.apply(
+            [0.02, 0.05, 0.0]
+            + away * np.array([np.sin(side) * np.cos(up), np.sin(up), np.cos(side) * np.cos(up)])
+        )
         out += (to - at) * jerk_least((t - begin) / long)[:, None]
         begin, at = begin + long * rng.uniform(0.85, 1.0) + rng.exponential(0.3), to
     return out
@@ -281,8 +365,12 @@ def moving(name: str, rng: np.random.Generator, seconds: float = 60.0) -> Motion
     t = np.arange(0.0, seconds, 1 / FINE)
     place, angles = TRUNKS[name](rng, t)
     R_b = UPRIGHT * Rotation.from_euler("XYZ", angles)
-    carried = place - place[0] if name == "reaches, stepping" else np.zeros_like(place)  # the arm goes with the body
-    hand, turned = HANDS.get(name, reaching)(rng, t, lambda s: ((place - carried)[int(s * FINE)], R_b[int(s * FINE)]))
+    carried = (
+        place - place[0] if name == "reaches, stepping" else np.zeros_like(place)
+    )  # the arm goes with the body
+    hand, turned = HANDS.get(name, reaching)(
+        rng, t, lambda s: ((place - carried)[int(s * FINE)], R_b[int(s * FINE)])
+    )
     hand = hand + carried
     if name == "10 s out of reach":
         share = jerk_least((t - OUT + 1.0) / 1.0) - jerk_least((t - BACK) / 1.0)

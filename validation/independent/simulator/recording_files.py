@@ -14,7 +14,13 @@ from handscope.validation.independent.simulator.pinch import INERTIAL, Pinch
 FINGERS = ("thumb", "index")
 
 
-def written(folder: Path, pinch: Pinch, hand: Mapping[str, object], forces: tuple[Values, Values], setups: Mapping[str, object]) -> None:
+def written(
+    folder: Path,
+    pinch: Pinch,
+    hand: Mapping[str, object],
+    forces: tuple[Values, Values],
+    setups: Mapping[str, object],
+) -> None:
     """Into a folder: inertial sensors, force sensors (times, newtons), events. With `setups` forces are written as counts of what these calibrate."""
     task = "squeeze" if pinch.held.mass is None else "lift"
     motion = folder / "sub-01" / "motion"
@@ -23,12 +29,25 @@ def written(folder: Path, pinch: Pinch, hand: Mapping[str, object], forces: tupl
     (folder / "dataset_description.json").write_text(json.dumps(said))
     stem = f"{motion}/sub-01_task-{task}"
     sidecar = {"TaskName": task, "MeasuredHand": "left" if pinch.hand.sign > 0 else "right"}
-    columns = [column for s in SEGMENTS for column in (*axes(s, "gyro", "GYRO", "rad/s"), *axes(s, "acc", "ACCEL", "m/s^2"))]
+    columns = [
+        column
+        for s in SEGMENTS
+        for column in (*axes(s, "gyro", "GYRO", "rad/s"), *axes(s, "acc", "ACCEL", "m/s^2"))
+    ]
     rows = pinch.inertial.reshape(len(pinch.rows), -1)
-    write_system(stem, "imu", pinch.t[pinch.rows], rows, columns, {**sidecar, "SamplingFrequency": INERTIAL, "HandGeometry": hand})
+    write_system(
+        stem,
+        "imu",
+        pinch.t[pinch.rows],
+        rows,
+        columns,
+        {**sidecar, "SamplingFrequency": INERTIAL, "HandGeometry": hand},
+    )
     t, felt = forces
     unit = "count" if setups else "N"
-    columns = [(channel(f, axis), axis, "MISC", f"{f}_tip_force", unit) for f in FINGERS for axis in "xyz"]
+    columns = [
+        (channel(f, axis), axis, "MISC", f"{f}_tip_force", unit) for f in FINGERS for axis in "xyz"
+    ]
     rate = 1 / float(np.median(np.diff(t)))
     more = {"ForceSetup": setups} if setups else {}
     values = felt.reshape(len(t), -1) / (COUNT if setups else 1.0)

@@ -24,9 +24,15 @@ def upgrade() -> None:
         sa.Column("task", sa.String(), nullable=False),
         sa.Column("name", sa.String(length=64), nullable=False),
         sa.Column("unit", sa.String(length=16), nullable=False),
-        *(sa.Column(name, sa.Double(), nullable=False) for name in ("sem", "mdc95", "mdc95_low", "mdc95_high")),
+        *(
+            sa.Column(name, sa.Double(), nullable=False)
+            for name in ("sem", "mdc95", "mdc95_low", "mdc95_high")
+        ),
         *(sa.Column(name, sa.Double(), nullable=True) for name in ("icc", "icc_low", "icc_high")),
-        *(sa.Column(name, sa.Integer(), nullable=False) for name in ("people", "sessions", "freedom")),
+        *(
+            sa.Column(name, sa.Integer(), nullable=False)
+            for name in ("people", "sessions", "freedom")
+        ),
         sa.Column("results", sa.JSON(), nullable=False),
         sa.Column("computed", tables.UtcDateTime(), nullable=False),
         sa.ForeignKeyConstraint(["patient_id"], ["patient.id"], ondelete="CASCADE"),

@@ -28,7 +28,9 @@ def upgrade() -> None:
     with op.batch_alter_table("correction") as batch_op:
         batch_op.create_index("ix_correction_recording_id", ["recording_id"])
     with op.batch_alter_table("result") as batch_op:
-        batch_op.add_column(sa.Column("corrections", sa.JSON(), nullable=False, server_default="[]"))
+        batch_op.add_column(
+            sa.Column("corrections", sa.JSON(), nullable=False, server_default="[]")
+        )
 
 
 def downgrade() -> None:

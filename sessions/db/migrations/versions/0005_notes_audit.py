@@ -29,7 +29,9 @@ def upgrade() -> None:
         sqlite_autoincrement=True,
     )
     op.create_index("ix_note_patient_id", "note", ["patient_id"])
-    op.execute("INSERT INTO note (patient_id, text, written, version) SELECT id, notes, created, 1 FROM patient WHERE trim(notes) <> ''")
+    op.execute(
+        "INSERT INTO note (patient_id, text, written, version) SELECT id, notes, created, 1 FROM patient WHERE trim(notes) <> ''"
+    )
     op.create_table(
         "audit",
         sa.Column("id", sa.Integer(), nullable=False),
@@ -39,10 +41,18 @@ def upgrade() -> None:
         sa.PrimaryKeyConstraint("id"),
         sqlite_autoincrement=True,
     )
-    op.create_table("erased_file", sa.Column("file", sa.String(), nullable=False), sa.PrimaryKeyConstraint("file"))
-    again: Literal["always", "auto"] = "always" if op.get_context().dialect.name == "sqlite" else "auto"
+    op.create_table(
+        "erased_file",
+        sa.Column("file", sa.String(), nullable=False),
+        sa.PrimaryKeyConstraint("file"),
+    )
+    again: Literal["always", "auto"] = (
+        "always" if op.get_context().dialect.name == "sqlite" else "auto"
+    )
     for table in NUMBERED:
-        with op.batch_alter_table(table, recreate=again, table_kwargs={"sqlite_autoincrement": True}) as batch_op:
+        with op.batch_alter_table(
+            table, recreate=again, table_kwargs={"sqlite_autoincrement": True}
+        ) as batch_op:
             if table == "patient":
                 batch_op.drop_column("notes")
             if table == "session":
@@ -55,9 +65,14 @@ def downgrade() -> None:
     with op.batch_alter_table("patient") as batch_op:
         batch_op.add_column(sa.Column("notes", sa.String(), nullable=False, server_default=""))
     texts: dict[int, list[str]] = {}
-    for patient, text in op.get_bind().execute(sa.text("SELECT patient_id, text FROM note WHERE removed IS NULL ORDER BY id")):
+    for patient, text in op.get_bind().execute(
+        sa.text("SELECT patient_id, text FROM note WHERE removed IS NULL ORDER BY id")
+    ):
         texts.setdefault(patient, []).append(text)
     for patient, found in texts.items():
-        op.get_bind().execute(sa.text("UPDATE patient SET notes = :notes WHERE id = :id"), {"notes": "\n\n".join(found), "id": patient})
+        op.get_bind().execute(
+            sa.text("UPDATE patient SET notes = :notes WHERE id = :id"),
+            {"notes": "\n\n".join(found), "id": patient},
+        )
     for table in ("erased_file", "audit", "note"):
         op.drop_table(table)

@@ -13,7 +13,9 @@ depends_on = None
 
 def upgrade() -> None:
     op.add_column("session", sa.Column("recorded_as", tables.UtcDateTime(), nullable=True))
-    op.add_column("session", sa.Column("date_reason", sa.String(), nullable=False, server_default=""))
+    op.add_column(
+        "session", sa.Column("date_reason", sa.String(), nullable=False, server_default="")
+    )
     op.add_column("session", sa.Column("version", sa.Integer(), nullable=False, server_default="1"))
 
 

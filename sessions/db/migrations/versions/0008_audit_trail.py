@@ -19,7 +19,12 @@ REFUSE = "the audit trail is only appended to"
 
 
 def upgrade() -> None:
-    before = sa.table("audit", sa.column("id"), sa.column("at", tables.UtcDateTime()), sa.column("counts", sa.JSON()))
+    before = sa.table(
+        "audit",
+        sa.column("id"),
+        sa.column("at", tables.UtcDateTime()),
+        sa.column("counts", sa.JSON()),
+    )
     kept = op.get_bind().execute(sa.select(before).order_by(before.c.id)).all()
     op.drop_table("audit")
     audit = op.create_table(
@@ -46,15 +51,25 @@ def upgrade() -> None:
         previous = row["hash"]
     if op.get_context().dialect.name == "sqlite":
         for action in ("UPDATE", "DELETE"):
-            op.execute(f"CREATE TRIGGER audit_no_{action.lower()} BEFORE {action} ON audit BEGIN SELECT RAISE(ABORT, '{REFUSE}'); END")
+            op.execute(
+                f"CREATE TRIGGER audit_no_{action.lower()} BEFORE {action} ON audit BEGIN SELECT RAISE(ABORT, '{REFUSE}'); END"
+            )
     else:
-        op.execute(f"CREATE FUNCTION audit_refuse() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN RAISE EXCEPTION '{REFUSE}'; END $$")
-        op.execute("CREATE TRIGGER audit_no_change BEFORE UPDATE OR DELETE ON audit FOR EACH ROW EXECUTE FUNCTION audit_refuse()")
+        op.execute(
+            f"CREATE FUNCTION audit_refuse() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN RAISE EXCEPTION '{REFUSE}'; END $$"
+        )
+        op.execute(
+            "CREATE TRIGGER audit_no_change BEFORE UPDATE OR DELETE ON audit FOR EACH ROW EXECUTE FUNCTION audit_refuse()"
+        )
 
 
 def downgrade() -> None:
     bind = op.get_bind()
-    erased = bind.execute(sa.text("SELECT id, at, counts FROM audit WHERE what = 'erased' AND kind = 'patient' ORDER BY id")).all()
+    erased = bind.execute(
+        sa.text(
+            "SELECT id, at, counts FROM audit WHERE what = 'erased' AND kind = 'patient' ORDER BY id"
+        )
+    ).all()
     op.drop_table("audit")
     if op.get_context().dialect.name != "sqlite":
         op.execute("DROP FUNCTION audit_refuse()")
@@ -69,13 +84,25 @@ def downgrade() -> None:
     )
     for number, at, counts in erased:
         told = counts if isinstance(counts, str) else json.dumps(counts)
-        statement = sa.text("INSERT INTO audit (id, at, what, counts) VALUES (:id, :at, 'patient erased', :counts)")
+        statement = sa.text(
+            "INSERT INTO audit (id, at, what, counts) VALUES (:id, :at, 'patient erased', :counts)"
+        )
         bind.execute(statement, {"id": number, "at": at, "counts": told})
 
 
 def _line(number: int, at: datetime, counts: dict[str, Any], previous: str) -> dict[str, Any]:
-    row = {"id": number, "who": "server", "address": "", "what": "erased", "kind": "patient", "ref": "", "patient": None}
+    row = {
+        "id": number,
+        "who": "server",
+        "address": "",
+        "what": "erased",
+        "kind": "patient",
+        "ref": "",
+        "patient": None,
+    }
     row |= {"counts": counts, "previous": previous}
     told = {**row, "at": at.astimezone(UTC).isoformat(timespec="microseconds")}
-    total = hashlib.sha256(json.dumps(told, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+    total = hashlib.sha256(
+        json.dumps(told, sort_keys=True, separators=(",", ":")).encode()
+    ).hexdigest()
     return {**row, "at": at, "hash": total}

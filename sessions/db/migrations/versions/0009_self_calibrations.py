@@ -37,7 +37,9 @@ def upgrade() -> None:
         sa.Column("parts", sa.String(length=20), nullable=False),
         sa.Column("made", tables.UtcDateTime(), nullable=False),
         sa.ForeignKeyConstraint(["session_id"], ["session.id"], ondelete="CASCADE"),
-        sa.ForeignKeyConstraint(["self_calibration_id"], ["self_calibration.id"], ondelete="CASCADE"),
+        sa.ForeignKeyConstraint(
+            ["self_calibration_id"], ["self_calibration.id"], ondelete="CASCADE"
+        ),
         sa.PrimaryKeyConstraint("id"),
     )
     for table, column in (

@@ -27,8 +27,16 @@ from tests.simulated import pose_and_wiggle
 ALL = (*FINGERS, "forearm")
 
 
-def person(strips: tuple[str, ...] = ALL, rate: float = 100.0, errors: SensorErrors | None = None) -> SimulatedPerson:
-    return SimulatedPerson("left", sized("left"), layout(strips, rate), np.random.default_rng(3), errors or SensorErrors())
+def person(
+    strips: tuple[str, ...] = ALL, rate: float = 100.0, errors: SensorErrors | None = None
+) -> SimulatedPerson:
+    return SimulatedPerson(
+        "left",
+        sized("left"),
+        layout(strips, rate),
+        np.random.default_rng(3),
+        errors or SensorErrors(),
+    )
 
 
 def glove(wearer: SimulatedPerson | Playback, **build: object) -> Firmware:
@@ -58,8 +66,12 @@ def test_a_glove_with_all_strips_sends_every_sample_of_17_sensors_once() -> None
     streams = play(glove(person()), 3.0, assembler)
     assert sum(len(b.stream.sensors) for b in streams.values()) == 17
     for name, block in streams.items():
-        settled = block.t[block.t > 1.0]  # the forearm's clock is mapped as its least delayed bursts come in, the others are exact
-        np.testing.assert_allclose(np.diff(settled), 0.01, atol=1e-3 if name == "forearm" else 1e-9, err_msg=name)
+        settled = block.t[
+            block.t > 1.0
+        ]  # the forearm's clock is mapped as its least delayed bursts come in, the others are exact
+        np.testing.assert_allclose(
+            np.diff(settled), 0.01, atol=1e-3 if name == "forearm" else 1e-9, err_msg=name
+        )
         assert len(block.t) >= 290
         assert np.isfinite(block.values).all()
     assert assembler.counters.lost == assembler.counters.corrupt == 0
@@ -76,9 +88,15 @@ def test_rates_from_1_to_1000_hz_are_kept(rate: float) -> None:
 
 def test_strips_may_have_rates_of_their_own() -> None:
     wearer = person(("thumb", "index"))
-    wearer.streams = tuple(replace(s, rate=500.0) if s.name == "index" else s for s in wearer.streams)
+    wearer.streams = tuple(
+        replace(s, rate=500.0) if s.name == "index" else s for s in wearer.streams
+    )
     streams = play(glove(wearer), 1.0)
-    assert {name: b.stream.rate for name, b in streams.items()} == {"hand": 100.0, "thumb": 100.0, "index": 500.0}
+    assert {name: b.stream.rate for name, b in streams.items()} == {
+        "hand": 100.0,
+        "thumb": 100.0,
+        "index": 500.0,
+    }
     assert len(streams["index"].t) == pytest.approx(500, abs=15)
 
 
@@ -92,7 +110,9 @@ def test_force_sensors_come_at_their_own_rate_with_their_limit() -> None:
     assert len(np.unique(force.of(FORCE))) > 60
 
 
-def test_torques_go_from_the_wire_into_a_recording_into_a_file_and_back_through_another_glove(tmp_path: Path) -> None:
+def test_torques_go_from_the_wire_into_a_recording_into_a_file_and_back_through_another_glove(
+    tmp_path: Path,
+) -> None:
     """Of a sensor with six axes; played again they come in a stream of their own, and read the same."""
     firmware = glove(person(("thumb", "index", "force", "torque")), format=wire.Format.FLOAT32)
     with Recorder(tmp_path / "a.mcap", {"hand": "left"}, 0.0) as recorder:
@@ -102,15 +122,23 @@ def test_torques_go_from_the_wire_into_a_recording_into_a_file_and_back_through_
     kept = native.load(tmp_path / "a.mcap")
     motion_bids.write(kept, tmp_path / "b.zip")
     read = motion_bids.load(tmp_path / "b.zip")
-    (force, again) = (next(b for b in r.samples.values() if FORCE in b.stream.quantities) for r in (kept, read))
+    (force, again) = (
+        next(b for b in r.samples.values() if FORCE in b.stream.quantities) for r in (kept, read)
+    )
     assert force.stream.quantities == (FORCE, TORQUE)
     assert force.stream.full_scale[TORQUE] == pytest.approx(0.15)
     assert 1e-5 < np.abs(force.of(TORQUE)).max() < 0.01  # a zero of some mNm, nothing touched
     np.testing.assert_array_equal(again.values, force.values)
     played = play(glove(Playback(read), format=wire.Format.FLOAT32), 1.2)
     for point in force.stream.sensors:
-        (one,) = (b for b in played.values() if b.stream.sensors == (point,) and b.stream.quantities == (TORQUE,))
-        np.testing.assert_array_equal(one.of(TORQUE)[:12, 0], force.of(TORQUE)[:12, force.stream.sensors.index(point)])
+        (one,) = (
+            b
+            for b in played.values()
+            if b.stream.sensors == (point,) and b.stream.quantities == (TORQUE,)
+        )
+        np.testing.assert_array_equal(
+            one.of(TORQUE)[:12, 0], force.of(TORQUE)[:12, force.stream.sensors.index(point)]
+        )
 
 
 def test_a_force_strip_needs_the_fingers_that_it_sits_on_and_torques_need_it() -> None:
@@ -166,23 +194,43 @@ def test_configure_changes_rates_only_while_stopped() -> None:
 
 def test_a_recording_played_back_arrives_with_its_numbers_times_and_events() -> None:
     made = pose_and_wiggle("right")
-    recording = LoadedRecording(made.hand, made.geometry, {"index_middle": np.array([0.6, 0.8, 0, 0])}, made.samples, made.events)
+    recording = LoadedRecording(
+        made.hand,
+        made.geometry,
+        {"index_middle": np.array([0.6, 0.8, 0, 0])},
+        made.samples,
+        made.events,
+    )
     assembler = Assembler()
-    streams = play(glove(Playback(recording), format=wire.Format.FLOAT32), recording.duration + 0.3, assembler)
+    streams = play(
+        glove(Playback(recording), format=wire.Format.FLOAT32), recording.duration + 0.3, assembler
+    )
     assert assembler.identity is not None
     assert assembler.identity.hand == "right"
     for name, block in streams.items():
         whole = recording.samples["forearm" if name == "forearm" else "imu"]
         rows = [whole.stream.sensors.index(s) for s in block.stream.sensors]
         np.testing.assert_allclose(block.t, whole.t, atol=2e-9)
-        np.testing.assert_array_equal(block.values, whole.values[:, rows].astype("<f4").astype(float))
-    assert [(e.trial_type, e.details) for e in assembler.marks] == [(e.trial_type, dict(e.details)) for e in recording.events]
-    np.testing.assert_allclose([e.onset for e in assembler.marks], [e.onset for e in recording.events], atol=1e-9)
+        np.testing.assert_array_equal(
+            block.values, whole.values[:, rows].astype("<f4").astype(float)
+        )
+    assert [(e.trial_type, e.details) for e in assembler.marks] == [
+        (e.trial_type, dict(e.details)) for e in recording.events
+    ]
+    np.testing.assert_allclose(
+        [e.onset for e in assembler.marks], [e.onset for e in recording.events], atol=1e-9
+    )
     np.testing.assert_allclose(assembler.mounting["index_middle"], [0.6, 0.8, 0, 0], atol=1e-7)
 
 
 @pytest.mark.parametrize(
-    ("fault", "counted"), [("loss", "lost"), ("corrupt", "corrupt"), ("repeat", "repeated"), ("garbage", "garbage_bytes")]
+    ("fault", "counted"),
+    [
+        ("loss", "lost"),
+        ("corrupt", "corrupt"),
+        ("repeat", "repeated"),
+        ("garbage", "garbage_bytes"),
+    ],
 )
 def test_faults_are_counted_and_do_no_more_harm_than_they_must(fault: str, counted: str) -> None:
     faults = Faults(FaultParams(**{fault: 0.1}), np.random.default_rng(8))
@@ -205,7 +253,9 @@ def test_held_up_bursts_change_no_time_stamp() -> None:
 def test_saturation_clips_at_the_full_scale_that_the_glove_tells() -> None:
     wearer = person(("index",), errors=SensorErrors(gyr_range=60.0, gyr_bias=0.0))
     limit = np.radians(60.0)
-    wearer.streams = tuple(replace(s, full_scale={**s.full_scale, "gyr": limit}) for s in wearer.streams)
+    wearer.streams = tuple(
+        replace(s, full_scale={**s.full_scale, "gyr": limit}) for s in wearer.streams
+    )
     firmware, assembler = glove(wearer), Assembler()
     firmware.handle(Encoder().frame(wire.Start()))
     firmware.handle(Encoder().frame(wire.Cue("tapping", {"duration": "5"})))

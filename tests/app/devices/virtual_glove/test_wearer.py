@@ -34,13 +34,17 @@ def test_a_movement_in_time_begins_when_the_countdown_is_over() -> None:
     t = block.t - CUED - COUNTDOWN
     assert rate[(t > -1.0) & (t < 0.0)].max() < 1e-6  # waiting
     bending = np.array([rate[(t > k) & (t < k + 1)].max() for k in range(20)])
-    np.testing.assert_allclose(bending, np.radians(65.0) * 1.875, rtol=1e-3)  # minimum jerk over 1 s each way
+    np.testing.assert_allclose(
+        bending, np.radians(65.0) * 1.875, rtol=1e-3
+    )  # minimum jerk over 1 s each way
     turning = [rate[np.argmin(np.abs(t - k))] for k in range(1, 21)]
     assert max(turning) < 1e-3  # at rest with every beat
 
 
 @pytest.mark.parametrize("name", STEPS)
-def test_a_step_of_a_functional_calibration_fills_the_time_that_the_wizard_gives_it(name: str) -> None:
+def test_a_step_of_a_functional_calibration_fills_the_time_that_the_wizard_gives_it(
+    name: str,
+) -> None:
     step = load_steps()[name]
     assert step.length
     streams = layout(FINGERS, 100.0)
@@ -58,20 +62,31 @@ def test_a_trunk_and_a_magnet_tell_where_the_hand_reaches_through_the_wire() -> 
     """The simulated arm goes 0.28 m forward and the trunk 4 cm after it; 1 s of the glove's samples are made at a time."""
     rng = np.random.default_rng(3)
     person = SimulatedPerson("left", sized("left"), layout(("trunk",), 100.0), rng, IDEAL)
-    glove = Firmware(person, Build(format=Format.INT16), rng, delivered(person.streams, np.random.default_rng(4)))
+    glove = Firmware(
+        person, Build(format=Format.INT16), rng, delivered(person.streams, np.random.default_rng(4))
+    )
     assembler, blocks = Assembler(), list[Block]()
     encoder = Encoder()
     for sent in (Start(), Cue("reach", {})):
         blocks += assembler.feed(glove.handle(encoder.frame(sent)), 0.0)
     for k in range(100):
         blocks += assembler.feed(b"".join(glove.advance(0.1)), 0.1 * (k + 1))
-    assert assembler.plate is not None and set(assembler.plate.places) == {f"trunk_mag_{n}" for n in (1, 2, 3, 4)}
-    setting = hand_position.setting(hand_position.PlaceParams(), assembler.plate, list(assembler.streams.values()), assembler.mounting)
+    assert assembler.plate is not None and set(assembler.plate.places) == {
+        f"trunk_mag_{n}" for n in (1, 2, 3, 4)
+    }
+    setting = hand_position.setting(
+        hand_position.PlaceParams(),
+        assembler.plate,
+        list(assembler.streams.values()),
+        assembler.mounting,
+    )
     assert setting is not None
     places = hand_position.followed(setting, whole_streams(blocks))
     forward, sd = places.place[:, 0], places.sd[:, 0]
     resting, reached = ((places.t > a) & (places.t < b) for a, b in ((6.0, 8.0), (4.0, 5.0)))
-    assert np.median(forward[reached]) - np.median(forward[resting]) == pytest.approx(0.24, abs=0.02)
+    assert np.median(forward[reached]) - np.median(forward[resting]) == pytest.approx(
+        0.24, abs=0.02
+    )
     assert (
         np.abs(np.ptp(forward) - 0.24) < 4 * sd.max() < 0.08
     )  # in the first swing, from which the magnetometers' lateness is learnt, it is least sure
@@ -84,9 +99,13 @@ def test_force_sensors_feel_what_the_person_lifts_when_cued() -> None:
     force = streams[-1]
     before = person.samples(force, 0.0, CUED)
     assert person.cue("lift", {"lead": f"{COUNTDOWN:g}"}, CUED)
-    blocks = [person.samples(force, CUED + k * 0.25, CUED + (k + 1) * 0.25) for k in range(48)]  # as the glove asks
+    blocks = [
+        person.samples(force, CUED + k * 0.25, CUED + (k + 1) * 0.25) for k in range(48)
+    ]  # as the glove asks
     t = np.concatenate([b.t for b in blocks]) - CUED - COUNTDOWN
-    size = np.linalg.norm(np.concatenate([b.of(FORCE) for b in blocks]) - before.of(FORCE).mean(axis=0), axis=2)
+    size = np.linalg.norm(
+        np.concatenate([b.of(FORCE) for b in blocks]) - before.of(FORCE).mean(axis=0), axis=2
+    )
     np.testing.assert_allclose(np.diff(t), 1 / 12, atol=1e-9)
     assert size[t < 0.5].max() < 0.4  # noise and drift
     held = (t > 3.0) & (t < 5.0)

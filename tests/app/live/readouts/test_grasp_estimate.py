@@ -20,7 +20,11 @@ def test_while_it_is_held_its_mass_is_told_and_each_fingertip_s_force_is_where_i
     now = task.onset + 4.5  # off the table from 0.8 s on, for five seconds
     tracking = Tracking(m2, INSTANT, "left", made.geometry, lambda rows: None)
     with tracking:
-        play(tracking, {name: block.between(0.0, now) for name, block in made.samples.items()}, initial_pose.pose_of(pose))
+        play(
+            tracking,
+            {name: block.between(0.0, now) for name, block in made.samples.items()},
+            initial_pose.pose_of(pose),
+        )
         held = HeldSoFar(tracking)
         assert held.pushes("lift") is None  # nothing is known of the task yet
         held.follow("lift", task.onset)
@@ -31,5 +35,8 @@ def test_while_it_is_held_its_mass_is_told_and_each_fingertip_s_force_is_where_i
     assert told is not None and abs(told["value"] - 0.44) < 3 * told["sd"] < 0.2
     assert forces is not None
     expected = true[np.searchsorted(made.truth.t, now)]
-    assert np.linalg.norm(forces[:2] - expected[:2], axis=1).max() < 0.15 * np.linalg.norm(expected[:2], axis=1).min()
+    assert (
+        np.linalg.norm(forces[:2] - expected[:2], axis=1).max()
+        < 0.15 * np.linalg.norm(expected[:2], axis=1).min()
+    )
     assert np.isnan(forces[2:]).all()

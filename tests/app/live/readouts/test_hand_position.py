@@ -19,7 +19,13 @@ from handscope.estimators.simulation.trunk import TrunkGlove
 def made() -> Simulated:
     hand = sized("left")
     return performed(
-        [task_performance.initial_pose(hand, 4.0)], "left", hand, np.random.default_rng(2), IDEAL, ("hand",), on_trunk=TrunkGlove()
+        [task_performance.initial_pose(hand, 4.0)],
+        "left",
+        hand,
+        np.random.default_rng(2),
+        IDEAL,
+        ("hand",),
+        on_trunk=TrunkGlove(),
     )
 
 
@@ -29,7 +35,9 @@ def _told(made: Simulated, **change: object) -> Whereabouts:
     assert made.plate is not None
     plate = replace(made.plate, **change)  # type: ignore[arg-type]
     for k in range(40):
-        followed.feed([b.between(0.1 * k - 1e-6, 0.1 * (k + 1) - 1e-6) for b in made.samples.values()])
+        followed.feed(
+            [b.between(0.1 * k - 1e-6, 0.1 * (k + 1) - 1e-6) for b in made.samples.values()]
+        )
         followed.advance(plate, made.streams, made.mounting)
     return followed
 
@@ -46,8 +54,15 @@ def test_a_resting_hand_is_told_where_it_is_with_how_sure_that_is(made: Simulate
 
 def test_places_in_another_unit_are_said_and_nothing_is_told(made: Simulated) -> None:
     assert made.plate is not None
-    told = _told(made, places={name: (1e3 * x, 1e3 * y, 1e3 * z) for name, (x, y, z) in made.plate.places.items()}).told()
-    assert told is not None and "were these millimetres or centimetres" in told["reason"] and "mm" not in told
+    told = _told(
+        made,
+        places={name: (1e3 * x, 1e3 * y, 1e3 * z) for name, (x, y, z) in made.plate.places.items()},
+    ).told()
+    assert (
+        told is not None
+        and "were these millimetres or centimetres" in told["reason"]
+        and "mm" not in told
+    )
 
 
 def test_a_glove_without_a_trunk_tells_nothing() -> None:

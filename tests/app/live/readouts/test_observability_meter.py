@@ -44,7 +44,9 @@ def followed() -> Followed:
     """A finger and the hand's sensor, each on a strip of its own."""
     made = strips_of(recorded(2, 16.0, skin=True))
     sensors = [s for b in made.samples.values() for s in b.stream.sensors]
-    return Followed(made, initial_pose.uncalibrated("left", made.geometry, made.mounting, sensors, 0.0))
+    return Followed(
+        made, initial_pose.uncalibrated("left", made.geometry, made.mounting, sensors, 0.0)
+    )
 
 
 def moved(followed: Followed, stop: float) -> FreeMeter:
@@ -70,16 +72,22 @@ def test_a_sensor_that_falls_silent_tells_nothing_more(followed: Followed) -> No
     strip = followed.made.samples["index"]
     values = strip.values.copy()
     values[strip.t > 5.7, 2] = np.nan
-    followed.made = replace(followed.made, samples={**followed.made.samples, "index": replace(strip, values=values)})
+    followed.made = replace(
+        followed.made, samples={**followed.made.samples, "index": replace(strip, values=values)}
+    )
     after = moved(followed, 10.1).observed
     assert [o.length_sd for o in after] == pytest.approx([o.length_sd for o in before], rel=0.3)
     assert all(a.share <= 0.5 for a in after)
 
 
-def test_a_strip_that_is_unplugged_costs_neither_the_others_nor_the_log(followed: Followed, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_strip_that_is_unplugged_costs_neither_the_others_nor_the_log(
+    followed: Followed, caplog: pytest.LogCaptureFixture
+) -> None:
     before = moved(followed, 6.1).observed
     strip = followed.made.samples["index"]
-    followed.made = replace(followed.made, samples={**followed.made.samples, "index": strip.between(0.0, 5.9)})
+    followed.made = replace(
+        followed.made, samples={**followed.made.samples, "index": strip.between(0.0, 5.9)}
+    )
     after = moved(followed, 10.1).observed
     assert [o.joint for o in after] == [o.joint for o in before]
     assert all(a.share <= b.share + 0.05 for a, b in zip(after, before))
@@ -89,7 +97,9 @@ def test_a_strip_that_is_unplugged_costs_neither_the_others_nor_the_log(followed
 def test_movement_before_and_after_a_hole_is_not_added_up(followed: Followed) -> None:
     strip = followed.made.samples["index"]
     holed = np.where(((strip.t > 8.0) & (strip.t < 8.2))[:, None, None], np.nan, strip.values)
-    followed.made = replace(followed.made, samples={**followed.made.samples, "index": replace(strip, values=holed)})
+    followed.made = replace(
+        followed.made, samples={**followed.made.samples, "index": replace(strip, values=holed)}
+    )
     at_hole, after = moved(followed, 8.6).observed, moved(followed, 13.6)
     assert not after.enough, "self-calibration takes the longest part, six seconds"
     assert min(o.share for o in after.observed) >= min(o.share for o in at_hole) > 0.2

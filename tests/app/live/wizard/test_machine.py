@@ -29,7 +29,9 @@ from handscope.estimators.alignment.quality import GRADES, LIMITS
 from handscope.estimators.hand.anatomy import FINGERS, SEGMENTS
 
 PROTOCOLS = tuple(load_all().values())
-READY = Facts(now=100.0, t=50.0, flowing=True, wander=0.01, restless="hand", measured=frozenset(SEGMENTS))
+READY = Facts(
+    now=100.0, t=50.0, flowing=True, wander=0.01, restless="hand", measured=frozenset(SEGMENTS)
+)
 
 
 def later(facts: Facts, seconds: float, **changed: object) -> Facts:
@@ -45,7 +47,9 @@ def kinds(orders: "list[Order] | tuple[Order, ...] | object") -> list[tuple[str,
 
 
 @pytest.mark.parametrize("state", [s for s in State if s is not State.FINISHED])
-def test_when_the_recording_has_stopped_nothing_goes_on_and_only_finishing_is_offered(state: State) -> None:
+def test_when_the_recording_has_stopped_nothing_goes_on_and_only_finishing_is_offered(
+    state: State,
+) -> None:
     stopped = later(READY, 60.0, kept=False)
     w = at(state, task="rom_fist", onset=READY.t)
     assert wizard_machine.tick(w, stopped) == (w, ())
@@ -71,7 +75,9 @@ def test_the_straight_way_from_connect_to_finish() -> None:
     facts = later(facts, 3.2)
     w, orders = wizard_machine.tick(w, facts)
     assert (w.state, kinds(orders)) == (State.POSE_WORK, [("calibrate", "")])
-    assert wizard_machine.tick(w, later(facts, 5.0))[0] is w  # until the station says that it is computed
+    assert (
+        wizard_machine.tick(w, later(facts, 5.0))[0] is w
+    )  # until the station says that it is computed
     assert (orders[0].onset, orders[0].end) == (50.0, pytest.approx(53.2))
     w, _ = wizard_machine.posed(w, facts, poor=0)
     assert w.state is State.POSE_REVIEW
@@ -90,7 +96,9 @@ def test_the_straight_way_from_connect_to_finish() -> None:
     w, orders = wizard_machine.tick(w, facts)
     assert (w.state, kinds(orders)) == (State.TASK_REVIEW, [("cue", "rest")])
     w, orders = wizard_machine.act(w, Act.ACCEPT, facts)
-    assert [(o.kind, o.task, o.end - o.onset, o.reason) for o in orders] == [("keep_attempt", "tapping", pytest.approx(15.0), "accepted")]
+    assert [(o.kind, o.task, o.end - o.onset, o.reason) for o in orders] == [
+        ("keep_attempt", "tapping", pytest.approx(15.0), "accepted")
+    ]
     assert (w.outcome("tapping"), w.accepted("tapping")) == ("", 1)  # of three trials
     w, orders = wizard_machine.act(w, Act.FINISH, facts)
     assert (w.state, kinds(orders)) == (State.FINISHED, [("finish", "")])
@@ -129,7 +137,11 @@ def test_the_ladder_is_proposed_rung_by_rung() -> None:
     assert w.proposal(later(READY, PATIENT - 0.1)) is None
     assert w.proposal(later(READY, PATIENT + 0.1)) is Act.ASSIST  # the hand does not become still
     w, orders = wizard_machine.act(w, Act.ASSIST, READY)
-    assert (w.state, w.passive, kinds(orders)) == (State.POSE_READY, True, [("cue", "initial_pose")])
+    assert (w.state, w.passive, kinds(orders)) == (
+        State.POSE_READY,
+        True,
+        [("cue", "initial_pose")],
+    )
     w = wizard_machine.refused(replace(w, state=State.POSE_WORK), READY, "the hand was not still")
     assert w.proposal(READY) is Act.WITHOUT
     w, orders = wizard_machine.act(w, Act.WITHOUT, READY)
@@ -157,28 +169,50 @@ def test_a_calibration_in_the_middle_of_a_session_can_be_left_and_the_one_before
 
 
 def test_a_redone_task_is_kept_as_redone_and_is_not_done() -> None:
-    w, orders = wizard_machine.act(at(State.TASK_REVIEW, task="tapping", onset=1.0, end=16.0), Act.REDO, READY)
+    w, orders = wizard_machine.act(
+        at(State.TASK_REVIEW, task="tapping", onset=1.0, end=16.0), Act.REDO, READY
+    )
     assert (w.state, w.outcome("tapping"), orders[0].reason) == (State.TASK_READY, "", "redone")
 
 
 def test_a_skipped_task_keeps_its_reason() -> None:
-    w, orders = wizard_machine.act(at(State.TASK_READY, task="tapping"), Act.SKIP, READY, reason="pain")
-    assert (w.state, w.outcome("tapping"), orders[0].reason) == (State.TASKS, "skipped", "skipped: pain")
+    w, orders = wizard_machine.act(
+        at(State.TASK_READY, task="tapping"), Act.SKIP, READY, reason="pain"
+    )
+    assert (w.state, w.outcome("tapping"), orders[0].reason) == (
+        State.TASKS,
+        "skipped",
+        "skipped: pain",
+    )
 
 
 @pytest.mark.parametrize("state", [State.TASK_READY, State.TASK_PAUSED, State.TASK_REVIEW])
-def test_what_the_patient_could_not_do_is_kept_as_that_and_the_task_is_done_with(state: State) -> None:
-    w, orders = wizard_machine.act(at(state, task="tapping", onset=1.0, end=9.0), Act.UNABLE, READY, reason="weakness")
-    assert (w.state, w.outcome("tapping"), kinds(orders)) == (State.TASKS, "unable", [("keep_attempt", "tapping")])
+def test_what_the_patient_could_not_do_is_kept_as_that_and_the_task_is_done_with(
+    state: State,
+) -> None:
+    w, orders = wizard_machine.act(
+        at(state, task="tapping", onset=1.0, end=9.0), Act.UNABLE, READY, reason="weakness"
+    )
+    assert (w.state, w.outcome("tapping"), kinds(orders)) == (
+        State.TASKS,
+        "unable",
+        [("keep_attempt", "tapping")],
+    )
     assert orders[0].reason == "unable: weakness"
-    assert isnan(orders[0].onset) if state is State.TASK_READY else (orders[0].onset, orders[0].end) == (1.0, 9.0)
+    assert (
+        isnan(orders[0].onset)
+        if state is State.TASK_READY
+        else (orders[0].onset, orders[0].end) == (1.0, 9.0)
+    )
 
 
 def test_the_clinicians_score_goes_with_an_accepted_trial_of_a_task_that_asks_for_one() -> None:
     w = at(State.TASK_REVIEW, task="kapandji", onset=1.0, end=31.0)
     assert wizard_machine.act(w, Act.ACCEPT, READY, score=7)[1][0].score == 7
     assert wizard_machine.act(w, Act.ACCEPT, READY)[1][0].score is None  # it may be left out
-    with pytest.raises(NotNowError, match="the Kapandji score is 11; it is a whole number from 0 to 10"):
+    with pytest.raises(
+        NotNowError, match="the Kapandji score is 11; it is a whole number from 0 to 10"
+    ):
         wizard_machine.act(w, Act.ACCEPT, READY, score=11)
     with pytest.raises(NotNowError, match="of a task that asks for one"):
         wizard_machine.act(w, Act.SKIP, READY, reason="pain", score=3)
@@ -187,7 +221,10 @@ def test_the_clinicians_score_goes_with_an_accepted_trial_of_a_task_that_asks_fo
 
 
 def test_continue_waits_for_samples_of_the_hand() -> None:
-    for facts in (replace(READY, flowing=False), replace(READY, measured=frozenset({"index_distal"}))):
+    for facts in (
+        replace(READY, flowing=False),
+        replace(READY, measured=frozenset({"index_distal"})),
+    ):
         assert Act.CONTINUE not in Wizard(PROTOCOLS, 3.0).allowed(facts)
         with pytest.raises(NotNowError):
             wizard_machine.act(Wizard(PROTOCOLS, 3.0), Act.CONTINUE, facts)
@@ -205,28 +242,51 @@ def test_only_tasks_whose_segments_are_measured_are_offered() -> None:
 
 def test_the_usual_assessment_is_listed_until_another_group_is_chosen() -> None:
     w = at(State.TASKS)
-    assert [p.name for p in w.listed(READY)] == ["rom_fist", "rom_spread", "rom_thumb", "rom_wrist", "tapping"]
-    assert list(w.groups(READY)) == ["routine", *(g for g in groups(PROTOCOLS) if g != "force")]  # this glove has no force sensors
+    assert [p.name for p in w.listed(READY)] == [
+        "rom_fist",
+        "rom_spread",
+        "rom_thumb",
+        "rom_wrist",
+        "tapping",
+    ]
+    assert list(w.groups(READY)) == [
+        "routine",
+        *(g for g in groups(PROTOCOLS) if g != "force"),
+    ]  # this glove has no force sensors
     felt = replace(READY, measured=READY.measured | {"thumb_tip_force", "index_tip_force"})
     assert list(w.groups(felt)) == ["routine", *groups(PROTOCOLS)]
     w, orders = wizard_machine.act(w, Act.GROUP, READY, group="powerglove")
     assert (w.state, list(orders), len(w.listed(READY))) == (State.TASKS, [], 15)
-    with pytest.raises(NotNowError, match="no group of tasks 'knee'; groups are routine, range_of_motion"):
+    with pytest.raises(
+        NotNowError, match="no group of tasks 'knee'; groups are routine, range_of_motion"
+    ):
         wizard_machine.act(w, Act.GROUP, READY, group="knee")
 
 
 def test_a_group_of_which_nothing_is_measured_is_not_offered() -> None:
-    facts = replace(READY, measured=frozenset(s for s in SEGMENTS if not s.startswith(("index", "middle"))))
+    facts = replace(
+        READY, measured=frozenset(s for s in SEGMENTS if not s.startswith(("index", "middle")))
+    )
     assert not {"powerglove", "tapping", "pinch"} & set(at(State.TASKS).groups(facts))
-    assert {"routine", "range_of_motion", "opposition", "repeatability"} <= set(at(State.TASKS).groups(facts))
+    assert {"routine", "range_of_motion", "opposition", "repeatability"} <= set(
+        at(State.TASKS).groups(facts)
+    )
     assert at(State.TASKS, group="powerglove").listed(facts) == at(State.TASKS).offered(facts)
 
 
 def test_a_task_of_three_trials_goes_from_one_to_the_next_and_is_done_after_the_third() -> None:
-    w, task = at(State.TASK_REVIEW, task="powerglove_03_index_all", onset=1.0, end=21.0), "powerglove_03_index_all"
+    w, task = (
+        at(State.TASK_REVIEW, task="powerglove_03_index_all", onset=1.0, end=21.0),
+        "powerglove_03_index_all",
+    )
     for trial in (1, 2):
         w, orders = wizard_machine.act(replace(w, state=State.TASK_REVIEW), Act.AGAIN, READY)
-        assert (w.state, w.task, w.accepted(task), w.outcome(task)) == (State.TASK_READY, task, trial, "")
+        assert (w.state, w.task, w.accepted(task), w.outcome(task)) == (
+            State.TASK_READY,
+            task,
+            trial,
+            "",
+        )
         assert [(o.kind, o.reason) for o in orders] == [("keep_attempt", "accepted")]
     w = replace(w, state=State.TASK_REVIEW)
     assert Act.AGAIN not in w.allowed(READY)
@@ -235,9 +295,15 @@ def test_a_task_of_three_trials_goes_from_one_to_the_next_and_is_done_after_the_
 
 
 def test_trials_that_were_accepted_stay_when_the_rest_is_skipped() -> None:
-    w, _ = wizard_machine.act(at(State.TASK_REVIEW, task="powerglove_03_index_all", onset=1.0, end=21.0), Act.AGAIN, READY)
+    w, _ = wizard_machine.act(
+        at(State.TASK_REVIEW, task="powerglove_03_index_all", onset=1.0, end=21.0), Act.AGAIN, READY
+    )
     w, _ = wizard_machine.act(w, Act.SKIP, READY, reason="tired")
-    assert (w.state, w.accepted("powerglove_03_index_all"), w.outcome("powerglove_03_index_all")) == (State.TASKS, 1, "skipped")
+    assert (
+        w.state,
+        w.accepted("powerglove_03_index_all"),
+        w.outcome("powerglove_03_index_all"),
+    ) == (State.TASKS, 1, "skipped")
 
 
 def test_a_task_of_one_trial_offers_no_next_one() -> None:
@@ -252,7 +318,9 @@ def test_the_rest_between_trials_is_counted_from_the_end_of_the_last_and_holds_n
     assert wizard_machine.remaining(w, later(facts, 10.0)) == pytest.approx(50.0)
     assert wizard_machine.remaining(w, later(facts, 60.5)) is None
     assert Act.START in w.allowed(later(facts, 10.0))
-    assert wizard_machine.remaining(at(State.TASK_READY, task="repeatability_flat"), READY) is None  # before the first
+    assert (
+        wizard_machine.remaining(at(State.TASK_READY, task="repeatability_flat"), READY) is None
+    )  # before the first
 
 
 def test_a_paced_task_ends_with_its_last_repetition() -> None:
@@ -265,12 +333,17 @@ def test_a_paced_task_ends_with_its_last_repetition() -> None:
 def test_a_task_without_a_time_runs_until_somebody_ends_it() -> None:
     w = at(State.TASK_RUN, task="powerglove_15_index_circles", onset=READY.t)
     late = later(READY, 300.0)
-    assert (wizard_machine.tick(w, late)[0].state, wizard_machine.remaining(w, late)) == (State.TASK_RUN, None)
+    assert (wizard_machine.tick(w, late)[0].state, wizard_machine.remaining(w, late)) == (
+        State.TASK_RUN,
+        None,
+    )
     assert wizard_machine.act(w, Act.STOP, late)[0].state is State.TASK_REVIEW
 
 
 def test_a_task_begins_where_its_countdown_ended_not_where_that_was_noticed() -> None:
-    w, _ = wizard_machine.tick(at(State.COUNTDOWN, task="powerglove_01_index_mcp"), later(READY, 3.08))
+    w, _ = wizard_machine.tick(
+        at(State.COUNTDOWN, task="powerglove_01_index_mcp"), later(READY, 3.08)
+    )
     assert (w.state, w.onset) == (State.TASK_RUN, pytest.approx(READY.t + 3.0))
 
 
@@ -279,7 +352,9 @@ PRESSES = st.tuples(
     st.floats(0, 4),
     st.floats(0, 0.2),
     st.booleans(),
-    st.sampled_from(["tapping", "powerglove_03_index_all", "powerglove_15_index_circles", "repeatability_flat"]),
+    st.sampled_from(
+        ["tapping", "powerglove_03_index_all", "powerglove_15_index_circles", "repeatability_flat"]
+    ),
     st.sampled_from(["routine", "powerglove"]),
     st.sampled_from(["flat_hand", "flexion_mcp", "figure_eight"]),
     st.lists(st.just("the hand moved"), max_size=1),
@@ -297,14 +372,20 @@ def test_whatever_people_press_the_wizard_stays_on_its_table(
         w, orders = wizard_machine.tick(w, facts)
         assert w.state is before or w.state in TRANSITIONS[before].values()
         if w.state is State.POSE_WORK:
-            w = wizard_machine.refused(w, facts, "moved") if problems else wizard_machine.posed(w, facts, 1)[0]
+            w = (
+                wizard_machine.refused(w, facts, "moved")
+                if problems
+                else wizard_machine.posed(w, facts, 1)[0]
+            )
         if "measure_step" in [o.kind for o in orders]:
             w = wizard_machine.judge(w, problems)
         allowed = w.allowed(facts)
         assert set(allowed) <= BY_PERSON
         if what in allowed:
             before = w.state
-            w, _ = wizard_machine.act(w, what, facts, step if before in STEPPING else task, "reason", group)
+            w, _ = wizard_machine.act(
+                w, what, facts, step if before in STEPPING else task, "reason", group
+            )
             assert w.state is TRANSITIONS[before][what]
         else:
             with pytest.raises(NotNowError):
@@ -323,7 +404,9 @@ def checked(moves: dict[str, str]) -> tuple[Wizard, list[Order]]:
         facts = later(facts, SETTLE + 0.1)
         w, _ = wizard_machine.tick(w, facts)
         assert w.calm
-        assert wizard_machine.tick(w, replace(facts, wander=1.5))[0] == w  # something moves, but none alone
+        assert (
+            wizard_machine.tick(w, replace(facts, wander=1.5))[0] == w
+        )  # something moves, but none alone
         w, orders = (
             wizard_machine.tick(w, replace(facts, wander=1.5, bends=moves[asked]))
             if moves[asked]
@@ -336,7 +419,11 @@ def checked(moves: dict[str, str]) -> tuple[Wizard, list[Order]]:
 def test_the_sensor_check_asks_for_every_finger_and_sees_whose_strip_moves() -> None:
     w, cued = checked({f: f for f in FINGERS})
     assert kinds(cued) == [("cue_finger", f) for f in FINGERS]
-    assert (w.state, w.seen, w.exchangeable()) == (State.CHECKED, tuple((f, f) for f in FINGERS), {})
+    assert (w.state, w.seen, w.exchangeable()) == (
+        State.CHECKED,
+        tuple((f, f) for f in FINGERS),
+        {},
+    )
     assert Act.EXCHANGE not in w.allowed(READY)
 
 
@@ -344,19 +431,29 @@ def test_two_strips_on_each_others_finger_are_exchanged_by_one_press_and_checked
     w, _ = checked({**{f: f for f in FINGERS}, "index": "ring", "ring": "index"})
     assert w.exchangeable() == {"index": "ring", "ring": "index"}
     w, orders = wizard_machine.act(w, Act.EXCHANGE, READY)
-    assert (w.state, w.seen, kinds(orders)) == (State.CHECK, (), [("exchange", ""), ("cue_finger", "thumb")])
+    assert (w.state, w.seen, kinds(orders)) == (
+        State.CHECK,
+        (),
+        [("exchange", ""), ("cue_finger", "thumb")],
+    )
     assert dict(orders[0].worn_on) == {"index": "ring", "ring": "index"}
 
 
 @given(worn=st.permutations(FINGERS), dead=st.sampled_from(["", *FINGERS]))
-def test_strips_mixed_up_in_any_way_are_read_as_worn_after_one_press(worn: list[str], dead: str) -> None:
+def test_strips_mixed_up_in_any_way_are_read_as_worn_after_one_press(
+    worn: list[str], dead: str
+) -> None:
     strip_on = dict(zip(FINGERS, worn))  # the strip of which finger sits on each
     w, _ = checked({f: "" if f == dead else strip for f, strip in strip_on.items()})
     put_right = w.exchangeable()
     assert all(strip_on[finger] == strip != finger for strip, finger in put_right.items())
-    assert set(put_right) == set(put_right.values())  # no strip is read for a finger that another is read for, too
+    assert set(put_right) == set(
+        put_right.values()
+    )  # no strip is read for a finger that another is read for, too
     if not dead:
-        assert {f: put_right.get(strip, strip) for f, strip in strip_on.items()} == {f: f for f in FINGERS}
+        assert {f: put_right.get(strip, strip) for f, strip in strip_on.items()} == {
+            f: f for f in FINGERS
+        }
     elif strip_on[dead] == dead:
         assert len(put_right) == sum(f != strip for f, strip in strip_on.items())
 
@@ -377,10 +474,18 @@ def test_a_pose_that_shows_two_strips_exchanged_is_taken_again_after_the_exchang
 
 def test_everything_that_is_proposed_or_can_come_of_a_task_has_words() -> None:
     proposed = [
-        *((state, act) for state in (State.POSE_READY, State.POSE_HOLD) for act in (Act.ASSIST, Act.WITHOUT)),
+        *(
+            (state, act)
+            for state in (State.POSE_READY, State.POSE_HOLD)
+            for act in (Act.ASSIST, Act.WITHOUT)
+        ),
         *((State.POSE_REVIEW, act) for act in (Act.CALIBRATE, Act.REDO, Act.EXCHANGE)),
     ]
-    keys = [f"proposal.{state}.{act}" for state, act in proposed] + [f"outcome.{o}" for o in set(OUTCOMES.values()) - set(PASSING)]
-    keys += [f"joints.{grade}" for grade in GRADES] + [f"joints.why.{reason}" for reason in (*LIMITS, "fault", "uncalibrated")]
+    keys = [f"proposal.{state}.{act}" for state, act in proposed] + [
+        f"outcome.{o}" for o in set(OUTCOMES.values()) - set(PASSING)
+    ]
+    keys += [f"joints.{grade}" for grade in GRADES] + [
+        f"joints.why.{reason}" for reason in (*LIMITS, "fault", "uncalibrated")
+    ]
     keys += [f"group.{group}" for group in groups(PROTOCOLS)]
     assert [key for key in keys if key not in ENGLISH.pages] == []

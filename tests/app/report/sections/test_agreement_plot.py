@@ -17,7 +17,9 @@ def pairs(names: int) -> tuple[list[Pair], list[Agreement]]:
     made = []
     for k in range(names):
         a = 40 * DEG * np.sin(T + k)
-        made.append(Pair(f"joint{k}_flexion", "rad", T, a, a + 5 * DEG + 2 * DEG * rng.normal(size=len(T))))
+        made.append(
+            Pair(f"joint{k}_flexion", "rad", T, a, a + 5 * DEG + 2 * DEG * rng.normal(size=len(T)))
+        )
     return made, agreements(made, [(WHOLE, 0.0, 10.0)])
 
 

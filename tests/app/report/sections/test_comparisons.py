@@ -34,8 +34,13 @@ def among(sessions: int) -> Content:
     """A session that is the last of so many, each a degree better than the one before; the other hand bends the ring finger 20° more."""
     assert VISIT.date is not None
     now = values([f for t in session()[2] for f in figure_rows(t)])
-    past = [Past(VISIT.date - timedelta(days=7 * k), more(now, -float(k))) for k in reversed(range(1, sessions))]
-    course = Course((*past, Past(VISIT.date, now)), Past(VISIT.date - timedelta(days=1), more(now, 20.0)))
+    past = [
+        Past(VISIT.date - timedelta(days=7 * k), more(now, -float(k)))
+        for k in reversed(range(1, sessions))
+    ]
+    course = Course(
+        (*past, Past(VISIT.date, now)), Past(VISIT.date - timedelta(days=1), more(now, 20.0))
+    )
     return replace(report(), course=course)
 
 
@@ -45,7 +50,10 @@ def row(page: Page, finger: str, joint: str) -> dict[str, str]:
     for told in table["rows"]:
         at = told["finger"] or at
         if (at, told["joint"]) == (finger, joint):
-            return {f"{c['group']} {c['kind']}": cell[0] for c, cell in zip(table["columns"], told["cells"])}
+            return {
+                f"{c['group']} {c['kind']}": cell[0]
+                for c, cell in zip(table["columns"], told["cells"])
+            }
     raise AssertionError(f"no {finger} {joint}")
 
 
@@ -55,7 +63,10 @@ def test_the_other_hand_and_the_reference_stand_beside_the_value() -> None:
     own = int(cells["flexion value"].partition("°")[0])
     assert cells["flexion other"] == f"{own + 20}°"
     assert cells["flexion reference"] == "100°"
-    assert "Less than the right hand (20 November 2026) by more than 12°: Ring PIP flexion by 20°." in page["summary"]
+    assert (
+        "Less than the right hand (20 November 2026) by more than 12°: Ring PIP flexion by 20°."
+        in page["summary"]
+    )
 
 
 def test_without_the_other_hand_there_is_no_column_for_it() -> None:
@@ -65,10 +76,22 @@ def test_without_the_other_hand_there_is_no_column_for_it() -> None:
 
 def test_a_standard_deviation_stands_with_its_value() -> None:
     tasks = tuple(
-        replace(t, result=replace(t.result, figures=tuple(replace(f, sd=2.14 / DEG) for f in t.result.figures))) for t in report().tasks
+        replace(
+            t,
+            result=replace(
+                t.result, figures=tuple(replace(f, sd=2.14 / DEG) for f in t.result.figures)
+            ),
+        )
+        for t in report().tasks
     )
-    assert re.fullmatch(r"\d+° ± 2\.1°", row(words_of(replace(report(), tasks=tasks), ENGLISH), "Ring", "PIP")["flexion value"])
-    assert re.fullmatch(r"\d+° ± 2,1°", row(words_of(replace(report(), tasks=tasks), GERMAN), "Ringfinger", "PIP")["flexion value"])
+    assert re.fullmatch(
+        r"\d+° ± 2\.1°",
+        row(words_of(replace(report(), tasks=tasks), ENGLISH), "Ring", "PIP")["flexion value"],
+    )
+    assert re.fullmatch(
+        r"\d+° ± 2,1°",
+        row(words_of(replace(report(), tasks=tasks), GERMAN), "Ringfinger", "PIP")["flexion value"],
+    )
 
 
 def test_the_course_begins_with_the_third_session() -> None:
@@ -91,11 +114,15 @@ def test_what_was_taken_out_by_hand_is_told_with_its_reason() -> None:
 def test_the_examiners_own_score_stands_in_the_report_and_in_its_json() -> None:
     recording, processed, results = session()
     scored = tuple(
-        replace(e, details={**e.details, "score": 2, "score_title": "MDS-UPDRS 3.4"}) if e.details.get("task_name") == "tapping" else e
+        replace(e, details={**e.details, "score": 2, "score_title": "MDS-UPDRS 3.4"})
+        if e.details.get("task_name") == "tapping"
+        else e
         for e in recording.events
     )
     made = report((replace(recording, events=scored), processed, results))
-    assert "The examiner’s own scores Finger tapping MDS-UPDRS 3.4 2" in printed(pdf(made, ENGLISH)).replace("'", "’")
+    assert "The examiner’s own scores Finger tapping MDS-UPDRS 3.4 2" in printed(
+        pdf(made, ENGLISH)
+    ).replace("'", "’")
     assert b'"score": 2' in FORMS["json"](made, Style())
 
 
@@ -107,16 +134,25 @@ def test_the_report_names_the_checksum_of_its_json() -> None:
 def test_html_says_what_the_pdf_says_and_loads_nothing() -> None:
     made = FORMS["html"](among(3), Style(GERMAN)).decode()
     assert made == FORMS["html"](among(3), Style(GERMAN)).decode()
-    for words in (*words_of(among(3), GERMAN)["summary"], "Bewegungsumfang", "Verlauf", "Unterschrift"):
+    for words in (
+        *words_of(among(3), GERMAN)["summary"],
+        "Bewegungsumfang",
+        "Verlauf",
+        "Unterschrift",
+    ):
         assert words in made
     assert re.findall(r"<script|<link|<iframe|<img|@import|(?:src|href)=\"(?!#)", made) == []
-    assert set(re.findall(r"url\(([^)]*)\)", made)) <= {f"#{name}" for name in re.findall(r'id="([^"]+)"', made)}
+    assert set(re.findall(r"url\(([^)]*)\)", made)) <= {
+        f"#{name}" for name in re.findall(r'id="([^"]+)"', made)
+    }
     names = re.findall(r'id="([^"]+)"', made)
     assert len(names) == len(set(names))
 
 
 def test_html_prints_text_literally() -> None:
-    made = FORMS["html"](report(visit=replace(VISIT, patient="<i>P</i>", notes=NASTY)), Style()).decode()
+    made = FORMS["html"](
+        report(visit=replace(VISIT, patient="<i>P</i>", notes=NASTY)), Style()
+    ).decode()
     assert "&lt;i&gt;P&lt;/i&gt;" in made
     assert "<i>P" not in made
     assert "<b>x</b>" not in made

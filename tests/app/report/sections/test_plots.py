@@ -25,7 +25,9 @@ GOOD = np.array([0x7F, 0xA0, 0xAD]) / 255
 
 def pixels(svg: str) -> Array:
     """The figure as it is set, (rows, columns, 3), 4 pixels a point."""
-    png = typst.compile(SOURCE, format="png", ppi=288, sys_inputs={"svg": svg}, ignore_system_fonts=True)
+    png = typst.compile(
+        SOURCE, format="png", ppi=288, sys_inputs={"svg": svg}, ignore_system_fonts=True
+    )
     image: Array = matplotlib.image.imread(io.BytesIO(png))[..., :3]
     return image
 
@@ -37,7 +39,9 @@ def ink(svg: str) -> float:
 
 def one(smallest: float, largest: float, grade: Grade = "good", joint: str = "index_pip") -> str:
     r = Range(joint, "flexion", math.radians(largest), math.radians(smallest), 0.0, 0.0, grade, "")
-    return plots.range_chart(range_rows([r], full=True, language=ENGLISH), (), 200.0, ENGLISH, labels=False)
+    return plots.range_chart(
+        range_rows([r], full=True, language=ENGLISH), (), 200.0, ENGLISH, labels=False
+    )
 
 
 def bar_length(svg: str) -> int:
@@ -76,7 +80,9 @@ def test_degrees_stand_at_the_ends_without_a_sign() -> None:
     svg = one(-12, 87)
     assert ">12</text>" in svg
     assert ">87</text>" in svg
-    assert ">22–87</text>" in one(22, 87)  # both on the side of flexion, where 22 cannot be read as extension
+    assert ">22–87</text>" in one(
+        22, 87
+    )  # both on the side of flexion, where 22 cannot be read as extension
     assert ">22</text>" in one(22, 22.3)
     assert not any(sign in svg[svg.index("<text") :] for sign in (">-", ">−", ">+"))
 
@@ -84,44 +90,76 @@ def test_degrees_stand_at_the_ends_without_a_sign() -> None:
 def test_grades_can_be_told_apart_without_colour() -> None:
     grey = []
     for grade in ("good", "fair", "poor"):
-        row = pixels(one(0, 90, grade)).mean(axis=-1)[int(4 * plots.HEAD) : int(4 * (plots.HEAD + plots.ROW))]  # type: ignore[arg-type]
+        row = pixels(one(0, 90, grade)).mean(axis=-1)[
+            int(4 * plots.HEAD) : int(4 * (plots.HEAD + plots.ROW))
+        ]  # type: ignore[arg-type]
         grey.append(float(row[16:29, 330:420].mean()))  # within the bar
     assert grey[0] + 0.15 < grey[1] < grey[2] + 0.15
-    assert pixels(one(0, 90, "poor"))[int(4 * plots.HEAD) + 16 : int(4 * plots.HEAD) + 29, 330:420].std() > 0.1  # hatched
-    assert pixels(one(0, 90, "fair"))[int(4 * plots.HEAD) + 16 : int(4 * plots.HEAD) + 29, 330:420].std() < 0.05  # plain
+    assert (
+        pixels(one(0, 90, "poor"))[
+            int(4 * plots.HEAD) + 16 : int(4 * plots.HEAD) + 29, 330:420
+        ].std()
+        > 0.1
+    )  # hatched
+    assert (
+        pixels(one(0, 90, "fair"))[
+            int(4 * plots.HEAD) + 16 : int(4 * plots.HEAD) + 29, 330:420
+        ].std()
+        < 0.05
+    )  # plain
 
 
 def test_reference_values_are_drawn_as_ticks_but_not_at_zero() -> None:
     r = Range("thumb_ip", "flexion", 1.0, 0.0, 0.0, 0.0, "good", "")
     rows = range_rows([r], full=True, language=ENGLISH)
-    ticks = [plots.range_chart(rows, given, 200.0, ENGLISH).count("stroke-width: 0.8") for given in ((), references())]
+    ticks = [
+        plots.range_chart(rows, given, 200.0, ENGLISH).count("stroke-width: 0.8")
+        for given in ((), references())
+    ]
     assert ticks == [0, 2]  # 88 and -12
     finger = Range("index_pip", "flexion", 1.0, 0.0, 0.0, 0.0, "good", "")
     assert (
-        plots.range_chart(range_rows([finger], full=True, language=ENGLISH), references(), 200.0, ENGLISH).count("stroke-width: 0.8") == 1
+        plots.range_chart(
+            range_rows([finger], full=True, language=ENGLISH), references(), 200.0, ENGLISH
+        ).count("stroke-width: 0.8")
+        == 1
     )  # 100, not 0
 
 
 def test_a_joint_of_the_finger_keeps_its_line_where_another_is_not_measured() -> None:
     t = np.linspace(0, 5, 50)
-    whole = plots.flexion_curves([Curve(f"index_{j}", t, np.sin(t)) for j in ("mcp", "pip", "dip")], 200.0, 54.0, ENGLISH)
+    whole = plots.flexion_curves(
+        [Curve(f"index_{j}", t, np.sin(t)) for j in ("mcp", "pip", "dip")], 200.0, 54.0, ENGLISH
+    )
     alone = plots.flexion_curves([Curve("index_dip", t, np.sin(t))], 200.0, 54.0, ENGLISH)
     dotted = next(line for line in alone.splitlines() if "stroke-dasharray" in line)
     assert whole.count("stroke-dasharray") == 2
     assert (
         dotted.split("stroke-dasharray")[1][:12]
-        == [x for x in whole.splitlines() if "stroke-dasharray" in x][1].split("stroke-dasharray")[1][:12]
+        == [x for x in whole.splitlines() if "stroke-dasharray" in x][1].split("stroke-dasharray")[
+            1
+        ][:12]
     )
 
 
 def test_each_tap_and_each_closing_is_marked() -> None:
-    few, many = (plots.tapping_chart(trial(np.full(n, 0.06)), 340.0, 118.0, ENGLISH) for n in (10, 12))
-    marks = [svg.count("<use") - svg.count("<text") for svg in (few, many)]  # tick marks come with a number each
-    assert marks == [10 + 11 - 2, 12 + 13 - 2]  # the two names of the axes are numbers without a mark
+    few, many = (
+        plots.tapping_chart(trial(np.full(n, 0.06)), 340.0, 118.0, ENGLISH) for n in (10, 12)
+    )
+    marks = [
+        svg.count("<use") - svg.count("<text") for svg in (few, many)
+    ]  # tick marks come with a number each
+    assert marks == [
+        10 + 11 - 2,
+        12 + 13 - 2,
+    ]  # the two names of the axes are numbers without a mark
 
 
 def test_the_regression_line_follows_the_amplitudes() -> None:
-    falling, flat = (pixels(plots.tapping_chart(trial(a), 340.0, 118.0, ENGLISH)) for a in (np.linspace(0.06, 0.01, 20), np.full(20, 0.06)))
+    falling, flat = (
+        pixels(plots.tapping_chart(trial(a), 340.0, 118.0, ENGLISH))
+        for a in (np.linspace(0.06, 0.01, 20), np.full(20, 0.06))
+    )
     lower_right = np.s_[-140:-60, 1150:1300]  # of the amplitudes; dots are lighter than the line
     black = [float((image[lower_right].max(axis=-1) < 0.2).mean()) for image in (falling, flat)]
     assert black[0] > 0.005

@@ -18,8 +18,15 @@ BENT = "index_pip was bent by 7 deg only: its axis and the lengths beside it are
 def kept() -> dict[str, Any]:
     one = found()
     seats = {**one.table["sensor_to_segment"]}
-    seats["index_proximal"] = {**seats["index_proximal"], "p_BS": [0.0031, 0.0204, -0.0008], "p_BS_sd": [0.0004, 0.00025, 0.0011]}
-    biases = {"acc_bias": {"index_proximal": [0.03, 0.0, 0.04]}, "acc_bias_sd": {"index_proximal": [0.002, 0.002, 0.003]}}
+    seats["index_proximal"] = {
+        **seats["index_proximal"],
+        "p_BS": [0.0031, 0.0204, -0.0008],
+        "p_BS_sd": [0.0004, 0.00025, 0.0011],
+    }
+    biases = {
+        "acc_bias": {"index_proximal": [0.03, 0.0, 0.04]},
+        "acc_bias_sd": {"index_proximal": [0.002, 0.002, 0.003]},
+    }
     return {
         "table": {**one.table, "sensor_to_segment": seats, **biases},
         "told": [BENT],
@@ -34,13 +41,19 @@ def test_lengths_places_and_biases_are_told_with_their_standard_deviations() -> 
     assert said["summary"] == "1 of 10 lengths found, the worst of them to 0.20 mm"
     assert ["index proximal", "43.00 ± 0.20", "found by the movement"] in said["lengths"]
     assert ["index middle", "23.7", "from the hand’s measures"] in said["lengths"]
-    assert said["seats"] == [["index proximal", "20.40 ± 0.25", "3.10 ± 0.40", "-0.8 ± 1.1", "11.46 ± 0.50"]]
+    assert said["seats"] == [
+        ["index proximal", "20.40 ± 0.25", "3.10 ± 0.40", "-0.8 ± 1.1", "11.46 ± 0.50"]
+    ]
     (bias,) = said["biases"]
     assert (bias[0], bias[2]) == ("index proximal", "0.050 ± 0.003")
 
 
 def test_it_is_kept_with_the_stretch_of_movement_that_told_it() -> None:
-    moved = replace(calibrated(pose_and_wiggle("left")), lengths_sd={"index_proximal": 2e-4}, stretch=(3.5, 43.5))
+    moved = replace(
+        calibrated(pose_and_wiggle("left")),
+        lengths_sd={"index_proximal": 2e-4},
+        stretch=(3.5, 43.5),
+    )
     one = found_of(moved, ())
     assert one is not None and (one.onset, one.end) == (3.5, 43.5)
 
@@ -48,7 +61,9 @@ def test_it_is_kept_with_the_stretch_of_movement_that_told_it() -> None:
 def test_it_is_told_in_german() -> None:
     said = told(kept()["table"], [BENT], GERMAN)
     assert "nur um 7 Grad gebeugt" in said["words"][0]
-    assert any(row[1:] == ["43,00 ± 0,20", "durch die Bewegung gefunden"] for row in said["lengths"])
+    assert any(
+        row[1:] == ["43,00 ± 0,20", "durch die Bewegung gefunden"] for row in said["lengths"]
+    )
 
 
 def test_a_report_of_it_has_a_section_and_one_of_a_pose_has_none() -> None:

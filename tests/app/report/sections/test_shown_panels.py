@@ -15,7 +15,13 @@ SHOWN = Shown(
         Curve("grip_force", "N", T, GRIP),
         Curve("load_force", "N", T, 0.5 * GRIP),
         Curve("squeeze_distance", "m", T, np.full(4000, 0.04)),
-        Curve("force_over_distance", "N", np.array([0.03, 0.035, 0.04]), np.array([6.0, 3.1, 0.0]), "m"),
+        Curve(
+            "force_over_distance",
+            "N",
+            np.array([0.03, 0.035, 0.04]),
+            np.array([6.0, 3.1, 0.0]),
+            "m",
+        ),
         Curve("fitted_spring", "N", np.array([0.03, 0.035, 0.04]), np.array([6.0, 3.0, 0.0]), "m"),
         Curve("squeeze_response", "m/N", np.array([0.5, 1.0]), np.array([1e-3, 1e-3]), "Hz"),
     ),
@@ -25,7 +31,12 @@ SHOWN = Shown(
 
 def test_curves_that_belong_together_share_a_panel_in_units_for_people() -> None:
     told = {p.name: p for p in panels(SHOWN, 100.0, ENGLISH)}
-    assert set(told) == {"grip_and_load", "squeeze_distance", "force_over_distance", "squeeze_response"}
+    assert set(told) == {
+        "grip_and_load",
+        "squeeze_distance",
+        "force_over_distance",
+        "squeeze_response",
+    }
     both = told["grip_and_load"]
     assert [line.name for line in both.lines] == ["grip", "load"]
     assert both.title == "Grip and load force, N"
@@ -51,7 +62,11 @@ def test_a_kept_result_draws_the_same_curves() -> None:
 def test_a_peak_of_one_curve_stays_for_the_others_too() -> None:
     peak = np.full(4000, 1.0)
     peak[1777] = 9.0
-    (both,) = panels(Shown((Curve("grip_force", "N", T, peak), Curve("load_force", "N", T, np.ones(4000)))), 100.0, ENGLISH)
+    (both,) = panels(
+        Shown((Curve("grip_force", "N", T, peak), Curve("load_force", "N", T, np.ones(4000)))),
+        100.0,
+        ENGLISH,
+    )
     assert max(v for v in both.lines[0].y if v is not None) == 9.0
     assert len(both.lines[0].y) == len(both.lines[1].y) == len(both.x)
 

@@ -12,17 +12,25 @@ from handscope.estimators.simulation.magnetic_field import MagneticField
 
 NOISE, SIZE, FIELD = 0.2e-6, 0.32, np.array([0.0, 18.6e-6, -46.2e-6])
 PLACES = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.12, 0], [0.1, 0.12, 0.03]])
-ARRAY = setup.constellation(PLACES, quat.exp(np.array([[0, 0, 0], [0.3, 0, 0], [0, 0, -1.0], [0, 2.0, 0]])))
+ARRAY = setup.constellation(
+    PLACES, quat.exp(np.array([[0, 0, 0], [0.3, 0, 0], [0, 0, -1.0], [0, 2.0, 0]]))
+)
 
 
-def _seen(n: int, seed: int, nearest: float = 0.1, farthest: float = 0.25) -> tuple[Array, Array, Array]:
+def _seen(
+    n: int, seed: int, nearest: float = 0.1, farthest: float = 0.25
+) -> tuple[Array, Array, Array]:
     """Readings (n, 4, 3) of a magnet in front of the array, its places and moments."""
     rng = np.random.default_rng(seed)
     toward = rng.normal(size=(n, 3)) * [1, 1, 0.5] + [0, 0, 2.0]
-    p = PLACES.mean(axis=0) + toward / np.linalg.norm(toward, axis=1, keepdims=True) * rng.uniform(nearest, farthest, (n, 1))
+    p = PLACES.mean(axis=0) + toward / np.linalg.norm(toward, axis=1, keepdims=True) * rng.uniform(
+        nearest, farthest, (n, 1)
+    )
     m = rng.normal(size=(n, 3))
     m *= SIZE / np.linalg.norm(m, axis=1, keepdims=True)
-    B = np.array([MagneticField(FIELD, a[None], b[None]).at(PLACES) for a, b in zip(p, m)]) + NOISE * rng.normal(size=(n, 4, 3))
+    B = np.array(
+        [MagneticField(FIELD, a[None], b[None]).at(PLACES) for a, b in zip(p, m)]
+    ) + NOISE * rng.normal(size=(n, 4, 3))
     return quat.rotate(quat.conjugate(ARRAY.q_bl), B), p, m
 
 
@@ -42,15 +50,21 @@ def test_place_and_moment_are_found_with_honest_standard_deviations(field: Array
 def test_two_magnets_are_not_taken_for_one() -> None:
     one, _, _ = _seen(100, 2, 0.1, 0.15)
     other, _, _ = _seen(100, 3, 0.1, 0.15)
-    both = one + other - quat.rotate(quat.conjugate(ARRAY.q_bl), np.broadcast_to(FIELD, (100, 4, 3)))
+    both = (
+        one + other - quat.rotate(quat.conjugate(ARRAY.q_bl), np.broadcast_to(FIELD, (100, 4, 3)))
+    )
     assert localisation.located(both, ARRAY, None, SIZE, noise=NOISE).found.mean() < 0.1
 
 
 def test_errors_of_the_magnetometers_places_and_of_the_moment_told_are_counted() -> None:
     """Places a millimetre off, the moment told 4 % too large."""
     mag, p, _ = _seen(150, 7, 0.08, 0.15)
-    amiss = setup.constellation(PLACES + 1e-3 * np.random.default_rng(8).normal(size=PLACES.shape), ARRAY.q_bl)
-    found = localisation.located(mag, amiss, None, 1.04 * SIZE, noise=NOISE, size_sd=0.03, regions=3, place_sd=1e-3)
+    amiss = setup.constellation(
+        PLACES + 1e-3 * np.random.default_rng(8).normal(size=PLACES.shape), ARRAY.q_bl
+    )
+    found = localisation.located(
+        mag, amiss, None, 1.04 * SIZE, noise=NOISE, size_sd=0.03, regions=3, place_sd=1e-3
+    )
     square = (((found.place - p) / found.place_sd) ** 2)[found.found]
     assert found.found.mean() > 0.7 and 0.5 < square.mean() < 1.5
 
@@ -60,7 +74,9 @@ def test_three_magnetometers_and_no_moment_find_nothing() -> None:
     mag, p, _ = _seen(60, 9, 0.08, 0.15)
     three = setup.constellation(PLACES[:3], ARRAY.q_bl[:3])
     assert not localisation.located(mag[:, :3], three, noise=NOISE).found.any()
-    told = localisation.located(mag[:, :3], three, None, SIZE, noise=NOISE, size_sd=0.015, regions=3)
+    told = localisation.located(
+        mag[:, :3], three, None, SIZE, noise=NOISE, size_sd=0.015, regions=3
+    )
     off = np.linalg.norm(told.place - p, axis=1) / np.linalg.norm(told.place_sd, axis=1)
     assert told.found.any() and (off[told.found] < 4).all()
 
@@ -76,7 +92,9 @@ def test_a_missing_reading_is_not_found_and_disturbs_no_other() -> None:
     mag[3, 1] = np.nan
     holed = localisation.located(mag, ARRAY, FIELD, SIZE, noise=NOISE)
     assert not holed.found[3] and np.isnan(holed.place[3]).all()
-    np.testing.assert_allclose(np.delete(holed.place, 3, axis=0), np.delete(whole.place, 3, axis=0), atol=1e-9)
+    np.testing.assert_allclose(
+        np.delete(holed.place, 3, axis=0), np.delete(whole.place, 3, axis=0), atol=1e-9
+    )
 
 
 def test_wrong_units_and_impossible_setups_are_refused() -> None:

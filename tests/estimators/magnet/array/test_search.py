@@ -19,7 +19,12 @@ def _recorded(n: int, rate: float, second: bool) -> tuple[Array, Array, Array]:
     m = 0.4 * np.column_stack([np.cos(t), np.sin(t), np.zeros(n)])
     off = np.column_stack([0.2 + 0.03 * np.sin(t), 0.1 * np.cos(t), np.full(n, 0.1)])
     other = np.column_stack([np.zeros(n), 0.3 * np.cos(t), 0.2 * np.sin(t)]) * second
-    B = np.array([MagneticField(FIELD, np.array(w), np.array(v)).at(PLACES) for w, v in zip(zip(p, off), zip(m, other))])
+    B = np.array(
+        [
+            MagneticField(FIELD, np.array(w), np.array(v)).at(PLACES)
+            for w, v in zip(zip(p, off), zip(m, other))
+        ]
+    )
     return t, B + NOISE * np.random.default_rng(n).normal(size=B.shape), p
 
 
@@ -28,16 +33,26 @@ def _stamped_late(late: Array) -> tuple[Array, Array, Array]:
     t, rng = np.arange(120) / 40, np.random.default_rng(4)
 
     def at(t: Array) -> tuple[Array, Array]:
-        p = np.column_stack([0.05 * np.cos(3 * t), 0.05 * np.sin(2 * t), 0.11 + 0.02 * np.sin(1.3 * t)])
+        p = np.column_stack(
+            [0.05 * np.cos(3 * t), 0.05 * np.sin(2 * t), 0.11 + 0.02 * np.sin(1.3 * t)]
+        )
         return p, 0.4 * np.column_stack([np.cos(t), np.sin(t), np.zeros(len(t))])
 
-    each = [[MagneticField(FIELD, p[None], m[None]).at(PLACES[k : k + 1])[0] for p, m in zip(*at(t - tau))] for k, tau in enumerate(late)]
+    each = [
+        [
+            MagneticField(FIELD, p[None], m[None]).at(PLACES[k : k + 1])[0]
+            for p, m in zip(*at(t - tau))
+        ]
+        for k, tau in enumerate(late)
+    ]
     mag = np.array(each).swapaxes(0, 1)
     return t, mag + NOISE * rng.normal(size=mag.shape), at(t)[0]
 
 
 def _searched(t: Array, mag: Array, noise: float, places: Array = PLACES) -> Searched:
-    return magnet_search.searched(Search(t, mag, setup.constellation(places), noise, 0.0), None, 0.03, CALIBRATION)
+    return magnet_search.searched(
+        Search(t, mag, setup.constellation(places), noise, 0.0), None, 0.03, CALIBRATION
+    )
 
 
 def test_a_second_magnet_is_told_from_noise() -> None:
@@ -91,7 +106,9 @@ def test_a_late_magnetometer_is_told_and_its_readings_are_moved() -> None:
     assert abs(found.late.late[4] - 0.06) < 3 * found.late.sd[4] < 3e-3
     assert found.located.found.mean() > 0.9 and found.late.spread == 0
     square = (((found.located.place - p) / found.located.place_sd) ** 2)[found.located.found]
-    assert square.mean() < 1.5 and np.median(np.linalg.norm(found.located.place - p, axis=1)) < 0.002
+    assert (
+        square.mean() < 1.5 and np.median(np.linalg.norm(found.located.place - p, axis=1)) < 0.002
+    )
 
 
 def test_magnetometers_read_one_after_the_other_leave_the_time_of_a_place_unsure() -> None:
@@ -108,4 +125,6 @@ def test_magnetometers_read_one_after_the_other_leave_the_time_of_a_place_unsure
 def test_no_lateness_is_made_up_for_readings_of_two_magnets_or_of_one_at_rest() -> None:
     t, mag, _ = _recorded(60, 20.0, second=True)
     assert not _searched(t, mag, NOISE).late.late.any()
-    assert not _searched(t, mag[:1] + NOISE * np.random.default_rng(1).normal(size=mag.shape), NOISE).late.late.any()
+    assert not _searched(
+        t, mag[:1] + NOISE * np.random.default_rng(1).normal(size=mag.shape), NOISE
+    ).late.late.any()

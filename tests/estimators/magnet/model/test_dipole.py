@@ -16,7 +16,11 @@ def test_a_small_current_loop_has_this_field() -> None:
     along = 2 * np.pi * radius / 720 * np.column_stack([-np.sin(angle), np.cos(angle), 0 * angle])
     for place in R:
         d = place - wire
-        loop = 1e-7 * current * (np.cross(along, d) / np.linalg.norm(d, axis=1, keepdims=True) ** 3).sum(axis=0)
+        loop = (
+            1e-7
+            * current
+            * (np.cross(along, d) / np.linalg.norm(d, axis=1, keepdims=True) ** 3).sum(axis=0)
+        )
         ours = dipole.field(place, np.array([0, 0, current * np.pi * radius**2]))
         assert np.linalg.norm(ours - loop) < 1e-3 * np.linalg.norm(loop)
 
@@ -29,6 +33,10 @@ def test_it_is_the_field_of_the_simulated_room() -> None:
 def test_slopes_are_differences() -> None:
     h = 1e-7
     for r, m in zip(R, M):
-        by_place = np.column_stack([(dipole.field(r + h * e, m) - dipole.field(r - h * e, m)) / (2 * h) for e in np.eye(3)])
-        np.testing.assert_allclose(dipole.by_place(r, m), by_place, rtol=1e-4, atol=1e-7 * np.abs(by_place).max())
+        by_place = np.column_stack(
+            [(dipole.field(r + h * e, m) - dipole.field(r - h * e, m)) / (2 * h) for e in np.eye(3)]
+        )
+        np.testing.assert_allclose(
+            dipole.by_place(r, m), by_place, rtol=1e-4, atol=1e-7 * np.abs(by_place).max()
+        )
         np.testing.assert_allclose(dipole.by_moment(r) @ m, dipole.field(r, m), rtol=1e-12)

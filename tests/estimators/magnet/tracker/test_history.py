@@ -17,7 +17,9 @@ def _foreseen() -> tuple[Trace, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     P = A @ A.T
     own, lasting, trace = np.empty((OWN, OWN)), np.empty((OWN, OWN)), traced(1, 7)
     beside(P, own, lasting)
-    foreseen(trace, 0, np.arange(7.0), F @ P @ F.T + Q, np.ascontiguousarray(F[:OWN, :OWN]), own, lasting)
+    foreseen(
+        trace, 0, np.arange(7.0), F @ P @ F.T + Q, np.ascontiguousarray(F[:OWN, :OWN]), own, lasting
+    )
     return trace, P, F, Q, own
 
 
@@ -29,7 +31,9 @@ def test_what_does_not_move_is_the_same_error_before_and_after() -> None:
     gain = known @ f.T @ np.linalg.inv(f @ known @ f.T + q)
     np.testing.assert_allclose(own, known, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(trace.gain[0], gain, rtol=1e-5, atol=1e-5)
-    np.testing.assert_allclose(trace.open[0], known - gain @ (f @ known @ f.T + q) @ gain.T, rtol=1e-5, atol=1e-4)
+    np.testing.assert_allclose(
+        trace.open[0], known - gain @ (f @ known @ f.T + q) @ gain.T, rtol=1e-5, atol=1e-4
+    )
     np.testing.assert_array_equal(trace.expected[0], np.arange(7.0))
 
 

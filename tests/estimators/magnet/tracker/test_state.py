@@ -5,7 +5,18 @@ import pytest
 
 from handscope.estimators.magnet.tracker import state as mf
 from handscope.estimators.magnet.tracker.inertial_updates import pushed_alike, vertical
-from handscope.estimators.magnet.tracker.latency import FB, LEARNT, SLOW, TELLS, VS, WAY, WB, earlier, settled, went_on
+from handscope.estimators.magnet.tracker.latency import (
+    FB,
+    LEARNT,
+    SLOW,
+    TELLS,
+    VS,
+    WAY,
+    WB,
+    earlier,
+    settled,
+    went_on,
+)
 from handscope.estimators.magnet.tracker.magnetic_update import read
 from handscope.estimators.magnet.tracker.options import MagnetParams, sizes
 from handscope.estimators.numerics import quaternions as quat
@@ -107,19 +118,25 @@ def test_slopes_of_a_magnetometer_are_differences() -> None:
     way[VS : VS + 3], way[TELLS] = x[3:6], LEARNT
     _read(x, way, 1, H)
     assert np.linalg.norm(H[:, mf.MOM : mf.MOM + 3]) > 1e-6
-    biases = [k for first in (mf.BTG, mf.BTA, mf.BBG, mf.BBA) for k in range(first, first + 3)]  # left out: over 70 ms they move nothing
+    biases = [
+        k for first in (mf.BTG, mf.BTA, mf.BBG, mf.BBA) for k in range(first, first + 3)
+    ]  # left out: over 70 ms they move nothing
     for k in np.setdiff1d(range(55), biases):
         dx = np.zeros(55)
         dx[k] = h = 1e-9 if mf.B_ <= k < mf.BTG or mf.LEFT <= k < mf.LEFT + 6 else 1e-5
         ahead, behind = (_read(_moved(x, d), way, 1, none) for d in (dx, -dx))
         # rates that change make turns that do not commute: told to first order in the change
-        np.testing.assert_allclose(H[:, k], (ahead - behind) / (2 * h), rtol=1e-4, atol=4e-6 if k == 54 else 1e-9)
+        np.testing.assert_allclose(
+            H[:, k], (ahead - behind) / (2 * h), rtol=1e-4, atol=4e-6 if k == 54 else 1e-9
+        )
 
 
 def _gravity(x: Array) -> tuple[Array, Array]:
     """What accelerometers of base and target read at rest."""
     g_b = quat.rotate(quat.conjugate(x[mf.XGB : mf.XGB + 4]), np.array([0.0, 0.0, SIZES.gravity]))
-    return g_b + x[mf.XBA : mf.XBA + 3], quat.rotate(quat.conjugate(x[mf.XQ : mf.XQ + 4]), g_b) + x[mf.XTA : mf.XTA + 3]
+    return g_b + x[mf.XBA : mf.XBA + 3], quat.rotate(quat.conjugate(x[mf.XQ : mf.XQ + 4]), g_b) + x[
+        mf.XTA : mf.XTA + 3
+    ]
 
 
 @pytest.mark.parametrize("which", ["base", "target", "common"])
@@ -128,32 +145,57 @@ def test_slopes_of_the_accelerometers_are_differences(which: str) -> None:
     x, dt, sure, h = _state(), 1 / 60, 1e-4, 1e-5
     x[mf.XTA : mf.XTA + 3] *= 0.1
     x[mf.XBA : mf.XBA + 3] *= 0.1
-    rest = np.concatenate([x[mf.XBG : mf.XBG + 3], _gravity(x)[0], x[mf.XTG : mf.XTG + 3], _gravity(x)[1]])
+    rest = np.concatenate(
+        [x[mf.XBG : mf.XBG + 3], _gravity(x)[0], x[mf.XTG : mf.XTG + 3], _gravity(x)[1]]
+    )
     common = rest[3:6] * 1.2  # both are pushed alike: neither reads gravity
     if which == "common":
         rest[3:6], rest[9:12] = common, _carried(x, common)
     at = 3 if which == "base" else 9
-    predicted = {"base": lambda s: _gravity(s)[0], "target": lambda s: _gravity(s)[1], "common": lambda s: _carried(s, common)}[which]
+    predicted = {
+        "base": lambda s: _gravity(s)[0],
+        "target": lambda s: _gravity(s)[1],
+        "common": lambda s: _carried(s, common),
+    }[which]
     sd = SIZES.acc_moving + 0.1 * np.linalg.norm(common) if which == "common" else SIZES.acc_still
     told = sd**2 * SIZES.alike / dt / sure**2
     for axis in range(3):
         pushed = rest.copy()
         pushed[at + axis] += 0.05
         here, there = (
-            _difference(x, _told(SIZES, x, sure**2 * np.eye(55), now, which == "base", which == "target", dt)) for now in (rest, pushed)
+            _difference(
+                x,
+                _told(SIZES, x, sure**2 * np.eye(55), now, which == "base", which == "target", dt),
+            )
+            for now in (rest, pushed)
         )
-        numeric = [(predicted(_moved(x, dx)) - predicted(_moved(x, -dx)))[axis] / (2 * h) for dx in h * np.eye(55)]
+        numeric = [
+            (predicted(_moved(x, dx)) - predicted(_moved(x, -dx)))[axis] / (2 * h)
+            for dx in h * np.eye(55)
+        ]
         np.testing.assert_allclose(told * (there - here) / 0.05, numeric, atol=2e-3)
 
 
 def _carried(x: Array, f_b: Array) -> Array:
     """What the target's accelerometer reads of the specific force that the base's reads as f_b (3,)."""
-    return quat.rotate(quat.conjugate(x[mf.XQ : mf.XQ + 4]), f_b - x[mf.XBA : mf.XBA + 3]) + x[mf.XTA : mf.XTA + 3]
+    return (
+        quat.rotate(quat.conjugate(x[mf.XQ : mf.XQ + 4]), f_b - x[mf.XBA : mf.XBA + 3])
+        + x[mf.XTA : mf.XTA + 3]
+    )
 
 
 def test_the_covariance_is_carried_as_one_matrix() -> None:
     """Against F P F' + Q of all 55 errors at once, without the noise of trunk and hand."""
-    still = SIZES._replace(gyr=0.0, gyr_moving=0.0, acc=0.0, acc_slow=0.0, field_walk=0.0, gyr_walk=0.0, acc_walk=0.0, acc_turned=0.0)
+    still = SIZES._replace(
+        gyr=0.0,
+        gyr_moving=0.0,
+        acc=0.0,
+        acc_slow=0.0,
+        field_walk=0.0,
+        gyr_walk=0.0,
+        acc_walk=0.0,
+        acc_turned=0.0,
+    )
     A = RNG.normal(size=(55, 55))
     P, F, turned = A @ A.T, np.eye(30) + 0.1 * RNG.normal(size=(30, 30)), 0.05
     kept = np.ones(55)
@@ -173,20 +215,29 @@ def test_a_turn_in_one_go_makes_of_gravity_what_scales_and_axes_do() -> None:
     """Half a radian moves half of gravity along the axes: 0.3 % of that."""
     P = np.zeros((49, 49))
     _widened(SIZES._replace(acc_walk=0.0), P, np.eye(30), 1.0, 0.5, 0.0)
-    assert np.sqrt(P[mf.BBA, mf.BBA]) == pytest.approx(MagnetParams().acc_share * GRAVITY * 0.5, rel=1e-9)
+    assert np.sqrt(P[mf.BBA, mf.BBA]) == pytest.approx(
+        MagnetParams().acc_share * GRAVITY * 0.5, rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("name", sim.CONDITIONS)
 def test_a_movement_without_errors_is_followed_by_the_time_update_alone(name: str) -> None:
     """Trunk and hand turn at once: (5.22) as printed, without the trunk's turning, would be off by decimetres after these five seconds. And led back."""
     m = sim.condition(name, np.random.default_rng(3), seconds=8.0, rate=240.0)
-    samples = np.concatenate([m.w, quat.rotate(quat.conjugate(m.q), m.a + [0, 0, 9.80665])], axis=-1).reshape(len(m.t), 12)
+    samples = np.concatenate(
+        [m.w, quat.rotate(quat.conjugate(m.q), m.a + [0, 0, 9.80665])], axis=-1
+    ).reshape(len(m.t), 12)
     x, F, k = _state(), np.zeros((30, 30)), 3 * 240
     x[: mf.XM] = 0.0
     x[0:3], x[mf.XQ : mf.XQ + 4], x[mf.XGB : mf.XGB + 4] = m.p_bt[k], m.q_bt[k], m.q[k, 0]
     R = quat.conjugate(m.q[k, 0])
-    x[3:6] = quat.rotate(R, ((m.p[k + 1] - m.p[k - 1]) @ np.eye(3))[1] - (m.p[k + 1] - m.p[k - 1])[0]) * 120.0
-    speed = quat.rotate(quat.conjugate(m.q[:, 0]), np.gradient(m.p[:, 0], 1 / 240, axis=0, edge_order=2))
+    x[3:6] = (
+        quat.rotate(R, ((m.p[k + 1] - m.p[k - 1]) @ np.eye(3))[1] - (m.p[k + 1] - m.p[k - 1])[0])
+        * 120.0
+    )
+    speed = quat.rotate(
+        quat.conjugate(m.q[:, 0]), np.gradient(m.p[:, 0], 1 / 240, axis=0, edge_order=2)
+    )
     x[mf.XVB : mf.XVB + 3] = speed[k]
     for i in range(k + 1, len(m.t)):
         x = _stepped(SIZES, x, samples[i - 1], samples[i], 1 / 240, F)
@@ -202,18 +253,27 @@ def test_a_movement_without_errors_is_followed_by_the_time_update_alone(name: st
     assert (
         np.degrees(
             quat.angle(
-                quat.relative(quat.relative(x[mf.XGB : mf.XGB + 4], then[mf.XGB : mf.XGB + 4]), quat.relative(m.q[-1, 0], m.q[k, 0]))
+                quat.relative(
+                    quat.relative(x[mf.XGB : mf.XGB + 4], then[mf.XGB : mf.XGB + 4]),
+                    quat.relative(m.q[-1, 0], m.q[k, 0]),
+                )
             )
         )
         < 0.5
     )
 
 
-def test_the_velocity_that_slopes_take_turns_with_the_trunk_and_is_not_that_of_a_lost_hand() -> None:
+def test_the_velocity_that_slopes_take_turns_with_the_trunk_and_is_not_that_of_a_lost_hand() -> (
+    None
+):
     x, way, v, dt = _state(), np.zeros(WAY), RNG.normal(size=3), 1 / 60
     x[mf.XBG : mf.XBG + 3], way[WB : WB + 3] = 0.0, [0.0, 0.0, 3.0]
     apart = way[VS : VS + 3] - v
     for known, kept in ((0.04, np.exp(-dt / SLOW)), (0.2, 0.0)):
         led = way.copy()
         _settled(led, x, np.eye(55) * known**2, v, dt)
-        np.testing.assert_allclose(led[VS : VS + 3] - x[3:6], kept * quat.rotate(quat.about(2, -3.0 * dt), apart), atol=1e-12)
+        np.testing.assert_allclose(
+            led[VS : VS + 3] - x[3:6],
+            kept * quat.rotate(quat.about(2, -3.0 * dt), apart),
+            atol=1e-12,
+        )

@@ -12,7 +12,9 @@ from handscope.estimators.self_calibration.sliding_window import streaming_sampl
 @pytest.mark.parametrize("rate", [50.0, 100.0, 200.0, 480.0])
 def test_readings_and_what_is_doubted_of_them_are_as_of_the_whole_recording(rate: float) -> None:
     """A mean over faster samples is as noisy as one sample at its own rate; a clipped acceleration is worth nothing."""
-    stream = Stream("imu", ("hand", "index_proximal"), (GYR, ACC), rate, "imu", {GYR: 35.0, ACC: 160.0})
+    stream = Stream(
+        "imu", ("hand", "index_proximal"), (GYR, ACC), rate, "imu", {GYR: 35.0, ACC: 160.0}
+    )
     values = np.random.default_rng(1).normal(size=(round(rate), 2, 6))
     values[len(values) // 2, 1, 4] = 160.0
     block = Block(stream, np.arange(len(values)) / rate, values)

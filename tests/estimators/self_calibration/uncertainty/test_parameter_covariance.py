@@ -18,7 +18,9 @@ TURNS = tuple(f"forearm_{angle}" for angle in ("flexion", "deviation", "pronatio
 def test_what_noise_makes_up_is_taken_off() -> None:
     """Two arms of 0.1 m, before known within 0.1 m: noise alone tells of the first, movement alone of the second."""
     before, made_up, moved = 100.0 * np.eye(2), np.diag([1e5, 0.0]), np.diag([0.0, 1e6])
-    told = parameter_covariance.without_noise(np.linalg.inv(before + made_up + moved), made_up, before, np.diag([0.1, 0.1]))
+    told = parameter_covariance.without_noise(
+        np.linalg.inv(before + made_up + moved), made_up, before, np.diag([0.1, 0.1])
+    )
     sd = np.sqrt(np.diag(told))
     assert sd[0] == pytest.approx(
         np.hypot(0.1, 0.025), rel=1e-2
@@ -28,7 +30,10 @@ def test_what_noise_makes_up_is_taken_off() -> None:
 
 def test_a_finger_that_moves_well_is_as_sure_as_it_was(solved: Solution) -> None:
     """Noise makes up less than a hundredth of what the movement tells of its arms."""
-    c, made_up = columns(solved.problem.chain), parameter_covariance.apparent(solved.problem, solved.at, solved.factor)
+    c, made_up = (
+        columns(solved.problem.chain),
+        parameter_covariance.apparent(solved.problem, solved.at, solved.factor),
+    )
     told = np.linalg.inv(solved.factor.covariance)
     arms = np.arange(c.near.stop)
     assert (np.diag(made_up)[arms] < 0.01 * np.diag(told)[arms]).all()

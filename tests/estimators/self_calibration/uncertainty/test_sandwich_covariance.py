@@ -7,7 +7,12 @@ import pytest
 
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.self_calibration import messages as self_calibration_messages
-from handscope.estimators.self_calibration import mounting_shift, normal_equations, residuals, solver
+from handscope.estimators.self_calibration import (
+    mounting_shift,
+    normal_equations,
+    residuals,
+    solver,
+)
 from handscope.estimators.self_calibration.problem import Unknowns
 from handscope.estimators.self_calibration.result import Finger
 from handscope.estimators.self_calibration.solver import Solution
@@ -31,7 +36,9 @@ def test_the_groups_together_pull_as_the_whole_does(monkeypatch: pytest.MonkeyPa
         r, slopes = hand_equations.priors(limb, place, shares=k == 0)
         before[cols[: slopes.shape[1]]] += slopes.T @ r
     assert len(pulls) == -(-len(problem) // 2)
-    np.testing.assert_allclose(-factor.covariance @ (pulls.sum(axis=0) + before), factor.parameters, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(
+        -factor.covariance @ (pulls.sum(axis=0) + before), factor.parameters, rtol=1e-4, atol=1e-6
+    )
 
 
 def test_a_limb_alone_is_pulled_as_the_whole_equations_say(solved: Solution) -> None:
@@ -42,7 +49,11 @@ def test_a_limb_alone_is_pulled_as_the_whole_equations_say(solved: Solution) -> 
     pulls = sandwich_covariance.of_limb(problem, at, factor)
     step = normal_equations.step(normal, factor).parameters / np.sqrt(np.diag(factor.covariance))
     np.testing.assert_allclose(
-        -factor.covariance @ (pulls.sum(axis=0) + slopes.T @ r) / np.sqrt(np.diag(factor.covariance)), step, atol=1e-3
+        -factor.covariance
+        @ (pulls.sum(axis=0) + slopes.T @ r)
+        / np.sqrt(np.diag(factor.covariance)),
+        step,
+        atol=1e-3,
     )
     assert len(pulls) == round(len(problem) * problem.dt / sandwich_covariance.TOGETHER)
 
@@ -84,4 +95,8 @@ def _size(found: Solution, off: Array) -> float:
     part = replace(part, acc=acc)
     at = replace(found.at, q_GS=found.at.q_GS[:n])
     factor = normal_equations.factored(solver.built(part, at)[0])
-    return float(sandwich_covariance.sizes(sandwich_covariance.of_limb(part, at, factor), factor.covariance).mean())
+    return float(
+        sandwich_covariance.sizes(
+            sandwich_covariance.of_limb(part, at, factor), factor.covariance
+        ).mean()
+    )

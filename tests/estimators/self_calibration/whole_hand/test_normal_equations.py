@@ -8,7 +8,14 @@ import pytest
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.self_calibration import residuals
-from handscope.estimators.self_calibration.problem import Noise, Readings, Unknowns, chain, measured, posed
+from handscope.estimators.self_calibration.problem import (
+    Noise,
+    Readings,
+    Unknowns,
+    chain,
+    measured,
+    posed,
+)
 from handscope.estimators.self_calibration.whole_hand import normal_equations
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, HandProblem
@@ -21,7 +28,9 @@ def _somewhere() -> tuple[HandProblem, HandPlace]:
     """A hand without sense at a place without sense: derivatives must hold everywhere."""
     rng, limbs, places = np.random.default_rng(0), [], []
     of_hand = rng.normal(size=(SAMPLES, 2, 3))
-    q_hand = quat.multiply(quat.normalize(rng.normal(size=4)), quat.exp(0.1 * rng.normal(size=(SAMPLES, 3))))
+    q_hand = quat.multiply(
+        quat.normalize(rng.normal(size=4)), quat.exp(0.1 * rng.normal(size=(SAMPLES, 3)))
+    )
     own, delay = (0.01 * rng.normal(size=(24,)), np.array([0.002]))
     for names in LIMBS:
         links = chain(names)
@@ -29,7 +38,10 @@ def _somewhere() -> tuple[HandProblem, HandPlace]:
         gyr, acc = rng.normal(size=(SAMPLES, S, 3)), 9 * rng.normal(size=(SAMPLES, S, 3))
         gyr[:, 0], acc[:, 0] = of_hand[:, 0], 9 * of_hand[:, 1]
         sure = rng.uniform(1, 2, (SAMPLES, S))
-        q = quat.multiply(quat.normalize(rng.normal(size=(S, 4))), quat.exp(0.1 * rng.normal(size=(SAMPLES, S, 3))))
+        q = quat.multiply(
+            quat.normalize(rng.normal(size=(S, 4))),
+            quat.exp(0.1 * rng.normal(size=(SAMPLES, S, 3))),
+        )
         q[:, 0] = q_hand
         axes = rng.normal(size=(2, H, 3))
         axes /= np.linalg.norm(axes, axis=2, keepdims=True)
@@ -48,8 +60,17 @@ def _somewhere() -> tuple[HandProblem, HandPlace]:
             0.1 * rng.normal(size=(J, 2)),
             0.3 * rng.normal(size=J),
         )
-        problem = measured(posed(links, Noise(), Readings(0.01, gyr, acc, sure, sure), q[0], "left", {}), {names[1]: 0.04})
-        limbs.append(replace(problem, bent=rng.normal(size=(SAMPLES, J)), by_tilt=rng.normal(size=(SAMPLES, J, 2))))
+        problem = measured(
+            posed(links, Noise(), Readings(0.01, gyr, acc, sure, sure), q[0], "left", {}),
+            {names[1]: 0.04},
+        )
+        limbs.append(
+            replace(
+                problem,
+                bent=rng.normal(size=(SAMPLES, J)),
+                by_tilt=rng.normal(size=(SAMPLES, J, 2)),
+            )
+        )
         places.append(at)
     skin = rng.normal(size=(2, 2, 3)) * np.array([0.05, 0.001])[:, None, None]
     return whole_hand_problem.gathered(limbs, Noise()), HandPlace(
@@ -64,7 +85,10 @@ def somewhere() -> tuple[HandProblem, HandPlace]:
 
 def _whole(problem: HandProblem, at: HandPlace) -> Array:
     """All residuals in a row (m,)."""
-    parts = [(at.error / whole_hand_problem.error_sd(problem)[:, None]).ravel(), normal_equations.skin(problem, at)[0]]
+    parts = [
+        (at.error / whole_hand_problem.error_sd(problem)[:, None]).ravel(),
+        normal_equations.skin(problem, at)[0],
+    ]
     for k, (limb, place) in enumerate(zip(problem.limbs, at.limbs)):
         parts += [terms.r.ravel() for terms in normal_equations.terms_of(problem, at, k)]
         parts.append(normal_equations.priors(limb, place, shares=k == 0)[0])
@@ -77,7 +101,12 @@ def _slopes(problem: HandProblem, at: HandPlace) -> Array:
     n = SAMPLES * where.each
     for one in 1e-6 * np.eye(n + where.count):
         two = [
-            _whole(problem, whole_hand_problem.stepped(at, problem, sign * one[:n].reshape(SAMPLES, -1), sign * one[n:]))
+            _whole(
+                problem,
+                whole_hand_problem.stepped(
+                    at, problem, sign * one[:n].reshape(SAMPLES, -1), sign * one[n:]
+                ),
+            )
             for sign in (1.0, -1.0)
         ]
         found.append((two[0] - two[1]) / 2e-6)
@@ -91,7 +120,10 @@ def dense(somewhere: tuple[HandProblem, HandPlace]) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("together", [1, normal_equations.TOGETHER])
 def test_the_step_and_the_covariance_are_those_of_a_dense_solver(
-    somewhere: tuple[HandProblem, HandPlace], dense: tuple[Array, Array], together: int, monkeypatch: pytest.MonkeyPatch
+    somewhere: tuple[HandProblem, HandPlace],
+    dense: tuple[Array, Array],
+    together: int,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Of numerical derivatives: a wrong derivative, a block in a wrong place, a shared row counted twice would all show; however many pairs go together."""
     monkeypatch.setattr(normal_equations, "TOGETHER", together)
@@ -103,22 +135,38 @@ def test_the_step_and_the_covariance_are_those_of_a_dense_solver(
     root = np.linalg.inv((J / scale).T @ (J / scale)) / np.outer(scale, scale)
     n, sd = SAMPLES * normal.layout.each, np.sqrt(np.diag(root))
     assert normal.cost == pytest.approx(0.5 * (r**2).sum(), rel=1e-12)
-    np.testing.assert_allclose(np.concatenate([step.turns.ravel(), step.parameters]) / sd, -root @ (J.T @ r) / sd, atol=0.03)
-    np.testing.assert_allclose(factor.covariance / np.outer(sd[n:], sd[n:]), root[n:, n:] / np.outer(sd[n:], sd[n:]), atol=1e-4)
+    np.testing.assert_allclose(
+        np.concatenate([step.turns.ravel(), step.parameters]) / sd,
+        -root @ (J.T @ r) / sd,
+        atol=0.03,
+    )
+    np.testing.assert_allclose(
+        factor.covariance / np.outer(sd[n:], sd[n:]),
+        root[n:, n:] / np.outer(sd[n:], sd[n:]),
+        atol=1e-4,
+    )
 
 
-def test_draws_have_the_equations_covariance(somewhere: tuple[HandProblem, HandPlace], dense: tuple[Array, Array]) -> None:
+def test_draws_have_the_equations_covariance(
+    somewhere: tuple[HandProblem, HandPlace], dense: tuple[Array, Array]
+) -> None:
     (problem, at), (_, J) = somewhere, dense
     normal = normal_equations.built(problem, at)
     factor = normal_equations.factored(normal)
     each, n = normal.layout.each, SAMPLES * normal.layout.each
     numbers = np.eye(n + normal.layout.count)
-    drawn = normal_equations.drawn(normal, factor, numbers[:, :n].reshape(-1, SAMPLES, each), numbers[:, n:])
+    drawn = normal_equations.drawn(
+        normal, factor, numbers[:, :n].reshape(-1, SAMPLES, each), numbers[:, n:]
+    )
     root = np.array([np.concatenate([step.turns.ravel(), step.parameters]) for step in drawn]).T
-    np.testing.assert_allclose((J @ root).T @ (J @ root), np.eye(n + normal.layout.count), atol=1e-3)
+    np.testing.assert_allclose(
+        (J @ root).T @ (J @ root), np.eye(n + normal.layout.count), atol=1e-3
+    )
 
 
-def test_derivatives_of_what_is_seen_on_the_hand(somewhere: tuple[HandProblem, HandPlace], dense: tuple[Array, Array]) -> None:
+def test_derivatives_of_what_is_seen_on_the_hand(
+    somewhere: tuple[HandProblem, HandPlace], dense: tuple[Array, Array]
+) -> None:
     """The gradient, by every unknown."""
     (problem, at), (r, J) = somewhere, dense
     normal, gradient = normal_equations.built(problem, at), J.T @ r
@@ -127,16 +175,24 @@ def test_derivatives_of_what_is_seen_on_the_hand(somewhere: tuple[HandProblem, H
     np.testing.assert_allclose(normal.c / scale[n:], gradient[n:] / scale[n:], atol=1e-8)
 
 
-def test_one_limb_alone_is_the_problem_that_it_is_alone(somewhere: tuple[HandProblem, HandPlace]) -> None:
+def test_one_limb_alone_is_the_problem_that_it_is_alone(
+    somewhere: tuple[HandProblem, HandPlace],
+) -> None:
     """The hand's error taken out by hand: its best size for given joints leaves the residuals of the joints whitened together."""
     problem, at = somewhere
     limb, place = problem.limbs[0], at.limbs[0]
     one = whole_hand_problem.gathered([limb], Noise())
-    still = HandPlace((place,), np.zeros((SAMPLES, 3)), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1))
+    still = HandPlace(
+        (place,), np.zeros((SAMPLES, 3)), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1)
+    )
     normal = normal_equations.built(one, still)
     where = normal.layout.error
     A = normal.limbs[0].A[:, 0][:, where, where] + np.eye(3) / normal.error_sd[:, None, None] ** 2
     a = normal.limbs[0].a[:, where]
     least = normal.cost - 0.5 * sum(v @ np.linalg.solve(M, v) for M, v in zip(A, a))
-    together = 0.5 * sum((kind(limb, place, 0, SAMPLES).r ** 2).sum() for kind in residuals.EVERY_SAMPLE)
-    assert least == pytest.approx(together + 0.5 * (residuals.priors(limb, place)[0] ** 2).sum(), rel=1e-9)
+    together = 0.5 * sum(
+        (kind(limb, place, 0, SAMPLES).r ** 2).sum() for kind in residuals.EVERY_SAMPLE
+    )
+    assert least == pytest.approx(
+        together + 0.5 * (residuals.priors(limb, place)[0] ** 2).sum(), rel=1e-9
+    )

@@ -14,8 +14,12 @@ from tests.simulated import DEG
 every_step = pytest.mark.parametrize("step", functional_calibration.STEPS)
 
 
-def _performed(step: str, hand: Hand = "left", care: Carelessness | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    done = functional_calibration.STEPS[step](sized(hand), np.random.default_rng(1), care or Carelessness())
+def _performed(
+    step: str, hand: Hand = "left", care: Carelessness | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    done = functional_calibration.STEPS[step](
+        sized(hand), np.random.default_rng(1), care or Carelessness()
+    )
     t = np.linspace(0.0, done.motion.duration, 3001)
     return t, *done.motion.at(t)
 
@@ -48,8 +52,12 @@ def test_joints_stay_within_what_they_can_and_below_what_the_protocol_permits(st
 
 @pytest.mark.parametrize("step", ["flat_hand", "thumb_flat"])
 def test_still_steps_are_still(step: str) -> None:
-    done = functional_calibration.STEPS[step](sized("left"), np.random.default_rng(1), Carelessness())
-    _, dx, _ = done.motion.at(np.linspace(done.events[0].onset + 0.01, done.events[0].end - 0.01, 50))
+    done = functional_calibration.STEPS[step](
+        sized("left"), np.random.default_rng(1), Carelessness()
+    )
+    _, dx, _ = done.motion.at(
+        np.linspace(done.events[0].onset + 0.01, done.events[0].end - 0.01, 50)
+    )
     np.testing.assert_allclose(dx, 0.0, atol=1e-6)
 
 
@@ -58,7 +66,9 @@ def test_somebody_careful_bends_only_what_was_asked_for_and_three_times(step: st
     t, x, _, _ = _performed(step, care=Carelessness(pose=0.0, apart=0.0, joints=0.0, hand=0.0))
     inside = (t > 1.5) & (t < t[-1] - 1.5)
     moved = np.ptp(x[inside], axis=0) > 0.5 * DEG
-    assert {name for name, k in COORDINATES.items() if moved[k]} == set(functional_calibration.BENT[step])
+    assert {name for name, k in COORDINATES.items() if moved[k]} == set(
+        functional_calibration.BENT[step]
+    )
     flexion = x[inside][:, COORDINATES[next(iter(functional_calibration.BENT[step]))]]
     high = flexion > 0.5 * flexion.max()
     assert np.sum(np.diff(high.astype(int)) == 1) == 3

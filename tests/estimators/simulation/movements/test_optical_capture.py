@@ -28,20 +28,46 @@ def _markers(hand: Hand) -> tuple[Markers, np.ndarray]:
     geometry, sign = sized(hand), 1.0 if hand == "left" else -1.0
     bent = posture(
         task_performance.relaxed(),
-        **{f"{f}_{j}_flexion": a for f in ("index", "middle", "ring", "little") for j, a in (("mcp", 55), ("pip", 60), ("dip", 36))},
+        **{
+            f"{f}_{j}_flexion": a
+            for f in ("index", "middle", "ring", "little")
+            for j, a in (("mcp", 55), ("pip", 60), ("dip", 36))
+        },
     )
-    lifted = posture(bent, wrist_x=0.1, wrist_z=0.1, wrist_flexion=-20.0, forearm_flexion=15.0, forearm_deviation=10.0)
-    k = kinematics.of_motion(through([(0.0, task_performance.relaxed()), (2.0, bent), (4.0, lifted)]), geometry, np.linspace(0.0, 4.0, 81))
+    lifted = posture(
+        bent,
+        wrist_x=0.1,
+        wrist_z=0.1,
+        wrist_flexion=-20.0,
+        forearm_flexion=15.0,
+        forearm_deviation=10.0,
+    )
+    k = kinematics.of_motion(
+        through([(0.0, task_performance.relaxed()), (2.0, bent), (4.0, lifted)]),
+        geometry,
+        np.linspace(0.0, 4.0, 81),
+    )
 
     def carried(segment: str, dorsal: float, along: float, ulnar: float = 0.0) -> np.ndarray:
         s = SEGMENT[segment]
         return k.p[:, s] + quat.rotate(k.q_GB[:, s], sign * np.array([dorsal, along, ulnar]))
 
-    back = np.stack([carried("hand", 0.02, -0.02), carried("hand", 0.02, -0.05, 0.02), carried("hand", 0.02, -0.05, -0.02)], axis=1)
+    back = np.stack(
+        [
+            carried("hand", 0.02, -0.02),
+            carried("hand", 0.02, -0.05, 0.02),
+            carried("hand", 0.02, -0.05, -0.02),
+        ],
+        axis=1,
+    )
     fingers = [
         [
-            carried(f"{f}_proximal", optical_capture.DORSAL[0], -0.2 * geometry.lengths[f"{f}_proximal"]),
-            carried(f"{f}_distal", optical_capture.DORSAL[1], -0.2 * geometry.lengths[f"{f}_distal"]),
+            carried(
+                f"{f}_proximal", optical_capture.DORSAL[0], -0.2 * geometry.lengths[f"{f}_proximal"]
+            ),
+            carried(
+                f"{f}_distal", optical_capture.DORSAL[1], -0.2 * geometry.lengths[f"{f}_distal"]
+            ),
         ]
         for f in ("thumb", "index", "middle", "ring", "little")
     ]
@@ -68,7 +94,13 @@ def test_the_captured_markers_are_followed_within_what_a_glove_moves(pillow: Cap
 def test_a_finger_with_a_hidden_marker_is_not_known(pillow: Captured) -> None:
     hidden = np.isnan(pillow.misfit).any(axis=2)
     assert hidden.any()
-    flexion = pillow.x[:, [COORDINATES[f"{j}_flexion"] for j in ("thumb_mcp", "index_mcp", "middle_mcp", "ring_mcp", "little_mcp")]]
+    flexion = pillow.x[
+        :,
+        [
+            COORDINATES[f"{j}_flexion"]
+            for j in ("thumb_mcp", "index_mcp", "middle_mcp", "ring_mcp", "little_mcp")
+        ],
+    ]
     np.testing.assert_array_equal(np.isnan(flexion), hidden)
 
 

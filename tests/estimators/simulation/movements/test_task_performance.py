@@ -13,8 +13,14 @@ from handscope.estimators.simulation.movements.grasp_postures import pinch, reac
 from tests.simulated import DEG
 
 every_task = pytest.mark.parametrize("name", task_performance.TASKS)
-IN_TIME = [name for name in task_performance.TASKS if name.startswith(("powerglove", "repeatability", "circular"))]  # their pace is given
-GUIDED = [name for name in task_performance.TASKS if name not in ("tapping", "open_close", *IN_TIME)]
+IN_TIME = [
+    name
+    for name in task_performance.TASKS
+    if name.startswith(("powerglove", "repeatability", "circular"))
+]  # their pace is given
+GUIDED = [
+    name for name in task_performance.TASKS if name not in ("tapping", "open_close", *IN_TIME)
+]
 
 
 def _sampled(name: str, hand: Any = "left") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -46,14 +52,21 @@ def test_tapping_is_fast_but_below_what_a_gyroscope_measures() -> None:
 @pytest.mark.parametrize("name", IN_TIME)
 def test_what_is_done_in_time_is_within_what_a_gyroscope_measures(name: str) -> None:
     _, dx, _ = _sampled(name)
-    flexing = [[COORDINATES[f"{f}_{j}_flexion"] for j in ("mcp", "pip", "dip")] for f in ("index", "middle", "little")]
+    flexing = [
+        [COORDINATES[f"{f}_{j}_flexion"] for j in ("mcp", "pip", "dip")]
+        for f in ("index", "middle", "little")
+    ]
     fastest = max(np.abs(dx[:, columns].sum(axis=1)).max() for columns in flexing)
     assert fastest < 2000 * DEG
-    assert (np.abs(dx[:, 6:]).max() > 3.0) == any(f"_{n}_" in name for n in (10, 11, 12, 13, 15))  # rad/s: the fast ones
+    assert (np.abs(dx[:, 6:]).max() > 3.0) == any(
+        f"_{n}_" in name for n in (10, 11, 12, 13, 15)
+    )  # rad/s: the fast ones
 
 
 def test_only_the_named_fingers_and_joints_move_in_the_flexion_tasks() -> None:
-    start = task_performance.TASKS["powerglove_01_index_mcp"](sized("left")).motion.at(np.array([1.0]))[0]
+    start = task_performance.TASKS["powerglove_01_index_mcp"](sized("left")).motion.at(
+        np.array([1.0])
+    )[0]
     for name in [n for n in IN_TIME if n.startswith("powerglove_0")]:
         x = _sampled(name)[0]
         inside = np.abs(x[1000:3000] - start).max(axis=0) > 1e-6
@@ -70,7 +83,9 @@ def test_the_index_finger_goes_round_ten_times() -> None:
     x = performance.motion.at(np.linspace(event.onset, event.end, 3000))[0]
     around = [x[:, COORDINATES[f"index_mcp_{angle}"]] for angle in ("flexion", "deviation")]
     first, second = ((a - (a.max() + a.min()) / 2) / np.ptp(a) for a in around)
-    assert abs(np.ptp(np.unwrap(np.arctan2(second, first)))) / (2 * np.pi) == pytest.approx(10.0, abs=0.02)
+    assert abs(np.ptp(np.unwrap(np.arctan2(second, first)))) / (2 * np.pi) == pytest.approx(
+        10.0, abs=0.02
+    )
 
 
 @every_task
@@ -111,15 +126,21 @@ def test_tapping_closes_as_often_as_asked(rate: float) -> None:
     closed = event.onset + np.arange(round(10 * rate) + 1) / rate
     tips = np.array([tips_of(x, geometry) for x in performance.motion.at(closed)[0]])
     touching = geometry.tip_tissue["thumb"] + geometry.tip_tissue["index"]
-    np.testing.assert_allclose(np.linalg.norm(tips[:, 0] - tips[:, 1], axis=-1), touching, atol=0.1e-3)
+    np.testing.assert_allclose(
+        np.linalg.norm(tips[:, 0] - tips[:, 1], axis=-1), touching, atol=0.1e-3
+    )
 
 
 @pytest.mark.parametrize("finger", ["index", "middle", "ring", "little"])
 @pytest.mark.parametrize("hand", ["left", "right"])
 def test_every_finger_can_pinch(finger: str, hand: Any) -> None:
     geometry = sized(hand)
-    tips = tips_of(pinch(geometry, finger, distance=0.012, base=task_performance.relaxed()), geometry)
-    between = np.linalg.norm(tips[0] - tips[1 + ["index", "middle", "ring", "little"].index(finger)])
+    tips = tips_of(
+        pinch(geometry, finger, distance=0.012, base=task_performance.relaxed()), geometry
+    )
+    between = np.linalg.norm(
+        tips[0] - tips[1 + ["index", "middle", "ring", "little"].index(finger)]
+    )
     assert between == pytest.approx(0.012, abs=0.1e-3)
 
 
