@@ -148,7 +148,7 @@ if __name__ == "__main__":
         rms, doubtful, unsaid = np.mean(
             [trial(sys.argv[1], int(seed), case) for seed in sys.argv[2:]], axis=0
         )
-        print(
+        print(  # noqa: T201
             f"{case:28s} {rms:7.1f} mm   doubtful {doubtful:5.1f} %   wrong unsaid {unsaid:5.1f} %",
             flush=True,
         )

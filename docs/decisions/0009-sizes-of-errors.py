@@ -105,18 +105,18 @@ def main(folder: str, file: str) -> None:
     rates, squares = (np.concatenate(x) for x in zip(*found))
     for low, high in zip(RANGES, RANGES[1:]):
         among = (rates >= low) & (rates < high)
-        print(
+        print(  # noqa: T201
             f"{low:3d}-{high:3d} deg/s, {among.sum():3d} pieces: vertical {np.sqrt(squares[among].mean()):.2f} deg off a level axis"
         )
     a, k = fitted(rates, squares)
     print(f"fitted: {a:.2f} deg, and {1e3 * k:.2f} ms times the rate")  # noqa: T201
     means, scatter = biases(Path(file))
     size, most = likeliest(means, scatter)
-    print(
+    print(  # noqa: T201
         f"biases of {len(means)} sensors: squared over the scatter's variance {np.mean((means / scatter[:, None]) ** 2):.2f}",
         end="; ",
     )
-    print(
+    print(  # noqa: T201
         f"beside it {size:.4f} deg/s (at most {most:.4f}), with which {np.mean(means**2 / (scatter[:, None] ** 2 + size**2)):.2f}"
     )
 

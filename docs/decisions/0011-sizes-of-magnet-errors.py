@@ -224,7 +224,7 @@ def main(folder: str) -> None:
             for low, high in zip(DISTANCES, DISTANCES[1:]):
                 among = (away >= low) & (away < high)
                 sizes = np.sqrt((difference[among] ** 2).mean(axis=0))
-                print(
+                print(  # noqa: T201
                     f"{title[:2]}: {low:g}-{high:g} m apart: field {sizes.round(2)} uT across itself, along, down"
                 )
 

@@ -131,7 +131,7 @@ def test_a_clock_that_jumps_and_a_method_that_fails_cost_no_sample(
 ) -> None:
     """The hospital's time server sets the clock, two hours ahead and three back; in between the estimator crashes, says so, and goes on."""
     station, session = begun(server, glove)
-    follow = lambda action: server.call(
+    follow = lambda action: server.call(  # noqa: E731
         "POST", f"/api/stations/{station}/actions", {"action": action}
     )
     wait_for(lambda: "continue" in told(server, station)["wizard"]["actions"])

@@ -129,8 +129,8 @@ def test_a_real_server_stays_as_it_was() -> None:
                 told.append(
                     [time.monotonic() - began, float(np.percentile(ages, 99)), *map(memory, family)]
                 )
-                print(
-                    "%7.0f s  p99 %5.1f ms " % tuple(told[-1][:2]),
+                print(  # noqa: T201
+                    "%7.0f s  p99 %5.1f ms " % tuple(told[-1][:2]),  # noqa: UP031
                     *(f"{m:6.1f} MB" for m in told[-1][2:]),
                     flush=True,
                 )

@@ -57,7 +57,7 @@ def main() -> int:
         runs = re.findall(r"^#(\d+)", done.stderr, re.M)
         covered = re.findall(r"cov: (\d+)", done.stderr)
         told = f"{runs[-1] if runs else '?'} inputs, {covered[-1] if covered else '?'} branches reached, {time.monotonic() - began:.0f} s"
-        print(
+        print(  # noqa: T201
             f"{name:12} {told}: {'nothing found' if done.returncode == 0 else 'FOUND'}", flush=True
         )
         if done.returncode:

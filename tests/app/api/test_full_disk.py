@@ -42,7 +42,7 @@ class Full:
 def no_more_pages(database: sessionmaker[Session]) -> Iterator[None]:
     """SQLite itself says that the database or disk is full."""
     engine: Any = database.kw["bind"]
-    limit: Callable[[Any, object], object] = lambda connection, record: connection.execute(
+    limit: Callable[[Any, object], object] = lambda connection, record: connection.execute(  # noqa: E731
         "PRAGMA max_page_count = 1"
     )
     event.listen(engine, "connect", limit)
@@ -107,7 +107,7 @@ def test_a_result_that_finds_no_room_is_failed_in_words(
 
     def computed(store: Store, result: Result, progress: object) -> None:
         if full == "the file":
-            raise_full = lambda *_: (_ for _ in ()).throw(
+            raise_full = lambda *_: (_ for _ in ()).throw(  # noqa: E731
                 OSError(errno.ENOSPC, "No space left on device")
             )
             monkeypatch.setattr(writing.os, "replace", raise_full)

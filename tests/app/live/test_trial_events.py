@@ -38,7 +38,8 @@ def reviewed(station: Station, task: str, act: Act, **times: Any) -> None:  # no
 
 
 def test_an_accepted_trial_is_kept_with_its_number_and_its_whole_phases(
-    station: Station, monkeypatch: pytest.MonkeyPatch
+    station: Station,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     events = kept(station, monkeypatch)
     reviewed(station, "repeatability_mould", Act.AGAIN, onset=10.0, end=130.0)
@@ -55,7 +56,8 @@ def test_an_accepted_trial_is_kept_with_its_number_and_its_whole_phases(
 
 
 def test_pauses_of_an_accepted_trial_are_marked_and_its_phases_lie_outside_them(
-    station: Station, monkeypatch: pytest.MonkeyPatch
+    station: Station,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     events = kept(station, monkeypatch)
     reviewed(station, "rom_mcp", Act.ACCEPT, onset=10.0, end=45.0, pauses=((15.0, 35.0),))
@@ -84,7 +86,8 @@ def test_a_trial_that_was_not_accepted_leaves_no_phases(
 
 
 def test_a_task_of_one_trial_has_no_number(
-    station: Station, monkeypatch: pytest.MonkeyPatch
+    station: Station,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     events = kept(station, monkeypatch)
     reviewed(station, "rom_fist", Act.ACCEPT, onset=10.0, end=25.0)
@@ -117,7 +120,8 @@ def test_how_the_trunks_sensor_is_worn_stands_in_the_event_of_a_reach_alone() ->
 
 
 def test_the_clinicians_score_stands_in_the_event_of_the_trial(
-    station: Station, monkeypatch: pytest.MonkeyPatch
+    station: Station,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     events = kept(station, monkeypatch)
     station._wizard = replace(
@@ -141,7 +145,8 @@ def test_the_clinicians_score_stands_in_the_event_of_the_trial(
 
 
 def test_a_virtual_patient_is_told_how_long_the_countdown_takes(
-    station: Station, monkeypatch: pytest.MonkeyPatch
+    station: Station,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     sent: list[Cue] = []
     monkeypatch.setattr(station.glove, "send", sent.append)
@@ -156,7 +161,8 @@ def test_a_virtual_patient_is_told_how_long_the_countdown_takes(
 
 
 def test_a_station_goes_on_while_a_calibration_is_computed(
-    station: Station, monkeypatch: pytest.MonkeyPatch
+    station: Station,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     events = kept(station, monkeypatch)
     computing, calibration = (

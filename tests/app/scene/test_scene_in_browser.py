@@ -162,8 +162,8 @@ def test_a_hand_is_drawn_in_the_middle_at_every_size(
         wider = 1.2 * np.ptp(
             np.nonzero(resting.skin)[1]
         )  # light alone makes more skin, not a wider hand
-        spread = lambda p: (
-            hand_like(p) and p.share(p.skin) > more and np.ptp(np.nonzero(p.skin)[1]) > wider
+        spread = lambda p: (  # noqa: E731
+            hand_like(p) and p.share(p.skin) > more and np.ptp(np.nonzero(p.skin)[1]) > wider  # noqa: B023
         )
         seen(page, spread, tmp_path / f"spread-{size}.png")
     page.context.close()
@@ -327,7 +327,7 @@ def test_what_fingertips_push_with_is_an_arrow_and_a_number_each(
     page: Page, scene: HandScene, tmp_path: Path
 ) -> None:
     ink = lambda p: (p.rgb.max(axis=-1) < 50).sum()  # noqa: E731
-    arrow = lambda p: (
+    arrow = lambda p: (  # noqa: E731
         (p.rgb[..., 0] > 150) & (p.rgb[..., 1] < 0.62 * p.rgb[..., 0]) & (p.rgb[..., 2] < 70)
     )
     bare = seen(page, lambda p: hand_like(p) and arrow(p).sum() == 0)

@@ -32,7 +32,7 @@ def made(
     task: str,
     hand: str = "left",
     seed: int = 0,
-    errors: SensorErrors = SensorErrors(),
+    errors: SensorErrors = SensorErrors(),  # noqa: B008
     magnetic: bool = False,
 ) -> Simulated:
     geometry, field = sized(hand), homogeneous() if magnetic else None  # type: ignore[arg-type]
