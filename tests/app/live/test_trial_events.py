@@ -23,14 +23,14 @@ from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
 from tests.app.live.wizard.test_machine import PROTOCOLS, READY
 
 
-def kept(station: Station, monkeypatch: pytest.MonkeyPatch) -> list[Event]:  # noqa: F811
+def kept(station: Station, monkeypatch: pytest.MonkeyPatch) -> list[Event]:
     """Events from now on, as they are written."""
     events: list[Event] = []
     monkeypatch.setattr(station.glove, "keep_event", lambda event_id, event: events.append(event))
     return events
 
 
-def reviewed(station: Station, task: str, act: Act, **times: Any) -> None:  # noqa: F811
+def reviewed(station: Station, task: str, act: Act, **times: Any) -> None:
     """A trial was done and a person says what becomes of it."""
     station._wizard = replace(station._wizard, state=State.TASK_REVIEW, task=task, **times)
     station._wizard, orders = wizard_machine.act(station._wizard, act, READY, reason="pain")
@@ -73,7 +73,7 @@ def test_pauses_of_an_accepted_trial_are_marked_and_its_phases_lie_outside_them(
     [(Act.REDO, "redone: pain"), (Act.SKIP, "skipped: pain"), (Act.UNABLE, "unable: pain")],
 )
 def test_a_trial_that_was_not_accepted_leaves_no_phases(
-    station: Station,  # noqa: F811
+    station: Station,
     monkeypatch: pytest.MonkeyPatch,
     act: Act,
     outcome: str,
@@ -95,7 +95,7 @@ def test_a_task_of_one_trial_has_no_number(
 
 
 def test_who_moved_the_hand_and_what_the_protocol_keeps_for_the_measures_stand_in_the_event(
-    station: Station,  # noqa: F811
+    station: Station,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     events = kept(station, monkeypatch)
