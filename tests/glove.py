@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from handscope.estimators.data.samples import ACC, GYR, Block
 from handscope.estimators.hand.anatomy import Hand
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.sessions.wire.framing import Encoder
 from handscope.sessions.wire.messages import Format, Identity, Message, Samples, StreamInfo, Strip
 from handscope.sessions.wire.sample_values import data_of

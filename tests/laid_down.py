@@ -8,7 +8,7 @@ from handscope.estimators.data.samples import ACC, GYR, MAG
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.imu_calibration import ImuCalibration
 from handscope.estimators.simulation import sensors
 from handscope.estimators.simulation.sensors import SensorErrors

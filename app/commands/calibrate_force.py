@@ -14,7 +14,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.force.sensor import AXES, Solved, SolveParams, solve
 from handscope.estimators.force.setup import ForceSetup, table_of
 from handscope.estimators.hand.anatomy import FINGERS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.sessions.formats.load_table import LoadTable, load_table
 from handscope.sessions.tables_io import force_calibrations
 from handscope.sessions.tables_io.force_calibrations import SETUP

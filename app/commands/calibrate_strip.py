@@ -15,7 +15,7 @@ from handscope.app.options import help_text, parse, with_options
 from handscope.estimators.data.samples import ACC, GYR, MAG
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors import magnetometer_board
 from handscope.estimators.sensors.imu_calibration import CALIBRATED
 from handscope.estimators.sensors.six_position_calibration import Solved, SolveParams, solve

@@ -26,7 +26,7 @@ from handscope.estimators.measures.comparison import WHOLE, Pair
 from handscope.estimators.measures.synchronisation import Lag
 from handscope.estimators.measures.tip_errors import Frame
 from handscope.estimators.methods import METHODS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline import optical_trajectory
 from handscope.estimators.pipeline.optical_trajectory import FlatPose, Markers
 from handscope.estimators.pipeline.process import process

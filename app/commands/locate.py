@@ -24,7 +24,7 @@ from handscope.estimators.magnet.model.setup import (
     WEAKEST,
 )
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.tables_io import array_table
 from handscope.sessions.tables_io.array_description import Described, described

@@ -9,7 +9,7 @@ from handscope.app.protocols import TURN
 from handscope.app.scene import postures
 from handscope.estimators.alignment.initial_pose import DEG
 from handscope.estimators.hand.anatomy import ANGLES, JOINT, JOINTS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 SHOWN = (
     State.POSE_READY,

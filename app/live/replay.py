@@ -16,7 +16,7 @@ from handscope.app.scene.hand_scene import HandScene
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 TICK = 1 / 60  # s
 TOLD = 0.1  # s between two snapshots for viewers while it plays

@@ -25,7 +25,7 @@ from handscope.estimators.data.samples import Event
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 RATE = 30.0  # pictures a second; the player turns the bones on between two
 FULL = 4095  # steps from 0 to 1: 0.03 deg, 0.05 mm; finer would only keep the noise and double the file

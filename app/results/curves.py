@@ -17,7 +17,7 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import DOF_NAMES
 from handscope.estimators.measures.comparison import Agreement, Pair, agreements
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.sessions.db.tables import Result
 from handscope.sessions.store.store import Store
 

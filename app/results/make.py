@@ -33,7 +33,7 @@ from handscope.estimators.measures.excursions import repetitions
 from handscope.estimators.measures.plot_data import Shown, thinned
 from handscope.estimators.measures.tapping import Tapping
 from handscope.estimators.methods import ALL_METHODS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import Processed, process
 from handscope.sessions.clinic import corrections, self_calibrations, trunk_height
 from handscope.sessions.clinic.results import UNFINISHED, begin, fail

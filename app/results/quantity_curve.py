@@ -10,7 +10,7 @@ import numpy as np
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import ANGLES, FINGERS, JOINT
 from handscope.estimators.measures.forearm_rotation import palm_turn
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 LENGTH = 20.0  # s kept for viewers
 LONGEST = 600.0  # s of an attempt that are kept for its numbers; what comes later is not counted

@@ -12,7 +12,7 @@ from handscope.app.scene.mesh import bones
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 LENGTH = 0.008  # m a newton: a pinch of 5 N is as long as two phalanges
 BEHIND = 0.022  # m from the tip, away from what is pushed, to where the number stands

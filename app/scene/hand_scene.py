@@ -27,7 +27,7 @@ from handscope.app.scene.second_hand import BESIDE, HandBeside
 from handscope.estimators.hand.anatomy import FINGERS, JOINT, SEGMENT, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 _LIT = "lit_"
 _BENT_WRIST = np.radians(2.0)

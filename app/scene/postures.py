@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from handscope.estimators.hand.anatomy import JOINTS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.movements import task_performance
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from viser import ViserServer
 
 from handscope.app.scene import palette
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 SCALE = 1.1
 AT = np.array(

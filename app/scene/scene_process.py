@@ -16,7 +16,7 @@ from handscope.app.scene.hand_scene import HandScene
 from handscope.app.workers.process import CONTEXT, heed_the_server_alone
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 log = logging.getLogger(__name__)
 AHEAD = 2  # pictures that the process may be behind before wishes wait; what is on its way then fits into any pipe

@@ -12,7 +12,7 @@ from handscope.app.scene.mesh.hand_mesh import hand_mesh
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 BESIDE = 1.0  # scene units from the middle to either wrist
 

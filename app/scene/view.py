@@ -10,7 +10,7 @@ from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import JOINT, Hand, side_sign
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 PALM = 0.834  # every hand is drawn with a palm this long, an adult's in decimetres: a child's hand fills the view alike
 CAMERA = np.array([0.0, -3.15, 4.55])

@@ -18,7 +18,7 @@ from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import map as method
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration.problem import columns
 from handscope.sessions.files.recording import LoadedRecording
 

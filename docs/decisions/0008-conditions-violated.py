@@ -17,7 +17,7 @@ import numpy as np
 from handscope.estimators.data.samples import Block
 from handscope.estimators.measures import lift, squeeze
 from handscope.estimators.methods import m2
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import person
 from handscope.estimators.simulation.force_sensors import ForceErrors

@@ -13,7 +13,7 @@ from handscope.estimators.finger_ekf import filter as finger_ekf_filter
 from handscope.estimators.hand.anatomy import IS_DOF, JOINTS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.methods import ekf
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import experiments
 from handscope.estimators.simulation.experiments import judged, recorded

@@ -15,7 +15,7 @@ from scipy.io import loadmat
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.validation.papers import published
 from handscope.validation.studies import broad
 

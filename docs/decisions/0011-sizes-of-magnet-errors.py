@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 GRAVITY = 9.8127  # m/s^2 in Berlin
 EDGE = 5.0  # s at both ends that are left out
@@ -40,7 +40,7 @@ class Trial:
     gyr: Array  # (n, 3) rad/s
     acc: Array  # (n, 3) m/s^2
     mag: Array  # (n, 3) uT
-    good: NDArray[np.bool_]  # (n,) seen while it is moved
+    good: Bools  # (n,) seen while it is moved
 
 
 def read(path: Path) -> Trial:

@@ -10,7 +10,7 @@ from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter  # type: ignore[i
 from handscope.estimators.force import identification
 from handscope.estimators.numerics.jit import looped
 from handscope.estimators.numerics.kalman import correct
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 N, STEP, MEMORY, NOISE = 500, 0.02, 1.0, 0.1
 ERRORS, ROWS = 58, 12  # of four magnetometers

@@ -19,7 +19,7 @@ from handscope.estimators.alignment.mounting_fit import Sight
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, side_sign
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.fusion import upright
 
 DEG = np.pi / 180

@@ -23,7 +23,7 @@ from handscope.estimators.numerics.axis_estimation import (
     bending,
     common_rotation,
 )
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.missing_samples import complete
 
 DEG = np.pi / 180

@@ -22,7 +22,7 @@ from handscope.estimators.hand.anatomy import CHAINS, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.fusion import upright
 from handscope.estimators.orientation.resampling import measured_rates
 from handscope.estimators.sensors.missing_samples import complete

@@ -23,7 +23,7 @@ from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import ACC, GYR, Block, Event
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 OFF = np.radians(45.0)  # from here on the next right angle is nearer than the nominal mounting
 EXCHANGED = np.radians(30.0)  # mean misfit of two strips in their own places ...

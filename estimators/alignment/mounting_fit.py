@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import JOINTS, Hand, Joint, side_sign
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
 LOOKS = 6.0  # in one movement: there and back three times

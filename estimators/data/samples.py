@@ -9,14 +9,13 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.events import Event as Event
 from handscope.estimators.data.magnet_declaration import Plate
 from handscope.estimators.hand.anatomy import SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.jit import told_by_row
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 GYR, ACC, MAG, FORCE, TORQUE = "gyr", "acc", "mag", "force", "torque"
 SATURATION = 0.98  # of full scale counts as saturated; ours: sensors clip a little early, and fast tapping comes near 2000 deg/s
@@ -76,7 +75,7 @@ class Block:
         """Values of one quantity (n, sensors, 3)."""
         return self.values[..., self.stream.axes(quantity)]
 
-    def at_limit(self, quantity: str) -> NDArray[np.bool_]:
+    def at_limit(self, quantity: str) -> Bools:
         """Which readings (n, sensors) of a quantity are at the sensor's limit; none where its full scale is not known."""
         limit = self.stream.full_scale.get(quantity)
         if limit is None or quantity not in self.stream.quantities:
@@ -127,13 +126,13 @@ class Recording(Protocol):
         ...
 
 
-def every(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def every(flags: Bools) -> Bools:
     """Whether all of a vector's components are true: (..., 3) -> (...). Numpy's own reduction over so short an axis takes ten times as long."""
     return np.asarray(flags[..., 0] & flags[..., 1] & flags[..., 2])
 
 
 @told_by_row("(v),()->()")
-def beyond(vector: Array, limit: float, told: NDArray[np.bool_]) -> None:
+def beyond(vector: Array, limit: float, told: Bools) -> None:
     """Whether one of a vector's components (..., 3) is as large as a limit (...): no for what is missing."""
     told[0] = abs(vector[0]) >= limit or abs(vector[1]) >= limit or abs(vector[2]) >= limit
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handscope.estimators.hand.anatomy import FINGERS, JOINTS, SEGMENTS, Hand
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Indices
 
 
 class Flag(IntFlag):
@@ -129,7 +129,7 @@ class Trajectory:
         first, last = np.searchsorted(self.t, [start, stop])
         return self._each(lambda a: a[first:last])
 
-    def at(self, rows: "NDArray[np.intp]") -> "Trajectory":
+    def at(self, rows: "Indices") -> "Trajectory":
         """The samples of these rows."""
         return self._each(lambda a: a[rows])
 

@@ -15,7 +15,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.options import option
 from handscope.estimators.finger_ekf import (
@@ -40,10 +39,9 @@ from handscope.estimators.finger_ekf.sensor_to_segment import (
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, rowwise
 from handscope.estimators.numerics.kalman import correct
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import put, spread
+from handscope.estimators.numerics.typing import Array, Bools, Indices
 
-Bools = NDArray[np.bool_]
 UPDATED = (  # fields of a state that an update changes, in the order of its kernel
     *("q_pc", "bias", "seat", "skin", "apart", "P", "up", "rest", "crept"),
     *("rested", "creep", "lively", "began", "lies", "give"),
@@ -143,7 +141,7 @@ class State:
 @dataclass(frozen=True)
 class Estimate:
     q_joint: Array  # (n, F, 3, 4) rotations of the true joints
-    told: NDArray[np.intp]  # (u,) rows from which on a covariance holds
+    told: Indices  # (u,) rows from which on a covariance holds
     P: Array  # (u, F, 9, 9) rad^2, of the three joints' errors
 
 
@@ -468,7 +466,7 @@ def _started(
     return replace(state, q_pc=q_pc, P=P, known=samples.known[row].copy())
 
 
-def _own(fresh: Bools, first: bool) -> NDArray[np.intp]:
+def _own(fresh: Bools, first: bool) -> Indices:
     """Error states of the joints that begin: their rotations, seats and skins; the chain's first seat with the first of them."""
     own = np.concatenate([fresh, np.zeros(4, bool), [first], fresh, fresh])
     return np.flatnonzero(np.repeat(own, 3))

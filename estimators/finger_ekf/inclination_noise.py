@@ -19,8 +19,8 @@ from handscope.estimators.finger_ekf.measurements import (
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.jit import inlined
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import spread
+from handscope.estimators.numerics.typing import Array
 
 
 @inlined

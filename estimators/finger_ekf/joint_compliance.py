@@ -14,8 +14,8 @@ import numpy as np
 
 from handscope.estimators.finger_ekf.measurements import CORRELATION, DIMENSION_NOISE
 from handscope.estimators.numerics.jit import inlined
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import variance_of
+from handscope.estimators.numerics.typing import Array
 
 ASSUMED = 2.0  # samples that the option counts as: one of each axis of a hinge
 ANOTHER = 1.0  # rad that a joint turns by until how it gives is another

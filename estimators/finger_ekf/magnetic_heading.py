@@ -19,8 +19,8 @@ from handscope.estimators.finger_ekf.preintegration import MAG_GATE, MAG_NOISE
 from handscope.estimators.finger_ekf.sensor_to_segment import APART
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import variance_of
+from handscope.estimators.numerics.typing import Array
 
 LEAST = 3.0  # uT: a horizontal field that is weaker tells no heading
 UNLIKELY = 3.0  # standard deviations

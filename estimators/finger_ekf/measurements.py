@@ -12,7 +12,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.options import option
 from handscope.estimators.finger_ekf.sensor_to_segment import SIZE
@@ -30,8 +29,8 @@ from handscope.estimators.hand.anatomy import (
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.jit import inlined, rowwise
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import variance_of
+from handscope.estimators.numerics.typing import Array, Bools
 
 SETTLED = 20.0  # s over which the vertical is taken where turns about it must not be seen: VQF's errors stay alike for 3
 FAR = math.cos(math.radians(10.0))  # cosine between verticals that cannot be the same
@@ -40,7 +39,7 @@ _CHAINS = [
     *([JOINT[j] for j in FINGER_JOINTS[f]] for f in FINGERS),
     [JOINT["wrist"]] * 3,
 ]  # the wrist's has one joint: the others are never known
-IS_FREE: NDArray[np.bool_] = IS_DOF[np.array(_CHAINS)]  # (6 chains, 3 joints, 3 angles)
+IS_FREE: Bools = IS_DOF[np.array(_CHAINS)]  # (6 chains, 3 joints, 3 angles)
 LIMITS: Array = hand_anatomy.LIMITS[np.array(_CHAINS)]  # (6, 3, 3, 2) rad
 
 

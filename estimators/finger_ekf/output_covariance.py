@@ -15,8 +15,8 @@ from handscope.estimators.hand.forward_kinematics import CHAIN_JOINTS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, rowwise
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import variance_of
+from handscope.estimators.numerics.typing import Array
 
 JOINTS_OF: Array = np.vstack([CHAIN_JOINTS, np.full(3, JOINT["wrist"])]).astype(
     float

@@ -15,8 +15,8 @@ from handscope.estimators.finger_ekf.measurements import ACC_BIAS
 from handscope.estimators.finger_ekf.sensor_to_segment import APART
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, rowwise
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import block, product, put, spread
+from handscope.estimators.numerics.typing import Array
 
 # places of the options in what a kernel takes of them
 (GYR_NOISE, GYR_SCALE, BIAS_WALK, MAG_NOISE, MAG_ERROR, MAG_GATE) = range(

@@ -25,8 +25,8 @@ from handscope.estimators.hand.forward_kinematics import CHAIN_SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.jit import inlined, rowwise
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import put
+from handscope.estimators.numerics.typing import Array, Bools, Indices
 from handscope.estimators.orientation.fusion import LOST_DOUBT
 from handscope.estimators.orientation.resampling import Rows
 from handscope.estimators.sensors.missing_samples import complete_row
@@ -47,8 +47,8 @@ _JOINTS = np.array(
 class Worn:
     """Which of a stream's sensors sit on the hand, and how."""
 
-    columns: NDArray[np.intp]  # of the stream
-    segments: NDArray[np.intp]
+    columns: Indices  # of the stream
+    segments: Indices
     bias: Array  # (worn, 3) rad/s, as the calibration has it
     q_BS: Array  # (worn, 4)
 
@@ -206,7 +206,7 @@ def _magnetic(waiting: Collection[Waiting], t: Array) -> Array | None:
     return found[:, SENSORS[:, [0, 3]]]
 
 
-def _appearing(strange: NDArray[np.bool_], q_GB: Array) -> tuple[NDArray[np.bool_], Array]:
+def _appearing(strange: Bools, q_GB: Array) -> tuple[Bools, Array]:
     """Which sensors are still to appear of those of which the pose knows nothing, and the variance (n, segments) of one that does."""
     present = np.isfinite(q_GB[:, strange, 0])
     if not present.any():

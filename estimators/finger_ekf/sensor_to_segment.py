@@ -18,8 +18,8 @@ from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import FLEXION
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import block, product
+from handscope.estimators.numerics.typing import Array, Bools
 
 ANGLES, BIASES, SEATS, SKIN, APART = slice(0, 9), slice(9, 21), slice(21, 33), slice(33, 42), 42
 SIZE = 43  # the last: by what the field at the tip differs from the hand's (estimators/finger_ekf/magnetic_heading.py); nothing where it is not asked for
@@ -67,9 +67,7 @@ class Seats:
     ]  # (F, 4) the pose has turned its frame until gravity agrees, so it is tilted as the chain's first; else it is as it is
 
 
-def after_pose(
-    params: SeatParams, q_pc: Array, acc: Array, free: NDArray[np.bool_], seats: Seats
-) -> Array:
+def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: Bools, seats: Seats) -> Array:
     """Covariance (F, 43, 43) of the error states of joints and seats once the pose has told q_pc (F, 3, 4); acc (F, 4, 3) points up in it.
 
     The pose knows the true joints but for what the person misses, and gravity in every sensor; it never sees turns about the vertical. The

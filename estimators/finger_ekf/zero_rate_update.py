@@ -16,7 +16,7 @@ from handscope.estimators.finger_ekf.sensor_to_segment import SIZE, put_right
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kalman import correct
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 REST = 1.5  # s that a sensor has to rest before its rate counts as bias: VQF's restMinT
 ASSUMED = 12.0  # differences that the option counts as: those of one rest of a chain's sensors

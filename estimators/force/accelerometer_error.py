@@ -14,7 +14,7 @@ import numpy as np
 from handscope.estimators.data.samples import ACC, GYR, Block, every
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 LIKELY = 2.0  # sensors at rest that the prior counts as; ours
 WINDOW = 1.0  # s

@@ -12,10 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.options import option
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +80,7 @@ def thumb_among(fingers: Sequence[str]) -> int | None:
     return fingers.index("thumb") if "thumb" in fingers else None
 
 
-def inside(t: Array, found: list[Grasp]) -> NDArray[np.bool_]:
+def inside(t: Array, found: list[Grasp]) -> Bools:
     """Which instants (n,) lie within a grasp."""
     return (
         np.asarray(np.any([(t >= g.onset) & (t <= g.end) for g in found], axis=0))
@@ -90,7 +89,7 @@ def inside(t: Array, found: list[Grasp]) -> NDArray[np.bool_]:
     )
 
 
-def _with_hysteresis(total: Array, high: float, low: float) -> NDArray[np.bool_]:
+def _with_hysteresis(total: Array, high: float, low: float) -> Bools:
     """True from where the signal exceeds `high`, back and on as long as it stays above `low`."""
     held = np.zeros(len(total), bool)
     for a, b in runs(total > low):
@@ -108,7 +107,7 @@ def _crossing(t: Array, total: Array, k: int, level: float) -> float:
     )
 
 
-def runs(inside: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs(inside: Bools) -> list[tuple[int, int]]:
     """First and last index of every run of True."""
     edges = np.diff(np.concatenate([[False], inside, [False]]).astype(int))
     return list(zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1))

@@ -33,7 +33,7 @@ from handscope.estimators.force.tip_orientation import TipParams, Tips
 from handscope.estimators.force.zero import Zero, ZeroParams
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 DEG = np.pi / 180
 IMPOSSIBLE = 500.0  # N: no fingertip does that; ours, five times the strongest pinch
@@ -322,7 +322,7 @@ class _Read:
     sd: Array  # (n,)
     zero_sd: Array  # (n,) of it that of the zero
     flags: NDArray[np.uint8]  # (n,)
-    free: NDArray[np.bool_]  # (samples of the sensor,) where it touches nothing
+    free: Bools  # (samples of the sensor,) where it touches nothing
 
 
 def _sensors(blocks: Sequence[Block]) -> list[Sensor]:
@@ -357,7 +357,7 @@ def _read(params: ForceParams, block: Block, at: Array) -> _Read:
     return _Read(force, np.hypot(told.sd[:, 0], zero_sd), zero_sd, flags, nothing.free[:, 0])
 
 
-def _levelled(params: ForceParams, block: Block) -> tuple[Array, NDArray[np.bool_], Array, Zero]:
+def _levelled(params: ForceParams, block: Block) -> tuple[Array, Bools, Array, Zero]:
     """One sensor's readings (n, 1, 3) without those at a limit and those told before, which are at a limit (n,), the noise of one, and what is read of nothing."""
     raw = block.of(FORCE)
     limited = block.at_limit(FORCE)[:, 0] | stuck(raw[:, 0]) | beyond(raw[:, 0], IMPOSSIBLE)
@@ -372,7 +372,7 @@ def _levelled(params: ForceParams, block: Block) -> tuple[Array, NDArray[np.bool
     return np.where(told_again[:, None, None], np.nan, values), limited, noise, nothing
 
 
-def _around(t: Array, limited: NDArray[np.bool_], at: Array) -> NDArray[np.bool_]:
+def _around(t: Array, limited: Bools, at: Array) -> Bools:
     """Which instants lie between samples of which one is limited."""
     if not limited.any() or len(t) < 2:
         return np.zeros(len(at), bool)
@@ -387,7 +387,7 @@ def _left_reading(
     at: Array,
     grasp: Grasp,
     following: Grasp | None,
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Which sensors (S,) go on behind a grasp with a force beyond doubt while another reads nothing: their zero jumped as they held."""
     start, stop = grasp.end + SETTLED, grasp.end + SETTLED + BEHIND
     behind = [r.free[(s.block.t > start) & (s.block.t < stop)] for s, r in zip(sensors, read)]

@@ -10,11 +10,10 @@ Limits  a sensor is free where its forces say so: a torque without a force tells
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.samples import TORQUE, Block, beyond
 from handscope.estimators.force import interpolation, zero
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 LEVER = 5e-3  # m: interpolation.py knows how forces change; a torque is taken for one of them at this lever; ours
 IMPOSSIBLE = (
@@ -35,10 +34,10 @@ class Torque:
 
 def read(
     block: Block,
-    limited: NDArray[np.bool_],
+    limited: Bools,
     drift: float,
     t: Array,
-    free: NDArray[np.bool_],
+    free: Bools,
     at: Array,
 ) -> Torque | None:
     """The torques of a block with one sensor at the instants `at`; None where there are too few.

@@ -12,7 +12,7 @@ Limits  with scales wrong by 2 % and zeros by 0.1 N each a tenth of the load car
 import numpy as np
 
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 LEAST = 0.5  # N: who pushes less tells nothing
 

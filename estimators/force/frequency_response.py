@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import csd
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 EXCITED = 0.02  # of the largest power of the force: frequencies with more are excited
 BANDWIDTH = 0.95  # share of the force's power below its bandwidth
@@ -44,7 +44,7 @@ class Response:
         )
 
     @property
-    def excited(self) -> NDArray[np.bool_]:
+    def excited(self) -> Bools:
         """Frequencies (f,) at which the force has power."""
         return np.asarray((self.power > EXCITED * self.power.max()) & (self.frequency > 0))
 
@@ -130,7 +130,7 @@ def conditions(r: Response) -> Conditions:
     )
 
 
-def _lag(r: Response, seen: NDArray[np.bool_]) -> tuple[float, float]:
+def _lag(r: Response, seen: Bools) -> tuple[float, float]:
     """By how much the movement lags, s, and the random part of its standard deviation: energy a cycle that goes into the load is -Im P times the force's power."""
     if not seen.any():
         return float("nan"), float("nan")

@@ -21,7 +21,7 @@ from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Holding:
         size = np.linalg.norm(self.forces, axis=2)
         return np.asarray(size / size.sum(axis=1, keepdims=True))
 
-    def flagged(self, within: NDArray[np.bool_], but: int = 0) -> str:
+    def flagged(self, within: Bools, but: int = 0) -> str:
         """What must be known of the samples within, in words."""
         present = (
             int(np.bitwise_or.reduce(self.flags[within] & ~np.uint8(but), axis=None))
@@ -136,7 +136,7 @@ def holdings(
     return [_holding(trajectory.between(g.onset, g.end), fingers, geometry) for g in found]
 
 
-def untold_share(h: Holding, used: NDArray[np.bool_]) -> float:
+def untold_share(h: Holding, used: Bools) -> float:
     """What is left along the push over the push: as much of it, and perhaps of the load, a finger that is not measured takes."""
     up, axis = h.up[used], h.axis[used]
     level = axis - (axis * up).sum(axis=1, keepdims=True) * up

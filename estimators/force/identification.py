@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 KNOWN = 0.5  # standard deviation over value from which on a running estimate is told
 VAGUE = 1e8  # prior variance, in units of the square of each parameter's usual size

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 NEAR = 7  # samples that tell how fast the signal changes its rate
 CALM = 0.05  # N/s^1.5: the rate of a force that is held wanders by so much; ours

@@ -9,7 +9,7 @@ Source  Kortier, thesis (1.15): P = F'v + M'w, integrated. Of an object of mass 
 
 import numpy as np
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 
 def power(

@@ -18,7 +18,7 @@ from handscope.estimators.data.options import option
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.contact import runs
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 AXES = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 NOTHING = "no load"
@@ -84,7 +84,7 @@ class ForceCalibration:
         """Loads (..., 3 or 6) of raw readings (..., k); NaN of a reading that is missing in part."""
         return np.asarray((raw - self.offset) @ self.matrix.T)
 
-    def clipped(self, raw: Array) -> NDArray[np.bool_]:
+    def clipped(self, raw: Array) -> Bools:
         """Which readings (n,) have a channel at the end of what it ever reads: mixed with the others it could not be told any more."""
         return stuck(raw * np.linalg.norm(self.matrix[:3], axis=0))
 
@@ -179,7 +179,7 @@ def _named(rows: Sequence[int], names: Sequence[str]) -> str:
     return " and ".join(names[row] if names else f"load {1 + row}" for row in rows)
 
 
-def stuck(values: Array) -> NDArray[np.bool_]:
+def stuck(values: Array) -> Bools:
     """Readings (n,) of axes (n, a) N with an axis at the end of what it ever reads, several times in a row: clipped by a limit that nobody told.
 
     Not where a sensor repeats itself anyhow (coarse counts, no noise), and not near its level at rest.
@@ -198,7 +198,7 @@ def stuck(values: Array) -> NDArray[np.bool_]:
     return found
 
 
-def old(values: Array) -> NDArray[np.bool_]:
+def old(values: Array) -> Bools:
     """Readings (n,) of axes (n, a) N that repeat the one before in every axis more often in a row than luck makes them: no new ones.
 
     Not of a sensor whose counts are so coarse that axes stay as they are or readings come back while others change.
@@ -221,7 +221,7 @@ def old(values: Array) -> NDArray[np.bool_]:
     return found
 
 
-def _by_luck(again: NDArray[np.bool_], among: NDArray[np.bool_]) -> int:
+def _by_luck(again: Bools, among: Bools) -> int:
     """How often in a row readings repeat themselves by luck, once in a recording of a hundred, where among so many so many do."""
     share, n = float(again.sum() / max(among.sum(), 1)), len(again)
     return (

@@ -13,7 +13,7 @@ import numpy as np
 from handscope.estimators.data.samples import FORCE_POINTS
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.sensor import ForceCalibration
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 
 @dataclass(frozen=True)

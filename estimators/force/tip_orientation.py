@@ -19,7 +19,7 @@ from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import every
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
 

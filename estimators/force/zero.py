@@ -11,13 +11,12 @@ Limits  a force that is there from the first to the last sample, or that never c
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
 
 from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import every
 from handscope.estimators.force.contact import runs
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 MEMORY = 1.0  # s over which a zero is averaged to tell whether a reading is still it; ours: a force builds up faster
 SURE = 3.5  # standard deviations of the size of a vector of noise
@@ -55,7 +54,7 @@ class ZeroParams:
 class Zero:
     level: Array  # (n, S, 3) N
     sd: Array  # (n, S) N, of each axis: more where the zeros before and behind a contact differ by more than it seemed to walk
-    free: NDArray[np.bool_]  # (n, S) nothing is touched
+    free: Bools  # (n, S) nothing is touched
     jump: Array  # (n, S) how far these differ, in standard deviations of a zero that walks as is likely or faster; 0 where free or not known
     drift: Array  # (S,) N/sqrt(s) by which each zero was taken to walk
 
@@ -80,9 +79,7 @@ def found(params: ZeroParams, t: Array, readings: Array, noise: Array) -> Zero:
     return Zero(level, np.sqrt(variance), free, jump, drift)
 
 
-def _jump(
-    t: Array, y: Array, free: NDArray[np.bool_], noise: float, drift: float, a: int, b: int
-) -> float:
+def _jump(t: Array, y: Array, free: Bools, noise: float, drift: float, a: int, b: int) -> float:
     """How far the zeros before the a-th and behind the b-th reading differ, in standard deviations of a walk with this variance a second."""
     before, behind = (
         _smoothed(t[k], y[k], free[k], noise, drift) for k in (slice(0, a), slice(b + 1, len(t)))
@@ -92,7 +89,7 @@ def _jump(
 
 
 def known_from(
-    t: Array, readings: Array, free: NDArray[np.bool_], noise: float, drift: float
+    t: Array, readings: Array, free: Bools, noise: float, drift: float
 ) -> tuple[Array, Array]:
     """Zero (n, 3) and its standard deviation (n,) of other readings (n, 3) of the same sensor, where it is known when it was free (n,).
 
@@ -105,9 +102,7 @@ def known_from(
     return level, np.sqrt(variance)
 
 
-def _free_and_walk(
-    params: ZeroParams, t: Array, y: Array, noise: float
-) -> tuple[NDArray[np.bool_], float]:
+def _free_and_walk(params: ZeroParams, t: Array, y: Array, noise: float) -> tuple[Bools, float]:
     """Where the sensor touches nothing (n,), and how fast its zero walks meanwhile."""
     drift = params.drift
     for _ in range(ROUNDS):
@@ -119,7 +114,7 @@ def _free_and_walk(
     return free, seen
 
 
-def _free(params: ZeroParams, t: Array, y: Array, noise: float, drift: float) -> NDArray[np.bool_]:
+def _free(params: ZeroParams, t: Array, y: Array, noise: float, drift: float) -> Bools:
     """Where the sensor touches nothing (n,): it reads what it read when it was last free, the stillest of its readings to begin with.
 
     Of a sensor whose noise hides a light touch means are compared, of as many readings as bring it below `least`, over `MEMORY` at most.
@@ -152,7 +147,7 @@ def _free(params: ZeroParams, t: Array, y: Array, noise: float, drift: float) ->
     return np.asarray(binary_erosion(free | ~known, np.ones(wide, bool), border_value=1) & known)
 
 
-def _evened(y: Array, known: NDArray[np.bool_], many: int) -> Array:
+def _evened(y: Array, known: Bools, many: int) -> Array:
     """Means (n, 3) of so many readings around each, of those that are known; NaN where it is not."""
     around = np.ones(many)
     sums = np.stack(
@@ -163,7 +158,7 @@ def _evened(y: Array, known: NDArray[np.bool_], many: int) -> Array:
     )
 
 
-def _walk(t: Array, y: Array, free: NDArray[np.bool_], noise: float, likely: float) -> float:
+def _walk(t: Array, y: Array, free: Bools, noise: float, likely: float) -> float:
     """How fast the zero walks, in the readings' unit a root of a second: root of the mean square of what the free readings leave likely.
 
     Each stretch by itself tells by what its readings surprise a Kalman filter, one for each walk of a grid; what is `likely` where there is none.
@@ -212,9 +207,7 @@ def _resting(y: Array, gate: float) -> Array:
     return np.asarray(thin[np.argmax(near)])
 
 
-def _smoothed(
-    t: Array, y: Array, used: NDArray[np.bool_], noise: float, drift: float
-) -> tuple[Array, Array]:
+def _smoothed(t: Array, y: Array, used: Bools, noise: float, drift: float) -> tuple[Array, Array]:
     """Zero (n, 3) and variance (n,) of a random walk seen where it is used."""
     n = len(t)
     x, p, ahead = np.zeros((n, 3)), [0.0] * n, [0.0] * n  # ahead: variance foretold

@@ -19,7 +19,7 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import dual_quaternions as dual
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import rowwise
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 CHAIN_JOINTS = np.array(
     [[JOINT[name] for name in FINGER_JOINTS[finger]] for finger in FINGERS]

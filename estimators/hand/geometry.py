@@ -17,7 +17,7 @@ import numpy as np
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENTS, Hand, side_sign
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 MEAN_HAND_LENGTH, MEAN_HAND_BREADTH = 0.187, 0.085
 THUMB_ANGLE = np.radians(58.0)  # between wrist-MCP3 and wrist-CMC

@@ -22,7 +22,7 @@ from handscope.estimators.hand.anatomy import (
 )
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import rowwise
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 _FREE: Array = IS_DOF.astype(float)  # as a kernel takes it
 

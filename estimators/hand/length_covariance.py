@@ -14,7 +14,7 @@ import numpy as np
 
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS
 from handscope.estimators.hand.geometry import RATIOS, TIP_TISSUE_SD, HandGeometry, root_joint
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 MEASURED_SD = 1e-3  # m, of a length taken by calipers
 BREADTH_SD = 0.045  # of itself, where it was not measured

@@ -21,8 +21,8 @@ from handscope.estimators.hand.forward_kinematics import (
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, rowwise
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import put
+from handscope.estimators.numerics.typing import Array
 
 # anatomy as kernels take it
 _PARENTS, _CHILDREN, _FREE = PARENTS.astype(float), CHILDREN.astype(float), IS_DOF.astype(float)

@@ -16,7 +16,7 @@ import numpy as np
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINTS, SEGMENT, SEGMENTS, Joint
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
 ANGLE, ANGLE_UNPOSED = 1.84 * DEG, 6.99 * DEG  # m2 and b

@@ -20,7 +20,7 @@ from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.measures.signals import even
 from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
 from handscope.estimators.measures.time_window import within
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 TITLE = "Circles with the index finger"
 SOURCE = "task: Kortier, thesis Table 3.1; definition ours: ellipse of the covariance"

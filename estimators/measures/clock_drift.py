@@ -26,7 +26,7 @@ from handscope.estimators.measures.synchronisation import (
     synchronised,
     variance,
 )
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 MOST = 1e-3  # of a clock; larger ones are no clocks of one kind
 SHORTEST, WINDOWS = 2.0, 24  # s of a window, how many at most

@@ -18,7 +18,7 @@ from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand.anatomy import ANGLES, FINGERS, JOINTS, SEGMENT
 from handscope.estimators.measures.synchronisation import Signal, interpolated
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 LIMIT = 1.96  # standard deviations: 95 % of normally distributed differences
 UNKNOWN = np.uint8(

@@ -18,7 +18,7 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Grade
 from handscope.estimators.measures.task_request import Asked
 from handscope.estimators.measures.time_window import graded
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 SALCHOW = "Salchow-Hoemmen 2019, (30), (31) and Table 5"
 

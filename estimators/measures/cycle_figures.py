@@ -12,7 +12,7 @@ import numpy as np
 
 from handscope.estimators.measures.cycles import ISLAM, RETAP, Cycles, Params, Stops
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 SLOPE = "Ling 2012 (Brain 135:1141), Djuric-Jovicic 2016 (J Clin Neurosci 30:49)"
 FATIGUE = "mhealthtools (Sage Bionetworks), fatigue10, 25, 50"

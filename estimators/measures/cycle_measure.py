@@ -15,7 +15,7 @@ from handscope.estimators.measures.cycle_figures import size_kinds, stop_kinds, 
 from handscope.estimators.measures.cycles import Cycles, Params, Stops
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
 from handscope.estimators.measures.plot_data import Curve, Shown
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 STILL = (
     1.0,

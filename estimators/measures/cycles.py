@@ -16,7 +16,7 @@ from handscope.estimators.data.options import option
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures.figure import Grade, worse
 from handscope.estimators.measures.signals import Even, checked, even, stretches
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
 ISLAM = "Islam 2023 (npj Digit Med 6:156), constants of its code"

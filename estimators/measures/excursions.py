@@ -18,7 +18,7 @@ from handscope.estimators.measures.cycles import Cycles
 from handscope.estimators.measures.repetitions import HIGH, LOW
 from handscope.estimators.measures.time_window import within
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 BEGIN = 0.3  # s whose median is the posture at the beginning
 LEAST = np.radians(10.0)  # of an angle's range: less is no movement

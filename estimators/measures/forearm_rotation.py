@@ -16,7 +16,7 @@ from handscope.estimators.measures.figure import Kind, kinds
 from handscope.estimators.measures.sustained_angles import Angle, Params, Reached, figures, shown
 from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 TITLE = "Turning the forearm"
 SOURCE = "AAOS (Norkin App. A) for zero and directions; read against gravity: ours"

@@ -22,7 +22,7 @@ from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
 from handscope.estimators.measures.time_window import within
 from handscope.estimators.measures.total_active_motion import TAM_JOINTS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 TITLE = "Finger independence"
 DEG = np.pi / 180

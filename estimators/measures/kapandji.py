@@ -33,7 +33,7 @@ from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
 from handscope.estimators.measures.time_window import graded, held, usable_in, window_of, within
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 TITLE = "Opposition of the thumb (Kapandji)"
 KAPANDJI = "Kapandji 1986 (Ann Chir Main 5:67)"

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.options import option
 from handscope.estimators.data.trajectory import Trajectory
@@ -25,7 +24,7 @@ from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
 from handscope.estimators.measures.time_window import within
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 TITLE = "Lift"
 KORTIER = "Kortier, thesis ch. 6"
@@ -109,7 +108,7 @@ class Lifted:
     """One lift."""
 
     held: Holding
-    off: NDArray[np.bool_]  # (n,) instants at which the object is off the table
+    off: Bools  # (n,) instants at which the object is off the table
     mass: float  # kg; NaN where it cannot be told
     mass_sd: float
     slips: Array  # s
@@ -217,7 +216,7 @@ class Weighed:
     running: Running
 
 
-def mass_of(params: Params, h: Holding, used: NDArray[np.bool_]) -> Weighed:
+def mass_of(params: Params, h: Holding, used: Bools) -> Weighed:
     """The mass from all samples at once and as it stood after each of them. (6.5), (6.8)
 
     What carries part of the object leaves m g - support while it rests and m (g + a) - support while it does not: the slope of the load over the
@@ -265,7 +264,7 @@ def mass_of(params: Params, h: Holding, used: NDArray[np.bool_]) -> Weighed:
     )
 
 
-def _slips(params: Params, h: Holding, used: NDArray[np.bool_], weight: Array) -> Array:
+def _slips(params: Params, h: Holding, used: Bools, weight: Array) -> Array:
     """When (s) the load leaves what the mass explains, N (used,), for a short while."""
     off = np.abs(h.load[used] - weight) > max(params.slip * float(np.median(weight)), 0.3)
     starts = np.flatnonzero(np.diff(np.concatenate([[False], off]).astype(int)) == 1)
@@ -356,7 +355,7 @@ def _unread(one: Lifted) -> bool:
     return bool((one.held.flags[one.off] & UNREAD).any())
 
 
-def lifting_work(h: Holding, up: NDArray[np.bool_]) -> float:
+def lifting_work(h: Holding, up: Bools) -> float:
     """J that the forces do on the object at the instants `up`: the integral of F'v, F the sum of the fingertips' forces and v the object's velocity."""
     if h.velocity is None or not up.any():
         return float("nan")

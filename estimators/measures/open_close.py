@@ -25,7 +25,7 @@ from handscope.estimators.measures.figure import Figure, grade_of
 from handscope.estimators.measures.plot_data import Shown
 from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
 from handscope.estimators.measures.time_window import within
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 TITLE = "Opening and closing the hand"
 WORDS = Words("open_close", "opening", "summed flexion of the fingers, mean of those measured,")

@@ -16,7 +16,7 @@ from handscope.estimators.measures.forearm_rotation import INCLINATION, palm_tur
 from handscope.estimators.measures.plot_data import Shown
 from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
 from handscope.estimators.measures.time_window import within
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 TITLE = "Turning the palm up and down"
 WORDS = Words("pronation_supination", "turn", "angle by which the palm faces up")

@@ -26,7 +26,7 @@ from handscope.estimators.measures.smoothness import log_dimensionless_jerk, spa
 from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
 from handscope.estimators.measures.time_window import within
 from handscope.estimators.measures.trunk_displacement import height_told
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 TITLE = "Reach"
 DRINKING = "drinking task (JNER 2021, 10.1186/s12984-021-00895-3); of the hand's angular speed"

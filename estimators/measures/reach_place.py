@@ -22,7 +22,7 @@ from handscope.estimators.measures.signals import even
 from handscope.estimators.measures.smoothness import movement_units
 from handscope.estimators.measures.trunk_displacement import TrunkParams, displacement
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 LEVIN = "Levin 2002 (Exp Brain Res 143:171)"
 DRINKING = (

@@ -17,7 +17,7 @@ from scipy.stats import chi2, f
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import DOF_NAMES, JOINTS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 CONFIDENCE = 0.95
 MDC = 1.96 * np.sqrt(

@@ -7,7 +7,7 @@ Limits  the thresholds follow the range as it grows; a repetition counts when it
 
 import numpy as np
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 LOW, HIGH = 0.3, 0.7
 

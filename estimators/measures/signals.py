@@ -13,7 +13,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 LEAST = 16  # samples of a signal that can be filtered
 

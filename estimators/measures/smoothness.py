@@ -14,7 +14,7 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 POWERS = {"speed": 3, "acceleration": 1, "jerk": -1}
 

@@ -33,7 +33,7 @@ from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.measures.signals import even
 from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
 from handscope.estimators.measures.time_window import within
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 TITLE = "Squeeze"
 NOISE = 0.1  # N

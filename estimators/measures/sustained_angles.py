@@ -16,7 +16,7 @@ from handscope.estimators.hand.anatomy import JOINT, JOINTS, SEGMENT
 from handscope.estimators.measures.figure import Figure, Grade, Kind
 from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.measures.time_window import graded, held, usable_in, window_of, within
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 SEGMENTS_OF = {j.name: [SEGMENT[j.parent], SEGMENT[j.child]] for j in JOINTS}
 

@@ -16,7 +16,7 @@ from scipy.ndimage import convolve1d
 from scipy.optimize import minimize_scalar
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 GRID = 50.0  # Hz of the search at most: a hand moves below 10 Hz; the lag is then refined on the samples themselves
 SMOOTHING = 0.02  # s, standard deviation of the low-pass for the refined lag: half at 9 Hz

@@ -32,7 +32,7 @@ from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.measures.signals import Even, even, turning
 from handscope.estimators.measures.task_request import UNKNOWN, Asked
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 TITLE = "Finger tapping"
 MARGIN = 0.5  # s looked at before and after the trial, so that a closing at its edge is seen as one

@@ -9,7 +9,7 @@ from scipy.ndimage import median_filter
 
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.measures.figure import Grade, grade_of
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 UNUSABLE = np.uint8(Flag.HEADING_LOST | Flag.MISSING | Flag.SATURATED | Flag.FAULTY)
 

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares, minimize
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 Frame = Literal["wrist", "wrist found by its movement", "best fit"]
 SURE = 0.005  # m, standard deviation of a centre that can be used; ours: a fifth of what the paper's best method is off

@@ -23,7 +23,7 @@ from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.measures.signals import even, turning
 from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
 from handscope.estimators.measures.time_window import within
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 TITLE = "Tremor"
 DEG = np.pi / 180

@@ -17,7 +17,7 @@ import numpy as np
 
 from handscope.estimators.data.options import option
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 WINTER = "hip 0.530, chest 0.720, shoulder 0.818 of the stature (Winter 2009, Fig. 4.1, after Drillis & Contini 1966): half way up the breastbone 0.24 of 1.68 m"
 GIVEN_SD = 0.02  # m, of a height that was measured with a tape

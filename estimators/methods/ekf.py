@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.alignment import functional_movements
 from handscope.estimators.data.calibration import Calibration
@@ -32,7 +31,7 @@ from handscope.estimators.hand.forward_kinematics import CHAIN_SEGMENTS
 from handscope.estimators.hand.pose import Pose
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import rowwise, told_by_row
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation import fusion as orientation_fusion
 from handscope.estimators.orientation import resampling
 from handscope.estimators.sensors import magnetometer_resampling
@@ -70,7 +69,7 @@ class Sure:
 
     angles_sd: Array  # (joints, 3) rad
     tips_sd: Array  # (5, 3) m
-    lost: NDArray[np.bool_]  # (segments,) the heading is not known
+    lost: Bools  # (segments,) the heading is not known
 
 
 @dataclass(frozen=True)
@@ -304,9 +303,7 @@ def _sure(params: Params, state: State, found: finger_ekf_filter.Estimate, pose:
 
 
 @told_by_row("(f,k),(c,k),(),(s)->(s)")
-def _lost(
-    segments: Array, largest: Array, most: float, row: Array, lost: NDArray[np.bool_]
-) -> None:
+def _lost(segments: Array, largest: Array, most: float, row: Array, lost: Bools) -> None:
     """Which segments are not known against the hand, of the largest variances of the chains' joints: an unsure joint stands between them."""
     for f in range(segments.shape[0]):
         unsure = False

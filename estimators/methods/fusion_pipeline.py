@@ -19,7 +19,7 @@ from handscope.estimators.data.trajectory import Flag, Trajectory, empty, join
 from handscope.estimators.hand import pose as hand_pose
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation import fusion as orientation_fusion
 from handscope.estimators.orientation import heading_constraints, resampling
 from handscope.estimators.sensors import magnetometer_resampling

@@ -38,7 +38,7 @@ from handscope.estimators.hand.geometry import HandGeometry, root_joint, with_fo
 from handscope.estimators.methods import fusion_pipeline, m2
 from handscope.estimators.numerics import parallel
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.run import run
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
 from handscope.estimators.self_calibration import messages as self_calibration_messages

@@ -21,7 +21,7 @@ from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINT, SEGMENT
 from handscope.estimators.hand.geometry import with_found
 from handscope.estimators.methods import ekf
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration.problem import Noise
 from handscope.estimators.self_calibration.sliding_window import limb as sliding_window_limb
 from handscope.estimators.self_calibration.sliding_window import streaming_samples

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 SLOW = 0.05  # rad/s, ours: perpendicular rates below count fully, however still the rest
 REWEIGHTINGS = 8

@@ -8,7 +8,7 @@ import numpy as np
 
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import rowwise
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 ROW = np.zeros(
     8

@@ -9,12 +9,12 @@ Source  Hermite interpolation; a movement of frequency f is missed by (2 pi f L)
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 FREQUENCY = 3.0  # Hz, ours: fast finger movements
 
 
-def bridge(t: Array, values: Array, known: NDArray[np.bool_]) -> Array:
+def bridge(t: Array, values: Array, known: Bools) -> Array:
     """Values (n, axes) with the rows that are not `known` (n,) filled in wherever there are known ones on both sides; t (n,) in s."""
     row = np.arange(len(t))
     before = np.maximum.accumulate(np.where(known, row, -1))
@@ -38,7 +38,7 @@ def bridge(t: Array, values: Array, known: NDArray[np.bool_]) -> Array:
     return filled
 
 
-def missed(t: Array, gyr: Array, known: NDArray[np.bool_]) -> Array:
+def missed(t: Array, gyr: Array, known: Bools) -> Array:
     """Variance (n,) in rad^2, at the first row of each gap, of the angle that bridging it may have missed; zero elsewhere."""
     found = np.zeros(len(t))
     edges = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]]).astype(int)))
@@ -58,7 +58,7 @@ def missed(t: Array, gyr: Array, known: NDArray[np.bool_]) -> Array:
 def _slopes(
     t: Array,
     values: Array,
-    known: NDArray[np.bool_],
+    known: Bools,
     at: NDArray[np.int_],
     beside: NDArray[np.int_],
     secant: Array,

@@ -15,6 +15,8 @@ from numba import boolean, float64, guvectorize, njit
 from numba.extending import is_jitted
 from numpy.typing import NDArray
 
+from handscope.estimators.numerics.typing import Bools
+
 
 class Compiled(Protocol):
     """A kernel over arrays; `row` is what other kernels call for one row of it, with the last argument to be filled."""
@@ -29,7 +31,7 @@ class Told(Protocol):
 
     row: Callable[..., None]
 
-    def __call__(self, *arrays: Any) -> NDArray[np.bool_]: ...
+    def __call__(self, *arrays: Any) -> Bools: ...
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -10,8 +10,8 @@ import math
 import numpy as np
 
 from handscope.estimators.numerics.jit import inlined
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import clear
+from handscope.estimators.numerics.typing import Array
 
 
 @inlined

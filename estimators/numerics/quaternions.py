@@ -10,11 +10,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.numerics.jit import rowwise
+from handscope.estimators.numerics.typing import Array
 
-Array = NDArray[np.float64]
 IDENTITY: Array = np.array([1.0, 0.0, 0.0, 0.0])
 ROW, AXES = (
     np.zeros(4),

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from handscope.estimators.numerics.jit import inlined
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 SINGULAR = 1e-12  # of a diagonal entry: what is left of it below that is rounding
 

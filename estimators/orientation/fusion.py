@@ -20,7 +20,7 @@ from handscope.estimators.data.samples import MAG, Block, Stream, every
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.gap_interpolation import bridge, missed
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation.fusion_state import Oriented as Oriented
 from handscope.estimators.orientation.fusion_state import SensorState, Together
 from handscope.estimators.orientation.fusion_state import StreamState as StreamState
@@ -79,9 +79,9 @@ def _advance(
     params: FusionParams,
     state: StreamState,
     block: Block,
-    sampled: NDArray[np.bool_],
-    whole: NDArray[np.bool_],
-    limit: NDArray[np.bool_],
+    sampled: Bools,
+    whole: Bools,
+    limit: Bools,
     count: int,
 ) -> tuple[StreamState, Oriented]:
     """Process the first `count` rows and hold the others; `limit` (n, sensors) tells samples at the sensor's limit."""
@@ -137,9 +137,7 @@ def _joined(
     return Together(sensors, bias, headless, doubt, filters, last, sensors[0].last_t, q_GS)
 
 
-def _with_held(
-    state: StreamState, block: Block, sampled: NDArray[np.bool_]
-) -> tuple[Block, NDArray[np.bool_]]:
+def _with_held(state: StreamState, block: Block, sampled: Bools) -> tuple[Block, Bools]:
     if state.held is None:
         return block, sampled
     t, values = (
@@ -149,7 +147,7 @@ def _with_held(
     return Block(block.stream, t, values), np.concatenate([state.held_sampled, sampled])
 
 
-def _settled(params: FusionParams, state: StreamState, t: Array, whole: NDArray[np.bool_]) -> int:
+def _settled(params: FusionParams, state: StreamState, t: Array, whole: Bools) -> int:
     """How many rows can be processed: all before the first gap that is still open and may yet be bridged, cutting no other such gap."""
     count = len(t)
     if whole.all():
@@ -165,7 +163,7 @@ def _settled(params: FusionParams, state: StreamState, t: Array, whole: NDArray[
 
 
 def _before_gap(
-    params: FusionParams, sensor: SensorState, t: Array, whole: NDArray[np.bool_], count: int
+    params: FusionParams, sensor: SensorState, t: Array, whole: Bools, count: int
 ) -> int:
     """`count`, or where the sensor's gap begins that may be bridged and reaches beyond the first `count` rows or to the last row but one."""
     good = np.flatnonzero(whole[:count])
@@ -194,7 +192,7 @@ def _fuse(
     sensor: SensorState,
     vqf: VQF,
     block: Block,
-    whole: NDArray[np.bool_],
+    whole: Bools,
     k: int,
     count: int,
 ) -> tuple[SensorState, Array, NDArray[np.uint8], Array]:
@@ -247,7 +245,7 @@ def _fuse(
     return sensor, q_GS, flags, doubt
 
 
-def _from_first(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _from_first(flags: Bools) -> Bools:
     """True from the first true flag on."""
     return np.asarray(np.logical_or.accumulate(flags))
 
@@ -258,7 +256,7 @@ def _has_north(sensor: SensorState, samples: Array) -> bool:
 
 
 def _stretches(
-    params: FusionParams, sensor: SensorState, t: Array, whole: NDArray[np.bool_]
+    params: FusionParams, sensor: SensorState, t: Array, whole: Bools
 ) -> list[tuple[int, int, bool]]:
     """Cut rows into (first, last, known): known rows are complete or lie in a gap that is bridged."""
     if whole.all():
@@ -273,7 +271,7 @@ def _stretches(
 
 
 def _bridged(
-    sensor: SensorState, block: Block, k: int, whole: NDArray[np.bool_], first: int, last: int
+    sensor: SensorState, block: Block, k: int, whole: Bools, first: int, last: int
 ) -> tuple[Array, Array]:
     """Rows first..last of sensor k with gaps filled in, and the variance (rows,) of the heading that gaps have cost so far."""
     inside = block.values[first:last, k, : 9 if MAG in block.stream.quantities else 6]
@@ -354,7 +352,7 @@ def _filter(
     samples: Array,
     first: int,
     last: int,
-) -> tuple[SensorState, Array, NDArray[np.bool_]]:
+) -> tuple[SensorState, Array, Bools]:
     """Orientations (n, 4) of rows first..last, and where the magnetometer saw another field than the one learnt (n,)."""
     if not sensor.goes_on:
         vqf.resetState()
@@ -380,7 +378,7 @@ def _filter(
 
 def _with_north(
     vqf: VQF, sensor: SensorState, gyr: Array, acc: Array, mag: Array
-) -> tuple[Array, NDArray[np.bool_]]:
+) -> tuple[Array, Bools]:
     """Orientations (n, 4) with the heading that the magnetometer keeps; where its samples are missing the gyroscope carries it on.
 
     And where its field is not the one that the filter has learnt (n,): before it has learnt one nothing is said.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from handscope.estimators.data.samples import Block, Stream
 from handscope.estimators.data.trajectory import Flag
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation.vqf_bank import Filters
 
 LOST, NEVER_KNOWN = int(Flag.HEADING_LOST), int(Flag.UNCALIBRATED)
@@ -97,7 +97,7 @@ class StreamState:
     period: float  # s, between samples as they come
     t: float = -np.inf  # newest sample seen
     held: Block | None = None  # samples that wait until a gap at their end is over
-    held_sampled: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
+    held_sampled: Bools = field(default_factory=lambda: np.empty(0, bool))
 
     @property
     def sensors(self) -> tuple[SensorState, ...]:
@@ -112,4 +112,4 @@ class Oriented:
     q_GS: Array  # (n, sensors, 4)
     flags: NDArray[np.uint8]  # (n, sensors)
     doubt: Array  # (n, sensors) rad^2, variance of the heading that gaps have cost so far
-    sampled: NDArray[np.bool_]  # (n,) false at instants where the recording has no sample
+    sampled: Bools  # (n,) false at instants where the recording has no sample

@@ -29,7 +29,7 @@ from handscope.estimators.hand.anatomy import (
 )
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import rowwise, told_by_row
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 DEG = np.pi / 180
 UPDATE = 0.2  # s of recording between two looks at the joints
@@ -85,7 +85,7 @@ class State:
     delta: Array  # (joints,) rad, heading by which the child is turned further on its parent
     variance: Array  # (joints,) rad^2
     doubt: Array  # (segments,) rad^2, heading lost by each sensor so far
-    known: NDArray[np.bool_]  # (joints,) a functional calibration tells how both sensors sit
+    known: Bools  # (joints,) a functional calibration tells how both sensors sit
     t: float = -np.inf  # s, newest look
 
 
@@ -101,8 +101,8 @@ def step(
     t: Array,
     q_GB: Array,
     doubt: Array,
-    usable: NDArray[np.bool_],
-) -> tuple[State, Array, NDArray[np.bool_]]:
+    usable: Bools,
+) -> tuple[State, Array, Bools]:
     """Corrected orientations (n, segments, 4) of orientations q_GB (n, segments, 4) and cumulative heading variances (n, segments) in rad^2,
     and which of their headings are lost (n, segments), none where there is no orientation; joints are looked at where both segments are `usable` (n, segments)."""
     looks = _looks(state.t, t)
@@ -125,7 +125,7 @@ def step(
 
 def _lost(
     params: HeadingParams, states: list[State], newest: NDArray[np.int_], doubt: Array
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Which headings (n, segments) are not known: by the look before, or because of a gap since."""
     variance, before = (
         np.array([getattr(s, name) for s in states])[newest] for name in ("variance", "doubt")
@@ -141,7 +141,7 @@ def _unknown(
     variance: Array,
     doubt_before: Array,
     doubt: Array,
-    lost: NDArray[np.bool_],
+    lost: Bools,
 ) -> None:
     for j in range(parents.shape[0]):
         parent, child = int(parents[j]), int(children[j])
@@ -169,7 +169,7 @@ def _looked(
     t: float,
     q_GB: Array,
     doubt: Array,
-    usable: NDArray[np.bool_],
+    usable: Bools,
 ) -> State:
     """One Kalman step of every joint at orientations q_GB (segments, 4)."""
     seconds = t - state.t if np.isfinite(state.t) else 0.0

@@ -21,11 +21,11 @@ from handscope.estimators.data.samples import Block, Stream
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.orientation import fusion as orientation_fusion
 from handscope.estimators.orientation.fusion import Oriented
 
-Places = slice | NDArray[np.intp]
+Places = slice | Indices
 SCATTERS = 4.0  # standard deviations of steps between samples that no jitter makes
 NOTICED = 1e-3  # of the rate: over a turn of 90 deg it makes a tenth of a degree
 

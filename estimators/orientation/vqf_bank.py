@@ -14,7 +14,7 @@ import numpy as np
 from vqf import VQF
 
 from handscope.estimators.data.options import option
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,7 @@ from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import ACC, GYR, MAG, Block
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation.fusion import upright
 from handscope.estimators.sensors.zero_velocity_detector import likelihood_ratio
 
@@ -138,7 +138,7 @@ class HandPath:
     v: Array  # (n, 3) m/s
     q_GH: Array  # (n, 4)
     p_sd: Array  # (n, 3) m
-    still: NDArray[np.bool_]  # (n,)
+    still: Bools  # (n,)
 
     def __len__(self) -> int:
         return len(self.t)

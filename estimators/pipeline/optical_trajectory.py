@@ -14,7 +14,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
@@ -29,7 +28,7 @@ from handscope.estimators.hand.anatomy import (
     side_sign,
 )
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 NAME = re.compile(
     rf"(?:.*:)?(?P<segment>{'|'.join(SEGMENTS)})_\d+$", re.IGNORECASE
@@ -174,9 +173,7 @@ def rigidity(fits: Mapping[str, Cluster], markers: Markers) -> list[Rigidity]:
     return found
 
 
-def _cluster(
-    segment: str, markers: Markers, columns: tuple[int, ...], still: NDArray[np.bool_]
-) -> Cluster:
+def _cluster(segment: str, markers: Markers, columns: tuple[int, ...], still: Bools) -> Cluster:
     places = markers.places[:, columns]
     lying = places[still]
     if not np.isfinite(lying).all(axis=2).any(axis=0).all():
@@ -203,7 +200,7 @@ def _fitted(rest: Array, places: Array) -> tuple[Array, Array, Array]:
     """Turns (n, 4), centres (n, 3) and misfits (n, k); NaN where fewer than three markers are seen. One pass for each set of visible markers."""
     n, k = places.shape[:2]
     q, p, apart = np.full((n, 4), np.nan), np.full((n, 3), np.nan), np.full((n, k), np.nan)
-    seen: NDArray[np.bool_] = np.asarray(np.isfinite(places).all(axis=2))
+    seen: Bools = np.asarray(np.isfinite(places).all(axis=2))
     sets = seen @ (1 << np.arange(k))  # a number for each set of visible markers
     for visible in np.unique(sets):
         rows = sets == visible

@@ -11,7 +11,7 @@ import numpy as np
 from vqf import offlineVQF
 
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration.problem import Chain, Noise, Readings, Unknowns
 from handscope.estimators.self_calibration.residuals import NUMEROV, SECOND_DIFFERENCE
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.numerics.jit import loops
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration.residuals import Terms
 
 SPAN = 3  # samples that one residual touches at most

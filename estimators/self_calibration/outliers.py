@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.self_calibration import residuals
 from handscope.estimators.self_calibration.problem import Problem, Unknowns
 from handscope.estimators.self_calibration.uncertainty import posterior
@@ -42,9 +41,9 @@ class Jolt:
 class Knocks:
     """What was found strange so far."""
 
-    hit: NDArray[np.bool_]  # (n,) samples of brief knocks: what was read there is not believed
-    knocked: NDArray[np.bool_]  # (n-1,) turns beside strange accelerations
-    fresh: NDArray[np.bool_]  # (n-1,) of them those that are so since the last look
+    hit: Bools  # (n,) samples of brief knocks: what was read there is not believed
+    knocked: Bools  # (n-1,) turns beside strange accelerations
+    fresh: Bools  # (n-1,) of them those that are so since the last look
     doubt: Array  # (n, S) factors on the errors of accelerations, since the last look
 
 
@@ -101,14 +100,14 @@ def jolts(knocks: Knocks, base: Problem, at: Unknowns, off: Array) -> tuple[Jolt
     return tuple(sorted(found, key=lambda jolt: (jolt.sensor, jolt.sample)))
 
 
-def runs(marked: NDArray[np.bool_], apart: int) -> list[tuple[int, int]]:
+def runs(marked: Bools, apart: int) -> list[tuple[int, int]]:
     """First and behind the last of each stretch of marked samples; those that lie at most so many apart are one."""
     where = np.flatnonzero(marked)
     pieces = np.split(where, np.flatnonzero(np.diff(where) > apart + 1) + 1) if len(where) else []
     return [(int(piece[0]), int(piece[-1]) + 1) for piece in pieces]
 
 
-def _beside(strange: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _beside(strange: Bools) -> Bools:
     """Turns (n-1,) beside strange accelerations (n,): accelerometer or gyroscope may be to blame."""
     found = np.zeros(len(strange) - 1, bool)
     found[

@@ -12,15 +12,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.options import option
 from handscope.estimators.hand.anatomy import CHAINS, JOINTS, Hand, side_sign
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration.soft_tissue import followed
 
-Indices = NDArray[np.intp]
 THESIS = "Kortier, thesis 4.5.1"
 LIMBS = {
     **CHAINS,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.data.options import option
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration.problem import Chain
 from handscope.estimators.self_calibration.segments import Segments
 from handscope.estimators.self_calibration.solver import Solution

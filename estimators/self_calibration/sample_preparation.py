@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.samples import ACC, GYR, SATURATION, Block, beyond, every
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation.resampling import even_times
 from handscope.estimators.self_calibration.problem import Chain, Readings, chain
 from handscope.estimators.sensors import saturation
@@ -116,7 +115,7 @@ def clipped(blocks: Sequence[Block], sensor: str, start: float, stop: float) -> 
     return all(whole) and any(_sound(block, k, quantity).mean() < 0.5 for quantity in (GYR, ACC))
 
 
-def _sound(block: Block, k: int, quantity: str) -> NDArray[np.bool_]:
+def _sound(block: Block, k: int, quantity: str) -> Bools:
     """Which samples (n,) of a sensor are whole and not at its limit: each sensor's own, where the stream does not tell one."""
     values = block.of(quantity)[:, k : k + 1]
     clipped = beyond(values, SATURATION * saturation.limits(block, quantity)[k : k + 1])[:, 0]

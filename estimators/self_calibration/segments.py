@@ -13,7 +13,7 @@ import numpy as np
 
 from handscope.estimators.hand.anatomy import Hand, side_sign
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration.problem import Chain, Unknowns, columns, unskinned
 from handscope.estimators.self_calibration.solver import Solution
 

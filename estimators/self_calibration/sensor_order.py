@@ -10,7 +10,7 @@ import itertools
 
 import numpy as np
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
 from handscope.estimators.self_calibration.problem import Chain, Noise, Readings
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 QUARTER = np.pi / 2
 

@@ -11,7 +11,7 @@ from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import normal_equations, outliers, residuals
 from handscope.estimators.self_calibration.normal_equations import Factor
 from handscope.estimators.self_calibration.outliers import Jolt

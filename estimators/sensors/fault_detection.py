@@ -13,7 +13,7 @@ import numpy as np
 from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import ACC, GYR, MAG, SATURATION, Block, beyond
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors import saturation, stuck_axes
 from handscope.estimators.sensors.stuck_axes import WORDS, runs
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from handscope.estimators.data.samples import ACC, GYR, MAG
 from handscope.estimators.numerics.jit import rowwise
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 CALIBRATED = (GYR, ACC, MAG)  # order on the wire
 

@@ -14,7 +14,7 @@ import numpy as np
 from handscope.estimators.data.samples import MAG
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.imu_calibration import ImuCalibration
 from handscope.estimators.sensors.magnetometer_ellipsoid import (
     Sphere,

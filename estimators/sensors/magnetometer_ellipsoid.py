@@ -19,7 +19,7 @@ from handscope.estimators.data.samples import MAG
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.axis_estimation import common_rotation
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.imu_calibration import ImuCalibration
 
 FEWEST = 50  # readings

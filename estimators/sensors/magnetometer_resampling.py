@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from handscope.estimators.data.samples import ACC, GYR, MAG, Block, Stream, join
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 MOST_AGE = 0.25  # s that a magnetometer sample counts
 MOST_KEPT = 600.0  # s of magnetometer samples that are kept for a stream that has not got that far

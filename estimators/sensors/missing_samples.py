@@ -8,19 +8,18 @@ Source  ours
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.samples import ACC, GYR, SATURATION, Block, beyond_row
 from handscope.estimators.numerics.jit import told_by_row
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 
-def complete(block: Block) -> NDArray[np.bool_]:
+def complete(block: Block) -> Bools:
     """Which rows (n, sensors) have all six inertial values; three exact zeros are an accelerometer that does not answer."""
     return _complete(block.of(GYR), block.of(ACC))
 
 
-def looked_at(block: Block) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def looked_at(block: Block) -> tuple[Bools, Bools]:
     """Which samples (n, sensors) are whole: all six inertial values are there and the rate is within its limit, beyond which it is bridged as a missing
     one is; and which rates or accelerations are at the sensor's limit."""
     fastest, hardest = (
@@ -31,7 +30,7 @@ def looked_at(block: Block) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
 
 
 @told_by_row("(v),(v)->()")
-def _complete(gyr: Array, acc: Array, told: NDArray[np.bool_]) -> None:
+def _complete(gyr: Array, acc: Array, told: Bools) -> None:
     total = gyr[0] + gyr[1] + gyr[2] + acc[0] + acc[1] + acc[2]
     told[0] = math.isfinite(total) and (acc[0] != 0 or acc[1] != 0 or acc[2] != 0)
 
@@ -45,8 +44,8 @@ def _looked_at(
     acc: Array,
     fastest: float,
     hardest: float,
-    whole: NDArray[np.bool_],
-    limit: NDArray[np.bool_],
+    whole: Bools,
+    limit: Bools,
 ) -> None:
     complete_row(gyr, acc, whole)
     beyond_row(gyr, fastest, limit)
@@ -57,7 +56,7 @@ def _looked_at(
 
 def with_missing_instants(
     block: Block, newest: float, period: float, max_gap: float
-) -> tuple[Block, NDArray[np.bool_]]:
+) -> tuple[Block, Bools]:
     """Put rows of NaN where the stream's clock (`period` s, `newest` sample before the block) says that samples are missing; the mask tells the others."""
     if not _misses(block.t, newest, period, max_gap):
         return block, np.ones(len(block.t), bool)
@@ -80,9 +79,7 @@ def with_missing_instants(
 
 
 @told_by_row("(n),(),(),()->()")
-def _misses(
-    t: Array, newest: float, period: float, max_gap: float, told: NDArray[np.bool_]
-) -> None:
+def _misses(t: Array, newest: float, period: float, max_gap: float, told: Bools) -> None:
     """Whether some sample is missing between those at t, or before them."""
     told[0], before = False, newest
     for k in range(t.shape[0]):

@@ -17,7 +17,7 @@ from handscope.estimators.data.samples import ACC, GYR, Block, Event, Recording,
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 USUAL = {
     GYR: np.radians([245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0]),

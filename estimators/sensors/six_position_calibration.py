@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from handscope.estimators.data.options import option
@@ -21,7 +20,7 @@ from handscope.estimators.data.samples import ACC, GYR, MAG
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.sensors.imu_calibration import ImuCalibration
 from handscope.estimators.sensors.static_segments import (
     Rest,
@@ -219,7 +218,7 @@ def _gyroscope(
 
 
 def _turn_fit(
-    steps: Array, start: Array, end: Array, sd: Array, free: NDArray[np.bool_]
+    steps: Array, start: Array, end: Array, sd: Array, free: Bools
 ) -> tuple[_Fit, Array, Array]:
     """The fit with the matrix's `free` entries, the matrix and its standard deviations, infinite where not free."""
 

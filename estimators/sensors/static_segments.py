@@ -9,10 +9,9 @@ Limits  a slow steady turn about the vertical looks like rest: one whose mean ra
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.options import option
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 NEIGHBOUR = np.radians(20.0)  # positions closer than this count as one
 ODD_RATE = np.radians(
@@ -150,6 +149,6 @@ def _spread(x: Array, window: int) -> Array:
     )
 
 
-def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(flags: Bools) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

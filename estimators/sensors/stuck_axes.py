@@ -14,12 +14,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import ACC, GYR, MAG, Block
 from handscope.estimators.numerics.jit import Compiled, rowwise
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools, Indices
 
 WINDOW = 1.0  # s
 STILL = {
@@ -38,9 +37,9 @@ CHECK = "check its plug and cable, or change the strip"
 class _Seen:
     """One quantity of one sensor, second by second."""
 
-    dead: NDArray[np.bool_]  # (seconds, 3) directions without extent, least first
-    axis: NDArray[np.intp]  # (seconds, 3) the sensor axis nearest to each direction
-    known: NDArray[np.bool_]  # (seconds,) whether there were samples
+    dead: Bools  # (seconds, 3) directions without extent, least first
+    axis: Indices  # (seconds, 3) the sensor axis nearest to each direction
+    known: Bools  # (seconds,) whether there were samples
 
 
 def check(blocks: Sequence[Block]) -> list[Finding]:
@@ -105,13 +104,13 @@ def _seen(block: Block, quantity: str, edges: Array) -> list[_Seen]:
     return [_Seen(dead[:, k], axis[:, k], known[:, k]) for k in range(known.shape[1])]
 
 
-def _moves(block: Block, edges: Array) -> NDArray[np.bool_]:
+def _moves(block: Block, edges: Array) -> Bools:
     """Seconds (seconds, sensors) in which each sensor turned."""
     return _by_second(_mean_square, block, GYR, np.searchsorted(block.t, edges), ()) > MOVES**2
 
 
 def _by_second(
-    measure: Compiled, block: Block, quantity: str, first: NDArray[np.intp], shape: tuple[int, ...]
+    measure: Compiled, block: Block, quantity: str, first: Indices, shape: tuple[int, ...]
 ) -> Array:
     """What `measure` gives of each sensor's samples in each second (seconds, sensors, *shape); zeros where there are none."""
     values = np.moveaxis(block.of(quantity), 1, 0)
@@ -150,7 +149,7 @@ def _finger(sensor: str) -> str:
     return sensor.split("_")[0]
 
 
-def _share(dead: Sequence[NDArray[np.bool_]], known: Sequence[NDArray[np.bool_]]) -> Array:
+def _share(dead: Sequence[Bools], known: Sequence[Bools]) -> Array:
     """Share (seconds,) of directions that stand still, of those known."""
     counted = np.sum(known, axis=0)
     return np.asarray(
@@ -162,7 +161,7 @@ def _share(dead: Sequence[NDArray[np.bool_]], known: Sequence[NDArray[np.bool_]]
     )
 
 
-def _others(sensor: str, quantity: str, seen: Mapping[tuple[str, str], _Seen]) -> NDArray[np.bool_]:
+def _others(sensor: str, quantity: str, seen: Mapping[tuple[str, str], _Seen]) -> Bools:
     """Seconds in which the same quantity of other fingers changes; where no other has it, seconds in which this one's other axes do."""
     apart = [
         s for (name, q), s in seen.items() if q == quantity and _finger(name) != _finger(sensor)
@@ -176,8 +175,8 @@ def _standing(
     sensor: str,
     quantity: str,
     own: _Seen,
-    others: NDArray[np.bool_],
-    moved: NDArray[np.bool_],
+    others: Bools,
+    moved: Bools,
     edges: Array,
 ) -> list[Finding]:
     kept, axes = np.zeros(len(others), bool), ""
@@ -218,7 +217,7 @@ def _merged(found: list[Finding]) -> list[Finding]:
     return [f for f in found if not (f.kind == "stuck" and f.sensor in both)] + merged
 
 
-def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs(flags: Bools) -> list[tuple[int, int]]:
     """Stretches [first, last) of true flags."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, np.int8), [0]]))).reshape(
         -1, 2

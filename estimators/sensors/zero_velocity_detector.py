@@ -10,7 +10,7 @@ import numpy as np
 
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.jit import rowwise
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 
 def likelihood_ratio(gyr: Array, acc: Array, gyr_sd: float, acc_sd: float) -> float:

@@ -15,7 +15,7 @@ from handscope.estimators.hand.anatomy import Hand, side_sign
 from handscope.estimators.hand.geometry import HandGeometry, HandMeasures, sized
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import kinematics, sensors
 from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, sampled
 from handscope.estimators.simulation.scenario import Simulated

@@ -13,7 +13,7 @@ import numpy as np
 
 from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import joint_compliance
 from handscope.estimators.simulation.magnetic_field import MagneticField
 from handscope.estimators.simulation.movements import (

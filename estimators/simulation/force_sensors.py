@@ -14,7 +14,7 @@ import numpy as np
 from handscope.estimators.data.options import option
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.sensors import SensorSet, true_mounting
 

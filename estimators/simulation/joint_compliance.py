@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.hand.anatomy import FLEXION, IS_DOF, JOINTS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.motion import Motion
 
 AS_MEASURED = 0.94  # deg, root mean square about one axis: Hess et al. 2013

@@ -12,7 +12,7 @@ from scipy.interpolate import BPoly, PPoly, make_interp_spline
 from scipy.special import factorial
 
 from handscope.estimators.hand.anatomy import ANGLES, JOINT, JOINTS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 SIZE = 6 + 3 * len(JOINTS)
 COORDINATES = {

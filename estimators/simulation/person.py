@@ -24,7 +24,8 @@ from handscope.estimators.hand.geometry import (
     HandMeasures,
     sized,
 )
-from handscope.estimators.numerics.quaternions import Array, about, rotate
+from handscope.estimators.numerics.quaternions import about, rotate
+from handscope.estimators.numerics.typing import Array
 
 ANSUR = "ANSUR (Gordon et al. 1989), men and women together"
 SALCHOW = "Salchow-Hoemmen 2019"

@@ -23,7 +23,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import force_sensors, kinematics, sensors, transmission, trunk
 from handscope.estimators.simulation.force_sensors import ForceErrors
 from handscope.estimators.simulation.kinematics import Kinematics

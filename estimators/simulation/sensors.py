@@ -15,7 +15,7 @@ from handscope.estimators.hand.anatomy import FLEXION, JOINT, JOINTS, SEGMENT, s
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.magnetic_field import MagneticField
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import Block
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 VALTIN = "Valtin 2017, 2.2"
 

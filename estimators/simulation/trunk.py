@@ -15,7 +15,7 @@ from handscope.estimators.data.samples import ACC, GYR, MAG, TRUNK, TRUNK_MAGNET
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import magnet, sensors
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.magnet import NEUTRAL, MagnetErrors, Worn

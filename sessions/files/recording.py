@@ -12,7 +12,7 @@ from handscope.estimators.data.samples import Block, Event, Stream
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 SLICE = 10.0  # s of a block when a recording is gone through
 

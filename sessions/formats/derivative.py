@@ -9,7 +9,7 @@ import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.hand.geometry import table_of
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import Processed
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.motion_bids.writer import BIDS_VERSION, pretty

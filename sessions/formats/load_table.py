@@ -18,7 +18,7 @@ import numpy as np
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.setup import Channel
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.sessions.motion_bids.reader import TORQUES
 from handscope.sessions.tables_io.array_cells import MISSING, is_number, lines_in
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FINGERS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.movements.optical_capture import Markers
 
 BACK = ("hand_top", "hand_left", "hand_right")

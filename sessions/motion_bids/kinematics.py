@@ -24,7 +24,7 @@ from handscope.estimators.hand.anatomy import (
     SEGMENTS,
     Hand,
 )
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.optical_trajectory import NAME as MARKER
 from handscope.estimators.pipeline.optical_trajectory import Markers
 from handscope.sessions.motion_bids.files import Files, open_files, whole

@@ -6,7 +6,7 @@ import numpy as np
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.setup import ForceSetup
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 
 def raw_columns(

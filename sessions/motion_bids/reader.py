@@ -24,7 +24,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.force.setup import ForceSetup, setups_from
 from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.sessions.files.recording import LoadedRecording, require_samples
 from handscope.sessions.motion_bids import raw_forces
 from handscope.sessions.motion_bids.files import Files, checksum, open_files, whole

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 MISSING = "n/a"
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"

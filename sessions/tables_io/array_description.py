@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 PLACE_SD = (
     5e-4  # m of a magnetometer's place, where nobody tells: between a board's drawing and a ruler

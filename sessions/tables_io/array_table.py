@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.sessions.tables_io.array_cells import (
     MISSING,
     Line,

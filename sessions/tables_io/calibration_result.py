@@ -10,7 +10,7 @@ from handscope.estimators.data.calibration import Known
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS, SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 SEAT_KNOWN = np.radians(
     3.0

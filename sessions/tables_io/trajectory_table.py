@@ -4,7 +4,7 @@ import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import ANGLES, FINGERS, JOINTS, SEGMENT, SEGMENTS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.sessions.tables_io.number_table import NumberTable
 
 Column = tuple[str, str, str, str, str]  # name, component, type, tracked point, unit

@@ -26,7 +26,7 @@ from handscope.estimators.data.samples import (
 )
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors import imu_calibration
 from handscope.estimators.sensors.imu_calibration import CALIBRATED, Correction, ImuCalibration
 from handscope.sessions.tables_io.force_calibrations import Kept

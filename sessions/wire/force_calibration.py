@@ -8,7 +8,7 @@ import numpy as np
 
 from handscope.estimators.data.samples import FORCE, SATURATION, TORQUE
 from handscope.estimators.force.setup import ForceSetup
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ Source  Cheshire and Baker 1999; `cobs.decode` of the package cobs says the same
 import numpy as np
 
 from handscope.estimators.numerics.jit import looped
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 
 def unstuffed(frame: bytes) -> bytes | None:

@@ -22,7 +22,7 @@ from handscope.estimators.magnet.pipeline.hand_position import PlaceParams
 from handscope.estimators.measures import reach
 from handscope.estimators.measures.task_request import Asked, Mark
 from handscope.estimators.methods import METHODS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.sensors import magnetometer_board
 from handscope.sessions.files.recording import LoadedRecording

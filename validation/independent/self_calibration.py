@@ -15,7 +15,7 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT
 from handscope.estimators.methods import map as method
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.validation.independent.simulator.free_movement import (

@@ -16,7 +16,7 @@ from handscope.estimators.measures.repeatability import held_angles
 from handscope.estimators.measures.repeatability import spread as repeated
 from handscope.estimators.methods import METHODS
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation.experiments import EXPERIMENTS, KORTIER2, recorded
 from handscope.estimators.simulation.scenario import Simulated

@@ -11,7 +11,7 @@ from handscope.app.report.units import DEG
 from handscope.estimators.hand.anatomy import SEGMENT, side_sign
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
 from handscope.estimators.self_calibration import (
     normal_equations,

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.app.report.units import DEG
 from handscope.estimators.magnet.model import setup as magnet_setup
@@ -14,7 +13,7 @@ from handscope.estimators.magnet.tracker.initialisation import Setup
 from handscope.estimators.magnet.tracker.options import MagnetParams
 from handscope.estimators.magnet.tracker.tracker import Readings, Track
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.sensors import magnetometer_ellipsoid
 from handscope.estimators.simulation import magnet
 from handscope.estimators.simulation.magnet import ARRAY_ERRORS, Motion
@@ -130,9 +129,7 @@ def _north(room: MagneticField, m: Motion) -> Array:
     return quat.about(2, np.arctan2(B[0], B[1]))
 
 
-def _errors(
-    label: str, track: Track, m: Motion, q_gb: Array, late: NDArray[np.bool_]
-) -> dict[str, float]:
+def _errors(label: str, track: Track, m: Motion, q_gb: Array, late: Bools) -> dict[str, float]:
     """RMS, mm and deg."""
     return {
         f"position{label}": MM * _rms(np.linalg.norm(track.p_bt - m.p_bt, axis=1)[late]),
@@ -141,9 +138,7 @@ def _errors(
     }
 
 
-def _honesty(
-    label: str, track: Track, m: Motion, q_gb: Array, late: NDArray[np.bool_]
-) -> dict[str, float]:
+def _honesty(label: str, track: Track, m: Motion, q_gb: Array, late: Bools) -> dict[str, float]:
     """Errors squared over their variances."""
     errors = {
         "place": (track.p_bt - m.p_bt) / track.p_sd,

@@ -9,7 +9,7 @@ import numpy as np
 from handscope.app.report.units import DEG
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import FINGER_JOINTS, FLEXION, JOINT
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.experiments import (

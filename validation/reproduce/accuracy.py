@@ -13,7 +13,7 @@ import numpy as np
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import FINGERS, JOINT
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 
 @dataclass(frozen=True)

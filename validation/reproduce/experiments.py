@@ -8,7 +8,6 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.options import describe
 from handscope.estimators.data.trajectory import Trajectory
@@ -16,7 +15,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import DOF_NAMES
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.methods import METHODS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import experiments
 from handscope.estimators.simulation.experiments import Experiment, judged, recorded
@@ -27,7 +26,7 @@ from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.validation.reproduce.finding import Sizes
 
-Rows = NDArray[np.intp]
+Rows = Indices
 POSE_ERROR = (
     2.5  # deg, largest, of every freedom in the initial pose: what a person misses the flat hand by
 )

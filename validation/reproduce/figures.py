@@ -13,7 +13,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from handscope.app.report.sections.plots import ACCENT, FILL, GREY, HAIR, INK, LINES, SETTINGS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 WIDTH, PANEL, ROW = 7.2, 2.4, 0.28  # inches: a figure, a panel of lines, a row of bars
 KEY = "Standard deviation, in brackets the RMS error over the trials. The shade is the standard deviation's: dark a tenth of what is good enough or less, white ten times it or more"

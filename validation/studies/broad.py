@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.io import loadmat
 from vqf import VQF
 
 from handscope.app.report.units import DEG
 from handscope.estimators.data.samples import ACC, GYR, MAG, Block, Stream
 from handscope.estimators.errors import InputError
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation import fusion as orientation_fusion
 from handscope.estimators.orientation.fusion import FusionParams
 from handscope.validation.papers import published
@@ -55,7 +54,7 @@ class Trial:
     acc: Array  # (n, 3) m/s^2
     mag: Array  # (n, 3) T
     q_ref: Array  # (n, 4) takes vectors from the sensor to the earth frame (east, north, up); NaN where the cameras lost it
-    movement: NDArray[np.bool_]  # (n,) the samples that count
+    movement: Bools  # (n,) the samples that count
 
 
 def trials(wanted: Wanted) -> Sequence[Path]:

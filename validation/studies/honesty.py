@@ -9,7 +9,7 @@ import numpy as np
 from handscope.estimators.data.options import describe
 from handscope.estimators.hand.anatomy import IS_DOF
 from handscope.estimators.methods import ekf
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import joint_compliance
 from handscope.estimators.simulation.sensors import SensorErrors

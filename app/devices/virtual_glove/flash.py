@@ -14,7 +14,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.force.sensor import ForceCalibration
 from handscope.estimators.force.setup import ForceSetup
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.imu_calibration import CALIBRATED, ImuCalibration
 from handscope.sessions.wire.assembly import correction_of, message_of
 from handscope.sessions.wire.force_calibration import ForceTold, of_kept

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from handscope.estimators.hand.anatomy import ANGLES, JOINTS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 FREEDOMS = [(joint.name, ANGLES[a]) for joint in JOINTS for a in joint.dofs]
 MOVING = tuple(

@@ -14,7 +14,7 @@ from handscope.estimators.data.samples import FORCE
 from handscope.estimators.force import fingertip_forces
 from handscope.estimators.force.fingertip_forces import ForceParams
 from handscope.estimators.measures.object_frame import SO_FAR
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 log = logging.getLogger(__name__)
 PAUSE = 0.7  # s between two estimates

@@ -16,7 +16,7 @@ import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import Block, join
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation import zupt_navigation
 from handscope.estimators.orientation.zupt_navigation import HandFilterParams, HandPath
 

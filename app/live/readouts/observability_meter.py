@@ -15,7 +15,7 @@ from handscope.estimators.data.samples import Block
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import CHAINS, FLEXION, JOINT, SEGMENT
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import observability, sample_preparation
 from handscope.estimators.self_calibration.observability import Limb, Observed, Told
 from handscope.estimators.self_calibration.problem import Noise

@@ -19,7 +19,7 @@ from handscope.app.report.sections.plots import (
     svg_of,
 )
 from handscope.app.report.sections.shown_panels import DOTS, Line, Panel
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 WIDTH, HEIGHT = 165.0, 84.0  # pt of a panel
 LEFT, BOTTOM, TOP = 24.0, 21.0, 12.0  # pt for the numbers beside and below, and the words above

@@ -25,7 +25,7 @@ from handscope.app.report.units import DEG
 from handscope.estimators.hand.anatomy import FINGER_JOINTS, FINGERS
 from handscope.estimators.measures.range_of_motion import Range
 from handscope.estimators.measures.tapping import Tapping
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 ROW, GROUP_GAP, HEAD = (
     10.4,

@@ -13,7 +13,7 @@ from handscope.app.language import Language
 from handscope.app.report.units import READABLE, unit_words
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.measures.plot_data import Curve, Shown, thinned
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 POINTS = 600  # of a panel's curve at most: finer than a page
 PANELS: Mapping[str, tuple[str, ...]] = {  # by name, the curves in it

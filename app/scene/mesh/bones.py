@@ -12,7 +12,7 @@ from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS, FINGERS, JO
 from handscope.estimators.hand.forward_kinematics import CHAIN_JOINTS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 BONES = (
     "hand",

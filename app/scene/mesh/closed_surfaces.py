@@ -3,7 +3,7 @@
 import numpy as np
 
 from handscope.app.scene.mesh.skinned_mesh import Indices
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 
 def closed_tube(rings: Array, start: Array, stop: Array) -> tuple[Array, Indices]:

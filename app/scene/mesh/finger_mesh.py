@@ -11,7 +11,7 @@ from handscope.app.scene.mesh.finger_shape import FingerShape
 from handscope.app.scene.mesh.joint_blend import hinge, through
 from handscope.app.scene.mesh.skinned_mesh import Indices
 from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 AROUND = 24  # vertices in a ring
 LEAVES_PALM = {

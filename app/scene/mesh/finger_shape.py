@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.hand.geometry import MCP_ULNAR, HandGeometry
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 HALF_BREADTH = {
     "thumb": 0.130,

@@ -21,7 +21,7 @@ from handscope.app.scene.mesh.skinned_mesh import (
 )
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 _GHOST_OVER = 0.8e-3  # m, the ghost lies this far over the hand, so that the two do not flicker where they agree
 _FIRST_JOINT = 6e-3  # m, where a finger drawn from its first joint begins

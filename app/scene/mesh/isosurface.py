@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from handscope.app.scene.mesh.skinned_mesh import Indices
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 Field = Callable[[Array], Array]
 _CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 
 def through(t: Array, centre: float, width: float) -> Array:

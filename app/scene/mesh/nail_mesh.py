@@ -5,7 +5,7 @@ import numpy as np
 from handscope.app.scene.mesh.closed_surfaces import closed_plate
 from handscope.app.scene.mesh.finger_shape import FingerShape
 from handscope.app.scene.mesh.skinned_mesh import Indices
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 _ROOT, _EDGE = 0.46, 0.985  # of the last segment, tissue included
 _HALF_ANGLE = np.radians(58.0)  # how far round the finger it reaches

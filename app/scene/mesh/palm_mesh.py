@@ -9,7 +9,7 @@ from handscope.app.scene.mesh.joint_blend import hinge, through
 from handscope.app.scene.mesh.palm_shape import FOREARM, PalmShape
 from handscope.app.scene.mesh.skinned_mesh import SkinnedMesh, only_bones
 from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS, FINGERS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 CELL = 0.030  # of hand breadth: 2.6 mm on an 85 mm hand
 _SMOOTHING = 6  # rounds of averaging neighbours' weights, about a cell each

@@ -21,7 +21,7 @@ from handscope.app.scene.mesh.finger_shape import (
 from handscope.estimators.hand.anatomy import FINGERS, side_sign
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 FOREARM = 0.55  # of palm length: how much of the forearm is drawn
 _STUB = 6e-3  # m, the palm's surface reaches this far into a finger's mesh

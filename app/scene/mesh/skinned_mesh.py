@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from handscope.estimators.hand.anatomy import JOINTS
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 Indices = NDArray[np.int64]
 

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.contact import runs
@@ -23,7 +22,7 @@ from handscope.estimators.magnet.model.setup import (
     WEAKEST,
 )
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.sensors.magnetometer_ellipsoid import (
     Sphere,
     common_axes,
@@ -48,7 +47,7 @@ class Turned:
     """Calibrations of all magnetometers of one board."""
 
     spheres: tuple[Sphere, ...]
-    mirrored: NDArray[np.bool_]  # (magnetometers,) axes are left-handed against the first one's
+    mirrored: Bools  # (magnetometers,) axes are left-handed against the first one's
     q_bl: Array  # (magnetometers, 4) to the first one's axes
     left: (
         Array  # (magnetometers,) T, RMS against the mean of all: calibrations and the room together
@@ -91,9 +90,9 @@ class Looked:
     noise: Array  # (magnetometers,) T, of an axis, hum included
     hum: Array  # (magnetometers,) T, amplitude of the line; 0 where there is none
     hum_at: float  # Hz, where it shows
-    limited: NDArray[np.bool_]  # (n, magnetometers)
+    limited: Bools  # (n, magnetometers)
     missing: float  # share of readings
-    frozen: NDArray[np.bool_]  # (magnetometers,) an axis always reads the same
+    frozen: Bools  # (magnetometers,) an axis always reads the same
 
 
 def in_tesla(mag: Array, unit: str | float, earth: float | None) -> Array:
@@ -275,7 +274,7 @@ def sentences(names: Sequence[str], looked: Looked) -> list[str]:
     return said
 
 
-def _limited(mag: Array, limit: float | None) -> NDArray[np.bool_]:
+def _limited(mag: Array, limit: float | None) -> Bools:
     """At the limit told, or several times in a row at the largest size that an axis ever has."""
     with np.errstate(invalid="ignore"):
         if limit is not None:

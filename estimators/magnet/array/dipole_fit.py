@@ -9,10 +9,9 @@ Source  Kortier, thesis ch. 5, (5.7), (5.8), (5.24); for a given place moment an
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.magnet.model import dipole
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Indices
 
 GRID = 14  # places along each edge of the volume: even, so that none lies between two octants
 ROUNDS = 30
@@ -46,7 +45,7 @@ class Told:
     evened: Array | None = None  # (n, axes, 5) what whitening takes from residuals for that
     rate: Array | None = None  # (n, magnetometers, 3) T/s by which readings change, base frame
 
-    def of(self, rows: NDArray[np.intp]) -> "Told":
+    def of(self, rows: Indices) -> "Told":
         field, evened, rate = (_at(values, rows) for values in (self.field, self.evened, self.rate))
         return replace(
             self, y=self.y[rows], field=field, louder=self.louder[rows], evened=evened, rate=rate
@@ -74,7 +73,7 @@ class Told:
         return self.of(np.repeat(np.arange(len(self.y)), times))
 
 
-def _at(values: Array | None, rows: NDArray[np.intp]) -> Array | None:
+def _at(values: Array | None, rows: Indices) -> Array | None:
     return None if values is None else values[rows]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from handscope.estimators.magnet.array.dipole_fit import SLOPES, Told, linear, residuals
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 FEWEST = 7  # magnetometers: seven axes above the unknowns of magnet, field and slopes
 CHANCE = 0.01  # below which errors that are everywhere the same hardly look so; slopes that are none only cost certainty

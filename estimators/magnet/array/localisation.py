@@ -24,7 +24,7 @@ from handscope.estimators.magnet.array.dipole_fit import (
 )
 from handscope.estimators.magnet.model.setup import Constellation, require_field
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 REGIONS = 2  # along each edge: the best place of every octant around the array is a start
 AMBIGUOUS = (

@@ -9,7 +9,6 @@ Limits  a second magnet or iron is told from noise by eight magnetometers or mor
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.magnet.array import (
     field_gradient_test,
@@ -24,7 +23,7 @@ from handscope.estimators.magnet.array.systematic_errors import Alike
 from handscope.estimators.magnet.array.timestamp_offsets import Late
 from handscope.estimators.magnet.model.setup import Constellation
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools, Indices
 
 AGAIN = 8  # rounds in which readings that are late are moved
 FEWEST, TAUGHT, TAKEN = (
@@ -63,7 +62,7 @@ class Search:
     uneven: float = 0.0  # T/m, of each slope of the field
     rate: Array | None = None  # (n, magnetometers, 3) T/s by which readings change
 
-    def of(self, rows: NDArray[np.intp]) -> "Search":
+    def of(self, rows: Indices) -> "Search":
         return replace(
             self,
             t=self.t[rows],
@@ -71,7 +70,7 @@ class Search:
             rate=None if self.rate is None else self.rate[rows],
         )
 
-    def by(self, chips: NDArray[np.intp]) -> "Search":
+    def by(self, chips: Indices) -> "Search":
         array = Constellation(self.array.places[chips], self.array.q_bl[chips])
         return replace(
             self,
@@ -85,7 +84,7 @@ class Search:
         mag = timestamp_offsets.moved(self.t, self.mag, late)
         return replace(self, mag=mag, rate=timestamp_offsets.rates(self.t, mag))
 
-    def answering(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    def answering(self) -> list[tuple[Indices, Indices]]:
         """Rows with the same magnetometers answering, and which."""
         kinds, kind = np.unique(np.isfinite(self.mag).all(axis=2), axis=0, return_inverse=True)
         return [
@@ -123,8 +122,8 @@ class Search:
 class Searched:
     search: Search  # with the noise as places tell it
     located: Located
-    strange: NDArray[np.bool_]  # (n,) around these, one magnet leaves too much
-    two: NDArray[np.bool_]  # (n,) around these, a second magnet explains much
+    strange: Bools  # (n,) around these, one magnet leaves too much
+    two: Bools  # (n,) around these, a second magnet explains much
     late: Late  # by which magnetometers were moved
     alike: Alike | None = None  # what errs alike in all readings, where it was taken off
 
@@ -159,7 +158,7 @@ def searched(search: Search, size: float | None, size_sd: float, least: float) -
     return Searched(search, _times_counted(search, located, late), strange, two, late, alike)
 
 
-def worst_misfit(many: int | NDArray[np.intp], uneven: float = 0.0) -> Array:
+def worst_misfit(many: int | Indices, uneven: float = 0.0) -> Array:
     """What so many magnetometers may leave (RMS, standard deviations): nine unknowns explain a part of the errors, the more the fewer there are; slopes of the
     field, too."""
     axes = np.maximum(3.0 * np.asarray(many), 1.0)
@@ -195,7 +194,7 @@ def _quieter(search: Search, size: float | None, size_sd: float, least: float) -
 
 
 def explained(
-    search: Search, located: Located, size: float | None, size_sd: float, rows: NDArray[np.intp]
+    search: Search, located: Located, size: float | None, size_sd: float, rows: Indices
 ) -> tuple[Told, Array]:
     """Readings whose places are known, by the magnetometers that answer in all of them, and the unknowns (n, 9) that explain them."""
     x = np.concatenate([located.place, located.moment, located.field], axis=1)[rows]
@@ -289,7 +288,7 @@ def _left_counted(search: Search, located: Located, size: float | None) -> Locat
 
 
 def _taken_off(
-    search: Search, located: Located, known: NDArray[np.bool_], size: float | None, size_sd: float
+    search: Search, located: Located, known: Bools, size: float | None, size_sd: float
 ) -> tuple[Located, Alike | None]:
     """Places of the readings that are known without what errs alike in all of them, as far as they tell it, and as sure as that leaves them."""
     rows, taught = max(
@@ -327,13 +326,13 @@ def _less_sure(search: Search, located: Located, place_sd: Array, moment_sd: Arr
     return replace(located, place_sd=place_sd, moment_sd=moment_sd, found=located.found & sure)
 
 
-def _alike(search: Search, located: Located) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _alike(search: Search, located: Located) -> tuple[Indices, Indices]:
     """Rows of places that the same magnetometers tell, as many as there are, and which those are."""
     rows, chips = max(search.answering(), key=lambda alike: len(alike[0]))
     return rows[np.isfinite(located.misfit[rows])], chips
 
 
-def _looked(t: Array) -> NDArray[np.intp]:
+def _looked(t: Array) -> Indices:
     """Readings of which a second magnet is asked: not more than are needed."""
     return np.unique(
         np.searchsorted(t, np.arange(t[0], t[-1] + LOOKED, LOOKED)).clip(0, len(t) - 1)
@@ -362,9 +361,7 @@ def _chance(search: Search, located: Located, size: float | None, size_sd: float
     return chance
 
 
-def _around(
-    t: Array, known: Array, strange: NDArray[np.bool_], near: float, share: float
-) -> NDArray[np.bool_]:
+def _around(t: Array, known: Array, strange: Bools, near: float, share: float) -> Bools:
     """Readings (n,) with more than that share strange of those that are known, no NaN, within `near` s."""
     counted = np.concatenate([[0], np.cumsum(np.isfinite(known))])
     off = np.concatenate([[0], np.cumsum(strange)])

@@ -24,7 +24,7 @@ from handscope.estimators.magnet.array.localisation import Located
 from handscope.estimators.magnet.model import dipole
 from handscope.estimators.magnet.model.setup import Constellation
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 FEWEST = 8  # magnetometers: nine axes above the unknowns of two magnets and the field
 ROUNDS = 15

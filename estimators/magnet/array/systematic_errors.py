@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from handscope.estimators.magnet.array.dipole_fit import OF_ONE, SLOPES, Told, linear, residuals
 from handscope.estimators.magnet.model import dipole
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Indices
 
 
 class Kind(NamedTuple):
@@ -91,9 +90,7 @@ def learnt(told: Told, x: Array) -> Alike:
     return Alike(errors, covariance, sizes, noise, float(chi2.sf(likelier, len(KINDS))), most)
 
 
-def drawn(
-    told: Told, x: Array, alike: Alike, chips: NDArray[np.intp], many: int
-) -> tuple[Array, Array]:
+def drawn(told: Told, x: Array, alike: Alike, chips: Indices, many: int) -> tuple[Array, Array]:
     """By how much errors draw the unknowns x (n, 9) of readings of these of `many` magnetometers, and the variances (n, 9) that are left without that."""
     off, A = residuals(x, told)
     inverse = np.linalg.pinv(A)
@@ -112,7 +109,7 @@ def drawn(
     return scale * (by_error @ alike.errors[there]), scale**2 * variance
 
 
-def kinds(many: int) -> NDArray[np.intp]:
+def kinds(many: int) -> Indices:
     """Of every error of so many magnetometers its kind (p,)."""
     return np.repeat(np.arange(len(KINDS)), [k.each * many + k.together for k in KINDS])
 

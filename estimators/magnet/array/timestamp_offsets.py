@@ -11,11 +11,10 @@ Limits  what all are late by moves the times of places and is not seen; where ma
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.magnet.array.bench_readings import together
 from handscope.estimators.magnet.array.systematic_errors import KINDS, Alike, kinds
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 HALF = 0.02  # s to each side over which a change is looked at: quieter than between neighbours, and movement is straight for so long
 FARTHEST = 0.25  # s between readings: what is further apart says nothing of the change in between
@@ -34,7 +33,7 @@ class Late:
     sd: Array  # (magnetometers,) s
 
     @property
-    def surely(self) -> NDArray[np.bool_]:
+    def surely(self) -> Bools:
         return np.asarray(np.abs(self.late) > np.maximum(LEAST, SURELY * self.sd))
 
     @property

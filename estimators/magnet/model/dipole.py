@@ -8,7 +8,7 @@ Limits  within about two of the magnet's own lengths it is no dipole any more (r
 
 import numpy as np
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 MU0_4PI = 1e-7  # T m / A
 

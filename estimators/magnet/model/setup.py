@@ -10,7 +10,7 @@ import numpy as np
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 WIDEST, CLOSEST = (
     1.0,

@@ -27,7 +27,7 @@ from handscope.estimators.magnet.tracker.options import MagnetParams
 from handscope.estimators.magnet.tracker.tracker import Readings, Track
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 WORTH_SAYING = 0.001  # share of flagged samples
 LATE, SURE_OF_IT = (

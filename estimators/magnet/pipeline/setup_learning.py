@@ -20,7 +20,7 @@ from handscope.estimators.magnet.pipeline import hand_position
 from handscope.estimators.magnet.pipeline.hand_position import PlaceParams
 from handscope.estimators.magnet.tracker import tracker as magnet_tracker
 from handscope.estimators.magnet.tracker.state import LEV, MOM
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 FOLLOWED = 0.3  # share of the recording for which the hand must have been followed
 MODEL = 0.015  # of the moment: the dipole as a model, and how strong the earth's field is told

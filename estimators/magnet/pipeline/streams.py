@@ -23,7 +23,7 @@ from handscope.estimators.data.samples import (
     join,
 )
 from handscope.estimators.magnet.tracker.tracker import Readings
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 HOLE = 2.5  # periods between two samples that are still neighbours
 HAND = "hand"

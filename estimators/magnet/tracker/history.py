@@ -13,7 +13,6 @@ import numpy as np
 
 from handscope.estimators.magnet.tracker.state import OWN
 from handscope.estimators.numerics.jit import inlined
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import (
     cholesky,
     clear,
@@ -23,6 +22,7 @@ from handscope.estimators.numerics.small_matrices import (
     raised,
     spread,
 )
+from handscope.estimators.numerics.typing import Array
 
 
 class Trace(NamedTuple):

@@ -39,8 +39,8 @@ from handscope.estimators.magnet.tracker.state import (
     transposed,
 )
 from handscope.estimators.numerics.jit import inlined
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import block, clear
+from handscope.estimators.numerics.typing import Array
 
 ON_ITS_WAY = (
     4.0  # standard deviations of the velocity beyond which a hand is no hand that stands still

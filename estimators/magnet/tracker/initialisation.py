@@ -20,7 +20,7 @@ from handscope.estimators.magnet.tracker.options import (
 )
 from handscope.estimators.magnet.tracker.state import B_, OWN, P_, TH, THG, V_, VB, XB, XGB, XM, XQ
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.fusion import upright
 
 ROOM = 1e-6  # T by which the field of a room differs from the earth's

@@ -38,8 +38,8 @@ from handscope.estimators.magnet.tracker.state import (
     turned,
 )
 from handscope.estimators.numerics.jit import inlined
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import block
+from handscope.estimators.numerics.typing import Array
 
 WAY = 22  # behind it how old each magnetometer's reading is at the newest inertial samples, s
 TELLS = 21  # how readings are taken to depend on lateness

@@ -40,8 +40,8 @@ from handscope.estimators.magnet.tracker.state import (
 )
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kalman import explained, reduced
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import block, clear, product
+from handscope.estimators.numerics.typing import Array
 
 TWO, SIX = math.sqrt(1 / 2), math.sqrt(1 / 6)  # slopes of a field as five of the same size
 ITERATIONS = 12

@@ -41,8 +41,8 @@ from handscope.estimators.magnet.tracker.state import (
 from handscope.estimators.magnet.tracker.tracker import Readings, State, Track, joined, part, step
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, looped
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import put, spread
+from handscope.estimators.numerics.typing import Array
 
 ROWS = 4000  # samples that are gone through at once: 40 s at 100 Hz
 

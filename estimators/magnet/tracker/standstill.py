@@ -8,9 +8,8 @@ Limits  a magnet that is hardly heard may move unseen
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.sensors.zero_velocity_detector import likelihood_ratios
 
 SLIDE = 48  # samples over which a slow slide shows in the magnet's field
@@ -25,7 +24,7 @@ def stood(
     gyr_sd: float,
     acc_sd: float,
     noise: float,
-) -> tuple[Array, NDArray[np.bool_]]:
+) -> tuple[Array, Bools]:
     """The newest rows that the next test needs, and whether base and target stood still up to each sample (n, 2); recent (m, 12 + 3 magnetometers)
     of samples (n, 12) and mag (n, magnetometers, 3) before these; limits as in zero_velocity.py, `noise` of a magnetometer T."""
     joined = np.concatenate(
@@ -53,7 +52,7 @@ def stood(
     return joined[-(max(length, SLIDE) - 1) :], still
 
 
-def moving(mag: Array, length: int, noise: float) -> NDArray[np.bool_]:
+def moving(mag: Array, length: int, noise: float) -> Bools:
     """Of every window of `length` samples in mag (n, magnetometers, 3) T, of which some may be NaN, whether its halves differ: (n - length + 1,). What
     several magnetometers have in common is the room's field before a trunk that breathes."""
     flat = (mag - _common(mag) if mag.shape[1] > 1 else mag).reshape(len(mag), -1)

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from handscope.estimators.numerics.jit import inlined
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import block, product, put, spread
+from handscope.estimators.numerics.typing import Array
 
 P_, V_, TH, B_, BTG, BTA, THG, BBG, BBA, VB = (3 * k for k in range(10))  # rows of the error
 OWN = 30  # errors of trunk and hand; behind them what does not move

@@ -35,7 +35,7 @@ from handscope.estimators.magnet.tracker.state import OWN, P_, TH, THG, V_, XB, 
 from handscope.estimators.magnet.tracker.update_cycle import MOODS, WIDE, followed
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 ORDINARY = 2.5  # standard deviations of the largest of some thirty normal errors
 LISTENED = (
@@ -97,8 +97,8 @@ class Track:
     lateness: Array  # (n,) s by which magnetometers' readings are stamped later than inertial ones; accounted for where not doubtful
     lateness_sd: Array  # (n,) s
     surprise: Array  # (n,) mean normalised innovation squared of the magnetometers; about 1 or less where all is as told
-    saturated: NDArray[np.bool_]  # (n, magnetometers) reading at the limit, left out
-    still: NDArray[np.bool_]  # (n, 2) base, target
+    saturated: Bools  # (n, magnetometers) reading at the limit, left out
+    still: Bools  # (n, 2) base, target
     doubtful: NDArray[
         np.bool_
     ]  # (n,) readings contradict setup or room: a second magnet, iron, an uncalibrated magnetometer; do not use the place
@@ -340,8 +340,8 @@ def _told(
     x: Array,
     sd: Array,
     moods: Array,
-    saturated: NDArray[np.bool_],
-    still: NDArray[np.bool_],
+    saturated: Bools,
+    still: Bools,
     mag: Array,
 ) -> Track:
     field = x[:, XB : XB + 3]
@@ -398,9 +398,7 @@ def _ages(readings: Readings) -> Array:
     return np.zeros(readings.mag.shape[:2]) if readings.age is None else readings.age
 
 
-def _before(
-    state: State, readings: Readings, first: int, last: int, saturated: NDArray[np.bool_]
-) -> Track:
+def _before(state: State, readings: Readings, first: int, last: int, saturated: Bools) -> Track:
     """Samples before the filter could start: nothing is known."""
     n = last - first
     v, q = np.full((n, 3), np.nan), np.full((n, 4), np.nan)

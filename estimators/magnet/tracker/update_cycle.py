@@ -58,8 +58,8 @@ from handscope.estimators.magnet.tracker.state import (
 )
 from handscope.estimators.numerics.jit import inlined, looped
 from handscope.estimators.numerics.kalman import correct, explained
-from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.numerics.small_matrices import block, put, spread
+from handscope.estimators.numerics.typing import Array
 
 WIDE = 0.06  # m: a place less sure than this is searched for in the whole volume
 GATE = 5.0  # normalised innovation squared a degree of freedom from which a reading is left out

@@ -15,7 +15,7 @@ from handscope.estimators.hand import forward_kinematics, joint_angles
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, IS_DOF, JOINT, SEGMENT, SEGMENTS
 from handscope.estimators.hand.geometry import with_found
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import segments
 from handscope.estimators.self_calibration.normal_equations import Factor
 from handscope.estimators.self_calibration.problem import (

@@ -9,11 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream, every
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.self_calibration import sample_preparation
 from handscope.estimators.self_calibration.sample_preparation import DOUBTFUL, RATE
 
@@ -29,7 +28,7 @@ class Nodes:
     t: Array  # (m,) s
     values: Array  # (m, segments, 6) rad/s, m/s^2
     doubt: Array  # (m, segments, 2) factors on the noise that gyroscope and accelerometer have in a sample at RATE
-    lost: NDArray[np.bool_]  # (m, segments) silent for longer than can be bridged, or not worn
+    lost: Bools  # (m, segments) silent for longer than can be bridged, or not worn
 
 
 @dataclass(frozen=True)
@@ -39,8 +38,8 @@ class Waiting:
     stream: Stream
     t: Array  # (n,) s
     values: Array  # (n, sensors, 6)
-    sound: NDArray[np.bool_]  # (n, sensors) whole, and the gyroscope not at its limit
-    clipped: NDArray[np.bool_]  # (n, sensors) the accelerometer is at its limit
+    sound: Bools  # (n, sensors) whole, and the gyroscope not at its limit
+    clipped: Bools  # (n, sensors) the accelerometer is at its limit
 
 
 @dataclass(frozen=True)
@@ -147,7 +146,7 @@ def _beside(state: State) -> int:
     return int(state.each > 1)
 
 
-def _at_middles(means: Array, lost: NDArray[np.bool_], each: int) -> Array:
+def _at_middles(means: Array, lost: Bools, each: int) -> Array:
     """As `recordings.at_middles`, but where a neighbour is lost means (m, segments, 6) are taken as they are."""
     alone = np.ones(lost.shape, bool)
     alone[1:-1] = lost[:-2] | lost[2:]
@@ -156,7 +155,7 @@ def _at_middles(means: Array, lost: NDArray[np.bool_], each: int) -> Array:
 
 def _even(
     w: Waiting, k: int, grid: Array, period: float, max_gap: float
-) -> tuple[Array, Array, NDArray[np.bool_]]:
+) -> tuple[Array, Array, Bools]:
     """Readings (n, 6), doubt (n, 2) and loss (n,) of one sensor on the grid."""
     rows = np.flatnonzero(w.sound[:, k])
     doubt = np.ones((len(grid), 2))

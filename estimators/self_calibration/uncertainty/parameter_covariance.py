@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import normal_equations, residuals
 from handscope.estimators.self_calibration.normal_equations import Factor
 from handscope.estimators.self_calibration.problem import Problem, Unknowns, columns

@@ -15,7 +15,7 @@ from scipy.linalg import blas, lapack
 from handscope.estimators.numerics import parallel
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.parallel import Each
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import normal_equations, residuals
 from handscope.estimators.self_calibration import soft_tissue as skin_motion
 from handscope.estimators.self_calibration.normal_equations import Normal, Step

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import normal_equations
 from handscope.estimators.self_calibration.problem import Indices, Noise, Unknowns, columns
 from handscope.estimators.self_calibration.solver import Ground, Limits, Outcome, Solution, down

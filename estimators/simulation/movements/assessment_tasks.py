@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.hand.anatomy import FINGERS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.motion import COORDINATES, Motion, sampled
 from handscope.estimators.simulation.movements.powerglove_tasks import Movement
 

@@ -13,7 +13,7 @@ from handscope.estimators.data.samples import ACC, GYR, Block, Event, Stream
 from handscope.estimators.hand.anatomy import ANGLES, FLEXION, JOINTS, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import kinematics, sensors
 from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, sampled
 from handscope.estimators.simulation.scenario import Simulated

@@ -15,7 +15,7 @@ from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import Event
 from handscope.estimators.hand.anatomy import FINGERS, IS_DOF
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.motion import COORDINATES, posture, sampled
 from handscope.estimators.simulation.movements.guided_movements import RATE, framed
 from handscope.estimators.simulation.movements.task_performance import POSE_THUMB, Performance, flat

@@ -10,7 +10,7 @@ from handscope.estimators.data.fingertip_contacts import FINGERTIPS, contact_poi
 from handscope.estimators.hand import forward_kinematics, joint_angles
 from handscope.estimators.hand.anatomy import ANGLES, CHAINS, FINGERS, JOINTS
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.motion import COORDINATES, posture
 
 NATURAL = {

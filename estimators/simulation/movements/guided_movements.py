@@ -11,7 +11,7 @@ import numpy as np
 from handscope.estimators.data.samples import Event
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.motion import (
     COORDINATES,
     Motion,

@@ -17,7 +17,7 @@ from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.motion import COORDINATES, joined, posture, sampled, through
 from handscope.estimators.simulation.movements.grasp_postures import Hold, closed

@@ -19,7 +19,7 @@ from handscope.estimators.hand.anatomy import FINGERS, JOINTS, LIMITS, Hand, sid
 from handscope.estimators.hand.forward_kinematics import CHAIN_SEGMENTS
 from handscope.estimators.hand.geometry import MEAN_HAND_LENGTH, HandGeometry, HandMeasures, sized
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.kinematics import base_orientation
 from handscope.estimators.simulation.motion import COORDINATES, SIZE, sampled
 from handscope.estimators.simulation.movements.grasp_postures import freedoms

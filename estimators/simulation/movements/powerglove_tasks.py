@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from handscope.estimators.hand.anatomy import FINGERS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.motion import COORDINATES, Motion, sampled
 
 BENT = {"mcp": 65.0, "pip": 75.0, "dip": 40.0}

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.motion import COORDINATES, posture, sampled
 from handscope.estimators.simulation.movements.grasp_postures import Hold as Hold
 from handscope.estimators.simulation.movements.grasp_postures import closed, fingers_of, freedoms

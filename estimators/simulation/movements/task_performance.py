@@ -14,7 +14,7 @@ import numpy as np
 from handscope.estimators.data.samples import Event
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.motion import COORDINATES, Motion, joined, posture, through
 from handscope.estimators.simulation.movements.assessment_tasks import (

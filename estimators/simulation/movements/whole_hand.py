@@ -6,7 +6,7 @@ Source  Salchow-Hoemmen 2019, 3.2.1: moved via translation and rotation into all
 import numpy as np
 
 from handscope.estimators.hand.anatomy import Hand, side_sign
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.motion import COORDINATES, SIZE
 
 EXTENT = {  # m or deg

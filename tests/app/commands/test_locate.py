@@ -11,7 +11,7 @@ from handscope.app.cli import main
 from handscope.estimators.errors import InputError
 from handscope.estimators.magnet.array import bench_readings
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.magnetic_field import MagneticField, homogeneous
 from handscope.sessions.tables_io import array_table
 from handscope.sessions.tables_io.array_description import described

@@ -16,7 +16,7 @@ from handscope.estimators.data.samples import ACC, FORCE, GYR, Block, Event, Str
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.sensor import ForceCalibration
 from handscope.estimators.force.setup import ForceSetup
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.imu_calibration import CALIBRATED, ImuCalibration
 from handscope.estimators.simulation.sensors import IDEAL
 from handscope.sessions.files import native

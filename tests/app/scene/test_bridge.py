@@ -16,7 +16,7 @@ from handscope.app.scene.hand_scene import HandScene
 from handscope.app.scene.mesh import bones
 from handscope.estimators.hand.anatomy import JOINT
 from handscope.estimators.hand.geometry import sized
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from tests.app.scene.small_site import COOKIE, WAIT, Site, eventually, site
 
 

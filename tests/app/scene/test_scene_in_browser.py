@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
@@ -15,13 +14,14 @@ from handscope.app.scene import postures, view
 from handscope.app.scene.hand_scene import HandScene
 from handscope.estimators.hand.anatomy import FINGERS, JOINT
 from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.typing import Bools
 from handscope.estimators.simulation.movements import task_performance
 from tests.app.scene.small_site import COOKIE, PICTURE, SELDOM, WAIT, Site, eventually, site
 
 pytestmark = pytest.mark.browser
 SIZES = {"wide": (1440, 900), "small": (1024, 768), "narrow": (420, 700)}
 QUICK = (640, 480)  # without a graphics card a larger picture takes seconds
-Mask = NDArray[np.bool_]
+Mask = Bools
 DRAWN = "(pictures) => new Promise((done) => { const next = () => (pictures-- ? requestAnimationFrame(next) : done()); next(); })"
 
 

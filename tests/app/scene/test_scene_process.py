@@ -15,7 +15,7 @@ from handscope.app.scene.mesh import bones
 from handscope.app.scene.scene_process import SceneApart
 from handscope.estimators.hand.anatomy import JOINT
 from handscope.estimators.hand.geometry import sized
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from tests.app.scene.small_site import WAIT, eventually
 from tests.app.scene.test_bridge import messages_of, turns
 from tests.app.scene.test_loopback_server import connected

@@ -9,7 +9,7 @@ from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline import process as pipeline_process
 from handscope.estimators.simulation.movements import functional_calibration, task_performance
 from handscope.estimators.simulation.movements.functional_calibration import Carelessness, missed

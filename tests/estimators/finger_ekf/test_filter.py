@@ -14,7 +14,7 @@ from handscope.estimators.finger_ekf.filter import FilterParams, Samples, State
 from handscope.estimators.finger_ekf.sensor_to_segment import Seats
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
 RATE = 200.0

@@ -15,7 +15,7 @@ from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import IS_DOF, JOINT, SEGMENT
 from handscope.estimators.methods import ekf
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline import run
 from handscope.estimators.simulation import experiments
 from handscope.estimators.simulation.experiments import judged, recorded

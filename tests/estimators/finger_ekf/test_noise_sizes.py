@@ -8,7 +8,7 @@ from handscope.estimators.finger_ekf import inclination_noise, joint_compliance,
 from handscope.estimators.finger_ekf import measurements as finger_ekf_measurements
 from handscope.estimators.finger_ekf.measurements import UpdateParams
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
 NUMBERS = finger_ekf_measurements.numbers(UpdateParams())

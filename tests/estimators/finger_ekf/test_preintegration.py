@@ -7,7 +7,7 @@ import pytest
 
 from handscope.estimators.finger_ekf import preintegration
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 
 def _derivative(f: Callable[[Array], Array], size: int, step: float = 1e-6) -> Array:

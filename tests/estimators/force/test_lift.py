@@ -15,7 +15,7 @@ from handscope.estimators.force.grasp_phases import Holding
 from handscope.estimators.measures import lift, object_frame
 from handscope.estimators.measures.lift import Lift
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import Processed
 from handscope.estimators.simulation.force_sensors import ForceErrors
 from handscope.estimators.simulation.movements.object_dynamics import Mishap

@@ -15,7 +15,7 @@ from handscope.estimators.force import (
 )
 from handscope.estimators.force.tip_orientation import TipParams, Tips
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
 

@@ -5,7 +5,7 @@ import pytest
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.sensor import SolveParams, old, solve, stuck
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
 WAYS = np.vstack([np.eye(3), -np.eye(3)])

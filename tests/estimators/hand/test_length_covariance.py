@@ -9,7 +9,7 @@ from handscope.estimators.finger_ekf import output_covariance
 from handscope.estimators.hand import forward_kinematics, joint_angles, length_covariance
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, IS_DOF, JOINTS
 from handscope.estimators.hand.geometry import HandGeometry, HandMeasures, root_joint, sized
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import person
 
 FEW_PERCENTS = 0.03

@@ -7,7 +7,7 @@ import numpy as np
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import FINGERS, JOINTS, SEGMENTS, Hand
 from handscope.estimators.measures.synchronisation import Signal
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 Movement = Callable[[Array], Array]  # s -> (n, channels) rad
 

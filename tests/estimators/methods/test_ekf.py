@@ -20,7 +20,7 @@ from handscope.estimators.hand.forward_kinematics import CHAIN_JOINTS
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import ekf
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline import run
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import experiments

@@ -11,7 +11,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, DEVIATION, FINGERS, FLEXION, JOINT
 from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.methods import BATCH
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import Processed, process
 from handscope.estimators.self_calibration import mounting_shift, segments, solver
 from handscope.estimators.self_calibration.problem import columns

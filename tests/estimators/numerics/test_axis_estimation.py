@@ -10,7 +10,7 @@ from handscope.estimators.numerics.axis_estimation import (
     of_two_clocks,
     principal_axis,
 )
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from tests.simulated import DEG
 
 DT = 0.01

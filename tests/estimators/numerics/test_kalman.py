@@ -3,7 +3,7 @@
 import numpy as np
 
 from handscope.estimators.numerics import kalman, small_matrices
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 
 def _covariance(rng: np.random.Generator, size: int) -> Array:

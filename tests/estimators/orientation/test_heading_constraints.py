@@ -7,7 +7,7 @@ from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import JOINT, JOINTS, PARENTS, SEGMENT, SEGMENTS
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation import heading_constraints
 from handscope.estimators.orientation.heading_constraints import DEG, HeadingParams
 from handscope.estimators.simulation.kinematics import of_motion

@@ -9,7 +9,7 @@ from handscope.estimators.data.samples import Block
 from handscope.estimators.hand.anatomy import SEGMENT, Hand
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation import zupt_navigation
 from handscope.estimators.orientation.zupt_navigation import HandFilterParams, HandPath
 from handscope.estimators.simulation import kinematics

@@ -9,7 +9,7 @@ import numpy as np
 from handscope.estimators.data.samples import Block
 from handscope.estimators.hand.anatomy import FLEXION, JOINT, SEGMENT
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
 from handscope.estimators.self_calibration import observability, sample_preparation
 from handscope.estimators.self_calibration.observability import Limb, Observed, Told

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import normal_equations
 from handscope.estimators.self_calibration.normal_equations import Normal
 from handscope.estimators.self_calibration.residuals import Terms

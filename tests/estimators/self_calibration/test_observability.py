@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import observability as meter
 from handscope.estimators.self_calibration.observability import Limb, Told
 from handscope.estimators.self_calibration.problem import Noise

@@ -7,7 +7,7 @@ import pytest
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import messages as self_calibration_messages
 from handscope.estimators.self_calibration import segments, solver
 from handscope.estimators.self_calibration.problem import Noise, Problem, Unknowns, measured

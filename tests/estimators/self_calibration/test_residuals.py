@@ -7,7 +7,7 @@ import pytest
 from handscope.estimators.hand.anatomy import FLEXION, JOINT, SEGMENT, side_sign
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import residuals
 from handscope.estimators.self_calibration.problem import (
     Noise,

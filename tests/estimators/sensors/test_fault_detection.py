@@ -14,7 +14,7 @@ from handscope.estimators.hand.anatomy import CHAINS, SEGMENT
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import b, m2
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import calibrate, findings_of, process
 from handscope.estimators.sensors.imu_calibration import ImuCalibration, apply
 from handscope.estimators.simulation.magnetic_field import homogeneous

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from handscope.estimators.data.samples import ACC, GYR, MAG
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.imu_calibration import (
     CALIBRATED,
     ImuCalibration,

@@ -11,7 +11,7 @@ from scipy.io import loadmat
 from handscope.estimators.data.samples import MAG
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors import magnetometer_board as plate
 from handscope.estimators.sensors import magnetometer_ellipsoid as sphere
 from handscope.estimators.sensors.imu_calibration import apply

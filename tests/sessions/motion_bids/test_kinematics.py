@@ -9,7 +9,7 @@ import pytest
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import JOINT
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.sessions.motion_bids import kinematics
 from handscope.sessions.motion_bids.kinematics import Kinematics
 from handscope.sessions.tables_io.trajectory_table import channels_of, table_of

@@ -16,7 +16,7 @@ from handscope.app.report.sections.range_rows import range_rows
 from handscope.estimators.measures.figure import Grade
 from handscope.estimators.measures.range_of_motion import Range
 from handscope.estimators.measures.tapping import Tapping
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from tests.app.report.simulated_sessions import report
 
 SOURCE = b'#set page(width: auto, height: auto, margin: 0pt)\n#image(bytes(sys.inputs.svg), format: "svg")'

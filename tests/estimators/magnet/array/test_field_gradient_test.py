@@ -8,7 +8,7 @@ from handscope.estimators.magnet.array import search as magnet_search
 from handscope.estimators.magnet.array.search import Search, Searched
 from handscope.estimators.magnet.model import setup as setup
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.magnetic_field import MagneticField
 
 NOISE, FIELD = 0.2e-6, np.array([0.0, 18.6e-6, -46.2e-6])

@@ -7,7 +7,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.magnet.array import localisation as localisation
 from handscope.estimators.magnet.model import setup as setup
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.magnetic_field import MagneticField
 
 NOISE, SIZE, FIELD = 0.2e-6, 0.32, np.array([0.0, 18.6e-6, -46.2e-6])

@@ -15,7 +15,7 @@ from handscope.estimators.magnet.pipeline import streams as magnet_streams
 from handscope.estimators.magnet.pipeline.hand_position import PlaceParams, Places, Setting
 from handscope.estimators.magnet.pipeline.setup_learning import Roughly
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import magnet as sim
 from handscope.estimators.simulation.magnet import MagnetErrors, Motion
 from handscope.estimators.simulation.magnetic_field import DIP, EARTH, MagneticField, homogeneous

@@ -22,7 +22,7 @@ from handscope.estimators.magnet.tracker.options import MagnetParams, sizes
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.jit import looped
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import magnet as sim
 
 RNG = np.random.default_rng(7)

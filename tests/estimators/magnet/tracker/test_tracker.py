@@ -17,7 +17,7 @@ from handscope.estimators.magnet.tracker.smoother import smoothed
 from handscope.estimators.magnet.tracker.state import XL
 from handscope.estimators.magnet.tracker.tracker import Readings, Track
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors import magnetometer_ellipsoid
 from handscope.estimators.simulation import magnet as sim
 from handscope.estimators.simulation.magnet import Motion

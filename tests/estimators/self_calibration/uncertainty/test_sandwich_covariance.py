@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import messages as self_calibration_messages
 from handscope.estimators.self_calibration import (
     mounting_shift,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import residuals
 from handscope.estimators.self_calibration.problem import (
     Noise,
