@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.data.options import option
+from handscope.estimators.numerics.intervals import find_runs
 from handscope.estimators.numerics.typing import Array, Bools
 
 
@@ -64,10 +65,10 @@ def grasps(params: ContactParams, t: Array, sizes: Array, thumb: int | None = No
 def _stretches(params: ContactParams, t: Array, total: Array) -> list[Grasp]:
     """Where the signal is above the thresholds, over short pauses, however short."""
     found: list[Grasp] = []
-    for a, b in runs(_with_hysteresis(total, params.grasp, params.release)):
+    for first, stop in find_runs(_with_hysteresis(total, params.grasp, params.release)):
         onset, end = (
-            _crossing(t, total, a, params.release),
-            _crossing(t, total, b + 1, params.release),
+            _crossing(t, total, first, params.release),
+            _crossing(t, total, stop, params.release),
         )
         if found and onset - found[-1].end < params.pause:
             onset = found.pop().onset
@@ -92,8 +93,8 @@ def inside(t: Array, found: list[Grasp]) -> Bools:
 def _with_hysteresis(total: Array, high: float, low: float) -> Bools:
     """True from where the signal exceeds `high`, back and on as long as it stays above `low`."""
     held = np.zeros(len(total), bool)
-    for a, b in runs(total > low):
-        held[a : b + 1] = total[a : b + 1].max() > high
+    for first, stop in find_runs(total > low):
+        held[first:stop] = total[first:stop].max() > high
     return held
 
 
@@ -105,9 +106,3 @@ def _crossing(t: Array, total: Array, k: int, level: float) -> float:
         t[k - 1]
         + np.clip((level - total[k - 1]) / (total[k] - total[k - 1]), 0.0, 1.0) * (t[k] - t[k - 1])
     )
-
-
-def runs(inside: Bools) -> list[tuple[int, int]]:
-    """First and last index of every run of True."""
-    edges = np.diff(np.concatenate([[False], inside, [False]]).astype(int))
-    return list(zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1))

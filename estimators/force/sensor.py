@@ -16,8 +16,8 @@ from scipy import stats
 
 from handscope.estimators.data.options import option
 from handscope.estimators.errors import InputError
-from handscope.estimators.force.contact import runs
 from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.intervals import find_runs
 from handscope.estimators.numerics.typing import Array, Bools
 
 AXES = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
@@ -193,8 +193,8 @@ def stuck(values: Array) -> Bools:
         longest = max(STUCK, 1 + _by_luck((np.diff(known) == 0) & between[1:], between[1:]))
         for end in (known.min(), known.max()):
             if abs(end - np.median(known)) > FAR:
-                for a, b in runs(axis == end):
-                    found[a : b + 1] |= b - a + 1 >= longest
+                for first, stop in find_runs(axis == end):
+                    found[first:stop] |= stop - first >= longest
     return found
 
 
@@ -212,12 +212,12 @@ def old(values: Array) -> Bools:
         or len(np.unique(fresh, axis=0)) < (1 - COARSE) * len(fresh)
     ):
         return found
-    stretches = runs(again)
+    stretches = find_runs(again)
     first = np.zeros(len(values), bool)
     first[[a for a, _ in stretches]] = True
     longest = max(STUCK, 1 + _by_luck(first, ~again | first))
-    for a, b in stretches:
-        found[a : b + 1] = b - a + 1 >= longest
+    for a, stop in stretches:
+        found[a:stop] = stop - a >= longest
     return found
 
 

@@ -15,7 +15,7 @@ from scipy.ndimage import binary_erosion
 
 from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import every
-from handscope.estimators.force.contact import runs
+from handscope.estimators.numerics.intervals import find_runs
 from handscope.estimators.numerics.typing import Array, Bools
 
 MEMORY = 1.0  # s over which a zero is averaged to tell whether a reading is still it; ours: a force builds up faster
@@ -69,23 +69,25 @@ def found(params: ZeroParams, t: Array, readings: Array, noise: Array) -> Zero:
         of_one, walk = max(float(noise[s]), 1e-3) ** 2, float(drift[s]) ** 2
         level[:, s], variance[:, s] = _smoothed(t, readings[:, s], free[:, s], of_one, walk)
         of = (t, readings[:, s], free[:, s], of_one)
-        for a, b in runs(~free[:, s]):
-            if a > 0 and b < n - 1:
-                seemed = _jump(*of, walk, a, b)
-                jump[a : b + 1, s] = (
-                    seemed if walk >= params.drift**2 else _jump(*of, params.drift**2, a, b)
+        for first, stop in find_runs(~free[:, s]):
+            if first > 0 and stop < n:
+                seemed = _jump(*of, walk, first, stop)
+                jump[first:stop, s] = (
+                    seemed if walk >= params.drift**2 else _jump(*of, params.drift**2, first, stop)
                 )
-                variance[a : b + 1, s] *= max(1.0, seemed**2)
+                variance[first:stop, s] *= max(1.0, seemed**2)
     return Zero(level, np.sqrt(variance), free, jump, drift)
 
 
-def _jump(t: Array, y: Array, free: Bools, noise: float, drift: float, a: int, b: int) -> float:
-    """How far the zeros before the a-th and behind the b-th reading differ, in standard deviations of a walk with this variance a second."""
+def _jump(
+    t: Array, y: Array, free: Bools, noise: float, drift: float, first: int, stop: int
+) -> float:
+    """How far the zeros before and behind the readings [first, stop) differ, in standard deviations of a walk with this variance a second."""
     before, behind = (
-        _smoothed(t[k], y[k], free[k], noise, drift) for k in (slice(0, a), slice(b + 1, len(t)))
+        _smoothed(t[k], y[k], free[k], noise, drift) for k in (slice(0, first), slice(stop, len(t)))
     )
     off = float(((before[0][-1] - behind[0][0]) ** 2).mean())
-    return float(np.sqrt(off / (before[1][-1] + behind[1][0] + drift * (t[b] - t[a]))))
+    return float(np.sqrt(off / (before[1][-1] + behind[1][0] + drift * (t[stop - 1] - t[first]))))
 
 
 def known_from(
@@ -167,9 +169,9 @@ def _walk(t: Array, y: Array, free: Bools, noise: float, likely: float) -> float
     chances = (
         -0.5 * (np.log(WALKS) / FACTOR + FACTOR) ** 2
     )  # its mean square is that of what is likely
-    for a, b in runs(free):
+    for first, stop in find_runs(free):
         chances += _likelihood(
-            *_means(t[a : b + 1], y[a : b + 1]), max(noise, 1e-3 * likely) ** 2, walks**2
+            *_means(t[first:stop], y[first:stop]), max(noise, 1e-3 * likely) ** 2, walks**2
         )
     weights = np.exp(chances - chances.max())
     return float(np.sqrt(weights @ walks**2 / weights.sum()))

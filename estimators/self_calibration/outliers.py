@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from handscope.estimators.numerics.intervals import find_runs
 from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.self_calibration import residuals
 from handscope.estimators.self_calibration.problem import Problem, Unknowns
@@ -57,7 +58,7 @@ def looked(before: Knocks, off: Array, limit: float, dt: float) -> Knocks:
     doubt = np.maximum(off / (np.median(off, axis=0) / MEDIAN_OF_THREE + 1e-300) / limit, 1.0)
     strange = np.asarray((doubt > 1).any(axis=1) & (limit * doubt >= GROSS).any(axis=1))
     hit = np.zeros(len(off), bool)
-    for first, stop in runs(strange, BESIDE):
+    for first, stop in find_runs(strange, BESIDE):
         hit[first:stop] = (stop - first) * dt <= BRIEF
     doubt[hit] = MISSING
     doubt[before.hit] = 1.0  # not believed already
@@ -80,7 +81,7 @@ def jolts(knocks: Knocks, base: Problem, at: Unknowns, off: Array) -> tuple[Jolt
     """By sensor, at the minimum; `off` (n, S) as of `looked`, with errors of accelerations as they are where nothing is knocked."""
     usual = np.median(off, axis=0) / MEDIAN_OF_THREE
     found = []
-    for first, stop in runs(knocks.knocked, 0):
+    for first, stop in find_runs(knocks.knocked):
         turned = _turned(base, at, first, stop)
         size, whole = np.linalg.norm(turned, axis=2), np.linalg.norm(turned.sum(axis=0), axis=1)
         brief = bool(knocks.hit[first : stop + 1].any())
@@ -98,13 +99,6 @@ def jolts(knocks: Knocks, base: Problem, at: Unknowns, off: Array) -> tuple[Jolt
             k, s = np.unravel_index(int(np.argmax(share)), share.shape)
             found += [Jolt(int(s), first + int(k), "acc")] if share[k, s] > SHOCK else []
     return tuple(sorted(found, key=lambda jolt: (jolt.sensor, jolt.sample)))
-
-
-def runs(marked: Bools, apart: int) -> list[tuple[int, int]]:
-    """First and behind the last of each stretch of marked samples; those that lie at most so many apart are one."""
-    where = np.flatnonzero(marked)
-    pieces = np.split(where, np.flatnonzero(np.diff(where) > apart + 1) + 1) if len(where) else []
-    return [(int(piece[0]), int(piece[-1]) + 1) for piece in pieces]
 
 
 def _beside(strange: Bools) -> Bools:

@@ -13,9 +13,10 @@ import numpy as np
 from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import ACC, GYR, MAG, SATURATION, Block, beyond
 from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.intervals import find_runs
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors import saturation, stuck_axes
-from handscope.estimators.sensors.stuck_axes import WORDS, runs
+from handscope.estimators.sensors.stuck_axes import WORDS
 
 GRAVITY_DOUBT, GRAVITY_FAULT = (
     0.5,
@@ -44,7 +45,9 @@ def _clipped(block: Block, quantity: str) -> list[Finding]:
     hit, found = beyond(block.of(quantity), SATURATION * limit), []
     for k, sensor in enumerate(block.stream.sensors):
         if hit[:, k].any():
-            spans = tuple((float(block.t[a]), float(block.t[b - 1])) for a, b in runs(hit[:, k]))
+            spans = tuple(
+                (float(block.t[a]), float(block.t[b - 1])) for a, b in find_runs(hit[:, k])
+            )
             sentence = f"its {WORDS[quantity]} was at its limit {len(spans)} times, first at {spans[0][0]:.1f} s"
             found.append(
                 Finding(

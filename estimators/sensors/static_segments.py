@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.data.options import option
-from handscope.estimators.numerics.typing import Array, Bools
+from handscope.estimators.numerics.intervals import find_runs
+from handscope.estimators.numerics.typing import Array
 
 NEIGHBOUR = np.radians(20.0)  # positions closer than this count as one
 ODD_RATE = np.radians(
@@ -81,7 +82,7 @@ def find(params: RestParams, t: Array, gyr: Array, acc: Array) -> list[Rest]:
     )
     runs = [
         (a + window // 2, b + window // 2)
-        for a, b in _runs(quiet)
+        for a, b in find_runs(quiet)
         if b - a >= params.rest_time * rate
     ]
     found = [_rest(gyr, acc, a, b) for a, b in runs]
@@ -147,8 +148,3 @@ def _spread(x: Array, window: int) -> Array:
             broken[:, 0] > 1e-9, np.inf, np.sqrt(np.maximum(square - mean**2, 0.0).max(axis=1))
         )
     )
-
-
-def _runs(flags: Bools) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

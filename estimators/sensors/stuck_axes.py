@@ -17,6 +17,7 @@ import numpy as np
 
 from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import ACC, GYR, MAG, Block
+from handscope.estimators.numerics.intervals import find_runs
 from handscope.estimators.numerics.jit import Compiled, rowwise
 from handscope.estimators.numerics.typing import Array, Bools, Indices
 
@@ -182,12 +183,12 @@ def _standing(
     kept, axes = np.zeros(len(others), bool), ""
     for axis in range(3):
         still = (own.dead & (own.axis == axis)).any(axis=1) & others
-        for a, b in runs(still):
+        for a, b in find_runs(still):
             if moved[a:b].any():
                 kept[a:b], axes = True, axes + ("" if "xyz"[axis] in axes else "xyz"[axis])
     if not kept.any():
         return []
-    spans = tuple((float(edges[a]), float(edges[b])) for a, b in runs(kept))
+    spans = tuple((float(edges[a]), float(edges[b])) for a, b in find_runs(kept))
     when = f"for {sum(e - s for s, e in spans):.0f} s, from {spans[0][0]:.0f} s on"
     if len(axes) == 3:
         kind, what = "stuck", f"its {WORDS[quantity]} gave one and the same reading {when}"
@@ -215,11 +216,3 @@ def _merged(found: list[Finding]) -> list[Finding]:
         for s in sorted(both)
     ]
     return [f for f in found if not (f.kind == "stuck" and f.sensor in both)] + merged
-
-
-def runs(flags: Bools) -> list[tuple[int, int]]:
-    """Stretches [first, last) of true flags."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, np.int8), [0]]))).reshape(
-        -1, 2
-    )
-    return [(int(a), int(b)) for a, b in edges]

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.force.contact import runs
 from handscope.estimators.force.interpolation import noise_of
 from handscope.estimators.magnet.model.setup import (
     EARTH_STRONGEST,
@@ -22,6 +21,7 @@ from handscope.estimators.magnet.model.setup import (
     WEAKEST,
 )
 from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.intervals import find_runs
 from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.sensors.magnetometer_ellipsoid import (
     Sphere,
@@ -289,8 +289,8 @@ def _limited(mag: Array, limit: float | None) -> Bools:
                 continue
             for end in (known.min(), known.max()):
                 if abs(end - np.median(known)) > 0.25 * np.ptp(known):
-                    for a, b in runs(axis == end):
-                        found[a : b + 1, k] |= b - a + 1 >= STUCK
+                    for first, stop in find_runs(axis == end):
+                        found[first:stop, k] |= stop - first >= STUCK
     return found
 
 
