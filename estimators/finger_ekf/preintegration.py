@@ -15,6 +15,7 @@ from handscope.estimators.finger_ekf.measurements import ACC_BIAS
 from handscope.estimators.finger_ekf.sensor_to_segment import APART
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, rowwise
+from handscope.estimators.numerics.kernels import right_jacobian_row
 from handscope.estimators.numerics.small_matrices import block, product, put, spread
 from handscope.estimators.numerics.typing import Array
 
@@ -47,7 +48,7 @@ def wound(
             quat.conjugate_row(step, both)
             quat.matrix_row(both, w, R)
             product(R, own, back)
-            sensor_to_segment.right_jacobian_row(w, Jr)
+            right_jacobian_row(w, Jr)
             for a in range(3):
                 for b in range(3):
                     own[a, b] = back[a, b] - Jr[a, b] * time[k, s]

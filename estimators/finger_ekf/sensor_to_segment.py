@@ -18,6 +18,7 @@ from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import FLEXION
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined
+from handscope.estimators.numerics.kernels import right_jacobian_row
 from handscope.estimators.numerics.small_matrices import block, product
 from handscope.estimators.numerics.typing import Array, Bools
 
@@ -110,19 +111,6 @@ def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: Bools, seats: 
         L[:, place] = seat
         L[:, 3 * j : 3 * j + 3] = tilt + about @ (asked - seat)
     return np.asarray(L @ L.transpose(0, 2, 1))
-
-
-@inlined
-def right_jacobian_row(v: Array, J: Array) -> None:
-    """exp(v + dv) = exp(v) exp(J dv), of (3,) the (3, 3)."""
-    x, y, z = v[0], v[1], v[2]
-    sq = x * x + y * y + z * z
-    angle = math.sqrt(sq)
-    a = 0.5 - sq / 24 if sq < 1e-6 else (1 - math.cos(angle)) / sq
-    b = 1 / 6 - sq / 120 if sq < 1e-6 else (angle - math.sin(angle)) / (sq * angle)
-    J[0, 0], J[0, 1], J[0, 2] = 1 - b * (y * y + z * z), a * z + b * x * y, b * x * z - a * y
-    J[1, 0], J[1, 1], J[1, 2] = b * x * y - a * z, 1 - b * (x * x + z * z), a * x + b * y * z
-    J[2, 0], J[2, 1], J[2, 2] = a * y + b * x * z, b * y * z - a * x, 1 - b * (x * x + y * y)
 
 
 @inlined

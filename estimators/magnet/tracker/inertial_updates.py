@@ -30,15 +30,17 @@ from handscope.estimators.magnet.tracker.state import (
     XTG,
     XVB,
     Sizes,
-    back,
-    chained,
     corrected,
-    matrix,
     moved,
-    skew,
-    transposed,
 )
 from handscope.estimators.numerics.jit import inlined
+from handscope.estimators.numerics.kernels import (
+    multiply_matrices,
+    multiply_transposed,
+    rotation_matrix,
+    skew,
+    transpose,
+)
 from handscope.estimators.numerics.small_matrices import block, clear
 from handscope.estimators.numerics.typing import Array
 
@@ -80,11 +82,11 @@ def vertical(
     dt: float,
 ) -> None:
     """The accelerometer of what stands still reads gravity; of a lost hand to what the test of standstill lets pass. (5.16)"""
-    R, up, H = matrix(x[XQ : XQ + 4]), np.zeros(3), np.zeros((3, len(P)))
+    R, up, H = rotation_matrix(x[XQ : XQ + 4]), np.zeros(3), np.zeros((3, len(P)))
     up[2] = s.gravity
     variance = s.acc_still**2 * s.alike / dt
-    g_b: Array = back(matrix(x[XGB : XGB + 4]), up)
-    g_t: Array = back(R, g_b)
+    g_b: Array = multiply_transposed(rotation_matrix(x[XGB : XGB + 4]), up)
+    g_t: Array = multiply_transposed(R, g_b)
     S = skew(g_b)
     if still_b:
         block(1.0, S, 0, THG, H)
@@ -97,7 +99,7 @@ def vertical(
             variance = s.still_acc**2 * 2 * s.still_alike / dt
         clear(H)
         block(1.0, skew(g_t), 0, TH, H)
-        block(1.0, chained(transposed(R), S), 0, THG, H)
+        block(1.0, multiply_matrices(transpose(R), S), 0, THG, H)
         for i in range(3):
             H[i, BTA + i] = 1.0
         for i in range(3):
@@ -136,10 +138,10 @@ def pushed_alike(s: Sizes, x: Array, P: Array, dx: Array, now: Array, dt: float)
         and apart < s.acc_common
         and abs(norm_b - s.gravity) > s.gate * s.gravity
     ):
-        R, H = matrix(x[XQ : XQ + 4]), np.zeros((3, len(P)))
-        common = back(R, f_b - x[XBA : XBA + 3])
+        R, H = rotation_matrix(x[XQ : XQ + 4]), np.zeros((3, len(P)))
+        common = multiply_transposed(R, f_b - x[XBA : XBA + 3])
         block(1.0, skew(common), 0, TH, H)
-        block(-1.0, transposed(R), 0, BBA, H)
+        block(-1.0, transpose(R), 0, BBA, H)
         for i in range(3):
             H[i, BTA + i] = 1.0
         for i in range(3):

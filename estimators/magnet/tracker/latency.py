@@ -19,25 +19,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from handscope.estimators.magnet.tracker.state import (
-    P_,
-    TH,
-    THG,
-    V_,
-    XBA,
-    XBG,
-    XGB,
-    XQ,
-    XTA,
-    XTG,
-    back,
-    chained,
-    matrix,
-    skew,
-    times,
-    turned,
-)
+from handscope.estimators.magnet.tracker.state import P_, TH, THG, V_, XBA, XBG, XGB, XQ, XTA, XTG
 from handscope.estimators.numerics.jit import inlined
+from handscope.estimators.numerics.kernels import (
+    multiply_matrices,
+    multiply_transposed,
+    multiply_vector,
+    rotate_by,
+    rotation_matrix,
+    skew,
+)
 from handscope.estimators.numerics.small_matrices import block
 from handscope.estimators.numerics.typing import Array
 
@@ -121,7 +112,7 @@ def settled(way: Array, x: Array, P: Array, v: Array, dt: float) -> None:
     one[0] = 1.0
     for i in range(3):
         apart[i], back_b[i] = way[VS + i] - v[i], -(way[WB + i] - x[XBG + i]) * dt
-    apart = times(matrix(turned(one, back_b, False)), apart)
+    apart = multiply_vector(rotation_matrix(rotate_by(one, back_b, False)), apart)
     for i in range(3):
         way[VS + i] = x[3 + i] + (1.0 - toward) * apart[i]
 
@@ -129,7 +120,9 @@ def settled(way: Array, x: Array, P: Array, v: Array, dt: float) -> None:
 @inlined
 def accelerated(x: Array, way: Array) -> Array:
     """The target's acceleration against g less the base's, in the base's axes (3,). (5.19)"""
-    out: Array = times(matrix(x[XQ : XQ + 4]), way[FT : FT + 3] - x[XTA : XTA + 3])
+    out: Array = multiply_vector(
+        rotation_matrix(x[XQ : XQ + 4]), way[FT : FT + 3] - x[XTA : XTA + 3]
+    )
     for i in range(3):
         out[i] -= way[FB + i] - x[XBA + i]
     return out
@@ -145,10 +138,10 @@ def earlier(x: Array, way: Array) -> Array:
     pulled, p = accelerated(x, way), np.empty(3)
     for i in range(3):
         p[i] = x[i] - tau * x[3 + i] + 0.5 * tau * tau * pulled[i]
-    p = times(matrix(turned(one, base, False)), p)
+    p = multiply_vector(rotation_matrix(rotate_by(one, base, False)), p)
     q_bt, q_gb = (
-        turned(turned(x[XQ : XQ + 4], base, True), -target, False),
-        turned(x[XGB : XGB + 4], -base, False),
+        rotate_by(rotate_by(x[XQ : XQ + 4], base, True), -target, False),
+        rotate_by(x[XGB : XGB + 4], -base, False),
     )
     for i in range(3):
         out[i] = p[i]
@@ -183,7 +176,10 @@ def led_back(x: Array, then: Array, way: Array) -> LedBack:
     base, target = turns(x, way)
     tau, one = x[-1], np.zeros(4)
     one[0] = 1.0
-    C, U = matrix(turned(one, base, False)), matrix(turned(one, target, False))
+    C, U = (
+        rotation_matrix(rotate_by(one, base, False)),
+        rotation_matrix(rotate_by(one, target, False)),
+    )
     w, u, v, pulled = np.empty(3), np.empty(3), np.empty(3), accelerated(x, way)
     for i in range(3):
         w[i], u[i] = (
@@ -191,11 +187,20 @@ def led_back(x: Array, then: Array, way: Array) -> LedBack:
             way[WT + i] - x[XTG + i] - tau * way[AT + i],
         )
         v[i] = way[VS + i] - tau * pulled[i]
-    v, about, carried = times(C, v), back(matrix(then[XQ : XQ + 4]), w), times(skew(w), then[0:3])
+    v, about, carried = (
+        multiply_vector(C, v),
+        multiply_transposed(rotation_matrix(then[XQ : XQ + 4]), w),
+        multiply_vector(skew(w), then[0:3]),
+    )
     told = 1.0 if way[TELLS] > LEFT_OUT else 0.0
     for i in range(3):
         v[i], u[i], w[i] = told * (carried[i] - v[i]), told * (about[i] - u[i]), -told * w[i]
-    far = chained(C, chained(matrix(x[XQ : XQ + 4]), skew(way[FT : FT + 3] - x[XTA : XTA + 3])))
+    far = multiply_matrices(
+        C,
+        multiply_matrices(
+            rotation_matrix(x[XQ : XQ + 4]), skew(way[FT : FT + 3] - x[XTA : XTA + 3])
+        ),
+    )
     return LedBack(tau, C, U, far, v, u, w)
 
 
@@ -203,11 +208,19 @@ def led_back(x: Array, then: Array, way: Array) -> LedBack:
 def by_now(led: LedBack, H: Array) -> None:
     """Slopes H (3, errors) by the errors of the state then, in place made slopes by the errors of now."""
     Hp, Ht, Hg = H[:, P_ : P_ + 3].copy(), H[:, TH : TH + 3].copy(), H[:, THG : THG + 3].copy()
-    late = times(Hp, led.place) + times(Ht, led.target) + times(Hg, led.base)
-    HpC, HtU, far = chained(Hp, led.C), chained(Ht, led.U), chained(Hp, led.far)
+    late = (
+        multiply_vector(Hp, led.place)
+        + multiply_vector(Ht, led.target)
+        + multiply_vector(Hg, led.base)
+    )
+    HpC, HtU, far = (
+        multiply_matrices(Hp, led.C),
+        multiply_matrices(Ht, led.U),
+        multiply_matrices(Hp, led.far),
+    )
     block(1.0, HpC, 0, P_, H)
     block(-led.tau, HpC, 0, V_, H)
-    block(1.0, chained(Hg, led.C), 0, THG, H)
+    block(1.0, multiply_matrices(Hg, led.C), 0, THG, H)
     for i in range(3):
         H[i, H.shape[1] - 1] = late[i]
         for j in range(3):

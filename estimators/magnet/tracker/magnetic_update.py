@@ -30,16 +30,18 @@ from handscope.estimators.magnet.tracker.state import (
     XQ,
     XS,
     Sizes,
-    back,
-    chained,
-    matrix,
     moved,
-    skew,
-    times,
-    transposed,
 )
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kalman import explained, reduced
+from handscope.estimators.numerics.kernels import (
+    multiply_matrices,
+    multiply_transposed,
+    multiply_vector,
+    rotation_matrix,
+    skew,
+    transpose,
+)
 from handscope.estimators.numerics.small_matrices import block, clear, product
 from handscope.estimators.numerics.typing import Array
 
@@ -72,7 +74,11 @@ class Sight(NamedTuple):
 
 @inlined
 def sight(x: Array) -> Sight:
-    R, R_gb, S = matrix(x[XQ : XQ + 4]), matrix(x[XGB : XGB + 4]), np.empty((3, 3))
+    R, R_gb, S = (
+        rotation_matrix(x[XQ : XQ + 4]),
+        rotation_matrix(x[XGB : XGB + 4]),
+        np.empty((3, 3)),
+    )
     moment, lever = x[XM : XM + 3], x[XM + 3 : XM + 6]
     S[0, 1], S[0, 2], S[1, 2] = (
         TWO * x[XS],
@@ -85,17 +91,17 @@ def sight(x: Array) -> Sight:
         -2 * SIX * x[XS + 4],
     )
     S[1, 0], S[2, 0], S[2, 1] = S[0, 1], S[0, 2], S[1, 2]
-    S_b = chained(transposed(R_gb), chained(S, R_gb))
-    B_b = back(R_gb, x[XB : XB + 3])
+    S_b = multiply_matrices(transpose(R_gb), multiply_matrices(S, R_gb))
+    B_b = multiply_transposed(R_gb, x[XB : XB + 3])
     return Sight(
         R,
         R_gb,
-        times(R, moment),
-        times(R, lever),
+        multiply_vector(R, moment),
+        multiply_vector(R, lever),
         B_b,
         S_b,
-        chained(R, skew(lever)),
-        chained(R, skew(moment)),
+        multiply_matrices(R, skew(lever)),
+        multiply_matrices(R, skew(moment)),
     )
 
 
@@ -121,8 +127,8 @@ def seen(x: Array, at: Sight, k: int, H: Array) -> Array:
     clear(H)
     block(1.0, D, 0, P_, H)
     slopes, room = uneven(x, at, x[place : place + 3], H)
-    by_lever, by_moment = chained(D, at.by_lever), chained(J, at.by_moment)
-    reads: Array = times(J, m)
+    by_lever, by_moment = multiply_matrices(D, at.by_lever), multiply_matrices(J, at.by_moment)
+    reads: Array = multiply_vector(J, m)
     for i in range(3):
         H[i, OWN + left - XM + i] = 1.0
         for j in range(3):
@@ -130,8 +136,8 @@ def seen(x: Array, at: Sight, k: int, H: Array) -> Array:
             H[i, TH + j] = -by_lever[i, j] - by_moment[i, j]
             H[i, B_ + j] = at.R_gb[j, i]
         reads[i] += room[i] + x[left + i]
-    block(1.0, chained(J, at.R), 0, MOM, H)
-    block(1.0, chained(D, at.R), 0, LEV, H)
+    block(1.0, multiply_matrices(J, at.R), 0, MOM, H)
+    block(1.0, multiply_matrices(D, at.R), 0, LEV, H)
     return reads
 
 
@@ -139,7 +145,7 @@ def seen(x: Array, at: Sight, k: int, H: Array) -> Array:
 def uneven(x: Array, at: Sight, place: Array, H: Array) -> tuple[Array, Array]:
     """The field's slopes (3, 3) in the base's axes, and the room's field at a magnetometer's place (3,); fills its slopes by the trunk's orientation and by
     slopes. Those of a field without curl and divergence are five; calibrations add one."""
-    p, steep, steep_b = times(at.R_gb, place), np.zeros((3, 6)), np.zeros((3, 6))
+    p, steep, steep_b = multiply_vector(at.R_gb, place), np.zeros((3, 6)), np.zeros((3, 6))
     steep[0, 0], steep[1, 0], steep[0, 1], steep[2, 1] = (
         TWO * p[1],
         TWO * p[0],
@@ -155,11 +161,11 @@ def uneven(x: Array, at: Sight, place: Array, H: Array) -> tuple[Array, Array]:
     steep[0, 4], steep[1, 4], steep[2, 4] = SIX * p[0], SIX * p[1], -2 * SIX * p[2]
     for i in range(3):
         steep[i, 5] = p[i]
-    product(transposed(at.R_gb), steep, steep_b)
+    product(transpose(at.R_gb), steep, steep_b)
     block(1.0, steep_b, 0, SLO, H)
     bent, carried, there, slopes = (
-        times(at.S_b, place),
-        chained(at.S_b, skew(place)),
+        multiply_vector(at.S_b, place),
+        multiply_matrices(at.S_b, skew(place)),
         np.empty(3),
         at.S_b.copy(),
     )
@@ -300,11 +306,11 @@ def searched(s: Sizes, x: Array, P: Array, mag: Array, centre: Array) -> Array:
         np.zeros(3),
         np.zeros(3),
     )
-    R = matrix(x[XQ : XQ + 4])
+    R = rotation_matrix(x[XQ : XQ + 4])
     m, arm, B_b = (
-        times(R, x[XM : XM + 3]),
-        times(R, x[XM + 3 : XM + 6]),
-        back(matrix(x[XGB : XGB + 4]), x[XB : XB + 3]),
+        multiply_vector(R, x[XM : XM + 3]),
+        multiply_vector(R, x[XM + 3 : XM + 6]),
+        multiply_transposed(rotation_matrix(x[XGB : XGB + 4]), x[XB : XB + 3]),
     )
     first = XL + 3 * len(mag)
     tilt = P[TH, TH] + P[TH + 1, TH + 1] + P[TH + 2, TH + 2]

@@ -18,6 +18,15 @@ from typing import NamedTuple
 import numpy as np
 
 from handscope.estimators.numerics.jit import inlined
+from handscope.estimators.numerics.kernels import (
+    multiply_matrices,
+    multiply_transposed,
+    multiply_vector,
+    rotate_by,
+    rotation_matrix,
+    skew,
+    transpose,
+)
 from handscope.estimators.numerics.small_matrices import block, product, put, spread
 from handscope.estimators.numerics.typing import Array
 
@@ -83,81 +92,6 @@ class Sizes(NamedTuple):
 
 
 @inlined
-def matrix(q: Array) -> Array:
-    """R (3, 3) of q (4,)."""
-    w, x, y, z = q[0], q[1], q[2], q[3]
-    R = np.empty((3, 3))
-    R[0, 0], R[0, 1], R[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    R[1, 0], R[1, 1], R[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    R[2, 0], R[2, 1], R[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
-    return R
-
-
-@inlined
-def times(A: Array, v: Array) -> Array:
-    """A v (3,)."""
-    out = np.empty(3)
-    for i in range(3):
-        out[i] = A[i, 0] * v[0] + A[i, 1] * v[1] + A[i, 2] * v[2]
-    return out
-
-
-@inlined
-def back(A: Array, v: Array) -> Array:
-    """A' v (3,)."""
-    out = np.empty(3)
-    for i in range(3):
-        out[i] = A[0, i] * v[0] + A[1, i] * v[1] + A[2, i] * v[2]
-    return out
-
-
-@inlined
-def chained(A: Array, B: Array) -> Array:
-    """A B (3, 3)."""
-    out = np.empty((3, 3))
-    product(A, B, out)
-    return out
-
-
-@inlined
-def transposed(A: Array) -> Array:
-    """A' (3, 3)."""
-    out = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = A[j, i]
-    return out
-
-
-@inlined
-def skew(v: Array) -> Array:
-    """[v]x (3, 3)."""
-    S = np.zeros((3, 3))
-    S[0, 1], S[0, 2], S[1, 0] = -v[2], v[1], v[2]
-    S[1, 2], S[2, 0], S[2, 1] = -v[0], -v[1], v[0]
-    return S
-
-
-@inlined
-def turned(q: Array, by: Array, left: bool) -> Array:
-    """q exp(by), or exp(by) q, of unit length."""
-    angle = math.sqrt(by[0] * by[0] + by[1] * by[1] + by[2] * by[2])
-    k = math.sin(0.5 * angle) / angle if angle > 1e-8 else 0.5
-    a0, a1, a2, a3 = q[0], q[1], q[2], q[3]
-    b0, b1, b2, b3 = math.cos(0.5 * angle), k * by[0], k * by[1], k * by[2]
-    s = -1.0 if left else 1.0  # the other order turns the sign of the cross product
-    out = np.empty(4)
-    out[0] = a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3
-    out[1] = a0 * b1 + a1 * b0 + s * (a2 * b3 - a3 * b2)
-    out[2] = a0 * b2 + a2 * b0 + s * (a3 * b1 - a1 * b3)
-    out[3] = a0 * b3 + a3 * b0 + s * (a1 * b2 - a2 * b1)
-    n = math.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2 + out[3] ** 2)
-    for i in range(4):
-        out[i] /= n
-    return out
-
-
-@inlined
 def moved(x: Array, dx: Array) -> Array:
     """The state with an error put in. (5.3)"""
     out = x.copy()
@@ -173,8 +107,8 @@ def moved(x: Array, dx: Array) -> Array:
         out[XBA + i] += dx[BBA + i]
         out[XVB + i] += dx[VB + i]
     q_bt, q_gb = (
-        turned(x[XQ : XQ + 4], dx[TH : TH + 3], False),
-        turned(x[XGB : XGB + 4], dx[THG : THG + 3], False),
+        rotate_by(x[XQ : XQ + 4], dx[TH : TH + 3], False),
+        rotate_by(x[XGB : XGB + 4], dx[THG : THG + 3], False),
     )
     for i in range(4):
         out[XQ + i], out[XGB + i] = q_bt[i], q_gb[i]
@@ -195,26 +129,26 @@ def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) 
         f_t0[i], f_t1[i] = before[9 + i] - x[XTA + i], now[9 + i] - x[XTA + i]
     one = np.zeros(4)
     one[0] = 1.0
-    C = matrix(turned(one, back_b, False))  # old axes of the base to new ones
-    R0 = matrix(x[XQ : XQ + 4])
+    C = rotation_matrix(rotate_by(one, back_b, False))  # old axes of the base to new ones
+    R0 = rotation_matrix(x[XQ : XQ + 4])
     out = x.copy()
     q_bt, q_gb = (
-        turned(turned(x[XQ : XQ + 4], back_b, True), w_t, False),
-        turned(x[XGB : XGB + 4], w_b, False),
+        rotate_by(rotate_by(x[XQ : XQ + 4], back_b, True), w_t, False),
+        rotate_by(x[XGB : XGB + 4], w_b, False),
     )
-    R1 = matrix(q_bt)
-    a0, a1 = times(R0, f_t0), times(R1, f_t1)
+    R1 = rotation_matrix(q_bt)
+    a0, a1 = multiply_vector(R0, f_t0), multiply_vector(R1, f_t1)
     up = np.zeros(3)
     up[2] = s.gravity
-    g0: Array = back(matrix(x[XGB : XGB + 4]), up)
-    g1: Array = back(matrix(q_gb), up)
+    g0: Array = multiply_transposed(rotation_matrix(x[XGB : XGB + 4]), up)
+    g1: Array = multiply_transposed(rotation_matrix(q_gb), up)
     v, p, u = np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
         u[i] = x[XVB + i] + 0.5 * dt * (f_b0[i] - g0[i])
         a0[i], a1[i] = a0[i] - f_b0[i], a1[i] - f_b1[i]  # (5.19): gravity is in both
         v[i] = x[3 + i] + 0.5 * dt * a0[i]
         p[i] = x[i] + dt * x[3 + i] + dt * dt / 3 * a0[i]
-    v, p, u = times(C, v), times(C, p), times(C, u)
+    v, p, u = multiply_vector(C, v), multiply_vector(C, p), multiply_vector(C, u)
     for i in range(3):
         out[XVB + i] = u[i] + 0.5 * dt * (f_b1[i] - g1[i])
         out[3 + i], out[i] = v[i] + 0.5 * dt * a1[i], p[i] + dt * dt / 6 * a1[i]
@@ -226,10 +160,10 @@ def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) 
     block(1.0, C, P_, P_, F)
     block(1.0, C, V_, V_, F)
     block(dt, C, P_, V_, F)
-    R, f = chained(C, R0), np.empty(3)
+    R, f = multiply_matrices(C, R0), np.empty(3)
     for i in range(3):
         f[i] = 0.5 * (f_t0[i] + f_t1[i])
-    push = chained(R, skew(f))
+    push = multiply_matrices(R, skew(f))
     block(-dt, push, V_, TH, F)
     block(-0.5 * dt * dt, push, P_, TH, F)
     block(-dt, R, V_, BTA, F)
@@ -239,14 +173,14 @@ def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) 
     block(-dt, skew(out[0:3]), P_, BBG, F)
     block(-dt, skew(out[3:6]), V_, BBG, F)
     block(1.0, C, VB, VB, F)
-    block(-dt, chained(C, skew(g0)), VB, THG, F)
+    block(-dt, multiply_matrices(C, skew(g0)), VB, THG, F)
     block(-dt, C, VB, BBA, F)
     block(-dt, skew(out[XVB : XVB + 3]), VB, BBG, F)
-    block(1.0, matrix(turned(one, back_t, False)), TH, TH, F)
+    block(1.0, rotation_matrix(rotate_by(one, back_t, False)), TH, TH, F)
     block(1.0, C, THG, THG, F)
     for i in range(3):
         F[TH + i, BTG + i] = F[THG + i, BBG + i] = -dt
-    block(dt, transposed(R1), TH, BBG, F)
+    block(dt, transpose(R1), TH, BBG, F)
     return out
 
 
@@ -263,11 +197,11 @@ def rates(x: Array, now: Array) -> tuple[float, float]:
 @inlined
 def pushed(s: Sizes, x: Array, now: Array) -> float:
     """How much base and target are accelerated, (m/s^2)^2, both together."""
-    R = matrix(x[XQ : XQ + 4])
+    R = rotation_matrix(x[XQ : XQ + 4])
     up, out = np.zeros(3), 0.0
     up[2] = s.gravity
-    g_b: Array = back(matrix(x[XGB : XGB + 4]), up)
-    g_t: Array = back(R, g_b)
+    g_b: Array = multiply_transposed(rotation_matrix(x[XGB : XGB + 4]), up)
+    g_t: Array = multiply_transposed(R, g_b)
     for i in range(3):
         out += (now[3 + i] - x[XBA + i] - g_b[i]) ** 2 + (now[9 + i] - x[XTA + i] - g_t[i]) ** 2
     return out

@@ -46,18 +46,16 @@ from handscope.estimators.magnet.tracker.state import (
     XQ,
     XS,
     Sizes,
-    chained,
     corrected,
-    matrix,
     moved,
     pushed,
     rates,
-    skew,
     stepped,
     widened,
 )
 from handscope.estimators.numerics.jit import inlined, looped
 from handscope.estimators.numerics.kalman import correct, explained
+from handscope.estimators.numerics.kernels import multiply_matrices, rotation_matrix, skew
 from handscope.estimators.numerics.small_matrices import block, put, spread
 from handscope.estimators.numerics.typing import Array
 
@@ -215,11 +213,11 @@ def told(s: Sizes, x: Array, P: Array, audible: float, straight: float) -> bool:
     """Whether readings tell where the magnet is: known better than a share of its distance, for the dipole bends over what is not known and standard
     deviations from its slope would say nothing; and heard over what calibrations leave, which does not get less by waiting."""
     nearest, J, known = distance(x), np.zeros((3, LEV + 3)), np.empty((3, 3))
-    loud, R = strength(x, nearest), matrix(x[XQ : XQ + 4])
+    loud, R = strength(x, nearest), rotation_matrix(x[XQ : XQ + 4])
     for i in range(3):
         J[i, P_ + i] = 1.0
     block(1.0, R, 0, LEV, J)
-    block(-1.0, chained(R, skew(x[XM + 3 : XM + 6])), 0, TH, J)
+    block(-1.0, multiply_matrices(R, skew(x[XM + 3 : XM + 6])), 0, TH, J)
     spread(J, P, known)
     return bool(
         known[0, 0] + known[1, 1] + known[2, 2] < (straight * nearest) ** 2
