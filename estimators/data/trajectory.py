@@ -129,7 +129,7 @@ class Trajectory:
         first, last = np.searchsorted(self.t, [start, stop])
         return self._each(lambda a: a[first:last])
 
-    def at(self, rows: "Indices") -> "Trajectory":
+    def at(self, rows: Indices) -> "Trajectory":
         """The samples of these rows."""
         return self._each(lambda a: a[rows])
 
@@ -186,9 +186,8 @@ def join(pieces: Iterable[Trajectory], hand: Hand) -> Trajectory:
         return empty(hand)
     for values in grown.values():
         values.resize((rows, *values.shape[1:]), refcheck=False)
-    return Trajectory(
-        hand, **{name: None if name in partial else grown[name] for name in (*grown, *partial)}
-    )  # type: ignore[arg-type]
+    values_by_name = {name: None if name in partial else grown[name] for name in (*grown, *partial)}
+    return Trajectory(hand, **values_by_name)  # type: ignore[arg-type]
 
 
 def _appended(grown: Array | None, rows: int, values: Array) -> Array:
