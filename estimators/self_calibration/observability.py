@@ -17,13 +17,12 @@ import numpy as np
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration import normal_equations, residuals
 from handscope.estimators.self_calibration.messages import ROUNDED
 from handscope.estimators.self_calibration.normal_equations import Factor, Step
 from handscope.estimators.self_calibration.problem import (
     Chain,
-    Indices,
     Noise,
     Problem,
     Readings,

@@ -12,12 +12,11 @@ import numpy as np
 
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration import soft_tissue
 from handscope.estimators.self_calibration.problem import (
     Chain,
     Columns,
-    Indices,
     Problem,
     Unknowns,
     bending,

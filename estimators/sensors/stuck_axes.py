@@ -195,9 +195,8 @@ def _standing(
     else:
         named = f"the {' and '.join(axes)} {'axis' if len(axes) == 1 else 'axes'} of its {WORDS[quantity]}"
         kind, what = "dead_axis", f"{named} did not change {when}"
-    return [
-        Finding(sensor, "magnetometer" if quantity == MAG else kind, what, CHECK, "fault", spans)
-    ]  # type: ignore[arg-type]
+    kind = "magnetometer" if quantity == MAG else kind
+    return [Finding(sensor, kind, what, CHECK, "fault", spans)]  # type: ignore[arg-type]
 
 
 def _merged(found: list[Finding]) -> list[Finding]:

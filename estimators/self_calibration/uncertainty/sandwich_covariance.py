@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration import normal_equations, residuals
 from handscope.estimators.self_calibration.normal_equations import Factor
-from handscope.estimators.self_calibration.problem import Chain, Indices, Problem, Unknowns, columns
+from handscope.estimators.self_calibration.problem import Chain, Problem, Unknowns, columns
 from handscope.estimators.self_calibration.residuals import Terms
 from handscope.estimators.self_calibration.whole_hand import normal_equations as hand_equations
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem

@@ -15,11 +15,11 @@ from scipy.linalg import blas, lapack
 from handscope.estimators.numerics import parallel
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.parallel import Each
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration import normal_equations, residuals
 from handscope.estimators.self_calibration import soft_tissue as skin_motion
 from handscope.estimators.self_calibration.normal_equations import Normal, Step
-from handscope.estimators.self_calibration.problem import Indices, Problem, Unknowns, columns
+from handscope.estimators.self_calibration.problem import Problem, Unknowns, columns
 from handscope.estimators.self_calibration.residuals import Terms
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
 from handscope.estimators.self_calibration.whole_hand.problem import (

@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration.problem import (
     Chain,
-    Indices,
     Noise,
     Problem,
     Unknowns,

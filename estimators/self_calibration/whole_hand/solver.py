@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration import normal_equations
-from handscope.estimators.self_calibration.problem import Indices, Noise, Unknowns, columns
+from handscope.estimators.self_calibration.problem import Noise, Unknowns, columns
 from handscope.estimators.self_calibration.solver import Ground, Limits, Outcome, Solution, down
 from handscope.estimators.self_calibration.uncertainty import (
     parameter_covariance,
