@@ -14,7 +14,6 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import ACC, GYR, MAG, SATURATION, Block, Stream, beyond_row
@@ -68,9 +67,7 @@ class Waiting:
 
 @dataclass(frozen=True)
 class State:
-    strange: NDArray[
-        np.bool_
-    ]  # (segments,) the pose knows nothing of the sensor, and it has given nothing yet
+    strange: Bools  # (segments,) the pose knows nothing of the sensor, and it has given nothing yet
     noisy: Array  # (segments,) rad^2/s that its gyroscope's noise turns it by more than the filters assume
     posed: Array  # (segments, 4) q_GB in the pose, NaN where it is not known
     pose_end: float  # s, until when they lie so

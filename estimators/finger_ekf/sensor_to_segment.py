@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.data.options import option
 from handscope.estimators.hand import joint_angles
@@ -63,9 +62,7 @@ class Seats:
     """What is known of how the sensors of F chains sit before they move."""
 
     covariance: Array  # (F, 12, 12) rad^2, of the four sensors' turns against their segments, about the segments' axes
-    aligned: NDArray[
-        np.bool_
-    ]  # (F, 4) the pose has turned its frame until gravity agrees, so it is tilted as the chain's first; else it is as it is
+    aligned: Bools  # (F, 4) the pose has turned its frame until gravity agrees, so it is tilted as the chain's first; else it is as it is
 
 
 def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: Bools, seats: Seats) -> Array:

@@ -12,14 +12,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from handscope.estimators.data.samples import MAG
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.axis_estimation import common_rotation
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.sensors.imu_calibration import ImuCalibration
 
 FEWEST = 50  # readings
@@ -58,9 +57,7 @@ class Common:
     """How the axes of magnetometers on one plate are turned against the first one's."""
 
     q_1l: Array  # (magnetometers, 4) into the first one's axes, of readings that are turned round where mirrored
-    mirrored: NDArray[
-        np.bool_
-    ]  # (magnetometers,) left-handed, or the others are: an axis points the other way than on most
+    mirrored: Bools  # (magnetometers,) left-handed, or the others are: an axis points the other way than on most
     left: Array  # (magnetometers,) share of the field that does not agree with the first
 
     @property

@@ -11,7 +11,6 @@ Limits  with an unknown field three magnetometers at least, with a known one two
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.magnet.array.dipole_fit import (
@@ -24,7 +23,7 @@ from handscope.estimators.magnet.array.dipole_fit import (
 )
 from handscope.estimators.magnet.model.setup import Constellation, require_field
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 REGIONS = 2  # along each edge: the best place of every octant around the array is a start
 AMBIGUOUS = (
@@ -49,12 +48,8 @@ class Located:
     moment_sd: Array  # (n, 3) A m^2
     left: Array  # (n,) RMS of what is left, T
     misfit: Array  # (n,) the same in standard deviations of readings, errors of the magnetometers' places counted
-    disputed: NDArray[
-        np.bool_
-    ]  # (n,) the size told is off by more than three of its standard deviations
-    found: NDArray[
-        np.bool_
-    ]  # (n,) explained to within `worst` of them, and known better than `sure`
+    disputed: Bools  # (n,) the size told is off by more than three of its standard deviations
+    found: Bools  # (n,) explained to within `worst` of them, and known better than `sure`
 
 
 def located(

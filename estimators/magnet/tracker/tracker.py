@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from handscope.estimators.errors import InputError
@@ -99,9 +98,7 @@ class Track:
     surprise: Array  # (n,) mean normalised innovation squared of the magnetometers; about 1 or less where all is as told
     saturated: Bools  # (n, magnetometers) reading at the limit, left out
     still: Bools  # (n, 2) base, target
-    doubtful: NDArray[
-        np.bool_
-    ]  # (n,) readings contradict setup or room: a second magnet, iron, an uncalibrated magnetometer; do not use the place
+    doubtful: Bools  # (n,) readings contradict setup or room: a second magnet, iron, an uncalibrated magnetometer; do not use the place
 
     def __len__(self) -> int:
         return len(self.t)
