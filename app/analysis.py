@@ -34,6 +34,6 @@ def process(
     if isinstance(recording, (str, PathLike)):
         recording = load(recording)
     if method not in ALL_METHODS:
-        raise InputError(f"there is no method {method}; choose one of {', '.join(ALL_METHODS)}")
+        raise InputError(f"there is no method {method!r}; methods are {', '.join(ALL_METHODS)}")
     chosen = ALL_METHODS[method]
     return process_recording(chosen, with_options(chosen.Params(), options), recording)

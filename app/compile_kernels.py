@@ -1,7 +1,8 @@
-"""All kernels translated to machine code once, by one process, before anybody waits for them: python -m app.translation.
+"""Compile all kernels to machine code once, in one process: python -m handscope.app.compile_kernels.
 
-Kernels of rows are translated when their module is imported, loops when they first run on a machine (estimators/numerics/jit.py): each is run here on
-some seconds of simulated movement. The code is kept; two processes that translate the same kernel at one moment can keep code that crashes.
+Row kernels are compiled when their module is imported, loops when they first run on a machine (numerics/jit.py): each
+runs here on some seconds of simulated movement. The code is cached; two processes that compile the same kernel at the
+same time can cache code that crashes.
 """
 
 import numpy as np
@@ -20,24 +21,24 @@ from handscope.estimators.simulation.magnetic_field import EARTH, homogeneous
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.sessions.wire import stuffing
 
-IMPORTED = (zero_velocity_detector,)  # that nothing below imports
+IMPORTED = (zero_velocity_detector,)  # imported by nothing below
 
 
-def everything() -> None:
-    """Run what is translated on its first call."""
+def compile_all() -> None:
+    """Run every kernel that is compiled on its first call."""
     stuffing.unstuffed(b"\x01")
-    calibrates = methods.BATCH["map"]
+    map_method = methods.BATCH["map"]
     process(
-        calibrates,
-        calibrates.Params(),
+        map_method,
+        map_method.Params(),
         artificial_finger.recorded(np.random.default_rng(0), SensorErrors(), duration=10.0),
     )
-    setup, readings = _carried()
+    setup, readings = _simulate_magnet()
     magnet_smoother.smoothed(MagnetParams(), magnet_tracker.start(setup), readings)
 
 
-def _carried() -> tuple[Setup, Readings]:
-    """Two seconds of a magnet."""
+def _simulate_magnet() -> tuple[Setup, Readings]:
+    """Setup and two seconds of readings of a magnet."""
     rng = np.random.default_rng(0)
     w, m = magnet.worn(rng), magnet.condition("both", rng, 2.0)
     imu, mag = magnet.inertial(w, m, rng), magnet.magnetic(w, m, homogeneous(), rng)
@@ -49,4 +50,4 @@ def _carried() -> tuple[Setup, Readings]:
 
 
 if __name__ == "__main__":
-    everything()
+    compile_all()

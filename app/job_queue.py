@@ -1,6 +1,6 @@
-"""Work that takes long runs in one process of its own, in order; the database is the queue, so a restart goes on where it was.
+"""Long work runs in one process, in order; the database is the queue, so a restart continues it.
 
-Whatever ends a computation, its result is settled: done, failed with a sentence, or queued again where somebody else ended it.
+Every computation ends with a settled result: done, failed with a sentence, or queued again.
 """
 
 import asyncio
@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from sqlalchemy.exc import DBAPIError
 
 from handscope.app.report import Paper
-from handscope.app.workers.process import DiedError, WorkingProcess
+from handscope.app.workers.process import DiedError, WorkerProcess
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import results
 from handscope.sessions.clinic.results import ENDED
@@ -23,16 +23,18 @@ from handscope.sessions.store.store import Store, store_at
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
-NO_ROOM_WAIT = 5.0  # s between two tries to settle a result in a database that takes nothing
-CLOSE_WAIT = 10.0  # s that the running job gets to end when the server stops; then the next start takes it up
+NO_ROOM_WAIT = 5.0  # s between two tries to settle a result while the database takes nothing
+CLOSE_WAIT = (
+    10.0  # s for the running job to end when the server stops; else the next start repeats it
+)
 
 
 class Jobs:
-    """A context manager; leaving it lets the running job end and forgets the rest, which the next start takes up."""
+    """A context manager; leaving it lets the running job end and drops the rest, which the next start repeats."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._process = WorkingProcess(_begin, store.folder, store.url)
+        self._process = WorkerProcess(_begin, store.folder, store.url)
         self._queue = ThreadPoolExecutor(
             1, thread_name_prefix="jobs"
         )  # its thread waits for the process
@@ -54,25 +56,25 @@ class Jobs:
         self._process.__exit__()
 
     def process(self, result_id: int) -> None:
-        """Queue a result; one that comes while the server stops is taken up by the next start."""
+        """Queue a result; while the server stops it is left to the next start."""
         with contextlib.suppress(RuntimeError):
             self._queue.submit(self._settle, result_id)
 
     async def run(self, work: Callable[..., T], *arguments: Any) -> T:
-        """Do other work there (a report, an export) and wait for it."""
+        """Run other work there (a report, an export) and wait for it."""
         try:
             return await asyncio.wrap_future(self._queue.submit(self._process.do, work, *arguments))
         except DiedError:
             raise InputError(ENDED) from None
 
     def _settle(self, result_id: int) -> None:
-        """In the queue's thread: have the result made; one that nobody finished is not left behind as running."""
+        """In the queue's thread: make the result; an unfinished one does not stay 'running'."""
         try:
             self._process.do(_make, result_id)
             return
         except DiedError as end:
             log.error("result %s: %s", result_id, end)
-            ended_by_others = end.told or self._leaving.is_set()
+            ended_by_others = end.was_terminated or self._leaving.is_set()
         except Exception:
             log.exception("result %s", result_id)
             ended_by_others = False
@@ -82,7 +84,7 @@ class Jobs:
             pass
 
     def _conclude(self, result_id: int, ended_by_others: bool) -> bool:
-        """Settle what the computation did not; False where the database cannot take it: a full disk."""
+        """Settle an unfinished result; False where the database cannot be written: a full disk."""
         try:
             with self._store.database() as db:
                 if not ended_by_others:
@@ -95,7 +97,7 @@ class Jobs:
         return True
 
 
-_store: Store | None = None  # of the working process; set once when it begins
+_store: Store | None = None  # of the worker process, set once at its start
 
 
 def _begin(folder: Path, url: str | None) -> None:
@@ -108,7 +110,7 @@ def _begin(folder: Path, url: str | None) -> None:
 
 
 def _warm() -> None:
-    """Load what every job needs before the first person waits for one."""
+    """Import what every job needs before the first one is asked for."""
     from handscope.app.results import make as results_make
     from handscope.app.results import report as results_report
 
@@ -125,7 +127,7 @@ def _make(result_id: int) -> None:
 def make_report(
     result_id: int, form: str, language: str = "en", paper: Paper = "a4", grading: str = ""
 ) -> bytes:
-    """In the working process: the report of a result as pdf, csv or json."""
+    """In the worker process: the report of a result as pdf, csv or json."""
     from handscope.app.language import languages
     from handscope.app.report import FORMS, Style
     from handscope.app.report.gradings import DEFAULT, graded
@@ -133,14 +135,14 @@ def make_report(
 
     assert _store is not None
     with _store.database() as db:
-        said = graded(report(_store, results.get(db, result_id)), grading or DEFAULT)
-        return FORMS[form](said, Style(languages()[language], paper))
+        content = graded(report(_store, results.get(db, result_id)), grading or DEFAULT)
+        return FORMS[form](content, Style(languages()[language], paper))
 
 
 def make_replay_file(result_id: int, named: bool, language: str = "en") -> bytes:
-    """In the working process: the replay of a result as one file."""
+    """In the worker process: the replay of a result as one file."""
     from handscope.app.language import languages
-    from handscope.app.replay_file.kept import of_result
+    from handscope.app.replay_file.stored import of_result
 
     assert _store is not None
     with _store.database() as db:
@@ -148,7 +150,7 @@ def make_replay_file(result_id: int, named: bool, language: str = "en") -> bytes
 
 
 def make_derivative(result_id: int, reasons: bool = True) -> bytes:
-    """In the working process: the derivative of a result as a zip."""
+    """In the worker process: the derivative of a result as a zip."""
     from handscope.app.results.make import derivative_files
     from handscope.sessions.motion_bids.writer import packed
 

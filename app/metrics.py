@@ -1,4 +1,4 @@
-"""What a monitoring system is told of a running server, read at the moment it asks: few figures, none of which tells of a patient."""
+"""Figures of a running server for a monitoring system, read when it asks; none is about a patient."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
@@ -35,12 +35,12 @@ def serve(parts: "Parts", host: str, port: int) -> tuple[Any, Any]:
     ProcessCollector(registry=registry)
     registry.register(Figures())
     try:
-        answering, thread = start_http_server(port, host, registry)
+        server, thread = start_http_server(port, host, registry)
     except OSError as problem:
         raise InputError(
             f"metrics cannot be served on {host} port {port} ({problem.strerror}); choose another --metrics port"
         ) from None
-    return answering, thread
+    return server, thread
 
 
 def families(parts: "Parts") -> Iterator[Any]:
@@ -75,8 +75,8 @@ def families(parts: "Parts") -> Iterator[Any]:
         "room on the disk of the data folder",
         free_bytes(parts.store.folder),
     )
-    if parts.moving_out:
-        latest = parts.moving_out.latest
+    if parts.storage_mover:
+        latest = parts.storage_mover.latest
         yield GaugeMetricFamily(
             "handscope_object_storage_up",
             "whether the object storage could be used in the last round",

@@ -1,4 +1,4 @@
-"""Options of a Params dataclass from what a user wrote: unknown names, wrong kinds and unknown words are refused with the list of right ones."""
+"""Options of a Params dataclass from a user's text; unknown names and values are refused with the list of valid ones."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,12 +10,14 @@ from handscope.estimators.errors import InputError
 
 def with_options(params_type: type, given: Mapping[str, Any]) -> Any:
     """Params with the given options set; values may be text."""
-    known = {d.name: d for d in describe(params_type)}
-    unknown = [name for name in given if name not in known]
+    descriptions = {d.name: d for d in describe(params_type)}
+    unknown = [name for name in given if name not in descriptions]
     if unknown:
-        raise InputError(f"there is no option {unknown[0]!r}; options are {', '.join(known)}")
+        raise InputError(
+            f"there is no option {unknown[0]!r}; options are {', '.join(descriptions)}"
+        )
     return replace(
-        params_type(), **{name: _value(known[name], value) for name, value in given.items()}
+        params_type(), **{name: _value(descriptions[name], value) for name, value in given.items()}
     )
 
 

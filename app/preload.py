@@ -1,6 +1,7 @@
-"""The process that working processes are forked from imports this, and nobody else does: they begin with what their work needs.
+"""Imported only by the process that worker processes are forked from, so that they start with what they need.
 
-It leaves when nobody is left who could ask it for a process, and no signal ends it before: it alone can tell how a process ended.
+It ends when no process is left that could ask it for another; signals do not end it, since it alone knows how a
+process ended.
 """
 
 import gc
@@ -11,16 +12,14 @@ import signal
 def _ready() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    os.environ["OPENBLAS_NUM_THREADS"] = (
-        "1"  # as everybody who works has it; threads are not forked
-    )
-    from handscope.app.replay_file import kept
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as in every worker; threads are not forked
+    from handscope.app.replay_file import stored
     from handscope.app.report import html, pdf
     from handscope.app.results import make as results_make
     from handscope.app.results import report as results_report
 
-    assert results_report and results_make and html and pdf and kept
-    gc.freeze()  # what is never touched is never copied
+    assert results_report and results_make and html and pdf and stored
+    gc.freeze()  # pages that are never written are never copied
 
 
 _ready()

@@ -28,34 +28,34 @@ from handscope.app.api import (
     stations,
 )
 from handscope.app.auth.gate import Gate
-from handscope.app.auth.roles import EVERY_ACCOUNT, May
+from handscope.app.auth.roles import EVERY_ACCOUNT, RoleRequirement
 from handscope.app.job_queue import Jobs
 from handscope.app.live.station import Station
 from handscope.app.live.stations import Stations
 from handscope.app.settings import Settings
 from handscope.app.state import Parts
 from handscope.app.version import software_version
-from handscope.app.workers.storage_mover import MovingOut
-from handscope.app.workers.upload_reader import Opening
+from handscope.app.workers.storage_mover import StorageMover
+from handscope.app.workers.upload_reader import UploadReader
 from handscope.estimators.errors import InputError
-from handscope.sessions.clinic import self_calibrations as kept_calibrations
+from handscope.sessions.clinic import self_calibrations as stored_calibrations
 from handscope.sessions.store import records
-from handscope.sessions.store.store import Store, open_store
+from handscope.sessions.store.store import open_store
 
 log = logging.getLogger(__name__)
 
 
 class Files(StaticFiles):
-    """The pages' files; the login page's are given to anybody (access.py)."""
+    """The pages' files; those of the login page are open to anybody (auth/gate.py)."""
 
-    may = May(frozenset(EVERY_ACCOUNT))
+    requires_role = RoleRequirement(frozenset(EVERY_ACCOUNT))
 
 
 def create_app(settings: Settings) -> FastAPI:
     """Build everything from the settings; parts that run are opened and closed with the application."""
     for fault in protocols.offered(settings.data)[
         1
-    ]:  # said now, and on the page where tasks are chosen
+    ]:  # logged now, and shown where tasks are chosen
         log.warning("%s. This task is not offered, the others are.", fault)
     for fault in language.faults():
         log.warning("%s. This language is not offered, the others are.", fault)
@@ -63,16 +63,18 @@ def create_app(settings: Settings) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        moving_out = MovingOut(store, settings.cache_bytes) if store.away else None
+        storage_mover = StorageMover(store, settings.cache_bytes) if store.away else None
         with (
-            moving_out or nullcontext(),
-            Opening() as opening,
+            storage_mover or nullcontext(),
+            UploadReader() as upload_reader,
             Jobs(store) as jobs,
-            Stations(lambda station: _finished(app.state.parts, station)) as open_stations,
+            Stations(lambda station: _store_finished(app.state.parts, station)) as open_stations,
         ):
-            app.state.parts = Parts(settings, store, jobs, open_stations, opening, moving_out)
+            app.state.parts = Parts(
+                settings, store, jobs, open_stations, upload_reader, storage_mover
+            )
             await anyio.to_thread.run_sync(_recover, app.state.parts)
-            with _measured(app.state.parts):
+            with _serve_metrics(app.state.parts):
                 yield
             await anyio.to_thread.run_sync(open_stations.__exit__, None, None, None)
         store.close()
@@ -114,30 +116,30 @@ def create_app(settings: Settings) -> FastAPI:
 
 
 @contextmanager
-def _measured(parts: Parts) -> Iterator[None]:
-    """Figures for a monitoring system, where they are wanted."""
+def _serve_metrics(parts: Parts) -> Iterator[None]:
+    """Serve figures to a monitoring system where configured."""
     if parts.settings.metrics is None:
         yield
         return
-    answering, thread = metrics.serve(parts, *parts.settings.metrics)
+    server, thread = metrics.serve(parts, *parts.settings.metrics)
     try:
         yield
     finally:
-        answering.shutdown()
-        answering.server_close()
+        server.shutdown()
+        server.server_close()
         thread.join()
 
 
-def _finished(parts: Parts, station: Station) -> None:
-    """A live session ended: keep what its recording holds and process it."""
+def _store_finished(parts: Parts, station: Station) -> None:
+    """Close the recording of a live session that ended, and process it."""
     _close(parts, station.setup.session, station.setup.method_name, {})
 
 
 def _recover(parts: Parts) -> None:
-    """Sessions that a server that stopped left open are closed with what their recordings hold."""
+    """Close the sessions that the last server left open, with what their recordings hold."""
     with parts.store.database() as db:
-        left = [session.id for session in records.abandoned(db)]
-    for session in left:
+        open_sessions = [session.id for session in records.abandoned(db)]
+    for session in open_sessions:
         _close(parts, session, "m2", {})
 
 
@@ -146,13 +148,7 @@ def _close(parts: Parts, session_id: int, method: str, options: dict[str, Any]) 
         try:
             session = records.close(db, parts.store, session_id)
             if session.state == "recorded":
-                kept_calibrations.settle(db, session)
+                stored_calibrations.settle(db, session)
                 sessions.queue_session(db, parts, session, method, options)
         except InputError as problem:
             log.warning("session %s: %s", session_id, problem)
-
-
-def store_of(app: FastAPI) -> Store:
-    """The store of a running application."""
-    found: Parts = app.state.parts
-    return found.store

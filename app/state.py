@@ -1,4 +1,4 @@
-"""What routes reach: the server's parts, made once by `create_app` and kept on the application."""
+"""The server's parts that routes use, made once by `create_app` and stored on the application."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -9,15 +9,15 @@ from sqlalchemy.orm import Session
 from starlette.requests import HTTPConnection
 
 from handscope.app import language as languages
-from handscope.app.api.broadcast import Bulletins
-from handscope.app.auth.roles import Who, on_behalf_of, who
+from handscope.app.api.broadcast import Broadcasts
+from handscope.app.auth.roles import Requester, on_behalf_of, requester
 from handscope.app.job_queue import Jobs
 from handscope.app.language import Language
 from handscope.app.live.replay import Replay
 from handscope.app.live.stations import AnyStation, Stations
 from handscope.app.settings import Settings
-from handscope.app.workers.storage_mover import MovingOut
-from handscope.app.workers.upload_reader import Opening
+from handscope.app.workers.storage_mover import StorageMover
+from handscope.app.workers.upload_reader import UploadReader
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit
 from handscope.sessions.store.store import Store
@@ -29,15 +29,15 @@ class Parts:
     store: Store
     jobs: Jobs
     stations: Stations
-    opening: Opening
-    moving_out: MovingOut | None  # where an object storage is attached
-    bulletins: Bulletins = field(default_factory=Bulletins)
+    upload_reader: UploadReader
+    storage_mover: StorageMover | None  # where there is an object storage
+    broadcasts: Broadcasts = field(default_factory=Broadcasts)
 
 
 def parts(connection: HTTPConnection) -> Parts:
     """The parts of the application that serves this request or web socket."""
-    found: Parts = connection.app.state.parts
-    return found
+    value: Parts = connection.app.state.parts
+    return value
 
 
 def database(connection: HTTPConnection) -> Iterator[Session]:
@@ -47,17 +47,17 @@ def database(connection: HTTPConnection) -> Iterator[Session]:
         yield db
 
 
-def visible(who: Who, station: AnyStation) -> bool:
-    """Whether the account may see a station: a patient who is being measured is the clinician's alone."""
-    return who.sees_all or isinstance(station, Replay)
+def visible(requester: Requester, station: AnyStation) -> bool:
+    """Whether the account may see a station: only clinicians see a live session."""
+    return requester.sees_all or isinstance(station, Replay)
 
 
 def station_of(connection: HTTPConnection, name: str) -> AnyStation:
     """The station; InputError where there is none that the account may see."""
-    found = parts(connection).stations.get(name)
-    if not visible(who(connection), found):
+    station = parts(connection).stations.get(name)
+    if not visible(requester(connection), station):
         raise InputError(f"there is no station {name}; it was closed")
-    return found
+    return station
 
 
 def language(
@@ -66,7 +66,7 @@ def language(
         str, Query(description="en, de, ...; without it the Accept-Language header decides")
     ] = "",
 ) -> Language:
-    """The language that sentences for people are answered in."""
+    """The language of the sentences in an answer."""
     return languages.language(language) if language else preferred(connection)
 
 

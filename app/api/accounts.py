@@ -6,7 +6,13 @@ from fastapi import APIRouter, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from handscope.app.auth.gate import cookie_of
-from handscope.app.auth.roles import ADMINISTRATOR, EVERY_ACCOUNT, WhoDep, address_of, may
+from handscope.app.auth.roles import (
+    ADMINISTRATOR,
+    EVERY_ACCOUNT,
+    RequesterDep,
+    address_of,
+    requires_role,
+)
 from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit
@@ -14,8 +20,8 @@ from handscope.sessions.clinic.accounts import LOCAL
 from handscope.sessions.db.tables import Account, AuditLine
 from handscope.sessions.store import logins
 
-router = APIRouter(tags=["accounts"], dependencies=[may(ADMINISTRATOR)])
-own = APIRouter(tags=["accounts"], dependencies=[may(*EVERY_ACCOUNT)])
+router = APIRouter(tags=["accounts"], dependencies=[requires_role(ADMINISTRATOR)])
+own = APIRouter(tags=["accounts"], dependencies=[requires_role(*EVERY_ACCOUNT)])
 MOST = 200  # lines of the audit trail in one answer
 
 
@@ -55,7 +61,9 @@ def add_account(db: Db, parts: PartsDep, new: NewAccount) -> dict[str, Any]:
 
 
 @router.patch("/accounts/{account_id}")
-def change_account(db: Db, who: WhoDep, account_id: int, change: AccountChange) -> dict[str, Any]:
+def change_account(
+    db: Db, who: RequesterDep, account_id: int, change: AccountChange
+) -> dict[str, Any]:
     """Other roles, in or out of use; nobody locks himself out."""
     account = accounts.get(db, account_id)
     if account.id == who.account and (
@@ -72,7 +80,7 @@ def change_account(db: Db, who: WhoDep, account_id: int, change: AccountChange) 
 
 @router.post("/accounts/{account_id}/code", status_code=201)
 def make_code(db: Db, parts: PartsDep, account_id: int) -> dict[str, str]:
-    """A one-time code: who has it logs in as this account, once, within twelve hours."""
+    """A one-time code: it logs in as this account, once, within twelve hours."""
     account = accounts.get(db, account_id)
     if account.name == LOCAL or account.disabled:
         raise InputError(
@@ -84,12 +92,12 @@ def make_code(db: Db, parts: PartsDep, account_id: int) -> dict[str, str]:
 
 
 @own.get("/me")
-def read_me(db: Db, who: WhoDep) -> dict[str, Any]:
+def read_me(db: Db, who: RequesterDep) -> dict[str, Any]:
     return account_row(accounts.get(db, who.account))
 
 
 @own.put("/me/password", status_code=204)
-def set_password(db: Db, who: WhoDep, request: Request, new: NewPassword) -> Response:
+def set_password(db: Db, who: RequesterDep, request: Request, new: NewPassword) -> Response:
     """Set the own password; every other login of the account ends."""
     account = accounts.get(db, who.account)
     if account.name == LOCAL or account.subject is not None:
@@ -122,8 +130,8 @@ def read_audit(
 @router.get("/audit/verification")
 def verify_audit(db: Db, language: LanguageDep) -> dict[str, Any]:
     """Whether the chain holds from the first line to the last."""
-    found = audit.verified(db)
-    return {"lines": found.lines, "last": found.last, "broken": language.heard(found.broken)}
+    chain = audit.verified(db)
+    return {"lines": chain.lines, "last": chain.last, "broken": language.heard(chain.broken)}
 
 
 def account_row(a: Account) -> dict[str, Any]:

@@ -1,6 +1,6 @@
-"""What the viewers of a station are told, written once for all of them: the newest pose as it comes, the whole snapshot when there is a new one.
+"""Messages to the viewers of a station, serialised once for all: every new pose, and each new snapshot.
 
-A station's viewers wake together, with the first pose of each PULSE by the server's clock; so nearly always the first of them writes for all.
+Viewers wake together, with the first pose of each PULSE of the server's clock, so the first nearly always writes for all.
 """
 
 import asyncio
@@ -19,8 +19,8 @@ from handscope.app.report.sections import self_calibration
 
 PULSE = (
     1 / 120
-)  # s: at most one message to a viewer in each; shorter than the 10 ms between two poses, so that hardly a pose waits
-SPOKEN = (
+)  # s, at most one message to a viewer in each; shorter than the 10 ms between two poses
+TRANSLATED_KEYS = (
     "title",
     "instruction",
     "message",
@@ -31,94 +31,96 @@ SPOKEN = (
     "next",
     "reason",
     "hint",
-)  # keys of texts that stations tell in English
+)  # keys of English texts in a snapshot
 
 
-class Bulletin:
-    """For the viewers of one station in one language; used in the server's event loop alone."""
+class StationBroadcast:
+    """For the viewers of one station in one language; used only in the server's event loop."""
 
     def __init__(self) -> None:
         self._viewers: list[asyncio.Event] = []
         self._leave: Callable[[], None] | None = None
-        self._rung = False  # the loop was told that there is something new and has not got that far
-        self._beat: tuple[tuple[int, float] | None, str, float] = (
+        self._is_waking = False  # the loop will wake the viewers
+        self._pulse: tuple[tuple[int, float] | None, str, float] = (
             None,
             "",
             0.0,
-        )  # what it was written for, as text, its newest point
-        self._whole: tuple[int | None, str] = (None, "")  # number of the snapshot, as text
+        )  # its key, text, newest point
+        self._snapshot: tuple[int | None, str] = (None, "")  # number of the snapshot, as text
 
     @contextmanager
     def news(self, station: AnyStation) -> Iterator[asyncio.Event]:
         """Set now, and whenever there is something new."""
-        mine = asyncio.Event()
-        mine.set()
-        self._viewers.append(mine)
-        self._leave = self._leave or station.watch(partial(self._ring, asyncio.get_running_loop()))
+        event = asyncio.Event()
+        event.set()
+        self._viewers.append(event)
+        self._leave = self._leave or station.watch(
+            partial(self._request_wake, asyncio.get_running_loop())
+        )
         try:
-            yield mine
+            yield event
         finally:
-            self._viewers.remove(mine)
+            self._viewers.remove(event)
             if not self._viewers:
                 self._leave()
                 self._leave = None
 
-    def beat(self, station: AnyStation, since: float) -> tuple[str, float]:
+    def pulse(self, station: AnyStation, since: float) -> tuple[str, float]:
         """The newest pose with the curve's points later than `since`, and the newest of those."""
         wanted = (station.changes, since)
-        if self._beat[0] != wanted:
-            told = station.pulse(since)
-            points = told["points"]
-            self._beat = (wanted, _written(told), points[-1][0] if points else since)
-        return self._beat[1:]
+        if self._pulse[0] != wanted:
+            payload = station.pulse(since)
+            points = payload["points"]
+            self._pulse = (wanted, _to_json_text(payload), points[-1][0] if points else since)
+        return self._pulse[1:]
 
     def snapshot(self, station: AnyStation, language: Language) -> tuple[int, str]:
         """The newest snapshot with its number."""
-        number, told = station.news()
-        if self._whole[0] != number:
-            self._whole = (number, _written(spoken(told, language)))
-        return number, self._whole[1]
+        number, payload = station.news()
+        if self._snapshot[0] != number:
+            self._snapshot = (number, _to_json_text(localised_snapshot(payload, language)))
+        return number, self._snapshot[1]
 
-    def _ring(self, loop: asyncio.AbstractEventLoop) -> None:
+    def _request_wake(self, loop: asyncio.AbstractEventLoop) -> None:
         """From any thread: wake the loop once, however many watch."""
-        if not self._rung:
-            self._rung = True
+        if not self._is_waking:
+            self._is_waking = True
             loop.call_soon_threadsafe(self._wake)
 
     def _wake(self) -> None:
-        self._rung = False
+        self._is_waking = False
         for viewer in self._viewers:
             viewer.set()
 
 
-class Bulletins:
+class Broadcasts:
     """One a station and language."""
 
     def __init__(self) -> None:
-        self._all: WeakKeyDictionary[AnyStation, dict[str, Bulletin]] = WeakKeyDictionary()
+        self._all: WeakKeyDictionary[AnyStation, dict[str, StationBroadcast]] = WeakKeyDictionary()
 
-    def of(self, station: AnyStation, language: Language) -> Bulletin:
-        return self._all.setdefault(station, {}).setdefault(language.code, Bulletin())
+    def of(self, station: AnyStation, language: Language) -> StationBroadcast:
+        return self._all.setdefault(station, {}).setdefault(language.code, StationBroadcast())
 
 
-def spoken(snapshot: dict[str, Any], language: Language) -> dict[str, Any]:
+def localised_snapshot(snapshot: dict[str, Any], language: Language) -> dict[str, Any]:
     """A snapshot in a language."""
-    found: dict[str, Any] = language.told(snapshot, SPOKEN)
-    if (free := found.get("self_calibration")) and (kept := free["found"]):
+    localised: dict[str, Any] = language.told(snapshot, TRANSLATED_KEYS)
+    if (free := localised.get("self_calibration")) and (solution := free["found"]):
         return {
-            **found,
+            **localised,
             "self_calibration": {
                 **free,
-                "found": self_calibration.told(kept["table"], kept["told"], language),
+                "found": self_calibration.told(solution["table"], solution["told"], language),
             },
         }
-    return found
+    return localised
 
 
-def until_next() -> float:
+def time_to_next_pulse() -> float:
     """Seconds to the next PULSE of the server's clock."""
     return PULSE - time.monotonic() % PULSE
 
 
-def _written(told: dict[str, Any]) -> str:
-    return orjson.dumps(told, option=orjson.OPT_SERIALIZE_NUMPY).decode()
+def _to_json_text(payload: dict[str, Any]) -> str:
+    return orjson.dumps(payload, option=orjson.OPT_SERIALIZE_NUMPY).decode()

@@ -1,4 +1,4 @@
-"""Where a user's mistake becomes an answer: one place, one form `{"error": sentence}`."""
+"""Answers to errors, all in the form `{"error": sentence}`."""
 
 import logging
 
@@ -54,12 +54,12 @@ def install(app: FastAPI) -> None:
         where = ".".join(
             str(part) for part in first["loc"] if part not in ("body", "query", "path")
         )
-        said = f"{where or 'request'}: {first['msg']}; nothing was changed"
-        return JSONResponse({"error": preferred(request).heard(said)}, 422)
+        sentence = f"{where or 'request'}: {first['msg']}; nothing was changed"
+        return JSONResponse({"error": preferred(request).heard(sentence)}, 422)
 
     @app.exception_handler(HTTPException)
     async def refused(request: Request, error: HTTPException) -> JSONResponse:
-        if is_full(error.__cause__):  # while an upload was taken in
+        if is_full(error.__cause__):  # during an upload
             return JSONResponse({"error": preferred(request).heard(FULL)}, NO_ROOM)
         return JSONResponse(
             {"error": preferred(request).heard(str(error.detail))},
@@ -86,5 +86,7 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(Exception)
     async def bug(request: Request, error: Exception) -> JSONResponse:
         log.exception("%s %s", request.method, request.url.path, exc_info=error)
-        said = "something went wrong inside Handscope; the log has the details, nothing was changed"
-        return JSONResponse({"error": preferred(request).heard(said)}, 500)
+        sentence = (
+            "something went wrong inside Handscope; the log has the details, nothing was changed"
+        )
+        return JSONResponse({"error": preferred(request).heard(sentence)}, 500)

@@ -7,10 +7,10 @@ from fastapi import APIRouter
 from starlette.responses import Response
 
 from handscope.app import language
-from handscope.app.auth.roles import ANYBODY, may
+from handscope.app.auth.roles import ANYBODY, requires_role
 from handscope.app.language import Language
 
-router = APIRouter(include_in_schema=False, dependencies=[may(ANYBODY)])
+router = APIRouter(include_in_schema=False, dependencies=[requires_role(ANYBODY)])
 
 
 @router.get("/languages/names.js")

@@ -10,7 +10,7 @@ from starlette.responses import FileResponse, JSONResponse, RedirectResponse
 
 from handscope.app.api.pages import STATIC
 from handscope.app.auth.gate import cookie_name, cookie_of, secure
-from handscope.app.auth.roles import ANYBODY, EVERY_ACCOUNT, address_of, may
+from handscope.app.auth.roles import ANYBODY, EVERY_ACCOUNT, address_of, requires_role
 from handscope.app.state import Db, PartsDep
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
@@ -18,8 +18,8 @@ from handscope.sessions.clinic import accounts, audit
 from handscope.sessions.clinic.audit import Happened
 from handscope.sessions.store import logins
 
-router = APIRouter(tags=["login"], dependencies=[may(ANYBODY)])
-pages = APIRouter(include_in_schema=False, dependencies=[may(ANYBODY)])
+router = APIRouter(tags=["login"], dependencies=[requires_role(ANYBODY)])
+pages = APIRouter(include_in_schema=False, dependencies=[requires_role(ANYBODY)])
 
 
 class Proof(BaseModel):
@@ -34,17 +34,17 @@ class Proof(BaseModel):
 def login_page(
     parts: PartsDep, db: Db, request: Request, token: Annotated[str, Query(max_length=200)] = ""
 ) -> Response:
-    """With a good token: in. Otherwise the page that asks for one."""
+    """Log in with a valid token; otherwise the page that asks for one."""
     account = logins.redeem(db, parts.store, token) if token else None
     if account is None:
-        _refused(db, token)
+        _record_refusal(db, token)
         return FileResponse(STATIC / "login" / "index.html", status_code=401 if token else 200)
     return with_cookie(RedirectResponse("/", 303), request, logins.begin(db, account))
 
 
 @router.get("/login")
-def ways_in(db: Db, parts: PartsDep) -> dict[str, Any]:
-    """What the login page offers: passwords where an account has one, the organisation's login where one is named."""
+def login_options(db: Db, parts: PartsDep) -> dict[str, Any]:
+    """Options of the login page: passwords where an account has one, single sign-on where configured."""
     return {"passwords": accounts.with_passwords(db), "single": parts.settings.sign_on is not None}
 
 
@@ -59,7 +59,7 @@ def log_in(parts: PartsDep, db: Db, request: Request, given: Proof) -> Response:
     else:
         account = logins.redeem(db, parts.store, given.token.strip())
         if account is None:
-            _refused(db, given.token)
+            _record_refusal(db, given.token)
             raise InputError(
                 "this code was used before or is not right; print a new one with: handscope login"
             )
@@ -74,7 +74,7 @@ def log_in(parts: PartsDep, db: Db, request: Request, given: Proof) -> Response:
     },
 )
 def log_out(db: Db, parts: PartsDep, request: Request) -> Response:
-    """`next` is where the browser goes then, where that is not our login page: whom the organisation let in, it would let in again."""
+    """`next` is the address that the browser opens afterwards, after a single sign-on; else the login page."""
     account = logins.end(db, cookie_of(request))
     single = (
         account is not None and account.subject is not None and parts.settings.sign_on is not None
@@ -90,7 +90,7 @@ def log_out(db: Db, parts: PartsDep, request: Request) -> Response:
     return response
 
 
-def _refused(db: Db, token: str) -> None:
+def _record_refusal(db: Db, token: str) -> None:
     if token:
         audit.tell(db, Happened("refused", "login", counts={"by": "code"}))
         db.commit()
@@ -98,31 +98,31 @@ def _refused(db: Db, token: str) -> None:
 
 @router.get("/health")
 def health(parts: PartsDep, response: Response) -> dict[str, Any]:
-    """For whoever watches over the server: 503 where it cannot work. Without its object storage it records on: that is told, a restart would not mend it."""
+    """For monitoring: 503 where the server cannot work. It still records without its object storage, so that is only reported."""
     status = "ok"
     try:
         with parts.store.database() as db:
             db.execute(select(1))
     except DBAPIError:
         response.status_code, status = 503, "the database does not answer"
-    told: dict[str, Any] = {"status": status, "version": software_version()}
-    if parts.moving_out:
-        latest = parts.moving_out.latest
-        told["object_storage"] = {
+    payload: dict[str, Any] = {"status": status, "version": software_version()}
+    if parts.storage_mover:
+        latest = parts.storage_mover.latest
+        payload["object_storage"] = {
             "status": "cannot be used" if latest.problem else "ok",
             "files_waiting": latest.waiting,
         }
-    return told
+    return payload
 
 
-@router.get("/openapi.json", include_in_schema=False, dependencies=[may(*EVERY_ACCOUNT)])
+@router.get("/openapi.json", include_in_schema=False, dependencies=[requires_role(*EVERY_ACCOUNT)])
 def openapi(request: Request) -> dict[str, Any]:
-    found: dict[str, Any] = request.app.openapi()
-    return found
+    schema: dict[str, Any] = request.app.openapi()
+    return schema
 
 
 def with_cookie(response: Response, request: Request, cookie: str) -> Response:
-    """Scripts cannot read it, other sites' pages cannot send it, and behind TLS it never travels without."""
+    """The response with a login cookie: hidden from scripts, not sent by other sites' pages, TLS only behind TLS."""
     response.set_cookie(
         cookie_name(request.scope),
         cookie,

@@ -6,13 +6,13 @@ from typing import Any
 from fastapi import APIRouter
 
 from handscope.app.api.sessions import NewResult
-from handscope.app.auth.roles import EVERY_ACCOUNT, may
+from handscope.app.auth.roles import EVERY_ACCOUNT, requires_role
 from handscope.app.protocols import offered
 from handscope.app.state import LanguageDep, PartsDep
 from handscope.estimators.data.options import describe
 from handscope.estimators.methods import OFFERED
 
-router = APIRouter(tags=["methods"], dependencies=[may(*EVERY_ACCOUNT)])
+router = APIRouter(tags=["methods"], dependencies=[requires_role(*EVERY_ACCOUNT)])
 
 
 @router.get("/methods")

@@ -14,13 +14,13 @@ from handscope.app.auth.oidc import (
     Answer,
     SignOn,
     SignOnError,
-    farewell,
-    identity,
-    leave,
+    authorization_address,
+    logout_address,
     roles_of,
     subject_of,
+    verify_identity,
 )
-from handscope.app.auth.roles import ANYBODY, may
+from handscope.app.auth.roles import ANYBODY, requires_role
 from handscope.app.state import Db, PartsDep
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit
@@ -28,21 +28,26 @@ from handscope.sessions.clinic.audit import Happened
 from handscope.sessions.store import logins
 
 log = logging.getLogger(__name__)
-router = APIRouter(include_in_schema=False, dependencies=[may(ANYBODY)])
+router = APIRouter(include_in_schema=False, dependencies=[requires_role(ANYBODY)])
 COOKIE, MINUTES = "handscope-sso", 10
 IN = '<!doctype html><title>Handscope</title><meta http-equiv="refresh" content="0; url=/"><a href="/">Handscope</a>'
 
 
 @router.get("/login/sso")
-def go(parts: PartsDep, request: Request) -> Response:
+def redirect_to_provider(parts: PartsDep, request: Request) -> Response:
     """To the provider."""
     word = secrets.token_urlsafe(32)
     try:
         response = RedirectResponse(
-            leave(_agreed(parts.settings.sign_on), word, _ours(request, "/login/sso/answer")), 303
+            authorization_address(
+                _require_configuration(parts.settings.sign_on),
+                word,
+                _ours(request, "/login/sso/answer"),
+            ),
+            303,
         )
     except SignOnError as problem:
-        return _not_in(problem)
+        return _refuse(problem)
     response.set_cookie(
         COOKIE,
         word,
@@ -51,12 +56,12 @@ def go(parts: PartsDep, request: Request) -> Response:
         httponly=True,
         samesite="lax",
         secure=secure(request.scope),
-    )  # lax: it must come along when the provider sends the browser back
+    )  # lax: the provider's redirect back must send it
     return response
 
 
 @router.get("/login/sso/answer")
-def come_back(
+def receive_answer(
     db: Db,
     parts: PartsDep,
     request: Request,
@@ -65,13 +70,13 @@ def come_back(
     error: Annotated[str, Query(max_length=200)] = "",
     iss: Annotated[str, Query(max_length=400)] = "",
 ) -> Response:
-    """From the provider. The page that follows is asked for by ours, so that it comes with the strict cookie."""
+    """From the provider. Our own page requests the next one, so that the strict cookie is sent."""
     agreed, given = (
-        _agreed(parts.settings.sign_on),
+        _require_configuration(parts.settings.sign_on),
         Answer(state=state, code=code, error=error, issuer=iss),
     )
     try:
-        claims = identity(
+        claims = verify_identity(
             agreed, request.cookies.get(COOKIE, ""), _ours(request, "/login/sso/answer"), given
         )
         name = str(claims.get(NAME) or claims["sub"])
@@ -82,7 +87,7 @@ def come_back(
         kind = problem.kind if isinstance(problem, SignOnError) else "refused"
         audit.tell(db, Happened("refused", "login", counts={"by": "single sign-on", "why": kind}))
         db.commit()
-        response = _not_in(problem)
+        response = _refuse(problem)
     else:
         response = with_cookie(HTMLResponse(IN), request, logins.begin(db, account))
     response.delete_cookie(COOKIE, path="/login/sso")
@@ -90,24 +95,26 @@ def come_back(
 
 
 @router.get("/login/sso/end")
-def part(parts: PartsDep, request: Request) -> Response:
-    """To where the provider asks whether its own login ends, too: without that whoever comes next to this browser would be in again."""
+def end_login(parts: PartsDep, request: Request) -> Response:
+    """To the page that ends the provider's own login: else the next person at this browser would be logged in."""
     try:
-        place = farewell(_agreed(parts.settings.sign_on), _ours(request, "/login"))
+        place = logout_address(
+            _require_configuration(parts.settings.sign_on), _ours(request, "/login")
+        )
     except SignOnError as problem:
         log.warning("single sign-on: the provider's own login was not ended: %s", problem)
         place = None
     return RedirectResponse(place or "/login", 303)
 
 
-def _not_in(problem: InputError) -> Response:
-    """Back to our page, which says so; why is for whoever reads the log."""
+def _refuse(problem: InputError) -> Response:
+    """Back to our login page; the reason goes to the log."""
     log.warning("single sign-on: nobody was let in: %s", problem)
     kind = problem.kind if isinstance(problem, SignOnError) else "refused"
     return RedirectResponse(f"/login?refused={kind}", 303)
 
 
-def _agreed(agreed: SignOn | None) -> SignOn:
+def _require_configuration(agreed: SignOn | None) -> SignOn:
     if agreed is None:
         raise InputError("there is no single sign-on on this server")
     return agreed

@@ -8,12 +8,12 @@ from fastapi import APIRouter, Request, WebSocket
 from starlette.responses import FileResponse, Response
 
 from handscope import static
-from handscope.app.auth.roles import CLINICIAN, EVERY_ACCOUNT, SCIENTIST, may
+from handscope.app.auth.roles import CLINICIAN, EVERY_ACCOUNT, SCIENTIST, requires_role
 from handscope.app.scene import bridge
 from handscope.app.state import StationDep, station_of
 from handscope.estimators.errors import InputError
 
-router = APIRouter(include_in_schema=False, dependencies=[may(*EVERY_ACCOUNT)])
+router = APIRouter(include_in_schema=False, dependencies=[requires_role(*EVERY_ACCOUNT)])
 STATIC = Path(static.__file__).parent
 OPENING = 30.0  # s that a viewer waits for a scene whose process begins
 PAGES = ("/", "/patients/{id}", "/sessions/{id}", "/stations/{id}", "/help", "/account", "/audit")
@@ -27,7 +27,7 @@ for address in PAGES:
     router.add_api_route(address, _page, methods=["GET"])
 
 
-@router.get("/scene/{name}/", dependencies=[may(CLINICIAN, SCIENTIST)])
+@router.get("/scene/{name}/", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
 def scene_page(request: Request, _: StationDep) -> Response:
     """viser's client; it comes back for its web socket under the same address without the last slash."""
     packed = "gzip" in request.headers.get("accept-encoding", "")
@@ -42,7 +42,7 @@ def scene_page(request: Request, _: StationDep) -> Response:
     )
 
 
-@router.websocket("/scene/{name}", dependencies=[may(CLINICIAN, SCIENTIST)])
+@router.websocket("/scene/{name}", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
 async def scene_socket(websocket: WebSocket, name: str) -> None:
     try:
         scene = station_of(websocket, name).scene

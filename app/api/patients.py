@@ -9,16 +9,22 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import StreamingResponse
 
 from handscope.app.api.pseudonymisation import for_reader
-from handscope.app.api.result_view import calibration_reading
+from handscope.app.api.result_view import calibration_payload
 from handscope.app.api.sessions import session_row
-from handscope.app.auth.roles import ADMINISTRATOR, CLINICIAN, SCIENTIST, WhoDep, may
+from handscope.app.auth.roles import (
+    ADMINISTRATOR,
+    CLINICIAN,
+    SCIENTIST,
+    RequesterDep,
+    requires_role,
+)
 from handscope.app.state import Db, LanguageDep, PartsDep
-from handscope.app.workers.patient_exporter import exported
+from handscope.app.workers.patient_exporter import stream_patient_export
 from handscope.sessions.clinic import dates, notes, patients, timeline
 from handscope.sessions.db.tables import Note, Patient, now
 from handscope.sessions.store import erasure
 
-router = APIRouter(tags=["patients"], dependencies=[may(CLINICIAN)])
+router = APIRouter(tags=["patients"], dependencies=[requires_role(CLINICIAN)])
 MOST = 200  # patients in one answer
 
 
@@ -81,10 +87,10 @@ class NoteChange(BaseModel):
     removed: bool | None = Field(None, description="a removed note can be brought back for a week")
 
 
-@router.get("/patients", dependencies=[may(CLINICIAN, SCIENTIST)])
+@router.get("/patients", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
 def list_patients(
     db: Db,
-    who: WhoDep,
+    requester: RequesterDep,
     response: Response,
     search: Annotated[str, Query(max_length=200)] = "",
     archived: bool = False,
@@ -93,10 +99,10 @@ def list_patients(
 ) -> list[dict[str, Any]]:
     """Patients by pseudonym, the most recently seen first; the header X-Total-Count says how many there are."""
     response.headers["X-Total-Count"] = str(patients.count(db, search, archived))
-    found = patients.find(db, search, archived, limit, offset)
+    matches = patients.find(db, search, archived, limit, offset)
     return [
-        for_reader(who, {**patient_row(p), "sessions": count, "last_session": last})
-        for p, count, last in found
+        for_reader(requester, {**patient_row(p), "sessions": count, "last_session": last})
+        for p, count, last in matches
     ]
 
 
@@ -105,18 +111,20 @@ def create_patient(db: Db, new: NewPatient) -> dict[str, Any]:
     return patient_row(patients.create(db, **new.model_dump()))
 
 
-@router.get("/patients/{patient_id}", dependencies=[may(CLINICIAN, SCIENTIST)])
-def read_patient(db: Db, who: WhoDep, language: LanguageDep, patient_id: int) -> dict[str, Any]:
+@router.get("/patients/{patient_id}", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
+def read_patient(
+    db: Db, requester: RequesterDep, language: LanguageDep, patient_id: int
+) -> dict[str, Any]:
     """A patient with notes and all sessions, the newest first."""
     patient, clock, visits = patients.get(db, patient_id), now(), timeline.visits(db, patient_id)
     sessions = [v.session for v in visits]
     doubts = dates.doubts(patient, sessions, clock)
     rows = [
         for_reader(
-            who,
+            requester,
             {
                 **session_row(v.session),
-                "calibration": calibration_reading(v.calibration, language),
+                "calibration": calibration_payload(v.calibration, language),
                 "warnings": v.warnings,
                 "doubts": doubts[v.session.id],
             },
@@ -125,7 +133,7 @@ def read_patient(db: Db, who: WhoDep, language: LanguageDep, patient_id: int) ->
     ]
     return {
         **for_reader(
-            who,
+            requester,
             {
                 **patient_row(patient),
                 "notes": [note_row(n) for n in patient.notes if n.removed is None],
@@ -133,7 +141,7 @@ def read_patient(db: Db, who: WhoDep, language: LanguageDep, patient_id: int) ->
         ),
         "sessions": rows,
         "clock": for_reader(
-            who, {"now": clock, "doubts": dates.clock_doubts(patient, sessions, clock)}
+            requester, {"now": clock, "doubts": dates.clock_doubts(patient, sessions, clock)}
         ),
     }
 
@@ -143,11 +151,13 @@ def change_patient(db: Db, patient_id: int, change: PatientChange) -> dict[str, 
     return patient_row(patients.change(db, patient_id, **change.model_dump(exclude_unset=True)))
 
 
-@router.get("/patients/{patient_id}/export.zip", dependencies=[may(CLINICIAN, does="exported")])
+@router.get(
+    "/patients/{patient_id}/export.zip", dependencies=[requires_role(CLINICIAN, does="exported")]
+)
 def export_patient(db: Db, parts: PartsDep, patient_id: int) -> StreamingResponse:
     """Everything about a patient: facts, notes, recordings as kept and as Motion-BIDS, results, a manifest with checksums."""
     pseudonym = patients.get(db, patient_id).pseudonym
-    zipped = exported(parts.store, patient_id)
+    zipped = stream_patient_export(parts.store, patient_id)
     first = next(zipped)
     name = f"handscope-{''.join(c if c.isascii() and c.isalnum() else '-' for c in pseudonym)}-{date.today().isoformat()}.zip"
     return StreamingResponse(
@@ -158,15 +168,15 @@ def export_patient(db: Db, parts: PartsDep, patient_id: int) -> StreamingRespons
 
 
 @router.post("/patients/{patient_id}/erasure")
-def erase_patient(db: Db, parts: PartsDep, patient_id: int, wish: Erasure) -> dict[str, int]:
+def erase_patient(db: Db, parts: PartsDep, patient_id: int, body: Erasure) -> dict[str, int]:
     """Erase everything about a patient for good; answers with what there was."""
     sessions = {s.id for s in patients.get(db, patient_id).sessions}
-    counts = erasure.erase(db, parts.store, patient_id, wish.pseudonym)
+    counts = erasure.erase(db, parts.store, patient_id, body.pseudonym)
     parts.stations.close_replays(sessions)
     return counts
 
 
-@router.get("/erasures", dependencies=[may(CLINICIAN, ADMINISTRATOR)])
+@router.get("/erasures", dependencies=[requires_role(CLINICIAN, ADMINISTRATOR)])
 def list_erasures(db: Db) -> list[dict[str, Any]]:
     """What was erased when, the newest first; never whose it was."""
     return [

@@ -1,11 +1,11 @@
-"""/api/patients/{id}/progress: how a patient's figures went over the sessions"""
+"""/api/patients/{id}/progress: a patient's figures over the sessions"""
 
 from dataclasses import asdict
 from typing import Any
 
 from fastapi import APIRouter
 
-from handscope.app.auth.roles import CLINICIAN, SCIENTIST, may
+from handscope.app.auth.roles import CLINICIAN, SCIENTIST, requires_role
 from handscope.app.language import Language
 from handscope.app.protocols import offered
 from handscope.app.report.changes import Judge
@@ -13,7 +13,9 @@ from handscope.app.report.progress import Course, Progress, Series, progress
 from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.sessions.clinic import patients, repeatability
 
-router = APIRouter(prefix="/patients", tags=["patients"], dependencies=[may(CLINICIAN, SCIENTIST)])
+router = APIRouter(
+    prefix="/patients", tags=["patients"], dependencies=[requires_role(CLINICIAN, SCIENTIST)]
+)
 
 
 @router.get("/{patient_id}/progress")
@@ -22,34 +24,34 @@ def read_progress(
 ) -> dict[str, Any]:
     """Sessions by hand, and of every figure its values in their order; what a change must exceed, and whether it does."""
     patient = patients.get(db, patient_id)
-    found = progress(repeatability.history(db, patient_id), offered(parts.store.folder)[0])
+    history = progress(repeatability.history(db, patient_id), offered(parts.store.folder)[0])
     return {
         "affected": patient.affected_hand,
         **(
-            _told(found, language)
-            if found
+            _progress_payload(history, language)
+            if history
             else {"method": "", "judges": [], "sessions": {}, "series": []}
         ),
     }
 
 
-def _told(found: Progress, language: Language) -> dict[str, Any]:
-    judges = list(dict.fromkeys(c.judge for s in found.series for c in s.hands.values()))
+def _progress_payload(history: Progress, language: Language) -> dict[str, Any]:
+    judges = list(dict.fromkeys(c.judge for s in history.series for c in s.hands.values()))
     return {
         "judges": [
             {**asdict(judge), "sources": [language.heard(s) for s in judge.sources]}
             for judge in judges
         ],
-        "method": found.method,
+        "method": history.method,
         "sessions": {
             hand: [
                 {"session": o.session, "result": o.result, "started": o.started} for o in occasions
             ]
-            for hand, occasions in found.sessions.items()
+            for hand, occasions in history.sessions.items()
         },
         "series": [
             {**_series(s, judges), "label": language.known(f"figure.{s.name}", "")}
-            for s in found.series
+            for s in history.series
         ],
     }
 
@@ -60,12 +62,12 @@ def _series(s: Series, judges: list[Judge]) -> dict[str, Any]:
         if s.reference
         else None
     )
-    told = {
+    facts = {
         name: getattr(s, name)
         for name in ("measure", "task", "name", "unit", "joint", "angle", "end")
     }
     return {
-        **told,
+        **facts,
         "reference": reference,
         "hands": {hand: _course(c, judges) for hand, c in s.hands.items()},
     }

@@ -1,13 +1,14 @@
-"""What a scientist is not shown: what may tell who a patient is, though there is a code in place of the name.
+"""Data withheld from scientists: whatever may identify a patient in spite of the code.
 
-Shown: the code, hands, hand measures, days of sessions, movement, figures. Withheld: the year of birth, and all text that a person typed or a file
-brought, since nobody can be sure what stands in it: notes, the examiner's name, reasons, a file's name; and doubts about dates, which tell the year.
+Shown: the code, hands, hand measures, days of sessions, movement, figures. Withheld: the year of birth, and all free
+text, since it may contain anything: notes, the examiner's name, reasons, a file's name; and doubts about dates, which
+reveal the year.
 """
 
 from collections.abc import Mapping
 from typing import Any
 
-from handscope.app.auth.roles import Who
+from handscope.app.auth.roles import Requester
 
 WITHHELD: Mapping[str, Any] = {
     "year_of_birth": None,
@@ -28,16 +29,16 @@ OF_EVENTS = (
 )  # the rest may be text
 
 
-def for_reader(who: Who, row: Mapping[str, Any]) -> dict[str, Any]:
+def for_reader(requester: Requester, row: Mapping[str, Any]) -> dict[str, Any]:
     """A row of a patient, session, recording or correction as the account may see it; an empty list stays one."""
-    if who.sees_all:
+    if requester.sees_all:
         return dict(row)
     return {key: _empty(key, value) if key in WITHHELD else value for key, value in row.items()}
 
 
-def events_for(who: Who, content: Mapping[str, Any]) -> dict[str, Any]:
+def events_for(requester: Requester, content: Mapping[str, Any]) -> dict[str, Any]:
     """A kept result's content without what was typed at its events."""
-    if who.sees_all or "events" not in content:
+    if requester.sees_all or "events" not in content:
         return dict(content)
     return {
         **content,

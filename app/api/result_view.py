@@ -1,4 +1,4 @@
-"""What pages show of a result beside its SI figures: ranges in the report's words, figures in the units a person reads, how calibration went."""
+"""A result for pages: ranges in the report's words, figures in readable units, quality of the calibration."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
@@ -43,7 +43,7 @@ def readings(
     grading: str = DEFAULT,
     other_hand: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
-    """Tables for pages from a kept result's content and figures, `lean` without every figure by itself; empty before it is done."""
+    """Tables for pages from a stored result's content and figures, `lean` without the list of figures; empty before it is done."""
     tasks = content.get("tasks", [])
     return {
         "ranges": _ranges(
@@ -56,14 +56,14 @@ def readings(
         "tapping": _tapping(
             [t for t in tasks if t["measure"] == "tapping"], figures, protocols, language
         ),
-        "calibration": calibration_reading(content.get("calibration"), language),
+        "calibration": calibration_payload(content.get("calibration"), language),
         "changes": _changes(changes, protocols, language) if changes else None,
         "others": _others(tasks, figures, protocols, language, grading, dict(other_hand or {})),
-    } | ({} if lean else {"figures": [_told(f, language) for f in figures]})
+    } | ({} if lean else {"figures": [_figure_payload(f, language) for f in figures]})
 
 
-def _told(row: Mapping[str, Any], language: Language) -> dict[str, Any]:
-    """Any figure in the unit a person reads, with what is needed to trust it and the norm that it may be held against."""
+def _figure_payload(row: Mapping[str, Any], language: Language) -> dict[str, Any]:
+    """A figure in a readable unit, with its uncertainty, grade, source and norm."""
     value, sd = _read(row, row["value"]), _read(row, row.get("sd"))
     what, part = row.get("what") or row["name"], row.get("part", "")
     norm = norm_of(what, part, row["task"])
@@ -94,13 +94,13 @@ def _read(row: Mapping[str, Any], value: float | None) -> tuple[float | None, st
 def _changes(
     changes: Changes, protocols: Mapping[str, Protocol], language: Language
 ) -> dict[str, Any]:
-    """Since when, judged by what, and the words for the means of the tapping tasks' trials; those for ranges stand in their rows."""
+    """Since when, the sources, and the words for the tapping tasks; those for ranges are in their rows."""
     tapping = [
         {
             "title": _title({"task": task}, protocols.get(task), language),
-            "figures": [{"name": name, "words": words} for name, words in said.items()],
+            "figures": [{"name": name, "words": words} for name, words in figures.items()],
         }
-        for task, said in tapping_words(changes, language).items()
+        for task, figures in tapping_words(changes, language).items()
     ]
     sources = {
         measure: [language.heard(s) for s in changes.sources(measure)]
@@ -110,15 +110,17 @@ def _changes(
 
 
 def _ranges(
-    told: list[dict[str, Any]],
+    trials: list[dict[str, Any]],
     figures: list[dict[str, Any]],
     protocols: Mapping[str, Protocol],
     language: Language,
     changes: Changes | None,
 ) -> list[dict[str, Any]]:
     """One table over the tasks that asked for the full range, then one for the trials of each of the others."""
-    kept = _by_task(figures)
-    tasks = [_task(t, kept.get(_key(t), ()), protocols.get(t["task"]), language) for t in told]
+    figures_of = _by_task(figures)
+    tasks = [
+        _task(t, figures_of.get(_key(t), ()), protocols.get(t["task"]), language) for t in trials
+    ]
     full = [t for t in tasks if asks_full_range(t.result.task)]
     groups = ([full] if full else []) + by_task([t for t in tasks if t not in full])
     return [
@@ -135,17 +137,17 @@ def _ranges(
 
 
 def _task(
-    told: Mapping[str, Any],
+    trial: Mapping[str, Any],
     figures: Sequence[Figure],
     protocol: Protocol | None,
     language: Language,
 ) -> Task:
-    ranges = [Range(**r) for r in told["ranges"]]
+    ranges = [Range(**r) for r in trial["ranges"]]
     return Task(
         TaskResult(
-            told["task"], told["measure"], told["onset"], told["end"], ranges, tuple(figures)
+            trial["task"], trial["measure"], trial["onset"], trial["end"], ranges, tuple(figures)
         ),
-        _title(told, protocol, language),
+        _title(trial, protocol, language),
         "",
         asked(protocol),
     )
@@ -178,8 +180,8 @@ def _others(
     other_hand: dict[str, float],
 ) -> list[dict[str, Any]]:
     """Measures that have no card of their own, as the report has them, with the norms of their figures."""
-    kept = _by_task(figures)
-    told = [
+    figures_of = _by_task(figures)
+    trials = [
         Task(
             TaskResult(
                 t["task"],
@@ -187,7 +189,7 @@ def _others(
                 t["onset"],
                 t["end"],
                 None,
-                tuple(kept.get(_key(t), ())),
+                tuple(figures_of.get(_key(t), ())),
                 shown_of(t.get("shown")),
             ),
             _title(t, protocols.get(t["task"]), language),
@@ -196,13 +198,13 @@ def _others(
         )
         for t in tasks
     ]
-    sections = other_measures(graded_tasks(told, grading, other_hand), language)
+    sections = other_measures(graded_tasks(trials, grading, other_hand), language)
     choices = [[scheme, language.say(f"grading.{scheme}")] for scheme in GRADINGS]
     return [
         {
             **s,
             "gradings": choices if s["grading"] else [],
-            "curves": [[trial, [asdict(p) for p in found]] for trial, found in s["curves"]],
+            "curves": [[trial, [asdict(p) for p in panels]] for trial, panels in s["curves"]],
         }
         for s in sections
         if s["rows"]
@@ -210,36 +212,36 @@ def _others(
 
 
 def _by_task(figures: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str, float], list[Figure]]:
-    """Kept figures by the trial that they are of."""
-    kept: dict[tuple[str, str, float], list[Figure]] = {}
+    """Stored figures by their trial."""
+    by_trial: dict[tuple[str, str, float], list[Figure]] = {}
     for row in figures:
-        kept.setdefault(_key(row), []).append(_kept(row))
-    return kept
+        by_trial.setdefault(_key(row), []).append(_stored_figure(row))
+    return by_trial
 
 
 def _key(of: Mapping[str, Any]) -> tuple[str, str, float]:
-    """What a trial and its figures have in common."""
+    """The key that a trial shares with its figures."""
     return of["task"], of["measure"], of.get("onset", 0.0)
 
 
-def _kept(row: Mapping[str, Any]) -> Figure:
-    """A figure from its kept row; what older rows lack is empty."""
-    known = {f.name: row[f.name] for f in fields(Figure) if row.get(f.name) is not None}
-    return Figure(**{**known, "value": np.nan if row["value"] is None else row["value"]})
+def _stored_figure(row: Mapping[str, Any]) -> Figure:
+    """A figure from its stored row; fields that older rows lack are empty."""
+    stored = {f.name: row[f.name] for f in fields(Figure) if row.get(f.name) is not None}
+    return Figure(**{**stored, "value": np.nan if row["value"] is None else row["value"]})
 
 
 def _tapping(
-    told: list[dict[str, Any]],
+    trials: list[dict[str, Any]],
     figures: list[dict[str, Any]],
     protocols: Mapping[str, Protocol],
     language: Language,
 ) -> list[dict[str, Any]]:
-    """Trials in order of time; the kept figures are in the same order, as many a trial; those that have a row of their own."""
+    """Trials in order of time with the figures that have a row; stored figures are in the same order, equally many a trial."""
     rows = [f for f in figures if f["measure"] == "tapping" and f["name"] in TAPPING_DECIMALS]
-    each = len(rows) // len(told) if told else 0
-    trials = []
-    for k, t in enumerate(told):
-        trials.append(
+    each = len(rows) // len(trials) if trials else 0
+    rows_of_trials = []
+    for k, t in enumerate(trials):
+        rows_of_trials.append(
             {
                 "title": _title(t, protocols.get(t["task"]), language),
                 "onset": t["onset"],
@@ -251,7 +253,7 @@ def _tapping(
                 "figures": [_figure(f, language) for f in rows[k * each : (k + 1) * each]],
             }
         )
-    return trials
+    return rows_of_trials
 
 
 def _figure(row: Mapping[str, Any], language: Language) -> dict[str, Any]:
@@ -261,41 +263,41 @@ def _figure(row: Mapping[str, Any], language: Language) -> dict[str, Any]:
             row["name"], value, row["unit"], row["source"], row["sd"], row["grade"], row["reason"]
         )
     )
-    known = read.value if np.isfinite(read.value) else None
+    number = read.value if np.isfinite(read.value) else None
     sd = _read(row, row["sd"])[0] or None
     return {
         "name": row["name"],
         "label": figure_words(row["name"], language),
-        "value": known,
+        "value": number,
         "sd": sd,
         "unit": read.unit,
     }
 
 
-def calibration_reading(
-    told: Mapping[str, Any] | None, language: Language
+def calibration_payload(
+    calibration: Mapping[str, Any] | None, language: Language
 ) -> dict[str, Any] | None:
-    """Of each quality the sensor with the largest value, in deg and deg/s."""
-    if not told or not told["quality"]:
+    """The sensor with the largest value of each quality, in deg and deg/s."""
+    if not calibration or not calibration["quality"]:
         return None
-    quality = told["quality"]
+    quality = calibration["quality"]
     worst = {name: max(quality, key=lambda s: quality[s][name]) for name in CALIBRATION}
     rows = [
         {"name": n, "segment": s, "value": round(DEG * quality[s][n], 2), "unit": CALIBRATION[n]}
         for n, s in worst.items()
     ]
     return {
-        "source": language.heard(told["source"]),
-        "onset": told["onset"],
-        "end": told["end"],
+        "source": language.heard(calibration["source"]),
+        "onset": calibration["onset"],
+        "end": calibration["end"],
         "sensors": len(quality),
         "largest": rows,
     }
 
 
-def _title(told: Mapping[str, Any], protocol: Protocol | None, language: Language) -> str:
+def _title(trial: Mapping[str, Any], protocol: Protocol | None, language: Language) -> str:
     return (
         language.heard(protocol.title)
         if protocol
-        else str(told["task"]).replace("_", " ").capitalize()
+        else str(trial["task"]).replace("_", " ").capitalize()
     )

@@ -1,4 +1,4 @@
-"""/api/results: what a method gave, its report and its exports"""
+"""/api/results: results, their reports and exports"""
 
 import asyncio
 from typing import Annotated, Any
@@ -9,14 +9,14 @@ from starlette.responses import Response
 
 from handscope.app.api.pseudonymisation import events_for
 from handscope.app.api.result_view import readings
-from handscope.app.auth.roles import CLINICIAN, SCIENTIST, WhoDep, may
+from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.job_queue import make_derivative, make_replay_file, make_report
 from handscope.app.protocols import offered
 from handscope.app.report import Paper
 from handscope.app.report.gradings import DEFAULT, MEASURE, uninjured
 from handscope.app.report.sections import self_calibration
 from handscope.app.report.units import READABLE
-from handscope.app.results.curves import APERTURE, beside, curves
+from handscope.app.results.curves import APERTURE, compare_results, load_curves
 from handscope.app.results.report import changes_of, course_of
 from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.estimators.errors import InputError
@@ -26,7 +26,9 @@ from handscope.sessions.clinic import results
 from handscope.sessions.clinic.corrections import without_reasons
 from handscope.sessions.db.tables import Result
 
-router = APIRouter(prefix="/results", tags=["results"], dependencies=[may(CLINICIAN, SCIENTIST)])
+router = APIRouter(
+    prefix="/results", tags=["results"], dependencies=[requires_role(CLINICIAN, SCIENTIST)]
+)
 FORMS = {
     "pdf": "application/pdf",
     "html": "text/html; charset=utf-8",
@@ -43,7 +45,7 @@ ALONE = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"  # a repo
 def read_result(
     db: Db,
     parts: PartsDep,
-    who: WhoDep,
+    requester: RequesterDep,
     language: LanguageDep,
     result_id: int,
     lean: Annotated[
@@ -64,9 +66,9 @@ def read_result(
         changes_of(r) if r.state == "done" else None,
     )
     read = readings(r.content, r.figures, protocols, language, changed, lean, grading, other)
-    told = {"id": r.id} if lean else {"id": r.id, "figures": r.figures}
+    head = {"id": r.id} if lean else {"id": r.id, "figures": r.figures}
     return {
-        **told,
+        **head,
         "session": r.recording.session_id,
         "recording": r.recording_id,
         "method": r.method,
@@ -77,17 +79,17 @@ def read_result(
         "error": language.heard(r.error),
         "created": r.created,
         "content": events_for(
-            who,
+            requester,
             {name: value for name, value in r.content.items() if not (lean and name == "tasks")},
         ),
         "warnings": [
-            language.heard(w if who.sees_all else without_reasons(w, r.corrections))
+            language.heard(w if requester.sees_all else without_reasons(w, r.corrections))
             for w in r.warnings
         ],
         "readings": read,
         "reused": r.reused,
-        "self_calibration": self_calibration.told(kept["table"], kept["told"], language)
-        if (kept := r.content.get("self_calibration"))
+        "self_calibration": self_calibration.told(stored["table"], stored["told"], language)
+        if (stored := r.content.get("self_calibration"))
         else None,
         "grading": grading,
         "checksum": r.recording.sha256,
@@ -96,7 +98,7 @@ def read_result(
 
 @router.delete("/{result_id}/computation", status_code=204)
 def stop(db: Db, result_id: int) -> None:
-    """Nobody waits for it any more: it fails, and may be asked for again."""
+    """Stop the computation; the result fails and can be requested again."""
     results.stop(db, result_id)
 
 
@@ -113,8 +115,10 @@ def read_curves(
     points: Annotated[int, Query(ge=2, le=5000)] = 1500,
 ) -> dict[str, Any]:
     """Time series in degrees (aperture: mm), thinned."""
-    t, found = curves(parts.store, _done(results.get(db, result_id)), what, start, stop, points)
-    return {"t": _numbers(t), "curves": {w: _numbers(values) for w, values in found.items()}}
+    t, by_quantity = load_curves(
+        parts.store, _done(results.get(db, result_id)), what, start, stop, points
+    )
+    return {"t": _numbers(t), "curves": {w: _numbers(values) for w, values in by_quantity.items()}}
 
 
 @router.get("/{result_id}/comparison")
@@ -135,20 +139,20 @@ def compare(
     Of one recording with the difference, other less this, and how far they agree; of two, from the onset of the same task on.
     """
     a = _done(results.get(db, result_id))
-    found = beside(
+    comparison = compare_results(
         parts.store, a, _of_one_patient(a, _done(results.get(db, other))), what, event, points
     )
     return {
-        "t": _numbers(found.t),
-        "a": _numbers(found.a),
-        "b": _numbers(found.b),
-        "difference": _numbers(found.apart) if found.agreement else None,
-        "offsets": found.offsets,
-        "agreement": _agreement(found.agreement),
+        "t": _numbers(comparison.t),
+        "a": _numbers(comparison.a),
+        "b": _numbers(comparison.b),
+        "difference": _numbers(comparison.difference) if comparison.agreement else None,
+        "offsets": comparison.offsets,
+        "agreement": _agreement(comparison.agreement),
     }
 
 
-@router.get("/{result_id}/report.{form}", dependencies=[may(CLINICIAN, does="exported")])
+@router.get("/{result_id}/report.{form}", dependencies=[requires_role(CLINICIAN, does="exported")])
 async def read_report(
     db: Db,
     parts: PartsDep,
@@ -172,12 +176,15 @@ async def read_report(
 
 
 @router.get(
-    "/{result_id}/derivative.zip", dependencies=[may(CLINICIAN, SCIENTIST, does="exported")]
+    "/{result_id}/derivative.zip",
+    dependencies=[requires_role(CLINICIAN, SCIENTIST, does="exported")],
 )
-async def read_derivative(db: Db, parts: PartsDep, who: WhoDep, result_id: int) -> Response:
+async def read_derivative(
+    db: Db, parts: PartsDep, requester: RequesterDep, result_id: int
+) -> Response:
     """The derivative as Motion-BIDS: joint angles, fingertips, orientations."""
     result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
-    data = await parts.jobs.run(make_derivative, result_id, who.sees_all)
+    data = await parts.jobs.run(make_derivative, result_id, requester.sees_all)
     return _download(
         data,
         "application/zip",
@@ -185,7 +192,9 @@ async def read_derivative(db: Db, parts: PartsDep, who: WhoDep, result_id: int) 
     )
 
 
-@router.get("/{result_id}/replay.html", dependencies=[may(CLINICIAN, SCIENTIST, does="exported")])
+@router.get(
+    "/{result_id}/replay.html", dependencies=[requires_role(CLINICIAN, SCIENTIST, does="exported")]
+)
 async def read_replay_file(
     db: Db,
     parts: PartsDep,
@@ -244,24 +253,26 @@ def _done(result: Result) -> Result:
     return result
 
 
-def _agreement(found: Agreement | None) -> dict[str, Any] | None:
+def _agreement(agreement: Agreement | None) -> dict[str, Any] | None:
     """In the unit a person reads."""
-    if found is None:
+    if agreement is None:
         return None
-    unit, factor = READABLE[found.unit]
-    told = {
-        name: round(factor * getattr(found, name), 3)
+    unit, factor = READABLE[agreement.unit]
+    values = {
+        name: round(factor * getattr(agreement, name), 3)
         for name in ("drms", "offset", "drms_minus_offset", "rom_a", "rom_b", "drom")
     }
     return {
         "unit": unit,
-        **told,
-        "correlation": round(found.correlation, 4) if np.isfinite(found.correlation) else None,
+        **values,
+        "correlation": round(agreement.correlation, 4)
+        if np.isfinite(agreement.correlation)
+        else None,
     }
 
 
 def _numbers(values: Any) -> list[float | None]:
-    """Rounded, null for NaN: as short as JSON gets."""
+    """Rounded, null for NaN."""
     rounded = np.round(np.asarray(values, float), 2).tolist()
     return [v if v == v else None for v in rounded]
 

@@ -1,4 +1,4 @@
-"""/api/self-calibrations: what self-calibration found of a patient's hands, and what a session takes over of it"""
+"""/api/self-calibrations: self-calibrations of a patient's hands, and what a session takes over of them"""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from handscope.app.api.sessions import Decision, recomputed
-from handscope.app.auth.roles import CLINICIAN, SCIENTIST, may
+from handscope.app.auth.roles import CLINICIAN, SCIENTIST, requires_role
 from handscope.app.language import Language
 from handscope.app.report.sections.self_calibration import told
 from handscope.app.state import Db, LanguageDep, PartsDep
@@ -17,7 +17,7 @@ from handscope.sessions.clinic.self_calibrations import Offer
 from handscope.sessions.db.tables import PatientSession, SelfCalibration
 from handscope.sessions.store import records
 
-router = APIRouter(tags=["self-calibrations"], dependencies=[may(CLINICIAN)])
+router = APIRouter(tags=["self-calibrations"], dependencies=[requires_role(CLINICIAN)])
 
 
 class NewSelfCalibration(BaseModel):
@@ -34,7 +34,9 @@ class SelfCalibrationChange(BaseModel):
     withdrawn: bool = Field(description="it is not offered any more; what took it over keeps it")
 
 
-@router.get("/patients/{patient_id}/self-calibrations", dependencies=[may(CLINICIAN, SCIENTIST)])
+@router.get(
+    "/patients/{patient_id}/self-calibrations", dependencies=[requires_role(CLINICIAN, SCIENTIST)]
+)
 def list_self_calibrations(db: Db, language: LanguageDep, patient_id: int) -> list[dict[str, Any]]:
     """All of both hands, also those that were withdrawn, the last kept first."""
     return [row(c, language) for c in patients.get(db, patient_id).self_calibrations]
@@ -64,9 +66,9 @@ def change_self_calibration(
     return row(self_calibrations.withdraw(db, self_calibration_id, change.withdrawn), language)
 
 
-@router.get("/sessions/{session_id}/reuse", dependencies=[may(CLINICIAN, SCIENTIST)])
+@router.get("/sessions/{session_id}/reuse", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
 def read_reuse(db: Db, parts: PartsDep, language: LanguageDep, session_id: int) -> dict[str, Any]:
-    """What was decided for the session (null: nothing yet, and nothing is taken over), and what could be."""
+    """The session's decision (null: none yet, nothing is taken over), and its options."""
     return _reuse(records.get(db, session_id), language)
 
 
@@ -74,19 +76,19 @@ def read_reuse(db: Db, parts: PartsDep, language: LanguageDep, session_id: int) 
 def decide(
     db: Db, parts: PartsDep, language: LanguageDep, session_id: int, new: Decision
 ) -> dict[str, Any]:
-    """Decide what the session takes over; what was computed is computed anew with it, and kept."""
+    """Decide what the session takes over; its results are computed again with it, the old ones stay stored."""
     session = records.get(db, session_id)
     closed = [f for f in session.recordings if f.sha256]
     before = [
         r for f in closed for r in results.current(f) if r.method in self_calibrations.USED_BY
     ]
     self_calibrations.decide(db, session, new.parts, new.self_calibration)
-    again = [
+    recomputations = [
         pair
         for f in closed
         for pair in recomputed(db, parts, f, [r for r in before if r.recording_id == f.id])
     ]
-    return {**_reuse(session, language), "results": again}
+    return {**_reuse(session, language), "results": recomputations}
 
 
 def row(c: SelfCalibration, language: Language) -> dict[str, Any]:
@@ -103,7 +105,7 @@ def row(c: SelfCalibration, language: Language) -> dict[str, Any]:
         "kept": c.kept,
         "withdrawn": c.withdrawn,
         "version": c.version,
-        "told": told(c.found, c.told, language),
+        "tables": told(c.found, c.told, language),
     }
 
 

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import FileResponse
 
 from handscope.app.api.pseudonymisation import for_reader
-from handscope.app.auth.roles import CLINICIAN, SCIENTIST, WhoDep, may
+from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.live.stations import live_setup
 from handscope.app.options import with_options
 from handscope.app.state import Db, Parts, PartsDep
@@ -36,8 +36,8 @@ from handscope.sessions.files import native
 from handscope.sessions.store import records, stored_files, visit_facts
 from handscope.sessions.store.visit_facts import TrunkHeight
 
-router = APIRouter(tags=["sessions"], dependencies=[may(CLINICIAN)])
-PIECE = 2**20
+router = APIRouter(tags=["sessions"], dependencies=[requires_role(CLINICIAN)])
+CHUNK = 2**20
 UNDECIDED = "a self-calibration of this hand is kept; say what the session takes over of it (reuse), also where that is nothing"
 
 
@@ -122,8 +122,8 @@ def begin_session(db: Db, parts: PartsDep, patient_id: int, new: NewSession) -> 
         station = parts.stations.open_live(
             replace(
                 setup,
-                keep_found=_keeping(db, parts, file.id),
-                **_taken_over(db, session, new.reuse),
+                store_solution=_solution_store(db, parts, file.id),
+                **_prior_options(db, session, new.reuse),
             )
         )
     except BaseException:
@@ -149,12 +149,14 @@ async def upload_recording(
     handle, place = tempfile.mkstemp(suffix=suffix, dir=parts.store.incoming)
     try:
         with os.fdopen(handle, "wb") as target:
-            async for piece in _pieces(file, parts.settings.largest_upload):
-                parts.store.require_room(len(piece) + 2**20)
-                target.write(piece)
-        found = await parts.opening.read(Path(place), name, records.hand_of(hand) if hand else None)
+            async for chunk in _chunks(file, parts.settings.largest_upload):
+                parts.store.require_room(len(chunk) + 2**20)
+                target.write(chunk)
+        upload = await parts.upload_reader.read(
+            Path(place), name, records.hand_of(hand) if hand else None
+        )
         session = await to_thread.run_sync(
-            records.keep_upload, db, parts.store, patient, Path(place), name, found
+            records.keep_upload, db, parts.store, patient, Path(place), name, upload
         )
     finally:
         Path(place).unlink(missing_ok=True)
@@ -165,12 +167,12 @@ async def upload_recording(
 @router.get("/sessions/unfinished")
 def unfinished_sessions(db: Db, parts: PartsDep) -> list[dict[str, Any]]:
     """Sessions that run or that nobody finished, the oldest first."""
-    found = []
+    rows = []
     for session in records.abandoned(db):
         station = parts.stations.of_session(session.id)
         patient = {"id": session.patient_id, "pseudonym": session.patient.pseudonym}
         overnight = now() - session.started > dates.OVERNIGHT
-        found.append(
+        rows.append(
             {
                 **session_row(session),
                 "patient": patient,
@@ -178,12 +180,12 @@ def unfinished_sessions(db: Db, parts: PartsDep) -> list[dict[str, Any]]:
                 "overnight": overnight,
             }
         )
-    return found
+    return rows
 
 
 @router.post("/sessions/{session_id}/closing", status_code=204)
 def close_session(db: Db, parts: PartsDep, session_id: int) -> None:
-    """Finish a session that was left open: what its recording holds is kept and processed."""
+    """Finish a session that was left open; its recording is stored and processed."""
     session = records.get(db, session_id)
     if station := parts.stations.of_session(session_id):
         parts.stations.close(station.name)
@@ -191,19 +193,21 @@ def close_session(db: Db, parts: PartsDep, session_id: int) -> None:
         _queue(db, parts, session, "m2", {})
 
 
-@router.get("/sessions/{session_id}", dependencies=[may(CLINICIAN, SCIENTIST)])
-def read_session(db: Db, parts: PartsDep, who: WhoDep, session_id: int) -> dict[str, Any]:
+@router.get("/sessions/{session_id}", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
+def read_session(
+    db: Db, parts: PartsDep, requester: RequesterDep, session_id: int
+) -> dict[str, Any]:
     """A session with its recordings and results."""
     session = records.get(db, session_id)
     station = parts.stations.of_session(session_id)
     return {
-        **for_reader(who, session_row(session)),
+        **for_reader(requester, session_row(session)),
         "geometry": session.geometry,
         "patient": {"id": session.patient.id, "pseudonym": session.patient.pseudonym},
         "station": station.name if station else None,
         "recordings": [
-            for_reader(who, recording_row(f))
-            | {"corrections": [for_reader(who, correction_row(c)) for c in f.corrections]}
+            for_reader(requester, recording_row(f))
+            | {"corrections": [for_reader(requester, correction_row(c)) for c in f.corrections]}
             for f in session.recordings
         ],
     }
@@ -217,11 +221,11 @@ def change_session(
 
     With another height what was computed is computed anew, and kept.
     """
-    told = change.model_dump(exclude_unset=True, exclude_none=True, exclude={"trunk_height"})
+    facts = change.model_dump(exclude_unset=True, exclude_none=True, exclude={"trunk_height"})
     if "trunk_height" not in change.model_fields_set:
-        return session_row(visit_facts.change(db, session_id, **told))
+        return session_row(visit_facts.change(db, session_id, **facts))
     before = [(f, results.current(f)) for f in records.get(db, session_id).recordings if f.sha256]
-    changed = visit_facts.change(db, session_id, **told, trunk=TrunkHeight(change.trunk_height))
+    changed = visit_facts.change(db, session_id, **facts, trunk=TrunkHeight(change.trunk_height))
     return {
         **session_row(changed),
         "results": [pair for f, stood in before for pair in recomputed(db, parts, f, stood)],
@@ -229,7 +233,9 @@ def change_session(
 
 
 @router.post(
-    "/sessions/{session_id}/results", status_code=201, dependencies=[may(CLINICIAN, SCIENTIST)]
+    "/sessions/{session_id}/results",
+    status_code=201,
+    dependencies=[requires_role(CLINICIAN, SCIENTIST)],
 )
 def new_result(db: Db, parts: PartsDep, session_id: int, new: NewResult) -> dict[str, Any]:
     """Process the session's recording by another method or with other options; the same again gives the result that is there."""
@@ -255,9 +261,11 @@ def undo_correction(db: Db, parts: PartsDep, correction_id: int) -> dict[str, An
     return {"correction": correction_row(made), "results": recomputed(db, parts, file, before)}
 
 
-@router.get("/recordings/{recording_id}/file", dependencies=[may(CLINICIAN, does="exported")])
+@router.get(
+    "/recordings/{recording_id}/file", dependencies=[requires_role(CLINICIAN, does="exported")]
+)
 def download_recording(db: Db, parts: PartsDep, recording_id: int) -> FileResponse:
-    """The recording as it was kept, byte for byte."""
+    """The recording file, byte for byte."""
     file = _closed(db, recording_id)
     path = stored_files.at_hand(parts.store, file.file, file.sha256)
     return FileResponse(path, filename=f"session-{file.session_id}-recording{path.suffix}")
@@ -341,7 +349,7 @@ def _closed(db: Db, recording_id: int) -> RecordingFile:
 def recomputed(
     db: Db, parts: Parts, file: RecordingFile, before: Sequence[Result]
 ) -> list[dict[str, int]]:
-    """What stands now for each of the results that stood before."""
+    """For each earlier result the one that replaces it."""
     pairs = [
         (old, results.wanted(db, file, old.method, old.parameters, software_version()))
         for old in before
@@ -372,42 +380,42 @@ def _queue(
     return result
 
 
-def _taken_over(db: Db, session: PatientSession, decision: Decision | None) -> dict[str, Any]:
-    """What a live session takes over of an earlier self-calibration, as somebody decided."""
+def _prior_options(db: Db, session: PatientSession, decision: Decision | None) -> dict[str, Any]:
+    """Options of a live session from its decision about an earlier self-calibration."""
     if decision is None:
         return {}
     made = self_calibrations.decide(db, session, decision.parts, decision.self_calibration)
     chosen = made.self_calibration
     return (
         {
-            "known": self_calibrations.taken_over(chosen.found, made.parts),
-            "known_glove": chosen.glove,
+            "prior": self_calibrations.taken_over(chosen.found, made.parts),
+            "prior_glove": chosen.glove,
         }
         if chosen
         else {}
     )
 
 
-def _keeping(begun: Db, parts: Parts, recording_id: int) -> Callable[[Found, str], None]:
-    """How a live session keeps what was found and accepted: with the patient, decided for this session, in the name of who began it."""
+def _solution_store(begun: Db, parts: Parts, recording_id: int) -> Callable[[Found, str], None]:
+    """A function that stores an accepted solution with the patient, decided for this session, in the name of its examiner."""
     on_behalf = dict(begun.info)
 
-    def keep(found: Found, glove: str) -> None:
+    def store(solution: Found, glove: str) -> None:
         with parts.store.database() as db:
             audit.by(db, on_behalf["who"], on_behalf["address"])
             file = db.get_one(RecordingFile, recording_id)
-            made = self_calibrations.keep(db, file, found, software_version(), glove)
+            made = self_calibrations.keep(db, file, solution, software_version(), glove)
             self_calibrations.decide(db, file.session, self_calibrations.ALL, made.id)
 
-    return keep
+    return store
 
 
-async def _pieces(file: UploadFile, most: int) -> AsyncIterator[bytes]:
+async def _chunks(file: UploadFile, most: int) -> AsyncIterator[bytes]:
     total = 0
-    while piece := await file.read(PIECE):
-        total += len(piece)
+    while chunk := await file.read(CHUNK):
+        total += len(chunk)
         if total > most:
             raise InputError(
                 f"{file.filename} is larger than {most / 2**20:.0f} MB; split the recording"
             )
-        yield piece
+        yield chunk

@@ -8,8 +8,8 @@ from fastapi import APIRouter, WebSocket
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.websockets import WebSocketDisconnect
 
-from handscope.app.api.broadcast import spoken, until_next
-from handscope.app.auth.roles import CLINICIAN, SCIENTIST, WhoDep, may
+from handscope.app.api.broadcast import localised_snapshot, time_to_next_pulse
+from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.devices import ports
 from handscope.app.language import Language
 from handscope.app.live.replay import Replay
@@ -17,12 +17,12 @@ from handscope.app.live.stations import AnyStation
 from handscope.app.state import LanguageDep, PartsDep, StationDep, parts, station_of, visible
 from handscope.estimators.errors import InputError
 
-router = APIRouter(tags=["stations"], dependencies=[may(CLINICIAN)])
-WATCHERS = may(CLINICIAN, SCIENTIST)  # of replays, scientists too
+router = APIRouter(tags=["stations"], dependencies=[requires_role(CLINICIAN)])
+WATCHERS = requires_role(CLINICIAN, SCIENTIST)  # of replays, scientists too
 NO_SUCH, GONE = 4404, 1001  # web socket close codes
 
 
-class Wish(BaseModel):
+class StationAction(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     action: str = Field(max_length=40)
@@ -53,36 +53,38 @@ def list_gloves(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
 
 
 @router.get("/stations", dependencies=[WATCHERS])
-def list_stations(parts: PartsDep, who: WhoDep) -> list[dict[str, Any]]:
-    return [{"station": s.name, "kind": s.kind} for s in parts.stations.all() if visible(who, s)]
+def list_stations(parts: PartsDep, requester: RequesterDep) -> list[dict[str, Any]]:
+    return [
+        {"station": s.name, "kind": s.kind} for s in parts.stations.all() if visible(requester, s)
+    ]
 
 
 @router.get("/stations/{name}", dependencies=[WATCHERS])
 def read_station(station: StationDep, language: LanguageDep) -> dict[str, Any]:
-    """Where the session stands."""
-    return told(station, language)
+    """The station's snapshot."""
+    return localised_state(station, language)
 
 
 @router.post("/stations/{name}/actions", dependencies=[WATCHERS])
-def act(station: StationDep, language: LanguageDep, wish: Wish) -> dict[str, Any]:
-    """Tell the wizard or the replay what a person wants."""
+def act(station: StationDep, language: LanguageDep, action: StationAction) -> dict[str, Any]:
+    """Carry out a person's action on the wizard or the replay."""
     if isinstance(station, Replay):
-        station.act(wish.action, wish.value)
+        station.act(action.action, action.value)
     else:
-        station.act(wish.action, wish.task, wish.reason, wish.group, wish.value)
-    return told(station, language)
+        station.act(action.action, action.task, action.reason, action.group, action.value)
+    return localised_state(station, language)
 
 
 @router.delete("/stations/{name}", status_code=204, dependencies=[WATCHERS])
-def close_station(parts: PartsDep, who: WhoDep, name: str) -> None:
+def close_station(parts: PartsDep, requester: RequesterDep, name: str) -> None:
     """End a session (its recording is kept) or a replay."""
-    if any(s.name == name and visible(who, s) for s in parts.stations.all()):
+    if any(s.name == name and visible(requester, s) for s in parts.stations.all()):
         parts.stations.close(name)
 
 
-def told(station: AnyStation, language: Language) -> dict[str, Any]:
-    """Where the station stands, in a language."""
-    return spoken(station.snapshot(), language)
+def localised_state(station: AnyStation, language: Language) -> dict[str, Any]:
+    """The station's snapshot in a language."""
+    return localised_snapshot(station.snapshot(), language)
 
 
 @router.websocket("/stations/{name}/live", dependencies=[WATCHERS])
@@ -96,31 +98,31 @@ async def live(websocket: WebSocket, language: LanguageDep, name: str) -> None:
         return
     reader = asyncio.ensure_future(_until_gone(websocket))
     try:
-        await _tell(websocket, station, language, reader)
+        await _send_live(websocket, station, language, reader)
     except (WebSocketDisconnect, RuntimeError):
         pass  # the viewer closed the page
     finally:
         reader.cancel()
 
 
-async def _tell(
+async def _send_live(
     websocket: WebSocket, station: AnyStation, language: Language, reader: "asyncio.Future[None]"
 ) -> None:
-    """Each pose as it comes, at most one in each PULSE; a viewer who is slow misses poses, none of the curve's points."""
-    bulletin = parts(websocket).bulletins.of(station, language)
+    """Send each pose, at most one in each PULSE; a slow viewer misses poses, but no points of the curve."""
+    broadcast = parts(websocket).broadcasts.of(station, language)
     number, newest = None, -1e9
-    with bulletin.news(station) as news:
+    with broadcast.news(station) as news:
         reader.add_done_callback(lambda _: news.set())
         while await news.wait() and not reader.done():
             news.clear()
-            pulse, newest = bulletin.beat(station, newest)
-            before, (number, full) = number, bulletin.snapshot(station, language)
+            pulse, newest = broadcast.pulse(station, newest)
+            before, (number, full) = number, broadcast.snapshot(station, language)
             whole = f',"full":{full}' if number != before else ""
             await websocket.send_text(f'{{"pulse":{pulse}{whole}}}')
             if station.ended:
                 await websocket.close(GONE, "the station was closed")
                 return
-            await asyncio.sleep(until_next())
+            await asyncio.sleep(time_to_next_pulse())
 
 
 async def _until_gone(websocket: WebSocket) -> None:

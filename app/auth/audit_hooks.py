@@ -1,7 +1,7 @@
-"""What the gate tells the audit trail: who saw and exported what, and what was refused. What was changed tells itself (sessions/clinic/audit.py).
+"""Lines that the gate adds to the audit trail: views, exports and refusals. Changes add their own (sessions/clinic/audit.py).
 
-A page asks again and again for what it shows, so the same look of the same login is told once in AGAIN; an export is told each time. A line is
-written before the answer begins. Where it cannot be written (a full disk), the log says so and the page is shown all the same.
+A page requests the same data repeatedly, so a view is recorded once in REPEAT_AFTER per login; an export every time.
+A line is written before the answer begins. Where that fails (a full disk), it is logged and the page is served.
 """
 
 import logging
@@ -15,7 +15,7 @@ from sqlalchemy.exc import DBAPIError
 from starlette.requests import HTTPConnection
 from starlette.types import Message, Send
 
-from handscope.app.auth.roles import Door, on_behalf_of
+from handscope.app.auth.roles import RouteAccess, on_behalf_of
 from handscope.app.live.replay import Replay
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit
@@ -23,8 +23,8 @@ from handscope.sessions.clinic.audit import Happened
 from handscope.sessions.store.store import Store
 
 log = logging.getLogger(__name__)
-AGAIN = 15 * 60.0  # s
-MOST = 4096  # looks that are remembered
+REPEAT_AFTER = 15 * 60.0  # s
+MOST = 4096  # views remembered
 SEEN = "viewed"
 LISTS = {
     "/api/patients": "patients",
@@ -34,46 +34,48 @@ LISTS = {
 }
 
 
-class Watch:
-    """Tells looks, exports and refusals."""
+class AuditHooks:
+    """Records views, exports and refusals."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._told: OrderedDict[Hashable, float] = OrderedDict()
+        self._recorded: OrderedDict[Hashable, float] = OrderedDict()
         self._lock = threading.Lock()
 
-    def on(self, send: Send, connection: HTTPConnection, door: Door | None) -> Send:
-        """`send`, with the answer told before it begins."""
+    def record_on(self, send: Send, connection: HTTPConnection, access: RouteAccess | None) -> Send:
+        """`send` that records the view before the answer begins."""
 
         async def sender(message: Message) -> None:
             if message["type"] == "http.response.start" and connection.scope["method"] == "GET":
-                await self.answered(connection, door, message["status"])
+                await self.record_view(connection, access, message["status"])
             await send(message)
 
         return sender
 
-    async def answered(self, connection: HTTPConnection, door: Door | None, status: int) -> None:
-        """Tell that somebody was shown something."""
+    async def record_view(
+        self, connection: HTTPConnection, access: RouteAccess | None, status: int
+    ) -> None:
+        """Record that an account was shown something."""
         if (
-            door is None
-            or door.may is None
+            access is None
+            or access.requirement is None
             or status >= 400
-            or getattr(connection.state, "who", None) is None
+            or getattr(connection.state, "requester", None) is None
         ):
             return
-        subject = _subject(connection, door)
-        what = door.may.does
-        if subject and (what != SEEN or self._first((connection.state.who.login, subject))):
-            await anyio.to_thread.run_sync(self._tell, connection, Happened(what, *subject))
+        subject = _subject(connection, access)
+        what = access.requirement.does
+        if subject and (what != SEEN or self._is_due((connection.state.requester.login, subject))):
+            await anyio.to_thread.run_sync(self._write, connection, Happened(what, *subject))
 
-    async def refused(self, connection: HTTPConnection, status: int) -> None:
-        """Tell that somebody was turned away: an account of each address, a stranger once in a while, however many he tries."""
-        about = Happened("refused", "request", connection.scope["path"], counts={"status": status})
+    async def record_refusal(self, connection: HTTPConnection, status: int) -> None:
+        """Record a refusal: of an account for each address, of a stranger once in REPEAT_AFTER."""
+        event = Happened("refused", "request", connection.scope["path"], counts={"status": status})
         who, where = on_behalf_of(connection)
-        if status >= 400 and self._first((who, where, status, about.ref if who else "")):
-            await anyio.to_thread.run_sync(self._tell, connection, about)
+        if status >= 400 and self._is_due((who, where, status, event.ref if who else "")):
+            await anyio.to_thread.run_sync(self._write, connection, event)
 
-    def _tell(self, connection: HTTPConnection, happened: Happened) -> None:
+    def _write(self, connection: HTTPConnection, happened: Happened) -> None:
         try:
             with self._store.database() as db:
                 audit.by(db, *on_behalf_of(connection))
@@ -84,22 +86,22 @@ class Watch:
                 "not in the audit trail: %s %s: %s", on_behalf_of(connection), happened, problem
             )
 
-    def _first(self, key: Hashable) -> bool:
-        """Whether it was not told within AGAIN."""
+    def _is_due(self, key: Hashable) -> bool:
+        """Whether it was not recorded within REPEAT_AFTER."""
         moment = time.monotonic()
         with self._lock:
-            if moment - self._told.get(key, -AGAIN) < AGAIN:
+            if moment - self._recorded.get(key, -REPEAT_AFTER) < REPEAT_AFTER:
                 return False
-            self._told[key] = moment
-            self._told.move_to_end(key)
-            while len(self._told) > MOST:
-                self._told.popitem(last=False)
+            self._recorded[key] = moment
+            self._recorded.move_to_end(key)
+            while len(self._recorded) > MOST:
+                self._recorded.popitem(last=False)
         return True
 
 
-def _subject(connection: HTTPConnection, door: Door) -> tuple[str, str] | None:
-    """What an address is about: kind and number."""
-    for name, value in door.named.items():
+def _subject(connection: HTTPConnection, access: RouteAccess) -> tuple[str, str] | None:
+    """Kind and number of what an address names."""
+    for name, value in access.named.items():
         if name.endswith("_id"):
             return name.removesuffix("_id"), str(value)
         if name == "name":

@@ -1,4 +1,4 @@
-"""The gate: who may come in, and where. Nothing is served that the route's declaration (app/auth/roles.py) does not give to the account."""
+"""The gate: it serves a request only where the route's declaration (app/auth/roles.py) admits the account."""
 
 import asyncio
 import contextlib
@@ -10,8 +10,8 @@ from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from handscope.app.auth.audit_hooks import Watch
-from handscope.app.auth.roles import ANYBODY, Door, Doors, Who
+from handscope.app.auth.audit_hooks import AuditHooks
+from handscope.app.auth.roles import ANYBODY, Requester, RouteAccess, RouteTable
 from handscope.app.settings import Settings
 from handscope.app.state import preferred
 from handscope.sessions.store.logins import alive, new_token
@@ -32,11 +32,11 @@ SAFE = ("GET", "HEAD", "OPTIONS")
 STRANGER = "not logged in; open the address that the server printed, or print a new one with: handscope login"
 OTHER_SITE = "the request comes from another site's page"
 NOT_YOURS = "your account may not do this; ask an administrator"
-CHECK_EVERY = 15.0  # s between two looks at whether a web socket's login has ended
+CHECK_EVERY = 15.0  # s between two checks of a web socket's login
 
 
 def cookie_name(scope: Scope) -> str:
-    """Behind TLS the browser itself sees to it that the cookie comes from this very host, over TLS (RFC 6265bis, 4.1.3.2)."""
+    """Behind TLS the browser guarantees that the cookie was set by this host over TLS (RFC 6265bis, 4.1.3.2)."""
     return f"__Host-{COOKIE}" if secure(scope) else COOKIE
 
 
@@ -45,44 +45,46 @@ def cookie_of(connection: HTTPConnection) -> str | None:
 
 
 def secure(scope: Scope) -> bool:
-    """Whether the browser speaks TLS, with us or with a trusted proxy in front."""
+    """Whether the browser speaks TLS, with this server or with a trusted proxy."""
     return scope["scheme"] in ("https", "wss")
 
 
 class Gate:
-    """Lets requests and web sockets of our own pages through to what their account may use; puts security headers on every answer."""
+    """Passes requests and web sockets of our own pages to what their account may use; adds security headers."""
 
     def __init__(self, app: ASGIApp, store: Store, settings: Settings) -> None:
         self._app, self._store, self._settings = app, store, settings
-        self._watch = Watch(store)
-        self._doors: Doors | None = None
+        self._audit = AuditHooks(store)
+        self._routes: RouteTable | None = None
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
         connection = HTTPConnection(scope)
-        self._doors = self._doors or Doors(scope["app"].routes)
-        door = self._doors.of(scope)
-        refusal = self._foreign(connection, scope) or await anyio.to_thread.run_sync(
-            self._unfit, connection, scope, door
+        self._routes = self._routes or RouteTable(scope["app"].routes)
+        access = self._routes.of(scope)
+        refusal = self._refuse_foreign(connection, scope) or await anyio.to_thread.run_sync(
+            self._refuse_requester, connection, scope, access
         )
         if refusal is not None:
-            await self._watch.refused(connection, refusal.status_code)
+            await self._audit.record_refusal(connection, refusal.status_code)
         elif scope["type"] == "websocket":
-            await self._watch.answered(connection, door, 200)
+            await self._audit.record_view(connection, access, 200)
         if scope["type"] == "http":
-            told = _with_headers(self._watch.on(send, connection, door), secure(scope))
-            await (refusal or self._app)(scope, receive, told)
+            send_with_headers = _with_headers(
+                self._audit.record_on(send, connection, access), secure(scope)
+            )
+            await (refusal or self._app)(scope, receive, send_with_headers)
         elif refusal is not None:
             await send({"type": "websocket.close", "code": 1008, "reason": "not allowed"})
         else:
-            await self._while_logged_in(connection, door, receive, send)
+            await self._serve_while_logged_in(connection, access, receive, send)
 
-    def _foreign(self, connection: HTTPConnection, scope: Scope) -> Response | None:
-        """Refuse what was addressed to another server or sent by another site's page."""
+    def _refuse_foreign(self, connection: HTTPConnection, scope: Scope) -> Response | None:
+        """Refuse a request to another host, or from another site's page."""
         host = connection.headers.get("host", "")
-        if not self._known_host(host):
+        if not self._is_own_host(host):
             return JSONResponse(
                 {
                     "error": f"this server is not {host or 'without a name'}; open it under the address that it printed"
@@ -99,16 +101,18 @@ class Gate:
             return _answer(connection, 403, OTHER_SITE)
         return None
 
-    def _unfit(
-        self, connection: HTTPConnection, scope: Scope, door: Door | None
+    def _refuse_requester(
+        self, connection: HTTPConnection, scope: Scope, access: RouteAccess | None
     ) -> Response | None:
-        """Refuse who is not logged in, and what the account may not use."""
+        """Refuse a request without a login, or to a route that does not admit the account."""
         if _is_open(connection.url) or (
-            door is not None and door.may is not None and ANYBODY in door.may.roles
+            access is not None
+            and access.requirement is not None
+            and ANYBODY in access.requirement.roles
         ):
             return None
-        who = self._who(connection)
-        if who is None:
+        requester = self._requester_of(connection)
+        if requester is None:
             if (
                 scope["type"] == "http"
                 and scope["method"] == "GET"
@@ -116,28 +120,32 @@ class Gate:
             ):
                 return RedirectResponse("/login", 303)
             return _answer(connection, 401, STRANGER)
-        scope.setdefault("state", {})["who"] = who
-        if door is not None and (door.may is None or not door.may.admits(who)):
+        scope.setdefault("state", {})["requester"] = requester
+        if access is not None and (
+            access.requirement is None or not access.requirement.admits(requester)
+        ):
             return _answer(connection, 403, NOT_YOURS)
         return None
 
-    def _who(self, connection: HTTPConnection) -> Who | None:
+    def _requester_of(self, connection: HTTPConnection) -> Requester | None:
         with self._store.database() as db:
             login = alive(
                 db, cookie_of(connection), self._settings.idle_logout, self._settings.longest_login
             )
             return (
-                Who(login.account_id, login.account.name, frozenset(login.account.roles), login.id)
+                Requester(
+                    login.account_id, login.account.name, frozenset(login.account.roles), login.id
+                )
                 if login
                 else None
             )
 
-    async def _while_logged_in(
-        self, connection: HTTPConnection, door: Door | None, receive: Receive, send: Send
+    async def _serve_while_logged_in(
+        self, connection: HTTPConnection, access: RouteAccess | None, receive: Receive, send: Send
     ) -> None:
-        """A web socket ends with its login: logged out, expired, out of use or with other roles."""
+        """Serve a web socket until its login ends: log-out, expiry, account disabled, or other roles."""
         app = asyncio.ensure_future(self._app(connection.scope, receive, send))
-        end = asyncio.ensure_future(self._end_of_login(connection, door))
+        end = asyncio.ensure_future(self._wait_for_end_of_login(connection, access))
         try:
             await asyncio.wait({app, end}, return_when=asyncio.FIRST_COMPLETED)
             over = not app.done()
@@ -146,19 +154,24 @@ class Gate:
             end.cancel()
             await asyncio.wait({app, end})
         if over:
-            with contextlib.suppress(RuntimeError):  # it closed itself meanwhile
+            with contextlib.suppress(RuntimeError):  # it has closed itself
                 await send({"type": "websocket.close", "code": 1008, "reason": "the login ended"})
         else:
             app.result()
 
-    async def _end_of_login(self, connection: HTTPConnection, door: Door | None) -> None:
+    async def _wait_for_end_of_login(
+        self, connection: HTTPConnection, access: RouteAccess | None
+    ) -> None:
         await asyncio.sleep(CHECK_EVERY)
         while (
-            await anyio.to_thread.run_sync(self._unfit, connection, connection.scope, door) is None
+            await anyio.to_thread.run_sync(
+                self._refuse_requester, connection, connection.scope, access
+            )
+            is None
         ):
             await asyncio.sleep(CHECK_EVERY)
 
-    def _known_host(self, host: str) -> bool:
+    def _is_own_host(self, host: str) -> bool:
         name = urlsplit(f"//{host}").hostname or ""
         return name in {"127.0.0.1", "localhost", "::1", self._settings.host, *self._settings.hosts}
 
@@ -188,19 +201,18 @@ def _with_headers(send: Send, over_tls: bool) -> Send:
 
 
 def _from_elsewhere(headers: Headers, ours: str, kind: str, changes: bool) -> bool:
-    """Whether another site's page sent it: by Origin and by Fetch Metadata (W3C), which browsers send and pages cannot forge.
+    """Whether another site's page sent it, by Origin and Fetch Metadata (W3C), which pages cannot forge.
 
-    A change that says neither comes from a program, not from a page: browsers name the Origin of every one (Fetch, 3.1), and what has the cookie
-    otherwise needs no forging. SameSite=Strict stands behind this.
-
-    A page on another port of the same host is another site here, though a SameSite cookie goes there. A link from elsewhere may be followed.
+    A change without either comes from a program: browsers send the Origin with every change (Fetch, 3.1).
+    SameSite=Strict is the second defence. Another port of this host counts as another site, although a SameSite
+    cookie is sent there. A link from elsewhere may be followed.
     """
     origin, site = headers.get("origin"), headers.get("sec-fetch-site", "none")
     if origin is None and kind == "websocket":
         return True
     if (
         changes and origin is not None and origin not in (ours, ours.replace("http://", "https://"))
-    ):  # TLS may end at a proxy that was not named
+    ):  # TLS may end at a proxy that is not configured
         return True
     followed = (
         not changes

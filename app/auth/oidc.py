@@ -1,8 +1,8 @@
-"""Log in through an organisation's OpenID Connect provider: authorization code with PKCE (RFC 7636), the identity token verified by its keys.
+"""Login through an OpenID Connect provider: authorization code with PKCE (RFC 7636), the identity token verified by its keys.
 
-Nothing is kept between leaving and coming back: state, nonce and code verifier are derived from one random word in a short-lived cookie, so an
-answer fits only the browser that asked. Off unless an issuer is named. What does not fit is a SignOnError with its reason, for the log; no part of a
-token or of the secret is in it.
+The server stores nothing between redirect and answer: state, nonce and code verifier are derived from one random word
+in a short-lived cookie, so an answer is valid only in the browser that asked. Off unless an issuer is configured. A
+mismatch raises SignOnError with its reason, for the log, without any part of a token or of the secret.
 """
 
 import hashlib
@@ -27,11 +27,11 @@ NAME = "preferred_username"  # the claim that an account is called by
 LONGEST = 300  # characters of a reason
 Kind = Literal[
     "refused", "late", "role", "away"
-]  # it does not fit, is no longer awaited, gives no role here, cannot be asked
+]  # mismatch, too late, no role here, provider cannot be reached
 
 
 class SignOnError(InputError):
-    """Nobody is let in; what the browser is told is the kind alone."""
+    """The login is refused; the browser gets the kind only."""
 
     def __init__(self, kind: Kind, reason: str) -> None:
         super().__init__(" ".join(reason.split())[:LONGEST])
@@ -40,7 +40,7 @@ class SignOnError(InputError):
 
 @dataclass(frozen=True, kw_only=True)
 class SignOn:
-    """What is agreed with the provider."""
+    """The configuration agreed with the provider."""
 
     issuer: str
     client: str
@@ -62,10 +62,10 @@ class Answer:
     issuer: str = ""
 
 
-def leave(agreed: SignOn, word: str, back: str) -> str:
-    """Where the browser goes to; it comes back to `back`."""
+def authorization_address(agreed: SignOn, word: str, back: str) -> str:
+    """Address of the provider's login; the browser returns to `back`."""
     address, _ = _session(agreed, back).create_authorization_url(
-        _named(_provider(agreed), "authorization_endpoint"),
+        _required(_provider(agreed), "authorization_endpoint"),
         state=_derived(word, "state"),
         code_verifier=_derived(word, "verifier"),
         nonce=_derived(word, "nonce"),
@@ -73,15 +73,16 @@ def leave(agreed: SignOn, word: str, back: str) -> str:
     return str(address)
 
 
-def farewell(agreed: SignOn, back: str) -> str | None:
-    """Where the provider ends its own login (OpenID Connect RP-Initiated Logout 1.0), then sends the browser to `back`; None where it offers none."""
+def logout_address(agreed: SignOn, back: str) -> str | None:
+    """Address that ends the provider's own login (OpenID Connect RP-Initiated Logout 1.0), then returns to `back`; None where
+    the provider has none."""
     ends = _provider(agreed).get("end_session_endpoint")
-    told = urlencode({"client_id": agreed.client, "post_logout_redirect_uri": back})
-    return f"{ends}{'&' if '?' in str(ends) else '?'}{told}" if ends else None
+    query = urlencode({"client_id": agreed.client, "post_logout_redirect_uri": back})
+    return f"{ends}{'&' if '?' in str(ends) else '?'}{query}" if ends else None
 
 
-def identity(agreed: SignOn, word: str, back: str, answer: Answer) -> Mapping[str, Any]:
-    """Claims of who came back."""
+def verify_identity(agreed: SignOn, word: str, back: str, answer: Answer) -> Mapping[str, Any]:
+    """Verified claims of the account that logged in; SignOnError where they do not verify."""
     if not word or not hmac.compare_digest(answer.state.encode(), _derived(word, "state").encode()):
         raise SignOnError("late", "it was begun in another browser or too long ago")
     if answer.issuer and answer.issuer != agreed.issuer:
@@ -96,19 +97,23 @@ def identity(agreed: SignOn, word: str, back: str, answer: Answer) -> Mapping[st
         agreed,
         str(token.get("id_token")),
         _derived(word, "nonce"),
-        _get(_named(provider, "jwks_uri")),
+        _get(_required(provider, "jwks_uri")),
     )
     return _with_information(agreed, provider, token, claims)
 
 
 def roles_of(agreed: SignOn, claims: Mapping[str, Any]) -> list[str]:
     """Our roles for the provider's words."""
-    told = claims.get(agreed.claim) or []
+    value = claims.get(agreed.claim) or []
     words = (
-        told.split() if isinstance(told, str) else told if isinstance(told, Sequence) else [told]
+        value.split()
+        if isinstance(value, str)
+        else value
+        if isinstance(value, Sequence)
+        else [value]
     )
-    found = [role for role in ROLES if role in {agreed.roles.get(str(word)) for word in words}]
-    if not found:
+    roles = [role for role in ROLES if role in {agreed.roles.get(str(word)) for word in words}]
+    if not roles:
         held = (
             "is not told"
             if agreed.claim not in claims
@@ -117,11 +122,11 @@ def roles_of(agreed: SignOn, claims: Mapping[str, Any]) -> list[str]:
         raise SignOnError(
             "role", f"no role here for {claims['sub']!r}: the claim {agreed.claim!r} {held}"
         )
-    return found
+    return roles
 
 
 def subject_of(agreed: SignOn, claims: Mapping[str, Any]) -> str:
-    """Who it is, for good: a name may be given to somebody else later, this not."""
+    """A permanent identifier of the account: a name may pass to somebody else, this may not."""
     subject = f"{agreed.issuer} {claims['sub']}"
     if len(subject) > LONGEST_SUBJECT:
         raise SignOnError(
@@ -133,7 +138,7 @@ def subject_of(agreed: SignOn, claims: Mapping[str, Any]) -> str:
 def _token(
     agreed: SignOn, provider: Mapping[str, Any], word: str, back: str, code: str
 ) -> Mapping[str, Any]:
-    """What the provider gives for the code. The secret is encoded as RFC 6749, 2.3.1 wants it: it may have any characters."""
+    """The provider's token for the code; the secret is encoded as RFC 6749, 2.3.1 requires."""
     from authlib.common.errors import AuthlibBaseError
     from requests import RequestException
     from requests.auth import HTTPBasicAuth
@@ -143,9 +148,9 @@ def _token(
         if agreed.secret
         else None
     )
-    place = _named(provider, "token_endpoint")
+    place = _required(provider, "token_endpoint")
     try:
-        found = _session(agreed, back).fetch_token(
+        token = _session(agreed, back).fetch_token(
             place, code=code, code_verifier=_derived(word, "verifier"), auth=proof, timeout=PATIENCE
         )
     except AuthlibBaseError as problem:
@@ -154,13 +159,13 @@ def _token(
         raise SignOnError(
             "away", f"{place} gives no token: {type(problem).__name__} {problem}"
         ) from problem
-    if not isinstance(found, Mapping):
+    if not isinstance(token, Mapping):
         raise SignOnError("away", f"{place} gives no token")
-    return found
+    return token
 
 
 def _claims(agreed: SignOn, token: str, nonce: str, keys: Any) -> Mapping[str, Any]:
-    """Of a token that is the provider's, for us, of now and of this login (OpenID Connect Core 1.0, 3.1.3.7)."""
+    """Verified claims of an identity token: issuer, audience, time and nonce (OpenID Connect Core 1.0, 3.1.3.7)."""
     from joserfc import jwt
     from joserfc.errors import JoseError
     from joserfc.jwk import KeySet
@@ -194,7 +199,7 @@ def _claims(agreed: SignOn, token: str, nonce: str, keys: Any) -> Mapping[str, A
 def _with_information(
     agreed: SignOn, provider: Mapping[str, Any], token: Mapping[str, Any], claims: Mapping[str, Any]
 ) -> Mapping[str, Any]:
-    """The claims and, where name or roles are not among them, what the provider tells apart from the token (Core, 5.3 and 5.4)."""
+    """The claims; where name or roles are missing, with the provider's user information (Core, 5.3 and 5.4)."""
     place = provider.get("userinfo_endpoint")
     if not place or (NAME in claims and agreed.claim in claims):
         return claims
@@ -217,17 +222,17 @@ def _session(agreed: SignOn, back: str) -> Any:
 
 
 def _provider(agreed: SignOn) -> Mapping[str, Any]:
-    """What the provider tells of itself (OpenID Connect Discovery 1.0)."""
-    found = _get(f"{agreed.issuer.rstrip('/')}/.well-known/openid-configuration")
-    if found.get("issuer") != agreed.issuer:
+    """The provider's configuration (OpenID Connect Discovery 1.0)."""
+    configuration = _get(f"{agreed.issuer.rstrip('/')}/.well-known/openid-configuration")
+    if configuration.get("issuer") != agreed.issuer:
         raise SignOnError(
             "away",
-            f"the provider calls itself {found.get('issuer')!r}, the issuer named here is {agreed.issuer!r}",
+            f"the provider calls itself {configuration.get('issuer')!r}, the issuer named here is {agreed.issuer!r}",
         )
-    return found
+    return configuration
 
 
-def _named(provider: Mapping[str, Any], what: str) -> str:
+def _required(provider: Mapping[str, Any], what: str) -> str:
     if not provider.get(what):
         raise SignOnError("away", f"the provider tells no {what}")
     return str(provider[what])
@@ -239,14 +244,14 @@ def _get(address: str, headers: Mapping[str, str] | None = None) -> Mapping[str,
     try:
         answer = requests.get(address, headers=headers, timeout=PATIENCE)
         answer.raise_for_status()
-        found = answer.json()
+        value = answer.json()
     except (requests.RequestException, ValueError) as problem:
         raise SignOnError(
             "away", f"{address} cannot be read: {type(problem).__name__} {problem}"
         ) from problem
-    if not isinstance(found, Mapping):
+    if not isinstance(value, Mapping):
         raise SignOnError("away", f"{address} gives no object of JSON")
-    return found
+    return value
 
 
 def _derived(word: str, what: str) -> str:

@@ -1,6 +1,6 @@
-"""Who may use a route is said where the route is: `dependencies=[may(CLINICIAN)]` on its router, or on the route where it differs.
+"""Roles that a route requires: `dependencies=[requires_role(CLINICIAN)]` on its router, or on the route itself.
 
-The innermost declaration counts. A route without one is refused to everybody (app/auth/gate.py): forgetting it locks out, it never lets in.
+The innermost declaration counts. The gate (app/auth/gate.py) refuses a route without one to everybody.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,21 +21,21 @@ __all__ = [
     "CLINICIAN",
     "EVERY_ACCOUNT",
     "SCIENTIST",
-    "Door",
-    "Doors",
-    "May",
-    "Who",
-    "WhoDep",
+    "Requester",
+    "RequesterDep",
+    "RoleRequirement",
+    "RouteAccess",
+    "RouteTable",
     "address_of",
-    "may",
     "on_behalf_of",
+    "requires_role",
 ]
 EVERY_ACCOUNT = ROLES
 ANYBODY = "anybody"  # without a login
 
 
 @dataclass(frozen=True)
-class Who:
+class Requester:
     """The account that a request comes from."""
 
     account: int
@@ -45,82 +45,84 @@ class Who:
 
     @property
     def sees_all(self) -> bool:
-        """Whether free text and what else may tell who a patient is are shown (app/api/pseudonymisation.py)."""
+        """Whether the account sees what may identify a patient (app/api/pseudonymisation.py)."""
         return CLINICIAN in self.roles
 
 
 @dataclass(frozen=True)
-class May:
-    """A declaration; as a dependency it does nothing, the gate has decided before."""
+class RoleRequirement:
+    """A declaration; as a dependency it does nothing: the gate has decided before."""
 
     roles: frozenset[str]
-    does: str = "viewed"  # what the audit trail says of somebody who asks for it
+    does: str = "viewed"  # the action in the audit trail
 
     async def __call__(self) -> None:
         pass
 
-    def admits(self, who: Who) -> bool:
-        return ANYBODY in self.roles or not self.roles.isdisjoint(who.roles)
+    def admits(self, requester: Requester) -> bool:
+        return ANYBODY in self.roles or not self.roles.isdisjoint(requester.roles)
 
 
-def may(*roles: str, does: str = "viewed") -> Any:
+def requires_role(*roles: str, does: str = "viewed") -> Any:
     """A declaration for `dependencies=[...]`."""
     assert roles and set(roles) <= {*ROLES, ANYBODY}
-    return Depends(May(frozenset(roles), does))
+    return Depends(RoleRequirement(frozenset(roles), does))
 
 
-def who(connection: HTTPConnection) -> Who:
+def requester(connection: HTTPConnection) -> Requester:
     """The account that this request comes from."""
-    found: Who = connection.state.who
-    return found
+    value: Requester = connection.state.requester
+    return value
 
 
 def on_behalf_of(connection: HTTPConnection) -> tuple[str, str]:
-    """Account and address, for the audit trail; nobody's name before the login."""
-    found: Who | None = getattr(connection.state, "who", None)
-    return found.name if found else "", address_of(connection)
+    """Account name and address for the audit trail; no name before the login."""
+    value: Requester | None = getattr(connection.state, "requester", None)
+    return value.name if value else "", address_of(connection)
 
 
 def address_of(connection: HTTPConnection) -> str:
-    """Where a request comes from, as a trusted proxy says or as the socket does."""
+    """Address of the client, from a trusted proxy or the socket."""
     return connection.client.host[:64] if connection.client else ""
 
 
-WhoDep = Annotated[Who, Depends(who)]
+RequesterDep = Annotated[Requester, Depends(requester)]
 
 
 @dataclass(frozen=True)
-class Door:
-    """A route as a request meets it."""
+class RouteAccess:
+    """A matched route: the roles that it requires, and the values in its address."""
 
-    may: May | None
-    named: Mapping[str, Any]  # what the address names: patient_id, ...
+    requirement: RoleRequirement | None
+    named: Mapping[str, Any]  # values in the address: patient_id, ...
 
 
-class Doors:
-    """All routes of an application with their declarations, in the order in which they are tried."""
+class RouteTable:
+    """All routes of an application with their declarations, in matching order."""
 
     def __init__(self, routes: Sequence[BaseRoute]) -> None:
-        self.all: list[tuple[RouteContext, May | None]] = [
-            (route, declared(route)) for route in iter_route_contexts(routes)
+        self.all: list[tuple[RouteContext, RoleRequirement | None]] = [
+            (route, declared_requirement(route)) for route in iter_route_contexts(routes)
         ]
 
-    def of(self, scope: Scope) -> "Door | None":
-        """The route that would answer; one that lacks the method where no other has it, None where there is none."""
+    def of(self, scope: Scope) -> "RouteAccess | None":
+        """The route that answers; else one with this address but another method; else None."""
         partly = None
         for route, declaration in self.all:
             match, more = route.matches(scope)
             if match is Match.FULL:
-                return Door(declaration, more.get("path_params", {}))
+                return RouteAccess(declaration, more.get("path_params", {}))
             if match is Match.PARTIAL and partly is None:
-                partly = Door(declaration, more.get("path_params", {}))
+                partly = RouteAccess(declaration, more.get("path_params", {}))
         return partly
 
 
-def declared(route: RouteContext) -> May | None:
-    """The innermost declaration of a route; a mounted application says it as its attribute `may`."""
-    found = [
-        d.dependency for d in getattr(route, "dependencies", ()) if isinstance(d.dependency, May)
+def declared_requirement(route: RouteContext) -> RoleRequirement | None:
+    """The innermost declaration of a route; a mounted application has the attribute `requires_role`."""
+    requirements = [
+        d.dependency
+        for d in getattr(route, "dependencies", ())
+        if isinstance(d.dependency, RoleRequirement)
     ]
-    mounted: May | None = getattr(getattr(route, "app", None), "may", None)
-    return found[-1] if found else mounted
+    mounted: RoleRequirement | None = getattr(getattr(route, "app", None), "requires_role", None)
+    return requirements[-1] if requirements else mounted

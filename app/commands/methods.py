@@ -7,7 +7,7 @@ from typing import Any
 
 from handscope.app.commands.words import progress_bar
 from handscope.app.options import help_text, parse, with_options
-from handscope.app.workers.deadline import LIMIT, within
+from handscope.app.workers.deadline import LIMIT, limit_time
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
 from handscope.estimators.methods import ALL_METHODS
@@ -77,8 +77,10 @@ def processed_by(
         if arguments.calibration and not found
         else None
     )
-    hear, close = progress_bar("processing")
+    on_progress, close = progress_bar("processing")
     try:
-        return recording, process(method, params, recording, other, within(limit, hear), known)
+        return recording, process(
+            method, params, recording, other, limit_time(limit, on_progress), known
+        )
     finally:
         close()

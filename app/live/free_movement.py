@@ -1,8 +1,8 @@
-"""The rung "free movement" of a live session: what can be observed already while the hand moves, then solving beside the session, then what was found.
+"""Self-calibration from free movement in a live session.
 
-watched      once a second, in a thread of its own (free_meter.py); a person may say "enough" before the meter does, and is warned
-solved       in a process of its own (solving.py); the wizard waits in FREE_WORK and may leave it
-used         lengths and seats serve every pose from now on, and are kept with the patient: accepting is the decision
+meter     observability once a second, in a thread of its own (observability_meter.py); a person may end it early and is warned
+solver    in a process of its own (workers/self_calibration.py); the wizard waits in FREE_WORK and may leave it
+result    lengths and alignments serve every later pose and are stored with the patient once a person accepts them
 """
 
 import math
@@ -15,8 +15,8 @@ import numpy as np
 from handscope.app.devices.glove import Glove
 from handscope.app.live.readouts.observability_meter import FreeMeter
 from handscope.app.live.tracking import Tracking
-from handscope.app.live.wizard.machine import Order
-from handscope.app.workers.self_calibration import Solving
+from handscope.app.live.wizard.machine import Effect
+from handscope.app.workers.self_calibration import SelfCalibrationSolver
 from handscope.estimators.data.calibration import Known
 from handscope.estimators.data.samples import Event
 from handscope.sessions.clinic.self_calibrations import ALL, Found, taken_over
@@ -24,7 +24,7 @@ from handscope.sessions.files.recording import LoadedRecording
 
 
 class FreeMovement:
-    """One for a station; `keep` takes what was found and accepted."""
+    """One for a station; `keep` stores an accepted solution."""
 
     def __init__(
         self,
@@ -34,76 +34,76 @@ class FreeMovement:
         keep: Callable[[Found, str], object],
     ) -> None:
         self._glove, self._tracking, self._number, self._keep = glove, tracking, number, keep
-        self.solving: Solving | None = None
+        self.solver: SelfCalibrationSolver | None = None
         self.meter: FreeMeter | None = None  # of the newest free movement
         self._moving = False
-        self.found: Found | None = None
+        self.solution: Found | None = None
         self._event: tuple[str, Event] | None = None
         self._used: Known | None = None
 
-    def known(self, earlier: Known | None, of_glove: str) -> Known | None:
-        """What the next pose takes over: what was found and accepted here, else what was decided when the session began."""
+    def prior(self, earlier: Known | None, of_glove: str) -> Known | None:
+        """The prior of the next pose: the solution accepted here, else the one chosen when the session began."""
         if self._used is None and earlier is not None:
-            return reused(earlier, of_glove, self.worn)
+            return prior_for_glove(earlier, of_glove, self.glove_id)
         return self._used
 
-    def forget(self) -> None:
-        """The strips were read in another way: what was found of them holds no longer."""
+    def reset(self) -> None:
+        """Drop the solution: the strips are read for other fingers."""
         self._leave("not used")
         self._used = None
 
-    def do(self, order: Order) -> None:
-        """An order of the wizard's about free movement."""
-        if order.kind == "watch_free":
-            self.meter, self._moving, self.found = (
-                FreeMeter(self._tracking, order.onset),
+    def carry_out(self, effect: Effect) -> None:
+        """Carry out an effect of the wizard that concerns free movement."""
+        if effect.kind == "watch_free":
+            self.meter, self._moving, self.solution = (
+                FreeMeter(self._tracking, effect.onset),
                 True,
                 None,
             )
-        elif order.kind == "solve_free":
+        elif effect.kind == "solve_free":
             self._moving = False
-            self._begin(order)
-        elif order.kind == "leave_free":
-            self._leave(order.reason)
-        elif order.kind == "use_free" and self.found is not None:
-            self._used = taken_over(self.found.table, ALL)
-            self._keep(self.found, self.worn)
+            self._begin(effect)
+        elif effect.kind == "leave_free":
+            self._leave(effect.reason)
+        elif effect.kind == "use_free" and self.solution is not None:
+            self._used = taken_over(self.solution.table, ALL)
+            self._keep(self.solution, self.glove_id)
             self._event = None
 
-    def watch(self) -> None:
-        """Have the meter take in the newest movement."""
+    def update_meter(self) -> None:
+        """Let the meter take in the newest movement."""
         if self.meter is not None and self._moving:
             self.meter.follow()
 
     @property
-    def enough(self) -> bool:
-        """Whether the movement so far tells all that self-calibration looks for."""
-        return self.meter is not None and self.meter.enough
+    def is_enough(self) -> bool:
+        """Whether everything that self-calibration estimates is observable by now."""
+        return self.meter is not None and self.meter.is_enough
 
-    def solved(self) -> bool:
-        """Whether the computation came to an end just now, in `found` or `refusal`."""
-        if self.solving is None:
+    def poll_solver(self) -> bool:
+        """Whether the solver has just ended, with a solution or a refusal."""
+        if self.solver is None:
             return False
-        self.solving.look()
-        self.found = self.solving.found
-        return self.solving.over
+        self.solver.poll()
+        self.solution = self.solver.solution
+        return self.solver.is_over
 
-    def settle(self) -> str:
-        """The computation that came to an end is put away; gives why it found nothing."""
-        refusal = self.solving.refusal if self.solving else ""
-        self.solving = None
+    def take_refusal(self) -> str:
+        """Close the solver that ended; returns why there is no solution, else nothing."""
+        refusal = self.solver.refusal if self.solver else ""
+        self.solver = None
         if refusal:
             self._take_back("refused")
         return refusal
 
     def close(self) -> None:
-        """End what is being computed."""
-        if self.solving is not None:
-            self.solving.close()
-            self.solving = None
+        """End the solver."""
+        if self.solver is not None:
+            self.solver.close()
+            self.solver = None
 
-    def told(self) -> dict[str, Any]:
-        """For a page: the meter joint by joint, how far the computation is, what was found."""
+    def to_json(self) -> dict[str, Any]:
+        """For a page: the meter joint by joint, progress of the solver, the solution."""
         return {
             "meter": [
                 {
@@ -114,34 +114,34 @@ class FreeMovement:
                 }
                 for o in (self.meter.observed if self.meter else ())
             ],
-            "enough": self.enough,
-            "share": None if self.solving is None else round(self.solving.share, 2),
+            "enough": self.is_enough,
+            "share": None if self.solver is None else round(self.solver.share, 2),
             "found": None
-            if self.found is None
-            else {"table": self.found.table, "told": list(self.found.told)},
+            if self.solution is None
+            else {"table": self.solution.table, "told": list(self.solution.told)},
         }
 
     @property
-    def worn(self) -> str:
-        """The number of the glove that is worn; "" before it said so."""
+    def glove_id(self) -> str:
+        """Device id of the glove; empty before it announced itself."""
         identity = self._glove.assembler.identity
         return "" if identity is None else f"{identity.device_id:016x}"
 
-    def _begin(self, order: Order) -> None:
-        """The movement is kept in the recording, and solved."""
+    def _begin(self, effect: Effect) -> None:
+        """Store the movement as an event, and start the solver."""
         self.close()
         tracking, event = (
             self._tracking,
-            Event(order.onset, order.end - order.onset, order.task, {}),
+            Event(effect.onset, effect.end - effect.onset, effect.task, {}),
         )
         self._event = (f"free-{self._number()}", event)
         self._glove.keep_event(*self._event)
         samples = {
             b.stream.name: b
-            for b in (b.between(order.onset, order.end) for b in tracking.samples(order.onset))
+            for b in (b.between(effect.onset, effect.end) for b in tracking.samples(effect.onset))
             if len(b.t)
         }
-        self.solving = Solving(
+        self.solver = SelfCalibrationSolver(
             LoadedRecording(
                 tracking.hand, tracking.geometry, self._glove.assembler.mounting, samples, (event,)
             )
@@ -149,11 +149,11 @@ class FreeMovement:
 
     def _leave(self, outcome: str) -> None:
         self.close()
-        self.found, self._moving = None, False
+        self.solution, self._moving = None, False
         self._take_back(outcome)
 
     def _take_back(self, outcome: str) -> None:
-        """It is not to count: the recording says that it was done, and no more."""
+        """Turn the movement's event into an annotation."""
         if self._event is not None:
             event_id, event = self._event
             details = {"task_name": event.trial_type, "outcome": outcome}
@@ -163,6 +163,6 @@ class FreeMovement:
             self._event = None
 
 
-def reused(known: Known, of_glove: str, worn: str) -> Known:
-    """What an earlier self-calibration gives a session: of another glove its lengths alone."""
-    return known.of_hand() if of_glove and worn and of_glove != worn else known
+def prior_for_glove(prior: Known, of_glove: str, glove_id: str) -> Known:
+    """The part of an earlier self-calibration that holds: of another glove only its lengths."""
+    return prior.of_hand() if of_glove and glove_id and of_glove != glove_id else prior

@@ -1,4 +1,4 @@
-"""A station that plays a result's movement in the 3-D scene, with a time line; beside it, in step, that of another result."""
+"""A station that replays a result's movement in the 3-D scene, with a second one in step where wanted."""
 
 import threading
 import time
@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from handscope.app.live.readouts.angle_rows import told_angles
+from handscope.app.live.readouts.angle_rows import angle_rows
 from handscope.app.live.viewers import Viewers
-from handscope.app.results.curves import Step, at_other
+from handscope.app.results.curves import MatchedTask, at_other
 from handscope.app.results.quantity_curve import Curve
 from handscope.app.scene.hand_scene import HandScene
 from handscope.estimators.errors import InputError
@@ -19,23 +19,23 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
 
 TICK = 1 / 60  # s
-TOLD = 0.1  # s between two snapshots for viewers while it plays
+SNAPSHOT_INTERVAL = 0.1  # s between two snapshots while it plays
 SPEEDS = (0.1, 4.0)
-ABOUT_TO = 5.0  # s that a page gets to come and watch
+ARRIVAL_TIME = 5.0  # s for a page to begin watching
 
 
 @dataclass(frozen=True)
-class Beside:
-    """A movement that is played beside another: from the same task's onset on, or of one recording on its clock."""
+class SecondMovement:
+    """A movement played beside another: task by task in step, or on the clock of one recording."""
 
     geometry: HandGeometry
     session: int
     result: int
     movement: dict[str, Array]
-    steps: tuple[Step, ...]  # of kept_curves.in_step; none: one clock
+    steps: tuple[MatchedTask, ...]  # of curves.matching_tasks; none: one clock
 
     def row(self, t: float) -> int:
-        """The row that belongs to the other's moment t."""
+        """The row that belongs to the first movement's time t."""
         return _row(self.movement, at_other(self.steps, t))
 
 
@@ -52,7 +52,7 @@ class Replay:
         session: int,
         result: int,
         movement: dict[str, Array],
-        beside: Beside | None = None,
+        beside: SecondMovement | None = None,
     ) -> None:
         self.name, self.session, self.result, self.hand = name, session, result, hand
         self.scene = HandScene(hand, geometry, beside.geometry if beside else None)
@@ -71,7 +71,7 @@ class Replay:
         self.scene.measured(_measured(self._movement))
         if self.beside:
             self._measured_beside = _measured(self.beside.movement)
-            self._draw_beside(self.beside, 0)  # ahead is where its recording begins
+            self._draw_beside(self.beside, 0)  # its first orientation faces ahead
         self._draw()
         self._thread = threading.Thread(target=self._run, name=f"replay {self.name}", daemon=True)
         self._thread.start()
@@ -89,9 +89,9 @@ class Replay:
         return self._stop.is_set()
 
     @property
-    def taken(self) -> bool:
-        """Whether somebody watches it, or is about to."""
-        return bool(self._viewers) or time.monotonic() - self.used < ABOUT_TO
+    def is_taken(self) -> bool:
+        """Whether somebody watches it or is about to."""
+        return bool(self._viewers) or time.monotonic() - self.used < ARRIVAL_TIME
 
     @property
     def span(self) -> tuple[float, float]:
@@ -145,20 +145,20 @@ class Replay:
         }
 
     def news(self) -> tuple[int, dict[str, Any]]:
-        """The snapshot with its number: another one after each action, and now and then while it plays."""
+        """The snapshot with its number; a new one after each action and from time to time while it plays."""
         return self._number, self.snapshot()
 
     @property
     def changes(self) -> int:
-        """Another number where a pulse may differ."""
+        """A counter that moves when a pulse may differ."""
         return self._viewers.changes
 
     def pulse(self, since: float) -> dict[str, Any]:
-        angles = told_angles(self._movement["angles"][_row(self._movement, self.t)])
+        angles = angle_rows(self._movement["angles"][_row(self._movement, self.t)])
         return {"angles": angles, "points": [], "t": round(self.t, 3), "playing": self.playing}
 
     def watch(self, notice: Callable[[], object]) -> Callable[[], None]:
-        """As a live station's."""
+        """As Station.watch."""
         return self._viewers.add(notice)
 
     def _run(self) -> None:
@@ -172,7 +172,10 @@ class Replay:
                 self.t = min(self.t + passed * self.speed, self.span[1])
                 self.playing = self.t < self.span[1]
                 self._draw()
-                self._number += now // TOLD != (now - passed) // TOLD or not self.playing
+                self._number += (
+                    now // SNAPSHOT_INTERVAL != (now - passed) // SNAPSHOT_INTERVAL
+                    or not self.playing
+                )
             self._viewers.notify()
 
     def _draw(self) -> None:
@@ -186,7 +189,7 @@ class Replay:
             if self.beside:
                 self._draw_beside(self.beside, self.beside.row(self.t))
 
-    def _draw_beside(self, other: Beside, k: int) -> None:
+    def _draw_beside(self, other: SecondMovement, k: int) -> None:
         angles, q_GH = (other.movement[name][k].astype(float) for name in ("angles", "q_GH"))
         self.scene.show_beside(angles, q_GH, self._measured_beside)
 
@@ -196,8 +199,8 @@ def _row(movement: dict[str, Array], t: float) -> int:
 
 
 def _measured(movement: dict[str, Array]) -> list[str]:
-    """The fingers of which the last segment is known."""
+    """The fingers whose last segment has angles."""
     angles = movement["angles"]
-    known = [bool(np.isfinite(angles[:, k]).any()) for k in range(len(JOINTS))]
-    children = {joint.child for joint, k in zip(JOINTS, known) if k}
+    is_known = [bool(np.isfinite(angles[:, k]).any()) for k in range(len(JOINTS))]
+    children = {joint.child for joint, k in zip(JOINTS, is_known) if k}
     return [f for f in FINGERS if CHAINS[f][-1] in children]

@@ -1,4 +1,4 @@
-"""What a live station is opened with."""
+"""The settings of a live station."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -29,17 +29,15 @@ class Setup:
     method: ModuleType
     params: Any
     protocols: tuple[Protocol, ...]
-    faults: tuple[str, ...] = ()  # of protocol files: those tasks are not offered
+    faults: tuple[str, ...] = ()  # of protocol files; their tasks are not offered
     steps: tuple[Protocol, ...] = ()  # of a functional calibration
     free: Protocol | None = None  # free movement to calibrate from
-    known: Known | None = None  # what the session takes over of an earlier self-calibration
-    known_glove: str = ""  # the glove that it was found with
-    keep_found: Callable[[Found, str], object] = lambda found, glove: (
-        None
-    )  # with the patient, when it was accepted
-    about: Mapping[str, Any]  # kept in the recording: pseudonym, session, ...
+    prior: Known | None = None  # what the session takes over of an earlier self-calibration
+    prior_glove: str = ""  # device id of its glove
+    store_solution: Callable[[Found, str], object] = lambda found, glove: None  # with the patient
+    about: Mapping[str, Any]  # stored in the recording: pseudonym, session, ...
 
     @property
-    def worn(self) -> Mapping[str, float]:
-        """How the trunk's sensor is worn, as the event of a reach tells it."""
+    def trunk_details(self) -> Mapping[str, float]:
+        """How the trunk's sensor is worn, for the event of a reach."""
         return {} if self.trunk_height is None else {"trunk_height": self.trunk_height}

@@ -1,4 +1,4 @@
-"""All stations of a server: opened by name, one a glove, each with its own scene; closed with the server."""
+"""All stations of a server, by name: one for each glove or replay; closed with the server."""
 
 import logging
 import secrets
@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping, Set
 from pathlib import Path
 from typing import Any
 
-from handscope.app.live.replay import Beside, Replay
+from handscope.app.live.replay import Replay, SecondMovement
 from handscope.app.live.setup import Setup
 from handscope.app.live.station import Station
 from handscope.app.options import with_options
 from handscope.app.protocols import load_free, load_steps, offered
-from handscope.app.results.curves import in_step
+from handscope.app.results.curves import matching_tasks
 from handscope.app.results.make import load_replay
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.geometry import HandGeometry, measures_from, sized
@@ -25,14 +25,14 @@ from handscope.sessions.store.store import Store
 from handscope.sessions.tables_io import force_calibrations
 
 log = logging.getLogger(__name__)
-CLOSE_WAIT = 30.0  # s that leaving waits for a session that somebody else is closing
-MOST_REPLAYS = 6  # beyond, the one that was used longest ago is closed
+CLOSE_WAIT = 30.0  # s to wait for a session that another thread is closing
+MOST_REPLAYS = 6  # beyond that, the least recently used is closed
 AnyStation = Station | Replay
 MakeSetup = Callable[[PatientSession, Path, str, str], Setup]
 
 
 class Stations:
-    """A context manager; `on_finish` hears of every live station that ended, after its recording is closed."""
+    """A context manager; calls `on_finish` with every live station whose recording is closed."""
 
     def __init__(self, on_finish: Callable[[Station], None]) -> None:
         self._stations: dict[str, AnyStation] = {}
@@ -47,7 +47,7 @@ class Stations:
     def __exit__(self, *_: object) -> None:
         for station in self.all():
             self.close(station.name)
-        with self._idle:  # a session that was just finished is kept before what keeps it is closed
+        with self._idle:  # the store stays open until a finished session is stored
             self._idle.wait_for(lambda: not self._closing, CLOSE_WAIT)
 
     def open_live(self, setup: Setup) -> Station:
@@ -60,15 +60,15 @@ class Stations:
             return station
 
     def open_replay(self, store: Store, result: Result, other: Result | None = None) -> Replay:
-        """A station that replays a result, another beside it; one that nobody watches is taken, so that every viewer has a time line of his own."""
+        """A station that replays a result, with another beside it; reuses one that nobody watches."""
         session = result.recording.session
-        beside = None if other is None else _beside(store, result, other)
+        beside = None if other is None else _second_movement(store, result, other)
         wanted = (result.id, other and other.id)
         with self._lock:
             for station in self._stations.values():
                 if (
                     isinstance(station, Replay)
-                    and not station.taken
+                    and not station.is_taken
                     and (station.result, station.beside and station.beside.result) == wanted
                 ):
                     station.used = time.monotonic()
@@ -118,7 +118,7 @@ class Stations:
             )
 
     def close(self, name: str) -> None:
-        """End a station; a live one's recording is finished first, then `on_finish` hears of it."""
+        """End a station; a live one's recording is finished first, then `on_finish` is called."""
         with self._lock:
             station = self._stations.pop(name, None)
             self._closing += station is not None
@@ -145,7 +145,7 @@ class Stations:
     def _close_oldest_replays(self) -> None:
         replays = sorted(
             (s for s in self._stations.values() if isinstance(s, Replay)),
-            key=lambda s: (s.taken, s.used),
+            key=lambda s: (s.is_taken, s.used),
         )
         for replay in replays[: max(0, len(replays) - MOST_REPLAYS + 1)]:
             self._stations.pop(replay.name)
@@ -153,12 +153,15 @@ class Stations:
 
 
 def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup:
-    """With the tasks of the data folder. Check method and options before anything is begun; gives a function that makes the setup once session and file are known."""
+    """Check method and options; returns a function that makes the setup once session and file exist.
+
+    InputError for an unknown method or option.
+    """
     if method not in METHODS:
         raise InputError(f"there is no method {method!r}; methods are {', '.join(METHODS)}")
     module = METHODS[method]
     params = with_options(module.Params, options)
-    protocols, faults, kept = *offered(data), force_calibrations.kept(data)
+    protocols, faults, force_files = *offered(data), force_calibrations.kept(data)
     functional = getattr(params, "functional", False) and params.alignment != "heading"
     steps = tuple(load_steps().values()) if functional else ()
     free = load_free() if method in USED_BY else None
@@ -179,7 +182,7 @@ def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup
             faults=tuple(faults),
             steps=steps,
             free=free,
-            about={"session": session.id, "pseudonym": pseudonym, **kept},
+            about={"session": session.id, "pseudonym": pseudonym, **force_files},
         )
 
     return make
@@ -193,13 +196,13 @@ def _geometry(result: Result) -> HandGeometry:
     )
 
 
-def _beside(store: Store, result: Result, other: Result) -> Beside:
-    return Beside(
+def _second_movement(store: Store, result: Result, other: Result) -> SecondMovement:
+    return SecondMovement(
         _geometry(other),
         other.recording.session_id,
         other.id,
         load_replay(store, other),
-        in_step(result, other),
+        matching_tasks(result, other),
     )
 
 

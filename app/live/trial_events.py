@@ -1,66 +1,71 @@
-"""What an attempt at a task leaves in the recording: its event, and within an accepted one its pauses and phases (docs/extending.md)."""
+"""The events of an attempt at a task: the task, and if accepted its pauses and phases (docs/extending.md)."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from handscope.app.live.wizard.machine import Order
+from handscope.app.live.wizard.machine import Effect
 from handscope.app.protocols import Protocol
 from handscope.estimators.data.samples import Event
 from handscope.estimators.measures.task_request import PAUSE
 
-UNTOLD: Mapping[str, float] = {}
+NO_TRUNK_DETAILS: Mapping[str, float] = {}
 
 
 def events(
-    order: Order,
+    effect: Effect,
     protocol: Protocol | None,
     trial: int,
     newest: float,
-    worn: Mapping[str, float] = UNTOLD,
+    trunk: Mapping[str, float] = NO_TRUNK_DETAILS,
 ) -> Iterator[tuple[str, Event]]:
-    """Ids ({} is the attempt's number) and events; `trial` counts the accepted ones, `newest` (s) is where a skipped task stands.
+    """Ids ({} is the attempt's number) and events of an attempt.
 
-    `worn` is told with a task of reaching: how the trunk's sensor is worn.
+    `trial` counts accepted attempts; `newest` (s) is the time of a skipped task; `trunk` are details of the
+    trunk's sensor, stored with a reach.
     """
-    accepted, timed = order.reason == "accepted", bool(np.isfinite(order.onset))
-    onset, length = (order.onset, order.end - order.onset) if timed else (newest, 0.0)
+    accepted, timed = effect.reason == "accepted", bool(np.isfinite(effect.onset))
+    onset, length = (effect.onset, effect.end - effect.onset) if timed else (newest, 0.0)
     yield (
         "task-{}",
         Event(
             onset,
             length,
             "task" if accepted else "annotation",
-            _details(order, protocol, trial, accepted, worn),
+            _details(effect, protocol, trial, accepted, trunk),
         ),
     )
     if not accepted or protocol is None:
         return
-    for k, (start, to) in enumerate(order.pauses):
+    for k, (start, to) in enumerate(effect.pauses):
         yield (
             f"pause-{{}}-{k}",
-            Event(start, to - start, "annotation", {"task_name": order.task, "phase": PAUSE}),
+            Event(start, to - start, "annotation", {"task_name": effect.task, "phase": PAUSE}),
         )
     for k, (start, phase, repetition) in enumerate(
-        protocol.marks(order.onset, order.end, order.pauses)
+        protocol.marks(effect.onset, effect.end, effect.pauses)
     ):
-        marked = {"task_name": order.task, "phase": phase.mark, "repetition": repetition}
+        marked = {"task_name": effect.task, "phase": phase.mark, "repetition": repetition}
         yield f"phase-{{}}-{k}", Event(start, phase.seconds, "annotation", marked)
 
 
 def _details(
-    order: Order, protocol: Protocol | None, trial: int, accepted: bool, worn: Mapping[str, float]
+    effect: Effect,
+    protocol: Protocol | None,
+    trial: int,
+    accepted: bool,
+    trunk: Mapping[str, float],
 ) -> dict[str, Any]:
-    details: dict[str, Any] = {"task_name": order.task, "outcome": order.reason}
+    details: dict[str, Any] = {"task_name": effect.task, "outcome": effect.reason}
     if protocol and protocol.mode == "passive":
         details["mode"] = protocol.mode
     if accepted and protocol:
         details |= protocol.details
         if protocol.group == "reach":
-            details |= worn
+            details |= trunk
         if protocol.trials > 1:
             details["trial"] = trial
-        if protocol.score and order.score is not None:
-            details |= {"score": order.score, "score_title": protocol.score.title}
+        if protocol.score and effect.score is not None:
+            details |= {"score": effect.score, "score_title": protocol.score.title}
     return details

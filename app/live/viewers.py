@@ -1,22 +1,22 @@
-"""Who watches a station, and that there is something new for them."""
+"""The viewers of a station, notified of every change."""
 
 import threading
 from collections.abc import Callable
 
 
 class Viewers:
-    """Notices to be called, from any thread, whenever something changed."""
+    """Callbacks, called from any thread whenever something changed."""
 
     def __init__(self) -> None:
         self._notices: list[Callable[[], object]] = []
         self._lock = threading.Lock()
-        self.changes = 0  # another number, something new
+        self.changes = 0  # counts notifications
 
     def __bool__(self) -> bool:
         return bool(self._notices)
 
     def add(self, notice: Callable[[], object]) -> Callable[[], None]:
-        """Have `notice` called; gives back how to stop that."""
+        """Add a callback; returns a function that removes it."""
         with self._lock:
             self._notices.append(notice)
 
@@ -27,7 +27,7 @@ class Viewers:
         return leave
 
     def notify(self) -> None:
-        """There is something new."""
+        """Call every callback."""
         self.changes += 1
         for notice in list(self._notices):
             notice()

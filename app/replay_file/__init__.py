@@ -53,7 +53,7 @@ def replay_file(
     turns, places = bones.pose(postures.filled(angles), geometry)
     reach = float(np.abs(places).max()) * view.units_per_metre(geometry)
     scene, parts = _scene(hand, geometry, angles)
-    told = {
+    payload = {
         "t": np.round(t - t[0], 3).tolist(),
         "full": FULL,
         "reach": reach / FULL,
@@ -78,7 +78,7 @@ def replay_file(
         "language": language.code,
         "title": html.escape(title),
         "notice": html.escape(language.say("replay.notice")),
-        "told": json.dumps(told, separators=(",", ":")).replace("<", "\\u003c"),
+        "payload": json.dumps(payload, separators=(",", ":")).replace("<", "\\u003c"),
         "movement": packed(np.concatenate(numbers, axis=1)),
         "scene": _base64(scene.encode()),
         "player": files(__package__).joinpath("player.js").read_text("utf-8"),
@@ -93,13 +93,13 @@ def chapters(
     events: Sequence[Event], protocols: Mapping[str, Protocol], language: Language
 ) -> list[Chapter]:
     """The initial poses and the tasks of a recording, each trial with its number where there are several."""
-    told = [e for e in events if e.trial_type in ("initial_pose", "task")]
-    titles = [_title(e, protocols, language) for e in told]
+    shown = [e for e in events if e.trial_type in ("initial_pose", "task")]
+    titles = [_title(e, protocols, language) for e in shown]
     several = [
         f"{title} {titles[: k + 1].count(title)}" if titles.count(title) > 1 else title
         for k, title in enumerate(titles)
     ]
-    return [Chapter(title, e.onset, e.end) for title, e in zip(several, told)]
+    return [Chapter(title, e.onset, e.end) for title, e in zip(several, shown)]
 
 
 def _title(event: Event, protocols: Mapping[str, Protocol], language: Language) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 
 from handscope.app.options import with_options
 from handscope.app.version import software_version
-from handscope.app.workers.deadline import LIMIT, within
+from handscope.app.workers.deadline import LIMIT, limit_time
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.methods import ALL_METHODS
@@ -91,7 +91,9 @@ def one(work: Work) -> Outcome:
         method = ALL_METHODS[work.method]
         params = with_options(method.Params, work.options)
         recording = formats_recordings.load(path, work.hand)
-        processed = process(method, params, recording, progress=within(LIMIT, lambda share: None))
+        processed = process(
+            method, params, recording, progress=limit_time(LIMIT, lambda share: None)
+        )
         out.mkdir(parents=True, exist_ok=True)
         (out / DONE).unlink(missing_ok=True)
         save_folder(
@@ -109,7 +111,7 @@ def one(work: Work) -> Outcome:
 
 
 def all_of(
-    works: Sequence[Work], workers: int, scheduler: str | None, hear: Callable[[float], None]
+    works: Sequence[Work], workers: int, scheduler: str | None, on_progress: Callable[[float], None]
 ) -> list[Outcome]:
     """Every recording's outcome in the order given, computed by processes of this machine or those of a scheduler."""
     outcomes: dict[str, Outcome] = {}
@@ -128,7 +130,7 @@ def all_of(
                 if problem is None
                 else Outcome(work.name, "failed", f"the process that worked on it ended: {problem}")
             )
-            hear(len(outcomes) / len(works))
+            on_progress(len(outcomes) / len(works))
     return [outcomes[work.name] for work in works]
 
 

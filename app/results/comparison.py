@@ -194,15 +194,15 @@ def _row(g: Agreement, width: int) -> str:
 
 
 def _tips(tips: Tips, part: tuple[str, float, float]) -> list[str]:
-    found = tips.errors.get(part, ())
+    errors = tips.errors.get(part, ())
     lines = (
         [
             f"fingertips apart, mm, frames: {tips.frame}     mean      SD    RMSE largest    x / y / z RMS"
         ]
-        if found
+        if errors
         else []
     )
-    for e in found:
+    for e in errors:
         values = " ".join(f"{1e3 * v:7.1f}" for v in (e.mean, e.sd, e.rmse, e.largest))
         lines.append(
             f"{e.finger:{len(lines[0]) - 48}}  {values}    {' / '.join(f'{1e3 * v:.1f}' for v in e.parts)}"
@@ -214,14 +214,14 @@ def _checks(letter: str, side: Side) -> list[str]:
     lines = []
     if side.consistency:
         turned = [c for c in side.consistency if math.isfinite(c.share)]
-        told = (
+        rows = (
             f": median {100 * median(c.share for c in turned):.1f} %"
             if turned
             else ": no segment turned enough"
         )
         lines += [
             "",
-            f"{letter}: angular velocity of the estimate against the gyroscope, dRMS in % of its maximum{told}",
+            f"{letter}: angular velocity of the estimate against the gyroscope, dRMS in % of its maximum{rows}",
         ]
         lines += [
             f"  {c.segment:18} {100 * c.share:5.1f} % of {DEG * c.largest:.0f} deg/s"

@@ -1,7 +1,7 @@
-"""Curves of kept results for pages: in degrees and millimetres, thinned so that no peak is lost, and two results on one clock.
+"""Curves of stored results for pages: in deg and mm, thinned without losing a peak; two results on one clock.
 
-Two results of one recording have one clock, so their difference means something; of two recordings a trial of the same task is laid on the other from
-its onset on.
+Two results of one recording share its clock, so they have a difference. Two recordings are aligned at the onset of
+a trial of the same task.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,23 +22,23 @@ from handscope.sessions.db.tables import Result
 from handscope.sessions.store.store import Store
 
 APERTURE = "aperture"
-LEAD = 1.0  # s before and after a task that two recordings run in step
+LEAD = 1.0  # s before and after a task in which two recordings are in step
 
 
 @dataclass(frozen=True)
-class Beside:
-    """One quantity of two results; t from the trial's onset, or the recording's clock; NaN where a result does not know it."""
+class ResultComparison:
+    """One quantity of two results; t from the trial's onset, or on the recording's clock; NaN where unknown."""
 
     t: Array  # (n,) s
     a: Array  # (n,) deg or mm
     b: Array  # (n,)
-    apart: Array  # (n,) b less a, of one recording only
+    difference: Array  # (n,) b less a, of one recording only
     agreement: Agreement | None  # of one recording only: the same movement
     offsets: tuple[float, float]  # s, what t = 0 is on either's clock
 
 
-def require_known(what: Sequence[str]) -> None:
-    """InputError for a curve that there is not."""
+def require_quantities(what: Sequence[str]) -> None:
+    """InputError for an unknown quantity."""
     unknown = [w for w in what if w != APERTURE and w not in DOF_NAMES]
     if unknown:
         raise InputError(
@@ -46,19 +46,19 @@ def require_known(what: Sequence[str]) -> None:
         )
 
 
-def curves(
+def load_curves(
     store: Store, result: Result, what: Sequence[str], start: float, stop: float, points: int
 ) -> tuple[Array, dict[str, Array]]:
     """Times (n,) and values (n,) by quantity between two moments, `points` at most."""
-    require_known(what)
+    require_quantities(what)
     rows = _rows(store, result, start, stop)
     thin = thinned(rows.t, [value_of(rows, w) for w in what], points)
     return thin[0], dict(zip(what, thin[1]))
 
 
 def thinned(t: Array, values: Sequence[Array], points: int) -> tuple[Array, list[Array]]:
-    """At most `points` samples of curves (n,) on one clock: of every stretch the smallest and the largest value in their order, so that no peak is lost."""
-    size = -(-2 * len(t) // points)  # samples in a stretch, of which two are left
+    """At most `points` samples of curves (n,) on one clock: of every stretch its extremes in their order."""
+    size = -(-2 * len(t) // points)  # samples in a stretch; two of them remain
     if size <= 2:
         return t, list(values)
     count = -(-len(t) // size)
@@ -71,9 +71,11 @@ def thinned(t: Array, values: Sequence[Array], points: int) -> tuple[Array, list
     ]
 
 
-def beside(store: Store, a: Result, b: Result, what: str, event: int | None, points: int) -> Beside:
+def compare_results(
+    store: Store, a: Result, b: Result, what: str, event: int | None, points: int
+) -> ResultComparison:
     """A quantity of two results: of a task (the event of A's recording) or, within one recording, of all of it."""
-    require_known([what])
+    require_quantities([what])
     same = a.recording_id == b.recording_id
     if event is None and not same:
         raise InputError("two recordings are compared trial by trial: say which task (event)")
@@ -85,12 +87,14 @@ def beside(store: Store, a: Result, b: Result, what: str, event: int | None, poi
     on_a = value_of(first, what)
     on_b = _at(first.t - onsets[0], second.t - onsets[1], value_of(second, what))
     found = agreements([_pair(what, first.t, on_a, on_b)], [("", -np.inf, np.inf)]) if same else []
-    t, (thin_a, thin_b, apart) = thinned(first.t - onsets[0], [on_a, on_b, on_b - on_a], points)
-    return Beside(t, thin_a, thin_b, apart, found[0] if found else None, onsets)
+    t, (thin_a, thin_b, difference) = thinned(
+        first.t - onsets[0], [on_a, on_b, on_b - on_a], points
+    )
+    return ResultComparison(t, thin_a, thin_b, difference, found[0] if found else None, onsets)
 
 
 @dataclass(frozen=True)
-class Step:
+class MatchedTask:
     """A task of one recording and the same of another."""
 
     onset: float  # s of the one's clock
@@ -98,8 +102,8 @@ class Step:
     length: float  # s, of the longer
 
 
-def in_step(a: Result, b: Result) -> tuple[Step, ...]:
-    """Every task of A that B has, too, in order of time; none for one recording, whose clock is one. InputError where they have none in common."""
+def matching_tasks(a: Result, b: Result) -> tuple[MatchedTask, ...]:
+    """The tasks that A and B share, in order of time; none for one recording. InputError where they share none."""
     if a.recording_id == b.recording_id:
         return ()
     tasks, others = _tasks(a), {e.get("task_name") for e in _tasks(b).values()}
@@ -108,11 +112,13 @@ def in_step(a: Result, b: Result) -> tuple[Step, ...]:
         raise InputError(
             "the two sessions have no task in common, so they cannot be shown in step; choose another session"
         )
-    return tuple(sorted((Step(*onsets, length) for onsets, length in found), key=lambda s: s.onset))
+    return tuple(
+        sorted((MatchedTask(*onsets, length) for onsets, length in found), key=lambda s: s.onset)
+    )
 
 
-def at_other(steps: Sequence[Step], t: float) -> float:
-    """The other's moment at t: within the task that is on, or was last; a task is waited for, and stood still after, LEAD s from its ends."""
+def at_other(steps: Sequence[MatchedTask], t: float) -> float:
+    """The other's time at t, within the current or last task; outside it the other rests, LEAD s beyond the task's ends."""
     if not steps:
         return t
     step = next((s for s in reversed(steps) if s.onset - LEAD <= t), steps[0])
@@ -120,7 +126,7 @@ def at_other(steps: Sequence[Step], t: float) -> float:
 
 
 def _trials(a: Result, b: Result, event: int) -> tuple[tuple[float, float], float]:
-    """Onsets of A's trial and of the same trial of the task in B (its last where it has fewer), and the longer one's length."""
+    """Onsets of A's trial and of the same trial in B (its last where it has fewer), and the longer duration."""
     events = [_tasks(r) for r in (a, b)]
     wanted = events[0].get(event)
     if wanted is None:
@@ -148,17 +154,17 @@ def _tasks(result: Result) -> dict[int, Mapping[str, Any]]:
 
 
 def _rows(store: Store, result: Result, start: float, stop: float) -> Trajectory:
-    """The kept trajectory between two moments as far as curves need it."""
-    kept = load_replay(store, result)
-    first, last = np.searchsorted(kept["t"], [start, np.nextafter(stop, np.inf)])
-    part = {name: kept[name][first:last] for name in ("t", "angles", "tips")}
+    """The stored trajectory between two instants, as far as curves need it."""
+    arrays = load_replay(store, result)
+    first, last = np.searchsorted(arrays["t"], [start, np.nextafter(stop, np.inf)])
+    part = {name: arrays[name][first:last] for name in ("t", "angles", "tips")}
     return Trajectory(
         "left", part["t"], part["angles"], np.empty(0), part["tips"], np.empty(0, np.uint8)
     )
 
 
 def _at(t: Array, other_t: Array, other: Array) -> Array:
-    """The other's values at times t, NaN outside and next to what it does not know."""
+    """The other's values at times t, NaN outside and next to unknown values."""
     if len(other_t) < 2:
         return np.full(len(t), np.nan)
     return np.asarray(np.interp(t, other_t, other, left=np.nan, right=np.nan))
@@ -173,7 +179,7 @@ def _pair(what: str, t: Array, a: Array, b: Array) -> Pair:
 
 
 def _ends(stretches: Array) -> Array:
-    """Of every row (k, size) the smallest and the largest in their order (2 k,); NaN of a row without any."""
+    """The extremes of every row (k, size) in their order (2 k,); NaN for a row without values."""
     empty = np.asarray(np.isnan(stretches).all(axis=1))
     filled = np.where(empty[:, None], 0.0, stretches)
     low, high = np.nanargmin(filled, axis=1), np.nanargmax(filled, axis=1)

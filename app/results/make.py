@@ -1,6 +1,6 @@
-"""Make results: process a kept recording, assess it, keep figures for pages, a thinned trajectory for replay, and what a report says.
+"""Make results: process a stored recording, assess it, store figures, a thinned trajectory and the report's content.
 
-Runs in a process of its own (app/job_queue.py), so that a long computation never holds up a live view.
+It runs in a process of its own (app/job_queue.py), so that a long computation never delays a live view.
 """
 
 import io
@@ -47,30 +47,33 @@ from handscope.sessions.tables_io.number_table import Data
 from handscope.sessions.tables_io.trajectory_table import measured_segments
 from handscope.sessions.tables_io.writing import save_file
 
-LOOK, STEP = 0.5, 0.05  # s, share: how often progress is kept
-REPLAY_RATE = 60.0  # Hz of the trajectory kept for replay and curves
+LOOK, STEP = 0.5, 0.05  # s, share: how often progress is stored
+REPLAY_RATE = 60.0  # Hz of the trajectory stored for replay and curves
 CURVE_POINTS = 1500  # of a measure's curve at most: finer than a screen
 
 
 class StoppedError(Exception):
-    """Nobody waits for the result any more."""
+    """The result was stopped or erased."""
 
 
 def make(store: Store, result_id: int) -> None:
-    """Process the result's recording; a failure the user can mend is kept as the result's error. What was stopped or erased meanwhile leaves nothing."""
+    """Process the result's recording; a failure that the user can mend becomes the result's error.
+
+    A result that is stopped or erased meanwhile leaves no files.
+    """
     with store.database() as db:
         result = db.get(Result, result_id)
         if result is None or result.state not in UNFINISHED:
             return
         try:
-            _settle(db, store, result)
+            _make_or_fail(db, store, result)
         except StaleDataError:
             db.rollback()
             for file in (replay_file(result_id), report_file(result_id)):
                 store.path_of(file).unlink(missing_ok=True)
 
 
-def _settle(db: Session, store: Store, result: Result) -> None:
+def _make_or_fail(db: Session, store: Store, result: Result) -> None:
     try:
         _make(db, store, result)
     except StoppedError:
@@ -85,10 +88,12 @@ def _settle(db: Session, store: Store, result: Result) -> None:
 
 def _make(db: Session, store: Store, result: Result) -> None:
     begin(db, result)
-    hear = deadline.within(deadline.LIMIT, _watching(db, result.id), commanded=False)
-    recording, processed = computed(store, result, hear)
-    hear(1.0)
-    tasks = assessed(result.method, recording, processed)
+    on_progress = deadline.limit_time(
+        deadline.LIMIT, _progress_writer(db, result.id), from_command_line=False
+    )
+    recording, processed = process_result(store, result, on_progress)
+    on_progress(1.0)
+    tasks = assess_recording(result.method, recording, processed)
     save_replay(store, result.id, processed.trajectory)
     save_report(store, result, recording, processed, tasks)
     result.figures = [row for t in tasks for row in figure_rows(t)]
@@ -98,35 +103,37 @@ def _make(db: Session, store: Store, result: Result) -> None:
     db.commit()
 
 
-def computed(
+def process_result(
     store: Store,
     result: Result,
     progress: Callable[[float], None] = lambda share: None,
     reasons: bool = True,
 ) -> tuple[LoadedRecording, Processed]:
-    """The recording and what the method makes of it, computed anew; with the reasons of corrections or without."""
+    """The recording with its corrections, and what the method makes of it; `reasons`: with those of the corrections."""
     if result.method not in ALL_METHODS:
         raise InputError(
             f"there is no method {result.method!r}; methods are {', '.join(ALL_METHODS)}"
         )
     method = ALL_METHODS[result.method]
-    made = result.corrections if reasons else corrections.untold(result.corrections)
+    applied = result.corrections if reasons else corrections.untold(result.corrections)
     recording = trunk_height.applied(
-        corrections.corrected(records.opened(store, result.recording), made), result.trunk_height
+        corrections.corrected(records.opened(store, result.recording), applied), result.trunk_height
     )
     db = object_session(result)
-    known = None if db is None else self_calibrations.known(db, result.reused)
+    prior = None if db is None else self_calibrations.known(db, result.reused)
     return recording, process(
         method,
         with_options(method.Params, result.parameters),
         recording,
         progress=progress,
-        known=known,
+        known=prior,
     )
 
 
-def assessed(method: str, recording: LoadedRecording, processed: Processed) -> list[TaskResult]:
-    """What the measures say of what a method made of a recording."""
+def assess_recording(
+    method: str, recording: LoadedRecording, processed: Processed
+) -> list[TaskResult]:
+    """The measures of a processed recording."""
     return assess(
         processed.trajectory,
         recording.events,
@@ -137,7 +144,7 @@ def assessed(method: str, recording: LoadedRecording, processed: Processed) -> l
 
 def derivative_files(store: Store, result: Result, reasons: bool = True) -> dict[str, Data]:
     """The Motion-BIDS derivative of a result (docs/motion-bids.md)."""
-    recording, processed = computed(store, result, reasons=reasons)
+    recording, processed = process_result(store, result, reasons=reasons)
     params = with_options(ALL_METHODS[result.method].Params, result.parameters)
     return derivative.tree(processed, recording, result.method, params, result.version)
 
@@ -164,11 +171,13 @@ def page_content(
     processed: Processed, tasks: list[TaskResult], recording: LoadedRecording
 ) -> dict[str, Any]:
     """Everything that the result page draws besides the figures."""
-    moved, c = processed.trajectory, processed.calibrations[0]
+    trajectory, c = processed.trajectory, processed.calibrations[0]
     return {
         "self_calibration": self_calibration.kept_of(processed),
-        "span": [float(moved.t[0]), float(moved.t[-1])] if len(moved) else [0.0, 0.0],
-        "measured": measured_segments(moved),
+        "span": [float(trajectory.t[0]), float(trajectory.t[-1])]
+        if len(trajectory)
+        else [0.0, 0.0],
+        "measured": measured_segments(trajectory),
         "calibration": {
             "source": c.source,
             "onset": c.span[0],
@@ -193,18 +202,20 @@ def page_content(
     }
 
 
-def _repetitions(event: Event, moved: Trajectory, tasks: list[TaskResult]) -> list[dict[str, Any]]:
-    """Where the task's repetitions are, s, and which of them are left out: those that stretches left out cover by half."""
+def _repetitions(
+    event: Event, trajectory: Trajectory, tasks: list[TaskResult]
+) -> list[dict[str, Any]]:
+    """Start and stop of the task's repetitions, s, and whether they are excluded: half covered by an excluded stretch."""
     gone = [(float(a), float(b)) for a, b in event.details.get("left_out", ())]
-    found = repetitions(
-        moved,
+    cycles = repetitions(
+        trajectory,
         event.onset,
         event.end,
         [t.details for t in tasks if t.onset == event.onset and t.end == event.end],
     )
     counted = [
         (a, b)
-        for a, b in found
+        for a, b in cycles
         if not any(min(b, stop) - max(a, start) > (b - a) / 2 for start, stop in gone)
     ]
     return [{"start": a, "stop": b, "out": (a, b) in gone} for a, b in sorted([*counted, *gone])]
@@ -214,21 +225,21 @@ def replay_file(result_id: int) -> str:
     return f"results/{result_id}.npz"
 
 
-def save_replay(store: Store, result_id: int, moved: Trajectory) -> None:
-    """Keep the trajectory thinned to REPLAY_RATE; it can be made again at any time."""
-    rate = 1.0 / float(np.median(np.diff(moved.t))) if len(moved) > 1 else REPLAY_RATE
+def save_replay(store: Store, result_id: int, trajectory: Trajectory) -> None:
+    """Store the trajectory thinned to REPLAY_RATE; it can be made again at any time."""
+    rate = 1.0 / float(np.median(np.diff(trajectory.t))) if len(trajectory) > 1 else REPLAY_RATE
     thin = slice(None, None, max(1, round(rate / REPLAY_RATE)))
     buffer = io.BytesIO()
     small = {
-        "angles": moved.angles[thin],
-        "q_GH": moved.q_GS[thin, SEGMENT["hand"]],
-        "tips": moved.tips[thin],
+        "angles": trajectory.angles[thin],
+        "q_GH": trajectory.q_GS[thin, SEGMENT["hand"]],
+        "tips": trajectory.tips[thin],
     }
-    if moved.forces is not None:
-        small["forces"] = moved.forces[thin]
+    if trajectory.forces is not None:
+        small["forces"] = trajectory.forces[thin]
     arrays = {name: values.astype(np.float32) for name, values in small.items()}
     np.savez_compressed(
-        buffer, allow_pickle=False, t=moved.t[thin], flags=moved.flags[thin], **arrays
+        buffer, allow_pickle=False, t=trajectory.t[thin], flags=trajectory.flags[thin], **arrays
     )
     path = store.path_of(replay_file(result_id))
     path.parent.mkdir(exist_ok=True)
@@ -236,10 +247,13 @@ def save_replay(store: Store, result_id: int, moved: Trajectory) -> None:
 
 
 def load_replay(store: Store, result: Result) -> dict[str, Any]:
-    """The thinned trajectory: t (n,), angles (n, joints, 3), q_GH (n, 4), tips (n, 5, 3), flags, where they were measured forces (n, 5, 3); made anew where its file is gone."""
+    """The thinned trajectory: t (n,), angles (n, joints, 3), q_GH (n, 4), tips (n, 5, 3), flags, measured forces (n, 5, 3).
+
+    Made again where its file is missing.
+    """
     path = stored_files.at_hand(store, replay_file(result.id))
     if not path.exists():
-        save_replay(store, result.id, computed(store, result)[1].trajectory)
+        save_replay(store, result.id, process_result(store, result)[1].trajectory)
     return _read(path, path.stat().st_mtime_ns)
 
 
@@ -254,11 +268,11 @@ def save_report(
     processed: Processed,
     tasks: list[TaskResult],
 ) -> Content:
-    """Keep what a report says of the recording; it can be made again at any time."""
+    """Store the report's content for the recording; it can be made again at any time."""
     params = with_options(ALL_METHODS[result.method].Params, result.parameters)
     nobody, version, corrected = Visit(patient=""), result.version, result.corrections
     protocols, _ = offered(store.folder)
-    said = content(
+    report_content = content(
         nobody,
         recording,
         processed,
@@ -271,32 +285,34 @@ def save_report(
     )
     if (db := object_session(result)) is not None and (reused := result.reused):
         earlier = self_calibrations.get(db, reused["self_calibration"])
-        said = replace(said, self_calibration=self_calibration.taken_over(earlier, reused["parts"]))
-    save_file(packed(said), store.path_of(report_file(result.id)))
-    return said
+        report_content = replace(
+            report_content, self_calibration=self_calibration.taken_over(earlier, reused["parts"])
+        )
+    save_file(packed(report_content), store.path_of(report_file(result.id)))
+    return report_content
 
 
 def load_report(store: Store, result: Result) -> Content:
-    """What a report says of the recording, of nobody's visit; made anew where its file is gone or of another form."""
+    """The report's content for the recording, without a visit; made again where its file is missing or outdated."""
     path = stored_files.at_hand(store, report_file(result.id))
-    if path.exists() and (said := unpacked(path.read_bytes())) is not None:
-        return said
-    recording, processed = computed(store, result)
+    if path.exists() and (report_content := unpacked(path.read_bytes())) is not None:
+        return report_content
+    recording, processed = process_result(store, result)
     return save_report(
-        store, result, recording, processed, assessed(result.method, recording, processed)
+        store, result, recording, processed, assess_recording(result.method, recording, processed)
     )
 
 
 @lru_cache(maxsize=4)
 def _read(path: Path, written: int) -> dict[str, Any]:
-    """Opened files are kept a while: a page asks for one curve after the other; ten minutes are 10 MB."""
-    with np.load(path) as kept:
-        return {name: kept[name] for name in kept.files}
+    """Cached, since a page asks for one curve after the other; ten minutes are 10 MB."""
+    with np.load(path) as arrays:
+        return {name: arrays[name] for name in arrays.files}
 
 
 def _task(t: TaskResult) -> dict[str, Any]:
-    """What pages draw of a task: `shown` of every measure alike; ranges and taps, too, in the shape of their own pages."""
-    told: dict[str, Any] = {
+    """What pages draw of a task: `shown` of every measure; ranges and taps also in the form of their own pages."""
+    payload: dict[str, Any] = {
         "task": t.task,
         "measure": t.measure,
         "onset": t.onset,
@@ -305,21 +321,21 @@ def _task(t: TaskResult) -> dict[str, Any]:
     }
     if isinstance(t.details, Tapping):
         d = t.details
-        told |= {
+        payload |= {
             "closings": d.closings.tolist(),
             "amplitudes": d.amplitudes.tolist(),
             "grade": d.grade,
             "reason": d.reason,
         }
     elif t.measure == "range_of_motion":
-        told["ranges"] = [asdict(r) for r in t.details]
-    return told
+        payload["ranges"] = [asdict(r) for r in t.details]
+    return payload
 
 
 def _shown(shown: Shown) -> dict[str, Any]:
     """Curves, thinned, and marks as plain data; NaN becomes None."""
     curves = thinned(shown.curves, CURVE_POINTS)
-    told = [
+    payload = [
         {
             "name": c.name,
             "unit": c.unit,
@@ -329,32 +345,32 @@ def _shown(shown: Shown) -> dict[str, Any]:
         }
         for c in curves
     ]
-    return {"curves": told, "marks": {name: _plain(t, 4) for name, t in shown.marks.items()}}
+    return {"curves": payload, "marks": {name: _plain(t, 4) for name, t in shown.marks.items()}}
 
 
 def _plain(values: Array, digits: int) -> list[float | None]:
     return [round(float(v), digits) if np.isfinite(v) else None for v in values]
 
 
-def _watching(db: Session, result_id: int) -> Callable[[float], None]:
-    """Hears shares done and keeps them now and then; StoppedError as soon as somebody stopped or erased the result."""
-    kept, looked = 0.0, time.monotonic()
+def _progress_writer(db: Session, result_id: int) -> Callable[[float], None]:
+    """A progress callback that stores shares from time to time; StoppedError once the result is stopped or erased."""
+    stored, checked = 0.0, time.monotonic()
 
-    def heard(share: float) -> None:
-        nonlocal kept, looked
-        if share - kept < STEP and time.monotonic() - looked < LOOK:
+    def write_progress(share: float) -> None:
+        nonlocal stored, checked
+        if share - stored < STEP and time.monotonic() - checked < LOOK:
             return
-        kept, looked = share, time.monotonic()
-        running = (
+        stored, checked = share, time.monotonic()
+        statement = (
             update(Result)
             .where(Result.id == result_id, Result.state == "running")
             .values(progress=share)
         )
-        found = db.execute(
-            running.returning(Result.id), execution_options={"synchronize_session": False}
+        updated = db.execute(
+            statement.returning(Result.id), execution_options={"synchronize_session": False}
         ).all()
         db.commit()
-        if not found:
+        if not updated:
             raise StoppedError
 
-    return heard
+    return write_progress

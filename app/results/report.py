@@ -1,4 +1,4 @@
-"""The report of a kept result: what was computed with it, and what the database knows of the visit now."""
+"""The report of a stored result, with what the database knows of the visit now."""
 
 from dataclasses import replace
 from typing import Literal, cast
@@ -16,22 +16,22 @@ from handscope.sessions.store.store import Store
 
 
 def changes_of(result: Result) -> Changes | None:
-    """What changed in a kept result since the patient's session before."""
+    """Changes in a result since the patient's previous session."""
     db = object_session(result)
     assert db is not None
-    told = repeatability.comparison(db, result)
-    return changes(told) if told else None
+    comparison = repeatability.comparison(db, result)
+    return changes(comparison) if comparison else None
 
 
 def course_of(result: Result) -> Course | None:
-    """The patient's sessions until a kept result, and the other hand."""
+    """The patient's sessions until a result, and the other hand."""
     db = object_session(result)
     assert db is not None
     return course(db, result)
 
 
 def report(store: Store, result: Result) -> Content:
-    """What the report of a result says."""
+    """Content of a result's report."""
     session, patient = result.recording.session, result.recording.session.patient
     visit = Visit(
         patient=patient.pseudonym,
@@ -43,7 +43,11 @@ def report(store: Store, result: Result) -> Content:
         affected=cast(Literal["left", "right", "both"] | None, patient.affected_hand),
         notes=session.notes,
     )
-    changed, gone = changes_of(result), course_of(result)
+    changed, history = changes_of(result), course_of(result)
     return replace(
-        load_report(store, result), visit=visit, date=session.started, changes=changed, course=gone
+        load_report(store, result),
+        visit=visit,
+        date=session.started,
+        changes=changed,
+        course=history,
     )

@@ -23,7 +23,7 @@ from handscope.app.scene.mesh.highlight_mesh import highlight_parts
 from handscope.app.scene.mesh.skinned_mesh import SkinnedMesh
 from handscope.app.scene.palette import Paint
 from handscope.app.scene.reach_map import ReachMap
-from handscope.app.scene.second_hand import BESIDE, HandBeside
+from handscope.app.scene.second_hand import BESIDE, SecondHand
 from handscope.estimators.hand.anatomy import FINGERS, JOINT, SEGMENT, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
@@ -76,7 +76,7 @@ class HandScene:
                 font_screen_scale=1.7,
                 anchor="bottom-center",
             )
-            self._beside = None if beside is None else HandBeside(self._server, beside)
+            self._beside = None if beside is None else SecondHand(self._server, beside)
             if beside is not None:
                 self._own.place((-BESIDE, 0.0, 0.0))
             self._draw(self._own, postures.relaxed())

@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from handscope.app.scene.hand_scene import HandScene
-from handscope.app.workers.process import CONTEXT, heed_the_server_alone
+from handscope.app.workers.process import CONTEXT, ignore_terminal_signals
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
@@ -24,13 +24,13 @@ AGAIN = 0.5  # s before another process takes the place of one that died
 CLOSE_WAIT = 5.0  # s
 
 
-class SceneApart:
+class SceneProcess:
     """A context manager; `port` and `secret` are what bridge.bridge needs, 0 and empty while no process is there. Methods are HandScene's."""
 
     def __init__(self, hand: Hand, geometry: HandGeometry) -> None:
         self.port, self.secret = 0, ""
         self._about = hand, geometry
-        self._known: dict[str, tuple[Any, ...]] = {}  # the newest wish of each kind, in order
+        self._newest: dict[str, tuple[Any, ...]] = {}  # the newest wish of each kind, in order
         self._waiting: dict[
             str, tuple[Any, ...]
         ] = {}  # of them, those that the process was not told
@@ -39,9 +39,9 @@ class SceneApart:
         self._pipe: Connection | None = None
         self._behind = 0  # pictures that the process was told and has not drawn
         self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._keep, name="scene", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="scene", daemon=True)
 
-    def __enter__(self) -> "SceneApart":
+    def __enter__(self) -> "SceneProcess":
         self._thread.start()
         return self
 
@@ -51,35 +51,35 @@ class SceneApart:
     def close(self) -> None:
         """End the process; viewers are disconnected."""
         self._closed.set()
-        self._let_go()
+        self._disconnect()
         self._thread.join(CLOSE_WAIT)
 
     def show(self, angles: Array, q_GH: Array | None) -> None:
-        self._wish("show", angles, q_GH)
+        self._request("show", angles, q_GH)
 
     def face_ahead(self) -> None:
-        self._wish("face_ahead")
+        self._request("face_ahead")
 
     def measured(self, fingers: Iterable[str]) -> None:
-        self._wish("measured", tuple(fingers))
+        self._request("measured", tuple(fingers))
 
     def ghost(self, angles: Array | None, whole: bool = False) -> None:
-        self._wish("ghost", angles, whole)
+        self._request("ghost", angles, whole)
 
     def trail(self, places: Array) -> None:
-        self._wish("trail", places)
+        self._request("trail", places)
 
     def place(self, place: Array, sd: Array, doubtful: bool) -> None:
-        self._wish("place", place, sd, doubtful)
+        self._request("place", place, sd, doubtful)
 
     def forces(self, forces: Array | None) -> None:
         if (
-            forces is not None or self._known.get("forces", (None,))[0] is not None
+            forces is not None or self._newest.get("forces", (None,))[0] is not None
         ):  # no arrows there are anyhow
-            self._wish("forces", forces)
+            self._request("forces", forces)
 
     def highlight(self, segment: str | None) -> None:
-        self._wish("highlight", segment)
+        self._request("highlight", segment)
 
     @contextmanager
     def picture(self) -> Iterator[None]:
@@ -90,18 +90,18 @@ class SceneApart:
                 yield
             finally:
                 self._gathering -= 1
-                self._tell()
+                self._send_waiting()
 
-    def _wish(self, kind: str, *given: Any) -> None:
+    def _request(self, kind: str, *arguments: Any) -> None:
         with self._lock:
-            for wishes in (self._known, self._waiting):
-                wishes.pop(
+            for requests in (self._newest, self._waiting):
+                requests.pop(
                     kind, None
                 )  # the newest goes last: what faces ahead is the hand shown after that
-                wishes[kind] = given
-            self._tell()
+                requests[kind] = arguments
+            self._send_waiting()
 
-    def _tell(self) -> None:
+    def _send_waiting(self) -> None:
         """Send what waits, unless the process is behind; the next wish tries again, and a station has one in every tick."""
         if self._gathering or self._pipe is None or not self._waiting:
             return
@@ -114,7 +114,7 @@ class SceneApart:
                 self._behind += 1
                 self._waiting.clear()
 
-    def _keep(self) -> None:
+    def _run(self) -> None:
         """In a thread of its own: a process is there until this is closed."""
         while not self._closed.is_set():
             pipe, theirs = CONTEXT.Pipe()
@@ -124,23 +124,23 @@ class SceneApart:
             process.start()
             theirs.close()  # the process has the only other end: when it dies, the pipe ends
             with suppress(OSError, EOFError):
-                self._begin(pipe, *pipe.recv())
+                self._connect(pipe, *pipe.recv())
             process.join()
-            self._let_go()
+            self._disconnect()
             if not self._closed.wait(AGAIN):
                 log.error(
                     "the process of a 3-D scene ended (%s); another is started", process.exitcode
                 )
 
-    def _begin(self, pipe: Connection, port: int, secret: str) -> None:
+    def _connect(self, pipe: Connection, port: int, secret: str) -> None:
         with self._lock:
-            self._pipe, self._behind, self._waiting = pipe, 0, dict(self._known)
+            self._pipe, self._behind, self._waiting = pipe, 0, dict(self._newest)
             self.port, self.secret = port, secret
             if self._closed.is_set():
-                self._let_go()
-            self._tell()
+                self._disconnect()
+            self._send_waiting()
 
-    def _let_go(self) -> None:
+    def _disconnect(self) -> None:
         with self._lock:
             self.port, self.secret = 0, ""
             pipe, self._pipe = self._pipe, None
@@ -150,18 +150,18 @@ class SceneApart:
 
 def _draw(pipe: Connection, hand: Hand, geometry: HandGeometry) -> None:
     """In the process: draw what is wished until the pipe ends."""
-    heed_the_server_alone()
+    ignore_terminal_signals()
     with HandScene(hand, geometry) as scene, suppress(EOFError, OSError):
         pipe.send((scene.port, scene.secret))
         while True:
-            scene.in_its_thread(partial(_take, scene, pipe.recv()))
+            scene.in_its_thread(partial(_carry_out, scene, pipe.recv()))
             pipe.send_bytes(b"drawn")
 
 
-def _take(scene: HandScene, wishes: list[tuple[str, tuple[Any, ...]]]) -> None:
+def _carry_out(scene: HandScene, requests: list[tuple[str, tuple[Any, ...]]]) -> None:
     try:
         with scene.picture():
-            for kind, given in wishes:
-                getattr(scene, kind)(*given)
+            for kind, arguments in requests:
+                getattr(scene, kind)(*arguments)
     except Exception:  # one picture less
         log.exception("a picture could not be drawn")

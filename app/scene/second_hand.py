@@ -17,7 +17,7 @@ from handscope.estimators.numerics.typing import Array
 BESIDE = 1.0  # scene units from the middle to either wrist
 
 
-class HandBeside:
+class SecondHand:
     """For one thread at a time, within the scene's lock."""
 
     def __init__(self, server: ViserServer, geometry: HandGeometry) -> None:

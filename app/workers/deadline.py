@@ -1,32 +1,32 @@
-"""No computation runs for ever: whoever hears how far it is says when it took too long."""
+"""A time limit for computations, checked whenever they report progress."""
 
 import time
 from collections.abc import Callable
 
 from handscope.estimators.errors import InputError
 
-LIMIT = 1800.0  # s; the longest recording that is kept (an hour, 17 sensors) takes some minutes
+LIMIT = 1800.0  # s; the longest recording (an hour, 17 sensors) takes some minutes
 
 
-def within(
+def limit_time(
     seconds: float,
-    hear: Callable[[float], None],
+    on_progress: Callable[[float], None],
     now: Callable[[], float] = time.monotonic,
-    commanded: bool = True,
+    from_command_line: bool = True,
 ) -> Callable[[float], None]:
-    """Hears shares done and passes them on; InputError as soon as more than `seconds` went by since this was made; `commanded`: by a command line."""
+    """A progress callback that passes shares on; it raises InputError once `seconds` have passed since this call."""
     end = now() + seconds
 
-    def heard(share: float) -> None:
+    def check_time(share: float) -> None:
         if now() > end:
             more = (
                 "allow more with --time-limit SECONDS, or process less at once"
-                if commanded
+                if from_command_line
                 else "process less at once, or by another method"
             )
             raise InputError(
                 f"{seconds:g} s were not enough, what was not done by then is left out; {more}"
             )
-        hear(share)
+        on_progress(share)
 
-    return heard
+    return check_time

@@ -1,7 +1,7 @@
-"""The process that writes a patient's export: it computes and reads for long, so the server only passes on what comes out of it.
+"""Writes a patient's export in a process of its own; the server only passes its bytes on.
 
-On Linux it is forked from a process that has imported everything (app/workers/process.py). When nobody takes the zip any more, writing fails and the
-process leaves.
+On Linux it is forked from a process that has imported everything (app/workers/process.py). When nobody reads the
+zip any more, writing fails and the process ends.
 """
 
 import contextlib
@@ -12,19 +12,19 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from handscope.app.version import software_version
-from handscope.app.workers.process import CONTEXT, heed_the_server_alone
+from handscope.app.workers.process import CONTEXT, ignore_terminal_signals
 from handscope.estimators.errors import InputError
 from handscope.sessions.store import patient_export
 from handscope.sessions.store.store import Store, store_at
 
-PIECE = 2**16
+CHUNK = 2**16
 
 
-def exported(store: Store, patient_id: int) -> Iterator[bytes]:
-    """The zip piece by piece; InputError where it could not be begun, an error in the middle cuts it off so that nobody takes it for whole."""
+def stream_patient_export(store: Store, patient_id: int) -> Iterator[bytes]:
+    """The zip in chunks; InputError where it cannot start. A later error truncates it, so that no program reads it as complete."""
     ours, theirs = CONTEXT.Pipe(duplex=False)
-    order = (theirs, dict(os.environ), store.folder, store.url, patient_id)
-    process = CONTEXT.Process(target=_write, args=order, name="handscope export", daemon=True)
+    arguments = (theirs, dict(os.environ), store.folder, store.url, patient_id)
+    process = CONTEXT.Process(target=_write, args=arguments, name="handscope export", daemon=True)
     process.start()
     theirs.close()
     try:
@@ -40,7 +40,7 @@ def exported(store: Store, patient_id: int) -> Iterator[bytes]:
         process.join()
 
 
-class _Pieces(io.RawIOBase):
+class _PipeFile(io.RawIOBase):
     """A file that goes through a pipe."""
 
     def __init__(self, pipe: Connection) -> None:
@@ -49,8 +49,8 @@ class _Pieces(io.RawIOBase):
     def writable(self) -> bool:
         return True
 
-    def write(self, piece: object) -> int:
-        sent = memoryview(piece)  # type: ignore[arg-type]
+    def write(self, chunk: object) -> int:
+        sent = memoryview(chunk)  # type: ignore[arg-type]
         self._pipe.send_bytes(sent)
         return sent.nbytes
 
@@ -58,12 +58,12 @@ class _Pieces(io.RawIOBase):
 def _write(
     pipe: Connection, environment: Mapping[str, str], folder: Path, url: str | None, patient_id: int
 ) -> None:
-    """In the process, in the environment that its parent has now."""
-    heed_the_server_alone()
+    """In the process, with the present environment of its parent."""
+    ignore_terminal_signals()
     os.environ.clear()
     os.environ.update(environment)
     store = store_at(folder, url)
     with contextlib.suppress(BrokenPipeError), store.database() as db:
-        out = io.BufferedWriter(_Pieces(pipe), PIECE)
+        out = io.BufferedWriter(_PipeFile(pipe), CHUNK)
         patient_export.write(db, store, patient_id, software_version(), out)
         out.flush()

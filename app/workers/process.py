@@ -1,10 +1,10 @@
-"""A process that does one piece of work after the other; another is started when it has died.
+"""A process that runs one call after the other; another is started when it has died.
 
-A pool of processes gives up everything that waits when its process dies and cannot say which piece of work it died of. Here one piece is sent at a
-time, so a death belongs to it alone. The process leaves by itself when its parent is gone.
+A pool drops every waiting call when a process dies, and cannot tell which call was the cause. Here one call is sent
+at a time. The process ends by itself when its parent is gone.
 
-On Linux it is forked from a process that has imported what work needs (app/preload.py); elsewhere it imports all that itself. It begins with the
-first piece of work, in the thread that waits for that: until those imports are done, nobody else waits.
+On Linux it is forked from a process that has imported what the calls need (app/preload.py); elsewhere it imports all
+that itself. It starts with the first call, in the thread that waits for it.
 """
 
 import contextlib
@@ -35,20 +35,20 @@ class DiedError(Exception):
 
     def __init__(self, exit_code: int | None) -> None:
         super().__init__(f"the working process ended with {exit_code}")
-        self.told = (
+        self.was_terminated = (
             exit_code == -signal.SIGTERM
-        )  # somebody asked it to end: the work is not to blame
+        )  # by a request: the call is not the cause
 
 
-class WorkingProcess:
-    """A context manager; `begin(*arguments)` runs first in every process. One thread calls `do`, any may call `kill`."""
+class WorkerProcess:
+    """A context manager; `initialise(*arguments)` runs first in every process. One thread calls `do`, any may call `kill`."""
 
-    def __init__(self, begin: Callable[..., None], *arguments: Any) -> None:
-        self._begin, self._arguments = begin, arguments
+    def __init__(self, initialise: Callable[..., None], *arguments: Any) -> None:
+        self._initialise, self._arguments = initialise, arguments
         self._starting = threading.Lock()
         self._process: BaseProcess | None = None
 
-    def __enter__(self) -> "WorkingProcess":
+    def __enter__(self) -> "WorkerProcess":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -57,7 +57,7 @@ class WorkingProcess:
             self._process.join()
 
     def do(self, work: Callable[..., T], *arguments: Any) -> T:
-        """Have the work done there; gives its value or raises its error, DiedError where the process ended instead."""
+        """Call `work` in the process; returns its value or raises its error, DiedError where the process ended."""
         if not self.alive:
             self._start()
         assert self._process is not None
@@ -77,7 +77,7 @@ class WorkingProcess:
         return self._process is not None and self._process.is_alive()
 
     def kill(self) -> None:
-        """End the process at once, whatever it does."""
+        """End the process at once."""
         with self._starting:
             if self._process is not None:
                 self._process.kill()
@@ -91,21 +91,21 @@ class WorkingProcess:
                 )
                 self.__exit__()
             self._pipe, theirs = CONTEXT.Pipe()
-            given = (theirs, dict(os.environ), self._begin, self._arguments)
+            given = (theirs, dict(os.environ), self._initialise, self._arguments)
             process = CONTEXT.Process(target=_serve, args=given, name="handscope work", daemon=True)
             process.start()
-            theirs.close()  # the process has the only other end: when it dies, the pipe ends
+            theirs.close()  # the pipe ends when the process, which has the only other end, dies
             self._process = process
 
 
-def heed_the_server_alone() -> None:
-    """First in every process of this CONTEXT: it may be told to end, and Ctrl-C, which goes to everyone at the terminal, is the server's to answer."""
+def ignore_terminal_signals() -> None:
+    """First in every process of this CONTEXT: SIGTERM ends it, Ctrl-C at the terminal is left to the server."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
-def heed_the_terminal() -> None:
-    """First in a process of this CONTEXT that works for a command: Ctrl-C and a request to end reach it as well."""
+def restore_terminal_signals() -> None:
+    """First in a process of this CONTEXT that works for a command: SIGTERM and Ctrl-C end it."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
@@ -113,14 +113,14 @@ def heed_the_terminal() -> None:
 def _serve(
     pipe: Connection,
     environment: Mapping[str, str],
-    begin: Callable[..., None],
+    initialise: Callable[..., None],
     arguments: tuple[Any, ...],
 ) -> None:
-    """In the process: work until the pipe ends, in the environment that its parent has now: what it was forked from may be older."""
-    heed_the_server_alone()
+    """In the process: run calls until the pipe ends, with the present environment of its parent."""
+    ignore_terminal_signals()
     os.environ.clear()
     os.environ.update(environment)
-    begin(*arguments)
+    initialise(*arguments)
     with contextlib.suppress(EOFError, OSError):
         while True:
             work, given = pipe.recv()
@@ -132,6 +132,6 @@ def _outcome(
 ) -> tuple[T | None, Exception | None]:
     try:
         return work(*arguments), None
-    except Exception as error:  # goes to whoever waits for the work
-        error.add_note(traceback.format_exc())  # a traceback does not travel
+    except Exception as error:  # raised by `do`
+        error.add_note(traceback.format_exc())  # a traceback cannot be pickled
         return None, error

@@ -1,6 +1,6 @@
-"""Self-calibration in a process of its own: it takes a minute of a core, and the live view must not feel it. It can be asked how far it is, and ended.
+"""Self-calibration in a process of its own: it takes a minute of a core, and must not slow the live view.
 
-The process is told everything through its pipe and leaves by itself when its parent is gone. One that takes longer than LONGEST is ended.
+The process ends by itself when its parent is gone; one that takes longer than LONGEST is ended.
 """
 
 import contextlib
@@ -9,7 +9,7 @@ import time
 from multiprocessing.connection import Connection
 from typing import Any
 
-from handscope.app.workers.process import CONTEXT, heed_the_server_alone
+from handscope.app.workers.process import CONTEXT, ignore_terminal_signals
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic.self_calibrations import Found
 from handscope.sessions.files.recording import LoadedRecording
@@ -20,14 +20,14 @@ ENDED = "the self-calibration ended unexpectedly; move freely once more, or go o
 TOO_LONG = "the self-calibration took longer than ten minutes and was ended; move freely once more, or go on without it"
 
 
-class Solving:
-    """A computation that goes on from when this is made until it is found, refused, or closed."""
+class SelfCalibrationSolver:
+    """One computation; it runs from construction until it has a solution or a refusal, or is closed."""
 
     def __init__(self, recording: LoadedRecording) -> None:
         self.share = 0.0  # of the work that is done, 0 to 1
-        self.found: Found | None = None
+        self.solution: Found | None = None
         self.refusal = ""
-        self._begun = time.monotonic()
+        self._started = time.monotonic()
         self._pipe, theirs = CONTEXT.Pipe()
         self._process = CONTEXT.Process(
             target=_solve, args=(theirs, recording), name="handscope self-calibration", daemon=True
@@ -36,20 +36,20 @@ class Solving:
         theirs.close()
 
     @property
-    def over(self) -> bool:
-        return self.found is not None or bool(self.refusal)
+    def is_over(self) -> bool:
+        return self.solution is not None or bool(self.refusal)
 
-    def look(self) -> None:
-        """Hear what the process has told since the last time; never waits."""
+    def poll(self) -> None:
+        """Read the messages of the process since the last call; never waits."""
         try:
-            while not self.over and self._pipe.poll():
+            while not self.is_over and self._pipe.poll():
                 kind, value = self._pipe.recv()
                 setattr(self, kind, value)
         except (EOFError, OSError):
             self.refusal = self.refusal or ENDED
-        if not self.over and time.monotonic() - self._begun > LONGEST:
+        if not self.is_over and time.monotonic() - self._started > LONGEST:
             self.refusal = TOO_LONG
-        if self.over:
+        if self.is_over:
             self.close()
 
     def close(self) -> None:
@@ -60,8 +60,8 @@ class Solving:
 
 
 def _solve(pipe: Connection, recording: LoadedRecording) -> None:
-    """In the process: what it tells is the name of what is known now and its value."""
-    heed_the_server_alone()
+    """In the process: send the name of an attribute and its value."""
+    ignore_terminal_signals()
     with contextlib.suppress(BrokenPipeError, OSError):
         pipe.send(_outcome(recording, lambda share: pipe.send(("share", share))))
 
@@ -86,4 +86,4 @@ def _outcome(recording: LoadedRecording, progress: Any) -> tuple[str, Any]:
         log.exception("self-calibration")
         return "refusal", ENDED
     found = found_of(processed.calibrations[0], processed.told)
-    return ("refusal", "; ".join(processed.told) or ENDED) if found is None else ("found", found)
+    return ("refusal", "; ".join(processed.told) or ENDED) if found is None else ("solution", found)

@@ -1,13 +1,13 @@
-"""Uploaded recordings are opened in a process of their own, started with the first: ten minutes take seconds of a core, and live views do not wait.
+"""Reads uploaded recordings in a process of its own, so that live views do not wait.
 
-Not in the process of app/job_queue.py: whoever uploads would wait for everything that is computed there.
+The process of app/job_queue.py would make an upload wait for everything that is computed there.
 """
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from handscope.app.workers.process import DiedError, WorkingProcess
+from handscope.app.workers.process import DiedError, WorkerProcess
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
 from handscope.sessions.store import records
@@ -16,16 +16,16 @@ from handscope.sessions.store.records import Upload
 DIED = "the recording could not be opened: the process that read it ended, perhaps for want of memory; split the recording and try again"
 
 
-class Opening:
-    """A context manager; leaving it ends what is being read."""
+class UploadReader:
+    """A context manager; leaving it stops the reading."""
 
     def __init__(self) -> None:
-        self._process = WorkingProcess(_begin)
+        self._process = WorkerProcess(_initialise)
         self._queue = ThreadPoolExecutor(
             1, thread_name_prefix="opening"
         )  # its thread waits for the process
 
-    def __enter__(self) -> "Opening":
+    def __enter__(self) -> "UploadReader":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -34,7 +34,7 @@ class Opening:
         self._process.__exit__()
 
     async def read(self, upload: Path, name: str, hand: Hand | None) -> Upload:
-        """What an uploaded recording holds; InputError where it cannot be opened."""
+        """Content of an uploaded recording; InputError where it cannot be opened."""
         try:
             return await asyncio.wrap_future(
                 self._queue.submit(self._process.do, records.read_upload, upload, name, hand)
@@ -43,5 +43,5 @@ class Opening:
             raise InputError(DIED) from None
 
 
-def _begin() -> None:
-    """Nothing: what is read needs no database."""
+def _initialise() -> None:
+    """Reading needs no preparation."""

@@ -18,7 +18,7 @@ export function mount(root, api, { kept }) {
       label: t(`reuse.take.${parts}`),
       note: parts === "nothing" ? t("reuse.nothing.note") : t(`reuse.${parts}.note`, { moment }),
     }));
-    const summary = offered && h("p", { class: "soft small" }, offered.told.summary);
+    const summary = offered && h("p", { class: "soft small" }, offered.tables.summary);
     root.replaceChildren(...(offered ? [choices(t("reuse.of", { moment }), "reuse", options, "several"), summary] : []));
   }
 

@@ -19,7 +19,7 @@ export function mount(root, api, { kept, treats }) {
       { "data-id": row.id },
       h("p", { class: "text" }, t("kept.row", { moment: dayAndTime(row.recorded), hand: t(`hand.${row.hand}.title`) })),
       h("p", { class: "soft small" }, t(row.withdrawn ? "kept.withdrawn" : "kept.offered")),
-      h("details", {}, h("summary", {}, t("kept.found")), foundTables(row.told)),
+      h("details", {}, h("summary", {}, t("kept.found")), foundTables(row.tables)),
       h("div", { class: "buttons" }, h("a", { href: `/sessions/${row.session}` }, t("kept.session")), treats && change),
     );
   }

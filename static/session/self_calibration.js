@@ -48,7 +48,7 @@ export function mount(root, api, { session, result, reload }) {
       if (!gone) reload();
     });
     const taken = now && offers.find((offer) => offer.id === now.self_calibration);
-    const shown = taken && foundTables(now.parts === "lengths" ? { ...taken.told, seats: [], biases: [] } : taken.told);
+    const shown = taken && foundTables(now.parts === "lengths" ? { ...taken.tables, seats: [], biases: [] } : taken.tables);
     const other = h("details", {}, h("summary", {}, t("reuse.change")), form);
     decided.replaceChildren(...[h("h3", {}, t("reuse.title")), h("p", {}, said), shown, other].flat().filter(Boolean));
   }

@@ -8,14 +8,14 @@ const SIGN = { seen: "✓", wrong: "!", dead: "×", asked: "→" };
 
 export function mount(root, api, { station }) {
   const list = h("ul", { class: "fingers" });
-  const said = h("div", { role: "status" });
-  root.append(list, said);
+  const verdict = h("div", { role: "status" });
+  root.append(list, verdict);
   let lit = new Set(); // fingers that lit up since the page stands
   const draw = whenChanged(
     ({ wizard, glove, sensor_faults }) => [
       wizard.check,
       wizard.state,
-      wizard.still ? "" : wizard.restless.split("_")[0],
+      wizard.still ? "" : wizard.fastest_segment.split("_")[0],
       glove.flowing,
       sensor_faults,
     ],
@@ -24,7 +24,7 @@ export function mount(root, api, { station }) {
       if (root.hidden) return;
       if (state === "connect" && FINGERS.includes(moving)) lit = lit.add(moving);
       list.replaceChildren(...FINGERS.map((finger) => chip(finger, standing(finger, check, state), finger === moving)));
-      said.replaceChildren(...(state === "checked" ? verdicts(check, faults) : []));
+      verdict.replaceChildren(...(state === "checked" ? verdicts(check, faults) : []));
     },
   );
 
@@ -54,7 +54,7 @@ function verdicts({ moved, exchange }, faults) {
   const words = ({ strip, finger }) => ({ strip: part(strip), finger: part(finger) });
   const known = exchange.map((one) => one.finger);
   const rest = Object.entries(moved).filter(([finger, strip]) => strip !== finger && !known.includes(finger));
-  const found = [
+  const problems = [
     exchange.length === 2 && t("check.exchanged", { one: part(exchange[0].finger), other: part(exchange[0].strip) }),
     exchange.length > 2 && t("check.round", { list: exchange.map((one) => t("check.worn", words(one))).join(", ") }),
     ...rest.map(([finger, strip]) =>
@@ -62,6 +62,6 @@ function verdicts({ moved, exchange }, faults) {
     ),
     ...faults.map(inWords),
   ].filter(Boolean);
-  if (!found.length) return [h("p", { class: "good-words" }, t("check.fine"))];
-  return found.map((text) => h("p", { class: "warning" }, text));
+  if (!problems.length) return [h("p", { class: "good-words" }, t("check.fine"))];
+  return problems.map((text) => h("p", { class: "warning" }, text));
 }

@@ -10,13 +10,13 @@ export function mount(root, api, { station }) {
   const words = h("span", { role: "status" });
   root.append(lamp, words);
   const draw = whenChanged(
-    ({ wizard, glove }) => [SHOWN.includes(wizard.state), glove.flowing, wizard.still, wizard.still ? "" : wizard.restless, wizard.state],
-    ([shown, flowing, still, restless, state]) => {
+    ({ wizard, glove }) => [SHOWN.includes(wizard.state), glove.flowing, wizard.still, wizard.still ? "" : wizard.fastest_segment, wizard.state],
+    ([shown, flowing, still, fastest, state]) => {
       const connecting = ["connect", "check"].includes(state); // movement is wanted there, and nowhere else
       root.hidden = !shown || !flowing;
       root.className = `stillness ${still === connecting ? (connecting ? "idle" : "unwanted") : "wanted"}`;
       lamp.textContent = still ? (connecting ? "" : "✓") : "~";
-      words.textContent = still ? t(connecting ? "still.idle" : "still.yes") : t("still.no", { part: partWords(restless || "hand") });
+      words.textContent = still ? t(connecting ? "still.idle" : "still.yes") : t("still.no", { part: partWords(fastest || "hand") });
     },
   );
   return station.on("full", draw);

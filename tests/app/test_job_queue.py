@@ -31,7 +31,7 @@ DEATHS: dict[str, Callable[[], object]] = {
 
 def make(result_id: int) -> None:
     """In the working process: what app.results does, with computations that end as their method's name says."""
-    results_make.computed = computed  # type: ignore[assignment]  # of this process only
+    results_make.process_result = computed  # type: ignore[assignment]  # of this process only
     assert job_queue._store is not None
     results_make.make(job_queue._store, result_id)
 
@@ -188,7 +188,7 @@ def test_what_was_erased_while_it_was_computed_leaves_nothing(
             db.commit()
         raise InputError("nothing to see")
 
-    monkeypatch.setattr(results_make, "computed", erased)
+    monkeypatch.setattr(results_make, "process_result", erased)
     results_make.make(store, only)
     assert not replay.exists()
     results_make.make(store, only)  # it waited in the queue when it was erased

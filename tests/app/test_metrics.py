@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
-from handscope.app.server import create_app, store_of
+from handscope.app.server import create_app
 from handscope.app.settings import Settings
 from handscope.sessions.clinic import patients
 from handscope.sessions.db.tables import PatientSession, RecordingFile, Result
@@ -29,7 +29,7 @@ def test_figures_are_served_without_a_login_on_a_port_of_their_own(tmp_path: Pat
     port = free_port()
     app = create_app(Settings(data=tmp_path, metrics=("127.0.0.1", port)))
     with TestClient(app, base_url="http://127.0.0.1:8420") as client:
-        with store_of(app).database() as db:
+        with app.state.parts.store.database() as db:
             file = RecordingFile(
                 session=PatientSession(
                     patient=patients.create(db, "P-4711"), hand="left", state="recorded"
@@ -69,7 +69,7 @@ def test_a_server_whose_database_is_gone_says_that_it_is_not_well(
 ) -> None:
     app = create_app(Settings(data=tmp_path))
     with TestClient(app, base_url="http://127.0.0.1:8420") as client:
-        store_of(app).close()
+        app.state.parts.store.close()
         _in_its_place(tmp_path / "handscope.sqlite")
         answer = client.get("/api/health")
         assert (answer.status_code, answer.json()["status"]) == (

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from handscope.app.auth.gate import new_token
-from handscope.app.workers.process import heed_the_server_alone
+from handscope.app.workers.process import ignore_terminal_signals
 from tests import fork_server
 from tests.faults import disturbing
 
@@ -118,7 +118,7 @@ def wait_for(condition: Callable[[], Any], seconds: float = WAIT) -> Any:
 def _serve(data: Path, words: tuple[str, ...]) -> None:
     from handscope.app.cli import main
 
-    heed_the_server_alone()
+    ignore_terminal_signals()
     fork_server.share()
     disturbing.install(data.parent)
     log = os.open(data.parent / "log", os.O_WRONLY | os.O_CREAT | os.O_APPEND)

@@ -225,7 +225,7 @@ def _reuse(row: dict[str, Any]) -> dict[str, Any] | None:
 
 
 def _self_calibration(row: dict[str, Any]) -> dict[str, Any]:
-    found = {part: [values[1:3] for values in row["told"][part]] for part in ("seats", "biases")}
+    found = {part: [values[1:3] for values in row["tables"][part]] for part in ("seats", "biases")}
     return {**_fields(row, "id hand session recording onset kept withdrawn version"), **found}
 
 

@@ -88,7 +88,7 @@ async def _viewer(client: Client, station: str, seconds: float) -> list[float]:
             message = json.loads(await socket.recv())
             pulse = message["pulse"]
             if pulse["row_age_ms"] is not None:
-                ages.append(pulse["row_age_ms"] + 1e3 * (time.monotonic() - pulse["told"]))
+                ages.append(pulse["row_age_ms"] + 1e3 * (time.monotonic() - pulse["sent"]))
     return ages
 
 

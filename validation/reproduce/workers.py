@@ -6,7 +6,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from handscope.app.workers.process import CONTEXT, heed_the_terminal
+from handscope.app.workers.process import CONTEXT, restore_terminal_signals
 from handscope.validation.reproduce import reproduction
 
 
@@ -42,7 +42,7 @@ def _spread(name: str, trials: Sequence[Any], jobs: int) -> Iterator[tuple[int, 
 
 
 def _begin() -> None:
-    heed_the_terminal()
+    restore_terminal_signals()
     threadpool_limits(1)
 
 

@@ -1,4 +1,4 @@
-"""Joint angles as pages are told them, live and in a replay."""
+"""Joint angles as pages show them, live and in a replay."""
 
 from math import isfinite
 from typing import Any
@@ -11,11 +11,11 @@ from handscope.estimators.numerics.typing import Array
 FREEDOMS = [(joint.name, ANGLES[a]) for joint in JOINTS for a in joint.dofs]
 MOVING = tuple(
     np.array([(j, a) for j, joint in enumerate(JOINTS) for a in joint.dofs]).T
-)  # where they stand in a row's angles
+)  # their indices in a row's angles
 
 
-def told_angles(angles: Array) -> list[dict[str, Any]]:
-    """Of one instant's angles (joints, 3) rad those of freedoms that are known, in tenths of a degree."""
+def angle_rows(angles: Array) -> list[dict[str, Any]]:
+    """The known angles of one instant, from (joints, 3) rad, in tenths of a degree."""
     row = np.degrees(angles[MOVING]).tolist()
     return [
         {"joint": joint, "angle": angle, "deg": round(deg, 1)}

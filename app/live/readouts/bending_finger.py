@@ -9,7 +9,7 @@ MOVES = 0.6  # rad/s at which a segment is lit while sensors are checked
 ALONE = 2.0  # times as fast as every other finger moves the one that bends alone
 
 
-def bends(motion: Mapping[str, Motion]) -> str:
+def bending_finger(motion: Mapping[str, Motion]) -> str:
     """The finger that moves clearly faster than any other and the hand; empty where none does."""
     rates = {
         f: max((motion[s].rate for s in CHAINS[f] if s in motion), default=0.0) for f in FINGERS

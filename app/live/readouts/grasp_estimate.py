@@ -1,4 +1,4 @@
-"""What the hand holds, as it seems so far, in a live station: estimated apart from the tick while a task with force sensors runs."""
+"""Mass or stiffness of the grasped object in a live station, estimated outside the tick while a task with force sensors runs."""
 
 import logging
 import threading
@@ -18,27 +18,27 @@ from handscope.estimators.numerics.typing import Array
 
 log = logging.getLogger(__name__)
 PAUSE = 0.7  # s between two estimates
-NOW = 0.5  # s before the newest sample: force sensors tell twelve times a second
+NOW = 0.5  # s before the newest sample: force sensors send twelve times a second
 EMPTY = 0.5  # s of a task in which nothing is gripped yet
-BEFORE = 15.0  # s before a task in which the empty hand tells the force sensors' zeros
+BEFORE = 15.0  # s before a task, with an empty hand: the zeros of the force sensors
 UNITS = {"mass": ("kg", 1.0), "stiffness": ("N/mm", 1e-3)}
 
 
-class HeldSoFar:
-    """Begun by the station's tick; told to pages."""
+class GraspEstimator:
+    """Started by the station's tick, read by snapshots."""
 
     def __init__(self, tracking: Tracking) -> None:
         self._tracking = tracking
         self._thread: threading.Thread | None = None
         self._newest = -np.inf  # host's clock
-        self._told: dict[str, Any] | None = None
-        self._task, self._onset = "", np.inf  # that is told of
+        self._number: dict[str, Any] | None = None
+        self._task, self._onset = "", np.inf  # of the estimate
         self._zeros: Mapping[str, Array] = {}  # of the force sensors, by finger
 
-    def follow(self, task: str, onset: float) -> None:
-        """Estimate again where a task is on that weighs or squeezes something and the last estimate is old; never waits."""
+    def update(self, task: str, onset: float) -> None:
+        """Start another estimate during a task that weighs or squeezes, if the last is old; never waits."""
         if onset != self._onset:
-            self._task, self._onset, self._told, self._zeros = task, onset, None, {}
+            self._task, self._onset, self._number, self._zeros = task, onset, None, {}
         calibration = self._tracking.calibration
         waits = self._thread is not None and self._thread.is_alive()
         if task in SO_FAR and calibration and not waits and time.monotonic() - self._newest > PAUSE:
@@ -46,17 +46,17 @@ class HeldSoFar:
             self._thread = threading.Thread(
                 target=self._estimate,
                 args=(task, onset, calibration),
-                name="held so far",
+                name="grasp estimate",
                 daemon=True,
             )
             self._thread.start()
 
-    def told(self, task: str | None) -> dict[str, Any] | None:
-        """A live number with its standard deviation; None before anything is known, and of another task."""
-        return self._told if task == self._task else None
+    def number_of(self, task: str | None) -> dict[str, Any] | None:
+        """Live number with its standard deviation; None before the first estimate, or of another task."""
+        return self._number if task == self._task else None
 
-    def pushes(self, task: str | None) -> Array | None:
-        """What the fingertips push with now (5, 3), N in the global frame; None while no task is on in which that is known."""
+    def fingertip_forces(self, task: str | None) -> Array | None:
+        """Forces (5, 3) of the fingertips now, N in the global frame; None where unknown."""
         calibration, now = self._tracking.calibration, self._tracking.newest_sample()
         if task != self._task or not self._zeros or calibration is None:
             return None
@@ -73,32 +73,32 @@ class HeldSoFar:
 
     def _estimate(self, task: str, onset: float, calibration: Calibration) -> None:
         try:
-            told = self._computed(task, onset, calibration)
+            number = self._compute(task, onset, calibration)
         except Exception:  # the station goes on
             log.exception("what is held could not be estimated")
             return
         if onset == self._onset:
-            self._told = told
+            self._number = number
 
-    def _computed(self, task: str, onset: float, calibration: Calibration) -> dict[str, Any] | None:
+    def _compute(self, task: str, onset: float, calibration: Calibration) -> dict[str, Any] | None:
         blocks = self._tracking.samples(onset - BEFORE)
         rows = self._tracking.past(onset - BEFORE)
         if not len(rows) or not any(FORCE in b.stream.quantities for b in blocks):
             return None
         if (
             onset == self._onset and not self._zeros
-        ):  # from the empty hand: a grip that lasts would pass for a zero
+        ):  # from the empty hand: a lasting grip would pass for a zero
             self._zeros = fingertip_forces.zeros(
                 ForceParams(), [b.between(onset - BEFORE, onset + EMPTY) for b in blocks]
             )
-        felt, _ = fingertip_forces.attached(
+        forces, _ = fingertip_forces.attached(
             ForceParams(), rows, blocks, self._tracking.mounting, [calibration]
         )
         name, estimate = SO_FAR[task]
-        running = estimate(felt.between(onset, np.inf), self._tracking.geometry)
-        known = np.flatnonzero(np.isfinite(running.value)) if running else np.empty(0, int)
-        if running is None or not len(known):
+        running = estimate(forces.between(onset, np.inf), self._tracking.geometry)
+        rows_known = np.flatnonzero(np.isfinite(running.value)) if running else np.empty(0, int)
+        if running is None or not len(rows_known):
             return None
         unit, factor = UNITS[name]
-        value, sd = (factor * float(v[known[-1]]) for v in (running.value, running.sd))
+        value, sd = (factor * float(v[rows_known[-1]]) for v in (running.value, running.sd))
         return {"name": name, "value": round(value, 3), "unit": unit, "sd": round(sd, 3)}

@@ -1,4 +1,4 @@
-"""How much each sensor moves right now.
+"""How much each sensor moves now.
 
 In      blocks of an inertial stream's last second
 Out     Motion by segment
@@ -16,14 +16,14 @@ from handscope.estimators.data.samples import ACC, GYR, Block, every
 
 @dataclass(frozen=True)
 class Motion:
-    """How much a sensor moves right now."""
+    """Movement of one sensor."""
 
     rate: float  # rad/s, mean angular rate over the last second against its own mean
     seen: float  # s, newest sample
 
 
 def latest(blocks: deque[Block], seconds: float) -> list[Block]:
-    """The newest blocks that hold so many seconds, in order; none of a stream that tells no movement."""
+    """The newest blocks of so many seconds, in order; none of a stream without inertial sensors."""
     if not blocks or not blocks[-1].stream.inertial:
         return []
     recent = list(takewhile(lambda b: b.t[-1] >= blocks[-1].t[-1] - seconds, reversed(blocks)))
@@ -31,7 +31,7 @@ def latest(blocks: deque[Block], seconds: float) -> list[Block]:
 
 
 def motions(block: Block) -> dict[str, Motion]:
-    """Of every sensor that gave whole samples; all sensors at once."""
+    """Motion of every sensor with complete samples."""
     gyr, sensors = block.of(GYR), block.stream.sensors
     whole = every(np.isfinite(gyr)) & every(np.isfinite(block.of(ACC)))  # (n, sensors)
     samples = np.maximum(whole.sum(axis=0), 1)

@@ -39,7 +39,7 @@ class FreeMeter:
         self.observed: tuple[Observed, ...] = ()
 
     @property
-    def enough(self) -> bool:
+    def is_enough(self) -> bool:
         """Whether self-calibration would find everything that it looks for."""
         return bool(self.observed) and all(o.share >= 1.0 for o in self.observed)
 

@@ -1,35 +1,41 @@
-"""Everything that a page needs to draw where the session stands, and what can be done there; facts about glove and patient come in with every tick."""
+"""The wizard's state and what can be done in it; the status of glove and patient comes with every tick."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 
-from handscope.app.live.wizard.transition_table import BY_PERSON, PASSING, TRANSITIONS, Act, State
+from handscope.app.live.wizard.transition_table import (
+    BY_PERSON,
+    PASSING,
+    TRANSITIONS,
+    Action,
+    State,
+)
 from handscope.app.protocols import Protocol, groups
 from handscope.estimators.alignment.functional_movements import BENT
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS
 
 ROUTINE = "routine"  # the group of the usual assessment
-PATIENT = 15.0  # s of a pose that does not become still until another way is proposed
+PATIENT = 15.0  # s of a restless pose until something else is proposed
 
 
 @dataclass(frozen=True)
-class Facts:
-    """What the station knows at a tick."""
+class StationStatus:
+    """What the station knows of glove and patient at a tick."""
 
     now: float  # s, host's clock
     t: float  # s, the recording's newest sample
     flowing: bool  # samples are arriving
-    wander: float  # rad/s, of the sensor that moves most
-    restless: str  # its segment
+    angular_rate_peak: float  # rad/s, of the fastest sensor
+    fastest_segment: str  # segment of that sensor
     measured: frozenset[str]  # segments with samples
     bends: str = ""  # the finger that moves while the others hardly do
-    kept: bool = True  # the recording takes what is measured; with a full disk it does not, and nothing but finishing makes sense
+    is_recording: bool = True  # False with a full disk: then only finishing makes sense
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """A stretch of the recording in which a task was done, or why it was not."""
+    """A part of the recording in which a task was done, or why it was not."""
 
     task: str
     onset: float  # s in the recording; NaN for a skipped task
@@ -37,14 +43,12 @@ class Attempt:
     outcome: str  # accepted, redone, paused (and begun again), skipped, unable
     reason: str = ""
     score: float | None = None  # the clinician's own
-    pauses: tuple[
-        tuple[float, float], ...
-    ] = ()  # stretches (from, to) s within it that do not count
+    pauses: tuple[tuple[float, float], ...] = ()  # (start, end) s within it that do not count
 
 
 @dataclass(frozen=True)
-class Judged:
-    """A step of the calibration that was done, and what was wrong with it."""
+class StepJudgement:
+    """A finished step of the calibration, and its problems."""
 
     step: str
     problems: tuple[str, ...] = ()
@@ -52,7 +56,7 @@ class Judged:
 
 @dataclass(frozen=True)
 class Wizard:
-    """Everything that a page needs to draw where the session stands."""
+    """The state of the session, complete for a page."""
 
     protocols: tuple[Protocol, ...]
     pose_duration: float
@@ -85,7 +89,7 @@ class Wizard:
     poor: int = 0  # joints of which the newest calibration is poor
     attempts: tuple[Attempt, ...] = ()
     judged: tuple[
-        Judged, ...
+        StepJudgement, ...
     ] = ()  # steps of the calibration that goes on, the newest attempt of each
     used: frozenset[str] = (
         frozenset()
@@ -99,91 +103,95 @@ class Wizard:
         every = (*self.protocols, *self.steps, *((self.free,) if self.free else ()))
         return next((p for p in every if p.name == self.task), None)
 
-    def allowed(self, facts: Facts) -> list[Act]:
+    def allowed(self, status: StationStatus) -> list[Action]:
         """What a person can do now, in the order of the table."""
         acts = [
-            a for a in TRANSITIONS[self.state] if a in BY_PERSON and (facts.kept or a is Act.FINISH)
+            a
+            for a in TRANSITIONS[self.state]
+            if a in BY_PERSON and (status.is_recording or a is Action.FINISH)
         ]
         barred = {
-            Act.CONTINUE: not ready(facts),
-            Act.CHECK: not ready(facts) or len(self.checkable(facts)) < 2,
-            Act.EXCHANGE: not self.exchangeable(),
-            Act.WITHOUT: self.calibrated or not ready(facts),
-            Act.STOP: self.state is State.POSE_READY and not self.calibrated,
-            Act.AGAIN: not self._trials_left(),
-            Act.RESUME: self.protocol is None or self.protocol.resumes is None,
-            Act.CALIBRATE: not self.steps_offered(facts),
-            Act.NEXT: self.state is not State.CHECK and self.next_step(facts) is None,
-            Act.USE: self.state is not State.FREE_REVIEW and not self._usable(),
-            Act.FREE: self.free is None or not self._free_fingers(facts),
+            Action.CONTINUE: not ready(status),
+            Action.CHECK: not ready(status) or len(self.checkable(status)) < 2,
+            Action.EXCHANGE: not self.exchangeable(),
+            Action.WITHOUT: self.calibrated or not ready(status),
+            Action.STOP: self.state is State.POSE_READY and not self.calibrated,
+            Action.AGAIN: not self._trials_left(),
+            Action.RESUME: self.protocol is None or self.protocol.resumes is None,
+            Action.CALIBRATE: not self.steps_offered(status),
+            Action.NEXT: self.state is not State.CHECK and self.next_step(status) is None,
+            Action.USE: self.state is not State.FREE_REVIEW and not self._usable(),
+            Action.FREE: self.free is None or not self._free_fingers(status),
         }
         return [a for a in acts if not barred.get(a, False)]
 
-    def offered(self, facts: Facts) -> list[Protocol]:
+    def offered(self, status: StationStatus) -> list[Protocol]:
         """Tasks that can be done with what is measured."""
-        return [p for p in self.protocols if set(p.needs) <= facts.measured]
+        return [p for p in self.protocols if set(p.needs) <= status.measured]
 
-    def steps_offered(self, facts: Facts) -> list[Protocol]:
+    def steps_offered(self, status: StationStatus) -> list[Protocol]:
         """Steps of a functional calibration that can be done with what is measured."""
-        return [p for p in self.steps if set(p.needs) <= facts.measured]
+        return [p for p in self.steps if set(p.needs) <= status.measured]
 
-    def next_step(self, facts: Facts) -> str | None:
+    def next_step(self, status: StationStatus) -> str | None:
         """The step after this one."""
-        names = [p.name for p in self.steps_offered(facts)]
+        names = [p.name for p in self.steps_offered(status)]
         return next(iter(names[names.index(self.task) + 1 :]), None) if self.task in names else None
 
-    def checkable(self, facts: Facts) -> list[str]:
+    def checkable(self, status: StationStatus) -> list[str]:
         """Fingers of which a strip gives samples."""
-        return [f for f in FINGERS if CHAINS[f][-1] in facts.measured]
+        return [f for f in FINGERS if CHAINS[f][-1] in status.measured]
 
-    def asked(self, facts: Facts) -> str | None:
+    def asked(self, status: StationStatus) -> str | None:
         """The finger that is to bend now in the sensor check."""
         return (
-            next((f for f in self.checkable(facts) if f not in dict(self.seen)), None)
+            next((f for f in self.checkable(status) if f not in dict(self.seen)), None)
             if self.state is State.CHECK
             else None
         )
 
     def exchangeable(self) -> dict[str, str]:
-        """By the finger that a strip is read for, the one that it is worn on: where check or pose found strips among themselves on other fingers."""
+        """Finger that a strip is read for -> finger that wears it, where check or pose found strips exchanged."""
         if self.state is State.POSE_REVIEW and self.swapped:
             one, other = self.swapped
             return {one: other, other: one}
-        moved = dict(self.seen) if self.state is State.CHECKED else {}
+        strip_by_finger = dict(self.seen) if self.state is State.CHECKED else {}
         return {
             strip: finger
-            for finger, strip in moved.items()
-            if strip != finger and _round(finger, moved)
+            for finger, strip in strip_by_finger.items()
+            if strip != finger and _is_closed_ring(finger, strip_by_finger)
         }
 
-    def proposal(self, facts: Facts) -> Act | None:
-        """The next rung of the ladder, where this one does not do: pose, pose given by the therapist, movements; at last none."""
-        waited = self.state is State.POSE_HOLD and facts.now - self.since > PATIENT
+    def proposal(self, status: StationStatus) -> Action | None:
+        """What to try next where the calibration fails: pose, pose given by the therapist, movements, none."""
+        waited = self.state is State.POSE_HOLD and status.now - self.since > PATIENT
         if waited or (self.state is State.POSE_READY and self.refusals):
-            wish = Act.ASSIST if not self.passive else Act.WITHOUT
+            action = Action.ASSIST if not self.passive else Action.WITHOUT
         elif self.state is State.POSE_REVIEW and self.swapped:
-            wish = Act.EXCHANGE
+            action = Action.EXCHANGE
         elif self.state is State.POSE_REVIEW and self.poor:
-            wish = Act.REDO if self.used or not self.steps_offered(facts) else Act.CALIBRATE
+            action = (
+                Action.REDO if self.used or not self.steps_offered(status) else Action.CALIBRATE
+            )
         else:
             return None
-        return wish if wish in self.allowed(facts) else None
+        return action if action in self.allowed(status) else None
 
-    def judgement(self, step: str | None) -> Judged | None:
-        """What became of a step in this calibration."""
+    def judgement(self, step: str | None) -> StepJudgement | None:
+        """The judgement of a step in this calibration."""
         return next((j for j in self.judged if j.step == step), None)
 
-    def groups(self, facts: Facts) -> dict[str, list[Protocol]]:
+    def groups(self, status: StationStatus) -> dict[str, list[Protocol]]:
         """Tasks that can be done by group, the usual assessment first."""
-        offered = self.offered(facts)
+        offered = self.offered(status)
         every = {ROUTINE: [p for p in offered if p.routine]} | {
             g: [p for p in offered if p.group == g] for g in groups(offered)
         }
         return {name: tasks for name, tasks in every.items() if tasks}
 
-    def listed(self, facts: Facts) -> list[Protocol]:
+    def listed(self, status: StationStatus) -> list[Protocol]:
         """Tasks of the group; all that can be done where the group has none."""
-        return self.groups(facts).get(self.group) or self.offered(facts)
+        return self.groups(status).get(self.group) or self.offered(status)
 
     def accepted(self, task: str) -> int:
         """Trials of a task that were accepted."""
@@ -203,13 +211,13 @@ class Wizard:
         return "" if newest == "accepted" and self.accepted(task) < trials else newest
 
     def _usable(self) -> bool:
-        """Whether a step was done well and some step tells about which axes the joints bend."""
+        """Whether a step is good and the joint axes are known from some step."""
         good = good_steps(self)
         return bool(good) and bool((good | self.used) & set(BENT))
 
-    def _free_fingers(self, facts: Facts) -> list[str]:
-        """Fingers that hang together with the hand's sensor."""
-        return [f for f in FINGERS if {"hand", CHAINS[f][0]} <= facts.measured]
+    def _free_fingers(self, status: StationStatus) -> list[str]:
+        """Fingers with a sensor next to the hand's."""
+        return [f for f in FINGERS if {"hand", CHAINS[f][0]} <= status.measured]
 
     def _trials_left(self) -> bool:
         """Whether another trial of the task follows the one under review."""
@@ -219,19 +227,19 @@ class Wizard:
         )
 
 
-def _round(finger: str, moved: Mapping[str, str]) -> bool:
-    """Whether going from a finger to the one whose strip moved for it, and on, leads back: then each of them is known to be worn by another."""
-    at = moved[finger]
-    for _ in moved:
-        if at == finger or at not in moved:
+def _is_closed_ring(finger: str, strip_by_finger: Mapping[str, str]) -> bool:
+    """Whether the exchange of strips that starts at this finger leads back to it."""
+    at = strip_by_finger[finger]
+    for _ in strip_by_finger:
+        if at == finger or at not in strip_by_finger:
             break
-        at = moved[at]
+        at = strip_by_finger[at]
     return at == finger
 
 
-def ready(facts: Facts) -> bool:
+def ready(status: StationStatus) -> bool:
     """Samples flow and the hand's sensor is among them."""
-    return facts.flowing and "hand" in facts.measured
+    return status.flowing and "hand" in status.measured
 
 
 def good_steps(wizard: Wizard) -> frozenset[str]:

@@ -1,4 +1,4 @@
-"""The wizard's states, what leads from each to the next, and what a person can do about it: the table that everything about states is in."""
+"""The wizard's states, the actions that lead from one to the next, and those that a person can take."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -31,8 +31,8 @@ class State(StrEnum):
     FINISHED = "finished"
 
 
-class Act(StrEnum):
-    """What a person can do (or a tick find out)."""
+class Action(StrEnum):
+    """What a person does, or a tick detects."""
 
     CONTINUE = "continue"
     CHECK = "check"  # the sensors, finger by finger
@@ -42,7 +42,7 @@ class Act(StrEnum):
     ACCEPT = "accept"
     REDO = "redo"
     SKIP = "skip"
-    UNABLE = "unable"  # the patient could not do it: a finding, not a gap
+    UNABLE = "unable"  # the patient could not do it: a clinical finding
     PAUSE = "pause"
     RESUME = "resume"  # the trial goes on after a pause, which does not count
     GROUP = "group"  # of tasks to choose from
@@ -65,8 +65,8 @@ class Act(StrEnum):
     SOLVED = "solved"  # the self-calibration was found
 
 
-S, A = State, Act
-TRANSITIONS: Mapping[State, Mapping[Act, State]] = {
+S, A = State, Action
+TRANSITIONS: Mapping[State, Mapping[Action, State]] = {
     S.CONNECT: {A.CONTINUE: S.POSE_READY, A.CHECK: S.CHECK},
     S.CHECK: {A.NEXT: S.CHECK, A.SEEN: S.CHECKED, A.STOP: S.CONNECT},
     S.CHECKED: {A.EXCHANGE: S.CHECK, A.CONTINUE: S.POSE_READY, A.CHECK: S.CHECK},
@@ -146,11 +146,11 @@ STEPPING = (S.STEP_READY, S.STEP_COUNTDOWN, S.STEP_RUN, S.STEP_REVIEW)
 MOVING_FREELY = (S.FREE_READY, S.FREE_COUNTDOWN, S.FREE_RUN, S.FREE_WORK, S.FREE_REVIEW)
 PASSING = ("redone", "paused")  # outcomes after which the task is still to be done
 OUTCOMES = {
-    Act.ACCEPT: "accepted",
-    Act.AGAIN: "accepted",
-    Act.REDO: "redone",
-    Act.START: "paused",
-    Act.SKIP: "skipped",
-    Act.UNABLE: "unable",
+    Action.ACCEPT: "accepted",
+    Action.AGAIN: "accepted",
+    Action.REDO: "redone",
+    Action.START: "paused",
+    Action.SKIP: "skipped",
+    Action.UNABLE: "unable",
 }
-BY_PERSON = set(Act) - {A.HELD, A.POSED, A.SEEN, A.STARTED, A.ENDED, A.SOLVED}
+BY_PERSON = set(Action) - {A.HELD, A.POSED, A.SEEN, A.STARTED, A.ENDED, A.SOLVED}

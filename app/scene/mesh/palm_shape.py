@@ -155,10 +155,10 @@ class PalmShape:
         local = root.local(points)
         t, end = local[:, 1], self.ends[finger]
         begin = _BEGINS * self.breadth
-        opening = np.sqrt(
+        upload_reader = np.sqrt(
             np.clip(1.0 - np.minimum(t / begin, 0.0) ** 2, 0.05, 1.0)
         )  # round where it begins, within the palm
-        breadth, dorsal, palmar = opening * np.moveaxis(
+        breadth, dorsal, palmar = upload_reader * np.moveaxis(
             root.shape.section(np.clip(t, 0.0, end + _STUB)), -1, 0
         )
         radial = _elliptic(

@@ -15,7 +15,7 @@ from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
 from handscope.app.auth.gate import COOKIE, Gate, new_token
-from handscope.app.auth.roles import ANYBODY, Doors, May, may
+from handscope.app.auth.roles import ANYBODY, RoleRequirement, RouteTable, requires_role
 from handscope.app.settings import Settings
 from handscope.sessions.clinic import accounts
 from handscope.sessions.clinic.accounts import ADMINISTRATOR, ROLES
@@ -30,13 +30,13 @@ SOCKETS = "ws://127.0.0.1:8420"
 class Address:
     path: str
     methods: frozenset[str]  # empty: a web socket
-    may: May | None
+    requirement: RoleRequirement | None
 
 
 def addresses(server: TestClient) -> list[Address]:
     """Everything the application serves, that of included routers and of the mounted folder too."""
     found = []
-    for route, declaration in Doors(server.app.routes).all:  # type: ignore[attr-defined]
+    for route, declaration in RouteTable(server.app.routes).all:  # type: ignore[attr-defined]
         mounted = isinstance(route.original_route, Mount)
         methods = frozenset({"GET"} if mounted else getattr(route, "methods", None) or ())
         found.append(
@@ -73,8 +73,8 @@ def test_every_route_says_who_may_use_it(server: TestClient) -> None:
         "/api/openapi.json",
     } <= {a.path for a in served}
     assert {"/scene/1", "/api/stations/1/live"} == {a.path for a in served if not a.methods}
-    assert [a.path for a in served if a.may is None] == []
-    anybody = {a.path for a in served if a.may and ANYBODY in a.may.roles}
+    assert [a.path for a in served if a.requirement is None] == []
+    anybody = {a.path for a in served if a.requirement and ANYBODY in a.requirement.roles}
     assert anybody == {
         "/login",
         "/login/sso",
@@ -89,7 +89,7 @@ def test_every_route_says_who_may_use_it(server: TestClient) -> None:
 
 def test_every_route_without_a_login_is_refused(server: TestClient) -> None:
     for address in addresses(server):
-        if address.may is None or ANYBODY not in address.may.roles:
+        if address.requirement is None or ANYBODY not in address.requirement.roles:
             assert refused(server, address) <= {401, 403}, address
 
 
@@ -99,9 +99,13 @@ def test_every_route_of_other_roles_is_refused_and_the_own_ones_answer(
 ) -> None:
     client = log_in_as(role)
     for address in addresses(client):
-        if address.may and ANYBODY not in address.may.roles:
+        if address.requirement and ANYBODY not in address.requirement.roles:
             answers = refused(client, address)
-            assert (answers == {403}) == (role not in address.may.roles), (role, address, answers)
+            assert (answers == {403}) == (role not in address.requirement.roles), (
+                role,
+                address,
+                answers,
+            )
             assert 401 not in answers
 
 
@@ -114,7 +118,7 @@ def test_a_route_that_says_nothing_is_refused_to_everybody(tmp_path: Path) -> No
         middleware=[Middleware(Gate, store=store, settings=settings)],
     )
     app.add_api_route("/forgotten", lambda: "secret")
-    app.add_api_route("/declared", lambda: "answer", dependencies=[may(*ROLES)])
+    app.add_api_route("/declared", lambda: "answer", dependencies=[requires_role(*ROLES)])
     app.mount("/folder", StaticFiles(directory=tmp_path))
     with store.database() as db:
         cookie = logins.begin(db, accounts.add(db, "anna", ROLES))

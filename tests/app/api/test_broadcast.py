@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from handscope.app import language
-from handscope.app.api.broadcast import Bulletin
+from handscope.app.api.broadcast import StationBroadcast
 from handscope.app.live.viewers import Viewers
 
 ENGLISH = language.language("en")
@@ -43,31 +43,31 @@ def points(written: str) -> list[float]:
 
 
 def test_viewers_in_step_are_written_for_once_and_one_behind_gets_what_it_missed() -> None:
-    station, bulletin = Told(), Bulletin()
-    first, second = bulletin.beat(station, -1.0), bulletin.beat(station, -1.0)
+    station, broadcast = Told(), StationBroadcast()
+    first, second = broadcast.pulse(station, -1.0), broadcast.pulse(station, -1.0)
     assert first == second and station.asked == 1
     station.moved(0.1)
     station.moved(0.2)
-    written, newest = bulletin.beat(station, 0.0)
+    written, newest = broadcast.pulse(station, 0.0)
     assert (points(written), newest) == ([0.1, 0.2], 0.2)
-    assert points(bulletin.beat(station, -1.0)[0]) == [0.0, 0.1, 0.2]
-    assert bulletin.beat(station, 0.2) == ('{"points":[]}', 0.2), (
+    assert points(broadcast.pulse(station, -1.0)[0]) == [0.0, 0.1, 0.2]
+    assert broadcast.pulse(station, 0.2) == ('{"points":[]}', 0.2), (
         "a viewer keeps its place where nothing is new"
     )
 
 
 def test_a_snapshot_is_written_again_when_there_is_another() -> None:
-    station, bulletin = Told(), Bulletin()
-    assert bulletin.snapshot(station, ENGLISH) == (1, '{"title":"Finished"}')
+    station, broadcast = Told(), StationBroadcast()
+    assert broadcast.snapshot(station, ENGLISH) == (1, '{"title":"Finished"}')
     station.number = 2
-    assert bulletin.snapshot(station, ENGLISH)[0] == 2
+    assert broadcast.snapshot(station, ENGLISH)[0] == 2
 
 
 def test_every_viewer_is_woken_and_a_station_nobody_watches_is_left_alone() -> None:
     async def watched() -> None:
-        station, bulletin = Told(), Bulletin()
-        with bulletin.news(station) as one:
-            with bulletin.news(station) as other:
+        station, broadcast = Told(), StationBroadcast()
+        with broadcast.news(station) as one:
+            with broadcast.news(station) as other:
                 one.clear(), other.clear()
                 station.moved(0.1)
                 await asyncio.wait_for(asyncio.gather(one.wait(), other.wait()), 5.0)

@@ -13,7 +13,6 @@ from starlette.testclient import TestClient
 
 from handscope.app.api import sessions as session_routes
 from handscope.app.results import make as results_make
-from handscope.app.server import store_of
 from handscope.app.settings import Settings
 from handscope.sessions.db.tables import PatientSession, RecordingFile, Result
 from handscope.sessions.store.store import Store
@@ -71,7 +70,7 @@ def test_a_database_that_finds_no_room_says_so_and_keeps_what_it_had(
 ) -> None:
     text = "x" * 15_000  # several pages: more than lie free
     note = client.post(f"/api/patients/{patient}/notes", json={"text": "before"}).json()
-    store = store_of(client.app)  # type: ignore[arg-type]
+    store = client.app.state.parts.store  # type: ignore[attr-defined]
     with no_more_pages(store.database):
         answers = [
             client.post(f"/api/patients/{patient}/notes", json={"text": text}) for _ in range(40)
@@ -94,7 +93,7 @@ def test_a_database_that_finds_no_room_says_so_and_keeps_what_it_had(
 def test_a_result_that_finds_no_room_is_failed_in_words(
     full: str, client: TestClient, patient: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store: Store = store_of(client.app)  # type: ignore[arg-type]
+    store: Store = client.app.state.parts.store  # type: ignore[attr-defined]
     with store.database() as db:
         file = RecordingFile(
             session=PatientSession(patient_id=patient, hand="left"),
@@ -127,7 +126,7 @@ def test_a_result_that_finds_no_room_is_failed_in_words(
                 )
                 db.commit()
 
-    monkeypatch.setattr(results_make, "computed", computed)
+    monkeypatch.setattr(results_make, "process_result", computed)
     results_make.make(store, result.id)
     told = client.get(f"/api/results/{result.id}").json()
     assert (told["state"], "the disk is full" in told["error"]) == ("failed", True)

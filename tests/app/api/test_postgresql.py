@@ -9,7 +9,7 @@ from sqlalchemy import create_engine
 from starlette.testclient import TestClient
 
 from handscope.app.auth.gate import new_token
-from handscope.app.server import create_app, store_of
+from handscope.app.server import create_app
 from handscope.app.settings import Settings
 from handscope.sessions.clinic import patients
 from handscope.sessions.db.conflicts import ConflictError
@@ -52,7 +52,7 @@ def test_from_a_patient_to_a_result_and_erased(url: str, tmp_path: Path) -> None
         )
         assert client.get(f"/api/patients/{2**40}").status_code == 404
         assert client.get(f"/api/patients/{patient}/progress").status_code == 200
-        with store_of(app).database() as one, store_of(app).database() as other:
+        with app.state.parts.store.database() as one, app.state.parts.store.database() as other:
             first, second = patients.get(one, patient), patients.get(other, patient)
             patients.change(one, patient, first.version, year_of_birth=1950)
             with pytest.raises(ConflictError):

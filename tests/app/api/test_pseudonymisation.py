@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from starlette.testclient import TestClient
 
-from handscope.app.auth.roles import Doors
+from handscope.app.auth.roles import RouteTable
 from handscope.estimators.data.samples import Event
 from handscope.sessions.clinic.accounts import CLINICIAN, SCIENTIST
 from handscope.sessions.files.recording import LoadedRecording
@@ -99,7 +99,7 @@ def planted(client: TestClient) -> dict[str, int]:
 def leaks(client: TestClient, ids: dict[str, int]) -> set[str]:
     """Addresses whose answer holds the secret or the year."""
     found = set()
-    for route, _ in Doors(client.app.routes).all:  # type: ignore[attr-defined]
+    for route, _ in RouteTable(client.app.routes).all:  # type: ignore[attr-defined]
         if "GET" in (getattr(route, "methods", None) or ()) and str(route.path).startswith("/api/"):
             path = (
                 str(route.path)

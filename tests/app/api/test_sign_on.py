@@ -16,7 +16,7 @@ from joserfc import jwt
 from joserfc.jwk import RSAKey
 from starlette.testclient import TestClient
 
-from handscope.app.auth.oidc import SignOn, SignOnError, leave
+from handscope.app.auth.oidc import SignOn, SignOnError, authorization_address
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
 
@@ -250,7 +250,7 @@ def test_a_provider_that_does_not_answer_is_away() -> None:
     with pytest.raises(
         SignOnError, match=r"http://127\.0\.0\.1:1/\.well-known/openid-configuration cannot be read"
     ) as caught:
-        leave(SignOn(issuer="http://127.0.0.1:1", client="us"), "word", BASE)
+        authorization_address(SignOn(issuer="http://127.0.0.1:1", client="us"), "word", BASE)
     assert caught.value.kind == "away"
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from handscope.app.cli import main
-from handscope.app.workers.process import CONTEXT, heed_the_terminal
+from handscope.app.workers.process import CONTEXT, restore_terminal_signals
 from tests import fork_server
 
 WAIT = 120.0  # s until a test gives up
@@ -67,7 +67,7 @@ def test_a_request_to_end_ends_its_gloves(tmp_path: Path) -> None:
 
 def _demo(out: Connection, errors: Connection, folder: Path) -> None:
     """In a process that has imported everything."""
-    heed_the_terminal()
+    restore_terminal_signals()
     fork_server.share()
     for stream, pipe in ((1, out), (2, errors)):
         os.dup2(pipe.fileno(), stream)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from handscope.app.cli import main
-from handscope.app.workers.process import CONTEXT, heed_the_server_alone
+from handscope.app.workers.process import CONTEXT, ignore_terminal_signals
 
 WAIT = 120.0  # s until a test gives up
 
@@ -38,7 +38,7 @@ def wait_for(condition: Callable[[], Any]) -> Any:
 
 
 def _run(words: list[str]) -> None:
-    heed_the_server_alone()
+    ignore_terminal_signals()
     silent = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1):
         os.dup2(silent, stream)

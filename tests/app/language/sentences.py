@@ -31,8 +31,8 @@ MAKE = {
     "rate_warnings",
     "_mistakes",
     "_first_fault",
-    "_contradiction",
-    "_stranger",
+    "wrong_hand_sentence",
+    "other_glove_sentence",
     "_sentence",
 }  # functions that give sentences
 GAP = re.compile(r"\{[^{}]*\}")

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from handscope.app.live import free_movement, ghost
-from handscope.app.live.snapshot import told_of
 from handscope.app.live.station import THUMB, Station
 from handscope.app.live.wizard import machine as wizard_machine
-from handscope.app.live.wizard.machine import LATE, Act, NotNowError, State, Wizard
+from handscope.app.live.wizard.machine import LATE, Action, NotNowError, State, Wizard
+from handscope.app.live.wizard.snapshot import wizard_snapshot
 from handscope.app.protocols import load_free
 from handscope.app.workers import self_calibration
-from handscope.app.workers.self_calibration import Solving
+from handscope.app.workers.self_calibration import SelfCalibrationSolver
 from handscope.estimators.data.calibration import Known
 from handscope.estimators.data.samples import Event
 from handscope.sessions.clinic.self_calibrations import Found
@@ -27,33 +27,33 @@ FREE = load_free()
 
 def ready(**changed: object) -> Wizard:
     made = Wizard(PROTOCOLS, 3.0, free=FREE, state=State.TASKS)
-    return replace(wizard_machine.act(made, Act.FREE, READY)[0], **changed)  # type: ignore[arg-type]
+    return replace(wizard_machine.act(made, Action.FREE, READY)[0], **changed)  # type: ignore[arg-type]
 
 
-def moved(w: Wizard) -> tuple[Wizard, wizard_machine.Facts, list[wizard_machine.Order]]:
+def moved(w: Wizard) -> tuple[Wizard, wizard_machine.StationStatus, list[wizard_machine.Effect]]:
     """Counted down and moved for the whole time."""
-    w, orders = wizard_machine.act(w, Act.START, READY)
-    assert (w.state, kinds(orders)) == (State.FREE_COUNTDOWN, [("cue", "free_movement")])
-    facts = later(READY, FREE.countdown)
-    w, orders = wizard_machine.tick(w, facts)
-    assert (w.state, kinds(orders)) == (State.FREE_RUN, [("watch_free", "")])
-    facts = later(facts, 40.0 + LATE + 0.01)
-    w, orders = wizard_machine.tick(w, facts)
-    return w, facts, list(orders)
+    w, effects = wizard_machine.act(w, Action.START, READY)
+    assert (w.state, kinds(effects)) == (State.FREE_COUNTDOWN, [("cue", "free_movement")])
+    status = later(READY, FREE.countdown)
+    w, effects = wizard_machine.tick(w, status)
+    assert (w.state, kinds(effects)) == (State.FREE_RUN, [("watch_free", "")])
+    status = later(status, 40.0 + LATE + 0.01)
+    w, effects = wizard_machine.tick(w, status)
+    return w, status, list(effects)
 
 
 def test_from_the_tasks_through_free_movement_to_the_pose_that_brings_it_into_force() -> None:
-    w, facts, orders = moved(ready())
-    assert (w.state, kinds(orders)) == (
+    w, status, effects = moved(ready())
+    assert (w.state, kinds(effects)) == (
         State.FREE_WORK,
         [("cue", "rest"), ("solve_free", "free_movement")],
     )
-    assert orders[1].end - orders[1].onset == pytest.approx(40.0)
-    w = wizard_machine.solved(w, facts)
+    assert effects[1].end - effects[1].onset == pytest.approx(40.0)
+    w = wizard_machine.accept_free_movement(w, status)
     assert w.state is State.FREE_REVIEW
-    assert told_of(w, facts)["title"] == "Use what was found?"
-    w, orders = wizard_machine.act(w, Act.USE, facts)
-    assert (w.state, w.closing, kinds(orders)) == (
+    assert wizard_snapshot(w, status)["title"] == "Use what was found?"
+    w, effects = wizard_machine.act(w, Action.USE, status)
+    assert (w.state, w.closing, kinds(effects)) == (
         State.POSE_READY,
         True,
         [("use_free", ""), ("cue", "initial_pose")],
@@ -61,39 +61,42 @@ def test_from_the_tasks_through_free_movement_to_the_pose_that_brings_it_into_fo
 
 
 def test_what_was_found_may_be_left_or_done_again_and_a_computation_cancelled() -> None:
-    w, facts, _ = moved(ready())
-    left, orders = wizard_machine.act(w, Act.STOP, facts)
-    assert (left.state, kinds(orders)) == (State.FREE_READY, [("leave_free", "")])
-    assert wizard_machine.solved(left, facts) is left, "nobody waits for it any more"
-    w = wizard_machine.solved(w, facts)
-    assert wizard_machine.act(w, Act.STOP, facts)[0].state is State.TASKS
-    again, orders = wizard_machine.act(w, Act.REDO, facts)
-    assert (again.state, orders[0].reason) == (State.FREE_READY, "redone")
+    w, status, _ = moved(ready())
+    left, effects = wizard_machine.act(w, Action.STOP, status)
+    assert (left.state, kinds(effects)) == (State.FREE_READY, [("leave_free", "")])
+    assert wizard_machine.accept_free_movement(left, status) is left, "nobody waits for it any more"
+    w = wizard_machine.accept_free_movement(w, status)
+    assert wizard_machine.act(w, Action.STOP, status)[0].state is State.TASKS
+    again, effects = wizard_machine.act(w, Action.REDO, status)
+    assert (again.state, effects[0].reason) == (State.FREE_READY, "redone")
 
 
 def test_a_movement_that_told_nothing_goes_back_with_the_reason() -> None:
-    w, facts, _ = moved(ready())
-    w = wizard_machine.unsolved(w, facts, "the fingers hardly moved")
-    assert (w.state, told_of(w, facts)["message"]) == (State.FREE_READY, "the fingers hardly moved")
+    w, status, _ = moved(ready())
+    w = wizard_machine.reject_free_movement(w, status, "the fingers hardly moved")
+    assert (w.state, wizard_snapshot(w, status)["message"]) == (
+        State.FREE_READY,
+        "the fingers hardly moved",
+    )
 
 
 def test_it_is_enough_when_a_person_says_so() -> None:
-    w, _ = wizard_machine.act(ready(), Act.START, READY)
-    facts = later(READY, FREE.countdown)
-    w, _ = wizard_machine.tick(w, facts)
+    w, _ = wizard_machine.act(ready(), Action.START, READY)
+    status = later(READY, FREE.countdown)
+    w, _ = wizard_machine.tick(w, status)
     with pytest.raises(NotNowError):
-        wizard_machine.act(ready(), Act.ENOUGH, READY)
-    w, orders = wizard_machine.act(w, Act.ENOUGH, later(facts, 13.0))
+        wizard_machine.act(ready(), Action.ENOUGH, READY)
+    w, effects = wizard_machine.act(w, Action.ENOUGH, later(status, 13.0))
     assert w.state is State.FREE_WORK
-    assert orders[1].end - orders[1].onset == pytest.approx(13.0)
+    assert effects[1].end - effects[1].onset == pytest.approx(13.0)
 
 
 def test_it_is_offered_where_hand_and_a_first_phalanx_are_measured_and_the_method_uses_it() -> None:
     bare = replace(READY, measured=frozenset({"hand", "index_distal"}))
     made = Wizard(PROTOCOLS, 3.0, free=FREE, state=State.TASKS)
-    assert Act.FREE in made.allowed(READY)
-    assert Act.FREE not in made.allowed(bare)
-    assert Act.FREE not in Wizard(PROTOCOLS, 3.0, state=State.TASKS).allowed(READY)
+    assert Action.FREE in made.allowed(READY)
+    assert Action.FREE not in made.allowed(bare)
+    assert Action.FREE not in Wizard(PROTOCOLS, 3.0, state=State.TASKS).allowed(READY)
 
 
 def test_the_ghost_shows_what_to_do_until_it_is_done() -> None:
@@ -111,33 +114,35 @@ def test_only_lengths_of_another_glove_are_taken_over() -> None:
     known = Known(
         "left", {"hand": np.array([1.0, 0, 0, 0])}, {"hand": np.zeros(3)}, {"index_proximal": 0.04}
     )
-    assert free_movement.reused(known, "g1", "g1") is known
-    assert free_movement.reused(known, "g1", "") is known  # a glove that does not say its number
-    assert free_movement.reused(known, "g1", "g2") == Known(
+    assert free_movement.prior_for_glove(known, "g1", "g1") is known
+    assert (
+        free_movement.prior_for_glove(known, "g1", "") is known
+    )  # a glove that does not say its number
+    assert free_movement.prior_for_glove(known, "g1", "g2") == Known(
         "left", {}, {}, {"index_proximal": 0.04}
     )
 
 
 @pytest.mark.parametrize(
-    ("act", "left"), [(Act.REDO, "redone"), (Act.STOP, "not used"), (Act.USE, "")]
+    ("act", "left"), [(Action.REDO, "redone"), (Action.STOP, "not used"), (Action.USE, "")]
 )
 def test_the_movement_is_kept_as_such_until_it_is_taken_back(
     station: Station,  # noqa: F811
     monkeypatch: pytest.MonkeyPatch,
-    act: Act,
+    act: Action,
     left: str,
 ) -> None:
     kept: dict[str, Event | None] = {}
     given: list[Found] = []
     monkeypatch.setattr(station.glove, "keep_event", kept.__setitem__)
     monkeypatch.setattr(station.glove, "send", lambda cue: None)
-    monkeypatch.setattr(free_movement, "Solving", lambda recording: None)
+    monkeypatch.setattr(free_movement, "SelfCalibrationSolver", lambda recording: None)
     monkeypatch.setattr(station.free, "_keep", lambda what, glove: given.append(what))
-    w, facts, orders = moved(ready())
+    w, status, effects = moved(ready())
     station._wizard = w
-    station._do(orders, facts)
-    station.free.found = found()
-    station._wizard = wizard_machine.solved(w, facts)
+    station._carry_out(effects, status)
+    station.free.solution = found()
+    station._wizard = wizard_machine.accept_free_movement(w, status)
     station.act(act)
     (event,) = kept.values()
     assert event is not None
@@ -147,27 +152,31 @@ def test_the_movement_is_kept_as_such_until_it_is_taken_back(
             {"task_name": "free_movement", "outcome": left},
             [],
         )
-        assert station.free.known(None, "") is None
+        assert station.free.prior(None, "") is None
     else:
         assert (event.trial_type, len(given)) == ("free_movement", 1)
-        known = station.free.known(None, "")
+        known = station.free.prior(None, "")
         assert known is not None and known.lengths == {"index_proximal": 0.043}
 
 
 def test_a_hand_that_rests_is_refused_in_words_by_a_process_of_its_own() -> None:
     whole = loaded(in_strips("left"))
     rest = {name: block.between(0.0, 4.0) for name, block in whole.samples.items()}
-    work = Solving(LoadedRecording(whole.hand, whole.geometry, whole.mounting, rest, ()))
+    work = SelfCalibrationSolver(
+        LoadedRecording(whole.hand, whole.geometry, whole.mounting, rest, ())
+    )
     work._process.join(120)
-    work.look()
-    assert work.over
+    work.poll()
+    assert work.is_over
     assert "self-calibration needs 10 s" in work.refusal
 
 
 def test_a_computation_that_dies_or_lasts_too_long_is_told() -> None:
     whole = loaded(in_strips("left"))
-    work = Solving(LoadedRecording(whole.hand, whole.geometry, whole.mounting, whole.samples, ()))
+    work = SelfCalibrationSolver(
+        LoadedRecording(whole.hand, whole.geometry, whole.mounting, whole.samples, ())
+    )
     work._process.kill()
     work._process.join()
-    work.look()
+    work.poll()
     assert work.refusal == self_calibration.ENDED

@@ -72,7 +72,7 @@ def moved(
 def enters(station: Station, state: State, **changed: float) -> None:
     """The wizard is in a state of the tapping task, as after any act or tick."""
     station._wizard = replace(station._wizard, state=state, task="tapping", **changed)  # type: ignore[arg-type]
-    station._do((), READY)
+    station._carry_out((), READY)
 
 
 def numbers(station: Station) -> dict[str, float]:

@@ -78,7 +78,7 @@ def test_samples_are_kept_whole_from_the_instant_asked_for_in_few_blocks() -> No
     tracking, _ = live()
     with tracking:
         for blocks in pieces(samples, length=0.01):
-            tracking._take(blocks)  # as if each had been waited for
+            tracking._process(blocks)  # as if each had been waited for
     kept = {b.stream.name: b for b in tracking.samples(2.005)}
     assert {*kept} == {*samples}
     for name, block in samples.items():
@@ -98,10 +98,10 @@ def test_the_trail_is_the_path_of_the_last_seconds_however_late_somebody_asks_fo
         assert len(watched.trail(1.0)) == 0
         play(watched, dict(recording.samples), pose)
         trail = watched.trail(1.0)
-    late._take(list(recording.samples.values()))
+    late._process(list(recording.samples.values()))
     late.calibrate(pose)
     asked_at_last = late.trail(1.0)
-    late.take_back()
+    late.restore_previous()
     assert len(late.trail(1.0)) == 0
     assert (
         watched.calibration is not None
@@ -252,7 +252,7 @@ def test_a_functional_calibration_in_force_from_the_next_pose_on_is_what_a_batch
                     wait_for(lambda newest=ends[fed - 1]: tracking.newest_sample() >= newest)
             wait_for(lambda newest=ends[fed - 1]: tracking.newest_sample() >= newest)
             if event.trial_type == "initial_pose":
-                tracking.pieces = dict(found)
+                tracking.movements = dict(found)
                 calibration = tracking.calibrate(initial_pose.pose_of(event))
             else:
                 found[event.trial_type] = tracking.measure(event.trial_type, event.onset, event.end)
@@ -288,7 +288,7 @@ def test_a_calibration_that_is_taken_back_leaves_what_was_shown_before_and_goes_
         shown, before = tracking.past(0.0, 8.0), tracking.calibration
         tracking.calibrate(replace(first, onset=first.onset + 0.2, thumb_cmc=(0.0, 0.0, 0.0)))
         assert tracking.calibration is not before
-        assert tracking.take_back() is before
+        assert tracking.restore_previous() is before
         for t in (tracking, whole):
             for blocks in pieces(
                 {name: b.between(9.0, 13.0) for name, b in recording.samples.items()}

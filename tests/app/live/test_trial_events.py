@@ -10,7 +10,7 @@ from handscope.app.live import trial_events
 from handscope.app.live.station import Station
 from handscope.app.live.stations import Stations
 from handscope.app.live.wizard import machine as wizard_machine
-from handscope.app.live.wizard.machine import Act, State
+from handscope.app.live.wizard.machine import Action, State
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import Event
@@ -30,11 +30,11 @@ def kept(station: Station, monkeypatch: pytest.MonkeyPatch) -> list[Event]:
     return events
 
 
-def reviewed(station: Station, task: str, act: Act, **times: Any) -> None:
+def reviewed(station: Station, task: str, act: Action, **times: Any) -> None:
     """A trial was done and a person says what becomes of it."""
     station._wizard = replace(station._wizard, state=State.TASK_REVIEW, task=task, **times)
-    station._wizard, orders = wizard_machine.act(station._wizard, act, READY, reason="pain")
-    station._do(orders, READY)
+    station._wizard, effects = wizard_machine.act(station._wizard, act, READY, reason="pain")
+    station._carry_out(effects, READY)
 
 
 def test_an_accepted_trial_is_kept_with_its_number_and_its_whole_phases(
@@ -42,8 +42,8 @@ def test_an_accepted_trial_is_kept_with_its_number_and_its_whole_phases(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     events = kept(station, monkeypatch)
-    reviewed(station, "repeatability_mould", Act.AGAIN, onset=10.0, end=130.0)
-    reviewed(station, "repeatability_mould", Act.ACCEPT, onset=200.0, end=215.0)
+    reviewed(station, "repeatability_mould", Action.AGAIN, onset=10.0, end=130.0)
+    reviewed(station, "repeatability_mould", Action.ACCEPT, onset=200.0, end=215.0)
     trials = [(e.onset, e.duration, e.details["trial"]) for e in events if e.trial_type == "task"]
     assert trials == [(10.0, 120.0, 1), (200.0, 15.0, 2)]
     phases = [
@@ -60,8 +60,8 @@ def test_pauses_of_an_accepted_trial_are_marked_and_its_phases_lie_outside_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     events = kept(station, monkeypatch)
-    reviewed(station, "rom_mcp", Act.ACCEPT, onset=10.0, end=45.0, pauses=((15.0, 35.0),))
-    reviewed(station, "rom_mcp", Act.REDO, onset=50.0, end=85.0, pauses=((55.0, 75.0),))
+    reviewed(station, "rom_mcp", Action.ACCEPT, onset=10.0, end=45.0, pauses=((15.0, 35.0),))
+    reviewed(station, "rom_mcp", Action.REDO, onset=50.0, end=85.0, pauses=((55.0, 75.0),))
     assert [(e.onset, e.duration) for e in events if e.trial_type == "task"] == [(10.0, 35.0)]
     phases = [(e.details["phase"], e.onset, e.duration) for e in events if "phase" in e.details]
     assert phases[0] == ("pause", 15.0, 20.0)
@@ -70,12 +70,16 @@ def test_pauses_of_an_accepted_trial_are_marked_and_its_phases_lie_outside_them(
 
 @pytest.mark.parametrize(
     ("act", "outcome"),
-    [(Act.REDO, "redone: pain"), (Act.SKIP, "skipped: pain"), (Act.UNABLE, "unable: pain")],
+    [
+        (Action.REDO, "redone: pain"),
+        (Action.SKIP, "skipped: pain"),
+        (Action.UNABLE, "unable: pain"),
+    ],
 )
 def test_a_trial_that_was_not_accepted_leaves_no_phases(
     station: Station,
     monkeypatch: pytest.MonkeyPatch,
-    act: Act,
+    act: Action,
     outcome: str,
 ) -> None:
     events = kept(station, monkeypatch)
@@ -90,7 +94,7 @@ def test_a_task_of_one_trial_has_no_number(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     events = kept(station, monkeypatch)
-    reviewed(station, "rom_fist", Act.ACCEPT, onset=10.0, end=25.0)
+    reviewed(station, "rom_fist", Action.ACCEPT, onset=10.0, end=25.0)
     assert [e.details for e in events] == [{"task_name": "rom_fist", "outcome": "accepted"}]
 
 
@@ -99,22 +103,22 @@ def test_who_moved_the_hand_and_what_the_protocol_keeps_for_the_measures_stand_i
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     events = kept(station, monkeypatch)
-    reviewed(station, "prom_fist", Act.ACCEPT, onset=10.0, end=25.0)
-    reviewed(station, "selfcheck_p4", Act.ACCEPT, onset=30.0, end=55.0)
+    reviewed(station, "prom_fist", Action.ACCEPT, onset=10.0, end=25.0)
+    reviewed(station, "selfcheck_p4", Action.ACCEPT, onset=30.0, end=55.0)
     passive, block = (e.details for e in events)
     assert passive == {"task_name": "prom_fist", "outcome": "accepted", "mode": "passive"}
     assert (block["distances_mm"], len(block["contacts"].split())) == ("53 46 25", 3)
 
 
 def test_how_the_trunks_sensor_is_worn_stands_in_the_event_of_a_reach_alone() -> None:
-    order, worn = (
-        wizard_machine.Order("keep_attempt", "a task", 1.0, 9.0, "accepted"),
+    effect, worn = (
+        wizard_machine.Effect("keep_attempt", "a task", 1.0, 9.0, "accepted"),
         {"trunk_height": 0.42},
     )
     told = {
         p.name
         for p in PROTOCOLS
-        if next(trial_events.events(order, p, 1, 9.0, worn))[1].details.get("trunk_height") == 0.42
+        if next(trial_events.events(effect, p, 1, 9.0, worn))[1].details.get("trunk_height") == 0.42
     }
     assert told == {"reach"}
 
@@ -127,7 +131,7 @@ def test_the_clinicians_score_stands_in_the_event_of_the_trial(
     station._wizard = replace(
         station._wizard, state=State.TASK_REVIEW, task="kapandji", onset=10.0, end=40.0
     )
-    station._known = READY
+    station._status = READY
     with pytest.raises(
         InputError, match="the Kapandji score is 12; it is a whole number from 0 to 10"
     ):
@@ -152,8 +156,8 @@ def test_a_virtual_patient_is_told_how_long_the_countdown_takes(
     monkeypatch.setattr(station.glove, "send", sent.append)
     for task in ("powerglove_01_index_mcp", "tapping"):
         station._wizard = replace(station._wizard, state=State.TASK_READY, task=task)
-        station._wizard, orders = wizard_machine.act(station._wizard, Act.START, READY)
-        station._do(orders, READY)
+        station._wizard, effects = wizard_machine.act(station._wizard, Action.START, READY)
+        station._carry_out(effects, READY)
     assert sent == [
         Cue("powerglove_01_index_mcp", {"lead": "3"}),
         Cue("tapping", {"lead": "3", "duration": "18"}),
@@ -176,7 +180,7 @@ def test_a_station_goes_on_while_a_calibration_is_computed(
 
     monkeypatch.setattr(station.tracking, "calibrate", calibrate)
     station._wizard = replace(station._wizard, state=State.POSE_WORK, passive=True)
-    station._do([wizard_machine.Order("calibrate", onset=10.0, end=13.0)], READY)
+    station._carry_out([wizard_machine.Effect("calibrate", onset=10.0, end=13.0)], READY)
     assert station.snapshot()["wizard"]["state"] == "pose_work"  # at once
     computing.set()
     wait_for(lambda: station.snapshot()["wizard"]["state"] == "pose_review")

@@ -10,9 +10,9 @@ from playwright.sync_api import Browser, Page, Route, expect
 
 from handscope import static
 from handscope.app.api import languages
-from handscope.app.live.snapshot import told_of
 from handscope.app.live.wizard import machine as wizard
-from handscope.app.live.wizard.machine import Act, Facts, State, Wizard
+from handscope.app.live.wizard.machine import Action, State, StationStatus, Wizard
+from handscope.app.live.wizard.snapshot import wizard_snapshot
 from tests.app.live.wizard.test_machine import READY, at, later
 from tests.app.scene.small_site import eventually
 
@@ -104,29 +104,29 @@ class Session:
 
     page: Page
     wizard: Wizard
-    facts: Facts = READY
+    status: StationStatus = READY
     flowing: bool = True
     late: float = 0.0  # s that messages travel at most
     counted: float | None = None
 
     def __post_init__(self) -> None:
         self._dice = random.Random(5)
-        self._offset: float = self.page.evaluate("performance.now() / 1000") - self.facts.now
+        self._offset: float = self.page.evaluate("performance.now() / 1000") - self.status.now
         self._ahead = (
             0  # ms that the page's clock is ahead of the wizard's: a message was on its way
         )
         self._tell(0)
 
-    def act(self, what: Act, **more: str) -> None:
-        self.wizard, _ = wizard.act(self.wizard, what, self.facts, **more)
+    def act(self, what: Action, **more: str) -> None:
+        self.wizard, _ = wizard.act(self.wizard, what, self.status, **more)
         self._tell(0)
 
     def passes(self, seconds: float) -> None:
         for _ in range(round(seconds / STEP)):
             self.page.clock.run_for(round(1000 * STEP) - self._ahead)
             self._ahead = 0
-            self.facts = later(self.facts, STEP, flowing=self.flowing)
-            self.wizard, _ = wizard.tick(self.wizard, self.facts)
+            self.status = later(self.status, STEP, flowing=self.flowing)
+            self.wizard, _ = wizard.tick(self.wizard, self.status)
             self._tell(round(1000 * self._dice.uniform(0.0, self.late)))
 
     def clicks(self) -> list[tuple[float, float]]:
@@ -141,7 +141,7 @@ class Session:
             else [{"name": "repetitions", "value": self.counted, "unit": ""}]
         )
         message = {
-            "wizard": told_of(self.wizard, self.facts),
+            "wizard": wizard_snapshot(self.wizard, self.status),
             "glove": {"flowing": self.flowing},
             "numbers": numbers,
         }
@@ -168,9 +168,9 @@ def lamp(page: Page) -> str:
 def test_it_clicks_on_every_beat_of_the_servers_time_and_counts_the_movements(page: Page) -> None:
     session = ready(page, "powerglove_01_index_mcp", late=0.08)
     expect(page.locator(".metronome .count")).to_have_text("0 of 10")
-    session.act(Act.START)
+    session.act(Action.START)
     session.passes(3.1)
-    onset = session.wizard.onset - session.facts.t + session.facts.now
+    onset = session.wizard.onset - session.status.t + session.status.now
     assert session.wizard.state is State.TASK_RUN
     session.passes(8.3)
     assert (lamp(page), page.locator(".metronome .count").inner_text()) == ("Bend", "5 of 10")
@@ -186,7 +186,7 @@ def test_it_clicks_on_every_beat_of_the_servers_time_and_counts_the_movements(pa
 
 def test_the_lamp_is_bright_when_a_beat_is_due_and_dark_between(page: Page) -> None:
     session = ready(page, "powerglove_01_index_mcp")
-    session.act(Act.START)
+    session.act(Action.START)
     session.passes(3.1)
     bright = []
     for _ in range(20):
@@ -202,7 +202,7 @@ def test_the_lamp_is_bright_when_a_beat_is_due_and_dark_between(page: Page) -> N
 
 def test_long_phases_have_a_countdown_of_their_own(page: Page) -> None:
     session = ready(page, "repeatability_mould")
-    session.act(Act.START)
+    session.act(Action.START)
     session.passes(3.1 + 2.4)
     assert lamp(page) == "Clench 4"
     session.passes(6.0)
@@ -213,9 +213,9 @@ def test_long_phases_have_a_countdown_of_their_own(page: Page) -> None:
 
 def test_stopping_early_takes_back_the_clicks_that_were_made_ready(page: Page) -> None:
     session = ready(page, "powerglove_01_index_mcp")
-    session.act(Act.START)
+    session.act(Action.START)
     session.passes(5.5)
-    session.act(Act.STOP)
+    session.act(Action.STOP)
     before = len(session.clicks())
     session.passes(3.1)
     assert len(session.clicks()) == before
@@ -224,7 +224,7 @@ def test_stopping_early_takes_back_the_clicks_that_were_made_ready(page: Page) -
 
 def test_it_is_silent_while_the_glove_is(page: Page) -> None:
     session = ready(page, "powerglove_01_index_mcp")
-    session.act(Act.START)
+    session.act(Action.START)
     session.passes(5.5)
     session.flowing = False
     session.passes(0.2)
@@ -240,7 +240,7 @@ def test_sound_can_be_switched_off_and_stays_off(page: Page) -> None:
     expect(page.get_by_role("button", name="Sound is off")).to_have_attribute(
         "aria-pressed", "false"
     )
-    session.act(Act.START)
+    session.act(Action.START)
     session.passes(6.0)
     assert session.clicks() == []
     assert lamp(page) in ("Bend", "Straighten")  # the light goes on
@@ -257,7 +257,7 @@ def test_blocked_sound_is_said_and_the_light_goes_on_until_a_press_brings_it(pag
     expect(page.get_by_role("status")).to_have_text(
         "The browser blocks the sound until you press somewhere on this page."
     )
-    session.act(Act.START)
+    session.act(Action.START)
     session.passes(4.5)
     assert (session.clicks(), lamp(page)) == ([], "Straighten")
     page.locator(".beat").click()
@@ -268,11 +268,11 @@ def test_blocked_sound_is_said_and_the_light_goes_on_until_a_press_brings_it(pag
 
 def test_after_a_pause_it_goes_on_with_the_phase_that_the_pause_broke_off(page: Page) -> None:
     session = ready(page, "kapandji")
-    session.act(Act.START)
+    session.act(Action.START)
     session.passes(3.0 + 7.0)  # in the third position
-    session.act(Act.PAUSE)
+    session.act(Action.PAUSE)
     session.passes(5.0)
-    session.act(Act.RESUME)
+    session.act(Action.RESUME)
     before = len(session.clicks())
     session.passes(1.5)
     assert (lamp(page), page.locator(".metronome .count").inner_text()) == (
@@ -280,7 +280,7 @@ def test_after_a_pause_it_goes_on_with_the_phase_that_the_pause_broke_off(page: 
         "2 of 10",
     )
     session.passes(1.7)
-    goes_on = session.wizard.pauses[0][1] - session.facts.t + session.facts.now
+    goes_on = session.wizard.pauses[0][1] - session.status.t + session.status.now
     assert (lamp(page).split()[0], page.locator(".metronome .count").inner_text()) == (
         "3",
         "3 of 10",
@@ -337,14 +337,14 @@ def test_the_place_in_a_cycle_is_where_the_seconds_say(page: Page) -> None:
 
 
 def test_the_onset_is_that_of_the_message_that_came_soonest(page: Page) -> None:
-    heard = page.evaluate(
+    estimates = page.evaluate(
         """async () => {
           const { makeOnset } = await import("/static/station/beats.js");
           const onset = makeOnset(3);
           const late = [0.3, 0.02, 0.4, 0.1];
-          const guesses = late.map((way, k) => onset.hear(10 + k + way, k)); // began at 10 s
-          const jumped = onset.hear(30, 17); // the server stood still meanwhile: what it said before counts no more
+          const guesses = late.map((delay, k) => onset.hear(10 + k + delay, k)); // began at 10 s
+          const jumped = onset.hear(30, 17); // the server stood still: earlier messages do not count
           return [...guesses, jumped];
         }"""
     )
-    assert heard == pytest.approx([10.3, 10.02, 10.02, 10.02, 13.0])
+    assert estimates == pytest.approx([10.3, 10.02, 10.02, 10.02, 13.0])

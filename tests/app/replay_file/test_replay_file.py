@@ -48,7 +48,7 @@ def held(page: str, name: str) -> str:
 
 
 def test_the_movement_in_the_file_is_the_one_that_was_measured(page: str) -> None:
-    told = json.loads(held(page, "told"))
+    told = json.loads(held(page, "payload"))
     steps = np.frombuffer(gzip.decompress(base64.b64decode(held(page, "movement"))), "<i2").reshape(
         -1, len(told["t"])
     )
@@ -74,10 +74,10 @@ def test_the_movement_in_the_file_is_the_one_that_was_measured(page: str) -> Non
 def test_nothing_in_it_needs_a_network_or_leaves_its_place(page: str) -> None:
     ours = page[: page.index('id="packed-scene"')]
     assert "<title>Hand &amp; movement</title>" in page
-    assert not re.search(r"@(title|told|movement|scene|player|notice|language)@", page)
+    assert not re.search(r"@(title|payload|movement|scene|player|notice|language)@", page)
     assert "http://" not in ours and "https://" not in ours
     assert "default-src 'none'" in ours
-    assert "\\u003c1>" in held(page, "told")
+    assert "\\u003c1>" in held(page, "payload")
     assert len(page) < 2.5e6
 
 

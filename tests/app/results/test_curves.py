@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from handscope.app.results.curves import LEAD, Step, at_other, thinned
+from handscope.app.results.curves import LEAD, MatchedTask, at_other, thinned
 
 
 def test_thinning_loses_no_peak_and_keeps_the_order() -> None:
@@ -36,7 +36,10 @@ def test_what_is_not_known_stays_so() -> None:
 
 
 def test_two_recordings_run_task_by_task_in_step() -> None:
-    steps = (Step(10.0, 100.0, 5.0), Step(20.0, 90.0, 8.0))  # the other did the second task first
+    steps = (
+        MatchedTask(10.0, 100.0, 5.0),
+        MatchedTask(20.0, 90.0, 8.0),
+    )  # the other did the second task first
     assert at_other((), 3.7) == 3.7
     t = np.arange(0.0, 40.0, 0.01)
     other = np.array([at_other(steps, float(x)) for x in t])

@@ -12,7 +12,7 @@ from websockets.sync.client import ClientConnection
 
 from handscope.app.scene import postures
 from handscope.app.scene.mesh import bones
-from handscope.app.scene.scene_process import SceneApart
+from handscope.app.scene.scene_process import SceneProcess
 from handscope.estimators.hand.anatomy import JOINT
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics.typing import Array
@@ -35,7 +35,7 @@ def sees(viewer: ClientConnection, angle: float) -> bool:
     return True
 
 
-def process_of(scene: SceneApart) -> int:
+def process_of(scene: SceneProcess) -> int:
     """Its process, once it draws."""
     eventually(
         lambda: scene.port, within=120.0
@@ -46,8 +46,8 @@ def process_of(scene: SceneApart) -> int:
 
 
 @pytest.fixture(scope="module")
-def apart() -> Iterator[SceneApart]:
-    scene = SceneApart("left", sized("left"))
+def apart() -> Iterator[SceneProcess]:
+    scene = SceneProcess("left", sized("left"))
     scene.show(bent(0.5), None)  # before a process is there
     with scene:
         yield scene
@@ -56,14 +56,14 @@ def apart() -> Iterator[SceneApart]:
     assert not scene.port
 
 
-def test_what_was_wished_before_the_process_began_is_drawn(apart: SceneApart) -> None:
+def test_what_was_wished_before_the_process_began_is_drawn(apart: SceneProcess) -> None:
     process_of(apart)
     with connected(apart.port, apart.secret) as viewer:
         assert sees(viewer, 0.5)
 
 
 def test_a_process_that_stands_still_holds_nobody_up_and_then_draws_what_was_wished_last(
-    apart: SceneApart,
+    apart: SceneProcess,
 ) -> None:
     pid = process_of(apart)
     with connected(apart.port, apart.secret) as viewer:
@@ -85,7 +85,7 @@ def test_a_process_that_stands_still_holds_nobody_up_and_then_draws_what_was_wis
 
 
 def test_a_process_that_dies_is_replaced_by_one_that_shows_the_same(
-    apart: SceneApart, caplog: pytest.LogCaptureFixture
+    apart: SceneProcess, caplog: pytest.LogCaptureFixture
 ) -> None:
     pid, port = process_of(apart), apart.port
     apart.show(bent(0.9), None)

@@ -6,14 +6,14 @@ import sys
 
 import pytest
 
-from handscope.app.workers.process import DiedError, WorkingProcess
+from handscope.app.workers.process import DiedError, WorkerProcess
 from tests.app.devices.virtual import wait_for
 
 PARENT = """
 import os, sys
-from handscope.app.working_process import WorkingProcess
+from handscope.app.workers.process import WorkerProcess
 if __name__ == "__main__":
-    with WorkingProcess(os.getpid) as process:
+    with WorkerProcess(os.getpid) as process:
         print(process.do(os.getpid), flush=True)
         sys.stdin.read()
 """
@@ -32,7 +32,7 @@ def unsendable() -> object:
 
 
 def test_values_and_errors_come_back_with_where_they_arose() -> None:
-    with WorkingProcess(os.getpid) as process:
+    with WorkerProcess(os.getpid) as process:
         assert process.do(divmod, 7, 2) == (3, 1)
         with pytest.raises(ValueError, match="seven") as error:
             process.do(bug, "seven")
@@ -41,7 +41,7 @@ def test_values_and_errors_come_back_with_where_they_arose() -> None:
 
 
 def test_a_process_killed_while_it_waits_is_replaced() -> None:
-    with WorkingProcess(os.getpid) as process:
+    with WorkerProcess(os.getpid) as process:
         first = process.do(os.getpid)
         process.kill()
         wait_for(lambda: not process.alive)
@@ -49,7 +49,7 @@ def test_a_process_killed_while_it_waits_is_replaced() -> None:
 
 
 def test_a_value_that_cannot_travel_ends_the_process_not_the_queue() -> None:
-    with WorkingProcess(os.getpid) as process:
+    with WorkerProcess(os.getpid) as process:
         with pytest.raises(DiedError):
             process.do(unsendable)
         assert process.do(divmod, 7, 2) == (3, 1)
@@ -60,20 +60,20 @@ def test_a_process_sees_the_environment_of_its_own_beginning(
 ) -> None:
     for word in ("first", "second"):
         monkeypatch.setenv("HANDSCOPE_WORD", word)
-        with WorkingProcess(os.getpid) as process:
+        with WorkerProcess(os.getpid) as process:
             assert process.do(os.getenv, "HANDSCOPE_WORD") == word
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="forked on Linux alone")
 def test_a_process_begins_with_what_its_work_needs() -> None:
-    with WorkingProcess(os.getpid) as process:
+    with WorkerProcess(os.getpid) as process:
         assert {"handscope.app.results.make", "handscope.app.results.report"} <= process.do(
             imported
         )
 
 
 def test_killing_one_that_has_not_begun_is_nothing() -> None:
-    with WorkingProcess(os.getpid) as process:
+    with WorkerProcess(os.getpid) as process:
         process.kill()
         assert process.do(divmod, 7, 2) == (3, 1)
 

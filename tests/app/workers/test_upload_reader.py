@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from handscope.app.workers.upload_reader import DIED, Opening
+from handscope.app.workers.upload_reader import DIED, UploadReader
 from handscope.estimators.errors import InputError
 from handscope.sessions.motion_bids import writer
 from tests.simulated import loaded, pose_and_wiggle
@@ -23,23 +23,23 @@ def test_the_server_goes_on_while_an_upload_is_read_and_when_its_process_dies(
     bad.write_bytes(b"nothing")
 
     async def go() -> None:
-        with Opening() as opening:
-            found = await opening.read(good, "mine.zip", None)
+        with UploadReader() as upload_reader:
+            found = await upload_reader.read(good, "mine.zip", None)
             assert (found.hand, found.bytes, found.summary["events"][1]["task"]) == (
                 "left",
                 good.stat().st_size,
                 "wiggle",
             )
-            waiting = asyncio.create_task(opening.read(slow, "slow.zip", None))
+            waiting = asyncio.create_task(upload_reader.read(slow, "slow.zip", None))
             done, _ = await asyncio.wait([waiting], timeout=0.3)
             assert not done, "it waits, and this goes on"
-            opening._process.kill()
+            upload_reader._process.kill()
             with pytest.raises(InputError) as told:
                 await waiting
             assert str(told.value) == DIED
             with pytest.raises(
                 InputError, match=r"mine.zip is neither a folder, a zip nor a native recording"
             ):
-                await opening.read(bad, "mine.zip", None)
+                await upload_reader.read(bad, "mine.zip", None)
 
     asyncio.run(go())

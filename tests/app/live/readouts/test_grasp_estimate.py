@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from handscope.app.live.readouts.grasp_estimate import HeldSoFar
+from handscope.app.live.readouts.grasp_estimate import GraspEstimator
 from handscope.app.live.tracking import Tracking
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.methods import m2
@@ -25,13 +25,13 @@ def test_while_it_is_held_its_mass_is_told_and_each_fingertip_s_force_is_where_i
             {name: block.between(0.0, now) for name, block in made.samples.items()},
             initial_pose.pose_of(pose),
         )
-        held = HeldSoFar(tracking)
-        assert held.pushes("lift") is None  # nothing is known of the task yet
-        held.follow("lift", task.onset)
-        wait_for(partial(held.told, "lift"))
-        told, forces = held.told("lift"), held.pushes("lift")
-        assert held.pushes("squeeze") is None
-        assert held.pushes(None) is None
+        held = GraspEstimator(tracking)
+        assert held.fingertip_forces("lift") is None  # nothing is known of the task yet
+        held.update("lift", task.onset)
+        wait_for(partial(held.number_of, "lift"))
+        told, forces = held.number_of("lift"), held.fingertip_forces("lift")
+        assert held.fingertip_forces("squeeze") is None
+        assert held.fingertip_forces(None) is None
     assert told is not None and abs(told["value"] - 0.44) < 3 * told["sd"] < 0.2
     assert forces is not None
     expected = true[np.searchsorted(made.truth.t, now)]

@@ -62,9 +62,9 @@ def moved(followed: Followed, stop: float) -> FreeMeter:
 def test_it_says_enough_once_the_hand_has_moved_long_enough(followed: Followed) -> None:
     meter = moved(followed, 8.1)
     assert [o.joint for o in meter.observed] == ["index_mcp", "index_pip", "index_dip"]
-    assert max(o.share for o in meter.observed) < 0.7 and not meter.enough
+    assert max(o.share for o in meter.observed) < 0.7 and not meter.is_enough
     assert max(o.length_sd for o in meter.observed) < 1.5e-3
-    assert moved(followed, 13.6).enough
+    assert moved(followed, 13.6).is_enough
 
 
 def test_a_sensor_that_falls_silent_tells_nothing_more(followed: Followed) -> None:
@@ -101,7 +101,7 @@ def test_movement_before_and_after_a_hole_is_not_added_up(followed: Followed) ->
         followed.made, samples={**followed.made.samples, "index": replace(strip, values=holed)}
     )
     at_hole, after = moved(followed, 8.6).observed, moved(followed, 13.6)
-    assert not after.enough, "self-calibration takes the longest part, six seconds"
+    assert not after.is_enough, "self-calibration takes the longest part, six seconds"
     assert min(o.share for o in after.observed) >= min(o.share for o in at_hole) > 0.2
 
 
@@ -112,5 +112,5 @@ def test_before_any_pose_and_when_it_fails_the_station_goes_on(
     assert not moved(followed, 6.1).observed
     followed.calibration = calibration
     monkeypatch.setattr(observability_meter, "_told", None)
-    assert not moved(followed, 4.1).enough
+    assert not moved(followed, 4.1).is_enough
     assert "could not be followed" in caplog.text

@@ -1,4 +1,4 @@
-"""The replay file of a kept result."""
+"""The replay file of a stored result."""
 
 from handscope.app.language import Language
 from handscope.app.protocols import offered
@@ -16,7 +16,9 @@ def of_result(store: Store, result: Result, named: bool, language: Language) -> 
     session = result.recording.session
     hand = records.hand_of(session.hand)
     measures = session.geometry or result.recording.summary.get("geometry") or {}
-    told = [Event(e["onset"], e["duration"], e["trial_type"], e) for e in result.content["events"]]
+    events = [
+        Event(e["onset"], e["duration"], e["trial_type"], e) for e in result.content["events"]
+    ]
     title = (
         language.say("replay.title.of", pseudonym=session.patient.pseudonym)
         if named
@@ -27,7 +29,7 @@ def of_result(store: Store, result: Result, named: bool, language: Language) -> 
         hand,
         geometry,
         load_replay(store, result),
-        chapters(told, offered(store.folder)[0], language),
+        chapters(events, offered(store.folder)[0], language),
         title,
         language,
     )
