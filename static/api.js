@@ -83,6 +83,6 @@ function upload(path, form, progress) {
 }
 
 async function refusal(response) {
-  const told = await response.json().catch(() => ({}));
-  return new ApiError(told.error ?? t("error.unreadable"), response.status, told.confirm);
+  const body = await response.json().catch(() => ({}));
+  return new ApiError(body.error ?? t("error.unreadable"), response.status, body.confirm);
 }

@@ -15,14 +15,14 @@ const PAGES = [
 ];
 const FOR = { "/": "clinicians scientists" }; // hidden from other roles (styles/frame.css)
 const api = makeApi(() => away || depart());
-const account = api.get("/api/me").catch(() => ({ roles: ["clinician"] })); // who cannot be told is refused by the server
+const account = api.get("/api/me").catch(() => ({ roles: ["clinician"] })); // the server refuses an unknown account
 const main = h("main", { id: "main", tabindex: "-1" });
 const links = [
   ["/", "nav.patients"],
   ["/help", "nav.help"],
   ["/account", "nav.account"],
 ].map(([href, word]) => h("a", { href, class: FOR[href] }, t(word)));
-const heard = h("p", { class: "heard", "aria-live": "polite" });
+const announcement = h("p", { class: "visually-hidden", "aria-live": "polite" });
 let leave = () => {};
 let turn = 0;
 let away = false; // the document is being left: what is refused meanwhile leads nowhere else
@@ -62,7 +62,7 @@ function go(address, replace = false) {
 /** Say where we are: the window's title, and to screen readers. */
 function title(words) {
   document.title = `${words} · Handscope`;
-  heard.textContent = words;
+  announcement.textContent = words;
 }
 
 function followed(event) {
@@ -77,8 +77,8 @@ function followed(event) {
 
 async function logOut() {
   away = true;
-  const told = await api.remove("/api/login").catch(() => null);
-  depart(told?.next);
+  const answer = await api.remove("/api/login").catch(() => null);
+  depart(answer?.next);
 }
 
 function depart(address = "/login") {
@@ -98,7 +98,7 @@ document.body.append(
   ),
   main,
   h("footer", { class: "bottom" }, t("notice")),
-  heard,
+  announcement,
 );
 /** What the account's roles do not allow is not offered; the server refuses it in any case. */
 async function offer() {

@@ -7,7 +7,7 @@ const ROLES = ["clinician", "scientist", "administrator"];
 
 export function mount(root, api) {
   const box = errorBox();
-  const told = h("div", { role: "status", class: "handed" });
+  const codeBox = h("div", { role: "status", class: "handed" });
   const rows = h("tbody", {});
   const heads = ["accounts.name", "accounts.roles", "accounts.proof"].map((word) => h("th", { scope: "col" }, t(word)));
   const name = h("input", { autocomplete: "off", maxlength: 64, spellcheck: "false" });
@@ -47,19 +47,19 @@ export function mount(root, api) {
   }
 
   function handOver(whose, code) {
-    told.replaceChildren(h("p", {}, t("accounts.code_of", { name: whose })), h("p", {}, h("code", {}, code)));
+    codeBox.replaceChildren(h("p", {}, t("accounts.code_of", { name: whose })), h("p", {}, h("code", {}, code)));
   }
 
   onSubmit(form, box, async () => {
     const roles = boxes.filter((input) => input.checked).map((input) => input.value);
-    const made = await api.post("/api/accounts", { name: name.value, roles });
+    const created = await api.post("/api/accounts", { name: name.value, roles });
     form.reset();
-    handOver(made.name, made.code);
+    handOver(created.name, created.code);
     await draw();
   });
   const table = h("table", {}, h("thead", {}, h("tr", {}, heads, h("td", {}))), rows);
   const head = h("div", { class: "head" }, h("h2", {}, t("accounts.title")), h("a", { href: "/audit" }, t("nav.audit")));
-  root.append(head, box.element, table, told, form);
+  root.append(head, box.element, table, codeBox, form);
   api.get("/api/me").then((me) => me.roles.includes("administrator") && draw().catch(box.show), box.show);
   return () => root.replaceChildren();
 }

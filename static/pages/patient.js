@@ -3,7 +3,7 @@ import { assemble, h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import * as facts from "../patient/facts.js";
 import * as keeping from "../patient/keeping.js";
-import { makeKept } from "../patient/kept_calibrations.js";
+import { makeKept } from "../patient/stored_calibrations.js";
 import * as measures from "../patient/measures.js";
 import * as newSession from "../patient/new_session.js";
 import * as notes from "../patient/notes.js";

@@ -2,7 +2,7 @@
 import { assemble, h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import { makeRecord } from "../patient/record.js";
-import * as again from "../session/again.js";
+import * as reprocess from "../session/reprocess.js";
 import * as changes from "../session/changes.js";
 import * as compare from "../session/compare.js";
 import * as dating from "../session/dating.js";
@@ -80,7 +80,7 @@ function draw(root, api, about) {
     [measures, place("stack")],
   ];
   const tasks = done ? [trials, compare].map((part) => [part, place()]) : [];
-  const kept = [recordings, again].map((part) => [part, place()]);
+  const kept = [recordings, reprocess].map((part) => [part, place()]);
   const closed = session.recordings.some((recording) => recording.sha256);
   const main = [...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
   const typed = treats ? [notes, dating, closed && trunkHeight.worn(session) && trunkHeight] : [];

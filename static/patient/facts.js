@@ -1,7 +1,7 @@
 /** Facts of a patient, shown; "Change" makes them a form. */
 import { h, whenChanged } from "../dom.js";
 import { errorBox, onSubmit } from "../forms.js";
-import { confirming } from "./second_look.js";
+import { confirming } from "./confirmation.js";
 import { factFields, factWords } from "./fact_fields.js";
 import { sendChange } from "./record.js";
 import { t } from "../words/words.js";

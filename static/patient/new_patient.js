@@ -1,7 +1,7 @@
 /** The form for a new patient: a code, never a name. */
 import { h } from "../dom.js";
 import { errorBox, onSubmit } from "../forms.js";
-import { confirming } from "./second_look.js";
+import { confirming } from "./confirmation.js";
 import { factFields } from "./fact_fields.js";
 import { t } from "../words/words.js";
 

@@ -11,7 +11,7 @@ export function mount(root, api, { record, go }) {
   const input = h("input", {
     type: "file",
     accept: ".zip,.mcap",
-    class: "heard",
+    class: "visually-hidden",
     tabindex: "-1",
     "aria-label": t("upload.file"),
     onchange: () => take(input.files[0]),

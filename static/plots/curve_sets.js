@@ -1,4 +1,4 @@
-/** Curves that are looked at together, by the name of the choice; how the lines of a set are told apart. */
+/** Curves that are looked at together, by the name of the choice; and the line styles of a set. */
 import { select } from "../forms.js";
 import { curveWords } from "../words/clinical.js";
 import { t } from "../words/words.js";

@@ -3,7 +3,7 @@ import { h } from "../dom.js";
 import { errorBox, select } from "../forms.js";
 import { known, t } from "../words/words.js";
 import { drawSmall } from "./small.js";
-import { changeWords, judged, labelWords, partOf } from "./told.js";
+import { changeWords, judged, labelWords, partOf } from "./payload.js";
 
 export function mount(root, api, { record }) {
   const box = errorBox();
@@ -13,29 +13,29 @@ export function mount(root, api, { record }) {
   let gone = false;
   root.append(h("h2", {}, t("course.title")), body, box.element);
   Promise.all([api.get(`/api/patients/${record.now.id}/progress`), api.titles().catch(() => new Map())]).then(
-    ([told, titles]) => gone || begin(told, titles),
+    ([payload, titles]) => gone || begin(payload, titles),
     (error) => gone || (body.replaceChildren(), box.show(error)),
   );
 
-  function begin(told, titles) {
-    const repeated = (hand) => told.series.some((series) => (series.hands[hand]?.points.length ?? 0) > 1);
-    const hands = Object.keys(told.sessions).filter(repeated);
+  function begin(payload, titles) {
+    const repeated = (hand) => payload.series.some((series) => (series.hands[hand]?.points.length ?? 0) > 1);
+    const hands = Object.keys(payload.sessions).filter(repeated);
     if (!hands.length) {
       body.replaceChildren(h("p", { class: "empty" }, h("strong", {}, t("course.empty")), t("course.empty.next")));
       return;
     }
-    hands.sort((a, b) => (b === told.affected) - (a === told.affected) || told.sessions[b].length - told.sessions[a].length);
+    hands.sort((a, b) => (b === payload.affected) - (a === payload.affected) || payload.sessions[b].length - payload.sessions[a].length);
     const chosen = { hand: hands[0], against: "first", task: null, part: null };
     const change = (more) => {
       Object.assign(chosen, more);
-      draw(told, titles, chosen, change, hands);
+      draw(payload, titles, chosen, change, hands);
     };
     body.replaceChildren(head, summary, plots, foot);
     change({});
   }
 
-  function draw(told, titles, chosen, change, hands) {
-    const all = told.series.filter((series) => (series.hands[chosen.hand]?.points.length ?? 0) > 1);
+  function draw(payload, titles, chosen, change, hands) {
+    const all = payload.series.filter((series) => (series.hands[chosen.hand]?.points.length ?? 0) > 1);
     const beyond = all.filter((series) => judged(series, chosen).beyond);
     const tasks = [...new Set(all.map((series) => series.task))];
     if (!tasks.includes(chosen.task)) Object.assign(chosen, { task: beyond[0]?.task ?? tasks[0], part: null });
@@ -49,8 +49,8 @@ export function mount(root, api, { record }) {
     leave.forEach((unmount) => unmount());
     plots.className = "multiples";
     plots.replaceChildren();
-    leave = ofTask.filter((series) => partOf(series) === chosen.part).map((series) => drawSmall(plots, told, series, chosen));
-    foot.replaceChildren(...legend(told, chosen), ...sources(told, ofTask, chosen));
+    leave = ofTask.filter((series) => partOf(series) === chosen.part).map((series) => drawSmall(plots, payload, series, chosen));
+    foot.replaceChildren(...legend(payload, chosen), ...sources(payload, ofTask, chosen));
   }
 
   return () => {
@@ -89,8 +89,8 @@ function summed(all, beyond, chosen, change, titles) {
   ];
 }
 
-function legend(told, chosen) {
-  const other = Object.keys(told.sessions).find((hand) => hand !== chosen.hand);
+function legend(payload, chosen) {
+  const other = Object.keys(payload.sessions).find((hand) => hand !== chosen.hand);
   const row = (kind, words) => h("li", {}, h("span", { class: `key key-${kind}`, "aria-hidden": "true" }), words);
   return [
     h(
@@ -105,8 +105,8 @@ function legend(told, chosen) {
   ];
 }
 
-function sources(told, shown, chosen) {
-  const sentences = shown.flatMap((series) => told.judges[series.hands[chosen.hand].judge].sources);
+function sources(payload, shown, chosen) {
+  const sentences = shown.flatMap((series) => payload.judges[series.hands[chosen.hand].judge].sources);
   const references = shown.filter((series) => series.reference).map((series) => series.reference.source);
   const named = [...new Set(references)].join(", ");
   return [

@@ -2,14 +2,14 @@
 import { h } from "../dom.js";
 import { colour, makePlot } from "../plots/plot.js";
 import { shortDay, t } from "../words/words.js";
-import { changeWords, judged, labelWords, valueWords } from "./told.js";
+import { changeWords, judged, labelWords, valueWords } from "./payload.js";
 
 const DAY = 86_400_000; // ms
 
-export function drawSmall(root, told, series, chosen) {
+export function drawSmall(root, payload, series, chosen) {
   const { value, beyond } = judged(series, chosen);
   const course = series.hands[chosen.hand];
-  const { mdc95 } = told.judges[course.judge];
+  const { mdc95 } = payload.judges[course.judge];
   const place = h("div", { class: "small-plot" });
   const verdict = beyond === null ? "unknown" : beyond ? "beyond" : "within";
   root.append(
@@ -23,7 +23,7 @@ export function drawSmall(root, told, series, chosen) {
     ),
   );
   const [own, other] = [chosen.hand, ...Object.keys(series.hands).filter((hand) => hand !== chosen.hand)].map((hand) =>
-    hand ? pointsOf(told, series, hand) : [],
+    hand ? pointsOf(payload, series, hand) : [],
   );
   const moments = [...new Set([...own, ...(other ?? [])].map((point) => point.x))].sort((a, b) => a - b);
   const valuesOf = (points) => moments.map((x) => points.find((point) => point.x === x)?.value ?? null);
@@ -58,8 +58,8 @@ function tickWords(series, tick) {
 }
 
 /** A hand's points { x in days, value, first, before }. */
-function pointsOf(told, series, hand) {
-  const started = new Map(told.sessions[hand].map((s) => [s.session, new Date(s.started).getTime() / DAY]));
+function pointsOf(payload, series, hand) {
+  const started = new Map(payload.sessions[hand].map((s) => [s.session, new Date(s.started).getTime() / DAY]));
   return (series.hands[hand]?.points ?? []).map(([session, value, first, before]) => ({ x: started.get(session), value, first, before }));
 }
 
@@ -85,7 +85,7 @@ function under(drawn, band, reference) {
   ctx.restore();
 }
 
-/** Diamonds on what is beyond the band, told by shape and colour. */
+/** Diamonds on what is beyond the band, distinguished by shape and colour. */
 function marks(drawn, points, chosen) {
   const { ctx } = drawn;
   const size = 8 * devicePixelRatio;

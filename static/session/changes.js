@@ -5,19 +5,19 @@ import { day, known, t } from "../words/words.js";
 /** Tapping: the means over the trials; ranges say it in their own table. */
 export function mount(root, api, { result }) {
   const { changes } = result.readings;
-  root.append(...(changes?.tapping ?? []).map((told) => section(told, changes)));
+  root.append(...(changes?.tapping ?? []).map((task) => section(task, changes)));
   return () => {};
 }
 
-function section(told, changes) {
-  const rows = told.figures.map((figure) =>
+function section(task, changes) {
+  const rows = task.figures.map((figure) =>
     h("tr", {}, h("th", { scope: "row" }, known(figure.name.replace("_", "."), figure.name)), h("td", {}, figure.words)),
   );
   return h(
     "div",
     { class: "card" },
-    h("h2", {}, t("changes.title", { title: told.title, day: day(changes.since) })),
-    h("table", {}, h("caption", { class: "heard" }, t("changes.tapping")), h("tbody", {}, rows)),
+    h("h2", {}, t("changes.title", { title: task.title, day: day(changes.since) })),
+    h("table", {}, h("caption", { class: "visually-hidden" }, t("changes.tapping")), h("tbody", {}, rows)),
     h("p", { class: "hint" }, t("changes.tapping")),
     changesCaption(changes, "tapping"),
   );

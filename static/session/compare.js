@@ -59,12 +59,12 @@ export function mount(root, api, { session, result, go }) {
         const id = kind === "method" ? await computed(value, place, () => mine === asked) : Number(value);
         if (mine !== asked || id === null) return;
         const query = new URLSearchParams({ other: id, what: what.value, ...(trial.value && { event: trial.value }) });
-        const told = await api.get(`/api/results/${result.id}/comparison?${query}`);
+        const payload = await api.get(`/api/results/${result.id}/comparison?${query}`);
         if (mine !== asked) return;
         leave();
         const names = [t("compare.this"), other.selectedOptions[0].textContent.split(":")[0]];
-        leave = compared.mount(place, api, { told, what: what.value, names });
-        const address = `/api/results/${result.id}/replay?${new URLSearchParams({ other: id, at: told.offsets[0] })}`;
+        leave = compared.mount(place, api, { payload, what: what.value, names });
+        const address = `/api/results/${result.id}/replay?${new URLSearchParams({ other: id, at: payload.offsets[0] })}`;
         both.onclick = () => once(both, box, async () => go(`/stations/${(await api.post(address)).station}`));
         both.hidden = false;
       } catch (error) {

@@ -5,11 +5,11 @@ import { makePlot } from "../plots/plot.js";
 import { curveWords, valueWords } from "../words/clinical.js";
 import { decimal, t } from "../words/words.js";
 
-export function mount(root, api, { told, what, names }) {
-  const [both, apart] = [h("div", { class: "tall" }), h("div", { class: "short" })];
+export function mount(root, api, { payload, what, names }) {
+  const [both, differencePlot] = [h("div", { class: "tall" }), h("div", { class: "short" })];
   const common = { xWords: (moment) => t("correct.seconds", { seconds: moment.toFixed(0) }), axis: 96 };
-  const more = told.agreement
-    ? [h("h3", {}, t("compare.difference")), apart, agreement(told.agreement)]
+  const more = payload.agreement
+    ? [h("h3", {}, t("compare.difference")), differencePlot, agreement(payload.agreement)]
     : [h("p", { class: "hint" }, t("compare.aligned"))];
   root.replaceChildren(legend(names), both, ...more);
   const lines = makePlot(both, {
@@ -18,23 +18,23 @@ export function mount(root, api, { told, what, names }) {
     lines: [{ colour: "--curve-1" }, { colour: "--curve-2", dash: [8, 4] }],
     words: (value) => valueWords(what, value),
   });
-  lines.set([told.t, told.a, told.b]);
-  if (!told.agreement) return lines.destroy;
-  const unit = unitOf(told.agreement);
-  const difference = makePlot(apart, {
+  lines.set([payload.t, payload.a, payload.b]);
+  if (!payload.agreement) return lines.destroy;
+  const unit = unitOf(payload.agreement);
+  const difference = makePlot(differencePlot, {
     ...common,
     label: t("compare.difference"),
     lines: [{ colour: "--curve-4" }],
     words: (value) => apartWords(value, unit),
   });
-  difference.set([told.t, told.difference]);
+  difference.set([payload.t, payload.difference]);
   return () => {
     lines.destroy();
     difference.destroy();
   };
 }
 
-const unitOf = (told) => (told.unit === "deg" ? "°" : ` ${told.unit}`);
+const unitOf = (payload) => (payload.unit === "deg" ? "°" : ` ${payload.unit}`);
 
 /** A direction in words, never a bare minus. */
 function apartWords(value, unit) {
@@ -42,9 +42,9 @@ function apartWords(value, unit) {
   return value ? t(value > 0 ? "compare.above" : "compare.below", { size }) : size;
 }
 
-function agreement(told) {
-  const rows = ["drms", "drms_minus_offset", "rom_a", "rom_b"].map((name) => [name, `${decimal(told[name], 1)}${unitOf(told)}`]);
-  rows.splice(1, 0, ["offset", apartWords(Number(told.offset.toFixed(1)), unitOf(told))]);
+function agreement(payload) {
+  const rows = ["drms", "drms_minus_offset", "rom_a", "rom_b"].map((name) => [name, `${decimal(payload[name], 1)}${unitOf(payload)}`]);
+  rows.splice(1, 0, ["offset", apartWords(Number(payload.offset.toFixed(1)), unitOf(payload))]);
   return h(
     "dl",
     { class: "facts" },

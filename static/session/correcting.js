@@ -88,7 +88,7 @@ export function mount(root, api, { result, trial, send }) {
     const shown = SETS[set.value];
     try {
       const span = { start: trial.onset, stop: trial.onset + trial.duration };
-      const told = await api.get(curvesAddress(result.id, shown, span));
+      const payload = await api.get(curvesAddress(result.id, shown, span));
       if (mine !== asked) return;
       plot?.destroy();
       names.replaceChildren(shown.length > 1 ? legend(shown.map((one) => distinctWords(one, shown))) : "");
@@ -100,7 +100,7 @@ export function mount(root, api, { result, trial, send }) {
         axis: 96,
         drawn: veil,
       });
-      plot.set([told.t, ...shown.map((one) => told.curves[one])]);
+      plot.set([payload.t, ...shown.map((one) => payload.curves[one])]);
     } catch (error) {
       if (mine === asked) box.show(error);
     }
@@ -122,8 +122,8 @@ export function mount(root, api, { result, trial, send }) {
 function slider(end, trial, changed) {
   const input = h("input", { type: "range", min: 0, max: trial.duration.toFixed(3), step: STEP, oninput: changed });
   input.value = end === "from" ? 0 : trial.duration;
-  const said = h("output", { class: "where" });
-  const element = h("div", {}, field(t(`correct.${end}`), input), said);
+  const status = h("output", { class: "where" });
+  const element = h("div", {}, field(t(`correct.${end}`), input), status);
   const words = () => t("correct.seconds", { seconds: Number(input.value).toFixed(1) });
   return {
     input,
@@ -132,7 +132,7 @@ function slider(end, trial, changed) {
       input.value = seconds;
     },
     tell() {
-      said.textContent = words();
+      status.textContent = words();
       input.setAttribute("aria-valuetext", words());
     },
   };

@@ -10,7 +10,7 @@ const MINUTE = 60_000; // ms
 
 export function mount(root, api, { record, draft }) {
   const box = errorBox();
-  const told = h("div", {});
+  const note = h("div", {});
   const dating = (draft.dating ??= fields());
   const { when, why } = dating;
   const form = h(
@@ -21,7 +21,7 @@ export function mount(root, api, { record, draft }) {
     h("div", { class: "buttons" }, h("button", { class: "primary", type: "submit" }, t("dating.send"))),
   );
   const details = h("details", { open: dating.open }, h("summary", {}, t("dating.correct")), form);
-  root.append(told, details, box.element);
+  root.append(note, details, box.element);
   dating.held?.focus();
   const draw = whenChanged(({ started, recorded_as, date_reason, state }) => ({ started, recorded_as, date_reason, state }), show);
   const stored = (now) => {
@@ -43,7 +43,7 @@ export function mount(root, api, { record, draft }) {
     root.hidden = state === "open";
     if (!dating.typed) when.value = local(started);
     const back = h("button", { type: "button", onclick: () => once(back, box, () => send({ started: said })) }, t("dating.back"));
-    told.replaceChildren(...(said ? [h("p", {}, t("dating.corrected", { said: dayAndTime(said), reason })), back] : []));
+    note.replaceChildren(...(said ? [h("p", {}, t("dating.corrected", { said: dayAndTime(said), reason })), back] : []));
   }
 
   draw(record.now);

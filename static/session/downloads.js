@@ -6,7 +6,7 @@ import { t } from "../words/words.js";
 
 export function mount(root, api, { session, result, go }) {
   const box = errorBox();
-  const said = h("p", { class: "soft small", role: "status" });
+  const status = h("p", { class: "soft small", role: "status" });
   const base = `/api/results/${result.id}`;
   const name = (end) => `handscope-session-${session.id}-${result.method}${end}`;
 
@@ -22,14 +22,14 @@ export function mount(root, api, { session, result, go }) {
   }
 
   async function save(path, file) {
-    said.textContent = t("downloads.preparing", { file });
+    status.textContent = t("downloads.preparing", { file });
     try {
       const address = URL.createObjectURL(await api.file(path));
       h("a", { href: address, download: file }).click();
       setTimeout(() => URL.revokeObjectURL(address), 60_000);
-      said.textContent = t("downloads.saved", { file });
+      status.textContent = t("downloads.saved", { file });
     } catch (error) {
-      said.textContent = "";
+      status.textContent = "";
       throw error;
     }
   }
@@ -72,7 +72,7 @@ export function mount(root, api, { session, result, go }) {
         h("label", { class: "inline clinicians", for: "replay-named" }, named, t("downloads.replay_named")),
       ),
       h("p", { class: "hint" }, t("downloads.replay_hint")),
-      said,
+      status,
     ),
     box.element,
   );

@@ -6,33 +6,33 @@ import * as curves from "./measure_curves.js";
 
 export function mount(root, api, { session, result, go }) {
   const graded = (scheme) => go(`/sessions/${session.id}?${new URLSearchParams({ result: result.id, grading: scheme })}`, true);
-  const leave = result.readings.others.map((told) => {
+  const leave = result.readings.others.map((measure) => {
     const drawn = h("div", { class: "curves-of" });
-    root.append(section(told, graded, drawn));
-    return curves.mount(drawn, told);
+    root.append(section(measure, graded, drawn));
+    return curves.mount(drawn, measure);
   });
   return () => leave.forEach((unmount) => unmount());
 }
 
-function section(told, graded, drawn) {
-  const chosen = select(told.gradings, told.grading, { onchange: () => graded(chosen.value) });
-  const normed = told.norms.some(Boolean);
-  const columns = [t("measures.figure"), ...told.trials, t("measures.unit"), normed && t("measures.norm"), t("ranges.signal")];
+function section(measure, graded, drawn) {
+  const chosen = select(measure.gradings, measure.grading, { onchange: () => graded(chosen.value) });
+  const normed = measure.norms.some(Boolean);
+  const columns = [t("measures.figure"), ...measure.trials, t("measures.unit"), normed && t("measures.norm"), t("ranges.signal")];
   const head = columns.filter(Boolean).map((word) => h("th", { scope: "col" }, word));
-  const rows = told.rows.map((row, k) => line(row, normed && (told.norms[k] ?? {})));
+  const rows = measure.rows.map((row, k) => line(row, normed && (measure.norms[k] ?? {})));
   const table = h("table", { class: "ranges" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, rows));
   return h(
     "div",
     { class: "card" },
-    h("h2", {}, told.title),
-    h("p", { class: "soft" }, told.task),
-    told.gradings.length > 0 && field(t("measures.grading"), chosen, t("measures.grading.hint")),
-    told.advice.length > 0 && doubted(told),
-    h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": told.title }, table),
-    !told.advice.length && told.reason && h("p", { class: "hint" }, told.reason),
+    h("h2", {}, measure.title),
+    h("p", { class: "soft" }, measure.task),
+    measure.gradings.length > 0 && field(t("measures.grading"), chosen, t("measures.grading.hint")),
+    measure.advice.length > 0 && doubted(measure),
+    h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": measure.title }, table),
+    !measure.advice.length && measure.reason && h("p", { class: "hint" }, measure.reason),
     drawn,
-    told.limit && h("p", { class: "hint" }, told.limit),
-    h("details", {}, h("summary", {}, t("measures.source")), h("p", { class: "hint" }, told.source)),
+    measure.limit && h("p", { class: "hint" }, measure.limit),
+    h("details", {}, h("summary", {}, t("measures.source")), h("p", { class: "hint" }, measure.source)),
   );
 }
 
@@ -59,6 +59,6 @@ function line([name, values, unit, [grade, words], reason], norm) {
 }
 
 function why(norm) {
-  const said = [norm.reference, norm.note].filter(Boolean).join(". ");
-  return h("details", { class: "hint" }, h("summary", {}, t("measures.why")), h("p", {}, said));
+  const words = [norm.reference, norm.note].filter(Boolean).join(". ");
+  return h("details", { class: "hint" }, h("summary", {}, t("measures.why")), h("p", {}, words));
 }

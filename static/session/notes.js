@@ -6,7 +6,7 @@ import { t } from "../words/words.js";
 
 export function mount(root, api, { record, draft }) {
   const box = errorBox();
-  const said = h("span", { class: "soft", role: "status" });
+  const status = h("span", { class: "soft", role: "status" });
   const undo = h("button", { type: "button", hidden: true }, t("undo"));
   let seen = draft.seen ?? record.now; // as it was when the person began to type
   const typed = () => {
@@ -21,7 +21,7 @@ export function mount(root, api, { record, draft }) {
     { novalidate: true },
     h("div", { class: "field" }, text, h("p", { class: "hint" }, t("notes.session.hint"))),
     field(t("new_session.examiner"), examiner),
-    h("div", { class: "buttons" }, h("button", { type: "submit" }, t("notes.save")), undo, said),
+    h("div", { class: "buttons" }, h("button", { type: "submit" }, t("notes.save")), undo, status),
   );
   root.append(h("h2", {}, t("notes.session")), form, box.element);
   fill(draft.typed ?? record.now);
@@ -35,7 +35,7 @@ export function mount(root, api, { record, draft }) {
   }
 
   function say(words, back = null) {
-    said.textContent = words;
+    status.textContent = words;
     undo.hidden = !back;
     undo.onclick = back;
   }

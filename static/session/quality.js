@@ -26,13 +26,13 @@ export function mount(root, api, { result }) {
 
 /** Without a warning: whether every figure can be trusted. */
 function noticed({ others }) {
-  const doubted = others.filter((told) => told.advice.length).map((told) => told.title);
+  const doubted = others.filter((measure) => measure.advice.length).map((measure) => measure.title);
   if (doubted.length) return h("div", { class: "warning" }, h("p", {}, t("quality.figures", { titles: doubted.join(", ") })));
   return h("p", {}, h("span", { class: "badge good" }, "✓"), " ", t("quality.fine"));
 }
 
-function calibration(told) {
-  const rows = told.largest.map((row) => [
+function calibration(measure) {
+  const rows = measure.largest.map((row) => [
     h("dt", {}, t(`quality.${row.name}`)),
     h("dd", {}, t("quality.value", { value: row.value, unit: row.unit.replace("deg", "°"), part: segmentWords(row.segment) })),
   ]);
@@ -40,7 +40,7 @@ function calibration(told) {
     h(
       "p",
       { class: "soft" },
-      t("quality.source", { source: told.source, sensors: told.sensors, from: told.onset.toFixed(1), to: told.end.toFixed(1) }),
+      t("quality.source", { source: measure.source, sensors: measure.sensors, from: measure.onset.toFixed(1), to: measure.end.toFixed(1) }),
     ),
     h("dl", { class: "facts" }, rows),
   ];

@@ -5,23 +5,23 @@ import { changesCaption } from "./changes.js";
 
 export function mount(root, api, { result }) {
   const tables = result.readings.ranges;
-  root.append(...tables.map((told, k) => section(told, result.readings.changes, k > 0 && !told.full)));
+  root.append(...tables.map((payload, k) => section(payload, result.readings.changes, k > 0 && !payload.full)));
   if (!tables.length && !result.readings.tapping.length && !result.readings.others.length)
     root.append(h("div", { class: "card" }, h("p", { class: "empty" }, h("strong", {}, t("ranges.empty")), t("ranges.empty.next"))));
   return () => {};
 }
 
 /** Of a task that did not ask for the full range it is folded away below the first. */
-function section(told, changes, folded) {
-  const title = t(told.full ? "ranges.title" : "ranges.reached");
-  const tasks = told.tasks.join("; ");
+function section(payload, changes, folded) {
+  const title = t(payload.full ? "ranges.title" : "ranges.reached");
+  const tasks = payload.tasks.join("; ");
   const heading = [h("h2", {}, title), h("p", { class: "soft" }, tasks)];
-  if (!told.rows.length) return h("div", { class: "card" }, heading, h("p", { class: "warning" }, t("ranges.nothing")));
+  if (!payload.rows.length) return h("div", { class: "card" }, heading, h("p", { class: "warning" }, t("ranges.nothing")));
   const columns = ["ranges.joint", "ranges.flexion", "ranges.extension", "ranges.sideways", "ranges.signal"].map((word) =>
     h("th", { scope: "col" }, t(word)),
   );
-  const table = h("table", { class: "ranges" }, h("thead", {}, h("tr", {}, columns)), groups(told.rows).map(body));
-  const compared = told.rows.some((row) => Object.values(row.changes).some(Boolean));
+  const table = h("table", { class: "ranges" }, h("thead", {}, h("tr", {}, columns)), groups(payload.rows).map(body));
+  const compared = payload.rows.some((row) => Object.values(row.changes).some(Boolean));
   const captions = [h("p", { class: "hint" }, t("ranges.caption")), compared && changesCaption(changes, "range_of_motion")];
   if (folded) return h("details", { class: "card" }, h("summary", {}, h("h2", {}, t("ranges.of", { title, tasks }))), table, captions);
   return h("div", { class: "card" }, heading, table, captions);
@@ -29,9 +29,9 @@ function section(told, changes, folded) {
 
 /** Rows by part of the hand, in order. */
 function groups(rows) {
-  const found = new Map();
-  rows.forEach((row) => found.set(row.group, [...(found.get(row.group) ?? []), row]));
-  return [...found.values()];
+  const byGroup = new Map();
+  rows.forEach((row) => byGroup.set(row.group, [...(byGroup.get(row.group) ?? []), row]));
+  return [...byGroup.values()];
 }
 
 function body(rows) {

@@ -50,7 +50,7 @@ function one(root, api, result, trial, number) {
     h(
       "div",
       { class: "halves" },
-      h("table", {}, h("caption", { class: "heard" }, t("tapping.figures")), h("tbody", {}, rows)),
+      h("table", {}, h("caption", { class: "visually-hidden" }, t("tapping.figures")), h("tbody", {}, rows)),
       h("div", {}, h("h3", {}, t("tapping.amplitudes")), bars),
     ),
     h("h3", {}, t("tapping.curve")),
@@ -76,7 +76,7 @@ function one(root, api, result, trial, number) {
   const span = `start=${trial.onset}&stop=${trial.end}`;
   let gone = false;
   api.get(`/api/results/${result.id}/curves?what=aperture&${span}&points=3000`).then(
-    (told) => gone || distance.set([told.t, told.curves.aperture]),
+    (payload) => gone || distance.set([payload.t, payload.curves.aperture]),
     (error) => gone || box.show(error),
   );
   return () => {
@@ -111,7 +111,7 @@ function labelOf(figure) {
 function valueOf(figure, trial) {
   if (figure.value === null) return t(trial.amplitudes_mm.length ? "tapping.too_few" : "tapping.not_measured");
   const least = DECIMALS[shortOf(figure)] ?? 2;
-  const finer = !CHANGES.includes(shortOf(figure)) && figure.sd && figure.sd < 0.5 * 10 ** -least; // a deviation is never told as nothing
+  const finer = !CHANGES.includes(shortOf(figure)) && figure.sd && figure.sd < 0.5 * 10 ** -least; // a deviation never shows as zero
   const digits = finer ? least + 1 : least;
   const size = decimal(Math.abs(figure.value), digits);
   if (CHANGES.includes(shortOf(figure))) {

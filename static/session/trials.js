@@ -39,13 +39,13 @@ export function mount(root, api, { session, result, recomputed }) {
         change,
       ),
       trial.pauses.map((p) => h("p", { class: "soft small" }, t("trials.pause", within(p.onset, p.onset + p.duration, trial)))),
-      standing.map((correction) => told(correction, trial)),
+      standing.map((correction) => noteOf(correction, trial)),
       undone.length > 0 && h("details", { class: "small" }, h("summary", {}, t("trials.undone")), undone.map((one) => past(one, trial))),
       place,
     );
   }
 
-  function told(correction, trial) {
+  function noteOf(correction, trial) {
     const undo = h("button", { class: "plain clinicians", onclick: () => once(undo, box, () => takeBack(correction)) }, t("trials.undo"));
     return h("p", { class: "correction" }, h("span", {}, correctionWords(correction, trial)), undo);
   }

@@ -9,7 +9,7 @@ export const worn = ({ recordings }) => recordings.some(({ summary }) => summary
 
 export function mount(root, api, { record, draft, result, recomputed }) {
   const box = errorBox();
-  const said = h("p", {});
+  const words = h("p", {});
   const typed = () => (draft.trunk = input.value); // stays when the page draws itself anew
   const input = h("input", { inputmode: "decimal", autocomplete: "off", name: "trunk_height", required: true, oninput: typed });
   const form = h(
@@ -21,7 +21,7 @@ export function mount(root, api, { record, draft, result, recomputed }) {
   );
   const back = h("button", { type: "button" }, t("trunk.back"));
   const details = h("details", { open: draft.trunk !== undefined }, h("summary", {}, t("trunk.correct")), form, back);
-  root.append(h("h2", {}, t("fact.trunk_height")), said, details, box.element);
+  root.append(h("h2", {}, t("fact.trunk_height")), words, details, box.element);
   const recorded = result?.content?.events?.find((event) => event.trunk_height)?.trunk_height;
 
   async function send(trunk_height) {
@@ -40,10 +40,10 @@ export function mount(root, api, { record, draft, result, recomputed }) {
     await send(height);
   });
 
-  function show({ trunk_height: told, trunk_corrected: corrected, state }) {
+  function show({ trunk_height: stored, trunk_corrected: corrected, state }) {
     root.hidden = state === "open";
-    const height = told ?? (recorded ? Number(recorded) : null);
-    said.textContent = t(height === null ? "trunk.unknown" : corrected ? "trunk.corrected" : "trunk.measured", { mm: millimetres(height) });
+    const height = stored ?? (recorded ? Number(recorded) : null);
+    words.textContent = t(height === null ? "trunk.unknown" : corrected ? "trunk.corrected" : "trunk.measured", { mm: millimetres(height) });
     input.value = draft.trunk ?? millimetres(height);
     back.hidden = !corrected;
   }

@@ -69,8 +69,8 @@ export function mount(root, api, { station, given }) {
   }
 
   function button(act, text, isPrimary, work) {
-    const made = h("button", { class: `large ${isPrimary ? "primary" : ""}`, "data-act": act, onclick: () => once(made, box, work) }, text);
-    return made;
+    const button = h("button", { class: `large ${isPrimary ? "primary" : ""}`, "data-act": act, onclick: () => once(button, box, work) }, text);
+    return button;
   }
 
   /** Do it, after asking back where that is due. */

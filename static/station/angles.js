@@ -19,8 +19,8 @@ export function mount(root, api, { station }) {
   root.append(box);
   const draw = whenChanged((pulse) => wordsOf(pulse.angles), rows);
 
-  function rows(told) {
-    const shown = ROWS.filter(([, joints]) => joints.some((joint) => told[joint]));
+  function rows(wordsByJoint) {
+    const shown = ROWS.filter(([, joints]) => joints.some((joint) => wordsByJoint[joint]));
     empty.hidden = shown.length > 0;
     table.hidden = !shown.length;
     body.replaceChildren(
@@ -33,7 +33,7 @@ export function mount(root, api, { station }) {
             h(
               "td",
               { class: "number", colspan: joints.length === 1 && 3 },
-              (told[joint] ?? ["–"]).map((words) => h("div", {}, words)),
+              (wordsByJoint[joint] ?? ["–"]).map((words) => h("div", {}, words)),
             ),
           ),
         ),
@@ -49,7 +49,7 @@ export function mount(root, api, { station }) {
 
 /** Words of every angle by joint. */
 function wordsOf(angles) {
-  const told = {};
-  angles.forEach(({ joint, angle, deg }) => (told[joint] ??= []).push(angleWords(joint, angle, deg)));
-  return told;
+  const wordsByJoint = {};
+  angles.forEach(({ joint, angle, deg }) => (wordsByJoint[joint] ??= []).push(angleWords(joint, angle, deg)));
+  return wordsByJoint;
 }

@@ -9,9 +9,9 @@ export function mount(root, api, { station }) {
   const silent = lasting(QUIET);
   const draw = whenChanged(
     ({ glove, wizard }) => problem(glove, silent(!glove.flowing && wizard.state !== "connect" && wizard.state !== "finished")),
-    (found) => {
-      root.hidden = !found;
-      root.replaceChildren(...(found ? [h("strong", {}, found.head), h("span", {}, found.next)] : []));
+    (alarm) => {
+      root.hidden = !alarm;
+      root.replaceChildren(...(alarm ? [h("strong", {}, alarm.head), h("span", {}, alarm.next)] : []));
     },
   );
   return station.on("full", draw);

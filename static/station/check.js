@@ -44,7 +44,7 @@ function chip(finger, standing, moving) {
     { class: `${standing} ${moving ? "lit" : ""}` },
     h("span", { "aria-hidden": "true" }, SIGN[standing] ?? ""),
     h("span", {}, t(`finger.${finger}`)),
-    h("span", { class: "heard" }, t(`check.${standing}`)),
+    h("span", { class: "visually-hidden" }, t(`check.${standing}`)),
   );
 }
 

@@ -24,9 +24,9 @@ export function makeClicks(changed) {
     if (audio.state !== "running") audio.resume().catch(() => {}); // still blocked: `state` says so
   }
 
-  function listened(made) {
-    made.onstatechange = changed;
-    return made;
+  function listened(context) {
+    context.onstatechange = changed;
+    return context;
   }
 
   /** A click in `wait` s. */

@@ -33,11 +33,11 @@ export function follow(name, api) {
       newest = message.pulse;
       tell("pulse", newest);
     };
-    socket.onclose = () => left || (latest?.ended ? tell("ended", latest) : again());
+    socket.onclose = () => left || (latest?.ended ? tell("ended", latest) : reconnect());
   }
 
   /** Ask first whether the station is still there: a web socket does not say why it was refused. */
-  function again() {
+  function reconnect() {
     tell("line", false);
     timer = setTimeout(async () => {
       wait = Math.min(2 * wait, MOST);
@@ -46,7 +46,7 @@ export function follow(name, api) {
         if (!left) open();
       } catch (error) {
         if (left) return;
-        error.status === 404 ? tell("ended", latest) : again();
+        error.status === 404 ? tell("ended", latest) : reconnect();
       }
     }, wait);
   }

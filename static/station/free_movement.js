@@ -21,8 +21,8 @@ export function mount(root, api, { station }) {
   const lacking = h("p", { "aria-live": "polite" });
   const meter = h("div", {}, h("h3", {}, t("free.meter")), h("table", { class: "compact" }, head, body), lacking);
   const bar = progressBar(t("free.computing"));
-  const found = h("div", {});
-  root.append(bar.element, meter, found);
+  const tables = h("div", {});
+  root.append(bar.element, meter, tables);
 
   const draw = ({ wizard, self_calibration }) => {
     root.hidden = !self_calibration;
@@ -38,13 +38,13 @@ export function mount(root, api, { station }) {
       body.replaceChildren(...rows.map(([finger, names]) => row(finger, names, seen)));
       const few = notEnough(joints);
       const named = few.slice(0, NAMED).join(", ");
-      const told = few.length ? t(few.length > NAMED ? "free.more.all" : "free.more", { joints: named }) : t("free.enough");
-      if (state !== "free_work") lacking.textContent = joints.length ? told : t("free.begins");
+      const lack = few.length ? t(few.length > NAMED ? "free.more.all" : "free.more", { joints: named }) : t("free.enough");
+      if (state !== "free_work") lacking.textContent = joints.length ? lack : t("free.begins");
     },
   );
   const drawFound = whenChanged(
     ({ self_calibration }) => self_calibration?.found ?? null,
-    (told) => found.replaceChildren(...(told ? foundTables(told).filter(Boolean) : [])),
+    (solution) => tables.replaceChildren(...(solution ? foundTables(solution).filter(Boolean) : [])),
   );
   const leave = [draw, drawMeter, drawFound].map((each) => station.on("full", each));
   return () => leave.forEach((stop) => stop());
@@ -62,8 +62,8 @@ function row(finger, names, seen) {
 }
 
 function gauge({ joint, share, excursion_deg, length_mm }) {
-  const said = t("free.joint", { joint: nameOf(joint), share: Math.round(100 * share), bent: excursion_deg, length: length_mm });
-  const bar = h("meter", { min: 0, max: 1, low: LITTLE / 2, high: LITTLE, optimum: 1, "aria-label": said, title: said });
+  const words = t("free.joint", { joint: nameOf(joint), share: Math.round(100 * share), bent: excursion_deg, length: length_mm });
+  const bar = h("meter", { min: 0, max: 1, low: LITTLE / 2, high: LITTLE, optimum: 1, "aria-label": words, title: words });
   bar.value = share;
   return bar;
 }

@@ -25,12 +25,12 @@ export function mount(root, api, { station }) {
   root.append(box);
 
   const drawState = whenChanged(
-    ({ glove }) => [notes(glove), STRIPS.filter((strip) => found(glove, strip)).length, glove.flowing],
-    ([said, count, flowing]) => {
-      const good = flowing && !said.length;
+    ({ glove }) => [notes(glove), STRIPS.filter((strip) => isFound(glove, strip)).length, glove.flowing],
+    ([problems, count, flowing]) => {
+      const good = flowing && !problems.length;
       state.className = `badge ${good ? "good" : "warn"}`;
       state.textContent = flowing ? t(good ? "glove.good" : "glove.attention", { count, all: STRIPS.length }) : t("glove.silent");
-      attention.replaceChildren(...said.map((words) => h("li", {}, words)));
+      attention.replaceChildren(...problems.map((words) => h("li", {}, words)));
     },
   );
   const drawRows = whenChanged(
@@ -38,9 +38,9 @@ export function mount(root, api, { station }) {
       ...STRIPS.map((strip) => row(glove, strip)),
       ...glove.strips.filter((strip) => strip.name in BESIDE).map(beside),
     ],
-    (told) =>
+    (rows) =>
       rows.replaceChildren(
-        ...told.map(([words, cells]) =>
+        ...rows.map(([words, cells]) =>
           h(
             "tr",
             {},
@@ -71,7 +71,7 @@ export function mount(root, api, { station }) {
   return () => leave.forEach((stop) => stop());
 }
 
-const found = (glove, strip) => glove.measured.some((segment) => segment.split("_")[0] === strip);
+const isFound = (glove, strip) => glove.measured.some((segment) => segment.split("_")[0] === strip);
 
 /** A stream's strip in words. */
 const called = (name) => known(`strip.${BESIDE[name] ?? name}`, name);
@@ -91,15 +91,15 @@ function forceWords(forces) {
 
 /** Name, and rate and losses of a strip, or that there is none. */
 function row(glove, strip) {
-  const told = glove.strips.find((s) => s.name === strip);
+  const stream = glove.strips.find((s) => s.name === strip);
   const words = t(`strip.${strip}`);
-  if (!found(glove, strip)) return [words, [t(told ? "glove.no_signal" : "glove.not_found"), ""]];
-  return [words, [told ? t("unit.per_second_of", { rate: Math.round(told.rate) }) : t("glove.present"), told ? whole(told.lost) : ""]];
+  if (!isFound(glove, strip)) return [words, [t(stream ? "glove.no_signal" : "glove.not_found"), ""]];
+  return [words, [stream ? t("unit.per_second_of", { rate: Math.round(stream.rate) }) : t("glove.present"), stream ? whole(stream.lost) : ""]];
 }
 
 /** What needs attention. */
 function notes(glove) {
-  const missing = STRIPS.filter((strip) => !found(glove, strip)).map((strip) => t(`strip.${strip}`));
+  const missing = STRIPS.filter((strip) => !isFound(glove, strip)).map((strip) => t(`strip.${strip}`));
   const lost = glove.strips.filter((s) => s.lost > 0).map((s) => called(s.name));
   const saturated = glove.strips.filter((s) => s.saturated > 0).map((s) => called(s.name));
   return [

@@ -33,7 +33,7 @@ export function mount(root, api, { station }) {
   );
   const drawMore = whenChanged(
     ({ wizard, calibration, step_quality }) => [wizard.state, calibration, { ...wizard.pace, elapsed: 0 }, step_quality],
-    (told) => more.replaceChildren(...detail(...told)),
+    (values) => more.replaceChildren(...detail(...values)),
   );
   const drawBar = ({ wizard }) => {
     const runs = wizard.state === "pose_hold" || (["task_run", "step_run", "free_run"].includes(wizard.state) && wizard.remaining !== null);
@@ -55,8 +55,8 @@ function detail(state, calibration, pace, quality) {
     turned: calibration.misalignment_deg,
     part: segmentWords(calibration.most_misaligned),
   };
-  const said = [t("wizard.calibration", values), calibration.steps && t("wizard.calibration.steps", { count: calibration.steps })];
-  return [h("p", {}, said.filter(Boolean).join(" ")), ...calibration.warnings.map((text) => h("p", { class: "warning" }, inWords(text)))];
+  const words = [t("wizard.calibration", values), calibration.steps && t("wizard.calibration.steps", { count: calibration.steps })];
+  return [h("p", {}, words.filter(Boolean).join(" ")), ...calibration.warnings.map((text) => h("p", { class: "warning" }, inWords(text)))];
 }
 
 /** How well a step of the calibration was done. */

@@ -28,10 +28,10 @@ export function mount(root, api, { station }) {
     ({ calibration }) => calibration?.joints ?? [],
     (joints) => {
       root.hidden = !joints.length;
-      const found = Object.fromEntries(joints.map((joint) => [joint.joint, joint]));
+      const byJoint = Object.fromEntries(joints.map((joint) => [joint.joint, joint]));
       const least = ["poor", "fair", "good"].find((grade) => joints.some((joint) => joint.grade === grade)) ?? "none";
       mark(worst, least);
-      body.replaceChildren(...(joints.length ? ROWS.map(([finger, names]) => row(finger, names.map((name) => found[name]))) : []));
+      body.replaceChildren(...(joints.length ? ROWS.map(([finger, names]) => row(finger, names.map((name) => byJoint[name]))) : []));
       why.replaceChildren(...reasons(joints).map((words) => h("li", {}, words)));
     },
   );
@@ -59,11 +59,11 @@ function mark(badge, grade) {
 
 /** One sentence a cause; where it is the same for several joints, one for all of them. */
 function reasons(joints) {
-  const said = new Map();
+  const jointsByReason = new Map();
   for (const { joint, grade, reason, segment, deg } of joints) {
     if (!reason || grade === "good") continue;
     const words = t(`joints.why.${reason}`, { part: segmentWords(segment), deg });
-    said.set(words, [...(said.get(words) ?? []), Object.values(jointWords(joint)).join(" ").trim()]);
+    jointsByReason.set(words, [...(jointsByReason.get(words) ?? []), Object.values(jointWords(joint)).join(" ").trim()]);
   }
-  return [...said].map(([words, names]) => (names.length > 4 ? words : `${names.join(", ")}: ${words}`));
+  return [...jointsByReason].map(([words, names]) => (names.length > 4 ? words : `${names.join(", ")}: ${words}`));
 }

@@ -18,64 +18,48 @@ import * as score from "./score.js";
 import * as stillness from "./stillness.js";
 import * as steps from "./steps.js";
 import * as tasks from "./tasks.js";
-import * as whereabouts from "./whereabouts.js";
+import * as handPosition from "./hand_position.js";
 import { t } from "../words/words.js";
+
+// [module, its class, where it goes: over the scene, in the scene, in the strip, or the element in the side panel]
+const PARTS = [
+  [banner, "banner", "over"],
+  [metronome, "metronome", "over"],
+  [countdown, "countdown", "over"],
+  [recording, "recording", "scene"],
+  [curve, "curve", "strip"],
+  [numbers, "numbers", "strip"],
+  [steps, "steps", "div"],
+  [guidance, "guidance", "div"],
+  [check, "sensors", "div"],
+  [stillness, "stillness", "div"],
+  [score, "score", "div"],
+  [actions, "actions", "div"],
+  [freeMovement, "free", "div"],
+  [ending, "ending", "div"],
+  [tasks, "tasks", "section"],
+  [handPosition, "hand-position", "section"],
+  [joints, "joints", "section"],
+  [angles, "angles", "section"],
+  [glove, "glove", "section"],
+];
 
 export function mount(root, api, about) {
   const { scene, strip, station, session } = about;
-  const place = (kind, name = "div") => h(name, { class: kind });
-  const places = {
-    banner: place("banner"),
-    recording: place("recording"),
-    countdown: place("countdown"),
-    metronome: place("metronome"),
-    curve: place("curve"),
-    numbers: place("numbers"),
-  };
-  const side = {
-    steps: place("steps"),
-    guidance: place("guidance"),
-    check: place("sensors"),
-    stillness: place("stillness"),
-    score: place("score"),
-    actions: place("actions"),
-    free: place("free"),
-    ending: place("ending"),
-    tasks: place("tasks", "section"),
-    whereabouts: place("whereabouts", "section"),
-    joints: place("joints", "section"),
-    angles: place("angles", "section"),
-    glove: place("glove", "section"),
-  };
-  scene.append(h("div", { class: "over" }, places.banner, places.metronome, places.countdown), places.recording);
-  strip.append(places.curve, places.numbers);
+  const over = h("div", { class: "over" });
   const who = h(
     "h1",
     { class: "who" },
     t("station.who", { hand: t(`hand.${station.latest.hand}.title`), patient: session.patient.pseudonym }),
   );
-  root.append(who, ...Object.values(side));
-  const parts = [
-    [banner, places.banner],
-    [recording, places.recording],
-    [countdown, places.countdown],
-    [metronome, places.metronome],
-    [curve, places.curve],
-    [numbers, places.numbers],
-    [steps, side.steps],
-    [guidance, side.guidance],
-    [check, side.check],
-    [stillness, side.stillness],
-    [freeMovement, side.free],
-    [score, side.score],
-    [actions, side.actions],
-    [ending, side.ending],
-    [tasks, side.tasks],
-    [whereabouts, side.whereabouts],
-    [joints, side.joints],
-    [angles, side.angles],
-    [glove, side.glove],
-  ];
+  scene.append(over);
+  root.append(who);
+  const places = { over, scene, strip };
+  const parts = PARTS.map(([part, name, where]) => {
+    const place = h(where === "section" ? "section" : "div", { class: name });
+    (places[where] ?? root).append(place);
+    return [part, place];
+  });
   const leave = [
     assemble(api, { ...about, given: { score: null } }, parts),
     station.on(

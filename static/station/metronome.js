@@ -1,6 +1,6 @@
 /** The metronome over the scene: a lamp that lights with each beat, the word of the phase, which movement it is, and a switch for sound. */
 import { h, lasting, whenChanged } from "../dom.js";
-import { beat, makeOnset, placeAt } from "./beats.js";
+import { beatAt, makeOnset, placeAt } from "./metronome_time.js";
 import { makeClicks } from "./clicks.js";
 import { t } from "../words/words.js";
 
@@ -41,7 +41,7 @@ export function mount(root, api, { station }) {
     drawKind([paced, paced || Boolean(pace?.repetitions), wizard.state]);
     const ago = COUNTING.includes(wizard.state) ? pace?.begins - wizard.remaining : RUNNING.includes(wizard.state) ? pace?.elapsed : null;
     if (COUNTING.includes(wizard.state)) begins = pace?.begins ?? 0;
-    if (paced && ago !== null && glove.flowing) zero = onset.hear(now(), ago);
+    if (paced && ago !== null && glove.flowing) zero = onset.addMessage(now(), ago);
     else halt();
     if (paced) drawNote(blocked(clicks.state() === "blocked"));
     else if (pace?.repetitions) drawCount(RUNNING.includes(wizard.state) ? (numbers.find((n) => COUNTED.includes(n.name))?.value ?? 0) : 0);
@@ -51,7 +51,7 @@ export function mount(root, api, { station }) {
   /** Nothing moves, or samples do not arrive: no beat either. */
   function halt() {
     if (zero === null) return;
-    onset.forget();
+    onset.reset();
     clicks.silence();
     [zero, next] = [null, 0];
   }
@@ -107,7 +107,7 @@ export function mount(root, api, { station }) {
   /** Clicks that are due soon. */
   function ring() {
     if (zero === null || !pace) return;
-    for (let due = beat(pace, next); due && zero + due.at - now() < AHEAD; due = beat(pace, (next += 1))) {
+    for (let due = beatAt(pace, next); due && zero + due.at - now() < AHEAD; due = beatAt(pace, (next += 1))) {
       const wait = zero + due.at - now();
       if (wait > -LATE && due.at > begins - LATE) clicks.click(wait, due.first);
     }

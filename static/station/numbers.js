@@ -25,7 +25,7 @@ export function mount(root, api, { station }) {
   return station.on("full", draw);
 }
 
-/** A value and its standard deviation with as many decimals as are told. */
+/** A value and its standard deviation with significant decimals. */
 function sure({ value, sd, unit }) {
   const digits = unit === "cm" ? 1 : 2;
   return { value: decimal(value, digits), sd: decimal(Math.max(sd, 10 ** -digits), digits), unit };

@@ -5,11 +5,11 @@ import { clock, known, t } from "../words/words.js";
 
 /** Chapters of a recording in order of time: { words, start, stop, calibration, excluded }. */
 export function chaptersOf(result, titles) {
-  const told = result.content.events.filter((event) => event.trial_type === "task" || known(`event.${event.trial_type}`, null));
+  const events = result.content.events.filter((event) => event.trial_type === "task" || known(`event.${event.trial_type}`, null));
   const named = (event) => titles.get(event.task_name) ?? event.task_name ?? t(`event.${event.trial_type}`);
-  const trial = (event) => told.filter((other) => named(other) === named(event) && other.onset <= event.onset).length;
-  const several = (event) => told.filter((other) => named(other) === named(event)).length > 1;
-  return told
+  const trial = (event) => events.filter((other) => named(other) === named(event) && other.onset <= event.onset).length;
+  const several = (event) => events.filter((other) => named(other) === named(event)).length > 1;
+  return events
     .map((event) => ({
       words: several(event) ? t("tapping.trial", { title: named(event), number: trial(event) }) : named(event),
       start: event.onset,

@@ -19,8 +19,8 @@ export function mount(root, api, { station, result, chapters }) {
     "aria-label": t("replay.where"),
     oninput: () => seek(Number(slider.value)),
   });
-  const leap = (by, words, said) => {
-    const parts = [h("span", { "aria-hidden": "true" }, words), h("span", { class: "heard" }, said)];
+  const leap = (by, words, label) => {
+    const parts = [h("span", { "aria-hidden": "true" }, words), h("span", { class: "visually-hidden" }, label)];
     return h("button", { class: "leap", onclick: () => seek(at + by) }, parts);
   };
   const leaps = [

@@ -31,7 +31,7 @@ export function mount(root, api, { station, result, focus }) {
     const mine = (asked += 1);
     const shown = SETS[choice.value];
     try {
-      const told = await api.get(curvesAddress(result.id, shown, span()));
+      const payload = await api.get(curvesAddress(result.id, shown, span()));
       if (mine !== asked) return;
       box.clear();
       plot?.destroy();
@@ -45,7 +45,7 @@ export function mount(root, api, { station, result, focus }) {
         drawn: point,
         pressed: (moment) => station.act("seek", { value: moment }).catch((error) => box.show(error)),
       });
-      plot.set([told.t, ...shown.map((what) => told.curves[what])]);
+      plot.set([payload.t, ...shown.map((what) => payload.curves[what])]);
     } catch (error) {
       if (mine === asked) box.show(error);
     }

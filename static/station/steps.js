@@ -15,7 +15,7 @@ export function mount(root, api, { station }) {
           { class: place, "aria-current": place === "now" && "step" },
           number,
           known(`step.${step.name}`, step.title),
-          place === "done" && h("span", { class: "heard" }, t("step.done")),
+          place === "done" && h("span", { class: "visually-hidden" }, t("step.done")),
         );
       });
       root.replaceChildren(h("ol", { "aria-label": t("step.label") }, items));

@@ -15,9 +15,9 @@ export function mount(root, api, { station }) {
   root.append(heading, choice, list, box.element, faults);
   const drawFaults = whenChanged(
     ({ wizard, protocol_faults }) => [wizard.state === "tasks", protocol_faults],
-    ([choosing, said]) => {
+    ([choosing, problems]) => {
       const line = ({ reason }) => h("p", { class: "warning small" }, t("tasks.fault", { text: reason }));
-      faults.replaceChildren(...(choosing ? said : []).map(line));
+      faults.replaceChildren(...(choosing ? problems : []).map(line));
     },
   );
   const drawGroups = whenChanged(

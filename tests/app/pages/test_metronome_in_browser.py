@@ -321,14 +321,14 @@ def test_the_place_in_a_cycle_is_where_the_seconds_say(page: Page) -> None:
     }
     asked = [-0.1, 0.0, 1.4, 1.5, 2.0, 3.9, 4.0, 9.75, 11.9, 12.0]
     places = page.evaluate(
-        "async ([pace, asked]) => { const { placeAt } = await import('/static/station/beats.js'); return asked.map((t) => placeAt(pace, t)); }",
+        "async ([pace, asked]) => { const { placeAt } = await import('/static/station/metronome_time.js'); return asked.map((t) => placeAt(pace, t)); }",
         [pace, asked],
     )
     assert [p and (p["repetition"], p["phase"], round(p["left"], 3)) for p in places] == [
         None, (1, 0, 1.5), (1, 0, 0.1), (1, 1, 0.5), (1, 2, 2.0), (1, 2, 0.1), (2, 0, 1.5), (3, 1, 0.25), (3, 2, 0.1), None,
     ]  # fmt: skip
     beats = page.evaluate(
-        "async (pace) => { const { beat } = await import('/static/station/beats.js'); return [...Array(10).keys()].map((k) => beat(pace, k)); }",
+        "async (pace) => { const { beatAt } = await import('/static/station/metronome_time.js'); return [...Array(10).keys()].map((k) => beatAt(pace, k)); }",
         pace,
     )
     assert [b and (b["at"], b["first"]) for b in beats] == [
@@ -339,11 +339,11 @@ def test_the_place_in_a_cycle_is_where_the_seconds_say(page: Page) -> None:
 def test_the_onset_is_that_of_the_message_that_came_soonest(page: Page) -> None:
     estimates = page.evaluate(
         """async () => {
-          const { makeOnset } = await import("/static/station/beats.js");
+          const { makeOnset } = await import("/static/station/metronome_time.js");
           const onset = makeOnset(3);
           const late = [0.3, 0.02, 0.4, 0.1];
-          const guesses = late.map((delay, k) => onset.hear(10 + k + delay, k)); // began at 10 s
-          const jumped = onset.hear(30, 17); // the server stood still: earlier messages do not count
+          const guesses = late.map((delay, k) => onset.addMessage(10 + k + delay, k)); // began at 10 s
+          const jumped = onset.addMessage(30, 17); // the server stood still: earlier messages do not count
           return [...guesses, jumped];
         }"""
     )

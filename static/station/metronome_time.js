@@ -1,4 +1,4 @@
-/** Where a paced movement stands, by the clock alone: its `cycle`, [{ say, seconds }], is gone through `repetitions` times from 0 s on. */
+/** Time of a paced movement: its `cycle`, [{ say, seconds }], is repeated `repetitions` times from 0 s on. */
 
 export const period = (cycle) => cycle.reduce((sum, phase) => sum + phase.seconds, 0);
 
@@ -14,7 +14,7 @@ export function placeAt({ cycle, repetitions }, elapsed) {
 }
 
 /** Beat number k (from 0): when it is due (`at`, s), and whether a movement begins with it; null after the last. */
-export function beat({ cycle, repetitions }, k) {
+export function beatAt({ cycle, repetitions }, k) {
   const round = Math.floor(k / cycle.length);
   if (round >= repetitions) return null;
   const phase = k % cycle.length;
@@ -22,17 +22,17 @@ export function beat({ cycle, repetitions }, k) {
 }
 
 /**
- * When something began by this page's clock, from messages that each say how long ago it was. A message can only be late, so the earliest
- * of the newest few is nearest to the truth.
+ * When something began by this page's clock, from messages that say how long ago it began. A message can only be late,
+ * so the earliest of the newest few is the best estimate.
  */
-export function makeOnset(kept = 10) {
-  let heard = [];
+export function makeOnset(window = 10) {
+  let messages = [];
   return {
-    /** `ago` s before `now` s, as a message that just came says; gives the best guess. */
-    hear(now, ago) {
-      heard = [...heard.filter((one) => now - one.now < kept), { now, began: now - ago }];
-      return Math.min(...heard.map((one) => one.began));
+    /** Add a message that says "`ago` s before `now` s"; returns the best estimate of the start. */
+    addMessage(now, ago) {
+      messages = [...messages.filter((one) => now - one.now < window), { now, began: now - ago }];
+      return Math.min(...messages.map((one) => one.began));
     },
-    forget: () => (heard = []),
+    reset: () => (messages = []),
   };
 }

@@ -1,4 +1,4 @@
-/** Where the hand is, seen from the trunk, where a magnet tells it: shown with how sure it is and what the magnet's signal means. */
+/** Position of the hand from the trunk, by a magnet: with its standard deviation and the strength of its signal. */
 import { h, whenChanged } from "../dom.js";
 import { decimal, t } from "../words/words.js";
 
@@ -13,9 +13,9 @@ export function mount(root, api, { station }) {
     (place) => {
       root.hidden = !place;
       if (!place) return;
-      const said = [place.reason, ...(place.doubts ?? [])].filter(Boolean);
-      doubts.hidden = !said.length;
-      doubts.textContent = said.join(". ");
+      const problems = [place.reason, ...(place.doubts ?? [])].filter(Boolean);
+      doubts.hidden = !problems.length;
+      doubts.textContent = problems.join(". ");
       meaning.hidden = place.signal_db == null;
       list.replaceChildren(...rows(place).map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value))));
     },
@@ -24,12 +24,12 @@ export function mount(root, api, { station }) {
 }
 
 function rows({ mm, distance_mm: distance, sd_mm: sd, signal_db: signal }) {
-  const found = [];
+  const entries = [];
   if (mm) {
     const [forward, up, right] = mm.map((x) => decimal(Math.round(x / 10) + 0, 0));
-    found.push([t("place.distance"), t("place.sure", { value: decimal(distance / 10, 1), sd: decimal(sd / 10, 1) })]);
-    found.push([t("place.where"), t("place.axes", { forward, up, right })]);
+    entries.push([t("place.distance"), t("place.sure", { value: decimal(distance / 10, 1), sd: decimal(sd / 10, 1) })]);
+    entries.push([t("place.where"), t("place.axes", { forward, up, right })]);
   }
-  if (signal != null) found.push([t("place.signal"), `${decimal(signal, 1)} dB`]);
-  return found;
+  if (signal != null) entries.push([t("place.signal"), `${decimal(signal, 1)} dB`]);
+  return entries;
 }

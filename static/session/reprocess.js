@@ -51,8 +51,8 @@ export function mount(root, api, { session, result, go }) {
       const changed = [...controls]
         .filter(([o, input]) => input.value.trim() !== String(o.default))
         .map(([o, input]) => [o.name, input.value.trim()]);
-      const made = await api.post(`/api/sessions/${session.id}/results`, { method: choice.value, options: Object.fromEntries(changed) });
-      go(`/sessions/${session.id}?result=${made.result}`);
+      const created = await api.post(`/api/sessions/${session.id}/results`, { method: choice.value, options: Object.fromEntries(changed) });
+      go(`/sessions/${session.id}?result=${created.result}`);
     });
     place.replaceChildren(form);
   }
