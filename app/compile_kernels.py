@@ -33,8 +33,8 @@ def compile_all() -> None:
         map_method.Params(),
         artificial_finger.recorded(np.random.default_rng(0), SensorErrors(), duration=10.0),
     )
-    setup, readings = _simulate_magnet()
-    magnet_smoother.smoothed(MagnetParams(), magnet_tracker.start(setup), readings)
+    setup, readings = _carried()
+    magnet_smoother.smooth(MagnetParams(), magnet_tracker.start(setup), readings)
 
 
 def _simulate_magnet() -> tuple[Setup, Readings]:

@@ -12,13 +12,15 @@ from handscope.estimators.data.magnet_declaration import Plate, table_of
 from handscope.estimators.data.options import describe
 from handscope.estimators.hand.anatomy import HANDS
 from handscope.estimators.magnet.pipeline import setup_learning
-from handscope.estimators.magnet.pipeline.setup_learning import Learnt, Roughly
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.magnet.pipeline.setup_learning import DeclarationErrors, EstimatedSetup
+from handscope.estimators.numerics.quaternions import Array
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.tables_io.writing import save_file
 
 MM = 1e3
-HARDLY = 0.8  # of the standard deviation that was told: less than that a movement has not told
+OBSERVED_SHARE = (
+    0.8  # of the standard deviation that was told: less than that a movement has not told
+)
 OPTIONS = {
     "moment": ("--moment-error", 1.0, "SHARE"),
     "place": ("--place-error", MM, "MM"),
@@ -35,7 +37,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--hand", choices=HANDS, help="the hand measured, where the recording does not say"
     )
-    for option in describe(Roughly):
+    for option in describe(DeclarationErrors):
         name, scale, unit = OPTIONS[option.name]
         text = f"how well that is told, in each axis: {option.meaning} (%(default)g)"
         parser.add_argument(
@@ -56,49 +58,53 @@ def run(arguments: argparse.Namespace) -> int:
         "place": arguments.place_error / MM,
         "places": arguments.array_error / MM,
     }
-    roughly = with_options(Roughly, errors)
+    declaration_errors = with_options(DeclarationErrors, errors)
     recording = formats_recordings.load(arguments.recording, arguments.hand)
-    learnt = setup_learning.learnt(
-        recording.plate, roughly, list(recording.samples.values()), recording.mounting
+    estimated = setup_learning.estimate_setup(
+        recording.plate, declaration_errors, list(recording.samples.values()), recording.mounting
     )
     assert recording.plate is not None, "without a plate nothing is learnt"
     save_file(
-        json.dumps({"MagnetSetup": table_of(learnt.plate)}, indent=2).encode() + b"\n",
+        json.dumps({"MagnetSetup": table_of(estimated.plate)}, indent=2).encode() + b"\n",
         arguments.out,
     )
-    for line in _said(recording.plate, roughly, learnt):
+    for line in _describe(recording.plate, declaration_errors, estimated):
         say(line)
     say(f"MagnetSetup as learnt: {arguments.out}")
     return 0
 
 
-def _said(told: Plate, roughly: Roughly, learnt: Learnt) -> list[str]:
+def _describe(declared: Plate, errors: DeclarationErrors, estimated: EstimatedSetup) -> list[str]:
     """Each quantity: what it was, what it is, how well it is known, and whether the movement told it."""
-    size, was = (float(np.linalg.norm(p.moment)) for p in (learnt.plate, told))
-    along = np.array(learnt.plate.moment) / size
-    cosine = float(along @ np.array(told.moment)) / was
+    size, declared_size = (float(np.linalg.norm(p.moment)) for p in (estimated.plate, declared))
+    along = np.array(estimated.plate.moment) / size
+    cosine = float(along @ np.array(declared.moment)) / declared_size
     lines = [
-        f"the hand was followed for {learnt.followed:.0%} of the time",
-        f"moment: {was:.3g} A m^2 told, {size:.3g} ± {float(np.sqrt(((along * learnt.moment_sd) ** 2).sum())):.2g} found, "
-        f"turned by {np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))):.1f} deg{_hardly(learnt.moment_sd, roughly.moment * was)}",
-        f"magnet's place: moved by {_moved(told.place, learnt.plate.place)} ± {_rms(learnt.place_sd)} mm{_hardly(learnt.place_sd, roughly.place)}",
+        f"the hand was followed for {estimated.tracked_share:.0%} of the time",
+        f"moment: {declared_size:.3g} A m^2 told, {size:.3g} ± {float(np.sqrt(((along * estimated.moment_sd) ** 2).sum())):.2g} found, "
+        f"turned by {np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))):.1f} deg{_hardly_observed(estimated.moment_sd, errors.moment * declared_size)}",
+        f"magnet's place: moved by {_distance_mm(declared.place, estimated.plate.place)} ± {_rms_mm(estimated.place_sd)} mm{_hardly_observed(estimated.place_sd, errors.place)}",
     ]
-    for name, sd in zip(learnt.magnetometers, learnt.places_sd):
+    for name, sd in zip(estimated.magnetometers, estimated.places_sd):
         lines.append(
-            f"{name}: moved by {_moved(told.places[name], learnt.plate.places[name])} ± {_rms(sd)} mm{_hardly(sd, roughly.places)}"
+            f"{name}: moved by {_distance_mm(declared.places[name], estimated.plate.places[name])} ± {_rms_mm(sd)} mm{_hardly_observed(sd, errors.places)}"
         )
     return lines
 
 
-def _moved(told: tuple[float, float, float], found: tuple[float, float, float]) -> str:
-    return f"{MM * float(np.linalg.norm(np.subtract(found, told))):.1f}"
+def _distance_mm(
+    declared: tuple[float, float, float], estimated: tuple[float, float, float]
+) -> str:
+    return f"{MM * float(np.linalg.norm(np.subtract(estimated, declared))):.1f}"
 
 
-def _rms(sd: Array) -> str:
+def _rms_mm(sd: Array) -> str:
     return f"{MM * float(np.sqrt((sd**2).mean())):.1f}"
 
 
-def _hardly(sd: Array, told: float) -> str:
+def _hardly_observed(sd: Array, declared_sd: float) -> str:
     return (
-        "; this movement hardly told it" if float(np.sqrt((sd**2).mean())) > HARDLY * told else ""
+        "; this movement hardly told it"
+        if float(np.sqrt((sd**2).mean())) > OBSERVED_SHARE * declared_sd
+        else ""
     )

@@ -19,8 +19,9 @@ from handscope.app.devices.glove import Glove
 from handscope.app.live import trial_events, worn_glove
 from handscope.app.live.calibration_movements import CalibrationMovements
 from handscope.app.live.free_movement import FreeMovement
-from handscope.app.live.readouts.grasp_estimate import GraspEstimator
-from handscope.app.live.readouts.hand_position import Whereabouts
+from handscope.app.live.readouts.bending_finger import MOVES, bends
+from handscope.app.live.readouts.grasp_estimate import HeldSoFar
+from handscope.app.live.readouts.hand_position import HandPositionReadout
 from handscope.app.live.setup import Setup
 from handscope.app.live.snapshot import GloveView, StationView, station_pulse, station_snapshot
 from handscope.app.live.station_scene import PICTURE_INTERVAL, THUMB, StationScene
@@ -89,12 +90,11 @@ class Station:
         self.tracking = Tracking(
             setup.method, setup.params, setup.hand, setup.geometry, self._take_pose
         )
-        self._drawing = StationScene(self.scene, self.tracking, self._viewers)
-        self.whereabouts = Whereabouts()
-        self.grasp = GraspEstimator(self.tracking)
-        self.glove = Glove(setup.port, setup.recording, about, self._feed)
-        self.steps = CalibrationMovements(self.glove, self.tracking, self._next_number)
-        self.free = FreeMovement(self.glove, self.tracking, self._next_number, setup.store_solution)
+        self.hand_position = HandPositionReadout()
+        self.held = HeldSoFar(self.tracking)
+        self.glove = Glove(setup.port, setup.recording, about, self._fed)
+        self.steps = MeasuredSteps(self.glove, self.tracking, self._number)
+        self.free = FreeMovement(self.glove, self.tracking, self._number, setup.keep_found)
 
     def __enter__(self) -> "Station":
         self.scene.measured(())
@@ -246,33 +246,16 @@ class Station:
                 log.exception("station %s", self.name)
             self._viewers.notify()
 
-    def _tick(self) -> None:
-        self._status = status = worn_glove.read_status(self.glove, self.tracking, self.setup.hand)
-        self._wizard, effects = wizard_machine.tick(self._wizard, status)
-        self._carry_out(effects, status)
-        self._follow_free_movement(status)
-        self._wiggle(status)
-        self._problem = worn_glove.wrong_hand_sentence(
-            self.glove, self.setup.hand
-        ) or worn_glove.other_glove_sentence(self.glove, self._calibrated_glove)
-        with self.scene.picture():
-            self._drawing.draw_wizard(self._wizard, status)
-            self._draw_readouts()
-        if self._wizard.state is State.TASK_RUN:
-            self.grasp.update(str(self._wizard.task), self._wizard.onset)
-        self._publish(status)
-        self._drawing.draw_hand_if_due(TICK)
-
-    def _feed(self, blocks: list[Block]) -> None:
-        """In the glove's thread: pass blocks on, then wait as long as the tracker asks; the pipe buffers meanwhile."""
-        self.whereabouts.feed(blocks)
+    def _fed(self, blocks: list[Block]) -> None:
+        """In the glove's thread: what comes next is read once the tracker wants more; until then the pipe keeps it."""
+        self.hand_position.feed(blocks)
         time.sleep(self.tracking.feed(blocks))
 
     def _draw_readouts(self) -> None:
         """Draw where the hand is seen from the trunk, and the forces of its fingertips."""
         a = self.glove.assembler
-        self.whereabouts.follow(a.plate, list(a.streams.values()), a.mounting)
-        if (at := self.whereabouts.latest) is not None:
+        self.hand_position.follow(a.plate, list(a.streams.values()), a.mounting)
+        if (at := self.hand_position.latest) is not None:
             self.scene.place(at.place[0], at.sd[0], bool(at.flags[0]))
         is_running = self._wizard.state is State.TASK_RUN
         self.scene.forces(self.grasp.fingertip_forces(self._wizard.task if is_running else None))

@@ -128,7 +128,7 @@ def trial(movement: str, seed: int, case: str) -> tuple[float, float, float]:
     setup, readings = CHANGES.get(case, CHANGES["as told"])(
         setup, Readings(m.t, inertial[:, 0], inertial[:, 1], mag), seed
     )
-    track = magnet_tracker.tracked(MagnetParams(gyr_reading="instant"), setup, readings)
+    track = magnet_tracker.track_readings(MagnetParams(gyr_reading="instant"), setup, readings)
     late_on = m.t >= kortier5.FIRST
     wrong, sd = (
         np.linalg.norm(track.p_bt - m.p_bt, axis=1)[late_on],

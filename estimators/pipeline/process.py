@@ -84,7 +84,7 @@ def process(
     moved, of_forces = fingertip_forces.attached(
         fingertip_forces.ForceParams(), moved, _whole(recording), recording.mounting, calibrations
     )
-    moved, of_place = hand_position.attached(
+    moved, of_place = hand_position.add_hand_position(
         hand_position.PlaceParams(), moved, _whole(recording), recording.plate, recording.mounting
     )
     told = [f.said for f in findings if f.kind != "saturated" or not told_scales]

@@ -45,7 +45,7 @@ def measure() -> list[Metric]:
 
 
 def _smoothed(setup: Setup, readings: Readings) -> None:
-    magnet_smoother.smoothed(MagnetParams(), magnet_tracker.start(setup), readings)
+    magnet_smoother.smooth(MagnetParams(), magnet_tracker.start(setup), readings)
 
 
 def _followed(away: float = 0.0) -> tuple[Setup, Readings]:

@@ -113,14 +113,16 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
         calibrated, strength = _calibrated(Path(folder) / "turned", worn, room, rng)
         recording = _recorded(Path(folder) / "moved", worn, motion, room, rng, calibrated, strength)
     moved = process(METHODS["m2"], METHODS["m2"].Params(), recording).trajectory
-    s = hand_position.setting(PlaceParams(), recording.plate, recording.streams, recording.mounting)
+    s = hand_position.make_setting(
+        PlaceParams(), recording.plate, recording.streams, recording.mounting
+    )
     assert (
         s is not None
         and moved.place is not None
         and moved.place_sd is not None
         and moved.place_flags is not None
     )
-    track = hand_position.tracked(s, list(recording.samples.values()))[1]
+    track = hand_position.smooth_recording(s, list(recording.samples.values()))[1]
     after = track.t > FIRST
     t, q_bt, q_bt_sd, q_gb, q_gb_sd = (
         getattr(track, f)[after] for f in ("t", "q_bt", "q_bt_sd", "q_gb", "q_gb_sd")

@@ -47,7 +47,7 @@ AS_SIMULATED = replace(
     gyr_share=ARRAY_ERRORS.gyr_scale,
     gyr_bias_walk=1e-9,
     acc_bias_walk=1e-9,
-    field_slope=0.5,  # so homogeneous is the simulated room
+    field_gradient=0.5,  # so homogeneous is the simulated room
     field_across=0.1,
     field_walk=0.03,
 )
@@ -103,10 +103,11 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
 
     readings = read(m)
     track, again = (
-        magnet_tracker.tracked(TOLD, setup, r) for r in (readings, read(magnet.away(m, *AWAY)))
+        magnet_tracker.track_readings(TOLD, setup, r)
+        for r in (readings, read(magnet.away(m, *AWAY)))
     )
-    as_simulated = magnet_tracker.tracked(AS_SIMULATED, setup, readings)
-    smoothed = magnet_smoother.smoothed(TOLD, magnet_tracker.start(setup), readings)[1]
+    as_simulated = magnet_tracker.track_readings(AS_SIMULATED, setup, readings)
+    smoothed = magnet_smoother.smooth(TOLD, magnet_tracker.start(setup), readings)[1]
     q_gb = quat.multiply(_north(room, m), m.q[:, 0])
     late, back = m.t >= FIRST, m.t > AWAY[1] + RAMP + 2.0
     far = np.linalg.norm(m.p_bt - worn.places.mean(axis=0), axis=1) > 0.28

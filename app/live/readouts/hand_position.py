@@ -14,15 +14,15 @@ from handscope.estimators.data.trajectory import PLACE_WORDS
 from handscope.estimators.errors import InputError
 from handscope.estimators.magnet.pipeline import hand_position
 from handscope.estimators.magnet.pipeline.hand_position import PlaceParams, Places, Setting
-from handscope.estimators.magnet.pipeline.streams import concerned, magnetometers
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.magnet.pipeline.streams import find_magnetometers, is_relevant
+from handscope.estimators.numerics.quaternions import Array
 
 log = logging.getLogger(__name__)
 QUEUE = 1000  # blocks, some seconds of three streams; older ones are skipped
 MM = 1e3
 
 
-class Whereabouts:
+class HandPositionReadout:
     """What the glove's thread feeds and the station's tick advances."""
 
     def __init__(self, params: PlaceParams | None = None) -> None:
@@ -37,13 +37,13 @@ class Whereabouts:
 
     def feed(self, blocks: Sequence[Block]) -> None:
         """Take blocks from the glove's thread; never waits."""
-        self._queue.extend(b for b in blocks if concerned(b.stream))
+        self._queue.extend(b for b in blocks if is_relevant(b.stream))
 
     def follow(
         self, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]
     ) -> None:
         """Advance in a thread of its own, where none is at it: on a machine's first use the filter is translated for a minute."""
-        if (plate is not None or magnetometers(streams)) and not (
+        if (plate is not None or find_magnetometers(streams)) and not (
             self._thread and self._thread.is_alive()
         ):
             self._thread = threading.Thread(
@@ -55,7 +55,7 @@ class Whereabouts:
         self, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]
     ) -> None:
         """Follow what came since the last time; what is worn may have changed."""
-        worn = tuple(s for s in streams if concerned(s))
+        worn = tuple(s for s in streams if is_relevant(s))
         if (plate, worn) != self._known:
             self._begin(plate, worn, mounting)
         blocks = [self._queue.popleft() for _ in range(len(self._queue))]
@@ -70,9 +70,9 @@ class Whereabouts:
             self._state = None
             return
         if len(places):
-            self.latest = hand_position.newest(places)
+            self.latest = hand_position.newest_row(places)
 
-    def told(self) -> dict[str, Any] | None:
+    def to_json(self) -> dict[str, Any] | None:
         """For a page, mm of the trunk's axes; None where nothing of it is worn."""
         if self.latest is None:
             return {"reason": self.reason} if self.reason else None
@@ -81,7 +81,7 @@ class Whereabouts:
         return {
             "reason": self.reason,
             "doubts": [words for flag, words in PLACE_WORDS.items() if flags & flag]
-            + hand_position.late(self.latest),
+            + hand_position.describe_latency(self.latest),
             "mm": [round(float(MM * x)) for x in place] if known else None,
             "distance_mm": round(float(MM * np.linalg.norm(place))) if known else None,
             "sd_mm": max(1, round(float(MM * sd.max()))) if known else None,
@@ -92,14 +92,14 @@ class Whereabouts:
 
     def number(self) -> dict[str, Any] | None:
         """The hand's distance from the trunk as a live number with its standard deviation; None where it is not known."""
-        told = self.told() or {}
-        if told.get("distance_mm") is None:
+        payload = self.to_json() or {}
+        if payload.get("distance_mm") is None:
             return None
         return {
             "name": "place",
-            "value": told["distance_mm"] / 10,
+            "value": payload["distance_mm"] / 10,
             "unit": "cm",
-            "sd": told["sd_mm"] / 10,
+            "sd": payload["sd_mm"] / 10,
         }
 
     def _begin(
@@ -114,6 +114,6 @@ class Whereabouts:
         )
         self._queue.clear()
         try:
-            self._setting = hand_position.setting(self._params, plate, worn, mounting)
+            self._setting = hand_position.make_setting(self._params, plate, worn, mounting)
         except InputError as problem:
             self.reason = str(problem)

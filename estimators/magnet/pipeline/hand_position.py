@@ -29,19 +29,19 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 
-WORTH_SAYING = 0.001  # share of flagged samples
-LATE, SURE_OF_IT = (
+REPORTED_SHARE = 0.001  # share of flagged samples
+REPORTED_LATENCY, REPORTED_LATENCY_SD = (
     0.01,
     4.0,
 )  # s of lateness, and standard deviations of it, from which on it is said
-NEAR = 0.1  # s to the nearest sample of the track
-ROWS = ("t", "place", "sd", "flags", "q_trunk", "q_trunk_sd", "signal", "lateness", "lateness_sd")
-UNHEARD = "the hand's place is not told"
+MAX_TIME_DISTANCE = 0.1  # s to the nearest sample of the track
+ROWS = ("t", "place", "sd", "flags", "q_trunk", "q_trunk_sd", "signal", "latency", "latency_sd")
+UNKNOWN = "the hand's place is not told"
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceParams(MagnetParams):
-    sure: float = option(
+    max_sd: float = option(
         0.05,
         "m",
         "standard deviation of a place in its worst direction from which on the magnet is out of reach",
@@ -81,53 +81,53 @@ class Places:
     q_trunk: Array  # (n, 4)
     q_trunk_sd: Array  # (n, 3) rad
     signal: Array  # (n,) dB; NaN where no magnetometer was read
-    lateness: Array  # (n,) s of the magnetometers' readings against the inertial ones
-    lateness_sd: Array  # (n,) s
+    latency: Array  # (n,) s of the magnetometers' readings against the inertial ones
+    latency_sd: Array  # (n,) s
 
     def __len__(self) -> int:
         return len(self.t)
 
 
-def setting(
+def make_setting(
     params: PlaceParams,
     plate: Plate | None,
     streams: Sequence[Stream],
     mounting: Mapping[str, Array],
 ) -> Setting | None:
     """What to follow with; None where nothing of it is worn. InputError says what is missing or cannot be."""
-    read = magnet_streams.magnetometers(streams)
+    read_recording = magnet_streams.find_magnetometers(streams)
     inertial = {p for s in streams if s.inertial for p in s.sensors}
-    if plate is None and not read:
+    if plate is None and not read_recording:
         return None
     if plate is None:
         raise InputError(
-            f"{UNHEARD}: there are magnetometers on the trunk, and nobody said where they and the magnet are; tell it as MagnetSetup."
+            f"{UNKNOWN}: there are magnetometers on the trunk, and nobody said where they and the magnet are; tell it as MagnetSetup."
         )
     missing = [
         what
         for what, there in (("the trunk", TRUNK in inertial), ("the hand", HAND in inertial))
         if not there
     ]
-    if missing or not read:
+    if missing or not read_recording:
         raise InputError(
-            f"{UNHEARD}: there is no {f'inertial sensor on {missing[0]}' if missing else 'magnetometer on the trunk'}."
+            f"{UNKNOWN}: there is no {f'inertial sensor on {missing[0]}' if missing else 'magnetometer on the trunk'}."
         )
-    untold = [name for name in read if name not in plate.places]
-    if len(untold) == len(read):
-        raise InputError(f"{UNHEARD}: MagnetSetup does not say where {', '.join(untold)} sits.")
-    names = tuple(name for name in read if name not in untold)
+    undeclared = [name for name in read_recording if name not in plate.places]
+    if len(undeclared) == len(read_recording):
+        raise InputError(f"{UNKNOWN}: MagnetSetup does not say where {', '.join(undeclared)} sits.")
+    names = tuple(name for name in read_recording if name not in undeclared)
     q_BS = mounting.get(TRUNK, quat.IDENTITY)
-    turned = np.array(
+    q_bl = np.array(
         [quat.multiply(quat.conjugate(q_BS), mounting.get(name, quat.IDENTITY)) for name in names]
     )
     try:
-        array = magnet_setup.constellation(np.array([plate.places[name] for name in names]), turned)
-        carried = magnet_setup.magnet(np.array(plate.moment), np.array(plate.place))
-        setup = Setup(array, carried, plate.earth, plate.dip)
+        array = magnet_setup.constellation(np.array([plate.places[name] for name in names]), q_bl)
+        magnet = magnet_setup.magnet(np.array(plate.moment), np.array(plate.place))
+        setup = Setup(array, magnet, plate.earth, plate.dip)
         magnet_tracker.start(setup)
     except InputError as problem:
-        raise InputError(f"{UNHEARD}: {problem}") from None
-    return Setting(_ranged(params, streams), setup, names, q_BS)
+        raise InputError(f"{UNKNOWN}: {problem}") from None
+    return Setting(_with_full_scales(params, streams), setup, names, q_BS)
 
 
 def start(s: Setting) -> State:
@@ -138,98 +138,107 @@ def step(s: Setting, state: State, blocks: Sequence[Block]) -> tuple[State, Plac
     """Advance by blocks of any streams, cut anywhere."""
     waiting, readings = magnet_streams.take(state.waiting, blocks, s.params.patience)
     following, track = magnet_tracker.step(s.params, state.filter, readings)
-    return State(waiting, following), _told(s, track)
+    return State(waiting, following), _to_places(s, track)
 
 
-def followed(s: Setting, blocks: Sequence[Block]) -> Places:
+def smooth_places(s: Setting, blocks: Sequence[Block]) -> Places:
     """A whole recording: every place with what later readings say of it. InputError where the readings cannot be T."""
-    return _told(s, tracked(s, blocks)[1])
+    return _to_places(s, smooth_recording(s, blocks)[1])
 
 
-def tracked(s: Setting, blocks: Sequence[Block]) -> tuple[magnet_tracker.State, Track]:
+def smooth_recording(s: Setting, blocks: Sequence[Block]) -> tuple[magnet_tracker.State, Track]:
     """What is made of a whole recording, and where the filter ends. InputError where the readings cannot be T."""
-    return magnet_smoother.smoothed(s.params, magnet_tracker.start(s.setup), read(s, blocks))
+    return magnet_smoother.smooth(
+        s.params, magnet_tracker.start(s.setup), read_recording(s, blocks)
+    )
 
 
-def read(s: Setting, blocks: Sequence[Block]) -> Readings:
+def read_recording(s: Setting, blocks: Sequence[Block]) -> Readings:
     """Of a whole recording. InputError where they cannot be T."""
-    readings = magnet_streams.whole(s.magnetometers, blocks, s.params.patience)
+    readings = magnet_streams.align_recording(s.magnetometers, blocks, s.params.patience)
     try:
         magnet_setup.require_field(readings.mag)
     except InputError as problem:
-        raise InputError(f"{UNHEARD}: {problem}") from None
+        raise InputError(f"{UNKNOWN}: {problem}") from None
     return readings
 
 
-def joined(pieces: Sequence[Places]) -> Places:
+def join_places(pieces: Sequence[Places]) -> Places:
     return Places(*(np.concatenate([getattr(p, name) for p in pieces]) for name in ROWS))
 
 
-def newest(places: Places) -> Places:
+def newest_row(places: Places) -> Places:
     """The last row, with the last signal that was heard."""
-    heard = places.signal[np.isfinite(places.signal)]
+    signals = places.signal[np.isfinite(places.signal)]
     last = Places(*(getattr(places, f)[-1:] for f in ROWS))
-    return replace(last, signal=heard[-1:]) if len(heard) else last
+    return replace(last, signal=signals[-1:]) if len(signals) else last
 
 
-def attached(
+def add_hand_position(
     params: PlaceParams,
-    moved: Trajectory,
+    trajectory: Trajectory,
     blocks: Sequence[Block],
     plate: Plate | None,
     mounting: Mapping[str, Array],
 ) -> tuple[Trajectory, list[str]]:
     """The trajectory with the hand's place, and sentences of what is to be known; as it was where there is no magnet."""
     try:
-        s = setting(params, plate, [b.stream for b in blocks], mounting)
-        if s is None or not len(moved):
-            return moved, []
-        places = followed(s, blocks)
+        s = make_setting(params, plate, [b.stream for b in blocks], mounting)
+        if s is None or not len(trajectory):
+            return trajectory, []
+        places = smooth_places(s, blocks)
     except InputError as problem:
-        return moved, [str(problem)]
-    return (brought(moved, places), said(places)) if len(places) else (moved, [])
+        return trajectory, [str(problem)]
+    return (
+        (resample_places(trajectory, places), describe_places(places))
+        if len(places)
+        else (trajectory, [])
+    )
 
 
-def brought(moved: Trajectory, places: Places) -> Trajectory:
+def resample_places(trajectory: Trajectory, places: Places) -> Trajectory:
     """The trajectory with places at its own instants."""
-    flags = places.flags[_nearest(places.t, moved.t)]
-    gone = np.abs(places.t[_nearest(places.t, moved.t)] - moved.t) > NEAR
-    flags = np.where(gone, np.uint8(PlaceFlag.MISSING), flags)
+    flags = places.flags[_nearest(places.t, trajectory.t)]
+    is_missing = (
+        np.abs(places.t[_nearest(places.t, trajectory.t)] - trajectory.t) > MAX_TIME_DISTANCE
+    )
+    flags = np.where(is_missing, np.uint8(PlaceFlag.MISSING), flags)
     place, sd, q_sd = (
-        _between(places.t, v, moved.t) for v in (places.place, places.sd, places.q_trunk_sd)
+        _interpolate(places.t, v, trajectory.t)
+        for v in (places.place, places.sd, places.q_trunk_sd)
     )
-    heard = np.isfinite(places.signal)
+    has_signal = np.isfinite(places.signal)
     signal = (
-        np.interp(moved.t, places.t[heard], places.signal[heard])
-        if heard.any()
-        else np.full(len(moved), np.nan)
+        np.interp(trajectory.t, places.t[has_signal], places.signal[has_signal])
+        if has_signal.any()
+        else np.full(len(trajectory), np.nan)
     )
-    hidden = gone[:, None]
+    hidden = is_missing[:, None]
     return replace(
-        moved,
+        trajectory,
         place=np.where(hidden, np.nan, place),
         place_sd=np.where(hidden, np.nan, sd),
         place_flags=flags,
-        q_trunk=np.where(hidden, np.nan, _turned(places, moved.t)),
+        q_trunk=np.where(hidden, np.nan, _nearest_orientations(places, trajectory.t)),
         q_trunk_sd=np.where(hidden, np.nan, q_sd),
-        signal=np.where(gone, np.nan, signal),
+        signal=np.where(is_missing, np.nan, signal),
     )
 
 
-def said(places: Places) -> list[str]:
+def describe_places(places: Places) -> list[str]:
     """One sentence for each kind of doubt, and for magnetometers that are late."""
     shares = {flag: float(((places.flags & flag) != 0).mean()) for flag in PLACE_WORDS}
-    return late(places) + [
+    return describe_latency(places) + [
         f"the hand's place: {words} in {100 * shares[flag]:.1f} % of the samples"
         for flag, words in PLACE_WORDS.items()
-        if shares[flag] >= WORTH_SAYING
+        if shares[flag] >= REPORTED_SHARE
     ]
 
 
-def late(places: Places) -> list[str]:
+def describe_latency(places: Places) -> list[str]:
     """What all up to the newest row tells of the magnetometers' lateness, where it is worth saying. What is doubtful is not accounted for."""
-    tau, sd = (float(v[-1]) if len(v) else np.nan for v in (places.lateness, places.lateness_sd))
-    if not abs(tau) > max(LATE, SURE_OF_IT * sd):
+    tau, sd = (float(v[-1]) if len(v) else np.nan for v in (places.latency, places.latency_sd))
+    if not abs(tau) > max(REPORTED_LATENCY, REPORTED_LATENCY_SD * sd):
         return []
     by, known, doubtful = (
         f"{1e3 * abs(tau):.0f}",
@@ -237,24 +246,26 @@ def late(places: Places) -> list[str]:
         bool(places.flags[-1] & PlaceFlag.DOUBTFUL),
     )
     if doubtful and tau > 0:
-        said = f"the magnetometers' readings are {by} ms later than their time stamps say (standard deviation {known} ms); what is told of the hand's place is doubtful"
+        message = f"the magnetometers' readings are {by} ms later than their time stamps say (standard deviation {known} ms); what is told of the hand's place is doubtful"
     elif doubtful:
-        said = f"the magnetometers' readings are {by} ms earlier than their time stamps say (standard deviation {known} ms); what is told of the hand's place is doubtful"
+        message = f"the magnetometers' readings are {by} ms earlier than their time stamps say (standard deviation {known} ms); what is told of the hand's place is doubtful"
     elif tau > 0:
-        said = f"the magnetometers' readings are {by} ms later than their time stamps say (standard deviation {known} ms); it is accounted for"
+        message = f"the magnetometers' readings are {by} ms later than their time stamps say (standard deviation {known} ms); it is accounted for"
     else:
-        said = f"the magnetometers' readings are {by} ms earlier than their time stamps say (standard deviation {known} ms); it is accounted for"
-    return [said]
+        message = f"the magnetometers' readings are {by} ms earlier than their time stamps say (standard deviation {known} ms); it is accounted for"
+    return [message]
 
 
-def _ranged(params: PlaceParams, streams: Sequence[Stream]) -> PlaceParams:
+def _with_full_scales(params: PlaceParams, streams: Sequence[Stream]) -> PlaceParams:
     """The parameters with the full scales that the streams tell: the least where they differ."""
-    told: dict[str, list[float]] = {GYR: [], ACC: [], MAG: []}
+    full_scales: dict[str, list[float]] = {GYR: [], ACC: [], MAG: []}
     for s in streams:
-        if magnet_streams.concerned(s):
-            for quantity in told:
-                told[quantity] += [s.full_scale[quantity]] if s.full_scale.get(quantity) else []
-    gyr, acc, mag = (min(told[q], default=None) for q in (GYR, ACC, MAG))
+        if magnet_streams.is_relevant(s):
+            for quantity in full_scales:
+                full_scales[quantity] += (
+                    [s.full_scale[quantity]] if s.full_scale.get(quantity) else []
+                )
+    gyr, acc, mag = (min(full_scales[q], default=None) for q in (GYR, ACC, MAG))
     return replace(
         params,
         gyr_range=params.gyr_range if gyr is None else float(np.degrees(gyr)),
@@ -263,29 +274,29 @@ def _ranged(params: PlaceParams, streams: Sequence[Stream]) -> PlaceParams:
     )
 
 
-def _told(s: Setting, track: Track) -> Places:
+def _to_places(s: Setting, track: Track) -> Places:
     n = len(track)
     flags = np.zeros(n, np.uint8)
     with np.errstate(invalid="ignore"):
         lost = ~np.isfinite(track.p_bt).all(axis=1) if n else np.zeros(0, bool)
-        far = track.p_sd.max(axis=1, initial=0.0) > s.params.sure
+        far = track.p_sd.max(axis=1, initial=0.0) > s.params.max_sd
     flags[lost] |= np.uint8(PlaceFlag.MISSING)
     flags[far & ~lost] |= np.uint8(PlaceFlag.OUT_OF_REACH)
     flags[track.doubtful & ~lost] |= np.uint8(PlaceFlag.DOUBTFUL)
     flags[track.saturated.any(axis=1)] |= np.uint8(PlaceFlag.SATURATED)
-    heard = np.isfinite(track.snr)
-    loudest = np.where(heard, track.snr, -np.inf).max(axis=1, initial=-np.inf)
-    turn = np.abs(quat.matrix(s.q_BS)) if n else np.eye(3)
+    has_signal = np.isfinite(track.snr)
+    loudest = np.where(has_signal, track.snr, -np.inf).max(axis=1, initial=-np.inf)
+    rotation = np.abs(quat.matrix(s.q_BS)) if n else np.eye(3)
     return Places(
         track.t,
         quat.rotate(s.q_BS, track.p_bt) if n else track.p_bt,
-        np.sqrt(track.p_sd**2 @ (turn**2).T),
+        np.sqrt(track.p_sd**2 @ (rotation**2).T),
         flags,
         quat.multiply(track.q_gb, quat.conjugate(s.q_BS)) if n else track.q_gb,
         track.q_gb_sd,
         np.where(np.isfinite(loudest), loudest, np.nan),
-        track.lateness,
-        track.lateness_sd,
+        track.latency,
+        track.latency_sd,
     )
 
 
@@ -300,10 +311,10 @@ def _nearest(t: Array, at: Array) -> NDArray[np.int_]:
     )
 
 
-def _between(t: Array, values: Array, at: Array) -> Array:
+def _interpolate(t: Array, values: Array, at: Array) -> Array:
     return np.stack([np.interp(at, t, v) for v in values.T], axis=1)
 
 
-def _turned(places: Places, at: Array) -> Array:
+def _nearest_orientations(places: Places, at: Array) -> Array:
     """Orientations at the instants: the nearest one."""
     return np.asarray(places.q_trunk[_nearest(places.t, at)])

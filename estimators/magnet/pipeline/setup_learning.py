@@ -22,14 +22,16 @@ from handscope.estimators.magnet.tracker import tracker as magnet_tracker
 from handscope.estimators.magnet.tracker.state import LEV, MOM
 from handscope.estimators.numerics.typing import Array
 
-FOLLOWED = 0.3  # share of the recording for which the hand must have been followed
-MODEL = 0.015  # of the moment: the dipole as a model, and how strong the earth's field is told
-ARM = 0.004  # m: a gyroscope whose scale is off by 0.3 % makes turns as a longer arm would (docs/decisions/0011)
+MIN_TRACKED_SHARE = 0.3  # share of the recording for which the hand must have been followed
+MODEL_SHARE = (
+    0.015  # of the moment: the dipole as a model, and how strong the earth's field is told
+)
+ARM_SD = 0.004  # m: a gyroscope whose scale is off by 0.3 % makes turns as a longer arm would (docs/decisions/0011)
 REFUSED = "the magnet cannot be learnt from this recording"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Roughly:
+class DeclarationErrors:
     """How well the plate is told; standard deviations in each axis."""
 
     moment: float = option(
@@ -49,23 +51,26 @@ class Roughly:
 
 
 @dataclass(frozen=True)
-class Learnt:
+class EstimatedSetup:
     plate: Plate
     magnetometers: tuple[str, ...]
     moment_sd: Array  # (3,) A m^2, axes of the hand's sensor
     place_sd: Array  # (3,) m
     places_sd: Array  # (magnetometers, 3) m
-    followed: float  # share of the recording
+    tracked_share: float  # share of the recording
 
 
-def learnt(
-    plate: Plate | None, roughly: Roughly, blocks: Sequence[Block], mounting: Mapping[str, Array]
-) -> Learnt:
+def estimate_setup(
+    plate: Plate | None,
+    errors: DeclarationErrors,
+    blocks: Sequence[Block],
+    mounting: Mapping[str, Array],
+) -> EstimatedSetup:
     """One pass over a recording. InputError where nothing is worn, the hand was hardly followed, or readings contradict all that is near what was told."""
     params = PlaceParams(
-        magnet_error=roughly.moment, lever_error=roughly.place, place_error=roughly.places
+        magnet_error=errors.moment, lever_error=errors.place, place_error=errors.places
     )
-    s = hand_position.setting(params, plate, [b.stream for b in blocks], mounting)
+    s = hand_position.make_setting(params, plate, [b.stream for b in blocks], mounting)
     if s is None or plate is None:
         raise InputError(f"{REFUSED}: it has no magnetometers on the trunk.")
     if len(s.magnetometers) < 2:
@@ -73,37 +78,37 @@ def learnt(
             f"{REFUSED}: one magnetometer cannot tell what was told wrong; wear two or more."
         )
     state, track = magnet_tracker.step(
-        s.params, magnet_tracker.start(s.setup), hand_position.read(s, blocks)
+        s.params, magnet_tracker.start(s.setup), hand_position.read_recording(s, blocks)
     )
     doubtful, sd = track.doubtful, track.p_sd
     if state.x is None or not len(sd):
         raise InputError(
             f"{REFUSED}: trunk, hand and magnetometers were never read at the same time."
         )
-    known = np.nan_to_num(sd.max(axis=1), nan=np.inf) < s.params.sure
+    known = np.nan_to_num(sd.max(axis=1), nan=np.inf) < s.params.max_sd
     if known.any() and doubtful[known].mean() > 0.5:
         raise InputError(
             f"{REFUSED}: readings contradict everything near what was told. Is another magnet or iron near, a magnetometer not calibrated, or a place or the moment told wrong by more than was said?"
         )
-    if known.mean() < FOLLOWED:
+    if known.mean() < MIN_TRACKED_SHARE:
         raise InputError(
             f"{REFUSED}: the hand was near enough to be followed for {known.mean():.0%} of the time. Move it 10 to 30 cm before the plate for half a minute, and turn it."
         )
-    found = magnet_tracker.learned(state)
+    estimate = magnet_tracker.estimated_setup(state)
     sds, many = np.sqrt(np.maximum(np.diag(state.covariance), 0.0)), 3 * len(s.magnetometers)
-    told = {name: _place(p) for name, p in zip(s.magnetometers, found.array.places)}
-    better = replace(
+    positions = {name: _place(p) for name, p in zip(s.magnetometers, estimate.array.places)}
+    declaration = replace(
         plate,
-        places={**plate.places, **told},
-        moment=_place(found.magnet.moment),
-        place=_place(found.magnet.place),
+        places={**plate.places, **positions},
+        moment=_place(estimate.magnet.moment),
+        place=_place(estimate.magnet.place),
     )
     moment_sd, place_sd = (
-        np.hypot(sds[MOM : MOM + 3], MODEL * found.magnet.size),
-        np.hypot(sds[LEV : LEV + 3], ARM),
+        np.hypot(sds[MOM : MOM + 3], MODEL_SHARE * estimate.magnet.size),
+        np.hypot(sds[LEV : LEV + 3], ARM_SD),
     )
-    return Learnt(
-        better,
+    return EstimatedSetup(
+        declaration,
         s.magnetometers,
         moment_sd,
         place_sd,

@@ -36,20 +36,20 @@ class Trace(NamedTuple):
     lasting: Array  # (n, 30) variances by what was told before; in no covariance here
 
 
-def traced(rows: int, size: int) -> Trace:
+def make_trace(rows: int, size: int) -> Trace:
     """Room for samples of a state of that size, of which nothing is known."""
     expected, state = np.full((2, rows, size), np.nan)
     gain, left_open, own = np.zeros((3, rows, OWN, OWN), np.float32)
     return Trace(expected, state, gain, left_open, own, np.full((rows, OWN), np.nan))
 
 
-def rows_of(trace: Trace | None, rows: slice) -> Trace | None:
+def slice_trace(trace: Trace | None, rows: slice) -> Trace | None:
     """Some of its samples."""
     return None if trace is None else Trace(*(a[rows] for a in trace))
 
 
 @inlined
-def beside(P: Array, own: Array, lasting: Array) -> None:
+def split_covariance(P: Array, own: Array, lasting: Array) -> None:
     """The covariance of trunk's and hand's errors (30, 30) in two: by the errors behind them, which do not move, and without: A B^-1 A', P - A B^-1 A'."""
     many = len(P) - OWN
     L, W = np.empty((many, many)), np.empty((many, OWN))
@@ -58,14 +58,14 @@ def beside(P: Array, own: Array, lasting: Array) -> None:
         lowered(L, W)
     else:
         clear(W)
-    squared(W, lasting)
+    gram_matrix(W, lasting)
     for i in range(OWN):
         for j in range(OWN):
             own[i, j] = P[i, j] - lasting[i, j]
 
 
 @inlined
-def squared(W: Array, WW: Array) -> None:
+def gram_matrix(W: Array, WW: Array) -> None:
     """W' W."""
     clear(WW)
     for k in range(W.shape[0]):
@@ -78,7 +78,7 @@ def squared(W: Array, WW: Array) -> None:
 
 
 @inlined
-def foreseen(
+def store_prediction(
     trace: Trace, n: int, x: Array, P: Array, F: Array, own: Array, lasting: Array
 ) -> None:
     """Before the readings of sample n: what it will say of the one before, whose errors have the covariance own + lasting (30, 30) and became by F what
@@ -96,11 +96,11 @@ def foreseen(
         for j in range(OWN):
             S[i, j] = P[i, j] - S[i, j]
     if not cholesky(S, L):
-        alone(trace, n, own)
+        decouple_sample(trace, n, own)
         return
     product(F, own, W)
     lowered(L, W)
-    squared(W, WW)
+    gram_matrix(W, WW)
     raised(L, W)
     for i in range(OWN):
         for j in range(OWN):
@@ -109,16 +109,16 @@ def foreseen(
 
 
 @inlined
-def alone(trace: Trace, n: int, own: Array) -> None:
+def decouple_sample(trace: Trace, n: int, own: Array) -> None:
     """Sample n says nothing of the one before, whose errors have the covariance own."""
     clear(trace.gain[n])
     put(own, trace.open[n])
 
 
 @inlined
-def told_of(trace: Trace, n: int, x: Array, P: Array, own: Array, lasting: Array) -> None:
+def store_update(trace: Trace, n: int, x: Array, P: Array, own: Array, lasting: Array) -> None:
     """With the readings of sample n; own and lasting become its."""
-    beside(P, own, lasting)
+    split_covariance(P, own, lasting)
     for i in range(len(x)):
         trace.state[n, i] = x[i]
     put(own, trace.own[n])

@@ -29,9 +29,14 @@ from handscope.estimators.magnet.tracker.state import (
     XTA,
     XTG,
     XVB,
-    Sizes,
-    corrected,
-    moved,
+    NoiseModel,
+    back,
+    chained,
+    inject_error,
+    matrix,
+    scalar_update,
+    skew,
+    transposed,
 )
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kernels import (
@@ -44,14 +49,21 @@ from handscope.estimators.numerics.kernels import (
 from handscope.estimators.numerics.small_matrices import block, clear
 from handscope.estimators.numerics.typing import Array
 
-ON_ITS_WAY = (
+MOVING_SD = (
     4.0  # standard deviations of the velocity beyond which a hand is no hand that stands still
 )
 
 
 @inlined
-def inertial(
-    s: Sizes, x: Array, P: Array, now: Array, still_b: bool, still_t: bool, lost: bool, dt: float
+def inertial_update(
+    s: NoiseModel,
+    x: Array,
+    P: Array,
+    now: Array,
+    still_b: bool,
+    still_t: bool,
+    lost: bool,
+    dt: float,
 ) -> Array:
     """What inertial readings and the test of standstill tell beside the movement, in place; gives the state. Of a hand that is lost nothing tells a slow slide
     from rest."""
@@ -59,19 +71,19 @@ def inertial(
     faster = 0.0  # a hand that slides without turning passes for still: not where it is known to be on its way
     for i in range(3):
         faster += x[3 + i] ** 2 / (P[V_ + i, V_ + i] + s.still_speed**2)
-    still_t = still_t and not (still_b and faster > ON_ITS_WAY**2)
-    vertical(s, x, P, dx, now, still_b, still_t, lost, dt)
-    speeds(s, x, P, dx, still_b, still_t and not lost, dt)
-    pushed_alike(s, x, P, dx, now, dt)
+    still_t = still_t and not (still_b and faster > MOVING_SD**2)
+    gravity_update(s, x, P, dx, now, still_b, still_t, lost, dt)
+    speed_update(s, x, P, dx, still_b, still_t and not lost, dt)
+    common_acceleration_update(s, x, P, dx, now, dt)
     if still_b and still_t and not lost:
-        stood(s, x, P, dx, now, dt)
-    out: Array = moved(x, dx)
+        standstill_update(s, x, P, dx, now, dt)
+    out: Array = inject_error(x, dx)
     return out
 
 
 @inlined
-def vertical(
-    s: Sizes,
+def gravity_update(
+    s: NoiseModel,
     x: Array,
     P: Array,
     dx: Array,
@@ -84,58 +96,70 @@ def vertical(
     """The accelerometer of what stands still reads gravity; of a lost hand to what the test of standstill lets pass. (5.16)"""
     R, up, H = rotation_matrix(x[XQ : XQ + 4]), np.zeros(3), np.zeros((3, len(P)))
     up[2] = s.gravity
-    variance = s.acc_still**2 * s.alike / dt
-    g_b: Array = multiply_transposed(rotation_matrix(x[XGB : XGB + 4]), up)
-    g_t: Array = multiply_transposed(R, g_b)
+    variance = s.acc_still**2 * s.acc_correlation_time / dt
+    g_b: Array = back(matrix(x[XGB : XGB + 4]), up)
+    g_t: Array = back(R, g_b)
     S = skew(g_b)
     if still_b:
         block(1.0, S, 0, THG, H)
         for i in range(3):
             H[i, BBA + i] = 1.0
         for i in range(3):
-            corrected(P, dx, H[i], now[3 + i] - x[XBA + i] - g_b[i], variance)
+            scalar_update(P, dx, H[i], now[3 + i] - x[XBA + i] - g_b[i], variance)
     if still_t:
         if lost:
-            variance = s.still_acc**2 * 2 * s.still_alike / dt
+            variance = s.still_acc**2 * 2 * s.still_correlation_time / dt
         clear(H)
         block(1.0, skew(g_t), 0, TH, H)
         block(1.0, multiply_matrices(transpose(R), S), 0, THG, H)
         for i in range(3):
             H[i, BTA + i] = 1.0
         for i in range(3):
-            corrected(P, dx, H[i], now[9 + i] - x[XTA + i] - g_t[i], variance)
+            scalar_update(P, dx, H[i], now[9 + i] - x[XTA + i] - g_t[i], variance)
 
 
 @inlined
-def speeds(
-    s: Sizes, x: Array, P: Array, dx: Array, still_b: bool, still_t: bool, dt: float
+def speed_update(
+    s: NoiseModel, x: Array, P: Array, dx: Array, still_b: bool, still_t: bool, dt: float
 ) -> None:
     """A seated trunk and its hand do not get ever faster: an inclination that were wrong would make them."""
     H = np.zeros(len(P))
-    speed, alike = (s.still_speed, s.still_alike) if still_b else (s.trunk_speed, s.speed_alike)
+    speed, correlation_time = (
+        (s.still_speed, s.still_correlation_time)
+        if still_b
+        else (s.trunk_speed, s.speed_correlation_time)
+    )
     for i in range(3):
         H[VB + i] = 1.0
-        corrected(P, dx, H, -x[XVB + i], speed**2 * 2 * alike / dt)
+        scalar_update(P, dx, H, -x[XVB + i], speed**2 * 2 * correlation_time / dt)
         if not still_t:
             H[V_ + i] = 1.0
-            corrected(P, dx, H, -x[3 + i] - x[XVB + i], s.reach_speed**2 * 2 * s.speed_alike / dt)
+            scalar_update(
+                P,
+                dx,
+                H,
+                -x[3 + i] - x[XVB + i],
+                s.reach_speed**2 * 2 * s.speed_correlation_time / dt,
+            )
         H[VB + i] = H[V_ + i] = 0.0
 
 
 @inlined
-def pushed_alike(s: Sizes, x: Array, P: Array, dx: Array, now: Array, dt: float) -> None:
+def common_acceleration_update(
+    s: NoiseModel, x: Array, P: Array, dx: Array, now: Array, dt: float
+) -> None:
     """Trunk and hand that are accelerated in common tell how they are turned against each other. (5.17)"""
     f_b, f_t, turning = now[3:6], now[9:12], 0.0
     norm_b = math.sqrt(f_b[0] ** 2 + f_b[1] ** 2 + f_b[2] ** 2)
     norm_t = math.sqrt(f_t[0] ** 2 + f_t[1] ** 2 + f_t[2] ** 2)
     for i in range(3):
         turning += max((now[i] - x[XBG + i]) ** 2, (now[6 + i] - x[XTG + i]) ** 2)
-    apart = turning * math.sqrt(
+    centripetal = turning * math.sqrt(
         x[0] ** 2 + x[1] ** 2 + x[2] ** 2
     )  # centripetal: two places of one turning body differ by it
     if (
         abs(norm_b - norm_t) < s.acc_common
-        and apart < s.acc_common
+        and centripetal < s.acc_common
         and abs(norm_b - s.gravity) > s.gate * s.gravity
     ):
         R, H = rotation_matrix(x[XQ : XQ + 4]), np.zeros((3, len(P)))
@@ -145,27 +169,27 @@ def pushed_alike(s: Sizes, x: Array, P: Array, dx: Array, now: Array, dt: float)
         for i in range(3):
             H[i, BTA + i] = 1.0
         for i in range(3):
-            corrected(
+            scalar_update(
                 P,
                 dx,
                 H[i],
                 f_t[i] - x[XTA + i] - common[i],
-                (s.acc_moving + norm_b * 0.1) ** 2 * s.alike / dt,
+                (s.acc_moving + norm_b * 0.1) ** 2 * s.acc_correlation_time / dt,
             )
 
 
 @inlined
-def stood(s: Sizes, x: Array, P: Array, dx: Array, now: Array, dt: float) -> None:
+def standstill_update(s: NoiseModel, x: Array, P: Array, dx: Array, now: Array, dt: float) -> None:
     """Trunk and hand both stand still: no velocity, no rates. (5.18)"""
     H, lasting = (
         np.zeros(len(P)),
-        2 * s.still_alike / dt,
+        2 * s.still_correlation_time / dt,
     )  # of what stays alike for a while, as white noise
     for i in range(3):
         H[V_ + i] = 1.0
-        corrected(P, dx, H, -x[3 + i], s.still_speed**2 * lasting)
+        scalar_update(P, dx, H, -x[3 + i], s.still_speed**2 * lasting)
         H[V_ + i], H[BTG + i] = 0.0, 1.0
-        corrected(P, dx, H, now[6 + i] - x[XTG + i], s.still_rate**2 * lasting)
+        scalar_update(P, dx, H, now[6 + i] - x[XTG + i], s.still_rate**2 * lasting)
         H[BTG + i], H[BBG + i] = 0.0, 1.0
-        corrected(P, dx, H, now[i] - x[XBG + i], s.still_rate**2 * lasting)
+        scalar_update(P, dx, H, now[i] - x[XBG + i], s.still_rate**2 * lasting)
         H[BBG + i] = 0.0

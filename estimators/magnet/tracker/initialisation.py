@@ -12,20 +12,20 @@ from handscope.estimators.magnet.array.localisation import Located, located
 from handscope.estimators.magnet.model import dipole
 from handscope.estimators.magnet.model.setup import Constellation, Magnet
 from handscope.estimators.magnet.tracker.options import (
-    CALIBRATED,
+    CALIBRATED_VARIANCE,
     DEG,
-    OF_FIVE,
+    GRADIENT_VARIANCE,
     MagnetParams,
-    sizes,
+    noise_model,
 )
 from handscope.estimators.magnet.tracker.state import B_, OWN, P_, TH, THG, V_, VB, XB, XGB, XM, XQ
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.fusion import upright
 
-ROOM = 1e-6  # T by which the field of a room differs from the earth's
-LEVEL = 0.5  # share of a moment along the ground from which on it tells heading: less of it is told by inclinations' errors, or by the fit's
-PINNED = 1e-9  # T: across itself the field has nothing at the start, for g is turned so; left free, heading and field drift off together
+ROOM_VARIATION = 1e-6  # T by which the field of a room differs from the earth's
+MIN_LEVEL_SHARE = 0.5  # share of a moment along the ground from which on it tells heading: less of it is told by inclinations' errors, or by the fit's
+PINNED_SD = 1e-9  # T: across itself the field has nothing at the start, for g is turned so; left free, heading and field drift off together
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Setup:
     q_bt: Array | None = None  # (4,) how the hand is turned at the start, if somebody knows
 
 
-def begun(
+def initial_state(
     params: MagnetParams,
     setup: Setup,
     sample: Array,
@@ -51,7 +51,7 @@ def begun(
     near: tuple[Array, Array, Array] | None = None,
 ) -> tuple[Array, Array]:
     """State and covariance at the first whole sample: at rest, inclinations from gravity, headings from the field and, if it is near, from the magnet."""
-    near = _near(params, setup, mag) if near is None else near
+    near = _locate_magnet(params, setup, mag) if near is None else near
     B_b = mag_b.mean(axis=0) if near is None else near[2]
     q_gb = upright(quat.IDENTITY, sample[3:6])
     B_g = quat.rotate(q_gb, B_b)
@@ -67,23 +67,25 @@ def begun(
     if setup.q_bt is None and near is not None:
         m_g, seen = quat.rotate(q_gt, setup.magnet.moment), quat.rotate(q_gb, near[1])
         lost = (
-            min(np.hypot(*m_g[:2]), np.hypot(*seen[:2])) < LEVEL * setup.magnet.size
+            min(np.hypot(*m_g[:2]), np.hypot(*seen[:2])) < MIN_LEVEL_SHARE * setup.magnet.size
         )  # a moment that stands upright has no heading
         turn = 0.0 if lost else np.arctan2(seen[1], seen[0]) - np.arctan2(m_g[1], m_g[0])
     q_bt = quat.multiply(quat.conjugate(q_gb), quat.headed(q_gt, turn))
-    p = centre(setup) if near is None else near[0] - quat.rotate(q_bt, setup.magnet.place)
+    p = workspace_centre(setup) if near is None else near[0] - quat.rotate(q_bt, setup.magnet.place)
     x = np.concatenate(
-        [p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(9), as_told(setup)]
+        [p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(9), declared_values(setup)]
     )
     incl, head = params.inclination_sd * DEG, params.heading_sd * DEG
     up_b, up_t = (v / np.linalg.norm(v) for v in (sample[3:6], sample[9:12]))
-    P = np.diag(np.concatenate([np.zeros(OWN), sure_of(params, setup) ** 2]))
+    P = np.diag(np.concatenate([np.zeros(OWN), declared_sds(params, setup) ** 2]))
     P[P_ : P_ + 3, P_ : P_ + 3] = np.eye(3) * (params.reach**2 / 3 if near is None else 0.05**2)
     P[V_ : V_ + 3, V_ : V_ + 3] = P[VB : VB + 3, VB : VB + 3] = np.eye(3) * 0.1**2
     P[TH : TH + 3, TH : TH + 3] = (
         np.eye(3) * incl**2 + np.outer(up_t, up_t) * (2 * head if lost else head) ** 2
     )
-    field = np.array([PINNED, *(2 * [0.1 * setup.earth if setup.dip is None else ROOM])])
+    field = np.array(
+        [PINNED_SD, *(2 * [0.1 * setup.earth if setup.dip is None else ROOM_VARIATION])]
+    )
     P[range(B_, B_ + 3), range(B_, B_ + 3)] = field**2
     P[range(12, 15), range(12, 15)] = P[range(21, 24), range(21, 24)] = (
         params.gyr_bias_sd * DEG
@@ -95,7 +97,7 @@ def begun(
     return x, P
 
 
-def as_told(setup: Setup) -> Array:
+def declared_values(setup: Setup) -> Array:
     """The state's rows from XM on before anything is read: moment, its place, slopes, what calibrations left, the magnetometers' places."""
     return np.concatenate(
         [
@@ -108,39 +110,41 @@ def as_told(setup: Setup) -> Array:
     )
 
 
-def sure_of(params: MagnetParams, setup: Setup) -> Array:
+def declared_sds(params: MagnetParams, setup: Setup) -> Array:
     """Their standard deviations, as told."""
     many = setup.array.places.size
     return np.repeat(
         [
             params.magnet_error * setup.magnet.size,
             params.lever_error,
-            1e-6 * params.field_slope * np.sqrt(OF_FIVE),
-            1e-6 * params.field_slope * np.sqrt(CALIBRATED),
+            1e-6 * params.field_gradient * np.sqrt(GRADIENT_VARIANCE),
+            1e-6 * params.field_gradient * np.sqrt(CALIBRATED_VARIANCE),
             1e-6 * params.mag_error,
             params.place_error,
-            params.lateness_sd,
+            params.latency_sd,
         ],
         [3, 3, 5, 1, many, many, 1],
     )
 
 
-def span(array: Constellation) -> float:
+def array_span(array: Constellation) -> float:
     """How far magnetometers are from their middle, m, root mean square."""
     return float(np.sqrt(((array.places - array.places.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
-def _near(params: MagnetParams, setup: Setup, mag: Array) -> tuple[Array, Array, Array] | None:
+def _locate_magnet(
+    params: MagnetParams, setup: Setup, mag: Array
+) -> tuple[Array, Array, Array] | None:
     """Place and moment of the magnet and the field without it in the base's frame from one reading, if the array sees it well."""
     if len(setup.array) < 3:
         return None
-    noise = sizes(params, span(setup.array)).single
+    noise = noise_model(params, array_span(setup.array)).single
     found = located(mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03)
     sure = bool(found.found[0])
     if not sure and np.isfinite(
         found.left[0]
     ):  # near by, places and moment told amiss leave more than the noise
-        noise = float(np.hypot(noise, _amiss(params, setup, found)))
+        noise = float(np.hypot(noise, _declaration_error(params, setup, found)))
         found = located(mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03)
         sure = bool(
             found.found[0] and found.left[0] < noise
@@ -148,7 +152,7 @@ def _near(params: MagnetParams, setup: Setup, mag: Array) -> tuple[Array, Array,
     return (found.place[0], found.moment[0], found.field[0]) if sure else None
 
 
-def _amiss(params: MagnetParams, setup: Setup, found: Located) -> float:
+def _declaration_error(params: MagnetParams, setup: Setup, found: Located) -> float:
     """T of an axis, RMS over the magnetometers, by which readings of the magnet that was found differ where places and moment are as well known as told."""
     r, size = (
         found.place[0] - setup.array.places,
@@ -162,11 +166,11 @@ def _amiss(params: MagnetParams, setup: Setup, found: Located) -> float:
     return float(np.sqrt(((by_place**2).sum(axis=-1) + (own**2).sum(axis=-1)).mean()))
 
 
-def centre(setup: Setup) -> Array:
+def workspace_centre(setup: Setup) -> Array:
     return setup.array.places.mean(axis=0) if setup.centre is None else setup.centre
 
 
-def there(x: Array) -> tuple[Array, Array, Array]:
+def magnet_in_base(x: Array) -> tuple[Array, Array, Array]:
     """Place and moment of a state's magnet and the field without it in the base's frame."""
     q_bt = x[XQ : XQ + 4]
     B_b = quat.rotate(quat.conjugate(x[XGB : XGB + 4]), x[XB : XB + 3])

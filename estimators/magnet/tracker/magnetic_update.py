@@ -13,24 +13,34 @@ from typing import NamedTuple
 import numpy as np
 
 from handscope.estimators.magnet.model.dipole import MU0_4PI
-from handscope.estimators.magnet.tracker.latency import WAY, by_now, dated
+from handscope.estimators.magnet.tracker.latency import (
+    KINEMATICS_SIZE,
+    map_jacobian_to_now,
+    state_at_reading,
+)
 from handscope.estimators.magnet.tracker.state import (
     B_,
+    GRAD,
     LEV,
     MOM,
     OWN,
     P_,
-    SLO,
     TH,
     THG,
     XB,
+    XG,
     XGB,
     XL,
     XM,
     XQ,
-    XS,
-    Sizes,
-    moved,
+    NoiseModel,
+    back,
+    chained,
+    inject_error,
+    matrix,
+    skew,
+    times,
+    transposed,
 )
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kalman import explained, reduced
@@ -59,7 +69,7 @@ def magnetometers(x: Array) -> int:
     return (len(x) - XL - 1) // 6
 
 
-class Sight(NamedTuple):
+class CommonTerms(NamedTuple):
     """What of a state all magnetometers see alike, in the base's axes."""
 
     R: Array  # (3, 3) axes of the target
@@ -73,27 +83,23 @@ class Sight(NamedTuple):
 
 
 @inlined
-def sight(x: Array) -> Sight:
-    R, R_gb, S = (
-        rotation_matrix(x[XQ : XQ + 4]),
-        rotation_matrix(x[XGB : XGB + 4]),
-        np.empty((3, 3)),
-    )
+def common_terms(x: Array) -> CommonTerms:
+    R, R_gb, S = matrix(x[XQ : XQ + 4]), matrix(x[XGB : XGB + 4]), np.empty((3, 3))
     moment, lever = x[XM : XM + 3], x[XM + 3 : XM + 6]
     S[0, 1], S[0, 2], S[1, 2] = (
-        TWO * x[XS],
-        TWO * x[XS + 1],
-        TWO * x[XS + 2],
+        TWO * x[XG],
+        TWO * x[XG + 1],
+        TWO * x[XG + 2],
     )  # xy, xz, yz, then xx - yy, xx + yy - 2 zz
     S[0, 0], S[1, 1], S[2, 2] = (
-        TWO * x[XS + 3] + SIX * x[XS + 4],
-        SIX * x[XS + 4] - TWO * x[XS + 3],
-        -2 * SIX * x[XS + 4],
+        TWO * x[XG + 3] + SIX * x[XG + 4],
+        SIX * x[XG + 4] - TWO * x[XG + 3],
+        -2 * SIX * x[XG + 4],
     )
     S[1, 0], S[2, 0], S[2, 1] = S[0, 1], S[0, 2], S[1, 2]
-    S_b = multiply_matrices(transpose(R_gb), multiply_matrices(S, R_gb))
-    B_b = multiply_transposed(R_gb, x[XB : XB + 3])
-    return Sight(
+    S_b = chained(transposed(R_gb), chained(S, R_gb))
+    B_b = back(R_gb, x[XB : XB + 3])
+    return CommonTerms(
         R,
         R_gb,
         multiply_vector(R, moment),
@@ -106,9 +112,9 @@ def sight(x: Array) -> Sight:
 
 
 @inlined
-def seen(x: Array, at: Sight, k: int, H: Array) -> Array:
+def predict_reading(x: Array, at: CommonTerms, k: int, H: Array) -> Array:
     """What magnetometer k reads in the base's axes (3,) and its derivative H (3, errors). (5.7)-(5.15), (5.24)"""
-    left, place, m = XL + 3 * k, XL + 3 * (magnetometers(x) + k), at.moment
+    residual, place, m = XL + 3 * k, XL + 3 * (magnetometers(x) + k), at.moment
     r = np.empty(3)
     for i in range(3):
         r[i] = x[i] + at.arm[i] - x[place + i]
@@ -126,23 +132,23 @@ def seen(x: Array, at: Sight, k: int, H: Array) -> Array:
         D[i, i] += 3 * k5 * along
     clear(H)
     block(1.0, D, 0, P_, H)
-    slopes, room = uneven(x, at, x[place : place + 3], H)
-    by_lever, by_moment = multiply_matrices(D, at.by_lever), multiply_matrices(J, at.by_moment)
-    reads: Array = multiply_vector(J, m)
+    slopes, room = room_field(x, at, x[place : place + 3], H)
+    by_lever, by_moment = chained(D, at.by_lever), chained(J, at.by_moment)
+    reads: Array = times(J, m)
     for i in range(3):
-        H[i, OWN + left - XM + i] = 1.0
+        H[i, OWN + residual - XM + i] = 1.0
         for j in range(3):
             H[i, OWN + place - XM + j] = slopes[i, j] - D[i, j]
             H[i, TH + j] = -by_lever[i, j] - by_moment[i, j]
             H[i, B_ + j] = at.R_gb[j, i]
-        reads[i] += room[i] + x[left + i]
-    block(1.0, multiply_matrices(J, at.R), 0, MOM, H)
-    block(1.0, multiply_matrices(D, at.R), 0, LEV, H)
+        reads[i] += room[i] + x[residual + i]
+    block(1.0, chained(J, at.R), 0, MOM, H)
+    block(1.0, chained(D, at.R), 0, LEV, H)
     return reads
 
 
 @inlined
-def uneven(x: Array, at: Sight, place: Array, H: Array) -> tuple[Array, Array]:
+def room_field(x: Array, at: CommonTerms, place: Array, H: Array) -> tuple[Array, Array]:
     """The field's slopes (3, 3) in the base's axes, and the room's field at a magnetometer's place (3,); fills its slopes by the trunk's orientation and by
     slopes. Those of a field without curl and divergence are five; calibrations add one."""
     p, steep, steep_b = multiply_vector(at.R_gb, place), np.zeros((3, 6)), np.zeros((3, 6))
@@ -161,34 +167,34 @@ def uneven(x: Array, at: Sight, place: Array, H: Array) -> tuple[Array, Array]:
     steep[0, 4], steep[1, 4], steep[2, 4] = SIX * p[0], SIX * p[1], -2 * SIX * p[2]
     for i in range(3):
         steep[i, 5] = p[i]
-    product(transpose(at.R_gb), steep, steep_b)
-    block(1.0, steep_b, 0, SLO, H)
-    bent, carried, there, slopes = (
-        multiply_vector(at.S_b, place),
-        multiply_matrices(at.S_b, skew(place)),
+    product(transposed(at.R_gb), steep, steep_b)
+    block(1.0, steep_b, 0, GRAD, H)
+    field_change, carried, field, slopes = (
+        times(at.S_b, place),
+        chained(at.S_b, skew(place)),
         np.empty(3),
         at.S_b.copy(),
     )
-    turning, about = skew(at.B_b), skew(bent)
+    turning, about = skew(at.B_b), skew(field_change)
     for i in range(3):
-        there[i] = at.B_b[i] + bent[i] + x[XS + 5] * place[i]
+        field[i] = at.B_b[i] + field_change[i] + x[XG + 5] * place[i]
         for j in range(3):
             H[i, THG + j] = turning[i, j] + about[i, j] - carried[i, j]
-        slopes[i, i] += x[XS + 5]
-    return slopes, there
+        slopes[i, i] += x[XG + 5]
+    return slopes, field
 
 
 @inlined
-def read(x: Array, way: Array, k: int, H: Array) -> Array:
+def predict_delayed_reading(x: Array, kinematics: Array, k: int, H: Array) -> Array:
     """What magnetometer k read at the instant that it tells of (3,), and its derivative H (3, errors) by the errors of now."""
-    then, since = dated(x, way, way[WAY + k])
-    reads: Array = seen(then, sight(then), k, H)
-    by_now(since, H)
+    then, since = state_at_reading(x, kinematics, kinematics[KINEMATICS_SIZE + k])
+    reads: Array = predict_reading(then, common_terms(then), k, H)
+    map_jacobian_to_now(since, H)
     return reads
 
 
 @inlined
-def answered(mag: Array) -> int:
+def count_axes(mag: Array) -> int:
     """How many axes did."""
     count = 0
     for k in range(len(mag)):
@@ -197,33 +203,40 @@ def answered(mag: Array) -> int:
 
 
 @inlined
-def compared(
-    s: Sizes, x: Array, way: Array, mag: Array, grown: float, H: Array, missed: Array, noise: Array
+def compute_innovations(
+    s: NoiseModel,
+    x: Array,
+    kinematics: Array,
+    mag: Array,
+    variance_scale: float,
+    H: Array,
+    innovation: Array,
+    noise: Array,
 ) -> None:
     """Fill what readings miss of a state (m,), its slopes (m, errors), zeros where a magnetometer did not answer, and the noise (m, m), its variance
     `grown`."""
-    age = way[WAY]
-    then, since = dated(x, way, age)
-    at = sight(then)
+    age = kinematics[KINEMATICS_SIZE]
+    then, since = state_at_reading(x, kinematics, age)
+    at = common_terms(then)
     for k in range(len(mag)):
         rows = H[3 * k : 3 * k + 3]
         for i in range(3):
-            noise[3 * k + i, 3 * k + i], missed[3 * k + i] = grown * s.mag**2, 0.0
+            noise[3 * k + i, 3 * k + i], innovation[3 * k + i] = variance_scale * s.mag**2, 0.0
         if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
             clear(rows)
             continue
-        if way[WAY + k] != age:
-            age = way[WAY + k]
-            then, since = dated(x, way, age)
-            at = sight(then)
-        reads = seen(then, at, k, rows)
-        by_now(since, rows)
+        if kinematics[KINEMATICS_SIZE + k] != age:
+            age = kinematics[KINEMATICS_SIZE + k]
+            then, since = state_at_reading(x, kinematics, age)
+            at = common_terms(then)
+        reads = predict_reading(then, at, k, rows)
+        map_jacobian_to_now(since, rows)
         for i in range(3):
-            missed[3 * k + i] = mag[k, i] - reads[i]
+            innovation[3 * k + i] = mag[k, i] - reads[i]
 
 
 @inlined
-def approached(dx: Array, new: Array, last: bool) -> float:
+def damped_step(dx: Array, new: Array, last: bool) -> float:
     """Go from dx to the new error, in place; gives how far its place is, m. Only part of a long way: over a field that bends it leads astray."""
     change = math.sqrt((new[0] - dx[0]) ** 2 + (new[1] - dx[1]) ** 2 + (new[2] - dx[2]) ** 2)
     share = 0.1 / change if not last and change > 0.1 else 1.0
@@ -233,8 +246,8 @@ def approached(dx: Array, new: Array, last: bool) -> float:
 
 
 @inlined
-def kept(
-    s: Sizes, x: Array, P: Array, way: Array, mag: Array, grown: float
+def iterated_update(
+    s: NoiseModel, x: Array, P: Array, kinematics: Array, mag: Array, variance_scale: float
 ) -> tuple[Array, Array, float]:
     """Update of a place that is known: error, covariance, what is missed squared by its covariance (of 3 a reading).
 
@@ -243,64 +256,81 @@ def kept(
     """
     size, rows = len(P), 3 * len(mag)
     dx, C, cost, new = np.zeros(size), P.copy(), 0.0, np.empty(size)
-    H, W, missed, noise, unused = (
+    H, W, innovation, noise, unused = (
         np.zeros((rows, size)),
         np.empty((rows, size)),
         np.zeros(rows),
         np.zeros((rows, rows)),
         np.zeros(rows),
     )
-    compared(s, x, way, mag, grown, H, missed, noise)
+    compute_innovations(s, x, kinematics, mag, variance_scale, H, innovation, noise)
     for iteration in range(ITERATIONS):
-        compared(s, moved(x, SHARE * dx), way, mag, grown, H, unused, noise)
-        cost = explained(P, missed, H, noise, W, new)
-        if approached(dx, new, iteration == ITERATIONS - 1) < NEAR:
+        compute_innovations(
+            s, inject_error(x, SHARE * dx), kinematics, mag, variance_scale, H, unused, noise
+        )
+        cost = explained(P, innovation, H, noise, W, new)
+        if damped_step(dx, new, iteration == ITERATIONS - 1) < NEAR:
             break
     reduced(C, W)
     return dx, C, cost
 
 
 @inlined
-def sought(
-    s: Sizes, x: Array, P: Array, way: Array, start: Array, mag: Array, grown: float
+def global_update(
+    s: NoiseModel,
+    x: Array,
+    P: Array,
+    kinematics: Array,
+    start: Array,
+    mag: Array,
+    variance_scale: float,
 ) -> tuple[Array, Array, float]:
     """Update of a place that is lost, from x moved by `start`, as `kept` gives it: the slopes are those where the readings lead to."""
     W, C = np.empty((3 * len(mag), len(P))), P.copy()
-    dx, cost = led(s, x, P, way, start, mag, grown, W)
+    dx, cost = gauss_newton_from(s, x, P, kinematics, start, mag, variance_scale, W)
     reduced(C, W)
     return dx, C, cost
 
 
 @inlined
-def led(
-    s: Sizes, x: Array, P: Array, way: Array, start: Array, mag: Array, grown: float, W: Array
+def gauss_newton_from(
+    s: NoiseModel,
+    x: Array,
+    P: Array,
+    kinematics: Array,
+    start: Array,
+    mag: Array,
+    variance_scale: float,
+    W: Array,
 ) -> tuple[Array, float]:
     """Where the readings lead from x moved by `start`: error, and what is missed as `kept` gives it; fills W (m, errors) as kalman.py has it."""
     rows, size = W.shape
     dx, cost, new = start.copy(), 0.0, np.empty(size)
-    H, missed, noise = np.zeros((rows, size)), np.zeros(rows), np.zeros((rows, rows))
+    H, innovation, noise = np.zeros((rows, size)), np.zeros(rows), np.zeros((rows, rows))
     for iteration in range(ITERATIONS):
-        compared(s, moved(x, dx), way, mag, grown, H, missed, noise)
+        compute_innovations(
+            s, inject_error(x, dx), kinematics, mag, variance_scale, H, innovation, noise
+        )
         for row in range(rows):
             for j in range(size):
-                missed[row] += H[row, j] * dx[j]
-        cost = explained(P, missed, H, noise, W, new)
-        if approached(dx, new, iteration == ITERATIONS - 1) < NEAR:
+                innovation[row] += H[row, j] * dx[j]
+        cost = explained(P, innovation, H, noise, W, new)
+        if damped_step(dx, new, iteration == ITERATIONS - 1) < NEAR:
             break
     return dx, cost
 
 
 @inlined
-def spaced(k: int) -> float:
+def grid_coordinate(k: int) -> float:
     """Places of the grid from -1 to 1, closer together in the middle, where the field bends most."""
     u: float = 2.0 * k / (GRID - 1) - 1.0
     return u * math.sqrt(abs(u))
 
 
 @inlined
-def searched(s: Sizes, x: Array, P: Array, mag: Array, centre: Array) -> Array:
+def candidate_positions(s: NoiseModel, x: Array, P: Array, mag: Array, centre: Array) -> Array:
     """Errors (8, errors) of which only the place is not zero: where in each octant of the volume the readings fit best."""
-    best, lowest, where, missed = (
+    best, lowest, where, innovation = (
         np.zeros((8, len(P))),
         np.full(8, math.inf),
         np.zeros(3),
@@ -319,18 +349,18 @@ def searched(s: Sizes, x: Array, P: Array, mag: Array, centre: Array) -> Array:
     ) / 3  # of the room's field, an error of all magnetometers alike
     weighted = np.zeros(3)
     for a in range(GRID):
-        where[0] = centre[0] + s.reach * spaced(a)
+        where[0] = centre[0] + s.reach * grid_coordinate(a)
         for b in range(GRID):
-            where[1] = centre[1] + s.reach * spaced(b)
+            where[1] = centre[1] + s.reach * grid_coordinate(b)
             for c in range(GRID):
-                where[2] = centre[2] + s.reach * spaced(c)
+                where[2] = centre[2] + s.reach * grid_coordinate(c)
                 cost, weight = 0.0, 0.0
                 for i in range(3):
                     weighted[i] = 0.0
                 for k in range(len(mag)):
                     if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
                         continue
-                    square, along, strength = 1e-4, 0.0, 0.0
+                    square, along, field_strength = 1e-4, 0.0, 0.0
                     for i in range(3):
                         r = where[i] + arm[i] - x[first + 3 * k + i]
                         square += r * r
@@ -344,16 +374,16 @@ def searched(s: Sizes, x: Array, P: Array, mag: Array, centre: Array) -> Array:
                             )
                             / square**2.5
                         )
-                        strength += own * own
-                        missed[i] = mag[k, i] - B_b[i] - own
+                        field_strength += own * own
+                        innovation[i] = mag[k, i] - B_b[i] - own
                     variance = (
-                        s.single**2 + (tilt + 0.25) * strength
+                        s.single**2 + (tilt + 0.25) * field_strength
                     )  # half the field: between the points of the grid
                     weight += 1.0 / variance
                     cost += 3 * math.log(variance)
                     for i in range(3):
-                        cost += missed[i] ** 2 / variance
-                        weighted[i] += missed[i] / variance
+                        cost += innovation[i] ** 2 / variance
+                        weighted[i] += innovation[i] / variance
                 cost += 3 * math.log(1.0 + common * weight)
                 for i in range(3):
                     cost -= common * weighted[i] ** 2 / (1.0 + common * weight)

@@ -8,20 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.data.options import option
-from handscope.estimators.magnet.tracker.state import Sizes
+from handscope.estimators.magnet.tracker.state import NoiseModel
 from handscope.estimators.numerics.constants import GRAVITY
 
 DEG = np.pi / 180
-TURNED = 0.5  # rad of a turn in one go, at the end of which a walk by turning has grown to what gravity has then changed by along an axis
-MOVING_ALIKE = 0.5  # s over which the error of a moving gyroscope stays alike
-OF_FIVE, CALIBRATED = (
+TURN_LENGTH = 0.5  # rad of a turn in one go, at the end of which a walk by turning has grown to what gravity has then changed by along an axis
+GYR_CORRELATION_TIME = 0.5  # s over which the error of a moving gyroscope stays alike
+GRADIENT_VARIANCE, CALIBRATED_VARIANCE = (
     9 / 5,
     6 / 5,
 )  # variances of the slopes of a field without curl and divergence, and of its slope along itself, over that of a component
-SLOPES = (
-    1.0 + CALIBRATED / 3
+ALL_GRADIENTS_VARIANCE = (
+    1.0 + CALIBRATED_VARIANCE / 3
 )  # variance of all of them an axis, the calibrations' on the mean over directions
-SIZES = "BROAD, measured: decision 0011"
+SOURCE = "BROAD, measured: decision 0011"
 HMC5883L = "HMC5883L data sheet: 2 mG resolution; Kortier thesis 5.2.4"
 
 
@@ -45,7 +45,7 @@ class MagnetParams:
         0.003,
         "1",
         "share of its rate by which a moving gyroscope is off, alike for half a second",
-        SIZES,
+        SOURCE,
         most=0.5,
     )
     acc_noise: float = option(
@@ -56,10 +56,10 @@ class MagnetParams:
         least=1e-6,
     )
     acc_error: float = option(
-        0.01, "m/s^2", "what an accelerometer is off by for a while, its bias known", SIZES
+        0.01, "m/s^2", "what an accelerometer is off by for a while, its bias known", SOURCE
     )
     acc_share: float = option(
-        0.003, "1", "share of the acceleration by which it is off besides", SIZES, most=0.5
+        0.003, "1", "share of the acceleration by which it is off besides", SOURCE, most=0.5
     )
     mag_noise: float = option(
         0.2,
@@ -75,11 +75,11 @@ class MagnetParams:
         "HMC5883L data sheet: linear to 0.1 % of 2 G",
         least=1e-3,
     )
-    field_slope: float = option(
+    field_gradient: float = option(
         2.3,
         "uT/m",
         "change of a component of the room's field, where the plate is worn and where it was calibrated",
-        SIZES,
+        SOURCE,
         least=1e-3,
     )
     magnet_error: float = option(
@@ -97,21 +97,21 @@ class MagnetParams:
         "error of the magnet's place on the hand",
         "Kortier thesis 5.2.4: a ruler; size ours",
     )
-    lateness_sd: float = option(
+    latency_sd: float = option(
         0.03,
         "s",
         "how late or early the magnetometers' readings may be stamped against the inertial ones; beyond four of it what is told is doubtful",
         "ours: the filters and buffers of two chips; over 0.12 s a movement is no arc any more",
         least=1e-6,
     )
-    alike: float = option(
+    acc_correlation_time: float = option(
         0.2,
         "s",
         "time over which what an accelerometer is off by stays alike while the hand moves",
         "ours",
         least=0.01,
     )
-    left_alike: float = option(
+    mag_correlation_angle: float = option(
         3.0,
         "rad",
         "way that the trunk turns, there and back, over which what the calibration of a magnetometer leaves stays alike",
@@ -138,14 +138,14 @@ class MagnetParams:
         0.1,
         "uT/sqrt(s)",
         "change of the environment's field along itself and down",
-        SIZES,
+        SOURCE,
         least=1e-6,
     )
     field_across: float = option(
         0.3,
         "uT",
         "by which the environment's field across itself differs where a seated trunk goes; what its other components have shown counts where it is more",
-        f"2.3 uT/m over 13 cm: {SIZES}",
+        f"2.3 uT/m over 13 cm: {SOURCE}",
         least=1e-6,
     )
     gate: float = option(
@@ -177,7 +177,7 @@ class MagnetParams:
         "ours: a quick lean; half a metre a second at most",
         least=0.01,
     )
-    speed_alike: float = option(
+    speed_correlation_time: float = option(
         1.0, "s", "time over which that stays alike", "ours: half a lean", least=0.01
     )
     still_samples: int = option(
@@ -201,7 +201,7 @@ class MagnetParams:
     still_speed: float = option(
         0.01, "m/s", "speed of what stands still", "as the hand filter's: tremor", least=1e-6
     )
-    still_alike: float = option(
+    still_correlation_time: float = option(
         1.0,
         "s",
         "time over which the turning and travelling of what passes for standing still stay alike",
@@ -236,20 +236,20 @@ class MagnetParams:
     acc_range: float = option(
         8.0, "g", "full scale of an accelerometer", "LSM330DLC data sheet", least=1.0
     )
-    doubt: float = option(
+    nis_limit: float = option(
         1.5,
         "1",
         "mean normalised innovation squared from which readings contradict what is known",
         "1 where all is as told; over half a second at 60 Hz four magnetometers stay below 1.3 (chi-squared, five standard deviations)",
         least=0.1,
     )
-    doubt_lasts: float = option(
+    doubtful_time: float = option(
         10.0,
         "s",
         "for which what readings have contradicted stays doubtful",
         "ours: a slow movement there and back; beside iron readings agree again in places, and what was learnt of them is not the truth",
     )
-    strain: float = option(
+    deviation_limit: float = option(
         4.0,
         "1",
         "standard deviations by which readings move the moment, a place or a calibration away from what was told, beyond which it was told wrong or the "
@@ -257,7 +257,7 @@ class MagnetParams:
         "ours: normal errors of four magnetometers stay below it 499 times of 500",
         least=1.0,
     )
-    chance: float = option(
+    min_p_value: float = option(
         0.001,
         "1",
         "chance that normal errors of the moment, places and calibrations move all of them together as far as readings do, below which something was told wrong "
@@ -270,24 +270,30 @@ class MagnetParams:
     )
 
 
-def sizes(p: MagnetParams, span: float = 0.0) -> Sizes:
+def noise_model(p: MagnetParams, array_span: float = 0.0) -> NoiseModel:
     """As the loop needs them; `span` m is how far the magnetometers are from their middle."""
-    return Sizes(
+    return NoiseModel(
         gyr=p.gyr_noise * DEG,
-        gyr_moving=p.gyr_share * np.sqrt(2 * MOVING_ALIKE),
+        gyr_moving=p.gyr_share * np.sqrt(2 * GYR_CORRELATION_TIME),
         acc=p.acc_noise,
-        acc_slow=p.acc_error * np.sqrt(2 * p.alike),
-        acc_moving_slow=p.acc_share * np.sqrt(2 * p.alike),
+        acc_slow=p.acc_error * np.sqrt(2 * p.acc_correlation_time),
+        acc_moving_slow=p.acc_share * np.sqrt(2 * p.acc_correlation_time),
         mag=1e-6 * p.mag_noise,
-        mag_left=1e-6 * p.mag_error,
-        slope=1e-6 * p.field_slope * float(np.sqrt(OF_FIVE)),
+        mag_residual=1e-6 * p.mag_error,
+        gradient=1e-6 * p.field_gradient * float(np.sqrt(GRADIENT_VARIANCE)),
         single=1e-6
-        * float(np.sqrt(p.mag_noise**2 + p.mag_error**2 + SLOPES * (p.field_slope * span) ** 2)),
-        left_alike=p.left_alike,
-        alike=p.alike,
+        * float(
+            np.sqrt(
+                p.mag_noise**2
+                + p.mag_error**2
+                + ALL_GRADIENTS_VARIANCE * (p.field_gradient * array_span) ** 2
+            )
+        ),
+        mag_correlation_angle=p.mag_correlation_angle,
+        acc_correlation_time=p.acc_correlation_time,
         gyr_walk=p.gyr_bias_walk,
         acc_walk=p.acc_bias_walk,
-        acc_turned=p.acc_share * GRAVITY * np.sqrt(TURNED),
+        acc_turned=p.acc_share * GRAVITY * np.sqrt(TURN_LENGTH),
         field_walk=1e-6 * p.field_walk,
         field_across=1e-6 * p.field_across,
         gravity=GRAVITY,
@@ -296,14 +302,14 @@ def sizes(p: MagnetParams, span: float = 0.0) -> Sizes:
         acc_moving=p.acc_moving,
         acc_common=p.acc_common,
         trunk_speed=p.trunk_speed,
-        speed_alike=p.speed_alike,
+        speed_correlation_time=p.speed_correlation_time,
         still_acc=p.still_acc,
         still_speed=p.still_speed,
         still_rate=0.25 * p.still_gyr * DEG,
-        still_alike=p.still_alike,
+        still_correlation_time=p.still_correlation_time,
         reach=p.reach,
         reach_speed=p.reach_speed,
         max_gap=p.max_gap,
-        doubt=p.doubt,
+        nis_limit=p.nis_limit,
         mean_rates=float(p.gyr_reading == "mean"),
     )

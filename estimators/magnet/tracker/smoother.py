@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from handscope.estimators.magnet.tracker.history import Trace, beside, traced
-from handscope.estimators.magnet.tracker.initialisation import as_told
+from handscope.estimators.magnet.tracker.history import Trace, make_trace, split_covariance
+from handscope.estimators.magnet.tracker.initialisation import declared_values
 from handscope.estimators.magnet.tracker.options import MagnetParams
 from handscope.estimators.magnet.tracker.state import (
     B_,
@@ -36,9 +36,16 @@ from handscope.estimators.magnet.tracker.state import (
     XTA,
     XTG,
     XVB,
-    moved,
+    inject_error,
 )
-from handscope.estimators.magnet.tracker.tracker import Readings, State, Track, joined, part, step
+from handscope.estimators.magnet.tracker.tracker import (
+    Readings,
+    State,
+    Track,
+    join_tracks,
+    select_readings,
+    step,
+)
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, looped
 from handscope.estimators.numerics.small_matrices import put, spread
@@ -47,25 +54,25 @@ from handscope.estimators.numerics.typing import Array
 ROWS = 4000  # samples that are gone through at once: 40 s at 100 Hz
 
 
-def smoothed(params: MagnetParams, state: State, readings: Readings) -> tuple[State, Track]:
+def smooth(params: MagnetParams, state: State, readings: Readings) -> tuple[State, Track]:
     """A whole recording: as `magnet_tracking.step`, and then back from what came later. Errors as there."""
-    size = XM + len(as_told(state.setup))
+    size = XM + len(declared_values(state.setup))
     behind: tuple[Track, Trace] | None = None
     done: list[Track] = []
     for first in range(0, max(len(readings.t), 1), ROWS):
-        here = part(readings, slice(first, first + ROWS))
-        trace = traced(len(here.t), size)
+        here = select_readings(readings, slice(first, first + ROWS))
+        trace = make_trace(len(here.t), size)
         state, track = step(params, state, here, trace)
-        _left_alone(track, trace, behind)
+        _cut_at_doubtful(track, trace, behind)
         if behind is not None:
-            done.append(_seen_from(state, *behind, trace))
+            done.append(_smooth_chunk(state, *behind, trace))
         behind = track, trace
     assert behind is not None
-    done.append(_seen_from(state, *behind, traced(0, size)))
-    return state, joined(done)
+    done.append(_smooth_chunk(state, *behind, make_trace(0, size)))
+    return state, join_tracks(done)
 
 
-def _left_alone(track: Track, trace: Trace, before: tuple[Track, Trace] | None) -> None:
+def _cut_at_doubtful(track: Track, trace: Trace, before: tuple[Track, Trace] | None) -> None:
     """Nothing leads back from what is doubtful, nor to it."""
     cut = track.doubtful.copy()
     cut[1:] |= track.doubtful[:-1]
@@ -76,15 +83,15 @@ def _left_alone(track: Track, trace: Trace, before: tuple[Track, Trace] | None) 
     trace.gain[cut] = 0.0
 
 
-def _seen_from(end: State, track: Track, trace: Trace, later: Trace) -> Track:
+def _smooth_chunk(end: State, track: Track, trace: Trace, later: Trace) -> Track:
     """The track with what its own and later readings say, up to where the filter is now."""
     if end.x is None or not len(track):
         return track
     news, cov, lasting = np.zeros(OWN), np.empty((OWN, OWN)), np.empty((OWN, OWN))
-    beside(end.covariance, cov, lasting)
+    split_covariance(end.covariance, cov, lasting)
     for piece in (later, trace):
         x, variances = np.empty_like(piece.state), np.empty_like(piece.lasting)
-        went_back(piece, news, cov, x, variances)
+        rts_backward_pass(piece, news, cov, x, variances)
     with np.errstate(invalid="ignore", divide="ignore"):
         filtered = trace.own[:, :1, 0] + trace.lasting[:, :1]
         sd = np.sqrt(variances) * (
@@ -105,47 +112,55 @@ def _seen_from(end: State, track: Track, trace: Trace, later: Trace) -> Track:
 
 
 @looped
-def went_back(trace: Trace, news: Array, cov: Array, states: Array, variances: Array) -> None:
+def rts_backward_pass(
+    trace: Trace, news: Array, cov: Array, states: Array, variances: Array
+) -> None:
     """Fill states (n, 45 + 6 L) and variances (n, 30) of the trace's samples. `news` (30,), what is to be put into the filter's state, and `cov` (30, 30), how
     sure that is beside what lasts, are of its last sample and become those of the sample before its first."""
-    C, open_, made, apart = (
+    C, open_, carried, difference = (
         np.empty((OWN, OWN)),
         np.empty((OWN, OWN)),
         np.empty((OWN, OWN)),
         np.empty(OWN),
     )
     for n in range(len(states) - 1, -1, -1):
-        x = moved(trace.state[n], news)
-        differ(x, trace.expected[n], apart)
+        x = inject_error(trace.state[n], news)
+        state_difference(x, trace.expected[n], difference)
         put(trace.gain[n], C)
         put(trace.open[n], open_)
         for i in range(len(x)):
             states[n, i] = x[i]
         for i in range(OWN):
             variances[n, i], news[i] = cov[i, i] + trace.lasting[n, i], 0.0
-        spread(C, cov, made)
+        spread(C, cov, carried)
         for i in range(OWN):
             for j in range(OWN):
-                cov[i, j] = open_[i, j] + made[i, j]
+                cov[i, j] = open_[i, j] + carried[i, j]
                 if C[i, j] != 0.0:
-                    news[i] += C[i, j] * apart[j]
+                    news[i] += C[i, j] * difference[j]
 
 
 @inlined
-def differ(x: Array, other: Array, apart: Array) -> None:
+def state_difference(x: Array, other: Array, difference: Array) -> None:
     """The errors (30,) by which a state differs from another: what `moved` puts in."""
     for i in range(3):
-        apart[P_ + i], apart[V_ + i] = x[i] - other[i], x[3 + i] - other[3 + i]
-        apart[B_ + i] = x[XB + i] - other[XB + i]
-        apart[BTG + i], apart[BTA + i] = x[XTG + i] - other[XTG + i], x[XTA + i] - other[XTA + i]
-        apart[BBG + i], apart[BBA + i] = x[XBG + i] - other[XBG + i], x[XBA + i] - other[XBA + i]
-        apart[VB + i] = x[XVB + i] - other[XVB + i]
-    between(other[XQ : XQ + 4], x[XQ : XQ + 4], apart[TH : TH + 3])
-    between(other[XGB : XGB + 4], x[XGB : XGB + 4], apart[THG : THG + 3])
+        difference[P_ + i], difference[V_ + i] = x[i] - other[i], x[3 + i] - other[3 + i]
+        difference[B_ + i] = x[XB + i] - other[XB + i]
+        difference[BTG + i], difference[BTA + i] = (
+            x[XTG + i] - other[XTG + i],
+            x[XTA + i] - other[XTA + i],
+        )
+        difference[BBG + i], difference[BBA + i] = (
+            x[XBG + i] - other[XBG + i],
+            x[XBA + i] - other[XBA + i],
+        )
+        difference[VB + i] = x[XVB + i] - other[XVB + i]
+    rotation_difference(other[XQ : XQ + 4], x[XQ : XQ + 4], difference[TH : TH + 3])
+    rotation_difference(other[XGB : XGB + 4], x[XGB : XGB + 4], difference[THG : THG + 3])
 
 
 @inlined
-def between(from_q: Array, to_q: Array, turn: Array) -> None:
+def rotation_difference(from_q: Array, to_q: Array, turn: Array) -> None:
     """Rotation vector (3,) from one orientation to another, about the axes of what is turned."""
     q = np.empty(4)
     quat.relative_row(from_q, to_q, q)

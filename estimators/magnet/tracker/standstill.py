@@ -16,7 +16,7 @@ SLIDE = 48  # samples over which a slow slide shows in the magnet's field
 SURE = 5.0  # standard deviations of the mean square of differences beyond which they are no noise
 
 
-def stood(
+def detect_standstill(
     recent: Array,
     samples: Array,
     mag: Array,
@@ -27,14 +27,14 @@ def stood(
 ) -> tuple[Array, Bools]:
     """The newest rows that the next test needs, and whether base and target stood still up to each sample (n, 2); recent (m, 12 + 3 magnetometers)
     of samples (n, 12) and mag (n, magnetometers, 3) before these; limits as in zero_velocity.py, `noise` of a magnetometer T."""
-    joined = np.concatenate(
+    window_rows = np.concatenate(
         [recent, np.column_stack([samples, mag.reshape(len(mag), 3 * mag.shape[1])])]
     )
     still = np.zeros((len(samples), 2), bool)
-    if len(joined) >= length and len(samples):
-        begun = max(len(joined) - len(samples) - length + 1, 0)
+    if len(window_rows) >= length and len(samples):
+        first = max(len(window_rows) - len(samples) - length + 1, 0)
         windows = np.lib.stride_tricks.sliding_window_view(
-            joined[begun:, :12], length, axis=0
+            window_rows[first:, :12], length, axis=0
         ).transpose(0, 2, 1)
         for k in range(2):
             ratio = likelihood_ratios(
@@ -44,15 +44,15 @@ def stood(
                 acc_sd,
             )
             still[len(samples) - len(ratio) :, k] = ratio < 1.0
-    if len(joined) >= SLIDE and len(samples):
-        slides = moving(joined[:, 12:].reshape(len(joined), mag.shape[1], 3), SLIDE, noise)[
-            -len(samples) :
-        ]
+    if len(window_rows) >= SLIDE and len(samples):
+        slides = detect_field_change(
+            window_rows[:, 12:].reshape(len(window_rows), mag.shape[1], 3), SLIDE, noise
+        )[-len(samples) :]
         still[len(samples) - len(slides) :, 1] &= ~(slides & still[len(samples) - len(slides) :, 0])
-    return joined[-(max(length, SLIDE) - 1) :], still
+    return window_rows[-(max(length, SLIDE) - 1) :], still
 
 
-def moving(mag: Array, length: int, noise: float) -> Bools:
+def detect_field_change(mag: Array, length: int, noise: float) -> NDArray[np.bool_]:
     """Of every window of `length` samples in mag (n, magnetometers, 3) T, of which some may be NaN, whether its halves differ: (n - length + 1,). What
     several magnetometers have in common is the room's field before a trunk that breathes."""
     flat = (mag - _common(mag) if mag.shape[1] > 1 else mag).reshape(len(mag), -1)

@@ -32,7 +32,7 @@ from handscope.estimators.numerics.typing import Array
 
 P_, V_, TH, B_, BTG, BTA, THG, BBG, BBA, VB = (3 * k for k in range(10))  # rows of the error
 OWN = 30  # errors of trunk and hand; behind them what does not move
-MOM, LEV, SLO, LEFT = (
+MOM, LEV, GRAD, CAL = (
     30,
     33,
     36,
@@ -48,11 +48,11 @@ XQ, XB, XTG, XTA, XGB, XBG, XBA, XVB = (
     26,
     29,
 )  # rows of the state behind p and v
-SEATED = 600.0  # s for which the slopes of the room's field stay alike: who sits hardly leaves their place
-XM, XS, XL = 32, 38, 44  # where the state's rows of MOM, of SLO and of LEFT begin
+GRADIENT_TIME = 600.0  # s for which the slopes of the room's field stay alike: who sits hardly leaves their place
+XM, XG, XL = 32, 38, 44  # where the state's rows of MOM, of SLO and of LEFT begin
 
 
-class Sizes(NamedTuple):
+class NoiseModel(NamedTuple):
     """Spectral densities and standard deviations in SI, as the loop needs them."""
 
     gyr: float  # rad/s/sqrt(Hz)
@@ -61,11 +61,11 @@ class Sizes(NamedTuple):
     acc_slow: float  # m/s^2/sqrt(Hz), what errors that stay alike amount to
     acc_moving_slow: float  # 1/sqrt(Hz), times the acceleration
     mag: float  # T
-    mag_left: float  # T
-    slope: float  # T/m, of the room's field
+    mag_residual: float  # T
+    gradient: float  # T/m, of the room's field
     single: float  # T, by which a single reading is off, all in it
-    left_alike: float  # rad
-    alike: float  # s
+    mag_correlation_angle: float  # rad
+    acc_correlation_time: float  # s
     gyr_walk: float  # rad/s/sqrt(s)
     acc_walk: float  # m/s^2/sqrt(s)
     acc_turned: (
@@ -79,20 +79,95 @@ class Sizes(NamedTuple):
     acc_moving: float  # m/s^2
     acc_common: float  # m/s^2
     trunk_speed: float  # m/s
-    speed_alike: float  # s
+    speed_correlation_time: float  # s
     still_acc: float  # m/s^2
     still_speed: float  # m/s
     still_rate: float  # rad/s
-    still_alike: float  # s
+    still_correlation_time: float  # s
     reach: float  # m, half the volume's edge
     reach_speed: float  # m/s
     max_gap: float  # s
-    doubt: float
+    nis_limit: float
     mean_rates: float  # 1: a reading is the mean since the one before
 
 
 @inlined
-def moved(x: Array, dx: Array) -> Array:
+def matrix(q: Array) -> Array:
+    """R (3, 3) of q (4,)."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    R = np.empty((3, 3))
+    R[0, 0], R[0, 1], R[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    R[1, 0], R[1, 1], R[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    R[2, 0], R[2, 1], R[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    return R
+
+
+@inlined
+def times(A: Array, v: Array) -> Array:
+    """A v (3,)."""
+    out = np.empty(3)
+    for i in range(3):
+        out[i] = A[i, 0] * v[0] + A[i, 1] * v[1] + A[i, 2] * v[2]
+    return out
+
+
+@inlined
+def back(A: Array, v: Array) -> Array:
+    """A' v (3,)."""
+    out = np.empty(3)
+    for i in range(3):
+        out[i] = A[0, i] * v[0] + A[1, i] * v[1] + A[2, i] * v[2]
+    return out
+
+
+@inlined
+def chained(A: Array, B: Array) -> Array:
+    """A B (3, 3)."""
+    out = np.empty((3, 3))
+    product(A, B, out)
+    return out
+
+
+@inlined
+def transposed(A: Array) -> Array:
+    """A' (3, 3)."""
+    out = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = A[j, i]
+    return out
+
+
+@inlined
+def skew(v: Array) -> Array:
+    """[v]x (3, 3)."""
+    S = np.zeros((3, 3))
+    S[0, 1], S[0, 2], S[1, 0] = -v[2], v[1], v[2]
+    S[1, 2], S[2, 0], S[2, 1] = -v[0], -v[1], v[0]
+    return S
+
+
+@inlined
+def turned(q: Array, by: Array, left: bool) -> Array:
+    """q exp(by), or exp(by) q, of unit length."""
+    angle = math.sqrt(by[0] * by[0] + by[1] * by[1] + by[2] * by[2])
+    k = math.sin(0.5 * angle) / angle if angle > 1e-8 else 0.5
+    a0, a1, a2, a3 = q[0], q[1], q[2], q[3]
+    b0, b1, b2, b3 = math.cos(0.5 * angle), k * by[0], k * by[1], k * by[2]
+    s = -1.0 if left else 1.0  # the other order turns the sign of the cross product
+    out = np.empty(4)
+    out[0] = a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3
+    out[1] = a0 * b1 + a1 * b0 + s * (a2 * b3 - a3 * b2)
+    out[2] = a0 * b2 + a2 * b0 + s * (a3 * b1 - a1 * b3)
+    out[3] = a0 * b3 + a3 * b0 + s * (a1 * b2 - a2 * b1)
+    n = math.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2 + out[3] ** 2)
+    for i in range(4):
+        out[i] /= n
+    return out
+
+
+@inlined
+def inject_error(x: Array, dx: Array) -> Array:
     """The state with an error put in. (5.3)"""
     out = x.copy()
     for i in range(OWN, len(dx)):
@@ -116,7 +191,9 @@ def moved(x: Array, dx: Array) -> Array:
 
 
 @inlined
-def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) -> Array:
+def propagate_state(
+    s: NoiseModel, x: Array, before: Array, now: Array, dt: float, F: Array
+) -> Array:
     """The state dt later and its derivative F (30, 30); readings (12,): gyroscope and accelerometer of base, then of target. (5.19)-(5.22)"""
     w_b, w_t, back_b, back_t = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     f_b0, f_t0, f_b1, f_t1 = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -185,7 +262,7 @@ def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) 
 
 
 @inlined
-def rates(x: Array, now: Array) -> tuple[float, float]:
+def turn_rates(x: Array, now: Array) -> tuple[float, float]:
     """How fast base and target turn, rad/s."""
     base, target = 0.0, 0.0
     for i in range(3):
@@ -195,7 +272,7 @@ def rates(x: Array, now: Array) -> tuple[float, float]:
 
 
 @inlined
-def pushed(s: Sizes, x: Array, now: Array) -> float:
+def specific_force_square(s: NoiseModel, x: Array, now: Array) -> float:
     """How much base and target are accelerated, (m/s^2)^2, both together."""
     R = rotation_matrix(x[XQ : XQ + 4])
     up, out = np.zeros(3), 0.0
@@ -208,16 +285,16 @@ def pushed(s: Sizes, x: Array, now: Array) -> float:
 
 
 @inlined
-def widened(
-    s: Sizes,
+def propagate_covariance(
+    s: NoiseModel,
     P: Array,
     F: Array,
     dt: float,
     w_b: float,
     w_t: float,
-    push: float,
-    spread_field: float,
-    rough: float,
+    acceleration_square: float,
+    field_change: float,
+    noise_inflation: float,
 ) -> None:
     """The covariance dt later, base and target turning by w_b and w_t (rad/s) and accelerated by `push` (m/s^2)^2, in place; `spread_field` T is what the
     field across itself may be at other places of the trunk; `rough` multiplies the noise of sensors that did not answer.
@@ -227,13 +304,22 @@ def widened(
     carried, across = np.empty((OWN, OWN)), np.empty((OWN, len(P) - OWN))
     spread(F, P, carried)
     product(F, P[:OWN, OWN:], across)
-    kept, seated = math.exp(-w_b * dt / s.left_alike), math.exp(-dt / SEATED)
+    mag_share, gradient_share = (
+        math.exp(-w_b * dt / s.mag_correlation_angle),
+        math.exp(-dt / GRADIENT_TIME),
+    )
     first, last = (
-        LEFT - OWN,
-        LEFT - OWN + (len(P) - LEFT - 1) // 2,
+        CAL - OWN,
+        CAL - OWN + (len(P) - CAL - 1) // 2,
     )  # of the calibrations: they change as the trunk turns
     for j in range(len(P) - OWN):
-        share = kept if first <= j < last else seated if SLO <= OWN + j < SLO + 5 else 1.0
+        share = (
+            mag_share
+            if first <= j < last
+            else gradient_share
+            if GRAD <= OWN + j < GRAD + 5
+            else 1.0
+        )
         for i in range(OWN):
             P[i, OWN + j] = P[OWN + j, i] = share * across[i, j]
         if share < 1.0:
@@ -241,15 +327,16 @@ def widened(
                 P[OWN + j, k] *= share
                 P[k, OWN + j] *= share
             P[OWN + j, OWN + j] += (1.0 - share * share) * (
-                s.mag_left if first <= j < last else s.slope
+                s.mag_residual if first <= j < last else s.gradient
             ) ** 2
     put(carried, P[:OWN, :OWN])
     gyr_b, gyr_t = (
-        rough * (s.gyr**2 + (s.gyr_moving * w_b) ** 2),
-        rough * (s.gyr**2 + (s.gyr_moving * w_t) ** 2),
+        noise_inflation * (s.gyr**2 + (s.gyr_moving * w_b) ** 2),
+        noise_inflation * (s.gyr**2 + (s.gyr_moving * w_t) ** 2),
     )
     acc = (
-        2 * (rough * s.acc * s.acc + s.acc_slow * s.acc_slow) + s.acc_moving_slow**2 * push
+        2 * (noise_inflation * s.acc * s.acc + s.acc_slow * s.acc_slow)
+        + s.acc_moving_slow**2 * acceleration_square
     )  # of both accelerometers: half is the base's
     for i in range(OWN):  # the base's gyroscope moves p, v and both orientations by the same error
         for j in range(OWN):
@@ -269,7 +356,7 @@ def widened(
         P[VB + i, P_ + i] -= acc * dt**2 / 4
         P[P_ + i, VB + i] -= acc * dt**2 / 4
         P[B_ + i, B_ + i] += (
-            s.field_walk**2 * dt if i > 0 else (1.0 - F[B_, B_] ** 2) * spread_field**2
+            s.field_walk**2 * dt if i > 0 else (1.0 - F[B_, B_] ** 2) * field_change**2
         )
         P[BTG + i, BTG + i] += s.gyr_walk**2 * dt
         P[BBG + i, BBG + i] += s.gyr_walk**2 * dt
@@ -278,7 +365,7 @@ def widened(
 
 
 @inlined
-def corrected(P: Array, dx: Array, H: Array, e: float, variance: float) -> float:
+def scalar_update(P: Array, dx: Array, H: Array, e: float, variance: float) -> float:
     """One scalar measurement e = H dx + noise: dx and P in place; gives the normalised innovation squared. (5.5)"""
     size = len(dx)
     PH = np.zeros(size)
@@ -286,13 +373,13 @@ def corrected(P: Array, dx: Array, H: Array, e: float, variance: float) -> float
         if H[j] != 0.0:
             for i in range(size):
                 PH[i] += P[i, j] * H[j]
-    S, left = variance, e
+    S, residual = variance, e
     for i in range(size):
         S += H[i] * PH[i]
-        left -= H[i] * dx[i]
+        residual -= H[i] * dx[i]
     for i in range(size):
         K = PH[i] / S
-        dx[i] += K * left
+        dx[i] += K * residual
         for j in range(size):
             P[i, j] -= K * PH[j]
-    return left * left / S
+    return residual * residual / S

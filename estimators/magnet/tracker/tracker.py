@@ -26,24 +26,24 @@ from handscope.estimators.magnet.model.setup import (
 )
 from handscope.estimators.magnet.tracker import initialisation as magnet_initialisation
 from handscope.estimators.magnet.tracker import standstill as magnet_standstill
-from handscope.estimators.magnet.tracker.history import Trace, rows_of, traced
+from handscope.estimators.magnet.tracker.history import Trace, make_trace, slice_trace
 from handscope.estimators.magnet.tracker.initialisation import Setup
-from handscope.estimators.magnet.tracker.latency import WAY
-from handscope.estimators.magnet.tracker.options import DEG, MagnetParams, sizes
+from handscope.estimators.magnet.tracker.latency import KINEMATICS_SIZE
+from handscope.estimators.magnet.tracker.options import DEG, MagnetParams, noise_model
 from handscope.estimators.magnet.tracker.state import OWN, P_, TH, THG, V_, XB, XGB, XM, XQ
-from handscope.estimators.magnet.tracker.update_cycle import MOODS, WIDE, followed
+from handscope.estimators.magnet.tracker.update_cycle import LOST_SD, MONITOR_SIZE, run_filter
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array, Bools
 
-ORDINARY = 2.5  # standard deviations of the largest of some thirty normal errors
-LISTENED = (
+ORDINARY_SD = 2.5  # standard deviations of the largest of some thirty normal errors
+NOISE_COUNTS = (
     32,
     256,
 )  # first whole readings that tell the magnetometers' noise: to 7 %, then to 3 % with four of them
 QUARTILE = 1.1503  # standard deviations that three quarters of normal errors stay below
-SEEN = 1.1  # times what was told from which on the noise that was measured counts: 1.22 of it unsaid would be a contradiction for good
-LOUDER = 1.5  # times what was told from which on all is begun anew
+NOTICED_NOISE = 1.1  # times what was told from which on the noise that was measured counts: 1.22 of it unsaid would be a contradiction for good
+RESTART_NOISE = 1.5  # times what was told from which on all is begun anew
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,11 @@ class State:
         Array | None
     )  # (45 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
     covariance: Array  # (43 + 6 magnetometers,) squared
-    mood: Array  # (9,) as magnet_loop.py has it
+    monitor: Array  # (9,) as magnet_loop.py has it
     newest: Array  # (12,) last good inertial readings
-    way: Array  # (22 + magnetometers,) as magnet_lateness.py has it
+    kinematics: Array  # (22 + magnetometers,) as magnet_lateness.py has it
     recent: Array  # (m, 12 + 3 magnetometers) for the test of standstill
-    heard: (
+    noise_samples: (
         Array | None
     )  # (m, magnetometers, 3) T, whole readings until their noise is known; None after that
     noise: float = 0.0  # uT, where it is more than was told
@@ -93,12 +93,14 @@ class Track:
     q_bt_sd: Array  # (n, 3) rad, about the axes of t
     q_gb_sd: Array  # (n, 3) rad, about the axes of b
     snr: Array  # (n, magnetometers) dB, (5.23); see `signal`
-    lateness: Array  # (n,) s by which magnetometers' readings are stamped later than inertial ones; accounted for where not doubtful
-    lateness_sd: Array  # (n,) s
-    surprise: Array  # (n,) mean normalised innovation squared of the magnetometers; about 1 or less where all is as told
-    saturated: Bools  # (n, magnetometers) reading at the limit, left out
-    still: Bools  # (n, 2) base, target
-    doubtful: Bools  # (n,) readings contradict setup or room: a second magnet, iron, an uncalibrated magnetometer; do not use the place
+    latency: Array  # (n,) s by which magnetometers' readings are stamped later than inertial ones; accounted for where not doubtful
+    latency_sd: Array  # (n,) s
+    nis: Array  # (n,) mean normalised innovation squared of the magnetometers; about 1 or less where all is as told
+    saturated: NDArray[np.bool_]  # (n, magnetometers) reading at the limit, left out
+    still: NDArray[np.bool_]  # (n, 2) base, target
+    doubtful: NDArray[
+        np.bool_
+    ]  # (n,) readings contradict setup or room: a second magnet, iron, an uncalibrated magnetometer; do not use the place
 
     def __len__(self) -> int:
         return len(self.t)
@@ -114,9 +116,9 @@ def start(setup: Setup) -> State:
         setup,
         None,
         np.empty((0, 0)),
-        np.concatenate([[1.0], np.zeros(MOODS - 1)]),
+        np.concatenate([[1.0], np.zeros(MONITOR_SIZE - 1)]),
         np.full(12, np.nan),
-        np.zeros(WAY + len(setup.array)),
+        np.zeros(KINEMATICS_SIZE + len(setup.array)),
         np.empty((0, 12 + setup.array.places.size)),
         np.empty((0, len(setup.array), 3)),
     )
@@ -136,73 +138,89 @@ def step(
         raise InputError(
             f"Magnetometer readings are {readings.mag.shape}, inertial ones {readings.base.shape} and {readings.target.shape}; {n} samples of {many} magnetometers were told."
         )
-    if state.heard is None:
-        return _advanced(params, state, readings, trace)
+    if state.noise_samples is None:
+        return _advance(params, state, readings, trace)
     fresh = np.flatnonzero((np.abs(readings.mag) < 0.999e-6 * params.mag_range).all(axis=(1, 2)))
-    heard = np.concatenate([state.heard, readings.mag[fresh]])
-    enough = next(many for many in LISTENED if many > len(state.heard))
-    if len(heard) < enough:
-        return _advanced(params, replace(state, heard=heard), readings, trace)
-    cut = int(fresh[enough - 1 - len(state.heard)]) + 1
-    state, early = _advanced(params, state, part(readings, slice(cut)), rows_of(trace, slice(cut)))
+    noise_samples = np.concatenate([state.noise_samples, readings.mag[fresh]])
+    enough = next(many for many in NOISE_COUNTS if many > len(state.noise_samples))
+    if len(noise_samples) < enough:
+        return _advance(params, replace(state, noise_samples=noise_samples), readings, trace)
+    cut = int(fresh[enough - 1 - len(state.noise_samples)]) + 1
+    state, early = _advance(
+        params, state, select_readings(readings, slice(cut)), slice_trace(trace, slice(cut))
+    )
     later = slice(cut, None)
-    listening = _listened(params, state, heard[:enough])
+    listening = _apply_noise(params, state, noise_samples[:enough])
     begun_anew = listening.x is not state.x
-    state, late = step(params, listening, part(readings, later), rows_of(trace, later))
+    state, late = step(
+        params, listening, select_readings(readings, later), slice_trace(trace, later)
+    )
     if (
         begun_anew and trace is not None and cut < len(trace.gain)
     ):  # nothing leads back to what was made before
         trace.gain[cut], trace.open[cut] = 0.0, trace.own[cut - 1]
-    return state, joined([early, late])
+    return state, join_tracks([early, late])
 
 
-def _listened(params: MagnetParams, state: State, heard: Array) -> State:
+def _apply_noise(params: MagnetParams, state: State, noise_samples: Array) -> State:
     """With the noise that readings heard so far (n, magnetometers, 3) show, and what had been judged by another forgotten."""
-    noise, first = 1e6 * _noise(heard), len(heard) == LISTENED[0]
-    more = None if len(heard) == LISTENED[-1] else heard
-    louder = noise > LOUDER * params.mag_noise
-    if first and state.x is not None and (louder or _lost(state)):
+    noise, first = 1e6 * _estimate_noise(noise_samples), len(noise_samples) == NOISE_COUNTS[0]
+    more = None if len(noise_samples) == NOISE_COUNTS[-1] else noise_samples
+    is_louder = noise > RESTART_NOISE * params.mag_noise
+    if first and state.x is not None and (is_louder or _is_lost(state)):
         return replace(
-            _anew(params, state, heard, max(noise, params.mag_noise)),
-            heard=more,
-            noise=noise if louder else 0.0,
+            _restart(params, state, noise_samples, max(noise, params.mag_noise)),
+            noise_samples=more,
+            noise=noise if is_louder else 0.0,
         )
-    if noise <= SEEN * params.mag_noise:
+    if noise <= NOTICED_NOISE * params.mag_noise:
         noise = 0.0
     if not noise > max(state.noise, params.mag_noise):
-        return replace(state, heard=more, noise=noise)
-    mood = np.concatenate([[1.0], state.mood[1:]])
-    return replace(state, heard=more, noise=noise, mood=mood, contradicted=-np.inf)
+        return replace(state, noise_samples=more, noise=noise)
+    monitor = np.concatenate([[1.0], state.monitor[1:]])
+    return replace(state, noise_samples=more, noise=noise, monitor=monitor, contradicted=-np.inf)
 
 
-def _lost(state: State) -> bool:
-    return float(np.trace(state.covariance[P_ : P_ + 3, P_ : P_ + 3])) > WIDE**2
+def _is_lost(state: State) -> bool:
+    return float(np.trace(state.covariance[P_ : P_ + 3, P_ : P_ + 3])) > LOST_SD**2
 
 
-def _anew(params: MagnetParams, state: State, heard: Array, noise: float) -> State:
+def _restart(params: MagnetParams, state: State, noise_samples: Array, noise: float) -> State:
     """Begun once more at the newest sample, of `noise` uT; where the hand is by the mean of readings heard so far (n, magnetometers, 3), if it held still."""
-    params, begun = replace(params, mag_noise=noise), start(state.setup)
+    params, restarted = replace(params, mag_noise=noise), start(state.setup)
     near = None
-    if not magnet_standstill.moving(heard, len(heard), 1e-6 * noise).any():
+    if not magnet_standstill.detect_field_change(
+        noise_samples, len(noise_samples), 1e-6 * noise
+    ).any():
         at = Readings(
             np.array([state.t]),
             state.newest[None, :6],
             state.newest[None, 6:],
-            heard.mean(axis=0)[None],
+            noise_samples.mean(axis=0)[None],
         )
-        told = _advanced(replace(params, mag_noise=noise / np.sqrt(len(heard))), begun, at, None)[0]
-        near = None if told.x is None or _lost(told) else magnet_initialisation.there(told.x)
-    mag_b = quat.rotate(state.setup.array.q_bl, heard[-1])
-    x, P = magnet_initialisation.begun(params, state.setup, state.newest, heard[-1], mag_b, near)
-    return replace(begun, x=x, covariance=P, newest=state.newest, recent=state.recent, t=state.t)
+        settled = _advance(
+            replace(params, mag_noise=noise / np.sqrt(len(noise_samples))), restarted, at, None
+        )[0]
+        near = (
+            None
+            if settled.x is None or _is_lost(settled)
+            else magnet_initialisation.magnet_in_base(settled.x)
+        )
+    mag_b = quat.rotate(state.setup.array.q_bl, noise_samples[-1])
+    x, P = magnet_initialisation.initial_state(
+        params, state.setup, state.newest, noise_samples[-1], mag_b, near
+    )
+    return replace(
+        restarted, x=x, covariance=P, newest=state.newest, recent=state.recent, t=state.t
+    )
 
 
-def _noise(mag: Array) -> float:
+def _estimate_noise(mag: Array) -> float:
     """White noise, T, of readings (n, magnetometers, 3), by their third differences, of which the largest quarter may be movement."""
     return float(np.quantile(np.abs(np.diff(mag, n=3, axis=0)), 0.75) / QUARTILE / np.sqrt(20.0))
 
 
-def _advanced(
+def _advance(
     params: MagnetParams, state: State, readings: Readings, trace: Trace | None
 ) -> tuple[State, Track]:
     """By samples over which the noise of the magnetometers is one."""
@@ -222,15 +240,15 @@ def _advanced(
     if x is None:
         whole = np.isfinite(samples).all(axis=1) & np.isfinite(mag).all(axis=(1, 2))
         if not whole.any():
-            return replace(state, t=float(readings.t[-1]) if n else state.t), _before(
+            return replace(state, t=float(readings.t[-1]) if n else state.t), _unknown_track(
                 state, readings, 0, n, saturated
             )
         first = int(whole.argmax())
-        x, P = magnet_initialisation.begun(
+        x, P = magnet_initialisation.initial_state(
             params, state.setup, samples[first], readings.mag[first], mag_b[first]
         )
         state = replace(state, t=float(readings.t[first]), newest=samples[first])
-    window, still = magnet_standstill.stood(
+    window, still = magnet_standstill.detect_standstill(
         state.recent,
         samples[first:],
         mag[first:],
@@ -239,44 +257,44 @@ def _advanced(
         params.still_acc,
         1e-6 * params.mag_noise,
     )
-    x, P, mood, newest, way = (
+    x, P, monitor, newest, kinematics = (
         x.copy(),
         P.copy(),
-        state.mood.copy(),
+        state.monitor.copy(),
         state.newest.copy(),
-        state.way.copy(),
+        state.kinematics.copy(),
     )
     rows = n - first
-    states, variances, moods = np.empty((rows, len(x))), np.empty((rows, len(P))), np.empty(rows)
+    states, variances, mean_nis = np.empty((rows, len(x))), np.empty((rows, len(P))), np.empty(rows)
     dts = np.diff(readings.t[first:], prepend=state.t)
     setup = state.setup
-    x = followed(
-        sizes(params, magnet_initialisation.span(array)),
-        magnet_initialisation.centre(setup),
+    x = run_filter(
+        noise_model(params, magnet_initialisation.array_span(array)),
+        magnet_initialisation.workspace_centre(setup),
         x,
         P,
-        mood,
+        monitor,
         newest,
-        way,
+        kinematics,
         dts,
         np.ascontiguousarray(samples[first:]),
         np.ascontiguousarray(mag_b[first:]),
-        _ages(readings)[first:],
+        _reading_ages(readings)[first:],
         still.astype(float),
         states,
         variances,
-        moods,
-        rows_of(trace, slice(first, None)) or traced(0, len(x)),
+        mean_nis,
+        slice_trace(trace, slice(first, None)) or make_trace(0, len(x)),
     )
     t = float(readings.t[-1]) if n else state.t
-    track = _told(
+    track = _to_track(
         params,
         setup,
         readings,
         first,
         states,
         np.sqrt(np.maximum(variances, 0.0)),
-        moods,
+        mean_nis,
         saturated,
         still,
         mag,
@@ -285,9 +303,18 @@ def _advanced(
     known = np.concatenate([[state.contradicted], np.where(track.doubtful[first:], now, -np.inf)])
     contradicted = np.maximum.accumulate(known)
     doubtful = np.concatenate(
-        [track.doubtful[:first], now - contradicted[1:] <= params.doubt_lasts]
+        [track.doubtful[:first], now - contradicted[1:] <= params.doubtful_time]
     )
-    state = replace(state, x=x, covariance=P, mood=mood, newest=newest, way=way, recent=window, t=t)
+    state = replace(
+        state,
+        x=x,
+        covariance=P,
+        monitor=monitor,
+        newest=newest,
+        kinematics=kinematics,
+        recent=window,
+        t=t,
+    )
     return replace(state, contradicted=float(contradicted[-1])), replace(track, doubtful=doubtful)
 
 
@@ -296,16 +323,16 @@ def finish(params: MagnetParams, state: State) -> tuple[State, Track]:
     nothing = Readings(
         np.empty(0), np.empty((0, 6)), np.empty((0, 6)), np.empty((0, len(state.setup.array), 3))
     )
-    return state, _before(state, nothing, 0, 0, np.empty((0, len(state.setup.array)), bool))
+    return state, _unknown_track(state, nothing, 0, 0, np.empty((0, len(state.setup.array)), bool))
 
 
-def tracked(params: MagnetParams, setup: Setup, readings: Readings) -> Track:
+def track_readings(params: MagnetParams, setup: Setup, readings: Readings) -> Track:
     """A whole recording at once: the same steps as live. InputError where the readings cannot be T."""
     require_field(readings.mag)
     return step(params, start(setup), readings)[1]
 
 
-def learned(state: State) -> Setup:
+def estimated_setup(state: State) -> Setup:
     """The setup with the magnet's moment and place and the constellation as the readings have corrected them: for the next recording with the same
     plate and magnet. How much is learnt depends on the movement: half a minute of picking and placing tells the moment to 4 %, its place hardly."""
     if state.x is None:
@@ -315,38 +342,40 @@ def learned(state: State) -> Setup:
     return replace(state.setup, array=array, magnet=Magnet(x[0:3].copy(), x[3:6].copy()))
 
 
-def signal(mag: Array, earth: float) -> Array:
+def signal_strength(mag: Array, earth: float) -> Array:
     """(5.23), dB: 20 log10 of the readings' strength (..., 3) over the earth's. 0 is the earth's field alone; +0.5 is 6 % more, a magnet of 0.3 A m^2
     at about 28 cm; +6 twice the earth's. It is below 0 where the magnet's field weakens the earth's, and so no measure of accuracy: p_sd is."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(20 * np.log10(np.linalg.norm(mag, axis=-1) / earth))
 
 
-def by_chance(moved: Array, left: Array) -> Array:
+def deviation_p_value(deviations: Array, remaining: Array) -> Array:
     """Probability (n,) that normal errors move what was told (n, k) so far together or farther, `left` (n, k) of it not being known yet; all in standard
     deviations as told. What is learnt of k errors is as much as 1 - left^2 of each: their sum of squares is chi-squared of that many, or less scattered."""
-    learnt = np.maximum(1.0 - left**2, 0.0).sum(axis=1)
-    return np.asarray(gammaincc(0.5 * np.maximum(learnt, 1.0), 0.5 * (moved**2).sum(axis=1)))
+    count = np.maximum(1.0 - remaining**2, 0.0).sum(axis=1)
+    return np.asarray(gammaincc(0.5 * np.maximum(count, 1.0), 0.5 * (deviations**2).sum(axis=1)))
 
 
-def _told(
+def _to_track(
     params: MagnetParams,
     setup: Setup,
     readings: Readings,
     first: int,
     x: Array,
     sd: Array,
-    moods: Array,
-    saturated: Bools,
-    still: Bools,
+    mean_nis: Array,
+    saturated: NDArray[np.bool_],
+    still: NDArray[np.bool_],
     mag: Array,
 ) -> Track:
     field = x[:, XB : XB + 3]
-    sure = magnet_initialisation.sure_of(params, setup)
-    moved = np.abs(x[:, XM:] - magnet_initialisation.as_told(setup)) / sure
-    chance = by_chance(moved[:, :-1], sd[:, OWN:-1] / sure[:-1])
-    strained = moved[:, :-1].max(axis=1)  # what must have been told wrong for the readings to fit
-    sd = sd * np.maximum(1.0, strained / ORDINARY)[:, None]
+    sds = magnet_initialisation.declared_sds(params, setup)
+    deviations = np.abs(x[:, XM:] - magnet_initialisation.declared_values(setup)) / sds
+    p_value = deviation_p_value(deviations[:, :-1], sd[:, OWN:-1] / sds[:-1])
+    largest = deviations[:, :-1].max(
+        axis=1
+    )  # what must have been told wrong for the readings to fit
+    sd = sd * np.maximum(1.0, largest / ORDINARY_SD)[:, None]
     strange = (
         np.abs(np.linalg.norm(field, axis=1) / setup.earth - 1.0) > 0.2
     )  # iron or a magnet that the filter took for the room
@@ -361,29 +390,29 @@ def _told(
         sd[:, V_ : V_ + 3],
         sd[:, TH : TH + 3],
         sd[:, THG : THG + 3],
-        signal(mag[first:], setup.earth),
+        signal_strength(mag[first:], setup.earth),
         x[:, -1],
         sd[:, -1],
-        moods,
+        mean_nis,
         saturated[first:],
         still,
-        (moods > params.doubt)
+        (mean_nis > params.nis_limit)
         | strange
-        | (moved.max(axis=1) > params.strain)
-        | (chance < params.chance)
+        | (deviations.max(axis=1) > params.deviation_limit)
+        | (p_value < params.min_p_value)
         | (len(setup.array) < 2),
     )
     if not first:
         return rest
-    return joined([_before(start(setup), readings, 0, first, saturated), rest])
+    return join_tracks([_unknown_track(start(setup), readings, 0, first, saturated), rest])
 
 
-def joined(pieces: Sequence[Track]) -> Track:
+def join_tracks(pieces: Sequence[Track]) -> Track:
     """One after the other."""
     return Track(*(np.concatenate([getattr(p, f.name) for p in pieces]) for f in fields(Track)))
 
 
-def part(readings: Readings, rows: slice) -> Readings:
+def select_readings(readings: Readings, rows: slice) -> Readings:
     """Some of the readings."""
     age = None if readings.age is None else readings.age[rows]
     return Readings(
@@ -391,11 +420,13 @@ def part(readings: Readings, rows: slice) -> Readings:
     )
 
 
-def _ages(readings: Readings) -> Array:
+def _reading_ages(readings: Readings) -> Array:
     return np.zeros(readings.mag.shape[:2]) if readings.age is None else readings.age
 
 
-def _before(state: State, readings: Readings, first: int, last: int, saturated: Bools) -> Track:
+def _unknown_track(
+    state: State, readings: Readings, first: int, last: int, saturated: NDArray[np.bool_]
+) -> Track:
     """Samples before the filter could start: nothing is known."""
     n = last - first
     v, q = np.full((n, 3), np.nan), np.full((n, 4), np.nan)

@@ -8,50 +8,59 @@ import math
 import numpy as np
 
 from handscope.estimators.magnet.model.dipole import MU0_4PI
-from handscope.estimators.magnet.tracker.history import Trace, alone, beside, foreseen, told_of
-from handscope.estimators.magnet.tracker.inertial_updates import inertial
+from handscope.estimators.magnet.tracker.history import (
+    Trace,
+    decouple_sample,
+    split_covariance,
+    store_prediction,
+    store_update,
+)
+from handscope.estimators.magnet.tracker.inertial_updates import inertial_update
 from handscope.estimators.magnet.tracker.latency import (
-    TELLS,
-    WAY,
-    considered,
-    dependence,
-    settled,
-    went_on,
+    KINEMATICS_SIZE,
+    LATENCY_MODE,
+    latency_mode,
+    predict_kinematics,
+    schmidt_update,
+    smooth_velocity,
 )
 from handscope.estimators.magnet.tracker.magnetic_update import (
     EVIDENCE,
-    answered,
-    compared,
-    kept,
-    led,
+    candidate_positions,
+    compute_innovations,
+    count_axes,
+    gauss_newton_from,
+    global_update,
+    iterated_update,
     magnetometers,
-    read,
-    searched,
-    sought,
+    predict_delayed_reading,
 )
 from handscope.estimators.magnet.tracker.state import (
     B_,
+    GRADIENT_TIME,
     LEV,
     MOM,
     OWN,
     P_,
-    SEATED,
     TH,
     THG,
     V_,
     VB,
     XB,
+    XG,
     XL,
     XM,
     XQ,
-    XS,
-    Sizes,
-    corrected,
-    moved,
-    pushed,
-    rates,
-    stepped,
-    widened,
+    NoiseModel,
+    chained,
+    inject_error,
+    matrix,
+    propagate_covariance,
+    propagate_state,
+    scalar_update,
+    skew,
+    specific_force_square,
+    turn_rates,
 )
 from handscope.estimators.numerics.jit import inlined, looped
 from handscope.estimators.numerics.kalman import correct, explained
@@ -59,41 +68,43 @@ from handscope.estimators.numerics.kernels import multiply_matrices, rotation_ma
 from handscope.estimators.numerics.small_matrices import block, put, spread
 from handscope.estimators.numerics.typing import Array
 
-WIDE = 0.06  # m: a place less sure than this is searched for in the whole volume
-GATE = 5.0  # normalised innovation squared a degree of freedom from which a reading is left out
-AUDIBLE, LOUD = (
+LOST_SD = 0.06  # m: a place less sure than this is searched for in the whole volume
+NIS_GATE = 5.0  # normalised innovation squared a degree of freedom from which a reading is left out
+MIN_SIGNAL, MIN_SIGNAL_LOST = (
     1.0,
     3.0,
 )  # times what calibrations leave and a single reading's noise: what a known place is kept by, and what a lost one is found by
-BENDS = 12.0  # a dipole's field over the square of its distance: its second derivative along the line to it
-SLIGHT = 0.05  # share of a reading's variance that changes nothing
-LASTS = 1.0  # s for which the field of a magnet stays alike that is not heard well enough to be followed
-STRAIGHT = 0.3  # of the distance to the nearest magnetometer: a place known no better is not learnt from readings
-FOUND = 0.15  # of that distance: a lost one known no better is not found
-MEMORY, COUNTED = (
+DIPOLE_CURVATURE = 12.0  # a dipole's field over the square of its distance: its second derivative along the line to it
+NEGLIGIBLE_SHARE = 0.05  # share of a reading's variance that changes nothing
+FIELD_ERROR_TIME = 1.0  # s for which the field of a magnet stays alike that is not heard well enough to be followed
+MAX_SD_SHARE = 0.3  # of the distance to the nearest magnetometer: a place known no better is not learnt from readings
+MAX_SD_SHARE_LOST = 0.15  # of that distance: a lost one known no better is not found
+MEMORY, MAX_COUNTED_TIME = (
     0.5,
     0.1,
 )  # s over which surprises are averaged; for which one reading counts at most, however long there was none
-LOST = 3.0  # mean normalised innovation squared at which the place is given up: no chance over half a second
-TURN_LOST = 20 * math.pi / 180
-ROAMED = 600.0  # s over which it is looked how far the field differs from place to place
-SURPRISE, OUT, SILENT = (
+LOST_NIS = 3.0  # mean normalised innovation squared at which the place is given up: no chance over half a second
+LOST_TURN_SD = 20 * math.pi / 180
+INHOMOGENEITY_MEMORY = (
+    600.0  # s over which it is looked how far the field differs from place to place
+)
+MEAN_NIS, LOST_TIME, SILENT_TIME = (
     0,
     1,
     2,
 )  # rows of the mood: mean surprise, s since it is too large, s without a reading that was looked at
-SINCE, MEAN, SQUARE = (
+FIELD_TIME, FIELD_MEAN, FIELD_SQUARE = (
     3,
     4,
     6,
 )  # s that were looked at, mean and mean squared deviation (T) of the field's other two components
-UNTIL = 8  # s for which a hand out of earshot is not sought again
-MOODS = 9
-SEARCHED = 0.2  # s between searches that hear nothing
+SEARCH_DELAY = 8  # s for which a hand out of earshot is not sought again
+MONITOR_SIZE = 9
+SEARCH_INTERVAL = 0.2  # s between searches that hear nothing
 
 
 @inlined
-def forgotten(s: Sizes, x: Array, P: Array, centre: Array, turn: float) -> None:
+def reset_position(s: NoiseModel, x: Array, P: Array, centre: Array, turn: float) -> None:
     """Where the hand is and how fast is not known any more; how it is turned is less sure."""
     for i in range(6):
         for j in range(len(P)):
@@ -105,92 +116,108 @@ def forgotten(s: Sizes, x: Array, P: Array, centre: Array, turn: float) -> None:
 
 
 @inlined
-def surprise(s: Sizes, x: Array, P: Array, way: Array, mag: Array) -> float:
+def compute_nis(s: NoiseModel, x: Array, P: Array, kinematics: Array, mag: Array) -> float:
     """Normalised innovation squared of the magnetometers' axes, a degree of freedom, of which some must have answered."""
     rows = 3 * len(mag)
-    H, missed, noise = np.zeros((rows, len(P))), np.zeros(rows), np.zeros((rows, rows))
-    compared(s, x, way, mag, 1.0 + bent(x, P) / s.mag**2, H, missed, noise)
+    H, innovation, noise = np.zeros((rows, len(P))), np.zeros(rows), np.zeros((rows, rows))
+    compute_innovations(
+        s, x, kinematics, mag, 1.0 + linearisation_variance(x, P) / s.mag**2, H, innovation, noise
+    )
     out: float = explained(
-        P, missed, H, noise, np.empty((rows, len(P))), np.empty(len(P))
-    ) / answered(mag)
+        P, innovation, H, noise, np.empty((rows, len(P))), np.empty(len(P))
+    ) / count_axes(mag)
     return out
 
 
 @inlined
-def heard(
-    s: Sizes,
+def magnetic_update(
+    s: NoiseModel,
     x: Array,
     P: Array,
-    way: Array,
+    kinematics: Array,
     mag: Array,
     centre: Array,
-    grown: float,
+    variance_scale: float,
     dt: float,
-    left: Array,
+    outcome: Array,
 ) -> Array:
     """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state, and fills left
     (3,): normalised innovation squared of all readings where it puts the hand, whether it was sought elsewhere, whether it is heard."""
-    lost, disputed, less = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2, False, math.inf
+    lost, disputed, candidate_cost = P[0, 0] + P[1, 1] + P[2, 2] > LOST_SD**2, False, math.inf
     if lost:
-        start, cost = led(
-            s, x, P, way, np.zeros(len(P)), mag, 1.0, np.empty((3 * len(mag), len(P)))
+        start, cost = gauss_newton_from(
+            s, x, P, kinematics, np.zeros(len(P)), mag, 1.0, np.empty((3 * len(mag), len(P)))
         )
-        there, less, disputed = best_of(s, x, P, way, searched(s, x, P, mag, centre), mag)
-        if less < cost - EVIDENCE:  # what led astray would lead back
-            found = moved(x, there)
-            forgotten(s, x, P, found[0:3], 0.0)
-            start, grown, left[1] = np.zeros(len(P)), 1.0, 1.0
-        dx, C, cost = sought(s, x, P, way, start, mag, grown)
+        candidate, candidate_cost, disputed = best_candidate(
+            s, x, P, kinematics, candidate_positions(s, x, P, mag, centre), mag
+        )
+        if candidate_cost < cost - EVIDENCE:  # what led astray would lead back
+            restarted = inject_error(x, candidate)
+            reset_position(s, x, P, restarted[0:3], 0.0)
+            start, variance_scale, outcome[1] = np.zeros(len(P)), 1.0, 1.0
+        dx, C, cost = global_update(s, x, P, kinematics, start, mag, variance_scale)
     else:
-        dx, C, cost = kept(s, x, P, way, mag, grown)
-        more = bent(moved(x, dx), C) * alike_for(C, dt) / s.mag**2
-        if more > SLIGHT:
-            dx, C, cost = kept(s, x, P, way, mag, grown + more)
-    considered(way, P, dx, C)
-    out: Array = moved(x, dx)
-    left[0] = min(cost, less)
+        dx, C, cost = iterated_update(s, x, P, kinematics, mag, variance_scale)
+        more = (
+            linearisation_variance(inject_error(x, dx), C)
+            * error_correlation_samples(C, dt)
+            / s.mag**2
+        )
+        if more > NEGLIGIBLE_SHARE:
+            dx, C, cost = iterated_update(s, x, P, kinematics, mag, variance_scale + more)
+    schmidt_update(kinematics, P, dx, C)
+    out: Array = inject_error(x, dx)
+    outcome[0] = min(cost, candidate_cost)
     known = (
         not disputed
-        and cost < GATE * 3 * len(mag)
-        and told(s, out, C, LOUD if lost else AUDIBLE, FOUND if lost else STRAIGHT)
+        and cost < NIS_GATE * 3 * len(mag)
+        and is_observable(
+            s,
+            out,
+            C,
+            MIN_SIGNAL_LOST if lost else MIN_SIGNAL,
+            MAX_SD_SHARE_LOST if lost else MAX_SD_SHARE,
+        )
     )
-    left[2] = 1.0 if strength(out, distance(out)) > LOUD * s.single else 0.0
-    if disputed and left[2] > 0.5:  # it is heard, but where it is will show as it moves
+    outcome[2] = (
+        1.0 if field_strength(out, nearest_distance(out)) > MIN_SIGNAL_LOST * s.single else 0.0
+    )
+    if disputed and outcome[2] > 0.5:  # it is heard, but where it is will show as it moves
         out = x.copy()
     elif not known:
-        out = without(s, x, P, way, mag, dt)
+        out = update_without_magnet(s, x, P, kinematics, mag, dt)
     else:
         put(C, P)
     return out
 
 
 @inlined
-def best_of(
-    s: Sizes, x: Array, P: Array, way: Array, starts: Array, mag: Array
+def best_candidate(
+    s: NoiseModel, x: Array, P: Array, kinematics: Array, starts: Array, mag: Array
 ) -> tuple[Array, float, bool]:
     """Of places that starts (n, errors) lead to the one that explains the readings best, what it leaves, and whether another does nearly as well."""
     n = len(starts)
     ends, costs, best, disputed = np.empty(starts.shape), np.empty(n), 0, False
     W = np.empty((3 * len(mag), len(P)))
     for k in range(n):
-        ends[k], costs[k] = led(s, x, P, way, starts[k], mag, 1.0, W)
+        ends[k], costs[k] = gauss_newton_from(s, x, P, kinematics, starts[k], mag, 1.0, W)
         if costs[k] < costs[best]:
             best = k
     for k in range(n):
-        apart = 0.0
+        separation = 0.0
         for i in range(3):
-            apart += (ends[k, i] - ends[best, i]) ** 2
-        disputed = disputed or (apart > WIDE**2 and costs[k] < costs[best] + EVIDENCE)
+            separation += (ends[k, i] - ends[best, i]) ** 2
+        disputed = disputed or (separation > LOST_SD**2 and costs[k] < costs[best] + EVIDENCE)
     return ends[best], costs[best], disputed
 
 
 @inlined
-def bent(x: Array, P: Array) -> float:
+def linearisation_variance(x: Array, P: Array) -> float:
     """Variance, T^2, by which the field at a place that is not exactly known is not what its slope says."""
-    away = distance(x)
+    away = nearest_distance(x)
     by_place: float = (
-        BENDS
-        * strength(x, away)
+        DIPOLE_CURVATURE
+        * field_strength(x, away)
         / away**2
         * (P[P_, P_] + P[P_ + 1, P_ + 1] + P[P_ + 2, P_ + 2])
         / 3
@@ -199,7 +226,7 @@ def bent(x: Array, P: Array) -> float:
 
 
 @inlined
-def alike_for(P: Array, dt: float) -> float:
+def error_correlation_samples(P: Array, dt: float) -> float:
     """Readings dt s apart in which a place errs alike: for what it errs by over how fast it errs. As white noise what is bent counts so many times; without
     that readings seem to tell what none of them does."""
     place, speed = 0.0, 0.0
@@ -209,11 +236,11 @@ def alike_for(P: Array, dt: float) -> float:
 
 
 @inlined
-def told(s: Sizes, x: Array, P: Array, audible: float, straight: float) -> bool:
+def is_observable(s: NoiseModel, x: Array, P: Array, audible: float, straight: float) -> bool:
     """Whether readings tell where the magnet is: known better than a share of its distance, for the dipole bends over what is not known and standard
     deviations from its slope would say nothing; and heard over what calibrations leave, which does not get less by waiting."""
-    nearest, J, known = distance(x), np.zeros((3, LEV + 3)), np.empty((3, 3))
-    loud, R = strength(x, nearest), rotation_matrix(x[XQ : XQ + 4])
+    nearest, J, known = nearest_distance(x), np.zeros((3, LEV + 3)), np.empty((3, 3))
+    loud, R = field_strength(x, nearest), matrix(x[XQ : XQ + 4])
     for i in range(3):
         J[i, P_ + i] = 1.0
     block(1.0, R, 0, LEV, J)
@@ -226,7 +253,7 @@ def told(s: Sizes, x: Array, P: Array, audible: float, straight: float) -> bool:
 
 
 @inlined
-def distance(x: Array) -> float:
+def nearest_distance(x: Array) -> float:
     """From the hand's sensor to the nearest magnetometer, m."""
     nearest, many = math.inf, magnetometers(x)
     for k in range(many):
@@ -238,41 +265,55 @@ def distance(x: Array) -> float:
 
 
 @inlined
-def strength(x: Array, away: float) -> float:
+def field_strength(x: Array, away: float) -> float:
     """Of the magnet's field beside it, T; on its axis it is twice that. (5.7)"""
     return MU0_4PI * math.sqrt(x[XM] ** 2 + x[XM + 1] ** 2 + x[XM + 2] ** 2) / max(away, 0.01) ** 3
 
 
 @inlined
-def without(s: Sizes, x: Array, P: Array, way: Array, mag: Array, dt: float) -> Array:
+def update_without_magnet(
+    s: NoiseModel, x: Array, P: Array, kinematics: Array, mag: Array, dt: float
+) -> Array:
     """The update of a trunk whose magnet is out of reach, in place: the room's field alone, the magnet's an error that lasts `LASTS`: as white noise it
     would soon be learnt as the room's field. Gives the state; nothing where that does not fit either."""
     H, h, far = np.zeros((3 * len(mag), len(P))), np.zeros((3, len(P))), x.copy()
-    missed, noise, dx, C = np.zeros(len(H)), np.zeros((len(H), len(H))), np.empty(len(P)), P.copy()
+    innovation, noise, dx, C = (
+        np.zeros(len(H)),
+        np.zeros((len(H), len(H))),
+        np.empty(len(P)),
+        P.copy(),
+    )
     for i in range(3):
         far[XM + i] = 0.0
     own = (
-        4 * min(strength(x, distance(x)) ** 2, LOUD**2 * s.single**2) * max(1.0, LASTS / dt)
+        4
+        * min(field_strength(x, nearest_distance(x)) ** 2, MIN_SIGNAL_LOST**2 * s.single**2)
+        * max(1.0, FIELD_ERROR_TIME / dt)
     )  # louder, it would have been found
     for k in range(len(mag)):
-        reads = read(far, way, k, h)
+        reads = predict_delayed_reading(far, kinematics, k, h)
         there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
         for i in range(3):
             row = 3 * k + i
-            noise[row, row], missed[row] = s.single**2 + own, mag[k, i] - reads[i] if there else 0.0
+            noise[row, row], innovation[row] = (
+                s.single**2 + own,
+                mag[k, i] - reads[i] if there else 0.0,
+            )
             for j in range(len(P)):
                 H[row, j] = (
                     h[i, j] if there and (j < P_ + 3 or j >= TH) and not MOM <= j < MOM + 3 else 0.0
                 )
-    if correct(C, missed, H, noise, dx) > GATE * len(H):
+    if correct(C, innovation, H, noise, dx) > NIS_GATE * len(H):
         return x
     put(C, P)
-    out: Array = moved(x, dx)
+    out: Array = inject_error(x, dx)
     return out
 
 
 @inlined
-def bounded(s: Sizes, x: Array, P: Array, centre: Array, dt: float) -> Array:
+def workspace_pseudo_measurement(
+    s: NoiseModel, x: Array, P: Array, centre: Array, dt: float
+) -> Array:
     """An arm is not endless and not endlessly fast: where the magnet does not tell, this keeps the filter in its volume. (5.18)"""
     size, before = len(P), P.copy()
     dx, H = np.zeros(size), np.zeros(size)
@@ -284,44 +325,44 @@ def bounded(s: Sizes, x: Array, P: Array, centre: Array, dt: float) -> Array:
             for j in range(size):
                 H[j] = 0.0
             H[P_ + i] = 1.0
-            corrected(P, dx, H, centre[i] - x[i], s.reach**2 / 3 / dt)  # once a second
+            scalar_update(P, dx, H, centre[i] - x[i], s.reach**2 / 3 / dt)  # once a second
         if outside or P[V_ + i, V_ + i] > s.reach_speed**2:
             for j in range(size):
                 H[j] = 0.0
             H[V_ + i] = 1.0
-            corrected(P, dx, H, -x[3 + i], s.reach_speed**2 * s.alike / dt)
+            scalar_update(P, dx, H, -x[3 + i], s.reach_speed**2 * s.acc_correlation_time / dt)
     for i in range(
         6, size
     ):  # a wish, no measurement: nothing but place and velocity learns from it
         dx[i] = 0.0
         for j in range(6, size):
             P[i, j] = before[i, j]
-    out: Array = moved(x, dx)
+    out: Array = inject_error(x, dx)
     return out
 
 
 @inlined
-def roamed(mood: Array, x: Array, dt: float) -> float:
+def field_inhomogeneity(monitor: Array, x: Array, dt: float) -> float:
     """How much the field differs from place to place, T: by its two components that readings and gravity tell. The mood in place."""
-    mood[SINCE] = min(mood[SINCE] + dt, ROAMED)
-    square, share = 0.0, dt / mood[SINCE]
+    monitor[FIELD_TIME] = min(monitor[FIELD_TIME] + dt, INHOMOGENEITY_MEMORY)
+    square, share = 0.0, dt / monitor[FIELD_TIME]
     for i in range(2):
-        off = x[XB + 1 + i] - mood[MEAN + i]
-        mood[MEAN + i] += share * off
-        mood[SQUARE + i] += share * ((1.0 - share) * off * off - mood[SQUARE + i])
-        square += 0.5 * mood[SQUARE + i]
+        off = x[XB + 1 + i] - monitor[FIELD_MEAN + i]
+        monitor[FIELD_MEAN + i] += share * off
+        monitor[FIELD_SQUARE + i] += share * ((1.0 - share) * off * off - monitor[FIELD_SQUARE + i])
+        square += 0.5 * monitor[FIELD_SQUARE + i]
     return math.sqrt(square)
 
 
 @looped
-def followed(
-    s: Sizes,
+def run_filter(
+    s: NoiseModel,
     centre: Array,
     x: Array,
     P: Array,
-    mood: Array,
+    monitor: Array,
     before: Array,
-    way: Array,
+    kinematics: Array,
     dts: Array,
     samples: Array,
     mags: Array,
@@ -329,39 +370,39 @@ def followed(
     still: Array,
     states: Array,
     variances: Array,
-    moods: Array,
+    mean_nis: Array,
     trace: Trace,
 ) -> Array:
     """Go through samples (n, 12), magnetometers (n, magnetometers, 3) in the base's axes, how old these are (n, magnetometers), standstill (n, 2); fill
     states (n, ...), variances (n, ...), surprise (n,), and the trace if it has rows. P, mood, `before` (the last good readings) and `way` in place; gives
     the state."""
-    F, now, left, own, lasting = (
+    F, now, outcome, own, lasting = (
         np.zeros((OWN, OWN)),
         np.zeros(12),
         np.zeros(3),
         np.empty((OWN, OWN)),
         np.empty((OWN, OWN)),
     )
-    traced = len(trace.state) > 0
-    if traced:
-        beside(P, own, lasting)
+    make_trace = len(trace.state) > 0
+    if make_trace:
+        split_covariance(P, own, lasting)
     for n in range(len(samples)):
-        dt, rough, v = dts[n], 1.0, x[3:6].copy()
-        left[1] = 0.0 if 0 < dt <= s.max_gap else 1.0
+        dt, noise_inflation, v = dts[n], 1.0, x[3:6].copy()
+        outcome[1] = 0.0 if 0 < dt <= s.max_gap else 1.0
         for i in range(12):
             now[i] = samples[n, i]
             if math.isnan(now[i]):
-                now[i], rough = before[i], 1e4
+                now[i], noise_inflation = before[i], 1e4
         if dt > s.max_gap:
-            forgotten(s, x, P, centre, 1.5 * TURN_LOST)
+            reset_position(s, x, P, centre, 1.5 * LOST_TURN_SD)
             for i in range(3):
-                P[THG + i, THG + i] += TURN_LOST**2
+                P[THG + i, THG + i] += LOST_TURN_SD**2
                 P[VB + i, VB + i] += s.trunk_speed**2
         elif dt > 0:
-            x = stepped(s, x, before, now, dt, F)
-            w_b, w_t = rates(x, now)
+            x = propagate_state(s, x, before, now, dt, F)
+            w_b, w_t = turn_rates(x, now)
             F[B_, B_] = math.exp(
-                -w_b * dt / s.left_alike
+                -w_b * dt / s.mag_correlation_angle
             )  # g is turned so that the field has nothing across itself, on the whole
             x[XB] *= F[B_, B_]
             for i in range(
@@ -369,61 +410,74 @@ def followed(
             ):  # what calibrations left becomes another, and nothing is known of that
                 x[XL + i] *= F[B_, B_]
             for i in range(5):
-                x[XS + i] *= math.exp(-dt / SEATED)
-            widened(
+                x[XG + i] *= math.exp(-dt / GRADIENT_TIME)
+            propagate_covariance(
                 s,
                 P,
                 F,
                 dt,
                 w_b,
                 w_t,
-                pushed(s, x, now),
-                max(s.field_across, roamed(mood, x, dt)),
-                rough,
+                specific_force_square(s, x, now),
+                max(s.field_across, field_inhomogeneity(monitor, x, dt)),
+                noise_inflation,
             )
-        if traced:
-            foreseen(trace, n, x, P, F, own, lasting)
-        went_on(way, now, dt if 0 < dt <= s.max_gap else 0.0)
-        settled(way, x, P, v, dt if 0 < dt <= s.max_gap else 0.0)
+        if make_trace:
+            store_prediction(trace, n, x, P, F, own, lasting)
+        predict_kinematics(kinematics, now, dt if 0 < dt <= s.max_gap else 0.0)
+        smooth_velocity(kinematics, x, P, v, dt if 0 < dt <= s.max_gap else 0.0)
         for i in range(12):
             before[i] = now[i]
         for k in range(len(mags[n])):
-            way[WAY + k] = ages[n, k]
+            kinematics[KINEMATICS_SIZE + k] = ages[n, k]
         step = min(max(dt, 1e-3), s.max_gap)
-        wide = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
-        way[TELLS] = dependence(way, P, wide)
-        mood[UNTIL] = mood[UNTIL] - step if wide else 0.0
-        count = answered(mags[n]) if mood[UNTIL] <= 0.0 else 0
+        wide = P[0, 0] + P[1, 1] + P[2, 2] > LOST_SD**2
+        kinematics[LATENCY_MODE] = latency_mode(kinematics, P, wide)
+        monitor[SEARCH_DELAY] = monitor[SEARCH_DELAY] - step if wide else 0.0
+        count = count_axes(mags[n]) if monitor[SEARCH_DELAY] <= 0.0 else 0
         if count:
-            new = 0.0 if wide else surprise(s, x, P, way, mags[n])
-            since = min(mood[SILENT] + step, 0.2)
-            mood[SILENT] = 0.0
-            if new < GATE or wide:
-                x = heard(
-                    s, x, P, way, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt), since, left
+            new = 0.0 if wide else compute_nis(s, x, P, kinematics, mags[n])
+            since = min(monitor[SILENT_TIME] + step, 0.2)
+            monitor[SILENT_TIME] = 0.0
+            if new < NIS_GATE or wide:
+                x = magnetic_update(
+                    s,
+                    x,
+                    P,
+                    kinematics,
+                    mags[n],
+                    centre,
+                    max(1.0, monitor[MEAN_NIS] / s.nis_limit),
+                    since,
+                    outcome,
                 )
             if wide:  # before it was found nothing could be expected: what no place explains is a surprise
-                new, mood[UNTIL] = left[0] / count, SEARCHED * (1.0 - left[2])
-            mood[SURPRISE] += min(since, COUNTED) / MEMORY * (min(new, 100.0) - mood[SURPRISE])
-            mood[OUT] = mood[OUT] + since if mood[SURPRISE] > LOST else 0.0
-            if mood[OUT] > MEMORY:
-                forgotten(s, x, P, centre, TURN_LOST)
-                mood[OUT], left[1] = 0.0, 1.0
+                new, monitor[SEARCH_DELAY] = (
+                    outcome[0] / count,
+                    SEARCH_INTERVAL * (1.0 - outcome[2]),
+                )
+            monitor[MEAN_NIS] += (
+                min(since, MAX_COUNTED_TIME) / MEMORY * (min(new, 100.0) - monitor[MEAN_NIS])
+            )
+            monitor[LOST_TIME] = monitor[LOST_TIME] + since if monitor[MEAN_NIS] > LOST_NIS else 0.0
+            if monitor[LOST_TIME] > MEMORY:
+                reset_position(s, x, P, centre, LOST_TURN_SD)
+                monitor[LOST_TIME], outcome[1] = 0.0, 1.0
         else:
-            mood[SILENT] += step
-        if rough < 2.0:
-            x = inertial(s, x, P, now, still[n, 0] > 0.5, still[n, 1] > 0.5, wide, step)
-        x = bounded(s, x, P, centre, step)
+            monitor[SILENT_TIME] += step
+        if noise_inflation < 2.0:
+            x = inertial_update(s, x, P, now, still[n, 0] > 0.5, still[n, 1] > 0.5, wide, step)
+        x = workspace_pseudo_measurement(s, x, P, centre, step)
         for i in range(len(P)):
             for j in range(i):
                 mean = 0.5 * (P[i, j] + P[j, i])
                 P[i, j] = P[j, i] = mean
-            variances[n, i] = P[i, i] * max(1.0, mood[SURPRISE] / s.doubt)
+            variances[n, i] = P[i, i] * max(1.0, monitor[MEAN_NIS] / s.nis_limit)
         for i in range(len(x)):
             states[n, i] = x[i]
-        moods[n] = mood[SURPRISE]
-        if traced:
-            if left[1] > 0.5:
-                alone(trace, n, own)
-            told_of(trace, n, x, P, own, lasting)
+        mean_nis[n] = monitor[MEAN_NIS]
+        if make_trace:
+            if outcome[1] > 0.5:
+                decouple_sample(trace, n, own)
+            store_update(trace, n, x, P, own, lasting)
     return x

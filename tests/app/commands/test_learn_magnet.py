@@ -10,7 +10,7 @@ import pytest
 from handscope.app.cli import main
 from handscope.estimators.data.magnet_declaration import Plate, plate_from
 from handscope.estimators.magnet.pipeline import setup_learning
-from handscope.estimators.magnet.pipeline.setup_learning import Learnt
+from handscope.estimators.magnet.pipeline.setup_learning import EstimatedSetup
 from handscope.sessions.formats import recordings as formats_recordings
 
 TOLD = Plate(
@@ -32,12 +32,16 @@ def test_what_was_learnt_is_written_as_a_magnet_setup_and_said(
 ) -> None:
     asked = []
 
-    def learnt(plate: Plate, roughly: setup_learning.Roughly, *_: object) -> Learnt:
-        asked.append((plate, roughly.moment, roughly.place, roughly.places))
+    def estimate_setup(
+        plate: Plate, errors: setup_learning.DeclarationErrors, *_: object
+    ) -> EstimatedSetup:
+        asked.append((plate, errors.moment, errors.place, errors.places))
         sd = np.array([[0.001] * 3, [0.0029] * 3])
-        return Learnt(BETTER, tuple(BETTER.places), np.full(3, 0.006), np.full(3, 0.002), sd, 0.9)
+        return EstimatedSetup(
+            BETTER, tuple(BETTER.places), np.full(3, 0.006), np.full(3, 0.002), sd, 0.9
+        )
 
-    monkeypatch.setattr(setup_learning, "learnt", learnt)
+    monkeypatch.setattr(setup_learning, "estimate_setup", estimate_setup)
     monkeypatch.setattr(
         formats_recordings, "load", lambda *_: SimpleNamespace(plate=TOLD, samples={}, mounting={})
     )

@@ -74,14 +74,14 @@ def test_a_trunk_and_a_magnet_tell_where_the_hand_reaches_through_the_wire() -> 
     assert assembler.plate is not None and set(assembler.plate.places) == {
         f"trunk_mag_{n}" for n in (1, 2, 3, 4)
     }
-    setting = hand_position.setting(
+    setting = hand_position.make_setting(
         hand_position.PlaceParams(),
         assembler.plate,
         list(assembler.streams.values()),
         assembler.mounting,
     )
     assert setting is not None
-    places = hand_position.followed(setting, whole_streams(blocks))
+    places = hand_position.smooth_places(setting, whole_streams(blocks))
     forward, sd = places.place[:, 0], places.sd[:, 0]
     resting, reached = ((places.t > a) & (places.t < b) for a, b in ((6.0, 8.0), (4.0, 5.0)))
     assert np.median(forward[reached]) - np.median(forward[resting]) == pytest.approx(

@@ -13,7 +13,7 @@ from handscope.estimators.hand.geometry import sized
 from handscope.estimators.magnet.pipeline import hand_position, setup_learning
 from handscope.estimators.magnet.pipeline import streams as magnet_streams
 from handscope.estimators.magnet.pipeline.hand_position import PlaceParams, Places, Setting
-from handscope.estimators.magnet.pipeline.setup_learning import Roughly
+from handscope.estimators.magnet.pipeline.setup_learning import DeclarationErrors
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import magnet as sim
@@ -61,7 +61,7 @@ def _blocks(m: Motion, worn: sim.Worn, second: MagneticField | None = None) -> l
 
 
 def _setting(plate: Plate, blocks: list[Block]) -> Setting:
-    found = hand_position.setting(PARAMS, plate, [b.stream for b in blocks], MOUNTING)
+    found = hand_position.make_setting(PARAMS, plate, [b.stream for b in blocks], MOUNTING)
     assert found is not None
     return found
 
@@ -83,7 +83,7 @@ def test_the_hand_is_told_in_the_trunks_axes_within_the_target(
     both: tuple[Motion, Plate, list[Block]],
 ) -> None:
     m, plate, blocks = both
-    places = hand_position.followed(_setting(plate, blocks), blocks)
+    places = hand_position.smooth_places(_setting(plate, blocks), blocks)
     late = places.t > 5.0
     assert np.sqrt((_off(m, places)[late] ** 2).mean()) < 0.015
     assert (places.flags[late] == 0).mean() > 0.99
@@ -102,7 +102,9 @@ def test_late_magnetometers_are_said(both: tuple[Motion, Plate, list[Block]]) ->
         blocks = [trunk, hand, Block(array.stream, array.t + by, array.values)]
         said = [
             s
-            for s in hand_position.said(hand_position.followed(_setting(plate, blocks), blocks))
+            for s in hand_position.describe_places(
+                hand_position.smooth_places(_setting(plate, blocks), blocks)
+            )
             if "than their" in s
         ]
         assert len(said) == (by != 0) and all(w in s for s in said for w in words), (by, said)
@@ -125,11 +127,11 @@ def test_a_reach_that_does_not_turn_the_hand_is_as_sure_as_it_says() -> None:
         )
         assert made.plate is not None and made.truth.place is not None
         blocks = list(made.samples.values())
-        s = hand_position.setting(
+        s = hand_position.make_setting(
             PlaceParams(), made.plate, [b.stream for b in blocks], made.mounting
         )
         assert s is not None
-        places = hand_position.followed(s, blocks)
+        places = hand_position.smooth_places(s, blocks)
         true = np.stack([np.interp(places.t, made.truth.t, p) for p in made.truth.place.T], axis=1)
         off = (places.place - true)[places.t > 3.0]
         assert np.sqrt((off**2).sum(axis=1).mean()) < 0.017
@@ -149,7 +151,7 @@ def test_blocks_may_be_cut_anywhere_and_streams_may_come_in_turn(
             state, places = hand_position.step(s, state, [piece])
             told.append(places)
     live, whole = (
-        hand_position.joined(told),
+        hand_position.join_places(told),
         hand_position.step(
             s, hand_position.start(s), [b.between(0.0, 245 / 60 - 1e-6) for b in blocks]
         )[1],
@@ -164,13 +166,14 @@ def test_out_of_reach_and_a_second_magnet_are_flagged() -> None:
     worn, plate = _worn(1)
     m = sim.condition("both", np.random.default_rng(11), 20.0)
     gone = sim.away(m, 8.0, 16.0)
-    places = hand_position.followed(_setting(plate, _blocks(gone, worn)), _blocks(gone, worn))
+    places = hand_position.smooth_places(_setting(plate, _blocks(gone, worn)), _blocks(gone, worn))
     away = (places.t > 12.0) & (places.t < 15.0)
     assert (places.flags[away] & PlaceFlag.OUT_OF_REACH != 0).mean() > 0.9
     near = MagneticField(np.zeros(3), np.array([[0.15, 0.35, 0.0]]), np.array([[0.0, 3.0, 0.0]]))
     disturbed = _blocks(m, worn, near)
     assert (
-        hand_position.followed(_setting(plate, disturbed), disturbed).flags & PlaceFlag.DOUBTFUL
+        hand_position.smooth_places(_setting(plate, disturbed), disturbed).flags
+        & PlaceFlag.DOUBTFUL
         != 0
     ).mean() > 0.5
 
@@ -195,7 +198,7 @@ def test_a_plate_that_cannot_be_is_refused_in_words(
 ) -> None:
     _, plate, blocks = both
     with pytest.raises(InputError, match=f"^the hand's place is not told: .*{words}"):
-        hand_position.setting(
+        hand_position.make_setting(
             PARAMS, replace(plate, **change), [b.stream for b in blocks], MOUNTING
         )  # type: ignore[arg-type]
 
@@ -204,14 +207,14 @@ def test_a_glove_without_any_of_it_is_none_and_a_part_of_it_is_said(
     both: tuple[Motion, Plate, list[Block]],
 ) -> None:
     _, plate, (trunk, hand, array) = both
-    assert hand_position.setting(PARAMS, None, [hand.stream], {}) is None
+    assert hand_position.make_setting(PARAMS, None, [hand.stream], {}) is None
     for told, streams, words in (
         (None, [trunk, hand, array], "nobody said where they and the magnet are"),
         (plate, [hand, array], "no inertial sensor on the trunk"),
         (plate, [trunk, hand], "no magnetometer on the trunk"),
     ):
         with pytest.raises(InputError, match=words):
-            hand_position.setting(PARAMS, told, [b.stream for b in streams], {})
+            hand_position.make_setting(PARAMS, told, [b.stream for b in streams], {})
 
 
 def test_inertial_samples_are_told_on_the_line_between_two_magnetic_ones_as_they_were_read_and_holes_stay_holes() -> (
@@ -234,7 +237,7 @@ def test_inertial_samples_are_told_on_the_line_between_two_magnetic_ones_as_they
     waiting, early = magnet_streams.take(
         magnet_streams.Waiting(("trunk_mag_1",), {}), [hand, base, mag], 0.5
     )
-    late = magnet_streams.rest(waiting)
+    late = magnet_streams.flush(waiting)
     told, inertial = (
         np.concatenate([early.mag[:, 0, 0], late.mag[:, 0, 0]]),
         np.concatenate([early.base[:, 0], late.base[:, 0]]),
@@ -272,7 +275,9 @@ def test_what_was_told_roughly_is_learnt_from_movement() -> None:
             for name, p in plate.places.items()
         }
         rough = replace(plate, moment=(x, y, z), place=(off[0], off[1], off[2]), places=places)
-        found = setup_learning.learnt(rough, Roughly(), _blocks(m, worn), MOUNTING)
+        found = setup_learning.estimate_setup(
+            rough, DeclarationErrors(), _blocks(m, worn), MOUNTING
+        )
         errors_of = [
             (np.array(found.plate.moment) - worn.moment, found.moment_sd),
             (np.array(found.plate.place) - worn.lever, found.place_sd),
@@ -298,9 +303,9 @@ def test_a_magnet_that_was_hardly_near_or_is_contradicted_is_not_learnt() -> Non
     m = sim.condition("both", np.random.default_rng(11), 20.0)
     gone = sim.away(m, -2.0, 30.0)
     with pytest.raises(InputError, match=r"near enough to be followed for .* Move it 10 to 30 cm"):
-        setup_learning.learnt(plate, Roughly(), _blocks(gone, worn), MOUNTING)
+        setup_learning.estimate_setup(plate, DeclarationErrors(), _blocks(gone, worn), MOUNTING)
     near = MagneticField(np.zeros(3), np.array([[0.15, 0.35, 0.0]]), np.array([[0.0, 3.0, 0.0]]))
     with pytest.raises(InputError, match="contradict everything near what was told"):
-        setup_learning.learnt(plate, Roughly(), _blocks(m, worn, near), MOUNTING)
+        setup_learning.estimate_setup(plate, DeclarationErrors(), _blocks(m, worn, near), MOUNTING)
     with pytest.raises(InputError, match="no magnetometers on the trunk"):
-        setup_learning.learnt(None, Roughly(), _blocks(m, worn)[:2], MOUNTING)
+        setup_learning.estimate_setup(None, DeclarationErrors(), _blocks(m, worn)[:2], MOUNTING)

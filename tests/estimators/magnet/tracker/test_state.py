@@ -4,21 +4,24 @@ import numpy as np
 import pytest
 
 from handscope.estimators.magnet.tracker import state as mf
-from handscope.estimators.magnet.tracker.inertial_updates import pushed_alike, vertical
-from handscope.estimators.magnet.tracker.latency import (
-    FB,
-    LEARNT,
-    SLOW,
-    TELLS,
-    VS,
-    WAY,
-    WB,
-    earlier,
-    settled,
-    went_on,
+from handscope.estimators.magnet.tracker.inertial_updates import (
+    common_acceleration_update,
+    gravity_update,
 )
-from handscope.estimators.magnet.tracker.magnetic_update import read
-from handscope.estimators.magnet.tracker.options import MagnetParams, sizes
+from handscope.estimators.magnet.tracker.latency import (
+    ESTIMATED,
+    FB,
+    KINEMATICS_SIZE,
+    LATENCY_MODE,
+    VELOCITY_MEMORY,
+    VS,
+    WB,
+    predict_kinematics,
+    smooth_velocity,
+    state_delayed,
+)
+from handscope.estimators.magnet.tracker.magnetic_update import predict_delayed_reading
+from handscope.estimators.magnet.tracker.options import MagnetParams, noise_model
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.jit import looped
@@ -26,59 +29,61 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import magnet as sim
 
 RNG = np.random.default_rng(7)
-SIZES = sizes(MagnetParams(gyr_reading="instant"))
+NOISE = noise_model(MagnetParams(gyr_reading="instant"))
 
 
 @looped
-def _stepped(s, x: Array, before: Array, now: Array, dt: float, F: Array) -> Array:  # type: ignore[no-untyped-def]
-    return mf.stepped(s, x, before, now, dt, F)
+def _propagate(s, x: Array, before: Array, now: Array, dt: float, F: Array) -> Array:  # type: ignore[no-untyped-def]
+    return mf.propagate_state(s, x, before, now, dt, F)
 
 
 @looped
-def _read(x: Array, way: Array, k: int, H: Array) -> Array:
-    return read(x, way, k, H)
+def _predict_reading(x: Array, kinematics: Array, k: int, H: Array) -> Array:
+    return predict_delayed_reading(x, kinematics, k, H)
 
 
 @looped
-def _earlier(x: Array, way: Array) -> Array:
-    return earlier(x, way)
+def _delayed(x: Array, kinematics: Array) -> Array:
+    return state_delayed(x, kinematics)
 
 
 @looped
-def _went_on(way: Array, now: Array, dt: float) -> None:
-    went_on(way, now, dt)
+def _predict(kinematics: Array, now: Array, dt: float) -> None:
+    predict_kinematics(kinematics, now, dt)
 
 
 @looped
-def _settled(way: Array, x: Array, P: Array, v: Array, dt: float) -> None:
-    settled(way, x, P, v, dt)
+def _smooth_velocity(kinematics: Array, x: Array, P: Array, v: Array, dt: float) -> None:
+    smooth_velocity(kinematics, x, P, v, dt)
 
 
 @looped
-def _moved(x: Array, dx: Array) -> Array:
-    return mf.moved(x, dx)
+def _inject(x: Array, dx: Array) -> Array:
+    return mf.inject_error(x, dx)
 
 
 @looped
-def _widened(s, P: Array, F: Array, dt: float, w_b: float, field: float) -> None:  # type: ignore[no-untyped-def]
-    mf.widened(s, P, F, dt, w_b, 0.0, 0.0, field, 1.0)
+def _propagate_covariance(s, P: Array, F: Array, dt: float, w_b: float, field: float) -> None:  # type: ignore[no-untyped-def]
+    mf.propagate_covariance(s, P, F, dt, w_b, 0.0, 0.0, field, 1.0)
 
 
 @looped
-def _told(s, x: Array, P: Array, now: Array, base: bool, target: bool, dt: float) -> Array:  # type: ignore[no-untyped-def]
+def _updated_errors(
+    s, x: Array, P: Array, now: Array, base: bool, target: bool, dt: float
+) -> Array:  # type: ignore[no-untyped-def]
     dx = np.zeros(len(P))
     if base or target:
-        vertical(s, x, P, dx, now, base, target, False, dt)
+        gravity_update(s, x, P, dx, now, base, target, False, dt)
     else:
-        pushed_alike(s, x, P, dx, now, dt)
-    return mf.moved(x, dx)
+        common_acceleration_update(s, x, P, dx, now, dt)
+    return mf.inject_error(x, dx)
 
 
 def _state() -> Array:
     """Of a trunk with two magnetometers."""
     x = 0.1 * RNG.normal(size=57)
     x[mf.XM : mf.XM + 6] = [0.1, -0.2, 0.25, 0.01, 0.03, 0.0]
-    x[mf.XS : mf.XL + 6] *= 1e-5
+    x[mf.XG : mf.XL + 6] *= 1e-5
     x[mf.XL + 6 :] = [0.0, 0.0, 0.0, -0.1, -0.1, 0.0, 0.07]
     x[0:3] = [-0.05, 0.1, 0.2]
     x[mf.XB : mf.XB + 3] = [1e-6, 18e-6, -46e-6]
@@ -100,31 +105,36 @@ def test_slopes_of_the_time_update_are_differences() -> None:
     before[[3, 4, 5, 9, 10, 11]] *= 10
     now[[3, 4, 5, 9, 10, 11]] *= 10
     x, F, other = _state(), np.zeros((30, 30)), np.zeros((30, 30))
-    _stepped(SIZES, x, before, now, dt, F)
+    _propagate(NOISE, x, before, now, dt, F)
     for k in range(30):
         dx = np.zeros(55)
         dx[k] = h
-        ahead = _stepped(SIZES, _moved(x, dx), before, now, dt, other)
-        behind = _stepped(SIZES, _moved(x, -dx), before, now, dt, other)
+        ahead = _propagate(NOISE, _inject(x, dx), before, now, dt, other)
+        behind = _propagate(NOISE, _inject(x, -dx), before, now, dt, other)
         # a force in the middle of the sample and a turn over half of it are told to first order in dt
         np.testing.assert_allclose(F[:, k], _difference(behind, ahead)[:30] / (2 * h), atol=4e-3)
 
 
 def test_slopes_of_a_magnetometer_are_differences() -> None:
     """Of one that is 62 ms late and read 8 ms ago, while trunk and hand turn and speed up."""
-    x, H, none, way = _state(), np.zeros((3, 55)), np.zeros((3, 55)), RNG.normal(size=WAY + 2)
-    x[-1], way[WAY:] = 0.062, [0.0, 0.008]
-    way[FB : FB + 6] *= 10
-    way[VS : VS + 3], way[TELLS] = x[3:6], LEARNT
-    _read(x, way, 1, H)
+    x, H, none, kinematics = (
+        _state(),
+        np.zeros((3, 55)),
+        np.zeros((3, 55)),
+        RNG.normal(size=KINEMATICS_SIZE + 2),
+    )
+    x[-1], kinematics[KINEMATICS_SIZE:] = 0.062, [0.0, 0.008]
+    kinematics[FB : FB + 6] *= 10
+    kinematics[VS : VS + 3], kinematics[LATENCY_MODE] = x[3:6], ESTIMATED
+    _predict_reading(x, kinematics, 1, H)
     assert np.linalg.norm(H[:, mf.MOM : mf.MOM + 3]) > 1e-6
     biases = [
         k for first in (mf.BTG, mf.BTA, mf.BBG, mf.BBA) for k in range(first, first + 3)
     ]  # left out: over 70 ms they move nothing
     for k in np.setdiff1d(range(55), biases):
         dx = np.zeros(55)
-        dx[k] = h = 1e-9 if mf.B_ <= k < mf.BTG or mf.LEFT <= k < mf.LEFT + 6 else 1e-5
-        ahead, behind = (_read(_moved(x, d), way, 1, none) for d in (dx, -dx))
+        dx[k] = h = 1e-9 if mf.B_ <= k < mf.BTG or mf.CAL <= k < mf.CAL + 6 else 1e-5
+        ahead, behind = (_predict_reading(_inject(x, d), kinematics, 1, none) for d in (dx, -dx))
         # rates that change make turns that do not commute: told to first order in the change
         np.testing.assert_allclose(
             H[:, k], (ahead - behind) / (2 * h), rtol=1e-4, atol=4e-6 if k == 54 else 1e-9
@@ -133,7 +143,7 @@ def test_slopes_of_a_magnetometer_are_differences() -> None:
 
 def _gravity(x: Array) -> tuple[Array, Array]:
     """What accelerometers of base and target read at rest."""
-    g_b = quat.rotate(quat.conjugate(x[mf.XGB : mf.XGB + 4]), np.array([0.0, 0.0, SIZES.gravity]))
+    g_b = quat.rotate(quat.conjugate(x[mf.XGB : mf.XGB + 4]), np.array([0.0, 0.0, NOISE.gravity]))
     return g_b + x[mf.XBA : mf.XBA + 3], quat.rotate(quat.conjugate(x[mf.XQ : mf.XQ + 4]), g_b) + x[
         mf.XTA : mf.XTA + 3
     ]
@@ -157,23 +167,25 @@ def test_slopes_of_the_accelerometers_are_differences(which: str) -> None:
         "target": lambda s: _gravity(s)[1],
         "common": lambda s: _carried(s, common),
     }[which]
-    sd = SIZES.acc_moving + 0.1 * np.linalg.norm(common) if which == "common" else SIZES.acc_still
-    told = sd**2 * SIZES.alike / dt / sure**2
+    sd = NOISE.acc_moving + 0.1 * np.linalg.norm(common) if which == "common" else NOISE.acc_still
+    weight = sd**2 * NOISE.acc_correlation_time / dt / sure**2
     for axis in range(3):
         pushed = rest.copy()
         pushed[at + axis] += 0.05
         here, there = (
             _difference(
                 x,
-                _told(SIZES, x, sure**2 * np.eye(55), now, which == "base", which == "target", dt),
+                _updated_errors(
+                    NOISE, x, sure**2 * np.eye(55), now, which == "base", which == "target", dt
+                ),
             )
             for now in (rest, pushed)
         )
         numeric = [
-            (predicted(_moved(x, dx)) - predicted(_moved(x, -dx)))[axis] / (2 * h)
+            (predicted(_inject(x, dx)) - predicted(_inject(x, -dx)))[axis] / (2 * h)
             for dx in h * np.eye(55)
         ]
-        np.testing.assert_allclose(told * (there - here) / 0.05, numeric, atol=2e-3)
+        np.testing.assert_allclose(weight * (there - here) / 0.05, numeric, atol=2e-3)
 
 
 def _carried(x: Array, f_b: Array) -> Array:
@@ -186,7 +198,7 @@ def _carried(x: Array, f_b: Array) -> Array:
 
 def test_the_covariance_is_carried_as_one_matrix() -> None:
     """Against F P F' + Q of all 55 errors at once, without the noise of trunk and hand."""
-    still = SIZES._replace(
+    still = NOISE._replace(
         gyr=0.0,
         gyr_moving=0.0,
         acc=0.0,
@@ -198,23 +210,23 @@ def test_the_covariance_is_carried_as_one_matrix() -> None:
     )
     A = RNG.normal(size=(55, 55))
     P, F, turned = A @ A.T, np.eye(30) + 0.1 * RNG.normal(size=(30, 30)), 0.05
-    kept = np.ones(55)
-    kept[mf.LEFT : mf.LEFT + 6] = np.exp(-turned / SIZES.left_alike)
-    kept[mf.SLO : mf.SLO + 5] = np.exp(-1 / 60 / mf.SEATED)
-    renewed = np.where(kept < 1.0, SIZES.mag_left, 0.0)
-    renewed[mf.SLO : mf.SLO + 5] = SIZES.slope
-    whole = np.diag(kept)
+    share = np.ones(55)
+    share[mf.CAL : mf.CAL + 6] = np.exp(-turned / NOISE.mag_correlation_angle)
+    share[mf.GRAD : mf.GRAD + 5] = np.exp(-1 / 60 / mf.GRADIENT_TIME)
+    renewed = np.where(share < 1.0, NOISE.mag_residual, 0.0)
+    renewed[mf.GRAD : mf.GRAD + 5] = NOISE.gradient
+    whole = np.diag(share)
     whole[:30, :30] = F
-    expected = whole @ P @ whole.T + np.diag(renewed**2 * (1 - kept**2))
+    expected = whole @ P @ whole.T + np.diag(renewed**2 * (1 - share**2))
     expected[mf.B_, mf.B_] += 2.0**2 * (1 - F[mf.B_, mf.B_] ** 2)
-    _widened(still, P, F, 1 / 60, 60 * turned, 2.0)
+    _propagate_covariance(still, P, F, 1 / 60, 60 * turned, 2.0)
     np.testing.assert_allclose(P, expected, rtol=1e-12, atol=1e-12)
 
 
 def test_a_turn_in_one_go_makes_of_gravity_what_scales_and_axes_do() -> None:
     """Half a radian moves half of gravity along the axes: 0.3 % of that."""
     P = np.zeros((49, 49))
-    _widened(SIZES._replace(acc_walk=0.0), P, np.eye(30), 1.0, 0.5, 0.0)
+    _propagate_covariance(NOISE._replace(acc_walk=0.0), P, np.eye(30), 1.0, 0.5, 0.0)
     assert np.sqrt(P[mf.BBA, mf.BBA]) == pytest.approx(
         MagnetParams().acc_share * GRAVITY * 0.5, rel=1e-9
     )
@@ -240,14 +252,14 @@ def test_a_movement_without_errors_is_followed_by_the_time_update_alone(name: st
     )
     x[mf.XVB : mf.XVB + 3] = speed[k]
     for i in range(k + 1, len(m.t)):
-        x = _stepped(SIZES, x, samples[i - 1], samples[i], 1 / 240, F)
+        x = _propagate(NOISE, x, samples[i - 1], samples[i], 1 / 240, F)
     assert np.linalg.norm(x[mf.XVB : mf.XVB + 3] - speed[-1]) < 2e-3
     assert np.linalg.norm(x[0:3] - m.p_bt[-1]) < 2e-3
     assert np.degrees(quat.angle(quat.relative(x[mf.XQ : mf.XQ + 4], m.q_bt[-1]))) < 0.05
-    way, x[-1] = np.zeros(WAY), 0.1
+    kinematics, x[-1] = np.zeros(KINEMATICS_SIZE), 0.1
     for i in range(-240, 0):
-        _went_on(way, samples[i], 1 / 240 if i > -240 else 0.0)
-    then, k = _earlier(x, way), -1 - 24
+        _predict(kinematics, samples[i], 1 / 240 if i > -240 else 0.0)
+    then, k = _delayed(x, kinematics), -1 - 24
     assert np.linalg.norm(then[0:3] - m.p_bt[k]) < 6e-3
     assert np.degrees(quat.angle(quat.relative(then[mf.XQ : mf.XQ + 4], m.q_bt[k]))) < 0.5
     assert (
@@ -266,14 +278,14 @@ def test_a_movement_without_errors_is_followed_by_the_time_update_alone(name: st
 def test_the_velocity_that_slopes_take_turns_with_the_trunk_and_is_not_that_of_a_lost_hand() -> (
     None
 ):
-    x, way, v, dt = _state(), np.zeros(WAY), RNG.normal(size=3), 1 / 60
-    x[mf.XBG : mf.XBG + 3], way[WB : WB + 3] = 0.0, [0.0, 0.0, 3.0]
-    apart = way[VS : VS + 3] - v
-    for known, kept in ((0.04, np.exp(-dt / SLOW)), (0.2, 0.0)):
-        led = way.copy()
-        _settled(led, x, np.eye(55) * known**2, v, dt)
+    x, kinematics, v, dt = _state(), np.zeros(KINEMATICS_SIZE), RNG.normal(size=3), 1 / 60
+    x[mf.XBG : mf.XBG + 3], kinematics[WB : WB + 3] = 0.0, [0.0, 0.0, 3.0]
+    deviation = kinematics[VS : VS + 3] - v
+    for known, share in ((0.04, np.exp(-dt / VELOCITY_MEMORY)), (0.2, 0.0)):
+        smoothed = kinematics.copy()
+        _smooth_velocity(smoothed, x, np.eye(55) * known**2, v, dt)
         np.testing.assert_allclose(
-            led[VS : VS + 3] - x[3:6],
-            kept * quat.rotate(quat.about(2, -3.0 * dt), apart),
+            smoothed[VS : VS + 3] - x[3:6],
+            share * quat.rotate(quat.about(2, -3.0 * dt), deviation),
             atol=1e-12,
         )

@@ -13,7 +13,7 @@ from handscope.estimators.magnet.tracker import smoother as magnet_smoother
 from handscope.estimators.magnet.tracker import tracker as tracking
 from handscope.estimators.magnet.tracker.initialisation import Setup
 from handscope.estimators.magnet.tracker.options import MagnetParams
-from handscope.estimators.magnet.tracker.smoother import smoothed
+from handscope.estimators.magnet.tracker.smoother import smooth
 from handscope.estimators.magnet.tracker.state import XL
 from handscope.estimators.magnet.tracker.tracker import Readings, Track
 from handscope.estimators.numerics import quaternions as quat
@@ -74,7 +74,7 @@ def _off(m: Motion, track: Track) -> Array:
 def both() -> tuple[Motion, Setup, Readings, Track]:
     m = sim.condition("both", np.random.default_rng(11), 30.0)
     setup, readings = _made(m)
-    return m, setup, readings, tracking.tracked(PARAMS, setup, readings)
+    return m, setup, readings, tracking.track_readings(PARAMS, setup, readings)
 
 
 def test_both_moving_is_followed_within_the_target(
@@ -97,7 +97,7 @@ def test_later_readings_make_the_way_smooth_and_nearer_and_no_surer_than_it_is(
     both: tuple[Motion, Setup, Readings, Track],
 ) -> None:
     m, setup, readings, filtered = both
-    state, track = smoothed(PARAMS, tracking.start(setup), readings)
+    state, track = smooth(PARAMS, tracking.start(setup), readings)
     late = m.t > 10.0
     away, before = (
         np.linalg.norm(np.gradient(k.p_bt - m.p_bt, m.t, axis=0), axis=1)[late]
@@ -120,9 +120,9 @@ def test_a_long_recording_is_smoothed_in_pieces_as_it_is_in_one(
 ) -> None:
     """Readings up to a piece later are asked; what comes after that moves a place by less than a fifth of its standard deviation."""
     _, setup, readings, _ = both
-    whole = smoothed(PARAMS, tracking.start(setup), readings)[1]
+    whole = smooth(PARAMS, tracking.start(setup), readings)[1]
     monkeypatch.setattr(magnet_smoother, "ROWS", 300)
-    pieces = smoothed(PARAMS, tracking.start(setup), readings)[1]
+    pieces = smooth(PARAMS, tracking.start(setup), readings)[1]
     known = np.isfinite(whole.p_bt[:, 0])
     assert (np.abs(pieces.p_bt - whole.p_bt) < 0.2 * whole.p_sd)[known].all()
     np.testing.assert_allclose(pieces.p_sd[known], whole.p_sd[known], rtol=0.05)
@@ -134,11 +134,11 @@ def test_readings_behind_a_gap_say_nothing_of_what_was_before(
 ) -> None:
     m, setup, readings, _ = both
     kept = (m.t < 12.0) | (m.t > 13.0)
-    first = tracking.part(readings, slice(int((m.t < 12.0).sum())))
+    first = tracking.select_readings(readings, slice(int((m.t < 12.0).sum())))
     whole = Readings(
         readings.t[kept], readings.base[kept], readings.target[kept], readings.mag[kept]
     )
-    alone, together = (smoothed(PARAMS, tracking.start(setup), r)[1] for r in (first, whole))
+    alone, together = (smooth(PARAMS, tracking.start(setup), r)[1] for r in (first, whole))
     np.testing.assert_allclose(together.p_bt[: len(alone)], alone.p_bt, atol=1e-9)
     np.testing.assert_allclose(together.p_sd[: len(alone)], alone.p_sd, rtol=1e-4)
 
@@ -149,7 +149,7 @@ def test_magnetometers_that_fail_for_half_a_second_contradict_nothing() -> None:
     m = sim.condition("both", np.random.default_rng(14), 30.0)
     setup, readings = _made(m)
     mag = np.where(((m.t % 1.5 < 0.5) & (m.t > 2.0))[:, None, None], np.nan, readings.mag)
-    track = tracking.tracked(PARAMS, setup, replace(readings, mag=mag))
+    track = tracking.track_readings(PARAMS, setup, replace(readings, mag=mag))
     assert not track.doubtful.any()
     assert np.sqrt((_off(m, track)[m.t > 5.0] ** 2).mean()) < 0.015
 
@@ -180,9 +180,9 @@ def test_late_magnetometers_are_found_and_accounted_for(
     m, setup, readings, track = both
     mag = readings.mag.copy()
     mag[3:] = readings.mag[:-3]
-    late = tracking.tracked(PARAMS, setup, replace(readings, mag=mag))
+    late = tracking.track_readings(PARAMS, setup, replace(readings, mag=mag))
     for t, by in ((track, 0.0), (late, 0.05)):
-        assert abs(t.lateness[-1] - by) < 4 * t.lateness_sd[-1] < 0.012
+        assert abs(t.latency[-1] - by) < 4 * t.latency_sd[-1] < 0.012
     after = m.t > 10.0
     assert np.sqrt((_off(m, late)[after] ** 2).mean()) < 0.01
     assert (((late.p_bt - m.p_bt) / late.p_sd)[after] ** 2).mean() < 1.6
@@ -195,8 +195,8 @@ def test_more_noise_than_was_told_is_measured(both: tuple[Motion, Setup, Reading
     loud = replace(
         readings, mag=readings.mag + 1e-6 * np.random.default_rng(3).normal(size=readings.mag.shape)
     )
-    found, after = tracking.tracked(PARAMS, setup, loud), m.t > 10.0
-    assert not found.doubtful[after].any() and found.surprise[after].mean() < 1.3
+    found, after = tracking.track_readings(PARAMS, setup, loud), m.t > 10.0
+    assert not found.doubtful[after].any() and found.nis[after].mean() < 1.3
     assert (((found.p_bt - m.p_bt) / found.p_sd)[after] ** 2).mean() < 1.6
     assert tracking.step(PARAMS, tracking.start(setup), readings)[0].noise == 0.0
     assert track.p_sd[after].mean() < found.p_sd[after].mean()
@@ -217,7 +217,7 @@ def test_a_magnet_near_the_plate_is_found_by_the_first_reading() -> None:
         base = np.array([[0, 0, 0, 0, 0, 9.81]])
         target = np.concatenate([np.zeros(3), quat.rotate(quat.conjugate(q_bt), base[0, 3:])])[None]
         still = Readings(np.zeros(1), base, target, mag[None])
-        track = tracking.tracked(
+        track = tracking.track_readings(
             PARAMS,
             Setup(magnet_setup.constellation(told), magnet_setup.magnet(w.moment), EARTH),
             still,
@@ -235,7 +235,7 @@ def test_out_of_reach_for_ten_seconds_and_back() -> None:
     ):  # before what led astray was forgotten 3 and 6 came back to a wrong place
         m = sim.away(sim.condition("both", np.random.default_rng(seed), 40.0), 18.0, 28.0)
         setup, readings = _made(m, seed)
-        track = tracking.tracked(PARAMS, setup, readings)
+        track = tracking.track_readings(PARAMS, setup, readings)
         off, away, sd = _off(m, track), m.t > 20.0, np.linalg.norm(track.p_sd, axis=1)
         assert np.sqrt((off[m.t > 28.5 + 2.0] ** 2).mean()) < 0.025
         assert ((off < 4 * sd) | track.doubtful)[away].all(), (
@@ -248,7 +248,7 @@ def test_a_hand_that_rests_far_away_is_not_learnt_as_the_room() -> None:
     m = sim.condition("hand", np.random.default_rng(313), 12.0)
     k = np.concatenate([np.zeros(600, int), np.arange(len(m.t))])
     m = Motion(np.arange(len(k)) / 60.0, m.p[k], m.q[k], m.w[k], m.a[k])
-    track = tracking.tracked(PARAMS, *_made(m, 313))
+    track = tracking.track_readings(PARAMS, *_made(m, 313))
     off, late = _off(m, track), m.t > 15.0
     assert np.sqrt((off[late] ** 2).mean()) < 0.025
     assert (off < 4 * np.linalg.norm(track.p_sd, axis=1))[late].all()
@@ -258,7 +258,7 @@ def test_a_hand_that_begins_far_away_is_not_found_where_it_is_not() -> None:
     """At 34 to 42 cm single readings tell a place to a quarter of its distance at best: it was kept as known to 3 cm, 6 to 70 cm beside."""
     for seed in (45, 62, 74):
         m = sim.condition("hand", np.random.default_rng(seed), 6.0)
-        track = tracking.tracked(PARAMS, *_made(m, seed))
+        track = tracking.track_readings(PARAMS, *_made(m, seed))
         assert (_off(m, track) < 3.5 * np.linalg.norm(track.p_sd, axis=1))[5:].all()
         assert np.median(_off(m, track)[-60:]) < 0.025, "found as it comes near"
 
@@ -291,9 +291,9 @@ def test_a_hand_at_rest_before_a_trunk_that_breathes_stays_where_it_is() -> None
         m = Motion(
             m.t, m.p[at], q, np.stack([rate, np.zeros_like(rate)], axis=1), np.zeros_like(m.a)
         )
-        track = tracking.tracked(PARAMS, *_made(m, seed))
+        track = tracking.track_readings(PARAMS, *_made(m, seed))
         assert (_off(m, track) < 3.5 * np.linalg.norm(track.p_sd, axis=1)).all()
-        assert (np.abs(track.lateness) < 4 * track.lateness_sd).all(), "no magnetometer is late"
+        assert (np.abs(track.latency) < 4 * track.latency_sd).all(), "no magnetometer is late"
 
 
 @cache
@@ -327,7 +327,7 @@ def _slid(seed: int, away: float = 0.2) -> tuple[Motion, Setup, Track]:
         setup,
         q_bt=quat.multiply(m.q_bt[0], quat.exp(np.radians(15.0) * axis / np.linalg.norm(axis))),
     )
-    return m, setup, tracking.tracked(PARAMS, setup, readings)
+    return m, setup, tracking.track_readings(PARAMS, setup, readings)
 
 
 def test_where_a_hand_is_turned_to_is_told_gravity_knows_better() -> None:
@@ -347,7 +347,7 @@ def test_a_hand_that_slides_without_turning_does_not_stand_still() -> None:
     for seed in range(20, 28):
         m, _, track = _slid(seed)
         settled = m.t > 6.0
-        late.append(np.mean((track.lateness / track.lateness_sd)[settled] ** 2))
+        late.append(np.mean((track.latency / track.latency_sd)[settled] ** 2))
         assert track.still[settled, 1].mean() < 0.4
         assert (_off(m, track) < 4.0 * np.linalg.norm(track.p_sd, axis=1))[settled].all()
     assert np.mean(late) < 2.5
@@ -397,7 +397,7 @@ def test_the_moment_of_a_magnet_that_nobody_measured_is_learnt(
     amiss = quat.rotate(quat.exp(np.radians([8.0, 0.0, 0.0])), 0.85 * w.told_moment)
     told = replace(setup, magnet=magnet_setup.magnet(amiss, w.told_lever + [0.015, 0.0, 0.0]))
     params = replace(PARAMS, magnet_error=0.15, lever_error=0.015)
-    found = tracking.learned(tracking.step(params, tracking.start(told), readings)[0])
+    found = tracking.estimated_setup(tracking.step(params, tracking.start(told), readings)[0])
     assert np.linalg.norm(found.magnet.moment - w.moment) < 0.04 * np.linalg.norm(w.moment)
 
 
@@ -407,7 +407,7 @@ def test_standard_deviations_are_honest() -> None:
     for seed in range(20, 28):
         m = sim.condition(("hand", "both")[seed % 2], np.random.default_rng(seed), 30.0)
         setup, readings = _made(m, seed)
-        track = tracking.tracked(PARAMS, setup, readings)
+        track = tracking.track_readings(PARAMS, setup, readings)
         turns = (
             quat.log(quat.relative(track.q_bt, m.q_bt)) / track.q_bt_sd,
             quat.log(quat.relative(track.q_gb, m.q[:, 0])) / track.q_gb_sd,
@@ -429,7 +429,7 @@ def test_missing_and_saturated_readings_are_left_out(
     mag[1::3] = np.nan
     mag[700:760, 2] = 1e-3
     base[900:905] = np.nan
-    track = tracking.tracked(PARAMS, setup, replace(readings, mag=mag, base=base))
+    track = tracking.track_readings(PARAMS, setup, replace(readings, mag=mag, base=base))
     assert track.saturated.sum() == np.isfinite(mag[700:760, 2, 0]).sum()
     assert np.isfinite(track.p_bt).all()
     assert np.sqrt((_off(m, track)[m.t > 10.0] ** 2).mean()) < 0.025
@@ -441,13 +441,13 @@ def test_a_second_magnet_is_flagged_and_not_believed(
     m = both[0]
     other = MagneticField(np.zeros(3), np.array([[0.05, 0.12, -0.1]]), np.array([[0.0, 0.2, 0.2]]))
     setup, readings = _made(m, second=other)
-    track = tracking.tracked(PARAMS, setup, readings)
+    track = tracking.track_readings(PARAMS, setup, readings)
     off, late = _off(m, track), m.t > 5.0
     assert track.doubtful[late].mean() > 0.9
     assert not ((off > 0.05) & ~track.doubtful & (off > 4 * np.linalg.norm(track.p_sd, axis=1)))[
         late
     ].any()
-    whole = smoothed(PARAMS, tracking.start(setup), readings)[1]
+    whole = smooth(PARAMS, tracking.start(setup), readings)[1]
     for of_both in ((track.p_bt, whole.p_bt), (track.q_gb, whole.q_gb)):
         np.testing.assert_allclose(
             *(rows[track.doubtful] for rows in of_both),
@@ -466,7 +466,7 @@ def test_a_room_that_is_not_the_same_everywhere_is_no_contradiction(
     slopes = 8e-6 * np.array([[1.0, 0.0, 0.5], [0.0, -1.0, 0.5], [0.5, 0.5, 0.0]])
     q_gb, array = m.q[:, None, 0], setup.array
     bent = quat.rotate(quat.conjugate(q_gb), quat.rotate(q_gb, array.places[None]) @ slopes)
-    track = tracking.tracked(
+    track = tracking.track_readings(
         PARAMS,
         setup,
         replace(readings, mag=readings.mag + quat.rotate(quat.conjugate(array.q_bl), bent)),
@@ -483,7 +483,7 @@ def test_a_place_told_wrong_is_flagged_and_not_believed(
     m, setup, readings, _ = both
     places = setup.array.places.copy()
     places[2, 0] += 0.02
-    track = tracking.tracked(
+    track = tracking.track_readings(
         PARAMS, replace(setup, array=replace(setup.array, places=places)), readings
     )
     late = m.t > 10.0
@@ -499,32 +499,32 @@ def test_errors_that_are_ordinary_one_by_one_are_not_when_they_come_together() -
     left = np.sqrt(np.maximum(np.diag(np.eye(30) - K @ H), 0.0))
     truth = rng.normal(size=(20000, 30))
     learnt = (truth @ H.T + rng.normal(size=(20000, 12))) @ K.T
-    chance = tracking.by_chance(learnt, np.tile(left, (20000, 1)))
+    chance = tracking.deviation_p_value(learnt, np.tile(left, (20000, 1)))
     assert (chance < 0.001).mean() < 0.0015
     assert 0.003 < (chance < 0.01).mean() < 0.012, "and not much more careful than that"
-    assert tracking.by_chance(np.full((1, 30), 2.0), np.tile(left, (1, 1)))[0] < 1e-6
+    assert tracking.deviation_p_value(np.full((1, 30), 2.0), np.tile(left, (1, 1)))[0] < 1e-6
 
 
 def test_magnetometers_that_were_never_calibrated_are_flagged(
     both: tuple[Motion, Setup, Readings, Track],
 ) -> None:
     setup, readings = _made(both[0], raw=True)
-    assert tracking.tracked(PARAMS, setup, readings).doubtful[both[0].t > 5.0].mean() > 0.9
+    assert tracking.track_readings(PARAMS, setup, readings).doubtful[both[0].t > 5.0].mean() > 0.9
 
 
 def test_what_cannot_be_is_refused(both: tuple[Motion, Setup, Readings, Track]) -> None:
     _, setup, readings, _ = both
     with pytest.raises(InputError, match="uT"):
-        tracking.tracked(PARAMS, setup, replace(readings, mag=readings.mag * 1e6))
+        tracking.track_readings(PARAMS, setup, replace(readings, mag=readings.mag * 1e6))
     with pytest.raises(InputError, match="on Earth"):
         tracking.start(replace(setup, earth=1.0))
     with pytest.raises(InputError, match="magnetometers were told"):
-        tracking.tracked(PARAMS, setup, replace(readings, mag=readings.mag[:, :3]))
+        tracking.track_readings(PARAMS, setup, replace(readings, mag=readings.mag[:, :3]))
 
 
 def test_the_signal_is_the_field_over_the_earths() -> None:
     np.testing.assert_allclose(
-        tracking.signal(np.array([[0, 0, 2 * EARTH], [EARTH, 0, 0]]), EARTH),
+        tracking.signal_strength(np.array([[0, 0, 2 * EARTH], [EARTH, 0, 0]]), EARTH),
         [6.0206, 0.0],
         atol=1e-4,
     )
