@@ -40,11 +40,18 @@ def compile_all() -> None:
 def _simulate_magnet() -> tuple[Setup, Readings]:
     """Setup and two seconds of readings of a magnet."""
     rng = np.random.default_rng(0)
-    w, m = magnet.worn(rng), magnet.condition("both", rng, 2.0)
-    imu, mag = magnet.inertial(w, m, rng), magnet.magnetic(w, m, homogeneous(), rng)
-    array = magnet_setup.constellation(w.told_places, w.q_bl)
+    w, m = magnet.draw_worn(rng), magnet.simulate_condition("both", rng, 2.0)
+    imu, mag = (
+        magnet.simulate_inertial(w, m, rng),
+        magnet.simulate_magnetic(w, m, homogeneous(), rng),
+    )
+    array = magnet_setup.make_constellation(w.declared_places, w.q_bl)
     setup = Setup(
-        array, magnet_setup.magnet(w.told_moment, w.told_lever), EARTH, None, q_bt=m.q_bt[0]
+        array,
+        magnet_setup.make_magnet(w.declared_moment, w.declared_lever),
+        EARTH,
+        None,
+        q_bt=m.q_bt[0],
     )
     return setup, Readings(m.t, imu[:, 0], imu[:, 1], mag)
 

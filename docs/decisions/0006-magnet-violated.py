@@ -105,25 +105,27 @@ def trial(movement: str, seed: int, case: str) -> tuple[float, float, float]:
     """RMS mm, share doubtful %, share wrong by 3 cm and three standard deviations and not doubtful %."""
     rng = np.random.default_rng([seed, 5])
     room = ROOMS[case](seed) if case in ROOMS else office(np.random.default_rng([seed, 9]))
-    worn, spot = magnet.worn(rng), kortier5.SPOT
-    turning = magnet.turned_about(rng, spot=spot)
-    raw = magnet.magnetic(worn, turning, room, rng, magnet=False)
+    worn, spot = magnet.draw_worn(rng), kortier5.SPOT
+    turning = magnet.rotate_plate(rng, spot=spot)
+    raw = magnet.simulate_magnetic(worn, turning, room, rng, magnet=False)
     spheres = [
         magnetometer_ellipsoid.fitted(raw[:, k], strength=EARTH) for k in range(raw.shape[1])
     ]
     calibrated = np.stack([s.corrected(raw[:, k]) for k, s in enumerate(spheres)], axis=1)
     q_bl = magnetometer_ellipsoid.common_axes(calibrated).q_1l
     dip = magnetometer_ellipsoid.dip(
-        calibrated[:, 0], magnet.inertial(worn, turning, rng)[:, 0, 3:]
+        calibrated[:, 0], magnet.simulate_inertial(worn, turning, rng)[:, 0, 3:]
     )
-    m = magnet.condition(movement, rng, spot=spot)
+    m = magnet.simulate_condition(movement, rng, spot=spot)
     told = quat.multiply(m.q_bt[0], quat.exp(kortier5.START / np.sqrt(3) * rng.normal(size=3)))
-    carried = magnet_setup.magnet(worn.told_moment, worn.told_lever)
+    carried = magnet_setup.make_magnet(worn.declared_moment, worn.declared_lever)
     setup = Setup(
-        magnet_setup.constellation(worn.told_places, q_bl), carried, EARTH, dip, None, told
+        magnet_setup.make_constellation(worn.declared_places, q_bl), carried, EARTH, dip, None, told
     )
-    inertial = magnet.inertial(worn, m, rng)
-    raw = magnet.magnetic(worn, m, room, rng, second=PIECES[case](seed) if case in PIECES else None)
+    inertial = magnet.simulate_inertial(worn, m, rng)
+    raw = magnet.simulate_magnetic(
+        worn, m, room, rng, second=PIECES[case](seed) if case in PIECES else None
+    )
     mag = np.stack([s.corrected(raw[:, k]) for k, s in enumerate(spheres)], axis=1)
     setup, readings = CHANGES.get(case, CHANGES["as told"])(
         setup, Readings(m.t, inertial[:, 0], inertial[:, 1], mag), seed

@@ -14,8 +14,8 @@ from scipy.interpolate import make_interp_spline
 
 from handscope.estimators.data.options import option
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.constants import GRAVITY, MU0_4PI
+from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.simulation.magnetic_field import MagneticField
 from handscope.estimators.simulation.sensors import LSM330DLC_HMC5983, SensorErrors
 
@@ -97,23 +97,23 @@ class Worn:
     hard: Array  # (magnetometers, 3) T
     moment: Array  # (3,) A m^2
     lever: Array  # (3,) m
-    told_places: Array
-    told_moment: Array
-    told_lever: Array
+    declared_places: Array
+    declared_moment: Array
+    declared_lever: Array
     matrix: Array  # (2 quantities, 2 sensors, 3, 3) of gyroscope and accelerometer
     bias: Array  # (2 sensors, 6)
     errors: SensorErrors
 
 
-def worn(
+def draw_worn(
     rng: np.random.Generator,
     errors: SensorErrors = ARRAY_ERRORS,
-    told: MagnetErrors | None = None,
+    declaration: MagnetErrors | None = None,
     places: Array = PLATE,
     moment: Array = ROD,
 ) -> Worn:
     """Draw one plate and one magnet; `moment` is what the user tells of it."""
-    e, n = told or MagnetErrors(), len(places)
+    e, n = declaration or MagnetErrors(), len(places)
     turn = e.turn * np.pi / 180 * rng.normal(size=(n, 3))
     turn[0] = 0.0  # the first shares the axes of the inertial sensor in its housing
     soft = np.eye(3) + e.soft_iron * rng.normal(size=(n, 3, 3))
@@ -144,7 +144,7 @@ def worn(
     )
 
 
-def inertial(w: Worn, m: Motion, rng: np.random.Generator) -> Array:
+def simulate_inertial(w: Worn, m: Motion, rng: np.random.Generator) -> Array:
     """Readings (n, 2, 6) of the sensors on base and target at the instants of the motion."""
     e, rate = w.errors, 1.0 / float(m.t[1] - m.t[0])
     force = quat.rotate(quat.conjugate(m.q), m.a + np.array([0.0, 0.0, GRAVITY]))
@@ -159,7 +159,7 @@ def inertial(w: Worn, m: Motion, rng: np.random.Generator) -> Array:
     return np.concatenate([gyr, acc], axis=-1)
 
 
-def magnetic(
+def simulate_magnetic(
     w: Worn,
     m: Motion,
     room: MagneticField,
@@ -177,7 +177,7 @@ def magnetic(
         r = places - (m.p[:, 1] + quat.rotate(m.q[:, 1], w.lever))[:, None]
         mu = quat.rotate(m.q[:, 1], w.moment)[:, None]
         square = (r * r).sum(axis=-1, keepdims=True)
-        B = B + 1e-7 * (3 * (r * mu).sum(axis=-1, keepdims=True) * r - square * mu) / square**2.5
+        B = B + MU0_4PI * (3 * (r * mu).sum(axis=-1, keepdims=True) * r - square * mu) / square**2.5
     own = quat.rotate(quat.conjugate(quat.multiply(q_gb, w.q_bl)), B)
     raw = (
         np.einsum("lij,nlj->nli", w.soft, own)
@@ -188,7 +188,7 @@ def magnetic(
     return np.asarray(np.clip(raw, -limit, limit))
 
 
-def turned_about(
+def rotate_plate(
     rng: np.random.Generator, seconds: float = 60.0, rate: float = 60.0, spot: Array | None = None
 ) -> Motion:
     """The plate turned by hand in all directions within some centimetres, for the calibration of its magnetometers; the magnet is away."""
@@ -204,7 +204,7 @@ def turned_about(
     def place(t: Array) -> Array:
         return where + 0.03 * swing(t)
 
-    return _sampled(
+    return _sample_motion(
         seconds,
         rate,
         place,
@@ -214,7 +214,7 @@ def turned_about(
     )
 
 
-def condition(
+def simulate_condition(
     name: str,
     rng: np.random.Generator,
     seconds: float = 70.0,
@@ -227,17 +227,17 @@ def condition(
 
 def _hand_moves(rng: np.random.Generator, seconds: float, rate: float, spot: Array) -> Motion:
     """Reach as far as one can and come back, the trunk still but for breathing."""
-    return _seated(rng, seconds, rate, spot, trunk=2.0, near=0.13, far=0.42, wrist=35.0)
+    return _simulate_seated(rng, seconds, rate, spot, trunk=2.0, near=0.13, far=0.42, wrist=35.0)
 
 
 def _trunk_moves(rng: np.random.Generator, seconds: float, rate: float, spot: Array) -> Motion:
     """Turn about the long axis, the hand kept where it is against the trunk, as well as one can."""
-    return _seated(rng, seconds, rate, spot, trunk=40.0, near=0.20, far=0.22, wrist=3.0)
+    return _simulate_seated(rng, seconds, rate, spot, trunk=40.0, near=0.20, far=0.22, wrist=3.0)
 
 
 def _both_move(rng: np.random.Generator, seconds: float, rate: float, spot: Array) -> Motion:
     """Pick and place: trunk and hand turn and move at once."""
-    return _seated(rng, seconds, rate, spot, trunk=25.0, near=0.12, far=0.30, wrist=40.0)
+    return _simulate_seated(rng, seconds, rate, spot, trunk=25.0, near=0.12, far=0.30, wrist=40.0)
 
 
 CONDITIONS: Mapping[str, Callable[[np.random.Generator, float, float, Array], Motion]] = {
@@ -247,7 +247,7 @@ CONDITIONS: Mapping[str, Callable[[np.random.Generator, float, float, Array], Mo
 }
 
 
-def away(m: Motion, begin: float, end: float, by: float = 0.6) -> Motion:
+def move_hand_away(m: Motion, begin: float, end: float, by: float = 0.6) -> Motion:
     """The same with the hand led `by` m further forward from `begin` to `end` s: out of the magnetometers' reach."""
     t = m.t
     share = np.clip(np.minimum(t - begin, end - t) + 0.5, 0.0, 1.0)
@@ -260,7 +260,7 @@ def away(m: Motion, begin: float, end: float, by: float = 0.6) -> Motion:
     return Motion(t, p, m.q, m.w, a)
 
 
-def _seated(
+def _simulate_seated(
     rng: np.random.Generator,
     seconds: float,
     rate: float,
@@ -305,7 +305,7 @@ def _seated(
     def hand_turn(t: Array) -> Array:
         return quat.multiply(held, quat.exp(np.radians(wrist) * turn(t)))
 
-    return _sampled(seconds, rate, trunk_place, trunk_turn, hand_place, hand_turn)
+    return _sample_motion(seconds, rate, trunk_place, trunk_turn, hand_place, hand_turn)
 
 
 def _swings(rng: np.random.Generator, n: int, slow: float, fast: float) -> Callable[[Array], Array]:
@@ -327,7 +327,7 @@ def _swings(rng: np.random.Generator, n: int, slow: float, fast: float) -> Calla
     return swing
 
 
-def _sampled(
+def _sample_motion(
     seconds: float,
     rate: float,
     base_place: Callable[[Array], Array],

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.constants import MU0_4PI
+from handscope.estimators.numerics.quaternions import Array
 
-MU0_4PI = 1e-7  # T m / A
 EARTH, DIP = 49.8e-6, np.radians(68.0)  # T and rad in Berlin: IGRF-13
 
 

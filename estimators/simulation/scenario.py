@@ -121,7 +121,7 @@ def performed(
         for p in plans
     }
     parts: dict[str, list[Block]] = {p.name: [] for p in plans}
-    carried = trunk.carried(on_trunk, of_trunk) if on_trunk is not None else None
+    carried = trunk.draw_carried(on_trunk, of_trunk) if on_trunk is not None else None
     truths, events, begin = [], [], 0.0
     for performance in performances:
         end = begin + performance.motion.duration
@@ -177,7 +177,7 @@ def _truth(
     return (
         moved
         if carried is None
-        else trunk.told(carried, shifted(performance.motion, begin), k, worn, moved)
+        else trunk.add_true_position(carried, shifted(performance.motion, begin), k, worn, moved)
     )
 
 
@@ -237,13 +237,13 @@ def _on_trunk(
         for performance, begin, end in zip(performances, starts, starts[1:]):
             t, motion = _instants(begin, end, stream.rate, 1.0), shifted(performance.motion, begin)
             if stream.inertial:
-                parts.append(Block(stream, t, trunk.inertial(c, motion, t, rng)))
+                parts.append(Block(stream, t, trunk.simulate_inertial(c, motion, t, rng)))
             else:
                 parts.append(
                     Block(
                         stream,
                         t,
-                        trunk.magnetic(
+                        trunk.simulate_magnetic(
                             c, motion, kinematics.of_motion(motion, geometry, t), worn, rng
                         ),
                     )

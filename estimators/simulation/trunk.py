@@ -23,7 +23,7 @@ from handscope.estimators.simulation.magnetic_field import DIP, EARTH, MagneticF
 from handscope.estimators.simulation.motion import COORDINATES, Motion
 from handscope.estimators.simulation.sensors import SensorErrors, SensorSet
 
-UP, BACK, LEVER = (
+ABOVE_WRIST, BEHIND_WRIST, ABOVE_HIPS = (
     0.20,
     0.12,
     0.40,
@@ -37,7 +37,7 @@ DISC = np.array(
     [0.0, 0.0, 1.3 / (4e-7 * np.pi) * np.pi * 0.010**2 * 0.005]
 )  # A m^2: neodymium of 1.3 T (N42), 20 mm across, 5 mm thick
 MAGNETOMETERS = TRUNK_MAGNETOMETERS[: len(magnet.PLATE)]
-LEFT = MagnetErrors(
+CALIBRATION_RESIDUALS = MagnetErrors(
     hard_iron=0.2, soft_iron=0.004, turn=0.06
 )  # uT, 1, deg: what turning the plate in an office leaves at most (magnetometer_sphere.py)
 Q_BS = quat.from_matrix(
@@ -52,7 +52,7 @@ class TrunkGlove:
     rate: float = 100.0  # Hz of the inertial sensor
     mag_rate: float = 75.0  # Hz: the fastest of the HMC5883L's data sheet
     errors: SensorErrors = field(default_factory=lambda: magnet.ARRAY_ERRORS)
-    plate: MagnetErrors = LEFT
+    plate: MagnetErrors = CALIBRATION_RESIDUALS
     lean: float = LEAN  # rad/m
     room: MagneticField = field(default_factory=homogeneous)
 
@@ -80,29 +80,33 @@ def streams(glove: TrunkGlove) -> tuple[Stream, Stream]:
     return Stream("trunk", (TRUNK,), (GYR, ACC), glove.rate, "base", scale), array
 
 
-def carried(glove: TrunkGlove, rng: np.random.Generator) -> Carried:
+def draw_carried(glove: TrunkGlove, rng: np.random.Generator) -> Carried:
     """Draw plate and magnet; the user measures them with a ruler."""
-    worn = magnet.worn(rng, glove.errors, glove.plate, moment=DISC)
-    places = {name: _place(p) for name, p in zip(MAGNETOMETERS, worn.told_places)}
+    worn = magnet.draw_worn(rng, glove.errors, glove.plate, moment=DISC)
+    places = {name: _place(p) for name, p in zip(MAGNETOMETERS, worn.declared_places)}
     return Carried(
-        glove, worn, Plate(places, _place(worn.told_moment), _place(worn.told_lever), EARTH, DIP)
+        glove,
+        worn,
+        Plate(places, _place(worn.declared_moment), _place(worn.declared_lever), EARTH, DIP),
     )
 
 
-def inertial(c: Carried, motion: Motion, t: Array, rng: np.random.Generator) -> Array:
+def simulate_inertial(c: Carried, motion: Motion, t: Array, rng: np.random.Generator) -> Array:
     """Readings (n, 1, 6) of the trunk's sensor."""
-    m = moved(c, motion, t)
-    return magnet.inertial(c.worn, m, rng)[:, :1] if len(t) > 1 else np.empty((0, 1, 6))
+    m = simulate_trunk(c, motion, t)
+    return magnet.simulate_inertial(c.worn, m, rng)[:, :1] if len(t) > 1 else np.empty((0, 1, 6))
 
 
-def magnetic(
+def simulate_magnetic(
     c: Carried, motion: Motion, k: Kinematics, worn: SensorSet, rng: np.random.Generator
 ) -> Array:
     """Readings (n, magnetometers, 3) in T."""
-    return magnet.magnetic(c.worn, of_hand(moved(c, motion, k.t), k, worn), c.glove.room, rng)
+    return magnet.simulate_magnetic(
+        c.worn, with_hand(simulate_trunk(c, motion, k.t), k, worn), c.glove.room, rng
+    )
 
 
-def moved(c: Carried, motion: Motion, t: Array) -> magnet.Motion:
+def simulate_trunk(c: Carried, motion: Motion, t: Array) -> magnet.Motion:
     """The trunk's sensor twice: in the place of the hand's stands its own."""
     y, dy, ddy = (x[:, COORDINATES["wrist_y"]] for x in motion.at(t))
     pace = 2 * np.pi * BREATHS
@@ -116,14 +120,14 @@ def moved(c: Carried, motion: Motion, t: Array) -> magnet.Motion:
     q = quat.multiply(q_lean, quat.multiply(quat.about(2, -TURN * y), NEUTRAL))
     up = np.column_stack([none, np.sin(lean), np.cos(lean)])
     forward = np.column_stack([none, np.cos(lean), -np.sin(lean)])
-    p = np.array([0.0, -BACK, UP - LEVER]) + LEVER * up
-    a = LEVER * (push[:, None] * forward - (rate**2)[:, None] * up)
+    p = np.array([0.0, -BEHIND_WRIST, ABOVE_WRIST - ABOVE_HIPS]) + ABOVE_HIPS * up
+    a = ABOVE_HIPS * (push[:, None] * forward - (rate**2)[:, None] * up)
     w = np.column_stack([-rate, none, none]) - (TURN * dy)[:, None] * up
     w_b = quat.rotate(quat.conjugate(q), w)
     return magnet.Motion(t, *(np.stack([v, v], axis=1) for v in (p, q, w_b, a)))
 
 
-def of_hand(trunk: magnet.Motion, k: Kinematics, worn: SensorSet) -> magnet.Motion:
+def with_hand(trunk: magnet.Motion, k: Kinematics, worn: SensorSet) -> magnet.Motion:
     """The trunk with the hand's sensor as the target; the target's rates and accelerations are not told."""
     q, p = sensors.seated(worn, k)
     row = worn.segments.index("hand")
@@ -132,11 +136,11 @@ def of_hand(trunk: magnet.Motion, k: Kinematics, worn: SensorSet) -> magnet.Moti
     return magnet.Motion(trunk.t, places, turns, trunk.w, trunk.a)
 
 
-def told(
+def add_true_position(
     c: Carried, motion: Motion, k: Kinematics, worn: SensorSet, truth: Trajectory
 ) -> Trajectory:
     """The truth with the place of the hand's sensor from the trunk's, and the trunk's orientation."""
-    m = of_hand(moved(c, motion, k.t), k, worn)
+    m = with_hand(simulate_trunk(c, motion, k.t), k, worn)
     n = len(k.t)
     return replace(
         truth,

@@ -20,7 +20,7 @@ from handscope.estimators.force.setup import Channel
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 from handscope.sessions.motion_bids.reader import TORQUES
-from handscope.sessions.tables_io.array_cells import MISSING, is_number, lines_in
+from handscope.sessions.tables_io.array_cells import MISSING, is_number, read_lines
 
 HEADER = re.compile(r"(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]+)\]$")
 UNITS = {
@@ -52,7 +52,7 @@ class LoadTable:
 
 def load_table(path: Path, gravity: float) -> LoadTable:
     """Read a table; InputError names the file, the line and what to do."""
-    with lines_in(path, LARGEST, "16 MB: give one row a load") as lines:
+    with read_lines(path, LARGEST, "16 MB: give one row a load") as lines:
         found = list(lines)
     if len(found) < 2:
         raise InputError(

@@ -19,17 +19,17 @@ Line = tuple[int, list[str]]  # its number and its cells
 
 
 @contextmanager
-def lines_in(path: Path, largest: int, instead: str) -> Iterator[Iterator[Line]]:
+def read_lines(path: Path, largest: int, instead: str) -> Iterator[Iterator[Line]]:
     """Lines of a file; InputError where there is none, or it has more than `largest` bytes: `instead` says how much that is and what to do."""
     if not path.is_file():
         raise InputError(f"{path} is not a file")
     if path.stat().st_size > largest:
         raise InputError(f"{path.name} is larger than {instead}")
     with path.open(encoding="utf-8-sig", errors="replace", newline=None) as file:
-        yield _lines_of(file)
+        yield _split_lines(file)
 
 
-def _lines_of(file: TextIO) -> Iterator[Line]:
+def _split_lines(file: TextIO) -> Iterator[Line]:
     """Cells of every line that is neither empty nor a comment."""
     mark: str | None = None
     for number, line in enumerate(file, 1):
@@ -41,7 +41,7 @@ def _lines_of(file: TextIO) -> Iterator[Line]:
         cells = (
             text.split()
             if mark == " "
-            else _quoted(text, mark, number)
+            else _split_quoted(text, mark, number)
             if '"' in text
             else text.split(mark)
         )
@@ -50,25 +50,25 @@ def _lines_of(file: TextIO) -> Iterator[Line]:
             number,
             cells
             if mark == ","
-            else [cell if opened(cell) else cell.replace(",", ".") for cell in cells],
+            else [cell if split_triple(cell) else cell.replace(",", ".") for cell in cells],
         )
 
 
-def _quoted(text: str, mark: str, number: int) -> list[str]:
+def _split_quoted(text: str, mark: str, number: int) -> list[str]:
     try:
         return next(csv.reader([text], delimiter=mark, skipinitialspace=True))
     except csv.Error as problem:
         raise InputError(f"line {number} of the table cannot be read: {problem}") from problem
 
 
-def opened(cell: str) -> list[str]:
+def split_triple(cell: str) -> list[str]:
     """The numbers of a cell that holds several: x, y and z; empty of any other cell."""
     if len(cell) < 2 or BRACKETS.get(cell[0]) != cell[-1]:
         return []
     return cell[1:-1].replace(",", " ").replace(";", " ").split()
 
 
-def without_end(cells: list[str], many: int = 1) -> list[str]:
+def drop_empty_end(cells: list[str], many: int = 1) -> list[str]:
     """Without empty cells behind the separator with which a line ends."""
     while len(cells) > many and not cells[-1]:
         cells = cells[:-1]
@@ -83,16 +83,16 @@ def is_number(cell: str) -> bool:
     return True
 
 
-def spread(cells: Sequence[str], wide: Sequence[bool]) -> list[str]:
+def expand_triples(cells: Sequence[str], wide: Sequence[bool]) -> list[str]:
     """Every cell that holds three as three."""
     single: list[str] = []
     for cell, three in zip(cells, wide):
-        parts = (opened(cell) or [cell] * 3) if three else [cell]
+        parts = (split_triple(cell) or [cell] * 3) if three else [cell]
         if three and len(parts) != 3:
             raise ValueError(f"{cell} are {len(parts)} numbers where x, y and z are looked for")
         single += parts
     return single
 
 
-def number_in(cell: str) -> float:
+def parse_number(cell: str) -> float:
     return float("nan") if cell.lower() in MISSING else float(cell)

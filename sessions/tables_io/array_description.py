@@ -31,7 +31,7 @@ ENTRIES = (
     "columns",
     "magnetometers",
 )
-OF_EACH = ("place", "q_bl", "columns")
+MAGNETOMETER_ENTRIES = ("place", "q_bl", "columns")
 Column = str | int  # its name, or its number counted from 1
 
 
@@ -49,7 +49,7 @@ class Timing:
 
 
 @dataclass(frozen=True)
-class Described:
+class ArrayDescription:
     unit: str | float  # a unit's name, or T of one count
     names: tuple[str, ...]
     places: Array  # (magnetometers, 3) m
@@ -65,11 +65,11 @@ class Described:
     sensor: Column | None = None  # says whose a row is, where every row is one magnetometer's
 
 
-def described(path: Path) -> Described:
+def read_description(path: Path) -> ArrayDescription:
     """Read it; InputError says what is wrong in it."""
     try:
-        told = json.loads(path.read_text("utf-8"))
-        return _described(told)
+        parsed = json.loads(path.read_text("utf-8"))
+        return _parse(parsed)
     except OSError as problem:
         raise InputError(f"{path} cannot be read: {problem.strerror}") from problem
     except (ValueError, KeyError, TypeError, AttributeError) as problem:
@@ -78,40 +78,47 @@ def described(path: Path) -> Described:
         ) from problem
 
 
-def _described(told: Mapping[str, Any]) -> Described:
-    each = told["magnetometers"]
-    if not each:
+def _parse(parsed: Mapping[str, Any]) -> ArrayDescription:
+    magnetometers = parsed["magnetometers"]
+    if not magnetometers:
         raise InputError("The array's file names no magnetometer.")
-    _refuse_others(told, ENTRIES, "the array's file")
-    for name, one in each.items():
-        _refuse_others(one, OF_EACH, f"magnetometer {name!r}")
+    _refuse_others(parsed, ENTRIES, "the array's file")
+    for name, one in magnetometers.items():
+        _refuse_others(one, MAGNETOMETER_ENTRIES, f"magnetometer {name!r}")
     places = np.array(
-        [[_finite(v, f"place of {name}") for v in one["place"]] for name, one in each.items()]
+        [
+            [_parse_finite(v, f"place of {name}") for v in one["place"]]
+            for name, one in magnetometers.items()
+        ]
     )
-    turns = [one.get("q_bl") for one in each.values()]
+    turns = [one.get("q_bl") for one in magnetometers.values()]
     if any(turn is None for turn in turns) and any(turn is not None for turn in turns):
         raise InputError("Tell q_bl of every magnetometer of the array or of none.")
     numbers = ("earth", "limit", "moment", "place_sd", "calibration_sd", "gradient", "rate")
     earth, limit, moment, place_sd, calibration_sd, gradient, rate = (
-        None if told.get(key) is None else _finite(told[key], key) for key in numbers
+        None if parsed.get(key) is None else _parse_finite(parsed[key], key) for key in numbers
     )
-    unit, sensor = told["unit"], told.get("sensor")
-    if "columns" in told and sensor is None:
+    unit, sensor = parsed["unit"], parsed.get("sensor")
+    if "columns" in parsed and sensor is None:
         raise InputError(
             "`columns` of the whole array are those of rows of one magnetometer each: tell `sensor`, the column that says whose, too."
         )
-    if sensor is not None and (own := [name for name, one in each.items() if "columns" in one]):
+    if sensor is not None and (
+        separate := [name for name, one in magnetometers.items() if "columns" in one]
+    ):
         raise InputError(
-            f"Magnetometer {own[0]!r} has `columns` of its own, and every row is one magnetometer's, as `sensor` says: tell `columns` once, beside `sensor`."
+            f"Magnetometer {separate[0]!r} has `columns` of its own, and every row is one magnetometer's, as `sensor` says: tell `columns` once, beside `sensor`."
         )
-    alike = (
+    shared = (
         {}
         if sensor is None
-        else dict.fromkeys(each, _columns("the array", told.get("columns", ["x", "y", "z"])))
+        else dict.fromkeys(
+            magnetometers, _parse_columns("the array", parsed.get("columns", ["x", "y", "z"]))
+        )
     )
-    return Described(
-        unit if isinstance(unit, str) else _finite(unit, "unit"),
-        tuple(each),
+    return ArrayDescription(
+        unit if isinstance(unit, str) else _parse_finite(unit, "unit"),
+        tuple(magnetometers),
         places,
         None if not turns or turns[0] is None else np.array(turns, float),
         earth,
@@ -120,44 +127,48 @@ def _described(told: Mapping[str, Any]) -> Described:
         PLACE_SD if place_sd is None else place_sd,
         calibration_sd,
         gradient or 0.0,
-        _timing(told.get("time"), rate),
-        alike
-        or {name: _columns(name, one["columns"]) for name, one in each.items() if "columns" in one},
+        _parse_timing(parsed.get("time"), rate),
+        shared
+        or {
+            name: _parse_columns(name, one["columns"])
+            for name, one in magnetometers.items()
+            if "columns" in one
+        },
         sensor,
     )
 
 
-def _refuse_others(told: Mapping[str, Any], known: Sequence[str], what: str) -> None:
-    strange = [key for key in told if key not in known]
+def _refuse_others(parsed: Mapping[str, Any], known: Sequence[str], what: str) -> None:
+    strange = [key for key in parsed if key not in known]
     if strange:
         raise InputError(
             f"There is no entry {strange[0]!r} in {what}; there are {', '.join(known)}."
         )
 
 
-def _timing(told: Any, rate: float | None) -> Timing:
+def _parse_timing(parsed: Any, rate: float | None) -> Timing:
     if rate is not None and not rate > 0:
         raise InputError(f"The array's rate is {rate:g} Hz; tell how many rows a second there are.")
-    if told is None:
+    if parsed is None:
         return Timing(rate=rate)
-    _refuse_others(told, ("column", "unit"), "the array's `time`")
-    unit = told.get("unit", "s")
+    _refuse_others(parsed, ("column", "unit"), "the array's `time`")
+    unit = parsed.get("unit", "s")
     if unit not in SECONDS:
         raise InputError(
             f"There is no unit {unit!r} of time; units are {', '.join(SECONDS)} (date and time of day)."
         )
-    return Timing(told.get("column", "t"), unit, rate)
+    return Timing(parsed.get("column", "t"), unit, rate)
 
 
-def _columns(name: str, told: Any) -> tuple[Column, ...]:
-    if not isinstance(told, list) or len(told) != 3:
+def _parse_columns(name: str, columns: Any) -> tuple[Column, ...]:
+    if not isinstance(columns, list) or len(columns) != 3:
         raise InputError(
-            f"The columns of {name} are {told!r}; they are three, of x, y and z, by name or counted from 1."
+            f"The columns of {name} are {columns!r}; they are three, of x, y and z, by name or counted from 1."
         )
-    return tuple(told)
+    return tuple(columns)
 
 
-def _finite(value: Any, what: str) -> float:
+def _parse_finite(value: Any, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
         raise InputError(f"The array's {what} has {value!r}, which is no finite number.")
     return float(value)

@@ -19,18 +19,24 @@ from handscope.estimators.numerics.typing import Array
 from handscope.sessions.tables_io.array_cells import (
     MISSING,
     Line,
+    drop_empty_end,
+    expand_triples,
     is_number,
-    lines_in,
-    number_in,
-    opened,
-    spread,
-    without_end,
+    parse_number,
+    read_lines,
+    split_triple,
 )
-from handscope.sessions.tables_io.array_description import IN_TURN, ISO, Column, Described, Timing
+from handscope.sessions.tables_io.array_description import (
+    IN_TURN,
+    ISO,
+    ArrayDescription,
+    Column,
+    Timing,
+)
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log")
 AXES = ("_x", "_y", "_z")
-LARGEST = 2**30  # bytes of a table
+MAX_BYTES = 2**30  # bytes of a table
 
 
 @dataclass(frozen=True)
@@ -47,52 +53,57 @@ class Columns:
     t: int | None
     axes: Mapping[str, tuple[int, int, int]]
     own: Mapping[str, int]  # times of those that have their own
-    whose: int | None = None  # the name, where every row is one magnetometer's
-    single: bool = False  # every row is one magnetometer's; all have the same axes
+    sensor: int | None = None  # the name, where every row is one magnetometer's
+    is_long: bool = False  # every row is one magnetometer's; all have the same axes
 
     @property
     def all(self) -> list[int]:
-        leading = [k for k in (self.t, self.whose) if k is not None]
-        each = list(self.axes.values())[:1] if self.single else list(self.axes.values())
+        leading = [k for k in (self.t, self.sensor) if k is not None]
+        each = list(self.axes.values())[:1] if self.is_long else list(self.axes.values())
         return [*leading, *self.own.values(), *(k for three in each for k in three)]
 
 
-def table(path: Path, told: Described) -> Table:
+def read_table(path: Path, array: ArrayDescription) -> Table:
     """Read the columns of the array's magnetometers; InputError names the file, the line and what to do."""
-    with lines_in(path, LARGEST, "1 GB: cut it into pieces") as lines:
+    with read_lines(path, MAX_BYTES, "1 GB: cut it into pieces") as lines:
         first = next(lines, None)
         if first is None:
             raise InputError(f"{path.name} holds no readings")
-        header = without_end(first[1])
-        bare = all(is_number(cell) or opened(cell) for cell in header)
+        header = drop_empty_end(first[1])
+        bare = all(is_number(cell) or split_triple(cell) for cell in header)
         second = first if bare else next(lines, None)
         if second is None:
             raise InputError(f"{path.name} holds no readings")
-        wide = [bool(opened(cell)) for cell in second[1]][: len(header)] + [False] * (
+        wide = [bool(split_triple(cell)) for cell in second[1]][: len(header)] + [False] * (
             len(header) - len(second[1])
         )
         names = [
             name + axis for name, three in zip(header, wide) for axis in (AXES if three else ("",))
         ]
-        columns = _columns(path.name, [] if bare else names, len(names), told)
-        rows = _rows(
-            path.name, _again(second, lines), wide if any(wide) else [], len(header), columns, told
+        columns = _find_columns(path.name, [] if bare else names, len(names), array)
+        rows = _read_rows(
+            path.name,
+            _prepend(second, lines),
+            wide if any(wide) else [],
+            len(header),
+            columns,
+            array,
         )
-    if columns.single:
-        return _by_magnetometer(path.name, rows, columns, told)
-    t, times = _times(path.name, rows, columns, told.time)
+    if columns.is_long:
+        return _split_by_magnetometer(path.name, rows, columns, array)
+    t, times = _read_times(path.name, rows, columns, array.time)
     where = {k: i for i, k in enumerate(columns.all)}
     return Table(
         t, {name: rows[:, [where[k] for k in axes]] for name, axes in columns.axes.items()}, times
     )
 
 
-def _again(first: Line, rest: Iterator[Line]) -> Iterator[Line]:
+def _prepend(first: Line, rest: Iterator[Line]) -> Iterator[Line]:
     yield first
     yield from rest
 
 
-def _columns(file: str, header: Sequence[str], many: int, told: Described) -> Columns:
+def _find_columns(file: str, header: Sequence[str], many: int, array: ArrayDescription) -> Columns:
     if len(set(header)) < len(header):
         raise InputError(f"{file}: two columns have the same name")
     place: dict[Column, int] = {name: k for k, name in enumerate(header)} | {
@@ -100,18 +111,18 @@ def _columns(file: str, header: Sequence[str], many: int, told: Described) -> Co
     }
     small = {name.lower(): k for k, name in reversed(list(enumerate(header)))}
     time: int | None = None
-    if told.time.rate is None:
-        if told.time.column not in place:
+    if array.time.rate is None:
+        if array.time.column not in place:
             raise InputError(
                 f"{file}: the first line must name the columns t (s) and <name>_x, <name>_y, <name>_z of every magnetometer, or the array's file tell `time` and "
-                f"`columns`; there is no column {told.time.column!r} but {_some(header, many)}"
+                f"`columns`; there is no column {array.time.column!r} but {_describe_header(header, many)}"
             )
-        time = place[told.time.column]
-    if told.sensor is not None:
-        return _of_long(file, header, many, told, place, time)
+        time = place[array.time.column]
+    if array.sensor is not None:
+        return _find_long_columns(file, header, many, array, place, time)
     axes, own = {}, {}
-    for name in told.names:
-        asked = told.columns.get(name)
+    for name in array.names:
+        asked = array.columns.get(name)
         found = (
             [small.get(f"{name}_{axis}".lower()) for axis in "xyz"]
             if asked is None
@@ -120,7 +131,7 @@ def _columns(file: str, header: Sequence[str], many: int, told: Described) -> Co
         x, y, z = found
         if x is None or y is None or z is None:
             raise InputError(
-                f"{file} has no magnetometer {name!r}: columns {name}_x, {name}_y, {name}_z are looked for, or those that the array's file tells as its `columns`; it has {_some(header, many)}"
+                f"{file} has no magnetometer {name!r}: columns {name}_x, {name}_y, {name}_z are looked for, or those that the array's file tells as its `columns`; it has {_describe_header(header, many)}"
             )
         axes[name] = (x, y, z)
         if f"{name}_t" in place:
@@ -128,26 +139,26 @@ def _columns(file: str, header: Sequence[str], many: int, told: Described) -> Co
     return Columns(time, axes, own)
 
 
-def _of_long(
+def _find_long_columns(
     file: str,
     header: Sequence[str],
     many: int,
-    told: Described,
+    array: ArrayDescription,
     place: Mapping[Column, int],
     time: int | None,
 ) -> Columns:
     """Where every row is one magnetometer's: whose stands in a column of its own."""
-    asked = told.columns[told.names[0]]
+    asked = array.columns[array.names[0]]
     x, y, z = (place.get(column) for column in asked)
-    whose = None if told.sensor in (None, IN_TURN) else place.get(told.sensor)
-    if x is None or y is None or z is None or (whose is None and told.sensor != IN_TURN):
+    sensor = None if array.sensor in (None, IN_TURN) else place.get(array.sensor)
+    if x is None or y is None or z is None or (sensor is None and array.sensor != IN_TURN):
         raise InputError(
-            f"{file} lacks one of the columns {', '.join(map(str, asked))} and {told.sensor}, told as `columns` and `sensor`; it has {_some(header, many)}"
+            f"{file} lacks one of the columns {', '.join(map(str, asked))} and {array.sensor}, told as `columns` and `sensor`; it has {_describe_header(header, many)}"
         )
-    return Columns(time, dict.fromkeys(told.names, (x, y, z)), {}, whose, True)
+    return Columns(time, dict.fromkeys(array.names, (x, y, z)), {}, sensor, True)
 
 
-def _some(header: Sequence[str], many: int) -> str:
+def _describe_header(header: Sequence[str], many: int) -> str:
     return (
         ", ".join(header[:6]) + (", ..." if len(header) > 6 else "")
         if header
@@ -155,29 +166,30 @@ def _some(header: Sequence[str], many: int) -> str:
     )
 
 
-def _rows(
+def _read_rows(
     file: str,
     lines: Iterator[Line],
     wide: Sequence[bool],
     many: int,
     columns: Columns,
-    told: Described,
+    array: ArrayDescription,
 ) -> Array:
     """The columns asked for (n, k); one number takes 8 bytes, not a Python object. `wide`: which cells hold three, empty where none does."""
     wanted, values = columns.all, numbers("d")
     reading: list[Callable[[str], float]] = [
-        _instant if k == columns.t and told.time.unit == ISO else number_in for k in wanted
+        _parse_instant if k == columns.t and array.time.unit == ISO else parse_number
+        for k in wanted
     ]
-    if columns.whose is not None:
-        reading[wanted.index(columns.whose)] = _whose(told.names)
+    if columns.sensor is not None:
+        reading[wanted.index(columns.sensor)] = _magnetometer_reader(array.names)
     for number, line in lines:
-        cells = without_end(line, many)
+        cells = drop_empty_end(line, many)
         if len(cells) != many:
             raise InputError(
                 f"{file}, line {number}: {len(cells)} columns where the first line has {many}"
             )
         try:
-            cells = spread(cells, wide) if wide else cells
+            cells = expand_triples(cells, wide) if wide else cells
             values.extend(read(cells[k]) for k, read in zip(wanted, reading))
         except ValueError as problem:
             raise InputError(f"{file}, line {number}: {problem}") from problem
@@ -186,7 +198,7 @@ def _rows(
     return np.frombuffer(values).reshape(-1, len(wanted))
 
 
-def _whose(names: Sequence[str]) -> Callable[[str], float]:
+def _magnetometer_reader(names: Sequence[str]) -> Callable[[str], float]:
     """The number of a magnetometer by its name, also where a table writes 1 as 1.0; NaN of others, whose rows are passed over."""
     known = {name: float(k) for k, name in enumerate(names)}
 
@@ -198,11 +210,11 @@ def _whose(names: Sequence[str]) -> Callable[[str], float]:
     return number
 
 
-def _instant(cell: str) -> float:
+def _parse_instant(cell: str) -> float:
     return datetime.fromisoformat(cell).timestamp()
 
 
-def _times(
+def _read_times(
     file: str, rows: Array, columns: Columns, time: Timing
 ) -> tuple[Array, Mapping[str, Array]]:
     """Seconds from the first row, and of the magnetometers that have times of their own."""
@@ -216,20 +228,24 @@ def _times(
     }
 
 
-def _by_magnetometer(file: str, rows: Array, columns: Columns, told: Described) -> Table:
+def _split_by_magnetometer(
+    file: str, rows: Array, columns: Columns, array: ArrayDescription
+) -> Table:
     """Rows (n, k) that are each one magnetometer's; its times are the table's where all have the same, else each has its own."""
-    if len(rows) % len(told.names) and columns.whose is None:
+    if len(rows) % len(array.names) and columns.sensor is None:
         raise InputError(
-            f"{file} has {len(rows)} rows, no multiple of the array's {len(told.names)} magnetometers: one is missing, or they do not come in turn"
+            f"{file} has {len(rows)} rows, no multiple of the array's {len(array.names)} magnetometers: one is missing, or they do not come in turn"
         )
-    whose = (
-        np.arange(len(rows)) % len(told.names)
-        if columns.whose is None
-        else rows[:, columns.all.index(columns.whose)]
+    sensor = (
+        np.arange(len(rows)) % len(array.names)
+        if columns.sensor is None
+        else rows[:, columns.all.index(columns.sensor)]
     )
-    parts = {name: rows[whose == k] for k, name in enumerate(told.names)}
+    parts = {name: rows[sensor == k] for k, name in enumerate(array.names)}
     if missing := [name for name, part in parts.items() if not len(part)]:
-        raise InputError(f"{file} has no magnetometer {missing[0]!r} in its column {told.sensor!r}")
+        raise InputError(
+            f"{file} has no magnetometer {missing[0]!r} in its column {array.sensor!r}"
+        )
     readings = {name: part[:, -3:] for name, part in parts.items()}
     if columns.t is None:
         most = max(len(part) for part in parts.values())
@@ -237,12 +253,12 @@ def _by_magnetometer(file: str, rows: Array, columns: Columns, told: Described) 
             raise InputError(
                 f"{file}: {fewer[0]} has {len(parts[fewer[0]])} rows, others {most}: without times it cannot be told which belong together"
             )
-        assert told.time.rate is not None
-        return Table(np.arange(most) / told.time.rate, readings, {})
+        assert array.time.rate is not None
+        return Table(np.arange(most) / array.time.rate, readings, {})
     for name, part in parts.items():
         _require_increasing(f"{file}, {name}", part[:, 0])
-    times = {name: (part[:, 0] - rows[0, 0]) * told.time.seconds for name, part in parts.items()}
-    first = times[told.names[0]]
+    times = {name: (part[:, 0] - rows[0, 0]) * array.time.seconds for name, part in parts.items()}
+    first = times[array.names[0]]
     if all(len(t) == len(first) and (t == first).all() for t in times.values()):
         times = {}
     return Table(first, readings, times)

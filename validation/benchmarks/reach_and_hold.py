@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from handscope.estimators.hand.geometry import sized
-from handscope.estimators.magnet.array.localisation import located
+from handscope.estimators.magnet.array.localisation import locate
 from handscope.estimators.magnet.model import setup as magnet_setup
 from handscope.estimators.magnet.tracker import smoother as magnet_smoother
 from handscope.estimators.magnet.tracker import tracker as magnet_tracker
@@ -39,7 +39,7 @@ def measure() -> list[Metric]:
     return [
         Metric("magnet, four magnetometers at 60 Hz", _speed(SECONDS, lambda: _smoothed(setup, readings)), "x real time", TARGET, "higher"),
         Metric("the same, out of reach for 50 s of the minute", _speed(SECONDS, lambda: _smoothed(setup, unheard)), "x real time", None, "higher"),
-        Metric("magnet by the array alone at 10 Hz", _speed(SECONDS, lambda: located(array, setup.array, None, setup.magnet.size)), "x real time", None, "higher"),
+        Metric("magnet by the array alone at 10 Hz", _speed(SECONDS, lambda: locate(array, setup.array, None, setup.magnet.size)), "x real time", None, "higher"),
         *_held(),
     ]  # fmt: skip
 
@@ -51,13 +51,16 @@ def _smoothed(setup: Setup, readings: Readings) -> None:
 def _followed(away: float = 0.0) -> tuple[Setup, Readings]:
     """A minute of picking and placing, calibrated; for `away` s of it the hand is out of reach."""
     rng = np.random.default_rng(1)
-    w, m = magnet.worn(rng), magnet.condition("both", rng, SECONDS)
-    m = magnet.away(m, 5.0, 5.0 + away) if away else m
-    imu, raw = magnet.inertial(w, m, rng), magnet.magnetic(w, m, homogeneous(), rng)
+    w, m = magnet.draw_worn(rng), magnet.simulate_condition("both", rng, SECONDS)
+    m = magnet.move_hand_away(m, 5.0, 5.0 + away) if away else m
+    imu, raw = (
+        magnet.simulate_inertial(w, m, rng),
+        magnet.simulate_magnetic(w, m, homogeneous(), rng),
+    )
     mag = np.einsum("lij,nlj->nli", np.linalg.inv(w.soft), raw - w.hard)
     setup = Setup(
-        magnet_setup.constellation(w.told_places, w.q_bl),
-        magnet_setup.magnet(w.told_moment, w.told_lever),
+        magnet_setup.make_constellation(w.declared_places, w.q_bl),
+        magnet_setup.make_magnet(w.declared_moment, w.declared_lever),
         EARTH,
         None,
         q_bt=m.q_bt[0],

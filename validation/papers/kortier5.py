@@ -77,34 +77,34 @@ def measure(trial: Trial) -> Found:
 def _figures(trial: Trial, count: int) -> dict[str, float]:
     rng = np.random.default_rng([trial.seed, 5])
     room = office(np.random.default_rng([trial.seed, 9]))
-    worn = magnet.worn(rng, places=magnet.PLATE[:count])
-    turning = magnet.turned_about(rng, spot=SPOT)
-    raw = magnet.magnetic(worn, turning, room, rng, magnet=False)
+    worn = magnet.draw_worn(rng, places=magnet.PLATE[:count])
+    turning = magnet.rotate_plate(rng, spot=SPOT)
+    raw = magnet.simulate_magnetic(worn, turning, room, rng, magnet=False)
     spheres = [magnetometer_ellipsoid.fitted(raw[:, k], strength=EARTH) for k in range(count)]
     calibrated = _corrected(spheres, raw)
     q_bl = magnetometer_ellipsoid.common_axes(calibrated).q_1l
     dip = magnetometer_ellipsoid.dip(
-        calibrated[:, 0], magnet.inertial(worn, turning, rng)[:, 0, 3:]
+        calibrated[:, 0], magnet.simulate_inertial(worn, turning, rng)[:, 0, 3:]
     )
-    m = magnet.condition(trial.movement, rng, spot=SPOT)
+    m = magnet.simulate_condition(trial.movement, rng, spot=SPOT)
     told = quat.multiply(m.q_bt[0], quat.exp(START / np.sqrt(3) * rng.normal(size=3)))
     array, carried = (
-        magnet_setup.constellation(worn.told_places, q_bl),
-        magnet_setup.magnet(worn.told_moment, worn.told_lever),
+        magnet_setup.make_constellation(worn.declared_places, q_bl),
+        magnet_setup.make_magnet(worn.declared_moment, worn.declared_lever),
     )
     setup = Setup(array, carried, EARTH, dip, array.places[0] + FRONT if count == 1 else None, told)
 
     def read(m: Motion) -> Readings:
         inertial, mag = (
-            magnet.inertial(worn, m, rng),
-            _corrected(spheres, magnet.magnetic(worn, m, room, rng)),
+            magnet.simulate_inertial(worn, m, rng),
+            _corrected(spheres, magnet.simulate_magnetic(worn, m, room, rng)),
         )
         return Readings(m.t, inertial[:, 0], inertial[:, 1], mag)
 
     readings = read(m)
     track, again = (
         magnet_tracker.track_readings(TOLD, setup, r)
-        for r in (readings, read(magnet.away(m, *AWAY)))
+        for r in (readings, read(magnet.move_hand_away(m, *AWAY)))
     )
     as_simulated = magnet_tracker.track_readings(AS_SIMULATED, setup, readings)
     smoothed = magnet_smoother.smooth(TOLD, magnet_tracker.start(setup), readings)[1]

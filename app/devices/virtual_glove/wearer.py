@@ -122,7 +122,7 @@ class SimulatedPerson:
             float, tuple[float, float, Array, Array]
         ] = {}  # by rate: span, times, readings of all sensors
         on_trunk = any(TRUNK in s.sensors for s in self.streams)
-        self._trunk = trunk.carried(TrunkGlove(), self.rng) if on_trunk else None
+        self._trunk = trunk.draw_carried(TrunkGlove(), self.rng) if on_trunk else None
         self.mounting: Mapping[str, Array] = self._trunk.mounting if self._trunk else {}
         self.plate = self._trunk.plate if self._trunk else None
 
@@ -206,10 +206,12 @@ class SimulatedPerson:
             / stream.rate
         )
         if stream.inertial:
-            return Block(stream, t, trunk.inertial(self._trunk, self._motion, t, self.rng))
+            return Block(stream, t, trunk.simulate_inertial(self._trunk, self._motion, t, self.rng))
         k = kinematics.of_motion(self._motion, self.geometry, t)
         return Block(
-            stream, t, trunk.magnetic(self._trunk, self._motion, k, self._sensors, self.rng)
+            stream,
+            t,
+            trunk.simulate_magnetic(self._trunk, self._motion, k, self._sensors, self.rng),
         )
 
     def _readings(self, rate: float, start: float, stop: float) -> tuple[Array, Array]:

@@ -31,77 +31,77 @@ from handscope.estimators.sensors.magnetometer_ellipsoid import (
 )
 
 UNITS = {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7}
-SAME = {"µT": "uT", "μT": "uT", "Gauss": "G", "gauss": "G", "Gs": "G", "mGauss": "mG"}
+UNIT_ALIASES = {"µT": "uT", "μT": "uT", "Gauss": "G", "gauss": "G", "Gs": "G", "mGauss": "mG"}
 NORMALISED = "normalised"  # to the strength of the field where the array was calibrated
 MAINS = (50.0, 60.0)  # Hz
-STANDS_OUT = 5.0  # times the spectrum beside it
-FEWEST_READ = (
+MIN_HUM_RATIO = 5.0  # times the spectrum beside it
+MIN_READINGS = (
     20  # readings: an axis that gives so many equal ones while others change does not answer
 )
-MOVED = 3e-6  # T: so much do magnetometers hardly change against each other by themselves
-STUCK = 3  # equal largest readings in a row are a limit
+MIN_DRIFT = 3e-6  # T: so much do magnetometers hardly change against each other by themselves
+MIN_REPEATS = 3  # equal largest readings in a row are a limit
 
 
 @dataclass(frozen=True)
-class Turned:
+class RotationCalibration:
     """Calibrations of all magnetometers of one board."""
 
-    spheres: tuple[Sphere, ...]
-    mirrored: Bools  # (magnetometers,) axes are left-handed against the first one's
+    ellipsoids: tuple[Sphere, ...]
+    is_mirrored: NDArray[np.bool_]  # (magnetometers,) axes are left-handed against the first one's
     q_bl: Array  # (magnetometers, 4) to the first one's axes
-    left: (
+    residual_rms: (
         Array  # (magnetometers,) T, RMS against the mean of all: calibrations and the room together
     )
 
     @property
     def gains(self) -> Array:
         """Sizes of corrected readings over those of readings as they came (magnetometers,)."""
-        return np.array([float(np.cbrt(np.linalg.det(s.matrix))) for s in self.spheres])
+        return np.array([float(np.cbrt(np.linalg.det(s.matrix))) for s in self.ellipsoids])
 
     @property
-    def read(self) -> float:
+    def measured_strength(self) -> float:
         """Strength of the field as it was read, T, in the middle of the magnetometers."""
-        return float(np.median([s.strength for s in self.spheres] / self.gains))
+        return float(np.median([s.strength for s in self.ellipsoids] / self.gains))
 
-    def corrected(self, mag: Array) -> Array:
+    def correct(self, mag: Array) -> Array:
         """Readings (n, magnetometers, 3) in T, each in its own right-handed axes."""
         return np.stack(
             [
                 (-1.0 if flip else 1.0) * s.corrected(mag[:, k])
-                for k, (s, flip) in enumerate(zip(self.spheres, self.mirrored))
+                for k, (s, flip) in enumerate(zip(self.ellipsoids, self.is_mirrored))
             ],
             axis=1,
         )
 
 
 @dataclass(frozen=True)
-class Still:
+class AmbientReference:
     """What an array that stands still reads without the magnet."""
 
-    read: Array  # (magnetometers, 3) T, in each one's axes
-    apart: Array  # (magnetometers, 3) T, the same, more than all on average: iron of the board and of the room, offsets
-    left: float  # T by which that changed
+    mean_reading: Array  # (magnetometers, 3) T, in each one's axes
+    ambient_deviation: Array  # (magnetometers, 3) T, the same, more than all on average: iron of the board and of the room, offsets
+    drift: float  # T by which that changed
 
 
 @dataclass(frozen=True)
-class Looked:
+class ReadingStatistics:
     """What readings tell of themselves."""
 
     noise: Array  # (magnetometers,) T, of an axis, hum included
     hum: Array  # (magnetometers,) T, amplitude of the line; 0 where there is none
-    hum_at: float  # Hz, where it shows
-    limited: Bools  # (n, magnetometers)
-    missing: float  # share of readings
-    frozen: Bools  # (magnetometers,) an axis always reads the same
+    hum_frequency: float  # Hz, where it shows
+    is_saturated: NDArray[np.bool_]  # (n, magnetometers)
+    missing_share: float  # share of readings
+    is_stuck: NDArray[np.bool_]  # (magnetometers,) an axis always reads the same
 
 
-def in_tesla(mag: Array, unit: str | float, earth: float | None) -> Array:
+def convert_to_tesla(mag: Array, unit: str | float, earth: float | None) -> Array:
     """Readings in T of a unit, or of counts of so many T; `earth` T is needed of normalised ones."""
     if not isinstance(unit, str):
         if not unit > 0:
             raise InputError(f"The array's unit is {unit:g} T a count; it is larger than 0.")
         return np.asarray(mag * unit)
-    unit = SAME.get(unit, unit)
+    unit = UNIT_ALIASES.get(unit, unit)
     if unit == NORMALISED:
         if earth is None:
             raise InputError(
@@ -115,7 +115,7 @@ def in_tesla(mag: Array, unit: str | float, earth: float | None) -> Array:
     return np.asarray(mag * UNITS[unit])
 
 
-def require_sense(
+def require_plausible(
     earth: float | None,
     moment: float | None,
     limit: float | None,
@@ -150,94 +150,106 @@ def require_sense(
         )
 
 
-def units_that_fit(strength: float, unit: str | float) -> list[str]:
+def find_fitting_units(strength: float, unit: str | float) -> list[str]:
     """Units with which a field read as `strength` T would be the earth's."""
     read = strength / (
-        unit if isinstance(unit, (int, float)) else UNITS.get(SAME.get(unit, unit), 1.0)
+        unit if isinstance(unit, (int, float)) else UNITS.get(UNIT_ALIASES.get(unit, unit), 1.0)
     )
     return [u for u, size in UNITS.items() if 22e-6 <= read * size <= 67e-6]
 
 
-def turned(mag: Array, names: Sequence[str], earth: float | None) -> Turned:
+def calibrate_by_rotation(
+    mag: Array, names: Sequence[str], earth: float | None
+) -> RotationCalibration:
     """Calibrate all magnetometers from readings in T while the whole board was turned by hand; InputError names the one that cannot be."""
-    spheres = tuple(fitted(mag[:, k], name, earth) for k, name in enumerate(names))
-    own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(spheres)], axis=1)
+    ellipsoids = tuple(fitted(mag[:, k], name, earth) for k, name in enumerate(names))
+    own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(ellipsoids)], axis=1)
     if earth is None:  # the first one's strength is everybody's: they saw the same field
-        spheres = tuple(
-            fitted(mag[:, k], name, spheres[0].strength) for k, name in enumerate(names)
+        ellipsoids = tuple(
+            fitted(mag[:, k], name, ellipsoids[0].strength) for k, name in enumerate(names)
         )
-        own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(spheres)], axis=1)
-    good = np.isfinite(own).all(axis=(1, 2))
-    if good.sum() < 50:
+        own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(ellipsoids)], axis=1)
+    is_complete = np.isfinite(own).all(axis=(1, 2))
+    if is_complete.sum() < 50:
         raise InputError(
             "The magnetometers hardly ever answered together while the board was turned: check their clocks and cables."
         )
     common = common_axes(own)
-    for said in not_on_the_plate(names, common).values():
-        raise InputError(said)
-    alike = quat.rotate(common.q_1l, common.signs[:, None] * own)[good]
-    off = alike - alike.mean(axis=1, keepdims=True)
-    return Turned(
-        spheres,
+    for message in not_on_the_plate(names, common).values():
+        raise InputError(message)
+    common_readings = quat.rotate(common.q_1l, common.signs[:, None] * own)[is_complete]
+    deviation = common_readings - common_readings.mean(axis=1, keepdims=True)
+    return RotationCalibration(
+        ellipsoids,
         common.mirrored,
         common.q_1l,
-        np.sqrt((off**2).mean(axis=(0, 2)) * len(names) / max(len(names) - 1, 1)),
+        np.sqrt((deviation**2).mean(axis=(0, 2)) * len(names) / max(len(names) - 1, 1)),
     )
 
 
-def still(mag: Array, q_bl: Array | None) -> Still:
+def measure_ambient_field(mag: Array, q_bl: Array | None) -> AmbientReference:
     """What magnetometers (n, magnetometers, 3) T of an array that stands still read without the magnet; InputError where that changes."""
     y = mag if q_bl is None else quat.rotate(q_bl, mag)
-    first, last = (_apart(part) for part in (y[: len(y) // 2], y[len(y) // 2 :]))
+    first, last = (_deviation_from_mean(part) for part in (y[: len(y) // 2], y[len(y) // 2 :]))
     change = (last - first)[np.isfinite(last - first)]
     if not len(change):
         raise InputError(
             "The recording without the magnet holds too little: record the array for some seconds while it stands still."
         )
-    drift, steps = float(np.sqrt((change**2).mean())), np.diff(y - _mean(y, 1)[:, None], axis=0)
+    drift, steps = (
+        float(np.sqrt((change**2).mean())),
+        np.diff(y - _mean_of_known(y, 1)[:, None], axis=0),
+    )
     noise = (
         float(np.sqrt((steps[np.isfinite(steps)] ** 2).mean() / 2))
         if np.isfinite(steps).any()
         else 0.0
     )
-    if drift > max(MOVED, 6 * noise * float(np.sqrt(4 / len(y)))):
+    if drift > max(MIN_DRIFT, 6 * noise * float(np.sqrt(4 / len(y)))):
         raise InputError(
             f"Without the magnet the magnetometers changed against each other by {1e6 * drift:.2g} uT: the magnet was there, or the array was moved. "
             "Record the array where it stands, with the magnet far away."
         )
-    apart = _apart(y)
-    apart = apart if q_bl is None else quat.rotate(quat.conjugate(q_bl), apart)
-    return Still(_mean(mag, 0), apart, float(np.hypot(drift / 2, noise / np.sqrt(len(y)))))
+    deviation = _deviation_from_mean(y)
+    deviation = deviation if q_bl is None else quat.rotate(quat.conjugate(q_bl), deviation)
+    return AmbientReference(
+        _mean_of_known(mag, 0), deviation, float(np.hypot(drift / 2, noise / np.sqrt(len(y))))
+    )
 
 
-def _apart(y: Array) -> Array:
+def _deviation_from_mean(y: Array) -> Array:
     """What each (magnetometers, 3) reads more than all on average; NaN of those that never answer."""
-    each = _mean(y, 0)
-    return np.asarray(each - _mean(each, 0))
+    each = _mean_of_known(y, 0)
+    return np.asarray(each - _mean_of_known(each, 0))
 
 
-def _mean(y: Array, axis: int) -> Array:
+def _mean_of_known(y: Array, axis: int) -> Array:
     """Of what is known, NaN where nothing is."""
     known = np.isfinite(y)
     many = known.sum(axis=axis)
     return np.where(many > 0, np.where(known, y, 0.0).sum(axis=axis) / np.maximum(many, 1), np.nan)
 
 
-def looked(t: Array, mag: Array, limit: float | None) -> Looked:
+def compute_statistics(t: Array, mag: Array, limit: float | None) -> ReadingStatistics:
     """What readings (n, magnetometers, 3) in T tell of themselves; `limit` T is the full scale, if it is known."""
-    limited = _limited(mag, limit)
-    whole = np.where(limited[..., None], np.nan, mag)
-    hum, at = _hum(t, whole)
-    noise = np.maximum(noise_of(t, whole), hum / np.sqrt(2.0))
+    is_saturated = _find_saturated(mag, limit)
+    unsaturated = np.where(is_saturated[..., None], np.nan, mag)
+    hum, hum_frequency = _measure_hum(t, unsaturated)
+    noise = np.maximum(noise_of(t, unsaturated), hum / np.sqrt(2.0))
     known = np.isfinite(mag)
     spread = np.where(known, mag, -np.inf).max(axis=0) - np.where(known, mag, np.inf).min(axis=0)
-    frozen = (spread == 0).any(axis=1) & (len(t) >= FEWEST_READ) & (np.median(spread) > 0)
-    return Looked(
-        noise, hum, at, limited, float(np.isnan(mag).any(axis=-1).mean()), np.asarray(frozen)
+    is_stuck = (spread == 0).any(axis=1) & (len(t) >= MIN_READINGS) & (np.median(spread) > 0)
+    return ReadingStatistics(
+        noise,
+        hum,
+        hum_frequency,
+        is_saturated,
+        float(np.isnan(mag).any(axis=-1).mean()),
+        np.asarray(is_stuck),
     )
 
 
-def together(t: Array, own: Array, mag: Array) -> Array:
+def resample_readings(t: Array, own: Array, mag: Array) -> Array:
     """Readings (m, 3) of a magnetometer with times of its own (m,) at the times t (n,), by straight lines; NaN across gaps of more than two samples."""
     there = np.isfinite(mag).all(axis=1) & np.isfinite(own)
     if there.sum() < 2:
@@ -249,37 +261,37 @@ def together(t: Array, own: Array, mag: Array) -> Array:
     return out
 
 
-def sentences(names: Sequence[str], looked: Looked) -> list[str]:
+def describe_statistics(names: Sequence[str], statistics: ReadingStatistics) -> list[str]:
     """What somebody has to know before the answer is read."""
-    said = []
-    if looked.missing > 0.01:
-        said.append(
-            f"{100 * looked.missing:.0f} % of the readings are missing; nothing is made up for them"
+    messages = []
+    if statistics.missing_share > 0.01:
+        messages.append(
+            f"{100 * statistics.missing_share:.0f} % of the readings are missing; nothing is made up for them"
         )
-    said += [
+    messages += [
         f"{name}: an axis always reads the same, it does not answer; its readings are left out"
-        for name, frozen in zip(names, looked.frozen)
-        if frozen
+        for name, is_stuck in zip(names, statistics.is_stuck)
+        if is_stuck
     ]
     for k, name in enumerate(names):
-        share = float(looked.limited[:, k].mean())
+        share = float(statistics.is_saturated[:, k].mean())
         if share > 0:
-            said.append(
+            messages.append(
                 f"{name}: at its limit {100 * share:.1f} % of the time; these readings are left out"
             )
-        if looked.hum[k] > 0:
-            said.append(
-                f"{name}: mains hum of {1e6 * looked.hum[k]:.2g} uT (shows at {looked.hum_at:.3g} Hz); it counts as noise"
+        if statistics.hum[k] > 0:
+            messages.append(
+                f"{name}: mains hum of {1e6 * statistics.hum[k]:.2g} uT (shows at {statistics.hum_frequency:.3g} Hz); it counts as noise"
             )
-    return said
+    return messages
 
 
-def _limited(mag: Array, limit: float | None) -> Bools:
+def _find_saturated(mag: Array, limit: float | None) -> NDArray[np.bool_]:
     """At the limit told, or several times in a row at the largest size that an axis ever has."""
     with np.errstate(invalid="ignore"):
         if limit is not None:
             return np.asarray((np.abs(mag) >= 0.98 * limit).any(axis=-1))
-    found = np.zeros(mag.shape[:2], bool)
+    is_saturated = np.zeros(mag.shape[:2], bool)
     for k in range(mag.shape[1]):
         for axis in mag[:, k].T:
             known = axis[np.isfinite(axis)]
@@ -289,12 +301,12 @@ def _limited(mag: Array, limit: float | None) -> Bools:
                 continue
             for end in (known.min(), known.max()):
                 if abs(end - np.median(known)) > 0.25 * np.ptp(known):
-                    for first, stop in find_runs(axis == end):
-                        found[first:stop, k] |= stop - first >= STUCK
-    return found
+                    for a, b in runs(axis == end):
+                        is_saturated[a : b + 1, k] |= b - a + 1 >= MIN_REPEATS
+    return is_saturated
 
 
-def _hum(t: Array, mag: Array) -> tuple[Array, float]:
+def _measure_hum(t: Array, mag: Array) -> tuple[Array, float]:
     """Amplitude (magnetometers,) of the stronger mains line and where it shows, Hz; zeros where none stands out."""
     n, nothing = len(t), np.zeros(mag.shape[1])
     if n < 256 or not np.isfinite(mag).any():
@@ -308,7 +320,7 @@ def _hum(t: Array, mag: Array) -> tuple[Array, float]:
         ).sum(axis=2)
     )
     frequency = np.fft.rfftfreq(n, 1.0 / rate)
-    found, shows = nothing, float("nan")
+    strongest, frequency_shown = nothing, float("nan")
     for line in MAINS:
         at = abs(line - rate * round(line / rate))
         if at < 2.0 or at > 0.5 * rate - 1.0:
@@ -321,7 +333,7 @@ def _hum(t: Array, mag: Array) -> tuple[Array, float]:
             continue
         top, floor = size[near].max(axis=0), np.median(size[beside], axis=0)
         steep = 2.0 * np.sin(np.pi * at / rate)  # what differences make of it
-        amplitude = np.where(top > STANDS_OUT * floor, top / (0.25 * n * 2.0 * steep) * 2.0, 0.0)
-        if amplitude.max() > found.max():
-            found, shows = amplitude, at
-    return found, shows
+        amplitude = np.where(top > MIN_HUM_RATIO * floor, top / (0.25 * n * 2.0 * steep) * 2.0, 0.0)
+        if amplitude.max() > strongest.max():
+            strongest, frequency_shown = amplitude, at
+    return strongest, frequency_shown

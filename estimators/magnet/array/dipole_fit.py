@@ -16,9 +16,9 @@ from handscope.estimators.numerics.typing import Array, Indices
 GRID = 14  # places along each edge of the volume: even, so that none lies between two octants
 ROUNDS = 30
 FARTHEST = 1.0  # m: a step that leads further from the array is cut
-OF_ONE = 6  # unknowns of a magnet
-SLOPES = 5  # of a field without curl and divergence that changes linearly
-_GRADIENTS = np.array(  # (5, 3, 3) orthonormal
+PER_MAGNET = 6  # unknowns of a magnet
+GRADIENT_TERMS = 5  # of a field without curl and divergence that changes linearly
+_GRADIENT_BASIS = np.array(  # (5, 3, 3) orthonormal
     [
         *(
             [[0, 1, 0], [1, 0, 0], [0, 0, 0]],
@@ -31,7 +31,7 @@ _GRADIENTS = np.array(  # (5, 3, 3) orthonormal
 
 
 @dataclass(frozen=True)
-class Told:
+class DipoleFitProblem:
     """What is known of readings that are fitted together."""
 
     y: Array  # (n, magnetometers, 3) T, base frame
@@ -40,51 +40,62 @@ class Told:
     size: float | None  # A m^2
     noise: float  # T
     size_sd: float  # share
-    louder: Array  # (n, magnetometers) standard deviations of readings over the noise
-    uneven: float = 0.0  # T/m, standard deviation of each slope of the field
-    evened: Array | None = None  # (n, axes, 5) what whitening takes from residuals for that
+    noise_ratio: Array  # (n, magnetometers) standard deviations of readings over the noise
+    gradient_sd: float = 0.0  # T/m, standard deviation of each slope of the field
+    whitening: Array | None = None  # (n, axes, 5) what whitening takes from residuals for that
     rate: Array | None = None  # (n, magnetometers, 3) T/s by which readings change, base frame
 
-    def of(self, rows: Indices) -> "Told":
-        field, evened, rate = (_at(values, rows) for values in (self.field, self.evened, self.rate))
+    def select(self, rows: NDArray[np.intp]) -> "DipoleFitProblem":
+        field, whitening, rate = (
+            _rows_of(values, rows) for values in (self.field, self.whitening, self.rate)
+        )
         return replace(
-            self, y=self.y[rows], field=field, louder=self.louder[rows], evened=evened, rate=rate
+            self,
+            y=self.y[rows],
+            field=field,
+            noise_ratio=self.noise_ratio[rows],
+            whitening=whitening,
+            rate=rate,
         )
 
-    def with_louder(self, louder: Array) -> "Told":
+    def with_noise_ratio(self, noise_ratio: Array) -> "DipoleFitProblem":
         """Slopes of the field are unknowns that are known to `uneven`: (I + S S')^-1/2 = I - E E' with S what they add to residuals."""
-        if not self.uneven:
-            return replace(self, louder=louder)
+        if not self.gradient_sd:
+            return replace(self, noise_ratio=noise_ratio)
         added = (
-            linear(self.places) * self.uneven / (self.noise * louder[..., None, None])
-        ).reshape(len(louder), -1, SLOPES)
+            gradient_fields(self.places)
+            * self.gradient_sd
+            / (self.noise * noise_ratio[..., None, None])
+        ).reshape(len(noise_ratio), -1, GRADIENT_TERMS)
         U, s, _ = np.linalg.svd(added, full_matrices=False)
-        return replace(self, louder=louder, evened=U * np.sqrt(1 - 1 / np.sqrt(1 + s**2))[:, None])
+        return replace(
+            self, noise_ratio=noise_ratio, whitening=U * np.sqrt(1 - 1 / np.sqrt(1 + s**2))[:, None]
+        )
 
-    def evenly(self, values: Array) -> Array:
+    def whiten(self, values: Array) -> Array:
         """Whitened values (n, axes, any), slopes of the field taken up."""
         return (
             values
-            if self.evened is None
-            else values - self.evened @ (np.swapaxes(self.evened, 1, 2) @ values)
+            if self.whitening is None
+            else values - self.whitening @ (np.swapaxes(self.whitening, 1, 2) @ values)
         )
 
-    def repeated(self, times: int) -> "Told":
-        return self.of(np.repeat(np.arange(len(self.y)), times))
+    def repeat(self, times: int) -> "DipoleFitProblem":
+        return self.select(np.repeat(np.arange(len(self.y)), times))
 
 
-def _at(values: Array | None, rows: Indices) -> Array | None:
+def _rows_of(values: Array | None, rows: NDArray[np.intp]) -> Array | None:
     return None if values is None else values[rows]
 
 
-def linear(places: Array) -> Array:
+def gradient_fields(places: Array) -> Array:
     """Fields (magnetometers, 3, 5) of slopes of 1 T/m, none in the middle."""
-    return np.asarray(np.einsum("kij,lj->lik", _GRADIENTS, places - places.mean(axis=0)))
+    return np.asarray(np.einsum("kij,lj->lik", _GRADIENT_BASIS, places - places.mean(axis=0)))
 
 
-def starts(told: Told, reach: float, regions: int) -> Array:
+def grid_starts(problem: DipoleFitProblem, reach: float, regions: int) -> Array:
     """The best place of every region of a grid around the array with the moment and field that fit there (n, regions^3, 9)."""
-    y, places, field, size = told.y, told.places, told.field, told.size
+    y, places, field, size = problem.y, problem.places, problem.field, problem.size
     even = np.linspace(-1, 1, GRID)
     edge = (
         even * np.sqrt(np.abs(even)) * reach
@@ -99,7 +110,7 @@ def starts(told: Told, reach: float, regions: int) -> Array:
     ).sum(axis=1)
     clear = np.linalg.norm(grid[:, None] - places, axis=-1).min(axis=1) > 0.02
     grid, region = grid[clear], region[clear]
-    J = dipole.by_moment(grid[:, None] - places)  # (G, L, 3, 3)
+    J = dipole.field_by_moment(grid[:, None] - places)  # (G, L, 3, 3)
     A = (
         J
         if field is not None
@@ -134,55 +145,58 @@ def starts(told: Told, reach: float, regions: int) -> Array:
     return x
 
 
-def by_places(x: Array, told: Told, place_sd: float) -> Array:
+def noise_ratio_of_places(x: Array, problem: DipoleFitProblem, place_sd: float) -> Array:
     """How many times louder than its noise each magnetometer (n, magnetometers) is by the error of its place, where the magnet's field bends."""
-    bends = dipole.by_place(x[:, None, :3] - told.places, x[:, None, 3:6])
+    bends = dipole.field_gradient(x[:, None, :3] - problem.places, x[:, None, 3:6])
     return np.asarray(
-        np.sqrt(1.0 + (bends**2).mean(axis=(2, 3)) * 3 * (place_sd / told.noise) ** 2)
+        np.sqrt(1.0 + (bends**2).mean(axis=(2, 3)) * 3 * (place_sd / problem.noise) ** 2)
     )
 
 
-def residuals(x: Array, told: Told) -> tuple[Array, Array]:
+def compute_residuals(x: Array, problem: DipoleFitProblem) -> tuple[Array, Array]:
     """Whitened residuals (n, c) and their derivatives (n, c, 6 k or 6 k + 3) by places (m), moments (A m^2) and field (in units of the noise)."""
-    left = told.y - (x[:, None, -3:] if told.field is None else told.field[:, None])
-    noise = told.noise * told.louder[..., None]
+    misfit = problem.y - (x[:, None, -3:] if problem.field is None else problem.field[:, None])
+    noise = problem.noise * problem.noise_ratio[..., None]
     blocks = []
-    for at in range(0, x.shape[1] - 3, OF_ONE):
-        r, m = x[:, None, at : at + 3] - told.places, x[:, None, at + 3 : at + OF_ONE]
-        left = left - dipole.field(r, m)
-        blocks += [dipole.by_place(r, m) / noise[..., None], dipole.by_moment(r) / noise[..., None]]
-    if told.field is None:
-        blocks.append(np.eye(3) / told.louder[..., None, None])
-    off, A = (
-        (left / noise).reshape(len(x), -1),
-        np.concatenate(blocks, axis=-1).reshape(len(x), told.y[0].size, -1),
+    for at in range(0, x.shape[1] - 3, PER_MAGNET):
+        r, m = x[:, None, at : at + 3] - problem.places, x[:, None, at + 3 : at + PER_MAGNET]
+        misfit = misfit - dipole.field(r, m)
+        blocks += [
+            dipole.field_gradient(r, m) / noise[..., None],
+            dipole.field_by_moment(r) / noise[..., None],
+        ]
+    if problem.field is None:
+        blocks.append(np.eye(3) / problem.noise_ratio[..., None, None])
+    residual, A = (
+        (misfit / noise).reshape(len(x), -1),
+        np.concatenate(blocks, axis=-1).reshape(len(x), problem.y[0].size, -1),
     )
-    off, A = told.evenly(off[..., None])[..., 0], told.evenly(A)
-    if told.size is not None:  # of the first
+    residual, A = problem.whiten(residual[..., None])[..., 0], problem.whiten(A)
+    if problem.size is not None:  # of the first
         length = np.linalg.norm(x[:, 3:6], axis=1)
-        sharp = 1.0 / (told.size_sd * told.size)
+        weight = 1.0 / (problem.size_sd * problem.size)
         row = np.zeros((len(x), 1, A.shape[2]))
-        row[:, 0, 3:6] = x[:, 3:6] / np.maximum(length, 1e-9)[:, None] * sharp
-        off, A = (
-            np.concatenate([off, ((told.size - length) * sharp)[:, None]], axis=1),
+        row[:, 0, 3:6] = x[:, 3:6] / np.maximum(length, 1e-9)[:, None] * weight
+        residual, A = (
+            np.concatenate([residual, ((problem.size - length) * weight)[:, None]], axis=1),
             np.concatenate([A, row], axis=1),
         )
-    return off, A
+    return residual, A
 
 
-def improved(x: Array, told: Told, rounds: int = ROUNDS) -> tuple[Array, Array]:
+def refine(x: Array, problem: DipoleFitProblem, rounds: int = ROUNDS) -> tuple[Array, Array]:
     """x and its cost by Levenberg-Marquardt of all rows at once: a row that does not get better takes a shorter step next time."""
     damping = np.full(len(x), 1e-2)
-    r, A = residuals(x, told)
+    r, A = compute_residuals(x, problem)
     cost, k = (r**2).sum(axis=1), A.shape[2]
     unit, middle = (
-        np.append(np.ones(x.shape[1] - 3), np.full(3, told.noise))[:k],
-        told.places.mean(axis=0),
+        np.append(np.ones(x.shape[1] - 3), np.full(3, problem.noise))[:k],
+        problem.places.mean(axis=0),
     )
-    places = [slice(at, at + 3) for at in range(0, x.shape[1] - 3, OF_ONE)]
-    going = np.ones(len(x), bool)
+    places = [slice(at, at + 3) for at in range(0, x.shape[1] - 3, PER_MAGNET)]
+    is_active = np.ones(len(x), bool)
     for _ in range(rounds):
-        rows = np.flatnonzero(going)
+        rows = np.flatnonzero(is_active)
         if not len(rows):
             break
         N = np.swapaxes(A[rows], 1, 2) @ A[rows]
@@ -199,15 +213,20 @@ def improved(x: Array, told: Told, rounds: int = ROUNDS) -> tuple[Array, Array]:
             tried[:, place] = (
                 middle + away * np.minimum(1.0, FARTHEST / np.maximum(far, 1e-9))[:, None]
             )
-        new_r, new_A = residuals(tried, told.of(rows))
+        new_r, new_A = compute_residuals(tried, problem.select(rows))
         new = (new_r**2).sum(axis=1)
         better = new < cost[rows]
         damping[rows] = np.where(better, damping[rows] * 0.2, damping[rows] * 5.0)
-        going[rows] = np.where(
+        is_active[rows] = np.where(
             better,
             (cost[rows] - new > 1e-6 * cost[rows]) | (new > 100 * r.shape[1]),
             damping[rows] < 1e6,
         )
-        up = rows[better]
-        x[up], r[up], A[up], cost[up] = tried[better], new_r[better], new_A[better], new[better]
+        improved_rows = rows[better]
+        x[improved_rows], r[improved_rows], A[improved_rows], cost[improved_rows] = (
+            tried[better],
+            new_r[better],
+            new_A[better],
+            new[better],
+        )
     return x, cost

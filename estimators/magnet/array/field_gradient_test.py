@@ -12,61 +12,72 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from handscope.estimators.magnet.array.dipole_fit import SLOPES, Told, linear, residuals
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.magnet.array.dipole_fit import (
+    GRADIENT_TERMS,
+    DipoleFitProblem,
+    compute_residuals,
+    gradient_fields,
+)
+from handscope.estimators.numerics.quaternions import Array
 
-FEWEST = 7  # magnetometers: seven axes above the unknowns of magnet, field and slopes
-CHANCE = 0.01  # below which errors that are everywhere the same hardly look so; slopes that are none only cost certainty
+MIN_MAGNETOMETERS = 7  # magnetometers: seven axes above the unknowns of magnet, field and slopes
+MAX_P_VALUE = 0.01  # below which errors that are everywhere the same hardly look so; slopes that are none only cost certainty
 
 
 @dataclass(frozen=True)
-class Uneven:
-    chance: float
-    size: float  # T/m, standard deviation of each of the five slopes
+class GradientTest:
+    p_value: float
+    gradient_sd: float  # T/m, standard deviation of each of the five slopes
 
 
-def uneven(told: Told, x: Array) -> Uneven:
+def gradient_f_test(problem: DipoleFitProblem, x: Array) -> GradientTest:
     """Of readings with unknowns x (n, 9); the noise need not be known."""
-    off, A = residuals(x, told)
-    spare = off.shape[1] - A.shape[2] - SLOPES
-    if len(told.places) < FEWEST:
-        return Uneven(1.0, 0.0)
+    residual, A = compute_residuals(x, problem)
+    spare = residual.shape[1] - A.shape[2] - GRADIENT_TERMS
+    if len(problem.places) < MIN_MAGNETOMETERS:
+        return GradientTest(1.0, 0.0)
     Q, _ = np.linalg.qr(A)
-    U, s, _ = np.linalg.svd(_across(Q, _slopes(told, off.shape[1])), full_matrices=False)
-    left = _across(Q, off[..., None])
-    explained = float(((np.swapaxes(U, 1, 2) @ left) ** 2).sum())
-    rest = (float((left**2).sum()) - explained) / (len(x) * spare)
-    chance = float(
-        f_distribution.sf(explained / (len(x) * SLOPES) / max(rest, 1e-12), SLOPES, spare)
+    U, s, _ = np.linalg.svd(
+        _project_out(Q, _gradient_jacobian(problem, residual.shape[1])), full_matrices=False
     )
-    square = (explained - len(x) * SLOPES * rest) / max(float((s**2).sum()), 1e-12)
-    return Uneven(chance, float(np.sqrt(max(square, 0.0))))
+    remaining = _project_out(Q, residual[..., None])
+    explained = float(((np.swapaxes(U, 1, 2) @ remaining) ** 2).sum())
+    rest = (float((remaining**2).sum()) - explained) / (len(x) * spare)
+    p_value = float(
+        f_distribution.sf(
+            explained / (len(x) * GRADIENT_TERMS) / max(rest, 1e-12), GRADIENT_TERMS, spare
+        )
+    )
+    square = (explained - len(x) * GRADIENT_TERMS * rest) / max(float((s**2).sum()), 1e-12)
+    return GradientTest(p_value, float(np.sqrt(max(square, 0.0))))
 
 
-def misplaced(told: Told, x: Array, size: float) -> Array:
+def position_shift(problem: DipoleFitProblem, x: Array, change: float) -> Array:
     """How far (n,) m a field that changes by `size` T/m in some direction draws the place, if it is not counted."""
-    off, A = residuals(x, told)
-    drawn = (np.linalg.pinv(A) @ _slopes(told, off.shape[1]))[:, :3]
-    return np.asarray(slope_of(size) * np.sqrt((drawn**2).sum(axis=(1, 2))))
+    residual, A = compute_residuals(x, problem)
+    shift = (np.linalg.pinv(A) @ _gradient_jacobian(problem, residual.shape[1]))[:, :3]
+    return np.asarray(gradient_sd_of(change) * np.sqrt((shift**2).sum(axis=(1, 2))))
 
 
-def slope_of(change: float) -> float:
+def gradient_sd_of(change: float) -> float:
     """Standard deviation of each of the five slopes of a field that changes by so many T/m (RMS over directions)."""
-    return float(change * np.sqrt(3.0 / SLOPES))
+    return float(change * np.sqrt(3.0 / GRADIENT_TERMS))
 
 
-def change_of(slope: float) -> float:
+def rms_change_of(slope: float) -> float:
     """The inverse."""
-    return float(slope * np.sqrt(SLOPES / 3.0))
+    return float(slope * np.sqrt(GRADIENT_TERMS / 3.0))
 
 
-def _slopes(told: Told, rows: int) -> Array:
+def _gradient_jacobian(problem: DipoleFitProblem, rows: int) -> Array:
     """What slopes of 1 T/m add to whitened residuals (n, rows, 5); nothing to the row of a moment that is told."""
-    noise = told.noise * told.louder[..., None, None]
-    added = told.evenly((linear(told.places) / noise).reshape(len(told.y), -1, SLOPES))
+    noise = problem.noise * problem.noise_ratio[..., None, None]
+    added = problem.whiten(
+        (gradient_fields(problem.places) / noise).reshape(len(problem.y), -1, GRADIENT_TERMS)
+    )
     return np.pad(added, ((0, 0), (0, rows - added.shape[1]), (0, 0)))
 
 
-def _across(Q: Array, values: Array) -> Array:
+def _project_out(Q: Array, values: Array) -> Array:
     """Without the part that the unknowns can take up."""
     return np.asarray(values - Q @ (np.swapaxes(Q, 1, 2) @ values))

@@ -15,11 +15,11 @@ import numpy as np
 from handscope.estimators.errors import InputError
 from handscope.estimators.magnet.array.dipole_fit import (
     ROUNDS,
-    Told,
-    by_places,
-    improved,
-    residuals,
-    starts,
+    DipoleFitProblem,
+    compute_residuals,
+    grid_starts,
+    noise_ratio_of_places,
+    refine,
 )
 from handscope.estimators.magnet.model.setup import Constellation, require_field
 from handscope.estimators.numerics import quaternions as quat
@@ -29,43 +29,47 @@ REGIONS = 2  # along each edge: the best place of every octant around the array 
 AMBIGUOUS = (
     12.0  # a second place whose cost is less than this above the best one's cannot be ruled out
 )
-STRAIGHT = 0.05  # of the distance: a place less sure than this lies where the field bends, and standard deviations from its slope say nothing
-SURE = 0.05  # m
-FIRST = 12  # rounds of all starts, where errors of the magnetometers' places count
-SAME, KEPT = (
+LINEAR_SHARE = 0.05  # of the distance: a place less sure than this lies where the field bends, and standard deviations from its slope say nothing
+MAX_SD = 0.05  # m
+FIRST_ROUNDS = 12  # rounds of all starts, where errors of the magnetometers' places count
+SAME_PLACE, MAX_CANDIDATES = (
     1e-3,
     8,
 )  # m between places that are the same; places of a reading that are improved further
-PIECE = 4096  # readings at once
+CHUNK = 4096  # readings at once
 
 
 @dataclass(frozen=True)
-class Located:
+class Localisation:
     place: Array  # (n, 3) m, base frame; NaN where readings are missing
     moment: Array  # (n, 3) A m^2, base frame
     field: Array  # (n, 3) T, base frame: without the magnet
     place_sd: Array  # (n, 3) m
     moment_sd: Array  # (n, 3) A m^2
-    left: Array  # (n,) RMS of what is left, T
+    residual_rms: Array  # (n,) RMS of what is left, T
     misfit: Array  # (n,) the same in standard deviations of readings, errors of the magnetometers' places counted
-    disputed: Bools  # (n,) the size told is off by more than three of its standard deviations
-    found: Bools  # (n,) explained to within `worst` of them, and known better than `sure`
+    contradicts_size: NDArray[
+        np.bool_
+    ]  # (n,) the size told is off by more than three of its standard deviations
+    is_located: NDArray[
+        np.bool_
+    ]  # (n,) explained to within `worst` of them, and known better than `sure`
 
 
-def located(
+def locate(
     mag: Array,
     array: Constellation,
     field: Array | None = None,
     size: float | None = None,
     noise: float = 0.5e-6,
     reach: float = 0.5,
-    sure: float = SURE,
+    max_sd: float = MAX_SD,
     size_sd: float = 1e-3,
     regions: int = REGIONS,
     place_sd: float = 0.0,
-    worst: float = 3.0,
-    uneven: float = 0.0,
-) -> Located:
+    max_misfit: float = 3.0,
+    gradient_sd: float = 0.0,
+) -> Localisation:
     """The magnet at every reading; `field` (3,) or (n, 3) T in the base's frame, `size` of the moment in A m^2, noise T of an axis, reach m, sure m,
     `size_sd` as a share of the size, `place_sd` m of a magnetometer's place. What is left
     is `worst` standard deviations (RMS) at most. `uneven` T/m are the slopes of the field (magnet_uneven.py). More `regions` find more of the places that explain a reading as well."""
@@ -74,8 +78,8 @@ def located(
             f"Readings must be (n, {len(array)}, 3) for this constellation, they are {mag.shape}."
         )
     require_field(mag)
-    unknowns, told = 6 + 3 * (field is None), 3 * len(array) + (size is not None)
-    if told < unknowns:
+    unknowns, known = 6 + 3 * (field is None), 3 * len(array) + (size is not None)
+    if known < unknowns:
         raise InputError(
             f"{len(array)} magnetometer{'s' * (len(array) > 1)} cannot tell place, moment and field of a magnet together: "
             "tell the field without the magnet and the moment's size, or use the tracker with inertial sensors."
@@ -87,98 +91,111 @@ def located(
     good = np.isfinite(y).all(axis=(1, 2)) & (np.isfinite(background).all(axis=1) | (field is None))
     out = *np.full((2, len(y), 9), np.nan), *np.full((2, len(y)), np.nan), np.zeros(len(y))
     rows = np.flatnonzero(good)
-    for part in np.array_split(rows, max(1, -(-len(rows) // PIECE))):
-        known, alike = None if field is None else background[part], np.ones((len(part), len(array)))
-        told_here = Told(
-            y[part], array.places, known, size, noise, size_sd, alike, uneven
-        ).with_louder(alike)
-        values = _solved(told_here, reach, regions, place_sd) if len(part) else ()
+    for part in np.array_split(rows, max(1, -(-len(rows) // CHUNK))):
+        known_field, ones = (
+            None if field is None else background[part],
+            np.ones((len(part), len(array))),
+        )
+        problem = DipoleFitProblem(
+            y[part], array.places, known_field, size, noise, size_sd, ones, gradient_sd
+        ).with_noise_ratio(ones)
+        values = _solve(problem, reach, regions, place_sd) if len(part) else ()
         for whole, piece in zip(out, values):
             whole[part] = piece
-    x, sd, left, misfit, dispute = out
-    found = (
-        (told > unknowns)
+    x, sd, residual_rms, misfit, size_deviation = out
+    is_located = (
+        (known > unknowns)
         & np.isfinite(misfit)
-        & (misfit < worst)
-        & (sd[:, :3].max(axis=1) < surest(x[:, :3], array, sure))
+        & (misfit < max_misfit)
+        & (sd[:, :3].max(axis=1) < max_position_sd(x[:, :3], array, max_sd))
     )
-    return Located(
+    return Localisation(
         x[:, :3],
         x[:, 3:6],
         x[:, 6:] if field is None else background.copy(),
         sd[:, :3],
         sd[:, 3:6],
-        left,
+        residual_rms,
         misfit,
-        dispute >= 3,
-        found,
+        size_deviation >= 3,
+        is_located,
     )
 
 
-def surest(place: Array, array: Constellation, sure: float = SURE) -> Array:
+def max_position_sd(place: Array, array: Constellation, max_sd: float = MAX_SD) -> Array:
     """Standard deviations (n,) m that places (n, 3) may have."""
     return np.asarray(
         np.minimum(
-            sure, STRAIGHT * np.linalg.norm(place[:, None] - array.places, axis=-1).min(axis=1)
+            max_sd,
+            LINEAR_SHARE * np.linalg.norm(place[:, None] - array.places, axis=-1).min(axis=1),
         )
     )
 
 
-def _apart(x: Array, cost: Array) -> tuple[Array, Array, int]:
+def _distinct_candidates(x: Array, cost: Array) -> tuple[Array, Array, int]:
     """Of the places that starts (n, many, 9) led to those with the lowest cost, each once; how many of each reading."""
     order = cost.argsort(axis=1)
     x, cost = (
         np.take_along_axis(x, order[..., None], axis=1),
         np.take_along_axis(cost, order, axis=1),
     )
-    near = np.linalg.norm(x[:, :, None, :3] - x[:, None, :, :3], axis=-1) < SAME
-    again = (near & np.tri(x.shape[1], k=-1, dtype=bool)).any(axis=2)
-    kept = np.argsort(again, axis=1, kind="stable")[:, :KEPT]
-    x, cost = np.take_along_axis(x, kept[..., None], axis=1), np.take_along_axis(cost, kept, axis=1)
-    return x.reshape(-1, 9), cost.reshape(-1), kept.shape[1]
+    near = np.linalg.norm(x[:, :, None, :3] - x[:, None, :, :3], axis=-1) < SAME_PLACE
+    is_repeated = (near & np.tri(x.shape[1], k=-1, dtype=bool)).any(axis=2)
+    selected = np.argsort(is_repeated, axis=1, kind="stable")[:, :MAX_CANDIDATES]
+    x, cost = (
+        np.take_along_axis(x, selected[..., None], axis=1),
+        np.take_along_axis(cost, selected, axis=1),
+    )
+    return x.reshape(-1, 9), cost.reshape(-1), selected.shape[1]
 
 
-def noise_left(found: Located, many: int) -> float:
+def estimate_noise(localisation: Localisation, many: int) -> float:
     """Standard deviation of readings of `many` magnetometers, T, by what places leave of them (nine unknowns explain a part): the noise, and what places and
     calibrations are off by, whatever the magnet does between one reading and the next."""
-    left = found.left[np.isfinite(found.left)]
+    residual_rms = localisation.residual_rms[np.isfinite(localisation.residual_rms)]
     return (
-        float(np.median(left)) * float(np.sqrt(3 * many / (3 * many - 9))) if len(left) else np.inf
+        float(np.median(residual_rms)) * float(np.sqrt(3 * many / (3 * many - 9)))
+        if len(residual_rms)
+        else np.inf
     )
 
 
-def _solved(
-    told: Told, reach: float, regions: int, place_sd: float
+def _solve(
+    problem: DipoleFitProblem, reach: float, regions: int, place_sd: float
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Values (n, 9), their standard deviations, RMS left (n,) in T and in standard deviations, by how many of its own the size told is off (n,)."""
-    begun = starts(told, reach, regions)  # (n, many, 9)
-    n, many = begun.shape[:2]
-    x, cost = improved(
-        begun.reshape(n * many, 9), told.repeated(many), ROUNDS if place_sd == 0 else FIRST
+    initial = grid_starts(problem, reach, regions)  # (n, many, 9)
+    n, many = initial.shape[:2]
+    x, cost = refine(
+        initial.reshape(n * many, 9),
+        problem.repeat(many),
+        ROUNDS if place_sd == 0 else FIRST_ROUNDS,
     )
     if place_sd > 0:
-        x, cost, many = _apart(x.reshape(n, many, 9), cost.reshape(n, many))
-        x, cost = improved(x, told.repeated(many))
+        x, cost, many = _distinct_candidates(x.reshape(n, many, 9), cost.reshape(n, many))
+        x, cost = refine(x, problem.repeat(many))
         best = np.arange(n) * many + cost.reshape(n, many).argmin(axis=1)
-        told = told.with_louder(by_places(x[best], told, place_sd))
-        x, cost = improved(x, told.repeated(many))
+        problem = problem.with_noise_ratio(noise_ratio_of_places(x[best], problem, place_sd))
+        x, cost = refine(x, problem.repeat(many))
     cost = cost.reshape(n, many)
     best = np.arange(n) * many + cost.argmin(axis=1)
-    apart = np.linalg.norm(x.reshape(n, many, 9)[..., :3] - x[best, None, :3], axis=-1)
-    rival = np.where(cost < cost.min(axis=1, keepdims=True) + AMBIGUOUS, apart, 0.0).max(axis=1)
-    r, A = residuals(x[best], told)
+    separation = np.linalg.norm(x.reshape(n, many, 9)[..., :3] - x[best, None, :3], axis=-1)
+    rival = np.where(cost < cost.min(axis=1, keepdims=True) + AMBIGUOUS, separation, 0.0).max(
+        axis=1
+    )
+    r, A = compute_residuals(x[best], problem)
     _, s, Vt = np.linalg.svd(A, full_matrices=False)
     variance = (Vt**2 / np.maximum(s, 1e-9)[..., None] ** 2).sum(axis=1)
-    dispute = np.zeros(n) if told.size is None else np.abs(r[:, -1])
-    r = r[:, : told.y[0].size].reshape(told.y.shape)
-    misfit, left = (
+    size_deviation = np.zeros(n) if problem.size is None else np.abs(r[:, -1])
+    r = r[:, : problem.y[0].size].reshape(problem.y.shape)
+    misfit, residual_rms = (
         np.sqrt((r**2).mean(axis=(1, 2))),
-        told.noise * np.sqrt(((r * told.louder[..., None]) ** 2).mean(axis=(1, 2))),
+        problem.noise * np.sqrt(((r * problem.noise_ratio[..., None]) ** 2).mean(axis=(1, 2))),
     )
-    scale = np.repeat([1.0, 1.0, told.noise], 3) if told.field is None else np.ones(6)
+    scale = np.repeat([1.0, 1.0, problem.noise], 3) if problem.field is None else np.ones(6)
     sd = np.zeros((n, 9))
     sd[:, : A.shape[2]] = np.sqrt(variance) * np.maximum(1.0, misfit)[:, None] * scale
     sd[:, :3] = (
         np.where(rival > 5 * np.linalg.norm(sd[:, :3], axis=1), rival, 0.0)[:, None] + sd[:, :3]
     )
-    return x[best], sd, left, misfit, dispute
+    return x[best], sd, residual_rms, misfit, size_deviation

@@ -17,34 +17,44 @@ from handscope.estimators.magnet.array import (
     timestamp_offsets,
 )
 from handscope.estimators.magnet.array import localisation as magnet_localisation
-from handscope.estimators.magnet.array.dipole_fit import SLOPES, Told, by_places
-from handscope.estimators.magnet.array.localisation import Located
-from handscope.estimators.magnet.array.systematic_errors import Alike
-from handscope.estimators.magnet.array.timestamp_offsets import Late
+from handscope.estimators.magnet.array.dipole_fit import (
+    GRADIENT_TERMS,
+    DipoleFitProblem,
+    noise_ratio_of_places,
+)
+from handscope.estimators.magnet.array.localisation import Localisation
+from handscope.estimators.magnet.array.systematic_errors import SystematicErrors
+from handscope.estimators.magnet.array.timestamp_offsets import TimestampOffsets
 from handscope.estimators.magnet.model.setup import Constellation
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array, Bools, Indices
 
-AGAIN = 8  # rounds in which readings that are late are moved
-FEWEST, TAUGHT, TAKEN = (
+MAX_ROUNDS = 8  # rounds in which readings that are late are moved
+MIN_READINGS, MAX_READINGS, CHUNK = (
     10,
     200,
     256,
 )  # readings that tell what errs alike, at least and at most; from which it is taken off at once
-SAMPLED, SPARE = (
+NOISE_READINGS, MIN_SPARE_AXES = (
     60,
     9,
 )  # readings, and axes above the unknowns in all of them, of which the noise is asked
-LESS = 0.5  # of the noise that differences tell: so much less that they tell of movement
-CLOSE, MANY = 0.5, 0.3  # s, share of the readings that close by: what disturbs those draws these
-WIDE, MOST = 5.0, 0.5  # s, share of the readings around: then what agrees does so by chance
-LOOKED, CHANCE = (
+MOVEMENT_SHARE = 0.5  # of the noise that differences tell: so much less that they tell of movement
+CLOSE_TIME, CLOSE_SHARE = (
+    0.5,
+    0.3,
+)  # s, share of the readings that close by: what disturbs those draws these
+WIDE_TIME, WIDE_SHARE = (
+    5.0,
+    0.5,
+)  # s, share of the readings around: then what agrees does so by chance
+TEST_INTERVAL, MAX_P_VALUE = (
     0.1,
     1e-4,
 )  # s between readings that are looked at for a second magnet; probability below which noise is none
 UNKNOWNS = 9  # place, moment, field
-WORST = 1.7  # standard deviations a degree of freedom; what is counted for calibration and places is rather too much
-FEW, MANY_REGIONS = (
+MISFIT_PER_DOF = 1.7  # standard deviations a degree of freedom; what is counted for calibration and places is rather too much
+FEW_MAGNETOMETERS, MANY_REGIONS = (
     9,
     3,
 )  # so few magnetometers are explained by several places; with more the octants' best ones lead to the same
@@ -59,10 +69,10 @@ class Search:
     array: Constellation
     noise: float  # T
     place_sd: float  # m
-    uneven: float = 0.0  # T/m, of each slope of the field
+    gradient_sd: float = 0.0  # T/m, of each slope of the field
     rate: Array | None = None  # (n, magnetometers, 3) T/s by which readings change
 
-    def of(self, rows: Indices) -> "Search":
+    def select(self, rows: NDArray[np.intp]) -> "Search":
         return replace(
             self,
             t=self.t[rows],
@@ -70,7 +80,7 @@ class Search:
             rate=None if self.rate is None else self.rate[rows],
         )
 
-    def by(self, chips: Indices) -> "Search":
+    def of_magnetometers(self, chips: NDArray[np.intp]) -> "Search":
         array = Constellation(self.array.places[chips], self.array.q_bl[chips])
         return replace(
             self,
@@ -79,98 +89,129 @@ class Search:
             rate=None if self.rate is None else self.rate[:, chips],
         )
 
-    def moved(self, late: Array) -> "Search":
+    def with_offsets(self, offsets: Array) -> "Search":
         """With magnetometers that are late by so many s (magnetometers,) moved to when their readings were taken."""
-        mag = timestamp_offsets.moved(self.t, self.mag, late)
-        return replace(self, mag=mag, rate=timestamp_offsets.rates(self.t, mag))
+        mag = timestamp_offsets.shift_readings(self.t, self.mag, offsets)
+        return replace(self, mag=mag, rate=timestamp_offsets.change_rates(self.t, mag))
 
-    def answering(self) -> list[tuple[Indices, Indices]]:
+    def group_by_available(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
         """Rows with the same magnetometers answering, and which."""
-        kinds, kind = np.unique(np.isfinite(self.mag).all(axis=2), axis=0, return_inverse=True)
+        patterns, pattern = np.unique(
+            np.isfinite(self.mag).all(axis=2), axis=0, return_inverse=True
+        )
         return [
-            (np.flatnonzero(kind.ravel() == k), np.flatnonzero(there))
-            for k, there in enumerate(kinds)
+            (np.flatnonzero(pattern.ravel() == k), np.flatnonzero(answered))
+            for k, answered in enumerate(patterns)
         ]
 
-    def located(self, size: float | None, size_sd: float) -> Located:
+    def locate(self, size: float | None, size_sd: float) -> Localisation:
         """Places that agree with the size of the moment told, by the magnetometers that answer."""
-        out = _nowhere(len(self.t))
-        for rows, chips in self.answering():
+        out = _empty_localisation(len(self.t))
+        for rows, chips in self.group_by_available():
             if len(chips) < len(self.array) and 3 * len(chips) + (size is not None) <= UNKNOWNS:
                 continue
-            found = self.of(rows).by(chips)._located(size, size_sd)
-            for field in fields(Located):
-                getattr(out, field.name)[rows] = getattr(found, field.name)
+            part = self.select(rows).of_magnetometers(chips)._locate(size, size_sd)
+            for field in fields(Localisation):
+                getattr(out, field.name)[rows] = getattr(part, field.name)
         return out
 
-    def _located(self, size: float | None, size_sd: float) -> Located:
-        regions = MANY_REGIONS if len(self.array) <= FEW else magnet_localisation.REGIONS
-        worst = float(worst_misfit(len(self.array), self.uneven))
-        told = {
+    def _locate(self, size: float | None, size_sd: float) -> Localisation:
+        regions = (
+            MANY_REGIONS if len(self.array) <= FEW_MAGNETOMETERS else magnet_localisation.REGIONS
+        )
+        max_misfit = float(misfit_limit(len(self.array), self.gradient_sd))
+        options = {
             "size_sd": size_sd,
             "place_sd": self.place_sd,
-            "worst": worst,
-            "uneven": self.uneven,
+            "max_misfit": max_misfit,
+            "gradient_sd": self.gradient_sd,
         }
-        found = magnet_localisation.located(
-            self.mag, self.array, None, size, self.noise, regions=regions, **told
+        localisation = magnet_localisation.locate(
+            self.mag, self.array, None, size, self.noise, regions=regions, **options
         )
-        return replace(found, found=found.found & ~found.disputed)
+        return replace(
+            localisation, is_located=localisation.is_located & ~localisation.contradicts_size
+        )
 
 
 @dataclass(frozen=True)
-class Searched:
+class LocalisationResult:
     search: Search  # with the noise as places tell it
-    located: Located
-    strange: Bools  # (n,) around these, one magnet leaves too much
-    two: Bools  # (n,) around these, a second magnet explains much
-    late: Late  # by which magnetometers were moved
-    alike: Alike | None = None  # what errs alike in all readings, where it was taken off
+    localisation: Localisation
+    is_inconsistent: NDArray[np.bool_]  # (n,) around these, one magnet leaves too much
+    has_second_magnet: NDArray[np.bool_]  # (n,) around these, a second magnet explains much
+    timestamp_offsets: TimestampOffsets  # by which magnetometers were moved
+    systematic: SystematicErrors | None = (
+        None  # what errs alike in all readings, where it was taken off
+    )
 
 
-def searched(search: Search, size: float | None, size_sd: float, least: float) -> Searched:
+def locate_recording(
+    search: Search, size: float | None, size_sd: float, least: float
+) -> LocalisationResult:
     """`size` of the moment, A m^2, and how well it is known, a share of it; `least` T is what calibrations leave."""
-    search = _quieter(search.moved(np.zeros(len(search.array))), size, size_sd, least)
-    search, located, late = _in_time(search, search.located(size, size_sd), size, size_sd)
-    search, located = _with_slopes(search, located, size, size_sd)
-    located = _left_counted(search, located, size)
-    looked, chance = _looked(search.t), _chance(search, located, size, size_sd)
-    too_much = located.misfit > worst_misfit(
-        np.isfinite(search.mag).all(axis=2).sum(axis=1), search.uneven
+    search = _with_estimated_noise(
+        search.with_offsets(np.zeros(len(search.array))), size, size_sd, least
     )
-    better = chance < CHANCE
-    strange, two = (
-        _around(search.t, located.misfit, too_much, CLOSE, MANY),
-        _around(search.t, chance, better, CLOSE, MANY),
+    search, localisation, offsets = _correct_timestamps(
+        search, search.locate(size, size_sd), size, size_sd
     )
-    seldom = np.full(len(search.t), np.nan)
-    seldom[looked] = located.misfit[looked]
-    chaos = _around(search.t, seldom, np.isfinite(seldom) & (too_much | better), WIDE, MOST)
-    strange |= chaos & ~two
-    explained_well = np.isfinite(located.misfit) & ~too_much & ~strange & ~two
-    located, alike = _taken_off(
+    search, localisation = _with_gradients(search, localisation, size, size_sd)
+    localisation = _inflate_by_residuals(search, localisation, size)
+    sampled_rows, p_value = (
+        _sample_rows(search.t),
+        _second_magnet_p_values(search, localisation, size, size_sd),
+    )
+    is_misfit = localisation.misfit > misfit_limit(
+        np.isfinite(search.mag).all(axis=2).sum(axis=1), search.gradient_sd
+    )
+    is_better = p_value < MAX_P_VALUE
+    is_inconsistent, has_second_magnet = (
+        _is_frequent_around(search.t, localisation.misfit, is_misfit, CLOSE_TIME, CLOSE_SHARE),
+        _is_frequent_around(search.t, p_value, is_better, CLOSE_TIME, CLOSE_SHARE),
+    )
+    sampled = np.full(len(search.t), np.nan)
+    sampled[sampled_rows] = localisation.misfit[sampled_rows]
+    is_chaotic = _is_frequent_around(
+        search.t, sampled, np.isfinite(sampled) & (is_misfit | is_better), WIDE_TIME, WIDE_SHARE
+    )
+    is_inconsistent |= is_chaotic & ~has_second_magnet
+    is_explained = (
+        np.isfinite(localisation.misfit) & ~is_misfit & ~is_inconsistent & ~has_second_magnet
+    )
+    localisation, systematic = _remove_systematic_errors(
         search,
-        replace(located, found=located.found & ~strange & ~two),
-        explained_well,
+        replace(
+            localisation, is_located=localisation.is_located & ~is_inconsistent & ~has_second_magnet
+        ),
+        is_explained,
         size,
         size_sd,
     )
-    return Searched(search, _times_counted(search, located, late), strange, two, late, alike)
+    return LocalisationResult(
+        search,
+        _add_timing_uncertainty(search, localisation, offsets),
+        is_inconsistent,
+        has_second_magnet,
+        offsets,
+        systematic,
+    )
 
 
-def worst_misfit(many: int | Indices, uneven: float = 0.0) -> Array:
+def misfit_limit(many: int | NDArray[np.intp], gradient_sd: float = 0.0) -> Array:
     """What so many magnetometers may leave (RMS, standard deviations): nine unknowns explain a part of the errors, the more the fewer there are; slopes of the
     field, too."""
     axes = np.maximum(3.0 * np.asarray(many), 1.0)
     return np.asarray(
-        WORST * np.sqrt(np.maximum(axes - UNKNOWNS - SLOPES * (uneven > 0), 1.0) / axes)
+        MISFIT_PER_DOF
+        * np.sqrt(np.maximum(axes - UNKNOWNS - GRADIENT_TERMS * (gradient_sd > 0), 1.0) / axes)
     )
 
 
-def _nowhere(n: int) -> Located:
+def _empty_localisation(n: int) -> Localisation:
     place, moment, field, place_sd, moment_sd = np.full((5, n, 3), np.nan)
     left, misfit = np.full((2, n), np.nan)
-    return Located(
+    return Localisation(
         place,
         moment,
         field,
@@ -183,187 +224,251 @@ def _nowhere(n: int) -> Located:
     )
 
 
-def _quieter(search: Search, size: float | None, size_sd: float, least: float) -> Search:
+def _with_estimated_noise(
+    search: Search, size: float | None, size_sd: float, least: float
+) -> Search:
     """With the noise that places leave, where the magnet moves so much from one reading to the next that their differences tell of movement."""
-    rows, chips = max(search.answering(), key=lambda alike: len(alike[0]))
-    if search.noise * LESS < least or len(rows) * (3 * len(chips) - UNKNOWNS) < SPARE:
+    rows, chips = max(search.group_by_available(), key=lambda group: len(group[0]))
+    if (
+        search.noise * MOVEMENT_SHARE < least
+        or len(rows) * (3 * len(chips) - UNKNOWNS) < MIN_SPARE_AXES
+    ):
         return search
-    sample = search.of(rows[:: -(-len(rows) // SAMPLED)]).by(chips)
-    left = magnet_localisation.noise_left(sample.located(size, size_sd), len(chips))
-    return replace(search, noise=max(left, least)) if left < LESS * search.noise else search
+    sample = search.select(rows[:: -(-len(rows) // NOISE_READINGS)]).of_magnetometers(chips)
+    residual_noise = magnet_localisation.estimate_noise(sample.locate(size, size_sd), len(chips))
+    return (
+        replace(search, noise=max(residual_noise, least))
+        if residual_noise < MOVEMENT_SHARE * search.noise
+        else search
+    )
 
 
-def explained(
-    search: Search, located: Located, size: float | None, size_sd: float, rows: Indices
-) -> tuple[Told, Array]:
+def build_problem(
+    search: Search,
+    localisation: Localisation,
+    size: float | None,
+    size_sd: float,
+    rows: NDArray[np.intp],
+) -> tuple[DipoleFitProblem, Array]:
     """Readings whose places are known, by the magnetometers that answer in all of them, and the unknowns (n, 9) that explain them."""
-    x = np.concatenate([located.place, located.moment, located.field], axis=1)[rows]
+    x = np.concatenate([localisation.place, localisation.moment, localisation.field], axis=1)[rows]
     y, ones = (
         quat.rotate(search.array.q_bl, search.mag[rows]),
         np.ones((len(rows), len(search.array))),
     )
-    told = Told(y, search.array.places, None, size, search.noise, size_sd, ones, search.uneven)
-    told = (
-        told
-        if search.rate is None
-        else replace(told, rate=quat.rotate(search.array.q_bl, search.rate[rows]))
+    problem = DipoleFitProblem(
+        y, search.array.places, None, size, search.noise, size_sd, ones, search.gradient_sd
     )
-    return told.with_louder(by_places(x, told, search.place_sd)), x
+    problem = (
+        problem
+        if search.rate is None
+        else replace(problem, rate=quat.rotate(search.array.q_bl, search.rate[rows]))
+    )
+    return problem.with_noise_ratio(noise_ratio_of_places(x, problem, search.place_sd)), x
 
 
-def _in_time(
-    search: Search, located: Located, size: float | None, size_sd: float
-) -> tuple[Search, Located, Late]:
+def _correct_timestamps(
+    search: Search, localisation: Localisation, size: float | None, size_sd: float
+) -> tuple[Search, Localisation, TimestampOffsets]:
     """With magnetometers that are surely late against the others moved to when their readings were taken; by how much, 0 where it is not sure."""
     total, sd = np.zeros((2, len(search.array)))
-    looked, places, kept = search, located, np.arange(len(search.t))
-    for _ in range(AGAIN):
-        rows, chips = _alike(looked, places)
-        if len(rows) < FEWEST or 3 * len(chips) <= UNKNOWNS:
+    part, places, selected = search, localisation, np.arange(len(search.t))
+    for _ in range(MAX_ROUNDS):
+        rows, chips = _most_complete_rows(part, places)
+        if len(rows) < MIN_READINGS or 3 * len(chips) <= UNKNOWNS:
             break
-        rows = rows[:: -(-len(rows) // TAUGHT)]
-        alike = systematic_errors.learnt(*explained(looked.by(chips), places, size, size_sd, rows))
-        found = timestamp_offsets.late(alike, len(chips))
-        if alike.chance > CHANCE or not found.surely.any():
+        rows = rows[:: -(-len(rows) // MAX_READINGS)]
+        systematic = systematic_errors.estimate_systematic_errors(
+            *build_problem(part.of_magnetometers(chips), places, size, size_sd, rows)
+        )
+        offsets = timestamp_offsets.estimate_timestamp_offsets(systematic, len(chips))
+        if systematic.p_value > MAX_P_VALUE or not offsets.is_significant.any():
             break
-        total[chips] += np.where(found.surely, found.late, 0.0)
-        sd[chips], kept = found.sd, kept[rows]
-        looked = search.moved(total).of(kept)
-        places = looked.located(size, size_sd)
+        total[chips] += np.where(offsets.is_significant, offsets.offsets, 0.0)
+        sd[chips], selected = offsets.sd, selected[rows]
+        part = search.with_offsets(total).select(selected)
+        places = part.locate(size, size_sd)
     else:
         total[:] = 0.0  # what comes to no end is no lateness
-    total = np.where(np.abs(total) < timestamp_offsets.TOLD, 0.0, total)
-    before, now = np.nanmedian(located.misfit[kept]), np.nanmedian(places.misfit)
-    if not total.any() or now > min(before, float(worst_misfit(len(search.array)))):
-        return search, located, Late(np.zeros_like(total), sd)
-    search = search.moved(total)
-    return search, search.located(size, size_sd), Late(total, sd)
+    total = np.where(np.abs(total) < timestamp_offsets.MIN_CORRECTION, 0.0, total)
+    before, now = np.nanmedian(localisation.misfit[selected]), np.nanmedian(places.misfit)
+    if not total.any() or now > min(before, float(misfit_limit(len(search.array)))):
+        return search, localisation, TimestampOffsets(np.zeros_like(total), sd)
+    search = search.with_offsets(total)
+    return search, search.locate(size, size_sd), TimestampOffsets(total, sd)
 
 
-def _times_counted(search: Search, located: Located, late: Late) -> Located:
+def _add_timing_uncertainty(
+    search: Search, localisation: Localisation, offsets: TimestampOffsets
+) -> Localisation:
     """Where many magnetometers are late, each by another time, the time of a place is as unsure as they differ."""
     by_place, by_moment = (
-        timestamp_offsets.rates(search.t, v[:, None])[:, 0] for v in (located.place, located.moment)
+        timestamp_offsets.change_rates(search.t, v[:, None])[:, 0]
+        for v in (localisation.place, localisation.moment)
     )
     place_sd, moment_sd = (
-        np.hypot(located.place_sd, late.spread * by_place),
-        np.hypot(located.moment_sd, late.spread * by_moment),
+        np.hypot(localisation.place_sd, offsets.spread * by_place),
+        np.hypot(localisation.moment_sd, offsets.spread * by_moment),
     )
-    return _less_sure(search, located, place_sd, moment_sd)
+    return _with_sds(search, localisation, place_sd, moment_sd)
 
 
-def _with_slopes(
-    search: Search, located: Located, size: float | None, size_sd: float
-) -> tuple[Search, Located]:
+def _with_gradients(
+    search: Search, localisation: Localisation, size: float | None, size_sd: float
+) -> tuple[Search, Localisation]:
     """With the field's slopes as unknowns where the readings show them; not where a second magnet explains most readings still better."""
-    rows, chips = _alike(search, located)
+    rows, chips = _most_complete_rows(search, localisation)
     if not len(rows):
-        return search, located
-    told, x = explained(search.by(chips), located, size, size_sd, rows[:: -(-len(rows) // SAMPLED)])
-    found = field_gradient_test.uneven(told, x)
-    if found.chance > field_gradient_test.CHANCE or found.size <= search.uneven:
-        return search, located
-    allowed = replace(search, uneven=found.size)
-    places = allowed.located(size, size_sd)
-    chance = _chance(allowed, places, size, size_sd)
-    known = chance[np.isfinite(chance)]
+        return search, localisation
+    problem, x = build_problem(
+        search.of_magnetometers(chips),
+        localisation,
+        size,
+        size_sd,
+        rows[:: -(-len(rows) // NOISE_READINGS)],
+    )
+    test = field_gradient_test.gradient_f_test(problem, x)
+    if test.p_value > field_gradient_test.MAX_P_VALUE or test.gradient_sd <= search.gradient_sd:
+        return search, localisation
+    with_gradients = replace(search, gradient_sd=test.gradient_sd)
+    places = with_gradients.locate(size, size_sd)
+    p_value = _second_magnet_p_values(with_gradients, places, size, size_sd)
+    sampled = p_value[np.isfinite(p_value)]
     return (
-        (search, located)
-        if len(known) and np.median(known) < field_gradient_test.CHANCE
-        else (allowed, places)
+        (search, localisation)
+        if len(sampled) and np.median(sampled) < field_gradient_test.MAX_P_VALUE
+        else (with_gradients, places)
     )
 
 
-def _left_counted(search: Search, located: Located, size: float | None) -> Located:
+def _inflate_by_residuals(
+    search: Search, localisation: Localisation, size: float | None
+) -> Localisation:
     """Places no surer than what all that were found leave says: calibrations that have changed and magnetometers that sit elsewhere are in all readings alike."""
-    axes = 3.0 * np.isfinite(search.mag).all(axis=2).sum(axis=1)[located.found]
-    spare = axes - UNKNOWNS - SLOPES * (search.uneven > 0) + (size is not None)
+    axes = 3.0 * np.isfinite(search.mag).all(axis=2).sum(axis=1)[localisation.is_located]
+    spare = axes - UNKNOWNS - GRADIENT_TERMS * (search.gradient_sd > 0) + (size is not None)
     if not spare.sum() > 0:
-        return located
-    left = float(np.sqrt((located.misfit[located.found] ** 2 * axes).sum() / spare.sum()))
-    grown = np.maximum(1.0, left / np.maximum(1.0, located.misfit))[
+        return localisation
+    residual = float(
+        np.sqrt((localisation.misfit[localisation.is_located] ** 2 * axes).sum() / spare.sum())
+    )
+    scale = np.maximum(1.0, residual / np.maximum(1.0, localisation.misfit))[
         :, None
     ]  # a reading that leaves more has that in its own
-    return _less_sure(search, located, grown * located.place_sd, grown * located.moment_sd)
+    return _with_sds(
+        search, localisation, scale * localisation.place_sd, scale * localisation.moment_sd
+    )
 
 
-def _taken_off(
-    search: Search, located: Located, known: Bools, size: float | None, size_sd: float
-) -> tuple[Located, Alike | None]:
+def _remove_systematic_errors(
+    search: Search,
+    localisation: Localisation,
+    is_known: NDArray[np.bool_],
+    size: float | None,
+    size_sd: float,
+) -> tuple[Localisation, SystematicErrors | None]:
     """Places of the readings that are known without what errs alike in all of them, as far as they tell it, and as sure as that leaves them."""
-    rows, taught = max(
-        ((rows[known[rows]], chips) for rows, chips in search.answering()),
-        key=lambda alike: len(alike[0]),
+    rows, calibrated = max(
+        ((rows[is_known[rows]], chips) for rows, chips in search.group_by_available()),
+        key=lambda group: len(group[0]),
     )
-    if 3 * len(taught) + (size is not None) <= UNKNOWNS or len(rows) < FEWEST:
-        return located, None
-    alike = systematic_errors.learnt(
-        *explained(search.by(taught), located, size, size_sd, rows[:: -(-len(rows) // TAUGHT)])
+    if 3 * len(calibrated) + (size is not None) <= UNKNOWNS or len(rows) < MIN_READINGS:
+        return localisation, None
+    systematic = systematic_errors.estimate_systematic_errors(
+        *build_problem(
+            search.of_magnetometers(calibrated),
+            localisation,
+            size,
+            size_sd,
+            rows[:: -(-len(rows) // MAX_READINGS)],
+        )
     )
-    if alike.chance > CHANCE:
-        return located, None
-    x = np.concatenate([located.place, located.moment, located.field], axis=1)
-    sd = np.concatenate([located.place_sd, located.moment_sd], axis=1)
-    for among, chips in search.answering():
-        rows = among[known[among] & np.isin(chips, taught).all()]
-        for part in np.array_split(rows, -(-len(rows) // TAKEN)) if len(rows) else ():
-            told, found = explained(search.by(chips), located, size, size_sd, part)
-            off, variance = systematic_errors.drawn(
-                told, found, alike, np.searchsorted(taught, chips), len(taught)
+    if systematic.p_value > MAX_P_VALUE:
+        return localisation, None
+    x = np.concatenate([localisation.place, localisation.moment, localisation.field], axis=1)
+    sd = np.concatenate([localisation.place_sd, localisation.moment_sd], axis=1)
+    for among, chips in search.group_by_available():
+        rows = among[is_known[among] & np.isin(chips, calibrated).all()]
+        for part in np.array_split(rows, -(-len(rows) // CHUNK)) if len(rows) else ():
+            problem, x_part = build_problem(
+                search.of_magnetometers(chips), localisation, size, size_sd, part
             )
-            near = np.linalg.norm(found[:, None, :3] - told.places, axis=-1).min(axis=1)
-            bent = (off[:, :3] ** 2).sum(axis=1) / near  # what was taken off to first order
+            shift, variance = systematic_errors.propagate_systematic_errors(
+                problem, x_part, systematic, np.searchsorted(calibrated, chips), len(calibrated)
+            )
+            near = np.linalg.norm(x_part[:, None, :3] - problem.places, axis=-1).min(axis=1)
+            curvature = (shift[:, :3] ** 2).sum(axis=1) / near  # what was taken off to first order
             x[part], sd[part] = (
-                found - off,
-                np.sqrt(variance[:, :6] + np.outer(bent**2, np.repeat([1.0, 0.0], 3))),
+                x_part - shift,
+                np.sqrt(variance[:, :6] + np.outer(curvature**2, np.repeat([1.0, 0.0], 3))),
             )
-    without = replace(located, place=x[:, :3], moment=x[:, 3:6], field=x[:, 6:])
-    return _less_sure(search, without, sd[:, :3], sd[:, 3:]), alike
+    corrected = replace(localisation, place=x[:, :3], moment=x[:, 3:6], field=x[:, 6:])
+    return _with_sds(search, corrected, sd[:, :3], sd[:, 3:]), systematic
 
 
-def _less_sure(search: Search, located: Located, place_sd: Array, moment_sd: Array) -> Located:
-    sure = place_sd.max(axis=1) < magnet_localisation.surest(located.place, search.array)
-    return replace(located, place_sd=place_sd, moment_sd=moment_sd, found=located.found & sure)
+def _with_sds(
+    search: Search, localisation: Localisation, place_sd: Array, moment_sd: Array
+) -> Localisation:
+    is_certain = place_sd.max(axis=1) < magnet_localisation.max_position_sd(
+        localisation.place, search.array
+    )
+    return replace(
+        localisation,
+        place_sd=place_sd,
+        moment_sd=moment_sd,
+        is_located=localisation.is_located & is_certain,
+    )
 
 
-def _alike(search: Search, located: Located) -> tuple[Indices, Indices]:
+def _most_complete_rows(
+    search: Search, localisation: Localisation
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows of places that the same magnetometers tell, as many as there are, and which those are."""
-    rows, chips = max(search.answering(), key=lambda alike: len(alike[0]))
-    return rows[np.isfinite(located.misfit[rows])], chips
+    rows, chips = max(search.group_by_available(), key=lambda group: len(group[0]))
+    return rows[np.isfinite(localisation.misfit[rows])], chips
 
 
-def _looked(t: Array) -> Indices:
+def _sample_rows(t: Array) -> NDArray[np.intp]:
     """Readings of which a second magnet is asked: not more than are needed."""
     return np.unique(
-        np.searchsorted(t, np.arange(t[0], t[-1] + LOOKED, LOOKED)).clip(0, len(t) - 1)
+        np.searchsorted(t, np.arange(t[0], t[-1] + TEST_INTERVAL, TEST_INTERVAL)).clip(
+            0, len(t) - 1
+        )
     )
 
 
-def _chance(search: Search, located: Located, size: float | None, size_sd: float) -> Array:
+def _second_magnet_p_values(
+    search: Search, localisation: Localisation, size: float | None, size_sd: float
+) -> Array:
     """That one magnet and noise explain readings (n,) so badly against two; NaN where that was not asked."""
-    chance, some = np.full(len(search.t), np.nan), _looked(search.t)
-    for among, chips in search.of(some).answering():
+    p_value, some = np.full(len(search.t), np.nan), _sample_rows(search.t)
+    for among, chips in search.select(some).group_by_available():
         rows = some[among]
-        part = Located(
-            **{field.name: getattr(located, field.name)[rows] for field in fields(Located)}
+        part = Localisation(
+            **{
+                field.name: getattr(localisation, field.name)[rows]
+                for field in fields(Localisation)
+            }
         )
-        alike = search.of(rows).by(chips)
-        chance[rows] = second_magnet_test.second(
-            alike.mag,
-            alike.array,
+        group = search.select(rows).of_magnetometers(chips)
+        p_value[rows] = second_magnet_test.second_magnet_f_test(
+            group.mag,
+            group.array,
             part,
             search.noise,
             search.place_sd,
             size,
             size_sd,
-            search.uneven,
-        ).chance
-    return chance
+            search.gradient_sd,
+        ).p_value
+    return p_value
 
 
-def _around(t: Array, known: Array, strange: Bools, near: float, share: float) -> Bools:
+def _is_frequent_around(
+    t: Array, known: Array, is_flagged: NDArray[np.bool_], near: float, share: float
+) -> NDArray[np.bool_]:
     """Readings (n,) with more than that share strange of those that are known, no NaN, within `near` s."""
     counted = np.concatenate([[0], np.cumsum(np.isfinite(known))])
-    off = np.concatenate([[0], np.cumsum(strange)])
+    flagged = np.concatenate([[0], np.cumsum(is_flagged)])
     first, last = np.searchsorted(t, t - near), np.searchsorted(t, t + near, side="right")
-    return np.asarray(off[last] - off[first] > share * (counted[last] - counted[first]))
+    return np.asarray(flagged[last] - flagged[first] > share * (counted[last] - counted[first]))

@@ -12,50 +12,52 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from handscope.estimators.magnet.array.dipole_fit import (
-    OF_ONE,
-    SLOPES,
-    Told,
-    by_places,
-    improved,
-    residuals,
-    starts,
+    GRADIENT_TERMS,
+    PER_MAGNET,
+    DipoleFitProblem,
+    compute_residuals,
+    grid_starts,
+    noise_ratio_of_places,
+    refine,
 )
-from handscope.estimators.magnet.array.localisation import Located
+from handscope.estimators.magnet.array.localisation import Localisation
 from handscope.estimators.magnet.model import dipole
 from handscope.estimators.magnet.model.setup import Constellation
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-FEWEST = 8  # magnetometers: nine axes above the unknowns of two magnets and the field
+MIN_MAGNETOMETERS = 8  # magnetometers: nine axes above the unknowns of two magnets and the field
 ROUNDS = 15
 REACH = 0.5  # m around the array in which a second magnet is looked for
 
 
 @dataclass(frozen=True)
-class Second:
-    chance: (
+class SecondMagnetTest:
+    p_value: (
         Array  # (n,) that noise alone would be explained so much better; NaN where nothing is known
     )
     place: Array  # (n, 3) m, base frame
 
 
-def second(
+def second_magnet_f_test(
     mag: Array,
     array: Constellation,
-    found: Located,
+    localisation: Localisation,
     noise: float,
     place_sd: float,
     size: float | None = None,
     size_sd: float = 1e-3,
-    uneven: float = 0.0,
-) -> Second:
+    gradient_sd: float = 0.0,
+) -> SecondMagnetTest:
     """Of readings (n, magnetometers, 3), T, in which `found` is the one magnet, in a field that nobody told; the rest as told to `located`."""
-    out = Second(np.full(len(mag), np.nan), np.full((len(mag), 3), np.nan))
-    rows = np.flatnonzero(np.isfinite(found.misfit))
-    if len(array) < FEWEST or not len(rows):
+    out = SecondMagnetTest(np.full(len(mag), np.nan), np.full((len(mag), 3), np.nan))
+    rows = np.flatnonzero(np.isfinite(localisation.misfit))
+    if len(array) < MIN_MAGNETOMETERS or not len(rows):
         return out
-    one = np.concatenate([found.place, found.moment, found.field], axis=1)[rows]
-    told = Told(
+    one = np.concatenate([localisation.place, localisation.moment, localisation.field], axis=1)[
+        rows
+    ]
+    problem = DipoleFitProblem(
         quat.rotate(array.q_bl, mag[rows]),
         array.places,
         None,
@@ -63,30 +65,41 @@ def second(
         noise,
         size_sd,
         np.ones((len(rows), len(array))),
-        uneven,
+        gradient_sd,
     )
-    told = told.with_louder(by_places(one, told, place_sd))
-    left = (
-        told.y
-        - one[:, None, OF_ONE:]
-        - dipole.field(one[:, None, :3] - told.places, one[:, None, 3:OF_ONE])
+    problem = problem.with_noise_ratio(noise_ratio_of_places(one, problem, place_sd))
+    remaining = (
+        problem.y
+        - one[:, None, PER_MAGNET:]
+        - dipole.field(one[:, None, :3] - problem.places, one[:, None, 3:PER_MAGNET])
     )
-    other = starts(Told(left, told.places, None, None, noise, size_sd, told.louder), REACH, 1)[:, 0]
-    both, with_two = improved(
-        np.concatenate(
-            [one[:, :OF_ONE], other[:, :OF_ONE], one[:, OF_ONE:] + other[:, OF_ONE:]], axis=1
+    other = grid_starts(
+        DipoleFitProblem(
+            remaining, problem.places, None, None, noise, size_sd, problem.noise_ratio
         ),
-        told,
+        REACH,
+        1,
+    )[:, 0]
+    both, with_two = refine(
+        np.concatenate(
+            [
+                one[:, :PER_MAGNET],
+                other[:, :PER_MAGNET],
+                one[:, PER_MAGNET:] + other[:, PER_MAGNET:],
+            ],
+            axis=1,
+        ),
+        problem,
         ROUNDS,
     )
-    off, A = residuals(one, told)
+    residual, A = compute_residuals(one, problem)
     with_one, spare = (
-        (off**2).sum(axis=1),
-        max(1, off.shape[1] - A.shape[2] - OF_ONE - SLOPES * (uneven > 0)),
+        (residual**2).sum(axis=1),
+        max(1, residual.shape[1] - A.shape[2] - PER_MAGNET - GRADIENT_TERMS * (gradient_sd > 0)),
     )
-    better = (with_one - with_two) / OF_ONE / np.maximum(with_two / spare, 1e-12)
-    out.chance[rows], out.place[rows] = (
-        f_distribution.sf(better, OF_ONE, spare),
-        both[:, OF_ONE : OF_ONE + 3],
+    better = (with_one - with_two) / PER_MAGNET / np.maximum(with_two / spare, 1e-12)
+    out.p_value[rows], out.place[rows] = (
+        f_distribution.sf(better, PER_MAGNET, spare),
+        both[:, PER_MAGNET : PER_MAGNET + 3],
     )
     return out

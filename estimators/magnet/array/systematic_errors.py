@@ -15,7 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from handscope.estimators.magnet.array.dipole_fit import OF_ONE, SLOPES, Told, linear, residuals
+from handscope.estimators.magnet.array.dipole_fit import (
+    GRADIENT_TERMS,
+    PER_MAGNET,
+    DipoleFitProblem,
+    compute_residuals,
+    gradient_fields,
+)
 from handscope.estimators.magnet.model import dipole
 from handscope.estimators.numerics.typing import Array, Indices
 
@@ -24,8 +30,8 @@ class Kind(NamedTuple):
     """Errors of one kind: how many of each magnetometer or of all together, and how large they are taken to be to begin with."""
 
     name: str
-    each: int
-    together: int
+    per_magnetometer: int
+    shared: int
     size: float
 
 
@@ -35,121 +41,139 @@ KINDS = (
     Kind("place", 3, 0, 3e-4),  # m
     Kind("late", 1, 0, 2e-3),  # s
     Kind("length", 0, 1, 2e-5),  # a^2 / 6, m^2
-    Kind("slope", 0, SLOPES, 3e-6),  # T/m
+    Kind("slope", 0, GRADIENT_TERMS, 3e-6),  # T/m
     Kind("turn", 0, 3, 1e-2),  # rad, of all magnetometers' axes against the board
     Kind("moment", 0, 1, 1.0),  # standard deviations of the size told
 )
 ROUNDS = 40
 STEP = 1e-3  # m
-FAINT = 1e-2  # of the noise's variance: less is no noise but readings that were followed by too many unknowns
+MIN_NOISE_VARIANCE = 1e-2  # of the noise's variance: less is no noise but readings that were followed by too many unknowns
 
 
 @dataclass(frozen=True)
-class Alike:
+class SystematicErrors:
     """Errors (p,) over the sizes of KINDS, magnetometer by magnetometer within a kind."""
 
     errors: Array
     covariance: Array  # (p, p)
     sizes: Array  # (kinds,) of errors as the readings tell them, in the units of KINDS
     noise: float  # variance of what is left, over that of the noise told
-    chance: float  # that noise alone would be explained so much better
-    most: Kind  # the kind that explains most
+    p_value: float  # that noise alone would be explained so much better
+    dominant: Kind  # the kind that explains most
 
 
-def learnt(told: Told, x: Array) -> Alike:
+def estimate_systematic_errors(problem: DipoleFitProblem, x: Array) -> SystematicErrors:
     """Of readings with unknowns x (n, 9)."""
-    off, A = residuals(x, told)
+    residual, A = compute_residuals(x, problem)
     Q, _ = np.linalg.qr(A)
-    left, added = (
-        v - Q @ (np.swapaxes(Q, 1, 2) @ v) for v in (off[..., None], _added(told, x, off.shape[1]))
+    remaining, added = (
+        v - Q @ (np.swapaxes(Q, 1, 2) @ v)
+        for v in (residual[..., None], _error_jacobian(problem, x, residual.shape[1]))
     )
-    kind, spare = kinds(len(told.places)), len(x) * (off.shape[1] - A.shape[2])
-    F, r = added.reshape(-1, len(kind)), left.ravel()
+    kind, spare = error_kinds(len(problem.places)), len(x) * (residual.shape[1] - A.shape[2])
+    F, r = added.reshape(-1, len(kind)), remaining.ravel()
     N, b, square = F.T @ F, F.T @ r, float(r @ r)
     variance, noise = np.ones(len(KINDS)), 1.0
     for _ in range(ROUNDS):
-        covariance, _ = _posterior(N, variance[kind], noise)
+        covariance, _ = _compute_posterior(N, variance[kind], noise)
         errors = covariance @ b / noise
         each = errors**2 + np.diag(covariance)
         variance = np.array([each[kind == k].mean() for k in range(len(KINDS))])
         noise = max(
-            FAINT,
+            MIN_NOISE_VARIANCE,
             float(square - 2 * errors @ b + errors @ N @ errors + (N * covariance).sum()) / spare,
         )
-    covariance, volume = _posterior(N, variance[kind], noise)
+    covariance, volume = _compute_posterior(N, variance[kind], noise)
     errors = covariance @ b / noise
-    likelier = (
+    likelihood_ratio = (
         spare * np.log(square / spare / noise)
         + spare
         - square / noise
         + float(b @ errors) / noise
         - volume
     )
-    most = KINDS[int(np.argmax([errors[kind == k] @ b[kind == k] for k in range(len(KINDS))]))]
+    dominant = KINDS[int(np.argmax([errors[kind == k] @ b[kind == k] for k in range(len(KINDS))]))]
     sizes = np.sqrt(variance) * [k.size for k in KINDS]
-    return Alike(errors, covariance, sizes, noise, float(chi2.sf(likelier, len(KINDS))), most)
+    return SystematicErrors(
+        errors, covariance, sizes, noise, float(chi2.sf(likelihood_ratio, len(KINDS))), dominant
+    )
 
 
-def drawn(told: Told, x: Array, alike: Alike, chips: Indices, many: int) -> tuple[Array, Array]:
+def propagate_systematic_errors(
+    problem: DipoleFitProblem,
+    x: Array,
+    systematic: SystematicErrors,
+    chips: NDArray[np.intp],
+    many: int,
+) -> tuple[Array, Array]:
     """By how much errors draw the unknowns x (n, 9) of readings of these of `many` magnetometers, and the variances (n, 9) that are left without that."""
-    off, A = residuals(x, told)
+    residual, A = compute_residuals(x, problem)
     inverse = np.linalg.pinv(A)
-    kind = kinds(many)
+    kind = error_kinds(many)
     chip = np.concatenate(
-        [np.repeat(np.arange(many), k.each) if k.each else np.full(k.together, -1) for k in KINDS]
+        [
+            np.repeat(np.arange(many), k.per_magnetometer)
+            if k.per_magnetometer
+            else np.full(k.shared, -1)
+            for k in KINDS
+        ]
     )
     there = (chip < 0) | np.isin(chip, chips)
     assert len(chip) == len(kind)
-    by_error = inverse @ _added(told, x, off.shape[1])
-    covariance = alike.covariance[np.ix_(there, there)]
-    variance = max(1.0, alike.noise) * (inverse**2).sum(axis=2) + np.einsum(
+    by_error = inverse @ _error_jacobian(problem, x, residual.shape[1])
+    covariance = systematic.covariance[np.ix_(there, there)]
+    variance = max(1.0, systematic.noise) * (inverse**2).sum(axis=2) + np.einsum(
         "nip,pq,niq->ni", by_error, covariance, by_error
     )
-    scale = np.repeat([1.0, told.noise], [OF_ONE, A.shape[2] - OF_ONE])
-    return scale * (by_error @ alike.errors[there]), scale**2 * variance
+    scale = np.repeat([1.0, problem.noise], [PER_MAGNET, A.shape[2] - PER_MAGNET])
+    return scale * (by_error @ systematic.errors[there]), scale**2 * variance
 
 
-def kinds(many: int) -> Indices:
+def error_kinds(many: int) -> NDArray[np.intp]:
     """Of every error of so many magnetometers its kind (p,)."""
-    return np.repeat(np.arange(len(KINDS)), [k.each * many + k.together for k in KINDS])
+    return np.repeat(np.arange(len(KINDS)), [k.per_magnetometer * many + k.shared for k in KINDS])
 
 
-def _posterior(N: Array, variance: Array, noise: float) -> tuple[Array, float]:
+def _compute_posterior(N: Array, variance: Array, noise: float) -> tuple[Array, float]:
     """Covariance (p, p) of errors that have these variances (p,) before, and the logarithm of how much smaller its volume is."""
     root = np.sqrt(variance)
     M = np.eye(len(root)) + root[:, None] * N * root / noise
     return root[:, None] * np.linalg.inv(M) * root, float(np.linalg.slogdet(M)[1])
 
 
-def _added(told: Told, x: Array, rows: int) -> Array:
+def _error_jacobian(problem: DipoleFitProblem, x: Array, rows: int) -> Array:
     """What each error of its kind's size adds to whitened residuals (n, rows, p)."""
-    n, many = told.y.shape[:2]
-    r, m, own = x[:, None, :3] - told.places, x[:, None, 3:OF_ONE], np.eye(many)[:, None, :, None]
+    n, many = problem.y.shape[:2]
+    r, m, own = (
+        x[:, None, :3] - problem.places,
+        x[:, None, 3:PER_MAGNET],
+        np.eye(many)[:, None, :, None],
+    )
     offsets = np.broadcast_to(own * np.eye(3)[:, None, :], (n, many, 3, many, 3))
-    there = x[:, None, OF_ONE:] + dipole.field(
+    field = x[:, None, PER_MAGNET:] + dipole.field(
         r, m
     )  # not as read: a gain of nothing would explain what is left of it
-    gains = np.einsum("lk,ij,nla->nlikja", np.eye(many), np.eye(3), there)
-    places = own * -dipole.by_place(r, m)[:, :, :, None]
-    slopes = np.broadcast_to(linear(told.places), (n, many, 3, SLOPES))
-    noise = (told.noise * told.louder)[:, :, None, None]
-    late = own * (
-        np.zeros((n, many, 3, 1, 1)) if told.rate is None else -told.rate[..., None, None]
+    gains = np.einsum("lk,ij,nla->nlikja", np.eye(many), np.eye(3), field)
+    places = own * -dipole.field_gradient(r, m)[:, :, :, None]
+    slopes = np.broadcast_to(gradient_fields(problem.places), (n, many, 3, GRADIENT_TERMS))
+    noise = (problem.noise * problem.noise_ratio)[:, :, None, None]
+    delays = own * (
+        np.zeros((n, many, 3, 1, 1)) if problem.rate is None else -problem.rate[..., None, None]
     )
-    turn = np.cross(np.eye(3), there[:, :, None]).swapaxes(2, 3)
-    length, none = _lengthened(x, told), np.zeros((n, many, 3))
-    each = zip(KINDS, (offsets, gains, places, late, length, slopes, turn, none))
+    turn = np.cross(np.eye(3), field[:, :, None]).swapaxes(2, 3)
+    length, nothing = _length_jacobian(x, problem), np.zeros((n, many, 3))
+    each = zip(KINDS, (offsets, gains, places, delays, length, slopes, turn, nothing))
     by_kind = [kind.size * v.reshape(n, many, 3, -1) / noise for kind, v in each]
-    added = told.evenly(np.concatenate(by_kind, axis=-1).reshape(n, 3 * many, -1))
+    added = problem.whiten(np.concatenate(by_kind, axis=-1).reshape(n, 3 * many, -1))
     added = np.pad(added, ((0, 0), (0, rows - added.shape[1]), (0, 0)))
-    if told.size is not None:
+    if problem.size is not None:
         added[:, -1, -1] = 1.0
     return added
 
 
-def _lengthened(x: Array, told: Told) -> Array:
+def _length_jacobian(x: Array, problem: DipoleFitProblem) -> Array:
     """Field (n, magnetometers, 3) T that a^2 / 6 of 1 m^2 adds."""
-    r, m = x[:, None, :3] - told.places, x[:, None, 3:OF_ONE]
+    r, m = x[:, None, :3] - problem.places, x[:, None, 3:PER_MAGNET]
     along = STEP * m / np.maximum(np.linalg.norm(m, axis=-1, keepdims=True), 1e-12)
     return np.asarray(
         (dipole.field(r + along, m) + dipole.field(r - along, m) - 2 * dipole.field(r, m)) / STEP**2

@@ -8,9 +8,8 @@ Limits  within about two of the magnet's own lengths it is no dipole any more (r
 
 import numpy as np
 
-from handscope.estimators.numerics.typing import Array
-
-MU0_4PI = 1e-7  # T m / A
+from handscope.estimators.numerics.constants import MU0_4PI
+from handscope.estimators.numerics.quaternions import Array
 
 
 def field(r: Array, moment: Array) -> Array:
@@ -20,7 +19,7 @@ def field(r: Array, moment: Array) -> Array:
     return np.asarray(MU0_4PI * (3 * along * r - square * moment) / square**2.5)
 
 
-def by_moment(r: Array) -> Array:
+def field_by_moment(r: Array) -> Array:
     """J(r) (..., 3, 3): symmetric. (5.8)"""
     square = (r * r).sum(axis=-1)[..., None, None]
     return np.asarray(
@@ -28,7 +27,7 @@ def by_moment(r: Array) -> Array:
     )
 
 
-def by_place(r: Array, moment: Array) -> Array:
+def field_gradient(r: Array, moment: Array) -> Array:
     """d(J(r) m)/dr (..., 3, 3): symmetric and without trace. (5.24)"""
     square = (r * r).sum(axis=-1)[..., None, None]
     along = (r * moment).sum(axis=-1)[..., None, None]

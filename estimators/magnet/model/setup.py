@@ -51,7 +51,7 @@ class Magnet:
         return float(np.linalg.norm(self.moment))
 
 
-def constellation(places: Array, q_bl: Array | None = None) -> Constellation:
+def make_constellation(places: Array, q_bl: Array | None = None) -> Constellation:
     """Magnetometers at places (magnetometers, 3) in m; InputError where the numbers cannot be metres on a trunk."""
     where = np.atleast_2d(np.asarray(places, float))
     if where.ndim != 2 or where.shape[1] != 3 or not np.isfinite(where).all():
@@ -79,7 +79,7 @@ def constellation(places: Array, q_bl: Array | None = None) -> Constellation:
     return Constellation(where, quat.normalize(turned))
 
 
-def magnet(moment: Array, place: Array | None = None) -> Magnet:
+def make_magnet(moment: Array, place: Array | None = None) -> Magnet:
     """A magnet of moment (3,) A m^2 at place (3,) m of the target; InputError where the numbers cannot be a magnet on a hand."""
     m, p = np.asarray(moment, float), np.zeros(3) if place is None else np.asarray(place, float)
     if m.shape != (3,) or p.shape != (3,) or not (np.isfinite(m).all() and np.isfinite(p).all()):

@@ -121,8 +121,10 @@ def make_setting(
         [quat.multiply(quat.conjugate(q_BS), mounting.get(name, quat.IDENTITY)) for name in names]
     )
     try:
-        array = magnet_setup.constellation(np.array([plate.places[name] for name in names]), q_bl)
-        magnet = magnet_setup.magnet(np.array(plate.moment), np.array(plate.place))
+        array = magnet_setup.make_constellation(
+            np.array([plate.places[name] for name in names]), q_bl
+        )
+        magnet = magnet_setup.make_magnet(np.array(plate.moment), np.array(plate.place))
         setup = Setup(array, magnet, plate.earth, plate.dip)
         magnet_tracker.start(setup)
     except InputError as problem:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.magnet.array.localisation import Located, located
+from handscope.estimators.magnet.array.localisation import Localisation, locate
 from handscope.estimators.magnet.model import dipole
 from handscope.estimators.magnet.model.setup import Constellation, Magnet
 from handscope.estimators.magnet.tracker.options import (
@@ -139,29 +139,33 @@ def _locate_magnet(
     if len(setup.array) < 3:
         return None
     noise = noise_model(params, array_span(setup.array)).single
-    found = located(mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03)
-    sure = bool(found.found[0])
+    localisation = locate(
+        mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03
+    )
+    sure = bool(localisation.is_located[0])
     if not sure and np.isfinite(
-        found.left[0]
+        localisation.residual_rms[0]
     ):  # near by, places and moment told amiss leave more than the noise
-        noise = float(np.hypot(noise, _declaration_error(params, setup, found)))
-        found = located(mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03)
+        noise = float(np.hypot(noise, _declaration_error(params, setup, localisation)))
+        localisation = locate(
+            mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03
+        )
         sure = bool(
-            found.found[0] and found.left[0] < noise
+            localisation.is_located[0] and localisation.residual_rms[0] < noise
         )  # all is in it: a true place leaves less 98 times of 100
-    return (found.place[0], found.moment[0], found.field[0]) if sure else None
+    return (localisation.place[0], localisation.moment[0], localisation.field[0]) if sure else None
 
 
-def _declaration_error(params: MagnetParams, setup: Setup, found: Located) -> float:
+def _declaration_error(params: MagnetParams, setup: Setup, localisation: Localisation) -> float:
     """T of an axis, RMS over the magnetometers, by which readings of the magnet that was found differ where places and moment are as well known as told."""
     r, size = (
-        found.place[0] - setup.array.places,
-        np.maximum(np.linalg.norm(found.moment[0]), setup.magnet.size),
+        localisation.place[0] - setup.array.places,
+        np.maximum(np.linalg.norm(localisation.moment[0]), setup.magnet.size),
     )
-    moment = found.moment[0] * setup.magnet.size / size
+    moment = localisation.moment[0] * setup.magnet.size / size
     by_place, own = (
-        dipole.by_place(r, moment) * params.place_error,
-        dipole.by_moment(r) * params.magnet_error * setup.magnet.size,
+        dipole.field_gradient(r, moment) * params.place_error,
+        dipole.field_by_moment(r) * params.magnet_error * setup.magnet.size,
     )
     return float(np.sqrt(((by_place**2).sum(axis=-1) + (own**2).sum(axis=-1)).mean()))
 

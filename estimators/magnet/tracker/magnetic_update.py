@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from handscope.estimators.magnet.model.dipole import MU0_4PI
 from handscope.estimators.magnet.tracker.latency import (
     KINEMATICS_SIZE,
     map_jacobian_to_now,
@@ -42,6 +41,7 @@ from handscope.estimators.magnet.tracker.state import (
     times,
     transposed,
 )
+from handscope.estimators.numerics.constants import MU0_4PI
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kalman import explained, reduced
 from handscope.estimators.numerics.kernels import (

@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 
-from handscope.estimators.magnet.model.dipole import MU0_4PI
 from handscope.estimators.magnet.tracker.history import (
     Trace,
     decouple_sample,
@@ -62,6 +61,7 @@ from handscope.estimators.magnet.tracker.state import (
     specific_force_square,
     turn_rates,
 )
+from handscope.estimators.numerics.constants import MU0_4PI
 from handscope.estimators.numerics.jit import inlined, looped
 from handscope.estimators.numerics.kalman import correct, explained
 from handscope.estimators.numerics.kernels import multiply_matrices, rotation_matrix, skew

@@ -20,13 +20,13 @@ def test_a_plate_that_was_turned_is_calibrated_and_says_the_strength_of_the_fiel
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rng = np.random.default_rng(3)
-    worn, turning = magnet.worn(rng), magnet.turned_about(rng)
+    worn, turning = magnet.draw_worn(rng), magnet.rotate_plate(rng)
     inertial = Block(
         Stream("trunk", (TRUNK,), (GYR, ACC), 60.0, "base"),
         turning.t,
-        magnet.inertial(worn, turning, rng)[:, :1],
+        magnet.simulate_inertial(worn, turning, rng)[:, :1],
     )
-    mag = magnet.magnetic(worn, turning, homogeneous(), rng, magnet=False)
+    mag = magnet.simulate_magnetic(worn, turning, homogeneous(), rng, magnet=False)
     array = Block(Stream("trunk_mag", MAGNETOMETERS, (MAG,), 60.0, "base"), turning.t, mag)
     samples = {"trunk": inertial, "trunk_mag": array}
     recording = LoadedRecording(

@@ -14,7 +14,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.magnetic_field import MagneticField, homogeneous
 from handscope.sessions.tables_io import array_table
-from handscope.sessions.tables_io.array_description import described
+from handscope.sessions.tables_io.array_description import read_description
 
 PLACES = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.12, 0], [0.1, 0.12, 0.03], [0.05, 0.06, 0.0]])
 CHIPS = np.array(  # rows: what each chip calls x, y, z in the board's axes
@@ -33,18 +33,18 @@ HEADER = ",".join(["t", *(f"m{k}_{axis}" for k in range(5) for axis in "xyz")])
 
 def _table(path: Path, B: Array, rng: np.random.Generator, extra: Array | None = None) -> Array:
     """Readings (n, 5, 3) of fields B in the board's axes, in gauss, as a CSV file; gives them."""
-    read = np.einsum("kij,nkj->nki", CHIPS, B) + HARD + NOISE * rng.normal(size=B.shape)
-    read = 1e4 * (read if extra is None else read + extra)
+    table = np.einsum("kij,nkj->nki", CHIPS, B) + HARD + NOISE * rng.normal(size=B.shape)
+    table = 1e4 * (table if extra is None else table + extra)
     t = np.arange(len(B)) / RATE
     np.savetxt(
         path,
-        np.column_stack([t, read.reshape(len(B), -1)]),
+        np.column_stack([t, table.reshape(len(B), -1)]),
         delimiter=",",
         header=HEADER,
         comments="",
         fmt="%.7f",
     )
-    return read
+    return table
 
 
 def _board(path: Path) -> Path:
@@ -107,13 +107,13 @@ def test_a_magnet_is_found_whatever_the_chips_axes(
 def test_how_the_first_chip_is_turned_may_be_told(bench: tuple[Path, Path, Array, Array]) -> None:
     """The second one of the board as the first of the array's file: its axes are the board's turned by a quarter."""
     folder, board, B, p = bench
-    told = json.loads(board.read_text())
+    description = json.loads(board.read_text())
     quarter = [float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5))]  # from its axes to the board's
-    told["magnetometers"] = {
-        name: {**told["magnetometers"][name], "q_bl": quarter}
+    description["magnetometers"] = {
+        name: {**description["magnetometers"][name], "q_bl": quarter}
         for name in ("m1", "m0", "m2", "m3", "m4")
     }
-    board.write_text(json.dumps(told))
+    board.write_text(json.dumps(description))
     _table(folder / "magnet.csv", B[:40], np.random.default_rng(2))
     out = _located(folder, board)
     assert out["found"].mean() > 0.9
@@ -126,11 +126,11 @@ def test_a_first_chip_that_is_the_odd_one_and_one_that_does_not_answer_are_named
     bench: tuple[Path, Path, Array, Array], capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, board, B, p = bench
-    told = json.loads(board.read_text())
-    told["magnetometers"] = {
-        name: told["magnetometers"][name] for name in ("m3", "m0", "m1", "m2", "m4")
+    description = json.loads(board.read_text())
+    description["magnetometers"] = {
+        name: description["magnetometers"][name] for name in ("m3", "m0", "m1", "m2", "m4")
     }
-    board.write_text(json.dumps(told))
+    board.write_text(json.dumps(description))
     _table(folder / "magnet.csv", B[:40], np.random.default_rng(2))
     _located(folder, board)
     assert "m3: an axis points the other way than on most" in capsys.readouterr().out
@@ -191,8 +191,8 @@ def test_what_differs_without_the_magnet_is_taken_off(
         ("magnet", B[::3]),
         ("alone", np.broadcast_to(homogeneous().earth, (60, 5, 3))),
     ):
-        read = 1e4 * (fields + HARD + NOISE * rng.normal(size=fields.shape))
-        rows = np.column_stack([np.arange(len(read)) / RATE, read.reshape(len(read), -1)])
+        table = 1e4 * (fields + HARD + NOISE * rng.normal(size=fields.shape))
+        rows = np.column_stack([np.arange(len(table)) / RATE, table.reshape(len(table), -1)])
         np.savetxt(
             folder / f"{name}.csv", rows, delimiter=",", header=HEADER, comments="", fmt="%.7f"
         )
@@ -222,17 +222,17 @@ def test_what_is_told_of_calibration_and_of_the_field_is_counted(
 ) -> None:
     """Readings without iron in the board's axes."""
     folder, board, B, _ = bench
-    read = 1e4 * (B[:20] + NOISE * np.random.default_rng(2).normal(size=B[:20].shape))
-    rows = np.column_stack([np.arange(20) / RATE, read.reshape(20, -1)])
+    table = 1e4 * (B[:20] + NOISE * np.random.default_rng(2).normal(size=B[:20].shape))
+    rows = np.column_stack([np.arange(20) / RATE, table.reshape(20, -1)])
     np.savetxt(folder / "magnet.csv", rows, delimiter=",", header=HEADER, comments="", fmt="%.7f")
     assert (_located(folder, board, turned=False)["found"] > 0.5).mean() < 1.0
     assert (
         "with the 2 uT an axis that are counted because nobody says how the array is calibrated"
         in capsys.readouterr().out
     )
-    told, sds = board.read_text(), []
+    description, sds = board.read_text(), []
     for more in ("", ', "gradient": 2e-5'):
-        board.write_text(told.replace('"G"', f'"G", "calibration_sd": 2e-7{more}'))
+        board.write_text(description.replace('"G"', f'"G", "calibration_sd": 2e-7{more}'))
         sds.append(np.median(_located(folder, board, turned=False)["z_sd"]))
         said = capsys.readouterr().out
         assert (
@@ -248,14 +248,14 @@ def test_a_wrong_unit_and_a_wrong_moment_are_named(
     """Gauss told as mT: ten times as much, the place the same, the moment ten times too large."""
     folder, board, B, _ = bench
     _table(folder / "magnet.csv", B[:20], np.random.default_rng(2))
-    told = board.read_text()
-    board.write_text(told.replace("0.32", "0.032"))
+    description = board.read_text()
+    board.write_text(description.replace("0.32", "0.032"))
     assert _located(folder, board)["found"].max() < 0.5
     assert (
         "the readings contradict the moment told, 0.032 A m^2: without it they are those of a magnet of 0.3"
         in capsys.readouterr().out
     )
-    board.write_text(told.replace('"G", "moment": 0.32', '"mT"'))
+    board.write_text(description.replace('"G", "moment": 0.32', '"mT"'))
     words = [
         "locate",
         str(folder / "magnet.csv"),
@@ -317,18 +317,18 @@ def test_tables_of_other_benches_are_read(tmp_path: Path) -> None:
     (tmp_path / "a.TXT").write_text(
         f"# bench\n{names}\nrun;5000;1,5;2;3;4;5;6;\nrun;7500;7;8;;10;11;12;\n"
     )
-    read = array_table.table(tmp_path / "a.TXT", described(tmp_path / "a.json"))
-    np.testing.assert_allclose(read.t, [0, 2.5e-3])
-    np.testing.assert_array_equal(read.readings["m0"], [[1.5, 2, 3], [7, 8, np.nan]])
+    table = array_table.read_table(tmp_path / "a.TXT", read_description(tmp_path / "a.json"))
+    np.testing.assert_allclose(table.t, [0, 2.5e-3])
+    np.testing.assert_array_equal(table.readings["m0"], [[1.5, 2, 3], [7, 8, np.nan]])
     each = {f"m{k}": {"place": [0.1 * k, 0, 0], "columns": [1 + k, 3 + k, 5 + k]} for k in range(2)}
     (tmp_path / "b.json").write_text(json.dumps({"unit": 6e-9, "rate": 50, "magnetometers": each}))
     (tmp_path / "b.dat").write_text("1 2  3 4 5 6\n7 8 9 10 11 12\n")
-    told = described(tmp_path / "b.json")
-    read = array_table.table(tmp_path / "b.dat", told)
-    np.testing.assert_allclose(read.t, [0, 0.02])
-    np.testing.assert_array_equal(read.readings["m1"], [[2, 4, 6], [8, 10, 12]])
+    description = read_description(tmp_path / "b.json")
+    table = array_table.read_table(tmp_path / "b.dat", description)
+    np.testing.assert_allclose(table.t, [0, 0.02])
+    np.testing.assert_array_equal(table.readings["m1"], [[2, 4, 6], [8, 10, 12]])
     np.testing.assert_allclose(
-        bench_readings.in_tesla(read.readings["m1"], told.unit, None)[0, 0], 1.2e-8
+        bench_readings.convert_to_tesla(table.readings["m1"], description.unit, None)[0, 0], 1.2e-8
     )
 
 
@@ -343,26 +343,26 @@ def test_a_cell_may_hold_three_numbers_and_a_row_one_magnetometer(tmp_path: Path
     start = "2023-08-01 13:03:"
     rows = [f'0,{start}20.50,"(1.5, 2.0, -3)","[4 5 6]"', f'1,{start}21.00,"(7, 8, 9)",']
     (tmp_path / "a.csv").write_text("\n".join([",Time Stamp,Sensor 1,Sensor 2", *rows]))
-    read = array_table.table(tmp_path / "a.csv", described(tmp_path / "a.json"))
-    np.testing.assert_allclose(read.t, [0, 0.5])
-    np.testing.assert_array_equal(read.readings["Sensor 1"], [[1.5, 2, -3], [7, 8, 9]])
-    np.testing.assert_array_equal(read.readings["Sensor 2"], [[4, 5, 6], [np.nan] * 3])
-    told: dict[str, Any] = {
+    table = array_table.read_table(tmp_path / "a.csv", read_description(tmp_path / "a.json"))
+    np.testing.assert_allclose(table.t, [0, 0.5])
+    np.testing.assert_array_equal(table.readings["Sensor 1"], [[1.5, 2, -3], [7, 8, 9]])
+    np.testing.assert_array_equal(table.readings["Sensor 2"], [[4, 5, 6], [np.nan] * 3])
+    description: dict[str, Any] = {
         "unit": "uT",
         "sensor": "id",
         "columns": ["Bx", "By", "Bz"],
         "magnetometers": {k: {"place": [int(k), 0, 0]} for k in "12"},
     }
-    (tmp_path / "b.json").write_text(json.dumps(told))
+    (tmp_path / "b.json").write_text(json.dumps(description))
     (tmp_path / "b.csv").write_text(
         "id,Bx,By,Bz,t,note\n1.0,1,2,3,10,a\n2.0,4,5,6,10.1,a\n3.0,0,0,0,9,a\n1.0,7,8,9,11,b\n2.0,1,1,1,11.1,b\n"
     )
-    read = array_table.table(tmp_path / "b.csv", described(tmp_path / "b.json"))
+    table = array_table.read_table(tmp_path / "b.csv", read_description(tmp_path / "b.json"))
     np.testing.assert_allclose(
-        [read.t, read.times["1"], read.times["2"]], [[0, 1], [0, 1], [0.1, 1.1]]
+        [table.t, table.times["1"], table.times["2"]], [[0, 1], [0, 1], [0.1, 1.1]]
     )
     np.testing.assert_array_equal(
-        [read.readings["1"][1], read.readings["2"][0]], [[7, 8, 9], [4, 5, 6]]
+        [table.readings["1"][1], table.readings["2"][0]], [[7, 8, 9], [4, 5, 6]]
     )
     for words, rows in (
         ("no magnetometer '2' in its column", "1,1,2,3,10"),
@@ -370,31 +370,31 @@ def test_a_cell_may_hold_three_numbers_and_a_row_one_magnetometer(tmp_path: Path
     ):
         (tmp_path / "b.csv").write_text(f"id,Bx,By,Bz,t\n{rows}\n")
         with pytest.raises(InputError, match=words):
-            array_table.table(tmp_path / "b.csv", described(tmp_path / "b.json"))
-    told["magnetometers"]["2"]["columns"] = ["Bx", "By", "Bz"]
-    (tmp_path / "b.json").write_text(json.dumps(told))
+            array_table.read_table(tmp_path / "b.csv", read_description(tmp_path / "b.json"))
+    description["magnetometers"]["2"]["columns"] = ["Bx", "By", "Bz"]
+    (tmp_path / "b.json").write_text(json.dumps(description))
     with pytest.raises(InputError, match=r"'2' has `columns` of its own.*tell `columns` once"):
-        described(tmp_path / "b.json")
+        read_description(tmp_path / "b.json")
 
 
 def test_rows_of_one_magnetometer_after_the_other_need_no_name(tmp_path: Path) -> None:
     """As a bench writes them that prints x, y and z of all chips in turn, and an empty line."""
     each = {name: {"place": [k, 0, 0]} for k, name in enumerate("ab")}
-    told = {
+    description = {
         "unit": "mG",
         "rate": 10,
         "sensor": "in turn",
         "columns": [1, 2, 3],
         "magnetometers": each,
     }
-    (tmp_path / "a.json").write_text(json.dumps(told))
+    (tmp_path / "a.json").write_text(json.dumps(description))
     (tmp_path / "a.txt").write_text("1.0 2.0 3.0 \n4 5 6 \n\n7 8 9 \n10 11 12 \n\n")
-    read = array_table.table(tmp_path / "a.txt", described(tmp_path / "a.json"))
-    np.testing.assert_allclose(read.t, [0, 0.1])
-    np.testing.assert_array_equal(read.readings["b"], [[4, 5, 6], [10, 11, 12]])
+    table = array_table.read_table(tmp_path / "a.txt", read_description(tmp_path / "a.json"))
+    np.testing.assert_allclose(table.t, [0, 0.1])
+    np.testing.assert_array_equal(table.readings["b"], [[4, 5, 6], [10, 11, 12]])
     (tmp_path / "a.txt").write_text("1 2 3\n4 5 6\n7 8 9\n")
     with pytest.raises(InputError, match="3 rows, no multiple of the array's 2 magnetometers"):
-        array_table.table(tmp_path / "a.txt", described(tmp_path / "a.json"))
+        array_table.read_table(tmp_path / "a.txt", read_description(tmp_path / "a.json"))
 
 
 def test_magnetometers_alone_are_a_motion_bids_recording(
@@ -435,15 +435,15 @@ def test_magnetometers_alone_are_a_motion_bids_recording(
 
 def test_units_and_clocks() -> None:
     one = np.full((1, 1, 3), 0.5)
-    np.testing.assert_allclose(bench_readings.in_tesla(one, "G", None), 5e-5)
-    np.testing.assert_allclose(bench_readings.in_tesla(one, "normalised", 4e-5), 2e-5)
+    np.testing.assert_allclose(bench_readings.convert_to_tesla(one, "G", None), 5e-5)
+    np.testing.assert_allclose(bench_readings.convert_to_tesla(one, "normalised", 4e-5), 2e-5)
     with pytest.raises(InputError, match="earth"):
-        bench_readings.in_tesla(one, "normalised", None)
+        bench_readings.convert_to_tesla(one, "normalised", None)
     with pytest.raises(InputError, match="units are"):
-        bench_readings.in_tesla(one, "tesla", None)
+        bench_readings.convert_to_tesla(one, "tesla", None)
     t = np.arange(10.0)
     own = np.delete(np.arange(0.5, 10.5), [4, 5, 6])
-    brought = bench_readings.together(t, own, np.column_stack([own, 2 * own, -own]))
+    brought = bench_readings.resample_readings(t, own, np.column_stack([own, 2 * own, -own]))
     np.testing.assert_allclose(brought[[1, 2, 9]], [[1, 2, -1], [2, 4, -2], [9, 18, -9]])
     assert np.isnan(brought[[0, 4, 5, 6, 7]]).all()
 
@@ -455,6 +455,6 @@ def test_a_limit_that_nobody_told_is_seen() -> None:
         size=(600, 2, 3)
     )
     mag[:, 1, 2] = np.clip(mag[:, 1, 2], -50e-6, 50e-6)
-    looked = bench_readings.looked(t, mag, None)
-    assert looked.limited[:, 1].mean() > 0.2 and not looked.limited[:, 0].any()
-    np.testing.assert_allclose(looked.noise[0], NOISE, rtol=0.3)
+    statistics = bench_readings.compute_statistics(t, mag, None)
+    assert statistics.is_saturated[:, 1].mean() > 0.2 and not statistics.is_saturated[:, 0].any()
+    np.testing.assert_allclose(statistics.noise[0], NOISE, rtol=0.3)

@@ -89,11 +89,11 @@ def test_magnetometers_of_a_plate_agree_once_it_was_turned_and_one_that_is_silen
 ):
     """Iron of 20 uT and 5 %, turned by a degree, the second left-handed, the third mounted the other way round; the fifth reads nothing."""
     rng = np.random.default_rng(8)
-    worn, room = magnet.worn(rng), homogeneous()
+    worn, room = magnet.draw_worn(rng), homogeneous()
     nominal = np.tile(quat.IDENTITY, (5, 1))
     nominal[2] = quat.about(2, np.pi)
-    turning = magnet.turned_about(rng)
-    mag = magnet.magnetic(
+    turning = magnet.rotate_plate(rng)
+    mag = magnet.simulate_magnetic(
         replace(worn, q_bl=quat.multiply(worn.q_bl, nominal[:4])), turning, room, rng, magnet=False
     )
     mag[:, 1] = mag[:, 1, [1, 0, 2]]

@@ -5,7 +5,7 @@ import pytest
 
 from handscope.estimators.magnet.array import dipole_fit, field_gradient_test, systematic_errors
 from handscope.estimators.magnet.array import search as magnet_search
-from handscope.estimators.magnet.array.search import Search, Searched
+from handscope.estimators.magnet.array.search import LocalisationResult, Search
 from handscope.estimators.magnet.model import setup as setup
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -33,7 +33,7 @@ def _searched(
     elsewhere: float = 0.0,
     gain: float = 0.0,
     turn: float = 0.0,
-) -> tuple[Searched, Array]:
+) -> tuple[LocalisationResult, Array]:
     """What is found of a magnet of that length that goes round before the array, and where it was; magnetometers sit `elsewhere` m from where they are told, and
     the axes of all are turned by `turn` rad against the board."""
     rng, t = np.random.default_rng(len(places)), np.arange(40) / 10
@@ -55,8 +55,8 @@ def _searched(
     ).mean(axis=1)
     B = quat.rotate(quat.exp(turn * np.array([0.6, 0.0, 0.8])), B)
     mag = gains * B + places @ gradient + NOISE * rng.normal(size=B.shape)
-    search = Search(t, mag, setup.constellation(places), 1.5 * NOISE, 5e-4)
-    return magnet_search.searched(search, None, 0.03, NOISE), p
+    search = Search(t, mag, setup.make_constellation(places), 1.5 * NOISE, 5e-4)
+    return magnet_search.locate_recording(search, None, 0.03, NOISE), p
 
 
 @pytest.mark.parametrize(
@@ -67,12 +67,12 @@ def test_places_stay_honest_where_the_field_changes_or_the_magnet_is_long(
     places: Array, nearest: float, gradient: Array, length: float
 ) -> None:
     found, p = _searched(places, nearest, gradient, length)
-    ok = found.located.found
+    ok = found.localisation.is_located
     assert ok.mean() > 0.3
-    assert (((found.located.place - p) / found.located.place_sd)[ok] ** 2).mean() < 1.5
+    assert (((found.localisation.place - p) / found.localisation.place_sd)[ok] ** 2).mean() < 1.5
     if length == 0.0:
         np.testing.assert_allclose(
-            field_gradient_test.change_of(found.search.uneven),
+            field_gradient_test.rms_change_of(found.search.gradient_sd),
             np.sqrt((gradient**2).sum() / 3),
             rtol=0.5,
         )
@@ -80,7 +80,11 @@ def test_places_stay_honest_where_the_field_changes_or_the_magnet_is_long(
 
 def test_nothing_is_counted_where_field_and_magnet_are_as_assumed() -> None:
     found, _ = _searched(NINE, 0.08, 0 * GRADIENT, 0.0)
-    assert found.search.uneven == 0.0 and found.alike is None and found.located.found.mean() > 0.7
+    assert (
+        found.search.gradient_sd == 0.0
+        and found.systematic is None
+        and found.localisation.is_located.mean() > 0.7
+    )
 
 
 @pytest.mark.parametrize(
@@ -96,22 +100,22 @@ def test_what_errs_alike_in_all_readings_is_told_by_them_and_taken_off(
     kind: str, length: float, elsewhere: float, gain: float, turn: float, size: float
 ) -> None:
     found, p = _searched(NINE, 0.08, 0 * GRADIENT, length, elsewhere, gain, turn)
-    assert found.alike is not None and found.alike.most.name == kind
-    assert dict(zip((k.name for k in systematic_errors.KINDS), found.alike.sizes))[
+    assert found.systematic is not None and found.systematic.dominant.name == kind
+    assert dict(zip((k.name for k in systematic_errors.KINDS), found.systematic.sizes))[
         kind
     ] == pytest.approx(size, rel=0.5)
-    ok, off = found.located.found, found.located.place - p
+    ok, off = found.localisation.is_located, found.localisation.place - p
     assert ok.mean() > 0.5
-    assert ((off / found.located.place_sd)[ok] ** 2).mean() < 1.5
+    assert ((off / found.localisation.place_sd)[ok] ** 2).mean() < 1.5
     assert np.median(np.linalg.norm(off[ok], axis=1)) < 2.5e-3
-    assert np.median(np.linalg.norm(found.located.moment[ok], axis=1)) == pytest.approx(
+    assert np.median(np.linalg.norm(found.localisation.moment[ok], axis=1)) == pytest.approx(
         0.4, rel=0.05
     ), "no gain of everything explains what noise leaves"
 
 
 def test_slopes_have_neither_curl_nor_divergence_and_are_alike() -> None:
     slopes = np.moveaxis(
-        dipole_fit.linear(np.vstack([np.eye(3), -np.eye(3)]))[:3], -1, 0
+        dipole_fit.gradient_fields(np.vstack([np.eye(3), -np.eye(3)]))[:3], -1, 0
     )  # (5, along, of)
     np.testing.assert_allclose(slopes, np.swapaxes(slopes, 1, 2), atol=1e-12)
     np.testing.assert_allclose(np.trace(slopes, axis1=1, axis2=2), 0.0, atol=1e-12)

@@ -12,7 +12,7 @@ from handscope.estimators.simulation.magnetic_field import MagneticField
 
 NOISE, SIZE, FIELD = 0.2e-6, 0.32, np.array([0.0, 18.6e-6, -46.2e-6])
 PLACES = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.12, 0], [0.1, 0.12, 0.03]])
-ARRAY = setup.constellation(
+ARRAY = setup.make_constellation(
     PLACES, quat.exp(np.array([[0, 0, 0], [0.3, 0, 0], [0, 0, -1.0], [0, 2.0, 0]]))
 )
 
@@ -37,9 +37,9 @@ def _seen(
 @pytest.mark.parametrize("field", [None, FIELD])
 def test_place_and_moment_are_found_with_honest_standard_deviations(field: Array | None) -> None:
     mag, p, m = _seen(300, 1)
-    found = localisation.located(mag, ARRAY, field, SIZE, noise=NOISE)
-    assert found.found.mean() > (0.6 if field is None else 0.8)
-    ok = found.found
+    found = localisation.locate(mag, ARRAY, field, SIZE, noise=NOISE)
+    assert found.is_located.mean() > (0.6 if field is None else 0.8)
+    ok = found.is_located
     off = np.linalg.norm(found.place - p, axis=1)[ok]
     assert np.median(off) < 0.004 and np.quantile(off, 0.95) < 0.03
     square = (((found.place - p) / found.place_sd) ** 2)[ok]
@@ -53,45 +53,43 @@ def test_two_magnets_are_not_taken_for_one() -> None:
     both = (
         one + other - quat.rotate(quat.conjugate(ARRAY.q_bl), np.broadcast_to(FIELD, (100, 4, 3)))
     )
-    assert localisation.located(both, ARRAY, None, SIZE, noise=NOISE).found.mean() < 0.1
+    assert localisation.locate(both, ARRAY, None, SIZE, noise=NOISE).is_located.mean() < 0.1
 
 
 def test_errors_of_the_magnetometers_places_and_of_the_moment_told_are_counted() -> None:
     """Places a millimetre off, the moment told 4 % too large."""
     mag, p, _ = _seen(150, 7, 0.08, 0.15)
-    amiss = setup.constellation(
+    amiss = setup.make_constellation(
         PLACES + 1e-3 * np.random.default_rng(8).normal(size=PLACES.shape), ARRAY.q_bl
     )
-    found = localisation.located(
+    found = localisation.locate(
         mag, amiss, None, 1.04 * SIZE, noise=NOISE, size_sd=0.03, regions=3, place_sd=1e-3
     )
-    square = (((found.place - p) / found.place_sd) ** 2)[found.found]
-    assert found.found.mean() > 0.7 and 0.5 < square.mean() < 1.5
+    square = (((found.place - p) / found.place_sd) ** 2)[found.is_located]
+    assert found.is_located.mean() > 0.7 and 0.5 < square.mean() < 1.5
 
 
 def test_three_magnetometers_and_no_moment_find_nothing() -> None:
     """Nine readings and nine unknowns: other places explain them as exactly."""
     mag, p, _ = _seen(60, 9, 0.08, 0.15)
-    three = setup.constellation(PLACES[:3], ARRAY.q_bl[:3])
-    assert not localisation.located(mag[:, :3], three, noise=NOISE).found.any()
-    told = localisation.located(
-        mag[:, :3], three, None, SIZE, noise=NOISE, size_sd=0.015, regions=3
-    )
+    three = setup.make_constellation(PLACES[:3], ARRAY.q_bl[:3])
+    assert not localisation.locate(mag[:, :3], three, noise=NOISE).is_located.any()
+    told = localisation.locate(mag[:, :3], three, None, SIZE, noise=NOISE, size_sd=0.015, regions=3)
     off = np.linalg.norm(told.place - p, axis=1) / np.linalg.norm(told.place_sd, axis=1)
-    assert told.found.any() and (off[told.found] < 4).all()
+    assert told.is_located.any() and (off[told.is_located] < 4).all()
 
 
 def test_a_magnet_out_of_reach_is_not_found() -> None:
     mag, _, _ = _seen(50, 4, 1.5, 2.0)
-    assert not localisation.located(mag, ARRAY, None, SIZE, noise=NOISE).found.any()
+    assert not localisation.locate(mag, ARRAY, None, SIZE, noise=NOISE).is_located.any()
 
 
 def test_a_missing_reading_is_not_found_and_disturbs_no_other() -> None:
     mag, _, _ = _seen(20, 5)
-    whole = localisation.located(mag, ARRAY, FIELD, SIZE, noise=NOISE)
+    whole = localisation.locate(mag, ARRAY, FIELD, SIZE, noise=NOISE)
     mag[3, 1] = np.nan
-    holed = localisation.located(mag, ARRAY, FIELD, SIZE, noise=NOISE)
-    assert not holed.found[3] and np.isnan(holed.place[3]).all()
+    holed = localisation.locate(mag, ARRAY, FIELD, SIZE, noise=NOISE)
+    assert not holed.is_located[3] and np.isnan(holed.place[3]).all()
     np.testing.assert_allclose(
         np.delete(holed.place, 3, axis=0), np.delete(whole.place, 3, axis=0), atol=1e-9
     )
@@ -100,14 +98,14 @@ def test_a_missing_reading_is_not_found_and_disturbs_no_other() -> None:
 def test_wrong_units_and_impossible_setups_are_refused() -> None:
     mag, _, _ = _seen(5, 6)
     with pytest.raises(InputError, match="millimetres"):
-        setup.constellation(PLACES * 1e3)
+        setup.make_constellation(PLACES * 1e3)
     with pytest.raises(InputError, match="apart"):
-        setup.constellation(PLACES * 1e-3)
+        setup.make_constellation(PLACES * 1e-3)
     with pytest.raises(InputError, match="uT"):
-        localisation.located(mag * 1e6, ARRAY)
+        localisation.locate(mag * 1e6, ARRAY)
     with pytest.raises(InputError, match="normalised"):
-        localisation.located(mag / 50e-6, ARRAY)
+        localisation.locate(mag / 50e-6, ARRAY)
     with pytest.raises(InputError, match="cannot tell"):
-        localisation.located(mag[:, :2], setup.constellation(PLACES[:2]))
+        localisation.locate(mag[:, :2], setup.make_constellation(PLACES[:2]))
     with pytest.raises(InputError, match="no magnet"):
-        setup.magnet(np.array([0, 0, 320.0]))
+        setup.make_magnet(np.array([0, 0, 320.0]))

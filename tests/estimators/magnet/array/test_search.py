@@ -3,7 +3,7 @@
 import numpy as np
 
 from handscope.estimators.magnet.array import search as magnet_search
-from handscope.estimators.magnet.array.search import Search, Searched
+from handscope.estimators.magnet.array.search import LocalisationResult, Search
 from handscope.estimators.magnet.model import setup as setup
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.magnetic_field import MagneticField
@@ -49,20 +49,20 @@ def _stamped_late(late: Array) -> tuple[Array, Array, Array]:
     return t, mag + NOISE * rng.normal(size=mag.shape), at(t)[0]
 
 
-def _searched(t: Array, mag: Array, noise: float, places: Array = PLACES) -> Searched:
-    return magnet_search.searched(
-        Search(t, mag, setup.constellation(places), noise, 0.0), None, 0.03, CALIBRATION
+def _searched(t: Array, mag: Array, noise: float, places: Array = PLACES) -> LocalisationResult:
+    return magnet_search.locate_recording(
+        Search(t, mag, setup.make_constellation(places), noise, 0.0), None, 0.03, CALIBRATION
     )
 
 
 def test_a_second_magnet_is_told_from_noise() -> None:
     t, mag, p = _recorded(40, 10.0, second=False)
     alone = _searched(t, mag, NOISE)
-    assert alone.located.found.mean() > 0.9 and not alone.two.any()
-    assert np.median(np.linalg.norm(alone.located.place - p, axis=1)) < 0.002
+    assert alone.localisation.is_located.mean() > 0.9 and not alone.has_second_magnet.any()
+    assert np.median(np.linalg.norm(alone.localisation.place - p, axis=1)) < 0.002
     t, mag, _ = _recorded(40, 10.0, second=True)
     both = _searched(t, mag, NOISE)
-    assert both.two.mean() > 0.6 and not both.located.found.any()
+    assert both.has_second_magnet.mean() > 0.6 and not both.localisation.is_located.any()
 
 
 def test_movement_from_one_reading_to_the_next_is_no_noise() -> None:
@@ -70,8 +70,10 @@ def test_movement_from_one_reading_to_the_next_is_no_noise() -> None:
     t, mag, p = _recorded(40, 1.0, second=False)
     found = _searched(t, mag, 10e-6)
     np.testing.assert_allclose(found.search.noise, NOISE, rtol=0.25)
-    assert found.located.found.mean() > 0.9
-    square = (((found.located.place - p) / found.located.place_sd) ** 2)[found.located.found]
+    assert found.localisation.is_located.mean() > 0.9
+    square = (((found.localisation.place - p) / found.localisation.place_sd) ** 2)[
+        found.localisation.is_located
+    ]
     assert 0.5 < square.mean() < 1.5
 
 
@@ -81,8 +83,8 @@ def test_a_few_places_before_five_magnetometers_tell_the_noise_too() -> None:
     five = [0, 2, 4, 9, 11]
     found = _searched(t, mag[:, five], 10e-6, PLACES[five])
     np.testing.assert_allclose(found.search.noise, NOISE, rtol=0.4)
-    assert found.located.found.mean() > 0.9
-    assert (((found.located.place - p) / found.located.place_sd) ** 2).mean() < 1.5
+    assert found.localisation.is_located.mean() > 0.9
+    assert (((found.localisation.place - p) / found.localisation.place_sd) ** 2).mean() < 1.5
 
 
 def test_magnetometers_that_answer_do_without_those_that_do_not() -> None:
@@ -90,24 +92,27 @@ def test_magnetometers_that_answer_do_without_those_that_do_not() -> None:
     t, mag, p = _recorded(40, 10.0, second=False)
     mag[np.arange(40), np.linalg.norm(p[:, None] - PLACES, axis=2).argmin(axis=1)] = np.nan
     mag[10:20, 3] = np.nan
-    found = _searched(t, mag, NOISE).located
-    assert found.found.mean() > 0.9
+    found = _searched(t, mag, NOISE).localisation
+    assert found.is_located.mean() > 0.9
     assert np.median(np.linalg.norm(found.place - p, axis=1)) < 0.002
     mag[20:, 3:] = np.nan
-    found = _searched(t, mag, NOISE).located
-    assert not found.found[20:].any() and np.isnan(found.place[20:]).all()
+    found = _searched(t, mag, NOISE).localisation
+    assert not found.is_located[20:].any() and np.isnan(found.place[20:]).all()
 
 
 def test_a_late_magnetometer_is_told_and_its_readings_are_moved() -> None:
     late = np.where(np.arange(12) == 4, 0.06, 0.0)
     t, mag, p = _stamped_late(late)
     found = _searched(t, mag, NOISE)
-    np.testing.assert_array_equal(found.late.late != 0, late != 0)
-    assert abs(found.late.late[4] - 0.06) < 3 * found.late.sd[4] < 3e-3
-    assert found.located.found.mean() > 0.9 and found.late.spread == 0
-    square = (((found.located.place - p) / found.located.place_sd) ** 2)[found.located.found]
+    np.testing.assert_array_equal(found.timestamp_offsets.offsets != 0, late != 0)
+    assert abs(found.timestamp_offsets.offsets[4] - 0.06) < 3 * found.timestamp_offsets.sd[4] < 3e-3
+    assert found.localisation.is_located.mean() > 0.9 and found.timestamp_offsets.spread == 0
+    square = (((found.localisation.place - p) / found.localisation.place_sd) ** 2)[
+        found.localisation.is_located
+    ]
     assert (
-        square.mean() < 1.5 and np.median(np.linalg.norm(found.located.place - p, axis=1)) < 0.002
+        square.mean() < 1.5
+        and np.median(np.linalg.norm(found.localisation.place - p, axis=1)) < 0.002
     )
 
 
@@ -116,15 +121,15 @@ def test_magnetometers_read_one_after_the_other_leave_the_time_of_a_place_unsure
     late = np.arange(12) * 4e-3
     t, mag, p = _stamped_late(late)
     found = _searched(t, mag, NOISE)
-    ok = found.located.found
-    assert np.abs(found.late.late - (late - np.median(late))).max() < 3e-3
-    assert ok.mean() > 0.9 and found.late.spread > 5e-3
-    assert (((found.located.place - p) / found.located.place_sd)[ok] ** 2).mean() < 2.5
+    ok = found.localisation.is_located
+    assert np.abs(found.timestamp_offsets.offsets - (late - np.median(late))).max() < 3e-3
+    assert ok.mean() > 0.9 and found.timestamp_offsets.spread > 5e-3
+    assert (((found.localisation.place - p) / found.localisation.place_sd)[ok] ** 2).mean() < 2.5
 
 
 def test_no_lateness_is_made_up_for_readings_of_two_magnets_or_of_one_at_rest() -> None:
     t, mag, _ = _recorded(60, 20.0, second=True)
-    assert not _searched(t, mag, NOISE).late.late.any()
+    assert not _searched(t, mag, NOISE).timestamp_offsets.offsets.any()
     assert not _searched(
         t, mag[:1] + NOISE * np.random.default_rng(1).normal(size=mag.shape), NOISE
-    ).late.late.any()
+    ).timestamp_offsets.offsets.any()

@@ -37,6 +37,6 @@ def test_slopes_are_differences() -> None:
             [(dipole.field(r + h * e, m) - dipole.field(r - h * e, m)) / (2 * h) for e in np.eye(3)]
         )
         np.testing.assert_allclose(
-            dipole.by_place(r, m), by_place, rtol=1e-4, atol=1e-7 * np.abs(by_place).max()
+            dipole.field_gradient(r, m), by_place, rtol=1e-4, atol=1e-7 * np.abs(by_place).max()
         )
-        np.testing.assert_allclose(dipole.by_moment(r) @ m, dipole.field(r, m), rtol=1e-12)
+        np.testing.assert_allclose(dipole.field_by_moment(r) @ m, dipole.field(r, m), rtol=1e-12)

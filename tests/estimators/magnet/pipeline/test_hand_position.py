@@ -36,18 +36,22 @@ MOUNTING = dict.fromkeys(("trunk", *NAMES), Q_BS)
 
 
 def _worn(seed: int, errors: MagnetErrors = CALIBRATED) -> tuple[sim.Worn, Plate]:
-    worn = sim.worn(np.random.default_rng(seed), told=errors)
+    worn = sim.draw_worn(np.random.default_rng(seed), declaration=errors)
     places = {
-        name: (float(p[0]), float(p[1]), float(p[2])) for name, p in zip(NAMES, worn.told_places)
+        name: (float(p[0]), float(p[1]), float(p[2]))
+        for name, p in zip(NAMES, worn.declared_places)
     }
-    m, lever = worn.told_moment, worn.told_lever
+    m, lever = worn.declared_moment, worn.declared_lever
     return worn, Plate(places, (m[0], m[1], m[2]), (lever[0], lever[1], lever[2]), EARTH, DIP)
 
 
 def _blocks(m: Motion, worn: sim.Worn, second: MagneticField | None = None) -> list[Block]:
     """Three streams; the magnetometers give every other sample and begin a little later."""
     rng = np.random.default_rng(5)
-    imu, mag = sim.inertial(worn, m, rng), sim.magnetic(worn, m, homogeneous(), rng, second=second)
+    imu, mag = (
+        sim.simulate_inertial(worn, m, rng),
+        sim.simulate_magnetic(worn, m, homogeneous(), rng, second=second),
+    )
     streams = (
         Stream("trunk", ("trunk",), (GYR, ACC), 60.0),
         Stream("hand", ("hand",), (GYR, ACC), 60.0),
@@ -74,7 +78,7 @@ def _off(m: Motion, places: Places) -> Array:
 
 @pytest.fixture(scope="module")
 def both() -> tuple[Motion, Plate, list[Block]]:
-    m = sim.condition("both", np.random.default_rng(11), 20.0)
+    m = sim.simulate_condition("both", np.random.default_rng(11), 20.0)
     worn, plate = _worn(1)
     return m, plate, _blocks(m, worn)
 
@@ -164,8 +168,8 @@ def test_blocks_may_be_cut_anywhere_and_streams_may_come_in_turn(
 
 def test_out_of_reach_and_a_second_magnet_are_flagged() -> None:
     worn, plate = _worn(1)
-    m = sim.condition("both", np.random.default_rng(11), 20.0)
-    gone = sim.away(m, 8.0, 16.0)
+    m = sim.simulate_condition("both", np.random.default_rng(11), 20.0)
+    gone = sim.move_hand_away(m, 8.0, 16.0)
     places = hand_position.smooth_places(_setting(plate, _blocks(gone, worn)), _blocks(gone, worn))
     away = (places.t > 12.0) & (places.t < 15.0)
     assert (places.flags[away] & PlaceFlag.OUT_OF_REACH != 0).mean() > 0.9
@@ -262,7 +266,7 @@ def test_what_was_told_roughly_is_learnt_from_movement() -> None:
             np.random.default_rng(seed),
             MagnetErrors(hard_iron=0.2, soft_iron=0.004, turn=0.06),
         )
-        m = sim.condition("both", np.random.default_rng(seed + 100), 40.0)
+        m = sim.simulate_condition("both", np.random.default_rng(seed + 100), 40.0)
         worn, plate = _worn(seed, errors)
         x, y, z = (
             float(v)
@@ -300,8 +304,8 @@ def test_what_was_told_roughly_is_learnt_from_movement() -> None:
 
 def test_a_magnet_that_was_hardly_near_or_is_contradicted_is_not_learnt() -> None:
     worn, plate = _worn(1)
-    m = sim.condition("both", np.random.default_rng(11), 20.0)
-    gone = sim.away(m, -2.0, 30.0)
+    m = sim.simulate_condition("both", np.random.default_rng(11), 20.0)
+    gone = sim.move_hand_away(m, -2.0, 30.0)
     with pytest.raises(InputError, match=r"near enough to be followed for .* Move it 10 to 30 cm"):
         setup_learning.estimate_setup(plate, DeclarationErrors(), _blocks(gone, worn), MOUNTING)
     near = MagneticField(np.zeros(3), np.array([[0.15, 0.35, 0.0]]), np.array([[0.0, 3.0, 0.0]]))

@@ -235,7 +235,7 @@ def test_a_turn_in_one_go_makes_of_gravity_what_scales_and_axes_do() -> None:
 @pytest.mark.parametrize("name", sim.CONDITIONS)
 def test_a_movement_without_errors_is_followed_by_the_time_update_alone(name: str) -> None:
     """Trunk and hand turn at once: (5.22) as printed, without the trunk's turning, would be off by decimetres after these five seconds. And led back."""
-    m = sim.condition(name, np.random.default_rng(3), seconds=8.0, rate=240.0)
+    m = sim.simulate_condition(name, np.random.default_rng(3), seconds=8.0, rate=240.0)
     samples = np.concatenate(
         [m.w, quat.rotate(quat.conjugate(m.q), m.a + [0, 0, 9.80665])], axis=-1
     ).reshape(len(m.t), 12)

@@ -31,9 +31,12 @@ MM = 1e3
 def _worn(seed: int) -> tuple[sim.Worn, tuple[magnetometer_ellipsoid.Sphere, ...], Array, float]:
     """A plate with its magnetometers calibrated as a user does: turned through all directions, the magnet away."""
     rng = np.random.default_rng([seed, 1])
-    w, room = sim.worn(rng), homogeneous()
-    m = sim.turned_about(rng, 30.0)
-    raw, acc = sim.magnetic(w, m, room, rng, magnet=False), sim.inertial(w, m, rng)[:, 0, 3:]
+    w, room = sim.draw_worn(rng), homogeneous()
+    m = sim.rotate_plate(rng, 30.0)
+    raw, acc = (
+        sim.simulate_magnetic(w, m, room, rng, magnet=False),
+        sim.simulate_inertial(w, m, rng)[:, 0, 3:],
+    )
     fits = tuple(
         magnetometer_ellipsoid.fitted(raw[:, k], strength=EARTH) for k in range(len(w.places))
     )
@@ -55,10 +58,13 @@ def _made(
 ) -> tuple[Setup, Readings]:
     w, fits, q_bl, dip = _worn(seed)
     rng = np.random.default_rng([seed, 2])
-    imu, mag = sim.inertial(w, m, rng), sim.magnetic(w, m, homogeneous(), rng, second=second)
+    imu, mag = (
+        sim.simulate_inertial(w, m, rng),
+        sim.simulate_magnetic(w, m, homogeneous(), rng, second=second),
+    )
     setup = Setup(
-        magnet_setup.constellation(w.told_places, q_bl),
-        magnet_setup.magnet(w.told_moment, w.told_lever),
+        magnet_setup.make_constellation(w.declared_places, q_bl),
+        magnet_setup.make_magnet(w.declared_moment, w.declared_lever),
         EARTH,
         dip,
         q_bt=m.q_bt[0],
@@ -72,7 +78,7 @@ def _off(m: Motion, track: Track) -> Array:
 
 @pytest.fixture(scope="module")
 def both() -> tuple[Motion, Setup, Readings, Track]:
-    m = sim.condition("both", np.random.default_rng(11), 30.0)
+    m = sim.simulate_condition("both", np.random.default_rng(11), 30.0)
     setup, readings = _made(m)
     return m, setup, readings, tracking.track_readings(PARAMS, setup, readings)
 
@@ -146,7 +152,7 @@ def test_readings_behind_a_gap_say_nothing_of_what_was_before(
 def test_magnetometers_that_fail_for_half_a_second_contradict_nothing() -> None:
     """After a gap a place is known to centimetres, over which the field bends: the first reading was a surprise of a few times what was expected, and one
     reading was enough for ten seconds of doubt."""
-    m = sim.condition("both", np.random.default_rng(14), 30.0)
+    m = sim.simulate_condition("both", np.random.default_rng(14), 30.0)
     setup, readings = _made(m)
     mag = np.where(((m.t % 1.5 < 0.5) & (m.t > 2.0))[:, None, None], np.nan, readings.mag)
     track = tracking.track_readings(PARAMS, setup, replace(readings, mag=mag))
@@ -219,7 +225,7 @@ def test_a_magnet_near_the_plate_is_found_by_the_first_reading() -> None:
         still = Readings(np.zeros(1), base, target, mag[None])
         track = tracking.track_readings(
             PARAMS,
-            Setup(magnet_setup.constellation(told), magnet_setup.magnet(w.moment), EARTH),
+            Setup(magnet_setup.make_constellation(told), magnet_setup.make_magnet(w.moment), EARTH),
             still,
         )
         found.append(track.p_sd[0].max() < 0.05)
@@ -233,7 +239,9 @@ def test_out_of_reach_for_ten_seconds_and_back() -> None:
         3,
         6,
     ):  # before what led astray was forgotten 3 and 6 came back to a wrong place
-        m = sim.away(sim.condition("both", np.random.default_rng(seed), 40.0), 18.0, 28.0)
+        m = sim.move_hand_away(
+            sim.simulate_condition("both", np.random.default_rng(seed), 40.0), 18.0, 28.0
+        )
         setup, readings = _made(m, seed)
         track = tracking.track_readings(PARAMS, setup, readings)
         off, away, sd = _off(m, track), m.t > 20.0, np.linalg.norm(track.p_sd, axis=1)
@@ -245,7 +253,7 @@ def test_out_of_reach_for_ten_seconds_and_back() -> None:
 
 def test_a_hand_that_rests_far_away_is_not_learnt_as_the_room() -> None:
     """Ten seconds at 35 cm, where its field is heard and not followed, then reaching: it had been learnt as the room's and led 75 mm astray."""
-    m = sim.condition("hand", np.random.default_rng(313), 12.0)
+    m = sim.simulate_condition("hand", np.random.default_rng(313), 12.0)
     k = np.concatenate([np.zeros(600, int), np.arange(len(m.t))])
     m = Motion(np.arange(len(k)) / 60.0, m.p[k], m.q[k], m.w[k], m.a[k])
     track = tracking.track_readings(PARAMS, *_made(m, 313))
@@ -257,7 +265,7 @@ def test_a_hand_that_rests_far_away_is_not_learnt_as_the_room() -> None:
 def test_a_hand_that_begins_far_away_is_not_found_where_it_is_not() -> None:
     """At 34 to 42 cm single readings tell a place to a quarter of its distance at best: it was kept as known to 3 cm, 6 to 70 cm beside."""
     for seed in (45, 62, 74):
-        m = sim.condition("hand", np.random.default_rng(seed), 6.0)
+        m = sim.simulate_condition("hand", np.random.default_rng(seed), 6.0)
         track = tracking.track_readings(PARAMS, *_made(m, seed))
         assert (_off(m, track) < 3.5 * np.linalg.norm(track.p_sd, axis=1))[5:].all()
         assert np.median(_off(m, track)[-60:]) < 0.025, "found as it comes near"
@@ -266,7 +274,7 @@ def test_a_hand_that_begins_far_away_is_not_found_where_it_is_not() -> None:
 def test_a_hand_at_rest_before_a_trunk_that_breathes_stays_where_it_is() -> None:
     """The trunk turns by a degree and passes for standing still: what the filter errs by as readings wander is neither movement nor lateness."""
     for seed in (5, 6):
-        m = sim.condition("hand", np.random.default_rng(seed), 30.0)
+        m = sim.simulate_condition("hand", np.random.default_rng(seed), 30.0)
         at = np.full(len(m.t), 60)  # where the hand began
         breath = quat.exp(
             np.radians(1.0) * np.sin(2 * np.pi * 0.25 * m.t)[:, None] * np.array([1.0, 0.25, 0.25])
@@ -300,7 +308,7 @@ def test_a_hand_at_rest_before_a_trunk_that_breathes_stays_where_it_is() -> None
 def _slid(seed: int, away: float = 0.2) -> tuple[Motion, Setup, Track]:
     """A hand that slides to and fro `away` m off without turning, its orientation at the start told 15 deg amiss."""
     rng = np.random.default_rng([seed, 3])
-    m = sim.condition("hand", rng, 20.0)
+    m = sim.simulate_condition("hand", rng, 20.0)
     fine = np.arange(-600, 10 * len(m.t) + 600) / 600.0
     begun = np.clip(fine / 3.0 - 0.5, 0.0, 1.0)
     swing = (
@@ -394,8 +402,10 @@ def test_the_moment_of_a_magnet_that_nobody_measured_is_learnt(
     """Told 15 % too weak, 8 deg amiss and 15 mm beside where it is, of which half a minute tells little."""
     _, setup, readings, _ = both
     w = _worn(1)[0]
-    amiss = quat.rotate(quat.exp(np.radians([8.0, 0.0, 0.0])), 0.85 * w.told_moment)
-    told = replace(setup, magnet=magnet_setup.magnet(amiss, w.told_lever + [0.015, 0.0, 0.0]))
+    amiss = quat.rotate(quat.exp(np.radians([8.0, 0.0, 0.0])), 0.85 * w.declared_moment)
+    told = replace(
+        setup, magnet=magnet_setup.make_magnet(amiss, w.declared_lever + [0.015, 0.0, 0.0])
+    )
     params = replace(PARAMS, magnet_error=0.15, lever_error=0.015)
     found = tracking.estimated_setup(tracking.step(params, tracking.start(told), readings)[0])
     assert np.linalg.norm(found.magnet.moment - w.moment) < 0.04 * np.linalg.norm(w.moment)
@@ -405,7 +415,7 @@ def test_standard_deviations_are_honest() -> None:
     """Normalised errors squared, one instant a second of eight plates: 1 where they are; too careful is not honest either."""
     found = []
     for seed in range(20, 28):
-        m = sim.condition(("hand", "both")[seed % 2], np.random.default_rng(seed), 30.0)
+        m = sim.simulate_condition(("hand", "both")[seed % 2], np.random.default_rng(seed), 30.0)
         setup, readings = _made(m, seed)
         track = tracking.track_readings(PARAMS, setup, readings)
         turns = (
