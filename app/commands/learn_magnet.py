@@ -13,7 +13,7 @@ from handscope.estimators.data.options import describe
 from handscope.estimators.hand.anatomy import HANDS
 from handscope.estimators.magnet.pipeline import setup_learning
 from handscope.estimators.magnet.pipeline.setup_learning import DeclarationErrors, EstimatedSetup
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.tables_io.writing import save_file
 

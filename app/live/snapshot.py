@@ -90,11 +90,11 @@ def station_snapshot(view: StationView) -> dict[str, Any]:
             "unit": view.curve_unit,
             "what": view.curve_quantity,
         },
-        "sensor_faults": station.faults if wizard.state is State.CHECKED else [],
-        "protocol_faults": [{"reason": fault} for fault in station.setup.faults],
-        "numbers": _numbers(station, wizard, facts),
-        "place": station.hand_position.to_json(),
-        "ended": station.ended,
+        "sensor_faults": view.sensor_faults if wizard.state is State.CHECKED else [],
+        "protocol_faults": [{"reason": fault} for fault in view.setup.faults],
+        "numbers": _numbers(view),
+        "place": view.hand_position,
+        "ended": view.ended,
     }
 
 
@@ -229,24 +229,11 @@ def _numbers(view: StationView) -> list[dict[str, Any]]:
         _number("smallest", float(values.min()), view.curve_unit),
     ]
     if w.protocol.group in UNCOUNTED:
-        first = (
-            station.hand_position.number()
-            if w.protocol.group == "reach"
-            else station.held.told(w.task)
-        )
-        return [*([first] if first else []), *_rounded(told)]
-    if station.curve.what == "aperture":
-        told.insert(
-            0,
-            (
-                "taps",
-                float(max(0, len(tapping.closings(tapping.Params(), t, values * 1e-3)) - 1)),
-                "",
-            ),
-        )
-    else:
-        told.insert(0, ("repetitions", float(repetitions.count(values, LEAST)), ""))
-    return _rounded(told)
+        return [*([dict(view.task_number)] if view.task_number else []), *extremes]
+    if view.curve_quantity == "aperture":
+        taps = len(tapping.closings(tapping.Params(), t, values * 1e-3)) - 1
+        return [_number("taps", float(max(0, taps)), ""), *extremes]
+    return [_number("repetitions", float(repetitions.count(values, LEAST)), ""), *extremes]
 
 
 def _number(name: str, value: float, unit: str) -> dict[str, Any]:

@@ -19,8 +19,7 @@ from handscope.app.devices.glove import Glove
 from handscope.app.live import trial_events, worn_glove
 from handscope.app.live.calibration_movements import CalibrationMovements
 from handscope.app.live.free_movement import FreeMovement
-from handscope.app.live.readouts.bending_finger import MOVES, bends
-from handscope.app.live.readouts.grasp_estimate import HeldSoFar
+from handscope.app.live.readouts.grasp_estimate import GraspEstimator
 from handscope.app.live.readouts.hand_position import HandPositionReadout
 from handscope.app.live.setup import Setup
 from handscope.app.live.snapshot import GloveView, StationView, station_pulse, station_snapshot
@@ -90,11 +89,12 @@ class Station:
         self.tracking = Tracking(
             setup.method, setup.params, setup.hand, setup.geometry, self._take_pose
         )
+        self._drawing = StationScene(self.scene, self.tracking, self._viewers)
         self.hand_position = HandPositionReadout()
-        self.held = HeldSoFar(self.tracking)
-        self.glove = Glove(setup.port, setup.recording, about, self._fed)
-        self.steps = MeasuredSteps(self.glove, self.tracking, self._number)
-        self.free = FreeMovement(self.glove, self.tracking, self._number, setup.keep_found)
+        self.grasp = GraspEstimator(self.tracking)
+        self.glove = Glove(setup.port, setup.recording, about, self._feed)
+        self.steps = CalibrationMovements(self.glove, self.tracking, self._next_number)
+        self.free = FreeMovement(self.glove, self.tracking, self._next_number, setup.store_solution)
 
     def __enter__(self) -> "Station":
         self.scene.measured(())
@@ -200,7 +200,7 @@ class Station:
             curve_unit=self.curve.unit,
             curve_quantity=self.curve.what,
             curve_points=self.curve.attempted(),
-            hand_position=self.whereabouts.told(),
+            hand_position=self.hand_position.to_json(),
             task_number=self._task_number(),
             sensor_faults=self.sensor_faults,
             ended=self.ended,
@@ -227,7 +227,7 @@ class Station:
         """The number estimated for the task: distance of the hand from the trunk, or what the hand holds."""
         protocol = self._wizard.protocol
         if protocol and protocol.group == "reach":
-            return self.whereabouts.number()
+            return self.hand_position.number()
         return self.grasp.number_of(self._wizard.task)
 
     def _row_age(self) -> float | None:
@@ -246,8 +246,25 @@ class Station:
                 log.exception("station %s", self.name)
             self._viewers.notify()
 
-    def _fed(self, blocks: list[Block]) -> None:
-        """In the glove's thread: what comes next is read once the tracker wants more; until then the pipe keeps it."""
+    def _tick(self) -> None:
+        self._status = status = worn_glove.read_status(self.glove, self.tracking, self.setup.hand)
+        self._wizard, effects = wizard_machine.tick(self._wizard, status)
+        self._carry_out(effects, status)
+        self._follow_free_movement(status)
+        self._wiggle(status)
+        self._problem = worn_glove.wrong_hand_sentence(
+            self.glove, self.setup.hand
+        ) or worn_glove.other_glove_sentence(self.glove, self._calibrated_glove)
+        with self.scene.picture():
+            self._drawing.draw_wizard(self._wizard, status)
+            self._draw_readouts()
+        if self._wizard.state is State.TASK_RUN:
+            self.grasp.update(str(self._wizard.task), self._wizard.onset)
+        self._publish(status)
+        self._drawing.draw_hand_if_due(TICK)
+
+    def _feed(self, blocks: list[Block]) -> None:
+        """In the glove's thread: pass blocks on, then wait as long as the tracker asks; the pipe buffers meanwhile."""
         self.hand_position.feed(blocks)
         time.sleep(self.tracking.feed(blocks))
 

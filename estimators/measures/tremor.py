@@ -262,9 +262,11 @@ def _windows(values: Array, period: float, size: int) -> tuple[Array, Array]:
     """Frequencies (m,) and the density (windows, m) of every window, half overlapping, all axes together."""
     starts = range(0, values.shape[1] - size + 1, max(1, size // 2))
     each = [
-        welch(values[:, s : s + size], 1 / period, nperseg=size, detrend="linear")[1].sum(axis=0)
+        welch(  # type: ignore[call-overload]
+            values[:, s : s + size], 1 / period, nperseg=size, detrend="linear"
+        )[1].sum(axis=0)
         for s in starts
-    ]  # type: ignore[call-overload]
+    ]
     return np.asarray(np.fft.rfftfreq(size, period), float), np.array(each)
 
 

@@ -193,8 +193,8 @@ def learnt(
                 resized(doubted, noise),
                 found.at,
                 rough if left else limits,
-                lambda k, c, before=steps: go_on(before + k, c),
-            )  # type: ignore[misc]
+                lambda k, c, before=steps: go_on(before + k, c),  # type: ignore[misc]
+            )
         )
     off = posterior.strange(resized(base, found.problem.noise), found.at)
     made_up = parameter_covariance.apparent(found.problem, found.at, found.factor)

@@ -15,7 +15,7 @@ from scipy.interpolate import make_interp_spline
 from handscope.estimators.data.options import option
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY, MU0_4PI
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.magnetic_field import MagneticField
 from handscope.estimators.simulation.sensors import LSM330DLC_HMC5983, SensorErrors
 

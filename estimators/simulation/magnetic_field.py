@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.numerics.constants import MU0_4PI
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 EARTH, DIP = 49.8e-6, np.radians(68.0)  # T and rad in Berlin: IGRF-13
 

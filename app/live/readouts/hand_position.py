@@ -15,7 +15,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.magnet.pipeline import hand_position
 from handscope.estimators.magnet.pipeline.hand_position import PlaceParams, Places, Setting
 from handscope.estimators.magnet.pipeline.streams import find_magnetometers, is_relevant
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 log = logging.getLogger(__name__)
 QUEUE = 1000  # blocks, some seconds of three streams; older ones are skipped

@@ -47,7 +47,7 @@ class RotationCalibration:
     """Calibrations of all magnetometers of one board."""
 
     ellipsoids: tuple[Sphere, ...]
-    is_mirrored: NDArray[np.bool_]  # (magnetometers,) axes are left-handed against the first one's
+    is_mirrored: Bools  # (magnetometers,) axes are left-handed against the first one's
     q_bl: Array  # (magnetometers, 4) to the first one's axes
     residual_rms: (
         Array  # (magnetometers,) T, RMS against the mean of all: calibrations and the room together
@@ -90,9 +90,9 @@ class ReadingStatistics:
     noise: Array  # (magnetometers,) T, of an axis, hum included
     hum: Array  # (magnetometers,) T, amplitude of the line; 0 where there is none
     hum_frequency: float  # Hz, where it shows
-    is_saturated: NDArray[np.bool_]  # (n, magnetometers)
+    is_saturated: Bools  # (n, magnetometers)
     missing_share: float  # share of readings
-    is_stuck: NDArray[np.bool_]  # (magnetometers,) an axis always reads the same
+    is_stuck: Bools  # (magnetometers,) an axis always reads the same
 
 
 def convert_to_tesla(mag: Array, unit: str | float, earth: float | None) -> Array:
@@ -286,7 +286,7 @@ def describe_statistics(names: Sequence[str], statistics: ReadingStatistics) -> 
     return messages
 
 
-def _find_saturated(mag: Array, limit: float | None) -> NDArray[np.bool_]:
+def _find_saturated(mag: Array, limit: float | None) -> Bools:
     """At the limit told, or several times in a row at the largest size that an axis ever has."""
     with np.errstate(invalid="ignore"):
         if limit is not None:
@@ -301,8 +301,8 @@ def _find_saturated(mag: Array, limit: float | None) -> NDArray[np.bool_]:
                 continue
             for end in (known.min(), known.max()):
                 if abs(end - np.median(known)) > 0.25 * np.ptp(known):
-                    for a, b in runs(axis == end):
-                        is_saturated[a : b + 1, k] |= b - a + 1 >= MIN_REPEATS
+                    for first, stop in find_runs(axis == end):
+                        is_saturated[first:stop, k] |= stop - first >= MIN_REPEATS
     return is_saturated
 
 

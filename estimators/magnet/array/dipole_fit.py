@@ -45,7 +45,7 @@ class DipoleFitProblem:
     whitening: Array | None = None  # (n, axes, 5) what whitening takes from residuals for that
     rate: Array | None = None  # (n, magnetometers, 3) T/s by which readings change, base frame
 
-    def select(self, rows: NDArray[np.intp]) -> "DipoleFitProblem":
+    def select(self, rows: Indices) -> "DipoleFitProblem":
         field, whitening, rate = (
             _rows_of(values, rows) for values in (self.field, self.whitening, self.rate)
         )
@@ -84,7 +84,7 @@ class DipoleFitProblem:
         return self.select(np.repeat(np.arange(len(self.y)), times))
 
 
-def _rows_of(values: Array | None, rows: NDArray[np.intp]) -> Array | None:
+def _rows_of(values: Array | None, rows: Indices) -> Array | None:
     return None if values is None else values[rows]
 
 

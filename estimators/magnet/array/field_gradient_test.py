@@ -18,7 +18,7 @@ from handscope.estimators.magnet.array.dipole_fit import (
     compute_residuals,
     gradient_fields,
 )
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 MIN_MAGNETOMETERS = 7  # magnetometers: seven axes above the unknowns of magnet, field and slopes
 MAX_P_VALUE = 0.01  # below which errors that are everywhere the same hardly look so; slopes that are none only cost certainty

@@ -48,12 +48,10 @@ class Localisation:
     moment_sd: Array  # (n, 3) A m^2
     residual_rms: Array  # (n,) RMS of what is left, T
     misfit: Array  # (n,) the same in standard deviations of readings, errors of the magnetometers' places counted
-    contradicts_size: NDArray[
-        np.bool_
-    ]  # (n,) the size told is off by more than three of its standard deviations
-    is_located: NDArray[
-        np.bool_
-    ]  # (n,) explained to within `worst` of them, and known better than `sure`
+    contradicts_size: (
+        Bools  # (n,) the size told is off by more than three of its standard deviations
+    )
+    is_located: Bools  # (n,) explained to within `worst` of them, and known better than `sure`
 
 
 def locate(

@@ -72,7 +72,7 @@ class Search:
     gradient_sd: float = 0.0  # T/m, of each slope of the field
     rate: Array | None = None  # (n, magnetometers, 3) T/s by which readings change
 
-    def select(self, rows: NDArray[np.intp]) -> "Search":
+    def select(self, rows: Indices) -> "Search":
         return replace(
             self,
             t=self.t[rows],
@@ -80,7 +80,7 @@ class Search:
             rate=None if self.rate is None else self.rate[rows],
         )
 
-    def of_magnetometers(self, chips: NDArray[np.intp]) -> "Search":
+    def of_magnetometers(self, chips: Indices) -> "Search":
         array = Constellation(self.array.places[chips], self.array.q_bl[chips])
         return replace(
             self,
@@ -94,7 +94,7 @@ class Search:
         mag = timestamp_offsets.shift_readings(self.t, self.mag, offsets)
         return replace(self, mag=mag, rate=timestamp_offsets.change_rates(self.t, mag))
 
-    def group_by_available(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    def group_by_available(self) -> list[tuple[Indices, Indices]]:
         """Rows with the same magnetometers answering, and which."""
         patterns, pattern = np.unique(
             np.isfinite(self.mag).all(axis=2), axis=0, return_inverse=True
@@ -138,8 +138,8 @@ class Search:
 class LocalisationResult:
     search: Search  # with the noise as places tell it
     localisation: Localisation
-    is_inconsistent: NDArray[np.bool_]  # (n,) around these, one magnet leaves too much
-    has_second_magnet: NDArray[np.bool_]  # (n,) around these, a second magnet explains much
+    is_inconsistent: Bools  # (n,) around these, one magnet leaves too much
+    has_second_magnet: Bools  # (n,) around these, a second magnet explains much
     timestamp_offsets: TimestampOffsets  # by which magnetometers were moved
     systematic: SystematicErrors | None = (
         None  # what errs alike in all readings, where it was taken off
@@ -198,7 +198,7 @@ def locate_recording(
     )
 
 
-def misfit_limit(many: int | NDArray[np.intp], gradient_sd: float = 0.0) -> Array:
+def misfit_limit(many: int | Indices, gradient_sd: float = 0.0) -> Array:
     """What so many magnetometers may leave (RMS, standard deviations): nine unknowns explain a part of the errors, the more the fewer there are; slopes of the
     field, too."""
     axes = np.maximum(3.0 * np.asarray(many), 1.0)
@@ -248,7 +248,7 @@ def build_problem(
     localisation: Localisation,
     size: float | None,
     size_sd: float,
-    rows: NDArray[np.intp],
+    rows: Indices,
 ) -> tuple[DipoleFitProblem, Array]:
     """Readings whose places are known, by the magnetometers that answer in all of them, and the unknowns (n, 9) that explain them."""
     x = np.concatenate([localisation.place, localisation.moment, localisation.field], axis=1)[rows]
@@ -363,7 +363,7 @@ def _inflate_by_residuals(
 def _remove_systematic_errors(
     search: Search,
     localisation: Localisation,
-    is_known: NDArray[np.bool_],
+    is_known: Bools,
     size: float | None,
     size_sd: float,
 ) -> tuple[Localisation, SystematicErrors | None]:
@@ -420,15 +420,13 @@ def _with_sds(
     )
 
 
-def _most_complete_rows(
-    search: Search, localisation: Localisation
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _most_complete_rows(search: Search, localisation: Localisation) -> tuple[Indices, Indices]:
     """Rows of places that the same magnetometers tell, as many as there are, and which those are."""
     rows, chips = max(search.group_by_available(), key=lambda group: len(group[0]))
     return rows[np.isfinite(localisation.misfit[rows])], chips
 
 
-def _sample_rows(t: Array) -> NDArray[np.intp]:
+def _sample_rows(t: Array) -> Indices:
     """Readings of which a second magnet is asked: not more than are needed."""
     return np.unique(
         np.searchsorted(t, np.arange(t[0], t[-1] + TEST_INTERVAL, TEST_INTERVAL)).clip(
@@ -465,8 +463,8 @@ def _second_magnet_p_values(
 
 
 def _is_frequent_around(
-    t: Array, known: Array, is_flagged: NDArray[np.bool_], near: float, share: float
-) -> NDArray[np.bool_]:
+    t: Array, known: Array, is_flagged: Bools, near: float, share: float
+) -> Bools:
     """Readings (n,) with more than that share strange of those that are known, no NaN, within `near` s."""
     counted = np.concatenate([[0], np.cumsum(np.isfinite(known))])
     flagged = np.concatenate([[0], np.cumsum(is_flagged)])

@@ -103,7 +103,7 @@ def propagate_systematic_errors(
     problem: DipoleFitProblem,
     x: Array,
     systematic: SystematicErrors,
-    chips: NDArray[np.intp],
+    chips: Indices,
     many: int,
 ) -> tuple[Array, Array]:
     """By how much errors draw the unknowns x (n, 9) of readings of these of `many` magnetometers, and the variances (n, 9) that are left without that."""
@@ -129,7 +129,7 @@ def propagate_systematic_errors(
     return scale * (by_error @ systematic.errors[there]), scale**2 * variance
 
 
-def error_kinds(many: int) -> NDArray[np.intp]:
+def error_kinds(many: int) -> Indices:
     """Of every error of so many magnetometers its kind (p,)."""
     return np.repeat(np.arange(len(KINDS)), [k.per_magnetometer * many + k.shared for k in KINDS])
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from handscope.estimators.magnet.array.bench_readings import resample_readings
 from handscope.estimators.magnet.array.systematic_errors import KINDS, SystematicErrors, error_kinds
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 HALF_WINDOW = 0.02  # s to each side over which a change is looked at: quieter than between neighbours, and movement is straight for so long
 MAX_INTERVAL = (
@@ -35,7 +35,7 @@ class TimestampOffsets:
     sd: Array  # (magnetometers,) s
 
     @property
-    def is_significant(self) -> NDArray[np.bool_]:
+    def is_significant(self) -> Bools:
         return np.asarray(np.abs(self.offsets) > np.maximum(MIN_OFFSET, SIGNIFICANT_SD * self.sd))
 
     @property

@@ -9,7 +9,7 @@ Limits  within about two of the magnet's own lengths it is no dipole any more (r
 import numpy as np
 
 from handscope.estimators.numerics.constants import MU0_4PI
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 
 def field(r: Array, moment: Array) -> Array:

@@ -30,13 +30,8 @@ from handscope.estimators.magnet.tracker.state import (
     XTG,
     XVB,
     NoiseModel,
-    back,
-    chained,
     inject_error,
-    matrix,
     scalar_update,
-    skew,
-    transposed,
 )
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kernels import (
@@ -97,8 +92,8 @@ def gravity_update(
     R, up, H = rotation_matrix(x[XQ : XQ + 4]), np.zeros(3), np.zeros((3, len(P)))
     up[2] = s.gravity
     variance = s.acc_still**2 * s.acc_correlation_time / dt
-    g_b: Array = back(matrix(x[XGB : XGB + 4]), up)
-    g_t: Array = back(R, g_b)
+    g_b: Array = multiply_transposed(rotation_matrix(x[XGB : XGB + 4]), up)
+    g_t: Array = multiply_transposed(R, g_b)
     S = skew(g_b)
     if still_b:
         block(1.0, S, 0, THG, H)

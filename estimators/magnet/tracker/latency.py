@@ -122,7 +122,7 @@ def smooth_velocity(kinematics: Array, x: Array, P: Array, v: Array, dt: float) 
     one[0] = 1.0
     for i in range(3):
         deviation[i], back_b[i] = kinematics[VS + i] - v[i], -(kinematics[WB + i] - x[XBG + i]) * dt
-    deviation = times(matrix(turned(one, back_b, False)), deviation)
+    deviation = multiply_vector(rotation_matrix(rotate_by(one, back_b, False)), deviation)
     for i in range(3):
         kinematics[VS + i] = x[3 + i] + (1.0 - toward) * deviation[i]
 
@@ -130,7 +130,9 @@ def smooth_velocity(kinematics: Array, x: Array, P: Array, v: Array, dt: float) 
 @inlined
 def relative_acceleration(x: Array, kinematics: Array) -> Array:
     """The target's acceleration against g less the base's, in the base's axes (3,). (5.19)"""
-    out: Array = times(matrix(x[XQ : XQ + 4]), kinematics[FT : FT + 3] - x[XTA : XTA + 3])
+    out: Array = multiply_vector(
+        rotation_matrix(x[XQ : XQ + 4]), kinematics[FT : FT + 3] - x[XTA : XTA + 3]
+    )
     for i in range(3):
         out[i] -= kinematics[FB + i] - x[XBA + i]
     return out
@@ -184,7 +186,10 @@ def delay_jacobian(x: Array, then: Array, kinematics: Array) -> DelayJacobian:
     base, target = rotation_over_latency(x, kinematics)
     tau, one = x[-1], np.zeros(4)
     one[0] = 1.0
-    C, U = matrix(turned(one, base, False)), matrix(turned(one, target, False))
+    C, U = (
+        rotation_matrix(rotate_by(one, base, False)),
+        rotation_matrix(rotate_by(one, target, False)),
+    )
     w, u, v, pulled = np.empty(3), np.empty(3), np.empty(3), relative_acceleration(x, kinematics)
     for i in range(3):
         w[i], u[i] = (
@@ -192,12 +197,19 @@ def delay_jacobian(x: Array, then: Array, kinematics: Array) -> DelayJacobian:
             kinematics[WT + i] - x[XTG + i] - tau * kinematics[AT + i],
         )
         v[i] = kinematics[VS + i] - tau * pulled[i]
-    v, about, carried = times(C, v), back(matrix(then[XQ : XQ + 4]), w), times(skew(w), then[0:3])
+    v, about, carried = (
+        multiply_vector(C, v),
+        multiply_transposed(rotation_matrix(then[XQ : XQ + 4]), w),
+        multiply_vector(skew(w), then[0:3]),
+    )
     active = 1.0 if kinematics[LATENCY_MODE] > IGNORED else 0.0
     for i in range(3):
         v[i], u[i], w[i] = active * (carried[i] - v[i]), active * (about[i] - u[i]), -active * w[i]
-    far = chained(
-        C, chained(matrix(x[XQ : XQ + 4]), skew(kinematics[FT : FT + 3] - x[XTA : XTA + 3]))
+    far = multiply_matrices(
+        C,
+        multiply_matrices(
+            rotation_matrix(x[XQ : XQ + 4]), skew(kinematics[FT : FT + 3] - x[XTA : XTA + 3])
+        ),
     )
     return DelayJacobian(tau, C, U, far, v, u, w)
 
@@ -206,11 +218,19 @@ def delay_jacobian(x: Array, then: Array, kinematics: Array) -> DelayJacobian:
 def map_jacobian_to_now(delay: DelayJacobian, H: Array) -> None:
     """Slopes H (3, errors) by the errors of the state then, in place made slopes by the errors of now."""
     Hp, Ht, Hg = H[:, P_ : P_ + 3].copy(), H[:, TH : TH + 3].copy(), H[:, THG : THG + 3].copy()
-    late = times(Hp, delay.place) + times(Ht, delay.target) + times(Hg, delay.base)
-    HpC, HtU, far = chained(Hp, delay.C), chained(Ht, delay.U), chained(Hp, delay.far)
+    late = (
+        multiply_vector(Hp, delay.place)
+        + multiply_vector(Ht, delay.target)
+        + multiply_vector(Hg, delay.base)
+    )
+    HpC, HtU, far = (
+        multiply_matrices(Hp, delay.C),
+        multiply_matrices(Ht, delay.U),
+        multiply_matrices(Hp, delay.far),
+    )
     block(1.0, HpC, 0, P_, H)
     block(-delay.tau, HpC, 0, V_, H)
-    block(1.0, chained(Hg, delay.C), 0, THG, H)
+    block(1.0, multiply_matrices(Hg, delay.C), 0, THG, H)
     for i in range(3):
         H[i, H.shape[1] - 1] = late[i]
         for j in range(3):

@@ -33,13 +33,7 @@ from handscope.estimators.magnet.tracker.state import (
     XM,
     XQ,
     NoiseModel,
-    back,
-    chained,
     inject_error,
-    matrix,
-    skew,
-    times,
-    transposed,
 )
 from handscope.estimators.numerics.constants import MU0_4PI
 from handscope.estimators.numerics.jit import inlined
@@ -84,7 +78,11 @@ class CommonTerms(NamedTuple):
 
 @inlined
 def common_terms(x: Array) -> CommonTerms:
-    R, R_gb, S = matrix(x[XQ : XQ + 4]), matrix(x[XGB : XGB + 4]), np.empty((3, 3))
+    R, R_gb, S = (
+        rotation_matrix(x[XQ : XQ + 4]),
+        rotation_matrix(x[XGB : XGB + 4]),
+        np.empty((3, 3)),
+    )
     moment, lever = x[XM : XM + 3], x[XM + 3 : XM + 6]
     S[0, 1], S[0, 2], S[1, 2] = (
         TWO * x[XG],
@@ -97,8 +95,8 @@ def common_terms(x: Array) -> CommonTerms:
         -2 * SIX * x[XG + 4],
     )
     S[1, 0], S[2, 0], S[2, 1] = S[0, 1], S[0, 2], S[1, 2]
-    S_b = chained(transposed(R_gb), chained(S, R_gb))
-    B_b = back(R_gb, x[XB : XB + 3])
+    S_b = multiply_matrices(transpose(R_gb), multiply_matrices(S, R_gb))
+    B_b = multiply_transposed(R_gb, x[XB : XB + 3])
     return CommonTerms(
         R,
         R_gb,
@@ -133,8 +131,8 @@ def predict_reading(x: Array, at: CommonTerms, k: int, H: Array) -> Array:
     clear(H)
     block(1.0, D, 0, P_, H)
     slopes, room = room_field(x, at, x[place : place + 3], H)
-    by_lever, by_moment = chained(D, at.by_lever), chained(J, at.by_moment)
-    reads: Array = times(J, m)
+    by_lever, by_moment = multiply_matrices(D, at.by_lever), multiply_matrices(J, at.by_moment)
+    reads: Array = multiply_vector(J, m)
     for i in range(3):
         H[i, OWN + residual - XM + i] = 1.0
         for j in range(3):
@@ -142,8 +140,8 @@ def predict_reading(x: Array, at: CommonTerms, k: int, H: Array) -> Array:
             H[i, TH + j] = -by_lever[i, j] - by_moment[i, j]
             H[i, B_ + j] = at.R_gb[j, i]
         reads[i] += room[i] + x[residual + i]
-    block(1.0, chained(J, at.R), 0, MOM, H)
-    block(1.0, chained(D, at.R), 0, LEV, H)
+    block(1.0, multiply_matrices(J, at.R), 0, MOM, H)
+    block(1.0, multiply_matrices(D, at.R), 0, LEV, H)
     return reads
 
 
@@ -167,11 +165,11 @@ def room_field(x: Array, at: CommonTerms, place: Array, H: Array) -> tuple[Array
     steep[0, 4], steep[1, 4], steep[2, 4] = SIX * p[0], SIX * p[1], -2 * SIX * p[2]
     for i in range(3):
         steep[i, 5] = p[i]
-    product(transposed(at.R_gb), steep, steep_b)
+    product(transpose(at.R_gb), steep, steep_b)
     block(1.0, steep_b, 0, GRAD, H)
     field_change, carried, field, slopes = (
-        times(at.S_b, place),
-        chained(at.S_b, skew(place)),
+        multiply_vector(at.S_b, place),
+        multiply_matrices(at.S_b, skew(place)),
         np.empty(3),
         at.S_b.copy(),
     )

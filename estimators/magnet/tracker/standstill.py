@@ -52,7 +52,7 @@ def detect_standstill(
     return window_rows[-(max(length, SLIDE) - 1) :], still
 
 
-def detect_field_change(mag: Array, length: int, noise: float) -> NDArray[np.bool_]:
+def detect_field_change(mag: Array, length: int, noise: float) -> Bools:
     """Of every window of `length` samples in mag (n, magnetometers, 3) T, of which some may be NaN, whether its halves differ: (n - length + 1,). What
     several magnetometers have in common is the room's field before a trunk that breathes."""
     flat = (mag - _common(mag) if mag.shape[1] > 1 else mag).reshape(len(mag), -1)

@@ -96,11 +96,9 @@ class Track:
     latency: Array  # (n,) s by which magnetometers' readings are stamped later than inertial ones; accounted for where not doubtful
     latency_sd: Array  # (n,) s
     nis: Array  # (n,) mean normalised innovation squared of the magnetometers; about 1 or less where all is as told
-    saturated: NDArray[np.bool_]  # (n, magnetometers) reading at the limit, left out
-    still: NDArray[np.bool_]  # (n, 2) base, target
-    doubtful: NDArray[
-        np.bool_
-    ]  # (n,) readings contradict setup or room: a second magnet, iron, an uncalibrated magnetometer; do not use the place
+    saturated: Bools  # (n, magnetometers) reading at the limit, left out
+    still: Bools  # (n, 2) base, target
+    doubtful: Bools  # (n,) readings contradict setup or room: a second magnet, iron, an uncalibrated magnetometer; do not use the place
 
     def __len__(self) -> int:
         return len(self.t)
@@ -364,8 +362,8 @@ def _to_track(
     x: Array,
     sd: Array,
     mean_nis: Array,
-    saturated: NDArray[np.bool_],
-    still: NDArray[np.bool_],
+    saturated: Bools,
+    still: Bools,
     mag: Array,
 ) -> Track:
     field = x[:, XB : XB + 3]
@@ -425,7 +423,7 @@ def _reading_ages(readings: Readings) -> Array:
 
 
 def _unknown_track(
-    state: State, readings: Readings, first: int, last: int, saturated: NDArray[np.bool_]
+    state: State, readings: Readings, first: int, last: int, saturated: Bools
 ) -> Track:
     """Samples before the filter could start: nothing is known."""
     n = last - first

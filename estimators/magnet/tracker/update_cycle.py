@@ -51,13 +51,10 @@ from handscope.estimators.magnet.tracker.state import (
     XM,
     XQ,
     NoiseModel,
-    chained,
     inject_error,
-    matrix,
     propagate_covariance,
     propagate_state,
     scalar_update,
-    skew,
     specific_force_square,
     turn_rates,
 )
@@ -240,7 +237,7 @@ def is_observable(s: NoiseModel, x: Array, P: Array, audible: float, straight: f
     """Whether readings tell where the magnet is: known better than a share of its distance, for the dipole bends over what is not known and standard
     deviations from its slope would say nothing; and heard over what calibrations leave, which does not get less by waiting."""
     nearest, J, known = nearest_distance(x), np.zeros((3, LEV + 3)), np.empty((3, 3))
-    loud, R = field_strength(x, nearest), matrix(x[XQ : XQ + 4])
+    loud, R = field_strength(x, nearest), rotation_matrix(x[XQ : XQ + 4])
     for i in range(3):
         J[i, P_ + i] = 1.0
     block(1.0, R, 0, LEV, J)

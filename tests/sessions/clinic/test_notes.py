@@ -34,7 +34,7 @@ def test_a_removed_note_is_forgotten_when_it_cannot_be_brought_back_any_more(
 
 def _at(engine: Any, to: str, move: Callable[[Config, str], None] = command.upgrade) -> None:
     config = Config()
-    config.set_main_option("script_location", str(Path(database.__file__).parent / "migrations"))
+    config.set_main_option("script_location", database.MIGRATIONS)
     with engine.begin() as connection:
         config.attributes["connection"] = connection
         move(config, to)

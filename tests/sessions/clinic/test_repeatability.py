@@ -231,7 +231,7 @@ def test_a_result_is_compared_with_the_session_before(
 
 def migrate(engine: Any, to: str, down: bool = False) -> None:
     config = Config()
-    config.set_main_option("script_location", str(Path(database.__file__).parent / "migrations"))
+    config.set_main_option("script_location", database.MIGRATIONS)
     with engine.begin() as connection:
         config.attributes["connection"] = connection
         (command.downgrade if down else command.upgrade)(config, to)

@@ -250,9 +250,9 @@ def _movement(setup: Setup) -> Movement:
 
     return Movement(
         {
-            f: (lambda t, w=w, f=f: _thumb(w, t) if f == "thumb" else _finger(w, t))
+            f: (lambda t, w=w, f=f: _thumb(w, t) if f == "thumb" else _finger(w, t))  # type: ignore[misc]
             for f, w in waves.items()
-        },  # type: ignore[misc]
+        },
         lambda t: (
             DEG
             * np.stack([38 * np.sin(1.2 * wrist[0](t)), 14 * np.sin(wrist[1](t)), 0 * t], axis=1)
