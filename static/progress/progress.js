@@ -3,7 +3,7 @@ import { h } from "../dom.js";
 import { errorBox, select } from "../forms.js";
 import { known, t } from "../words/words.js";
 import { drawSmall } from "./small.js";
-import { changeWords, judged, labelWords, partOf } from "./payload.js";
+import { changeWords, judged, labelWords, partOf } from "./figure_words.js";
 
 export function mount(root, api, { record }) {
   const box = errorBox();

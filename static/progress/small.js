@@ -2,7 +2,7 @@
 import { h } from "../dom.js";
 import { colour, makePlot } from "../plots/plot.js";
 import { shortDay, t } from "../words/words.js";
-import { changeWords, judged, labelWords, valueWords } from "./payload.js";
+import { changeWords, judged, labelWords, valueWords } from "./figure_words.js";
 
 const DAY = 86_400_000; // ms
 

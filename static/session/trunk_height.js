@@ -43,7 +43,8 @@ export function mount(root, api, { record, draft, result, recomputed }) {
   function show({ trunk_height: stored, trunk_corrected: corrected, state }) {
     root.hidden = state === "open";
     const height = stored ?? (recorded ? Number(recorded) : null);
-    words.textContent = t(height === null ? "trunk.unknown" : corrected ? "trunk.corrected" : "trunk.measured", { mm: millimetres(height) });
+    const key = height === null ? "trunk.unknown" : corrected ? "trunk.corrected" : "trunk.measured";
+    words.textContent = t(key, { mm: millimetres(height) });
     input.value = draft.trunk ?? millimetres(height);
     back.hidden = !corrected;
   }

@@ -69,7 +69,8 @@ export function mount(root, api, { station, given }) {
   }
 
   function button(act, text, isPrimary, work) {
-    const button = h("button", { class: `large ${isPrimary ? "primary" : ""}`, "data-act": act, onclick: () => once(button, box, work) }, text);
+    const classes = `large ${isPrimary ? "primary" : ""}`;
+    const button = h("button", { class: classes, "data-act": act, onclick: () => once(button, box, work) }, text);
     return button;
   }
 

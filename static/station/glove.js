@@ -94,7 +94,8 @@ function row(glove, strip) {
   const stream = glove.strips.find((s) => s.name === strip);
   const words = t(`strip.${strip}`);
   if (!isFound(glove, strip)) return [words, [t(stream ? "glove.no_signal" : "glove.not_found"), ""]];
-  return [words, [stream ? t("unit.per_second_of", { rate: Math.round(stream.rate) }) : t("glove.present"), stream ? whole(stream.lost) : ""]];
+  if (!stream) return [words, [t("glove.present"), ""]];
+  return [words, [t("unit.per_second_of", { rate: Math.round(stream.rate) }), whole(stream.lost)]];
 }
 
 /** What needs attention. */

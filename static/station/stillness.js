@@ -10,7 +10,10 @@ export function mount(root, api, { station }) {
   const words = h("span", { role: "status" });
   root.append(lamp, words);
   const draw = whenChanged(
-    ({ wizard, glove }) => [SHOWN.includes(wizard.state), glove.flowing, wizard.still, wizard.still ? "" : wizard.fastest_segment, wizard.state],
+    ({ wizard, glove }) => {
+      const fastest = wizard.still ? "" : wizard.fastest_segment;
+      return [SHOWN.includes(wizard.state), glove.flowing, wizard.still, fastest, wizard.state];
+    },
     ([shown, flowing, still, fastest, state]) => {
       const connecting = ["connect", "check"].includes(state); // movement is wanted there, and nowhere else
       root.hidden = !shown || !flowing;
