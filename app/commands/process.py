@@ -101,7 +101,7 @@ def _cohort(arguments: argparse.Namespace) -> int:
         close()
     failed = [o for o in outcomes if o.state == "failed"]
     for outcome in failed:
-        say(f"FAILED {outcome.name}: {outcome.said}")
+        say(f"FAILED {outcome.name}: {outcome.message}")
     before = sum(o.state == "before" for o in outcomes)
     say(
         f"{counted(len(outcomes) - len(failed), 'recording')} by {arguments.method} in {arguments.out}, {before} of them done before; {len(failed)} failed"

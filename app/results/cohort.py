@@ -45,7 +45,7 @@ class Work:
 class Outcome:
     name: str
     state: str  # done, before (and is not done again), failed
-    said: str = ""
+    message: str = ""
 
 
 def recordings(place: Path) -> dict[str, Path]:

@@ -73,7 +73,7 @@ class FreeMeter:
             self._flexion.append(rows.angles[::THIN, :, FLEXION])
             self._take_in(calibration, rows, blocks)
         except Exception:  # the station goes on, and the movement, too
-            log.exception("what free movement tells could not be followed")
+            log.exception("the observability of free movement could not be computed")
 
     def _begin_anew(self) -> None:
         """Self-calibration looks at the longest stretch without holes: this one is over."""
@@ -99,14 +99,14 @@ class FreeMeter:
                     )
                 if limb.links.joints:
                     self._fingers[finger] = limb, observability.nothing(limb)
-        flexion, found = np.concatenate(self._flexion), list[Observed]()
+        flexion, observed = np.concatenate(self._flexion), list[Observed]()
         for finger, (limb, before) in self._fingers.items():
-            told = _told(calibration, limb, before.noise, rows, blocks)
-            so_far = before if told is None else observability.together(before, told)
+            information = _accumulate(calibration, limb, before.noise, rows, blocks)
+            so_far = before if information is None else observability.together(before, information)
             self._fingers[finger] = limb, so_far
             of_joints = {joint: flexion[:, JOINT[joint]] for joint in limb.links.joints}
-            found += observability.observed(Asked(), limb, so_far, of_joints)
-        self.observed = max(self._whole, tuple(found), key=_worth)
+            observed += observability.observed(Asked(), limb, so_far, of_joints)
+        self.observed = max(self._whole, tuple(observed), key=_worth)
 
 
 def _worth(observed: Sequence[Observed]) -> float:
@@ -119,10 +119,10 @@ def _silent(limb: Limb, blocks: Sequence[Block]) -> tuple[str, ...]:
     return sample_preparation.speaking(blocks, limb.links, -np.inf, np.inf)[1]
 
 
-def _told(
+def _accumulate(
     calibration: Calibration, limb: Limb, noise: Noise, rows: Trajectory, blocks: Sequence[Block]
 ) -> Told | None:
-    """What a stretch tells of a finger; nothing where one of its sensors is silent or not followed."""
+    """Information that a stretch gives about a finger; None where a sensor is silent or has no orientation."""
     own = [b for b in blocks if set(b.stream.sensors) & set(limb.links.sensors)]
     if not {s for b in own for s in b.stream.sensors} >= set(limb.links.sensors) or _silent(
         limb, own

@@ -111,6 +111,6 @@ def test_before_any_pose_and_when_it_fails_the_station_goes_on(
     calibration, followed.calibration = followed.calibration, None
     assert not moved(followed, 6.1).observed
     followed.calibration = calibration
-    monkeypatch.setattr(observability_meter, "_told", None)
+    monkeypatch.setattr(observability_meter, "_accumulate", None)
     assert not moved(followed, 4.1).is_enough
-    assert "could not be followed" in caplog.text
+    assert "could not be computed" in caplog.text
