@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Modules are compiled once, not again by every process that starts
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test check audit tests browser lock bench faults fuzz soak clean
+.PHONY: run test test-fast test-all check audit tests browser format lock bench faults fuzz soak clean
 
 run: $(VENV)/runs
 	$(BIN)/handscope demo --port $(PORT) $(DEMO)
@@ -19,21 +19,42 @@ test:
 	@$(MAKE) --no-print-directory --jobs 2 $(VENV)/runs check
 	@$(MAKE) --no-print-directory tests
 
-# Lint, format, types; the import directions and the docs are tests. What the audit finds is said and stops nobody: `make audit` does
+# What a contributor runs: no browser, no other program, nothing slow
+test-fast:
+	@$(MAKE) --no-print-directory --jobs 2 $(VENV)/runs check
+	$(PYTEST) -m "not slow and not browser and not process" --ignore tests/journeys
+
+# Everything: also the Monte-Carlo trials and the long runs that are marked slow
+test-all:
+	@$(MAKE) --no-print-directory --jobs 2 $(VENV)/runs check
+	@$(MAKE) --no-print-directory tests LANE=""
+
+# Lint, format, types; the import directions and the docs are tests
 check: $(VENV)/develops .types/handscope
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	-@.ci/audit $(BIN)
+
+format: $(VENV)/develops
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
 
 # Known weaknesses of the locked versions; skipped with a word where the service cannot be reached
 audit: $(VENV)/develops
 	.ci/audit $(BIN)
 
-# The journeys have both cores to themselves: the browser draws without a graphics card
+# A file's tests stay in one process, which makes their recordings once; files come longest first (tests/durations.txt)
+PYTEST = $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
+LANE ?= not slow
+
+# The journeys have both cores to themselves, two servers and two browsers side by side: the browser draws without a graphics card
 tests: $(VENV)/runs $(VENV)/develops browser
-	$(BIN)/pytest -n 2 --dist worksteal --ignore tests/journeys
-	$(BIN)/pytest tests/journeys
+	$(PYTEST) -m "$(LANE)" --ignore tests/journeys
+	$(PYTEST) -m "$(LANE)" tests/journeys
+
+# How long each test file takes, the longest first: the order in which they are handed out
+durations: $(VENV)/runs $(VENV)/develops browser
+	$(BIN)/pytest -n 2 --dist loadfile --durations=0 -m "" | $(BIN)/python tests/durations.py > tests/durations.txt
 
 # A Chromium for the browser tests: one that is there, Debian's as root, otherwise the test tool's own
 browser: $(VENV)/develops

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -31,6 +32,22 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "handscope"))
 CONTEXT.set_forkserver_preload(
     ["handscope.app.preload", "handscope.app.commands.serve", "handscope.app.commands.glove"]
 )  # tests fork these, too
+
+
+DURATIONS = Path(__file__).with_name("durations.txt")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Longest files first, so that no process works alone on the last of them; whoever takes a browser is marked so."""
+    lines = [line.split() for line in DURATIONS.read_text().splitlines()]
+    seconds = {file: float(total) for total, file in lines}
+    root = DURATIONS.parent.parent
+    items.sort(key=lambda item: -seconds.get(str(item.path.relative_to(root)), 0.0))  # stable
+    for item in items:
+        if "browser" in getattr(item, "fixturenames", ()):
+            item.add_marker("browser")
+        if {"virtual_glove", "subprocess"} & vars(item.module).keys():  # type: ignore[attr-defined]
+            item.add_marker("process")
 
 
 @pytest.fixture(scope="module")
