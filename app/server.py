@@ -28,6 +28,7 @@ from handscope.app.api import (
     stations,
 )
 from handscope.app.auth.gate import Gate
+from handscope.app.auth.request_limits import RequestLimits
 from handscope.app.auth.roles import EVERY_ACCOUNT, RoleRequirement
 from handscope.app.job_queue import Jobs
 from handscope.app.live.station import Station
@@ -91,7 +92,11 @@ def create_app(settings: Settings) -> FastAPI:
         docs_url=None,
         redoc_url=None,
         openapi_url=None,
-        middleware=[*proxies, Middleware(Gate, store=store, settings=settings)],
+        middleware=[
+            *proxies,
+            Middleware(RequestLimits, largest_upload=settings.largest_upload),
+            Middleware(Gate, store=store, settings=settings),
+        ],
     )
     errors.install(app)
     for module in (

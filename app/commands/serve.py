@@ -15,6 +15,7 @@ from types import FrameType
 import uvicorn
 
 from handscope.app.auth.oidc import SCOPE, SignOn
+from handscope.app.auth.request_limits import BoundedProtocol
 from handscope.app.commands.words import FOLDER, database_url, default_data, say
 from handscope.app.options import parse
 from handscope.app.server import create_app
@@ -230,6 +231,7 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
 
     config = uvicorn.Config(
         app,
+        http=BoundedProtocol,
         log_level="warning",
         access_log=False,
         ws="websockets-sansio",

@@ -1,0 +1,169 @@
+"""How much, how slowly and how often anybody may send: before a login is looked at, and while a body is read.
+
+Every body has a limit by its route, enforced on the bytes as they come, whether their length was announced or not. A body must keep
+coming: who sends slower than SLOWEST, or stops, is cut. Requests of one address at a time, and in a row, are bounded. A connection that
+does not finish the head of its request is closed.
+"""
+
+import asyncio
+import re
+import time
+from collections import Counter, OrderedDict
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import h11
+from starlette.exceptions import HTTPException
+from starlette.responses import JSONResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+SMALL = 1 << 20  # bytes of a body that is no upload: the largest form of the pages has some 20 kB
+FORM = 1 << 16  # bytes that a form with a file has besides the file
+UPLOADS = re.compile(r"/api/patients/\d+/recordings")
+PATIENCE = 10.0  # s that may pass without a byte
+SLOWEST = 16_000.0  # bytes/s on average after PATIENCE: GPRS
+MOST_AT_ONCE = 64  # requests of one address whose answers are not finished
+BURST, REFILL = (
+    400.0,
+    100.0,
+)  # requests in a row, and a second, of one address: a ward behind one address among them
+MOST_ADDRESSES = 4096  # whose requests are counted
+MOST_CONNECTIONS = 256  # of one address: browsers open six, and a web socket for every view
+TOO_LARGE = "the request is larger than {limit} MB; nothing was stored"
+TOO_SLOW = "the request stopped coming; send it again"
+TOO_MANY = "too many requests from this address; wait a moment"
+
+
+@dataclass
+class _Allowance:
+    """Requests that an address may still make (token bucket)."""
+
+    left: float = BURST
+    since: float = field(default_factory=time.monotonic)
+
+    def take(self, now: float) -> bool:
+        self.left = min(BURST, self.left + REFILL * (now - self.since))
+        self.since = now
+        self.left -= 1.0
+        return self.left >= 0.0
+
+
+class RequestLimits:
+    """ASGI middleware, outside of the gate; `largest_upload` in bytes."""
+
+    def __init__(self, app: ASGIApp, largest_upload: int) -> None:
+        self._app, self._largest_upload = app, largest_upload
+        self._open: Counter[str] = Counter()
+        self._allowances: OrderedDict[str, _Allowance] = OrderedDict()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        address = scope["client"][0] if scope.get("client") else ""
+        if self._open[address] >= MOST_AT_ONCE or not self._allowance(address).take(
+            time.monotonic()
+        ):
+            await _refuse(429, TOO_MANY, scope, receive, send)
+            return
+        limit = self._limit(scope)
+        if _announced(scope) > limit:
+            await _refuse(413, _words(limit), scope, receive, send)
+            return
+        self._open[address] += 1
+        try:
+            await self._app(scope, _bounded(receive, limit), send)
+        finally:
+            self._open[address] -= 1
+            if not self._open[address]:
+                del self._open[address]
+
+    def _limit(self, scope: Scope) -> int:
+        return self._largest_upload + FORM if UPLOADS.fullmatch(scope["path"]) else SMALL
+
+    def _allowance(self, address: str) -> _Allowance:
+        allowance = self._allowances.setdefault(address, _Allowance())
+        self._allowances.move_to_end(address)
+        if len(self._allowances) > MOST_ADDRESSES:
+            self._allowances.popitem(last=False)
+        return allowance
+
+
+def _announced(scope: Scope) -> int:
+    """The body's length as its header says; 0 where it does not."""
+    word = dict(scope["headers"]).get(b"content-length", b"0")
+    return int(word) if word.isdigit() else 0
+
+
+def _words(limit: int) -> str:
+    return TOO_LARGE.format(limit=f"{limit / 2**20:.0f}")
+
+
+def _bounded(receive: Receive, limit: int) -> Receive:
+    """The body as it comes; HTTPException where it grows beyond the limit or comes too slowly."""
+    total, complete, began = 0, False, time.monotonic()
+
+    async def read() -> Message:
+        nonlocal total, complete
+        if complete:  # what follows is the end of the connection: nobody hurries it
+            return await receive()
+        try:
+            async with asyncio.timeout(PATIENCE):
+                message = await receive()
+        except TimeoutError:
+            raise HTTPException(408, TOO_SLOW, {"Connection": "close"}) from None
+        total += len(message.get("body", b""))
+        complete = message["type"] != "http.request" or not message.get("more_body", False)
+        if total > limit:
+            raise HTTPException(413, _words(limit), {"Connection": "close"})
+        if not complete and time.monotonic() - began > PATIENCE + total / SLOWEST:
+            raise HTTPException(408, TOO_SLOW, {"Connection": "close"})
+        return message
+
+    return read
+
+
+async def _refuse(status: int, words: str, scope: Scope, receive: Receive, send: Send) -> None:
+    await JSONResponse({"error": words}, status, {"Connection": "close"})(scope, receive, send)
+
+
+class BoundedProtocol(H11Protocol):  # type: ignore[misc]  # mypy does not follow uvicorn
+    """HTTP/1.1 whose connections are bounded for each address, and closed where the head of a request does not arrive in time."""
+
+    _of_address: ClassVar[Counter[str]] = Counter()
+
+    def connection_made(self, transport: Any) -> None:
+        super().connection_made(transport)
+        self._address = self.client[0] if self.client else ""
+        self._of_address[self._address] += 1
+        self._head: asyncio.TimerHandle | None = None
+        self._wait_for_head(True)
+        if self._of_address[self._address] > MOST_CONNECTIONS:
+            transport.abort()
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        self._wait_for_head(self.conn.their_state is h11.IDLE and bool(self.conn.trailing_data[0]))
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._leave()
+        super().connection_lost(exc)
+
+    def handle_websocket_upgrade(self, event: Any) -> None:
+        self._leave()  # a web socket has a login, and limits of its own
+        super().handle_websocket_upgrade(event)
+
+    def _wait_for_head(self, unfinished: bool) -> None:
+        """Close the connection after PATIENCE unless the head of its next request is complete by then."""
+        if unfinished and self._head is None:
+            self._head = asyncio.get_running_loop().call_later(PATIENCE, self.transport.abort)
+        elif not unfinished and self._head is not None:
+            self._head.cancel()
+            self._head = None
+
+    def _leave(self) -> None:
+        self._wait_for_head(False)
+        self._of_address[self._address] -= 1
+        if not self._of_address[self._address]:
+            del self._of_address[self._address]
