@@ -1,5 +1,6 @@
 """Analysis from Python: load a recording, run a method over it. `import handscope` re-exports these functions."""
 
+import warnings
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from handscope.estimators.data.samples import Recording
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import Processed
 from handscope.estimators.pipeline.process import process as process_recording
 from handscope.sessions.files.recording import LoadedRecording
@@ -29,11 +31,16 @@ def process(
     """Run a method over a recording or the path of one.
 
     `options` are those that `handscope process --help` lists, with the same names and units. InputError for an unknown
-    method or option, and for a recording that cannot be calibrated.
+    method or option, and for a recording that cannot be calibrated. What the checks of the recording find, and what
+    else is to be known about the result, reaches the caller by `warnings.warn`, too.
     """
     if isinstance(recording, (str, PathLike)):
         recording = load(recording)
     if method not in ALL_METHODS:
         raise InputError(f"there is no method {method!r}; methods are {', '.join(ALL_METHODS)}")
     chosen = ALL_METHODS[method]
-    return process_recording(chosen, with_options(chosen.Params(), options), recording)
+    made = process_recording(chosen, with_options(chosen.Params, options), recording)
+    result = check_processed(made, recording)
+    for message in result.warnings:
+        warnings.warn(message, stacklevel=2)
+    return result

@@ -5,6 +5,8 @@ import argparse
 from handscope.app.commands.methods import add_recording
 from handscope.app.commands.shortfalls import shortfalls
 from handscope.app.commands.words import say
+from handscope.estimators.fault_detection.check import check_recording
+from handscope.estimators.fault_detection.words import sentence
 from handscope.sessions.formats import recordings as formats_recordings
 
 
@@ -28,7 +30,11 @@ def run(arguments: argparse.Namespace) -> int:
         say(
             f"  {event.onset:9.3f} s  {event.duration:7.3f} s  {event.trial_type} {details}".rstrip()
         )
-    for sentence in shortfalls(recording):
-        say(f"warning: {sentence}")
+    for shortfall in shortfalls(recording):
+        say(f"warning: {shortfall}")
+    blocks = [block for block in recording.samples.values() if len(block.t)]
+    declared = (recording.hand, recording.geometry, recording.mounting)
+    for suspicion in check_recording(blocks, *declared, (), recording.events):
+        say(f"{suspicion.message.severity}: {sentence(suspicion.message)}")
     say(f"sha256 {recording.checksum}")
     return 0

@@ -11,6 +11,7 @@ from handscope.app.workers.deadline import LIMIT, limit_time
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
 from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import Processed, process
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings as formats_recordings
@@ -79,8 +80,7 @@ def processed_by(
     )
     on_progress, close = progress_bar("processing")
     try:
-        return recording, process(
-            method, params, recording, other, limit_time(limit, on_progress), known
-        )
+        made = process(method, params, recording, other, limit_time(limit, on_progress), known)
+        return recording, check_processed(made, recording)
     finally:
         close()

@@ -34,6 +34,7 @@ from handscope.estimators.measures.plot_data import Shown, thinned
 from handscope.estimators.measures.tapping import Tapping
 from handscope.estimators.methods import ALL_METHODS
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import Processed, process
 from handscope.sessions.clinic import corrections, self_calibrations, trunk_height
 from handscope.sessions.clinic.results import UNFINISHED, begin, fail
@@ -121,13 +122,14 @@ def process_result(
     )
     db = object_session(result)
     prior = None if db is None else self_calibrations.known(db, result.reused)
-    return recording, process(
+    made = process(
         method,
         with_options(method.Params, result.parameters),
         recording,
         progress=progress,
         known=prior,
     )
+    return recording, check_processed(made, recording)
 
 
 def assess_recording(

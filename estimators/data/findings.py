@@ -12,17 +12,15 @@ class Finding:
     """One fault of one sensor; `fault` means that its segment is not to be trusted, `warning` that it may be."""
 
     sensor: str
-    kind: Literal[
-        "turned", "swapped", "dead_axis", "stuck", "saturated", "magnetometer", "gravity", "bias"
-    ]
+    kind: str  # "dead_axis", or the code of a message
     sentence: str  # what was found, beginning after the sensor's name
-    fix: str  # what to do
+    fix: str  # what to do; "" where the sentence says it, and names the sensor itself
     severity: Literal["fault", "warning"]
     spans: tuple[tuple[float, float], ...] = ((-float("inf"), float("inf")),)  # s, when it holds
 
     @property
     def said(self) -> str:
-        return f"{self.sensor}: {self.sentence}; {self.fix}"
+        return f"{self.sensor}: {self.sentence}; {self.fix}" if self.fix else self.sentence
 
 
 def whole_streams(blocks: Sequence[Block]) -> list[Block]:

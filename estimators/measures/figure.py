@@ -7,12 +7,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators.data.trajectory import FLAG_WORDS
+from handscope.estimators.data.trajectory import FLAG_WORDS, Flag
 
 Grade = Literal["good", "fair", "poor"]
 GRADES: tuple[Grade, ...] = ("good", "fair", "poor")
 TRUSTED = 0.02  # share of flagged samples up to which a figure counts as good
 USABLE = 0.20  # and up to which as fair
+WRONG = np.uint8(Flag.FAULTY | Flag.DOUBTFUL)  # never good, however short
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,8 @@ def grade_of(flags: NDArray[np.uint8]) -> tuple[Grade, str]:
         return "good", ""
     share, words = max(found)
     reason = f"{words} in {100 * share:.0f} % of the samples"
-    return ("good" if share <= TRUSTED else "fair" if share <= USABLE else "poor"), reason
+    trusted = share <= TRUSTED and not (flags & WRONG).any()
+    return ("good" if trusted else "fair" if share <= USABLE else "poor"), reason
 
 
 def worse(*graded: tuple[Grade, str]) -> tuple[Grade, str]:

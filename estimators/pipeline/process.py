@@ -20,6 +20,7 @@ from handscope.estimators.data.findings import Finding, whole_streams
 from handscope.estimators.data.samples import MAG, Block, Event, Recording, join
 from handscope.estimators.data.trajectory import FLAG_WORDS, Flag, Trajectory
 from handscope.estimators.errors import InputError
+from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.force import fingertip_forces
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
 from handscope.estimators.magnet.pipeline import hand_position
@@ -43,6 +44,9 @@ class Processed:
     told: tuple[
         str, ...
     ] = ()  # of the warnings those of the method or of calibrating, in their order
+    suspicions: tuple[
+        Suspicion, ...
+    ] = ()  # of the checks (check.py), where they ran; among findings
 
 
 def process(
@@ -59,7 +63,7 @@ def process(
     """
     _require_magnetometers(params, recording)
     told_scales = _limits_known(recording)
-    if scales := saturation.found(_whole(recording)):
+    if scales := saturation.found(whole_of(recording)):
         recording = saturation.Scaled(recording, scales)
     if hasattr(method, "solve"):
         moved, calibrations, warnings = method.solve(params, recording, progress)
@@ -82,10 +86,10 @@ def process(
         moved, findings, [c.t for c in calibrations], getattr(params, "MAGNETOMETER", False)
     )
     moved, of_forces = fingertip_forces.attached(
-        fingertip_forces.ForceParams(), moved, _whole(recording), recording.mounting, calibrations
+        fingertip_forces.ForceParams(), moved, whole_of(recording), recording.mounting, calibrations
     )
     moved, of_place = hand_position.add_hand_position(
-        hand_position.PlaceParams(), moved, _whole(recording), recording.plate, recording.mounting
+        hand_position.PlaceParams(), moved, whole_of(recording), recording.plate, recording.mounting
     )
     told = [f.said for f in findings if f.kind != "saturated" or not told_scales]
     said = [
@@ -131,7 +135,7 @@ def with_known(pose: Calibration, known: Known) -> Calibration:
 
 def findings_of(recording: Recording, calibrations: Sequence[Calibration]) -> tuple[Finding, ...]:
     """What is wrong with single sensors; where there is an initial pose, also with how they sit."""
-    blocks = _whole(recording)
+    blocks = whole_of(recording)
     poses = [c for c in calibrations if c.source.startswith("initial pose")]
     if not poses:
         return tuple(fault_detection.check(blocks, (0.0, 0.0)))
@@ -156,10 +160,10 @@ def findings_of(recording: Recording, calibrations: Sequence[Calibration]) -> tu
     )
 
 
-def _whole(recording: Recording) -> list[Block]:
+def whole_of(recording: Recording) -> list[Block]:
     """One block a stream; a recording that has them so is not copied."""
     if isinstance(recording, saturation.Scaled):
-        return [recording.scaled(b) for b in _whole(recording.recording)]
+        return [recording.scaled(b) for b in whole_of(recording.recording)]
     streams = getattr(recording, "samples", None)
     return [
         b

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.hand.geometry import table_of
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import Processed
@@ -104,6 +105,19 @@ def _sidecar(
         "input_checksum": recording.checksum,
         "calibration_quality": {s: asdict(q) for s, q in processed.calibrations[0].quality.items()},
         "warnings": list(processed.warnings),
+        "findings": [_finding(s) for s in processed.suspicions],
+    }
+
+
+def _finding(suspicion: Suspicion) -> Mapping[str, Any]:
+    """A finding of the checks by its code; a span without an end is null there."""
+    return {
+        "code": suspicion.message.code,
+        "severity": suspicion.message.severity,
+        "values": dict(suspicion.message.values),
+        "sensors": list(suspicion.sensors),
+        "spans": [[t if np.isfinite(t) else None for t in span] for span in suspicion.spans],
+        "p_value": suspicion.p_value,
     }
 
 

@@ -1,0 +1,27 @@
+"""A finding of the checks: what is probably wrong with a recording, how sure that is, and when."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Message:
+    """What is said to people, as data: the words stand in the languages under the code."""
+
+    code: str  # "sensor.gyroscope_sign"
+    values: Mapping[str, float | str] = field(default_factory=dict)
+    severity: Literal["info", "warning", "fault"] = "warning"
+
+
+@dataclass(frozen=True)
+class Suspicion:
+    """One fault of sensors, or of the file, that the data show."""
+
+    message: Message
+    sensors: tuple[str, ...]  # tracked points; all of them where the file is at fault
+    spans: tuple[tuple[float, float], ...]  # s, when it holds
+    p_value: float  # probability of evidence as strong without the fault
+    correction: Mapping[str, object] | None = (
+        None  # where the data leave one answer: e.g. {"gyr": matrix (3, 3)}, {"delay": s}, {"exchange": ("a", "b")}
+    )

@@ -1,0 +1,1 @@
+"""Sensors against each other and against the hand: neighbours share a joint."""

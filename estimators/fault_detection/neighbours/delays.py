@@ -1,0 +1,110 @@
+"""Sensors and strips whose samples are stamped too late or too early against their neighbours'.
+
+In      pairs of sensors (sensor_pairs.py)
+Out     who is late, by how much, from when to when
+Source  ours: the acceleration of a common joint seen from either side at the delay that leaves least; test: paired_test.py
+Limits  within +-`FURTHEST` s; a finger that moves while the hand rests tells no delay between the two, and a joint that rests tells all
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from handscope.estimators.fault_detection.neighbours import paired_test
+from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
+from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.numerics.quaternions import Array
+
+FURTHEST, COARSE = 0.36, 0.04  # s
+TOLERATED = 0.02  # s: clocks of strips and a sample at 50 Hz
+MARGIN = 0.1  # of the mean log ratio
+LEAST_SURE = 0.01  # probability from which on a delay is looked at no further
+
+
+@dataclass(frozen=True)
+class Delay:
+    """Sensors that are late together, or early where it is negative."""
+
+    sensors: tuple[str, ...]
+    late: float  # s
+    p_value: float
+    gain: float  # log ratio of what is left over, all windows, mean of the joints
+    span: tuple[float, float]  # s
+
+
+def find(pairs: Pairs) -> list[Delay]:
+    """Late sensors, most certain first; at most one for each joint that shows it."""
+    begin, end = float(pairs.series.t[0]), float(pairs.series.t[-1])
+    lags = np.asarray(
+        np.arange(-round(FURTHEST / COARSE), round(FURTHEST / COARSE) + 1) * COARSE, float
+    )
+    spans = [(begin, end), (begin, 0.5 * (begin + end)), (0.5 * (begin + end), end)]
+    count = len(_groups(pairs)) * len(lags) * len(spans)
+    found: list[Delay] = []
+    poor = [j for j in pairs.joints if pairs.is_poor(*j)]
+    while poor and len(found) < 3:
+        groups = [g for g in _groups(pairs) if any((a in g) != (b in g) for a, b in poor)]
+        tried = [_best(pairs, lags, g, s) for g in groups for s in spans]
+        sure = [d for d in tried if d.p_value * count < LEAST_SURE]
+        if not sure:
+            break
+        best = max(sure, key=lambda d: d.gain)
+        found.append(replace(best, p_value=best.p_value * count))
+        poor = [j for j in poor if not any(s in j for s in best.sensors)]
+    return found
+
+
+def _groups(pairs: Pairs) -> list[tuple[str, ...]]:
+    """Sensors that may be late together: each alone, the strip of a finger."""
+    present = pairs.series.sensors
+    strips = [tuple(s for s in chain if s in present) for chain in CHAINS.values()]
+    return [*((s,) for s in present), *(strip for strip in strips if len(strip) > 1)]
+
+
+def _curve(pairs: Pairs, joint: tuple[str, str], lags: Array, sign: int) -> tuple[Array, Array]:
+    """What is left over (lags, K), and the noise in it, with the child's readings taken later by each lag, or earlier; NaN where there are no samples."""
+    found = []
+    for lag in np.round(sign * lags, 6):
+        fitted, use = pairs.joint(*joint, joint, float(lag)), pairs.use(*joint, float(lag))
+        use &= pairs.moves(joint[0]) & pairs.moves(joint[1])  # otherwise it is skin that tells
+        found.append((np.where(use, fitted.rest, np.nan), fitted.noise))
+    rest, noise = zip(*found)
+    return np.array(rest), np.array(noise)
+
+
+def _best(pairs: Pairs, lags: Array, group: tuple[str, ...], span: tuple[float, float]) -> Delay:
+    """The delay of a group that explains its joints best within a span."""
+    t = pairs.windows(pairs.series.sensors[0]).t
+    inside = (t >= span[0]) & (t < span[1])
+    touched = [
+        (j, 1 if j[1] in group else -1) for j in pairs.joints if (j[0] in group) != (j[1] in group)
+    ]
+    curves = [
+        _curve(pairs, j, lags, sign) for j, sign in touched
+    ]  # the parent late is the child early
+    rest, noise = (
+        np.array([c[k] for c in curves])[:, :, inside] for k in (0, 1)
+    )  # (joints, lags, K)
+    noise = noise.max(axis=1, keepdims=True)
+    total = np.nansum(paired_test.log_rest(rest, noise), axis=(0, 2))
+    k, zero = int(np.argmin(total)), len(lags) // 2
+    if abs(lags[k]) <= TOLERATED or k in (0, len(lags) - 1):
+        return Delay(group, 0.0, 1.0, 0.0, span)
+    before, after, noise = rest[:, zero], rest[:, k], noise[:, 0]
+    told = np.isfinite(before + after)
+    gain = np.where(
+        told, paired_test.log_rest(before, noise) - paired_test.log_rest(after, noise), 0.0
+    ).sum(axis=0)
+    telling = (told & paired_test.is_telling(before, after, noise)).any(axis=0)
+    gain = gain[telling] / told.sum(axis=0)[telling]
+    return Delay(
+        group, _vertex(lags, total, k), paired_test.p_value(gain, MARGIN), float(gain.sum()), span
+    )
+
+
+def _vertex(lags: Array, total: Array, k: int) -> float:
+    """The lag between those that were tried, by a parabola through the least and its neighbours."""
+    if not 0 < k < len(lags) - 1:
+        return float(lags[k])
+    a, b, c = total[k - 1 : k + 2]
+    return float(lags[k] + 0.5 * (a - c) / max(a - 2 * b + c, 1e-9) * (lags[1] - lags[0]))

@@ -1,0 +1,99 @@
+"""Sensors that sit on each other's segments: two exchanged, or a whole finger's in another order.
+
+In      pairs of sensors (sensor_pairs.py)
+Out     the exchange under which neighbours meet at common joints clearly better than as declared
+Source  ours; test: paired_test.py, over all exchanges of two sensors and all orders along a finger
+Limits  joints that do not move, or move too gently to accelerate anything, tell no order; whole fingers exchanged keep their order: joint_places.py
+"""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.fault_detection.neighbours import paired_test
+from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
+from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.numerics.quaternions import Array
+
+MARGIN = np.log(
+    1.5
+)  # of the mean log ratio: a joint that hardly moves lets two orders fit about as well, and skin may favour the wrong one
+OTHERS = 0.01  # probability from which on a second exchange explains the readings as well as the best one
+
+Order = Mapping[str, str]  # sensor that sits on a segment, by segment; those that stay are left out
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """Sensors that are probably on each other's segments."""
+
+    order: Order
+    p_value: float
+    gain: float  # log ratio of what is left over, all windows, mean of the joints
+    is_only: bool  # no other exchange explains the readings as well
+
+
+def find(pairs: Pairs) -> Exchange | None:
+    """The most probable exchange, with the probability of such evidence without any."""
+    poor = {s for j in pairs.joints if pairs.is_poor(*j) for s in j}
+    every = _orders(pairs)
+    candidates = [o for o in every if poor & set(o)]
+    if not candidates:
+        return None
+    gains = [_gain(pairs, {}, order) for order in candidates]
+    tests = [paired_test.p_value(gain, MARGIN) * len(every) for gain in gains]
+    totals = [float(gain.sum()) if p < OTHERS else -np.inf for gain, p in zip(gains, tests)]
+    best = int(np.argmax(totals))
+    if not np.isfinite(totals[best]):
+        return None
+    rivals = [candidates[k] for k in np.argsort(totals)[::-1][1:8] if np.isfinite(totals[k])]
+    is_only = all(
+        paired_test.p_value(_gain(pairs, order, candidates[best]), 0.0) < OTHERS for order in rivals
+    )
+    return Exchange(candidates[best], tests[best], totals[best], is_only)
+
+
+def _orders(pairs: Pairs) -> list[Order]:
+    present = pairs.series.sensors
+    found: list[Order] = [{a: b, b: a} for a, b in itertools.combinations(present, 2)]
+    for a, b, c in CHAINS.values():
+        if {a, b, c} <= set(present):
+            found += [{a: b, b: c, c: a}, {a: c, b: a, c: b}]
+    return found
+
+
+def _gain(pairs: Pairs, yours: Order, mine: Order) -> Array:
+    """How much better (mean log ratio of the joints) `mine` explains the joints than `yours` in each telling window."""
+    joints = [j for j in pairs.joints if set(j) & (set(mine) | set(yours))]
+    seen = [[_rest(pairs, joint, order) for joint in joints] for order in (yours, mine)]
+    (before, noise, use), (after, other, also) = (
+        tuple(np.array(part) for part in zip(*each)) for each in seen
+    )
+    noise = np.maximum(noise, other)
+    telling = (
+        (use & also).all(axis=0)
+        & paired_test.is_telling(before, after, noise).any(axis=0)
+        & _is_different(pairs, yours, mine)
+    )
+    gain = paired_test.log_rest(before, noise) - paired_test.log_rest(after, noise)
+    return np.asarray(gain.mean(axis=0)[telling])
+
+
+def _is_different(pairs: Pairs, yours: Order, mine: Order) -> NDArray[np.bool_]:
+    """In which windows (K,) sensors that change places turn at different rates: where they do not, skin would tell, and nothing is lost by an exchange."""
+    found = np.zeros(len(pairs.by_skin()), bool)
+    for segment in set(mine) | set(yours):
+        apart = pairs.speed(yours.get(segment, segment)) - pairs.speed(mine.get(segment, segment))
+        found |= np.sqrt((apart**2).mean(axis=1)) > pairs.by_skin()
+    return found
+
+
+def _rest(
+    pairs: Pairs, joint: tuple[str, str], order: Order
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    a, b = (order.get(s, s) for s in joint)
+    found = pairs.joint(a, b, joint)
+    return found.rest, found.noise, pairs.use(a, b)

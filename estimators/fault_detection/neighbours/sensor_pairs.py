@@ -1,0 +1,152 @@
+"""All pairs of sensors, each asked how well one joint between them explains what both read.
+
+In      one time base of all sensors; about how sensors sit on their segments and how long those are
+Out     what is left over in every window, for any two sensors at any joint and any delay between them; computed once, when it is asked for
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.fault_detection.neighbours import common_joint, joint_windows, paired_test
+from handscope.estimators.fault_detection.neighbours.common_joint import Joint, Region
+from handscope.estimators.fault_detection.neighbours.joint_windows import Series, Windows
+from handscope.estimators.hand.anatomy import JOINTS, side_sign
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+
+DORSAL = {
+    "hand": 0.014,
+    "forearm": 0.02,
+}  # m, of a sensor above the joints' line; elsewhere PHALANX
+PHALANX = 0.009
+REACH = {"hand": 0.03, "forearm": 0.05}  # m, how far a joint may be from where it is expected; ours
+NEAR = 0.012
+
+
+@dataclass
+class Pairs:
+    """Joints between sensors, by the sensors' names."""
+
+    series: Series
+    geometry: HandGeometry
+    q_BS: Mapping[str, Array]
+    _by_skin: Array | None = None
+    _turning: dict[str, Array] = field(default_factory=dict)
+    _windows: dict[tuple[str, float], Windows] = field(default_factory=dict)
+    _joints: dict[tuple[str, str, tuple[str, str] | None, float], Joint] = field(
+        default_factory=dict
+    )
+
+    @property
+    def joints(self) -> list[tuple[str, str]]:
+        """Parent and child of the hand's joints that have a sensor on either side."""
+        return [
+            (j.parent, j.child)
+            for j in JOINTS
+            if j.parent in self.series.sensors and j.child in self.series.sensors
+        ]
+
+    def later(self, by: float) -> "Pairs":
+        """The same in windows that begin `by` s later."""
+        first, s = round(by * joint_windows.RATE), self.series
+        return Pairs(
+            Series(
+                s.t[first:],
+                s.sensors,
+                s.gyr[first:],
+                s.change[first:],
+                s.acc[first:],
+                s.whole[first:],
+            ),
+            self.geometry,
+            self.q_BS,
+        )
+
+    def windows(self, sensor: str, late: float = 0.0) -> Windows:
+        if (sensor, late) not in self._windows:
+            self._windows[sensor, late] = joint_windows.cut(
+                self.series, self.series.sensors.index(sensor), late
+            )
+        return self._windows[sensor, late]
+
+    def use(self, a: str, b: str, late: float = 0.0) -> NDArray[np.bool_]:
+        """Windows (K,) in which both have samples."""
+        return self.windows(a).valid & self.windows(b, late).valid
+
+    def joint(self, a: str, b: str, at: tuple[str, str] | None = None, late: float = 0.0) -> Joint:
+        """The joint between two sensors that sit on the segments `at`, its place free without them; the readings of `b` taken `late` s later."""
+        key = (a, b, at, late)
+        if key not in self._joints:
+            self._joints[key] = self._fit(
+                a, b, self.use(a, b, late), None if at is None else self.expected(a, b, at), late
+            )
+        return self._joints[key]
+
+    def joint_within(self, a: str, b: str, span: tuple[float, float]) -> Joint:
+        """The same of two neighbours in windows that lie within a span (s), where the movement does not tell it near where it is expected."""
+        t, region = self.windows(a).t, self.expected(a, b, (a, b))
+        use = self.use(a, b) & (t >= span[0]) & (t + joint_windows.LENGTH <= span[1])
+        return self._fit(a, b, use, replace(region, reach=np.full(2, np.inf), sd=NEAR), 0.0)
+
+    def _fit(
+        self, a: str, b: str, use: NDArray[np.bool_], region: Region | None, late: float
+    ) -> Joint:
+        return common_joint.fit(
+            self.windows(a), self.windows(b, late), use.astype(float), self._pulled(a, b), region
+        )
+
+    def turning(self, sensor: str) -> Array:
+        """How much a sensor turns in each window (K,), 1/s^2 (common_joint.turning)."""
+        if sensor not in self._turning:
+            self._turning[sensor] = common_joint.turning(self.windows(sensor))
+        return self._turning[sensor]
+
+    def speed(self, sensor: str) -> Array:
+        """How fast a sensor turns, (K, m) rad/s."""
+        return np.asarray(np.linalg.norm(self.windows(sensor).rate, axis=2))
+
+    def by_skin(self) -> Array:
+        """Root mean square rate (K,) rad/s that skin may give to a segment that does not move itself."""
+        if self._by_skin is None:
+            most = np.max([(self.speed(s) ** 2).mean(axis=1) for s in self.series.sensors], axis=0)
+            self._by_skin = np.asarray(common_joint.CLEAR * common_joint.SKIN * np.sqrt(most))
+        return self._by_skin
+
+    def moves(self, sensor: str) -> NDArray[np.bool_]:
+        """In which windows (K,) a segment clearly moves itself."""
+        return np.asarray(np.sqrt((self.speed(sensor) ** 2).mean(axis=1)) > self.by_skin())
+
+    def _pulled(self, a: str, b: str) -> Array:
+        """The largest of that among the sensors around two sensors, as they are declared."""
+        around = {s for joint in self.joints for s in joint if a in joint or b in joint}
+        return np.asarray(np.max([self.turning(s) for s in (a, b, *around)], axis=0))
+
+    def expected(self, a: str, b: str, at: tuple[str, str]) -> Region:
+        """Where the joint between the segments `at` lies for sensors that sit in the middle of their backs, each mounted as it says."""
+        parent, child = at
+        joint = next(j.name for j in JOINTS if (j.parent, j.child) == at)
+        sign = side_sign(self.geometry.hand)
+        if parent == "hand":
+            far = np.array(self.geometry.joint_positions[joint]) - sign * np.array(
+                [0.0, 0.5 * self.geometry.palm_length, 0.0]
+            )
+        else:
+            far = sign * np.array(
+                [0.0, 0.06 if parent == "forearm" else 0.5 * self.geometry.lengths[parent], 0.0]
+            )
+        length = self.geometry.palm_length if child == "hand" else self.geometry.lengths[child]
+        near = sign * np.array([0.0, -0.5 * length, 0.0])
+        places = []
+        for sensor, segment, place in ((a, parent, far), (b, child, near)):
+            above = sign * np.array([DORSAL.get(segment, PHALANX), 0.0, 0.0])
+            places.append(quat.rotate(quat.conjugate(self.q_BS[sensor]), place - above))
+        return Region(np.concatenate(places), np.array([REACH.get(s, NEAR) for s in at]))
+
+    def is_poor(self, a: str, b: str) -> bool:
+        """Whether the joint between two segments leaves anything that another description could explain."""
+        joint, use = self.joint(a, b, (a, b)), self.use(a, b)
+        return int(np.count_nonzero((joint.rest > 1.5 * joint.noise)[use])) >= paired_test.FEWEST

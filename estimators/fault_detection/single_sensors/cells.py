@@ -1,0 +1,117 @@
+"""Inertial readings of all streams on one grid of short cells, whatever their rates and clocks.
+
+In      blocks of inertial streams, one a stream
+Out     mean rate and mean specific force of every sensor in every cell, and whether the cell rests on samples
+Limits  a gap up to GAP is bridged by a straight line, a longer one leaves its cells without samples
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.data.samples import ACC, GYR, Block
+from handscope.estimators.numerics.quaternions import Array
+
+CELL = 0.02  # s: a hand turns by less than 0.4 rad meanwhile
+BEYOND, OFTEN = (
+    1.1,
+    1e-3,
+)  # of full scale, share of readings: a full scale that readings pass is not theirs
+GAP = 0.065  # s bridged by a straight line: six samples at 100 Hz
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Readings in cells of CELL s from `start` on."""
+
+    sensors: tuple[str, ...]
+    start: float  # s
+    gyr: Array  # (n, sensors, 3) rad/s
+    acc: Array  # (n, sensors, 3) m/s^2
+    valid: NDArray[np.bool_]  # (n, sensors)
+
+    def of(self, columns: NDArray[np.intp]) -> "Cells":
+        """Of some sensors only."""
+        names = tuple(self.sensors[k] for k in columns)
+        return Cells(
+            names, self.start, self.gyr[:, columns], self.acc[:, columns], self.valid[:, columns]
+        )
+
+
+def cells_of(blocks: Sequence[Block]) -> Cells:
+    """All sensors of inertial streams on one grid.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        One block a stream; streams without gyroscope or accelerometer are left out.
+
+    Returns
+    -------
+    Cells
+        From the first sample of any stream to the last; cells without samples are not valid.
+    """
+    inertial = [b for b in blocks if b.stream.inertial and len(b.t) > 1]
+    if not inertial:
+        return Cells((), 0.0, np.zeros((0, 0, 3)), np.zeros((0, 0, 3)), np.zeros((0, 0), bool))
+    start, stop = min(b.t[0] for b in inertial), max(b.t[-1] for b in inertial)
+    edges = start + CELL * np.arange(int((stop - start) / CELL) + 1)
+    parts = [means_of(block, (GYR, ACC), edges) for block in inertial]
+    sensors = tuple(s for b in inertial for s in b.stream.sensors)
+    values, valid = (
+        np.concatenate([v for v, _ in parts], axis=1),
+        np.concatenate([k for _, k in parts], axis=1),
+    )
+    return Cells(sensors, float(start), values[..., :3], values[..., 3:], valid)
+
+
+def means_of(
+    block: Block, quantities: tuple[str, ...], edges: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Means of quantities (cells, sensors, 3 a quantity) between edges (cells + 1,) s, and whether cells rest on samples (cells, sensors)."""
+    values = np.concatenate([block.of(q) for q in quantities], axis=-1)
+    usable = np.isfinite(values).all(axis=-1) & ~np.any(
+        [_at_limit(block, q) for q in quantities], axis=0
+    )
+    if usable.all():
+        means, valid = _cell_means(block.t, values, edges)
+        return means, np.broadcast_to(valid[:, None], means.shape[:2])
+    means, valid = (
+        np.zeros((len(edges) - 1, *values.shape[1:])),
+        np.zeros((len(edges) - 1, values.shape[1]), bool),
+    )
+    patterns, of_sensor = np.unique(usable, axis=1, return_inverse=True)
+    for k, pattern in enumerate(patterns.T):  # sensors of one strip mostly miss the same samples
+        if pattern.sum() > 1:
+            columns = np.flatnonzero(of_sensor.ravel() == k)
+            means[:, columns], own = _cell_means(
+                block.t[pattern], values[pattern][:, columns], edges
+            )
+            valid[:, columns] = own[:, None]
+    return means, valid
+
+
+def _at_limit(block: Block, quantity: str) -> NDArray[np.bool_]:
+    """Readings (n, sensors) at the full scale; none where readings go far beyond it, as they do in another unit."""
+    limit = block.stream.full_scale.get(quantity)
+    if limit is None:
+        return np.zeros(block.values.shape[:2], bool)
+    beyond = np.abs(block.of(quantity)).max(axis=-1) > BEYOND * limit  # NaN compares as no
+    return block.at_limit(quantity) & (float(beyond.mean()) < OFTEN)
+
+
+def _cell_means(t: Array, values: Array, edges: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Means between edges of values (n, ...) joined by straight lines, and whether samples lie close enough."""
+    steps = np.diff(t)
+    area = np.zeros_like(values)
+    np.cumsum(0.5 * (values[1:] + values[:-1]) * steps[:, None, None], axis=0, out=area[1:])
+    before = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 2)
+    share = (edges - t[before]) / steps[before]
+    at_edges = area[before] + share[:, None, None] * (area[before + 1] - area[before])
+    bridged = np.cumsum(np.concatenate([[0], steps > max(GAP, 2.5 * float(np.median(steps)))]))
+    inside = (edges >= t[0] - CELL) & (edges <= t[-1] + CELL)
+    close = (steps[before] <= max(GAP, 2.5 * float(np.median(steps)))) & inside
+    valid = close[1:] & close[:-1] & (bridged[before[1:]] == bridged[before[:-1]])
+    return np.diff(at_edges, axis=0) / np.diff(edges)[:, None, None], valid

@@ -1,0 +1,247 @@
+"""All that single sensors, and the file, have wrong by their readings alone: public entry to the checks of each sensor against itself.
+
+In      blocks of a recording, or of what has come so far
+Out     suspicions: what, which sensors, from when to when, how probable such evidence is without the fault
+Source  the files beside
+Limits  those of the files beside; sensors against each other are another matter
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from handscope.estimators.data.findings import whole_streams
+from handscope.estimators.data.samples import Block
+from handscope.estimators.fault_detection.finding import Message, Suspicion
+from handscope.estimators.fault_detection.single_sensors.accelerometer_check import (
+    accelerometer_sizes,
+)
+from handscope.estimators.fault_detection.single_sensors.cells import CELL, Cells, cells_of
+from handscope.estimators.fault_detection.single_sensors.common_fault import (
+    LEAST,
+    CommonRate,
+    common_rate,
+    shared_fault,
+)
+from handscope.estimators.fault_detection.single_sensors.frozen_rows import (
+    backward_times,
+    frozen_stretches,
+)
+from handscope.estimators.fault_detection.single_sensors.gravity_windows import CHAIN, begins
+from handscope.estimators.fault_detection.single_sensors.gyroscope_check import (
+    Judged,
+    Verdict,
+    judge,
+)
+from handscope.estimators.fault_detection.single_sensors.gyroscope_faults import (
+    SHARES,
+    Fault,
+    discrete_faults,
+)
+from handscope.estimators.fault_detection.single_sensors.lost_rows import lost_rows
+from handscope.estimators.fault_detection.single_sensors.magnetometer_check import (
+    judge_magnetometers,
+)
+from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS, odds_of
+from handscope.estimators.numerics.quaternions import Array
+
+RATE_OFF = 0.03  # of a rate that is told wrong, at least
+NEAR = 0.1  # s
+MOST = 2 / 3  # of what is known of a rate, in sensors that agree
+OF_AXES = (
+    "gyroscope_sign",
+    "gyroscope_negated",
+    "gyroscope_exchange",
+    "gyroscope_axes",
+    "accelerometer_sign",
+    "accelerometer_exchange",
+)
+CODES = (  # of all messages
+    *("file.time_runs_back", "file.frozen", "file.lost_rows", "file.rate"),
+    *(
+        "file.accelerometer_unit",
+        "file.accelerometer_negated",
+        "sensor.accelerometer_negated",
+        "sensor.accelerometer_size",
+    ),
+    *(f"file.{code}" for code in sorted({f.code for f in discrete_faults() if f.code})),
+    *(f"sensor.{code}" for code in SHARES),
+    "sensor.magnetometer_axes",
+)
+DIFFERENT = 0.3  # of an element of the matrix, from which on corrections are not the same
+SMALL = 0.15  # of a gain that is a warning only
+
+
+def check_sensors(blocks: Sequence[Block]) -> list[Suspicion]:
+    """What is probably wrong with sensors or with the file.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        Samples of all streams, in order a stream.
+
+    Returns
+    -------
+    list of Suspicion
+        Faults of the file first. Empty of a recording without faults in all but FALSE_ALARMS of them.
+    """
+    whole = whole_streams(blocks)
+    backward = backward_times(whole)
+    whole = [b for b in whole if (np.diff(b.t) > 0).all()]
+    frozen = frozen_stretches(whole)
+    lost = [s for s in lost_rows(whole) if not _beside(s, frozen)]
+    cells = _without(cells_of(whole), [*frozen, *lost])
+    sizes, factor = accelerometer_sizes(cells)
+    cells = replace(cells, acc=cells.acc * factor)
+    gyroscopes = check_gyroscopes(cells)
+    found = [
+        *backward,
+        *frozen,
+        *lost,
+        *sizes,
+        *gyroscopes,
+        *_magnetometers(cells, whole, gyroscopes),
+    ]
+    return [
+        replace(
+            s, message=replace(s.message, values={**s.message.values, "odds": odds_of(s.p_value)})
+        )
+        for s in found
+    ]
+
+
+def _beside(lost: Suspicion, frozen: Sequence[Suspicion]) -> bool:
+    """Whether rows seem to be lost only because readings stood still before or behind."""
+    at = lost.spans[0][0]
+    return any(a - NEAR < at < b + NEAR for f in frozen for a, b in f.spans)
+
+
+def _without(cells: Cells, suspicions: Sequence[Suspicion]) -> Cells:
+    """Cells whose gyroscopes are not carried along over what is frozen or lost."""
+    valid = cells.valid.copy()
+    for s in suspicions:
+        columns = [k for k, name in enumerate(cells.sensors) if name in s.sensors]
+        for a, b in s.spans:
+            first, last = (int((t - cells.start) / CELL) for t in (a, b))
+            valid[max(first, 0) : last + 1, columns] = False
+    return replace(cells, valid=valid)
+
+
+def _magnetometers(
+    cells: Cells, blocks: Sequence[Block], gyroscopes: Sequence[Suspicion]
+) -> Iterator[Suspicion]:
+    """Magnetometers with axes that are not the gyroscope's, of sensors whose gyroscope is right."""
+    wrong = {sensor for s in gyroscopes for sensor in s.sensors}
+    sensors, judged = judge_magnetometers(cells, blocks)
+    for sensor, j in zip(sensors, judged):
+        if (
+            sensor not in wrong
+            and j.verdicts
+            and j.named.fault.code in OF_AXES
+            and (p := _p_value(j.named, len(judged))) < FALSE_ALARMS
+        ):
+            message = Message("sensor.magnetometer_axes", {"sensor": sensor}, "fault")
+            yield Suspicion(message, (sensor,), (_span(cells, j.named),), p)
+
+
+def check_gyroscopes(cells: Cells, among: int = 1) -> list[Suspicion]:
+    """What gravity shows of the gyroscopes, in SI units of the accelerometers.
+
+    Parameters
+    ----------
+    cells : Cells
+        Readings of S sensors.
+    among : int
+        Of how many sensors these are taken, where they are not all: chance has as many chances.
+
+    Returns
+    -------
+    list of Suspicion
+        Of the file first, then by sensor what is wrong beside it.
+    """
+    judged = judge(cells)
+    found = _of_all(cells, judged)
+    if found is None:
+        return list(_of_sensors(cells, judged, max(among, len(judged))))
+    suspicion, M = found
+    mended = replace(cells, gyr=cells.gyr @ M.T)
+    return [suspicion, *_of_sensors(mended, judge(mended), len(judged))]
+
+
+def _of_all(cells: Cells, judged: Sequence[Judged]) -> tuple[Suspicion, Array] | None:
+    """A fault that the sensors share, and the matrix that takes it away."""
+    p_values = [_p_value(j.named, len(judged)) if j.verdicts else 1.0 for j in judged]
+    surely = [p < FALSE_ALARMS for p in p_values]
+    fault = shared_fault(judged, surely)
+    if fault is not None:
+        span, p = _whole(cells), min(p_values)
+        return _suspicion(
+            f"file.{fault.code}", fault, cells.sensors, span, p, fault.certain
+        ), fault.matrix
+    tops = [j.named.fault for j, sure in zip(judged, surely) if sure]
+    gains = [fault.matrix[0, 0] for fault in tops if fault.code == "gyroscope_gain"]
+    rate = common_rate(cells, float(np.median(gains)) if len(gains) >= LEAST else 1.0)
+    return (
+        None
+        if rate is None or not _sure(rate)
+        else (_of_rate(cells, rate), rate.factor * np.eye(3))
+    )
+
+
+def _sure(rate: CommonRate) -> bool:
+    off = abs(rate.factor - 1.0) > RATE_OFF
+    return rate.p_value < FALSE_ALARMS and off and rate.agreeing > MOST
+
+
+def _of_rate(cells: Cells, rate: CommonRate) -> Suspicion:
+    values = {"factor": rate.factor, "percent": 100 * (1 / rate.factor - 1)}
+    message, correction = Message("file.rate", values, "fault"), {"rate": 1 / rate.factor}
+    return Suspicion(message, cells.sensors, (_whole(cells),), rate.p_value, correction)
+
+
+def _of_sensors(cells: Cells, judged: Sequence[Judged], among: int) -> Iterator[Suspicion]:
+    """Faults of single sensors that are sure enough."""
+    for sensor, j in zip(cells.sensors, judged):
+        if j.verdicts and (p := _p_value(j.named, among)) < FALSE_ALARMS:
+            fault = j.named.fault
+            apart = [np.abs(v.fault.matrix - fault.matrix).max() for v in j.rivals]
+            certain = fault.certain and max(apart) <= DIFFERENT
+            span = _span(cells, j.named)
+            yield _suspicion(f"sensor.{fault.code}", fault, (sensor,), span, p, certain)
+
+
+def _suspicion(
+    code: str,
+    fault: Fault,
+    sensors: tuple[str, ...],
+    span: tuple[float, float],
+    p: float,
+    certain: bool,
+) -> Suspicion:
+    values = dict(fault.values) | ({"sensor": sensors[0]} if code.startswith("sensor.") else {})
+    late = fault.code == "gyroscope_delay"
+    correction = {"delay": values["delay"]} if late else {"gyr": fault.matrix}
+    small = (
+        late or fault.code == "gyroscope_matrix" or np.abs(fault.matrix - np.eye(3)).max() < SMALL
+    )
+    message = Message(code, values, "warning" if small else "fault")
+    return Suspicion(message, sensors, (span,), p, correction if certain else None)
+
+
+def _p_value(verdict: Verdict, sensors: int) -> float:
+    """Probability of such evidence anywhere without a fault: Bonferroni over sensors, faults and stretches."""
+    return float(min(1.0, sensors / verdict.weight * np.exp(-verdict.evidence)))
+
+
+def _whole(cells: Cells) -> tuple[float, float]:
+    return cells.start, cells.start + CELL * len(cells.valid)
+
+
+def _span(cells: Cells, verdict: Verdict) -> tuple[float, float]:
+    """When a verdict holds, s; up to the ends of the recording where it reaches the first or last chain."""
+    first, (a, b), (start, stop) = begins(len(cells.valid)), verdict.chains, _whole(cells)
+    return (
+        start if a == 0 else start + CELL * first[a],
+        stop if b == len(first) else start + CELL * (first[b - 1] + CHAIN),
+    )

@@ -1,0 +1,92 @@
+"""Times that run back, and stretches in which every sensor of a stream repeats its last reading: faults of the file or of the link.
+
+In      blocks, one a stream
+Out     suspicions with their spans
+Limits  a sensor without noise repeats its reading at rest: the share of repeated rows elsewhere says how unlikely a long run is
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.data.samples import Block
+from handscope.estimators.fault_detection.finding import Message, Suspicion
+from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
+
+SHORTEST = 0.1  # s of repeated rows that are worth a word
+CHANNELS = 3  # at least: the axes of one sensor
+
+
+def frozen_stretches(blocks: Sequence[Block]) -> list[Suspicion]:
+    """Stretches in which all readings of a stream stand still.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        One block a stream.
+
+    Returns
+    -------
+    list of Suspicion
+        One a stream, `file.frozen`; the probability is that of so many repeated rows by chance.
+    """
+    found = []
+    for block in blocks:
+        values = block.values.reshape(len(block.t), -1)
+        if len(block.t) < 3 or values.shape[1] < CHANNELS:
+            continue
+        runs = [r for r in _runs(_repeats(values)) if block.t[r[1]] - block.t[r[0]] >= SHORTEST]
+        rows = sum(b - a for a, b in runs)
+        usual = (float(_repeats(values).sum()) - rows + 1.0) / (len(values) - rows + 1.0)
+        p = min(1.0, len(values) * usual ** min((b - a for a, b in runs), default=0))
+        if runs and p < FALSE_ALARMS:
+            spans = tuple((float(block.t[a]), float(block.t[b])) for a, b in runs)
+            longest = max(b - a for a, b in spans)
+            message = Message(
+                "file.frozen",
+                {"seconds": longest, "count": float(len(spans)), "at": spans[0][0]},
+                "fault",
+            )
+            found.append(Suspicion(message, block.stream.sensors, spans, p))
+    return found
+
+
+def backward_times(blocks: Sequence[Block]) -> list[Suspicion]:
+    """Streams whose times run back or stand still from one row to the next.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        One block a stream.
+
+    Returns
+    -------
+    list of Suspicion
+        One a stream, `file.time_runs_back`; certain.
+    """
+    found = []
+    for block in blocks:
+        back = np.flatnonzero(np.diff(block.t) <= 0)
+        if len(back):
+            spans = tuple(
+                (float(min(block.t[k : k + 2])), float(max(block.t[k : k + 2]))) for k in back
+            )
+            message = Message(
+                "file.time_runs_back", {"count": float(len(back)), "at": spans[0][0]}, "fault"
+            )
+            found.append(Suspicion(message, block.stream.sensors, spans, 0.0))
+    return found
+
+
+def _repeats(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which rows (n - 1,) of values (n, channels) repeat the one before in every channel that has readings."""
+    same = values[1:] == values[:-1]
+    missing = np.isnan(values[1:]) & np.isnan(values[:-1])
+    return np.asarray((same | missing).all(axis=1) & ~np.isnan(values[1:]).all(axis=1))
+
+
+def _runs(repeats: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last row of every run of rows that are the same."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], repeats.astype(int), [0]])))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2])]

@@ -1,0 +1,251 @@
+"""Each gyroscope against its own accelerometer: which of all signs, orders, units and gains gravity fits best, and how sure that is.
+
+In      cells of readings of S sensors
+Out     per sensor the fault that explains the readings better than none, when it holds, and the evidence for it
+Source  the likelihood ratio of a fault against none exceeds r with a probability of at most 1 / r where there is none (Vovk & Wang 2021, Ann Stat 49:1736)
+Limits  where gravity hardly changes in the sensor's axes nothing is told; a turn about the vertical is not seen
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.fault_detection.single_sensors.cells import Cells
+from handscope.estimators.fault_detection.single_sensors.gravity_fit import (
+    REPEATED,
+    Fit,
+    Information,
+    fit,
+    information_of,
+    likelihood_of,
+    priors,
+)
+from handscope.estimators.fault_detection.single_sensors.gravity_windows import (
+    DELAY,
+    begins,
+    windows_of,
+)
+from handscope.estimators.fault_detection.single_sensors.gyroscope_faults import (
+    AXES,
+    Fault,
+    discrete_faults,
+    share_of,
+)
+from handscope.estimators.numerics.quaternions import Array
+
+CANDIDATES = 4  # faults looked at closely, of the whole and of a stretch
+MOVED = 4.0  # log-likelihood that a chain has to lose for its gyroscope to be doubted
+SUSPECT = 3.0  # log-likelihood that using the gyroscope has to gain in such a chain
+USEFUL = 0.12  # share of what is lost without the gyroscope, that using it has to gain
+LOST = 6.0  # log-likelihood, repetitions allowed for, that is lost in such chains
+GAINED = 3.0  # log-likelihood that free corrections gain by chance
+STARTS = (1.0, 0.25, 0.35, 0.5, 0.7, 1.4, 2.0, 2.8, 4.0)  # gains from which the best is looked for
+LEAST_GAIN = 0.2  # and its inverse: gains beyond are told as something else
+LARGEST = 0.7  # of a matrix that is off without a name
+TIED = 3.0  # log-likelihood by which rivals may be worse than the best ...
+NEARLY = 0.2  # ... beside this share of it
+ROUNDS, SMALL = 3, 0.01  # of corrections until they are small
+IDENTITY = np.eye(3)
+GAIN = IDENTITY.reshape(9, 1) / np.sqrt(3.0)
+AXIS_GAINS = tuple(np.diag(IDENTITY[k]).reshape(9, 1) for k in range(3))
+ANYHOW = np.eye(9)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the readings of one sensor say for one fault."""
+
+    fault: Fault
+    chains: tuple[int, int]  # first, and behind the last
+    evidence: float  # logarithm of the likelihood ratio against no fault, repetitions of the movement allowed for
+    weight: float  # expected of all faults and stretches to be just this one
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What is known of one sensor's gyroscope."""
+
+    verdicts: tuple[Verdict, ...]  # faults that explain the readings better than none, best first
+    useful: float  # log-likelihood that the gyroscope gains as it is: negative, the readings would fit better without
+
+    @property
+    def named(self) -> Verdict:
+        """The most usual of the faults that explain the readings nearly as well as the best."""
+        return max(self.rivals, key=lambda v: (v.weight, v.evidence))
+
+    @property
+    def rivals(self) -> list[Verdict]:
+        """Faults that explain the readings nearly as well as the best, it included."""
+        top = max(v.evidence for v in self.verdicts)
+        return [v for v in self.verdicts if v.evidence > (1 - NEARLY) * top - TIED]
+
+    def may_be(self, fault: Fault) -> bool:
+        """Whether a fault is among those that explain the readings nearly as well as the best."""
+        return any(
+            v.fault.code == fault.code and v.fault.values == fault.values for v in self.rivals
+        )
+
+
+def judge(cells: Cells, free: bool = True) -> list[Judged]:
+    """Look for faults of every gyroscope that explain its readings better than none.
+
+    Parameters
+    ----------
+    cells : Cells
+        Readings of S sensors.
+    free : bool
+        Whether gains, cross-axis shares and delays are looked for beside signs, orders and units.
+
+    Returns
+    -------
+    list of Judged
+        By sensor.
+    """
+    if not len(begins(len(cells.valid))) or not cells.sensors:
+        return [Judged((), 0.0) for _ in cells.sensors]
+    right = information_of(windows_of(cells, IDENTITY))
+    without = likelihood_of(windows_of(cells, 0 * IDENTITY, False))
+    as_it_is = fit(right).likelihood
+    closer = np.flatnonzero(_suspect(right, as_it_is, without))
+    found = [Judged((), float(useful)) for useful in (as_it_is - without).sum(axis=0)]
+    if len(closer):
+        part = cells.of(closer)
+        quick = np.array(
+            [likelihood_of(windows_of(part, f.matrix, False)) for f in discrete_faults()]
+        )
+        common = np.argsort(-quick.sum(axis=(1, 2)))[:2]
+        gains = np.array([likelihood_of(windows_of(part, g * IDENTITY, False)) for g in STARTS])
+        for k, sensor in enumerate(closer):
+            own, one = part.of(np.array([k])), right.part(slice(None), np.array([sensor]))
+            all_of = list(_discrete(own, one, quick[:, :, k], common))
+            all_of += _continuous(own, one, gains[:, :, k]) if free else ()
+            best_first = sorted(
+                (v for v in all_of if v.evidence > 0), key=lambda v: -v.evidence - np.log(v.weight)
+            )
+            found[sensor] = replace(found[sensor], verdicts=tuple(best_first))
+    return found
+
+
+def stretches(chains: int) -> list[slice]:
+    """All chains, halves and quarters of them that hold two or more."""
+    cuts = {(0, chains)} | {
+        (k * chains // n, (k + 1) * chains // n) for n in (2, 4) for k in range(n)
+    }
+    return [slice(a, b) for a, b in sorted(cuts) if b - a >= 2 or (a, b) == (0, chains)]
+
+
+def _suspect(right: Information, as_it_is: Array, without: Array) -> NDArray[np.bool_]:
+    """Sensors (S,) that a closer look may find at fault, of the likelihoods of their chains (G, S) with and without the gyroscope."""
+    bad = (as_it_is - without < np.maximum(SUSPECT, -USEFUL * without)) & (as_it_is < -MOVED)
+    suspect = -(as_it_is * bad).sum(axis=0) / (1.0 + REPEATED * bad.sum(axis=0)) > LOST
+    for stretch in stretches(len(right.n)):
+        part = right.part(stretch)
+        free, same = fit(part, priors(ANYHOW, delay=True)), fit(part)
+        gained = (free.likelihood - same.likelihood).sum(axis=0)
+        suspect |= np.maximum(gained - GAINED, free.evidence - same.evidence) > free.repeats
+    return np.asarray(suspect)
+
+
+def _discrete(
+    own: Cells, right: Information, quick: Array, common: NDArray[np.intp]
+) -> Iterator[Verdict]:
+    """Signs, orders and units that fit best, of one sensor; `quick` (H, G) are their likelihoods without biases and lever arms."""
+    faults, gain = discrete_faults(), quick - quick[0]
+    usual = np.log([share_of(f.code) if f.code else 1.0 for f in faults])
+    whole, best = (
+        value + usual for value in (gain.sum(axis=1), np.array([best_stretch(g)[0] for g in gain]))
+    )
+    for k in sorted(
+        {*np.argsort(-whole)[:CANDIDATES], *np.argsort(-best)[:CANDIDATES], *common} - {0}
+    ):
+        wrong = information_of(windows_of(own, faults[k].matrix))
+        _, first, last = best_stretch((fit(wrong).likelihood - fit(right).likelihood)[:, 0])
+        if last > first:
+            yield _against(faults[k], wrong, right, slice(first, last))
+
+
+def _continuous(own: Cells, right: Information, gains: Array) -> Iterator[Verdict]:
+    """Gains, cross-axis shares and delays, of one sensor, in every stretch; `gains` (starts, G) are likelihoods of the gains of STARTS."""
+    for stretch in stretches(len(right.n)):
+        none, begin = (
+            fit(right.part(stretch)).evidence[0],
+            STARTS[int(np.argmax(gains[:, stretch].sum(axis=1)))],
+        )
+        for code, values, prior in FAMILIES:
+            free = fit(right.part(stretch), prior)
+            far = code == "gyroscope_gain" and begin != 1.0
+            if free.evidence[0] <= none and not far:
+                continue
+            if code == "gyroscope_delay":
+                late = _against(
+                    Fault(code, (("delay", float(free.x[0, DELAY])),), IDENTITY),
+                    right,
+                    right,
+                    stretch,
+                    free,
+                )
+                yield replace(late, evidence=float((free.evidence[0] - none) / free.repeats[0]))
+                continue
+            M, information = begin * IDENTITY if far else IDENTITY + free.matrix[0], right
+            for _ in range(ROUNDS):
+                information = information_of(windows_of(own, M))
+                step = fit(information.part(stretch), prior).matrix[0]
+                if np.abs(step).max() < SMALL:
+                    break
+                M = M + step
+            if _plausible(code, M):
+                yield _against(_corrected(code, values, M), information, right, stretch, free)
+
+
+FAMILIES = (
+    ("gyroscope_gain", (), priors(GAIN)),
+    *(("gyroscope_axis_gain", (("axis", AXES[k]),), priors(AXIS_GAINS[k])) for k in range(3)),
+    ("gyroscope_delay", (), priors(delay=True)),
+    ("gyroscope_matrix", (), priors(ANYHOW)),
+)
+
+
+def _plausible(code: str, M: Array) -> bool:
+    """Whether a free correction is what its family is for."""
+    if code == "gyroscope_matrix":
+        return bool(np.abs(M - IDENTITY).max() < LARGEST)
+    return bool(np.diag(M).min() > LEAST_GAIN and np.diag(M).max() < 1 / LEAST_GAIN)
+
+
+def _corrected(code: str, values: tuple[tuple[str, float | str], ...], M: Array) -> Fault:
+    if code == "gyroscope_matrix":
+        return Fault(code, (("percent", float(100 * np.abs(M - IDENTITY).max())),), M)
+    along = dict(values).get("axis")
+    gain = float(
+        np.trace(M) / 3 if along is None else M[AXES.index(str(along)), AXES.index(str(along))]
+    )
+    return Fault(code, (*values, ("gain", 1.0 / gain)), M)
+
+
+def _against(
+    fault: Fault, wrong: Information, right: Information, stretch: slice, free: Fit | None = None
+) -> Verdict:
+    """How much better a fault explains a stretch than none; `free` is what its corrections cost."""
+    a, b, G = fit(wrong.part(stretch)), fit(right.part(stretch)), len(right.n)
+    cost = a.cost if free is None else free.cost
+    evidence = float(
+        (a.likelihood.sum(axis=0) + cost - b.evidence)[0] / max(a.repeats[0], b.repeats[0])
+    )
+    others = G * (G + 1) / 2 - 1 if free is None else len(stretches(G)) - 1
+    weight = share_of(fault.code) * (
+        0.5 if stretch.stop - stretch.start == G else 0.5 / max(others, 1)
+    )
+    return Verdict(fault, (stretch.start, stretch.stop), evidence, weight)
+
+
+def best_stretch(gain: Sequence[float] | Array) -> tuple[float, int, int]:
+    """Largest sum of neighbouring gains (G,), and its first and behind its last; nothing where none is positive."""
+    best, running, first = (0.0, 0, 0), 0.0, 0
+    for k, value in enumerate(gain):
+        if running <= 0:
+            running, first = 0.0, k
+        running += float(value)
+        best = max(best, (running, first, k + 1))
+    return best

@@ -1,0 +1,174 @@
+"""Rows that were dropped from a file whose times do not show it: all sensors jump at one instant, and gravity is elsewhere behind it.
+
+In      a block of an inertial stream of three sensors or more
+Out     when rows were dropped, about how many seconds, and how probable such a jump is without a loss
+Source  peaks over a threshold have exponential tails (Pickands 1975, Ann Stat 3:119): tail of the recording's own steps; use ours
+Limits  what is lost while the hand rests is not seen, and costs nothing. A knock that all sensors feel comes back to where it began; a loss does not
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.data.samples import ACC, GYR, Block
+from handscope.estimators.fault_detection.finding import Message, Suspicion
+from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+
+SENSORS = 3  # at least
+AROUND, FURTHEST = (-12, -8, -5, 5, 8, 12), 12  # rows from a jump whose steps it is measured by
+NEAR = 0.25  # s between peaks that are told apart
+LEAVE, TAIL = 4, 30  # largest peaks that may be losses, and peaks that tell the tail
+BESIDE = 0.4  # s before and behind a jump in which gravity is averaged
+TURNED = 0.9  # share of all instants at which gravity's change has to be smaller than at a loss
+LEAST_TURN = np.radians(3.0)  # of gravity in the sensors: a loss that costs less is left alone
+LONGEST = 10.0  # s
+
+
+@dataclass(frozen=True)
+class Loss:
+    """One place in a file where rows are missing."""
+
+    t: float  # s, of the last row before
+    seconds: float  # very roughly: what the sensors would take for the turn at the rates before and behind, LONGEST at most
+    p_value: float
+
+
+def lost_rows(blocks: Sequence[Block]) -> list[Suspicion]:
+    """Places where rows were dropped without a trace in the times.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        One block a stream.
+
+    Returns
+    -------
+    list of Suspicion
+        `file.lost_rows`, one a place and stream.
+    """
+    found = []
+    for block in blocks:
+        for loss in losses_of(block) if block.stream.inertial else ():
+            values = {"seconds": loss.seconds, "at": loss.t}
+            span = (loss.t, loss.t)
+            found.append(
+                Suspicion(
+                    Message("file.lost_rows", values, "fault"),
+                    block.stream.sensors,
+                    (span,),
+                    loss.p_value,
+                )
+            )
+    return found
+
+
+def losses_of(block: Block) -> list[Loss]:
+    """Losses in one stream, in order of time."""
+    if len(block.stream.sensors) < SENSORS or len(block.t) < 4 * FURTHEST:
+        return []
+    jump = _jumps(block)
+    peaks = _peaks(jump, max(1, round(NEAR / float(np.median(np.diff(block.t))))))
+    if len(peaks) < LEAVE + 5:
+        return []
+    tail = jump[peaks[LEAVE : LEAVE + TAIL]]
+    begin, slope = float(tail[-1]), max(float((tail - tail[-1])[:-1].mean()), 0.2)
+    found = []
+    for k in peaks[:LEAVE]:
+        p = float(min(1.0, len(tail) * np.exp(-(jump[k] - begin) / slope)))
+        if p < FALSE_ALARMS:
+            turn, usual, seconds = _gravity_turn(block, int(k))
+            if turn > max(LEAST_TURN, usual):
+                found.append(Loss(float(block.t[k]), seconds, p))
+    return sorted(found, key=lambda loss: loss.t)
+
+
+def _jumps(block: Block) -> Array:
+    """How far beyond its usual steps the median sensor steps behind each row (n,), logarithm; -inf where rows are missing anyhow."""
+    out, dt = np.full(len(block.t), -np.inf), np.diff(block.t)
+    total = np.zeros((len(block.t) - 5, len(block.stream.sensors)))
+    for quantity in (GYR, ACC):
+        y = block.of(quantity)
+        before, behind = _middle(y[:-5], y[1:-4], y[2:-3]), _middle(y[3:-2], y[4:-1], y[5:])
+        slope = (y[2:-3] - y[:-5] + y[5:] - y[3:-2]) / 4
+        step = ((behind - before - 3 * slope) ** 2).sum(axis=-1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            total += np.log(step / _usual(step))
+    total = np.where(np.isfinite(total), total, -np.inf)
+    jump = np.sort(total, axis=1)[:, (total.shape[1] - 1) // 2]
+    regular = np.lib.stride_tricks.sliding_window_view(dt, 5).max(axis=1) < 1.5 * np.median(dt)
+    out[2:-3] = np.where(regular, jump, -np.inf)
+    return out
+
+
+def _middle(a: Array, b: Array, c: Array) -> Array:
+    """The middle one of three."""
+    return np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+
+
+def _usual(step: Array) -> Array:
+    """Mean of the middle two of six steps (n, S) around each, its own neighbourhood left out; what is missing is left out, too."""
+    padded = np.pad(
+        np.where(np.isfinite(step), step, np.inf), ((FURTHEST, FURTHEST), (0, 0)), mode="reflect"
+    )
+    around = np.sort([padded[FURTHEST + k : FURTHEST + k + len(step)] for k in AROUND], axis=0)
+    return np.asarray(0.5 * (around[2] + around[3])) + 1e-12
+
+
+def _peaks(jump: Array, apart: int) -> NDArray[np.intp]:
+    """Rows of largest jumps, largest first, none nearer to a larger one than `apart` rows."""
+    padded = np.pad(jump, apart, constant_values=-np.inf)
+    largest = np.lib.stride_tricks.sliding_window_view(padded, 2 * apart + 1).max(axis=1)
+    rows = np.flatnonzero((jump == largest) & np.isfinite(jump))
+    return np.asarray(rows[np.argsort(-jump[rows])])
+
+
+def _gravity_turn(block: Block, row: int) -> tuple[float, float, float]:
+    """By how much gravity has turned (rad, median sensor) behind a row against before, what it usually does, and the s lost."""
+    rate = 1.0 / float(np.median(np.diff(block.t)))
+    n = max(3, round(BESIDE * rate))
+    places = np.linspace(n, len(block.t) - n - 1, 60).astype(int)
+    usual = [
+        turn[0]
+        for k in places
+        if abs(k - row) > 2 * n and (turn := _turn_at(block, int(k), n, rate)) is not None
+    ]
+    here = _turn_at(block, row, n, rate)
+    if here is None or not usual:
+        return 0.0, np.inf, 0.0
+    return here[0], float(np.quantile(usual, TURNED)), here[1]
+
+
+def _turn_at(block: Block, row: int, n: int, rate: float) -> tuple[float, float] | None:
+    """Median turn of gravity (rad) from n rows before to n rows behind in the frame at a row, and the time (s) that the rates there take for it."""
+    rows = slice(row - n + 1, row + n + 1)
+    gyr, acc = block.of(GYR)[rows], block.of(ACC)[rows]
+    if row - n + 1 < 0 or len(gyr) < 2 * n:
+        return None
+    whole = np.isfinite(gyr).all(axis=(0, 2)) & np.isfinite(acc).all(axis=(0, 2))
+    if whole.sum() < SENSORS:
+        return None
+    gyr, acc = gyr[:, whole], acc[:, whole]
+    before, behind = (
+        _carried(gyr[n - 1 :: -1], acc[n - 1 :: -1], -1 / rate),
+        _carried(gyr[n:], acc[n:], 1 / rate),
+    )
+    turn = np.arccos(np.clip((before * behind).sum(axis=-1), -1, 1))
+    rates = 0.5 * (gyr[n - 3 : n].mean(axis=0) + gyr[n : n + 3].mean(axis=0))
+    speed = np.linalg.norm(np.cross(rates, before), axis=-1)
+    return float(np.median(turn)), float(
+        min(LONGEST, (turn * speed).sum() / max(float((speed**2).sum()), 1e-9))
+    )
+
+
+def _carried(gyr: Array, acc: Array, dt: float) -> Array:
+    """Direction (S, 3) of the mean of forces (n, S, 3) brought to the first row's frame by rates."""
+    q, total = np.broadcast_to(quat.IDENTITY, (*gyr.shape[1:-1], 4)), np.zeros(acc.shape[1:])
+    for w, a in zip(gyr, acc):
+        q = quat.multiply(q, quat.exp(0.5 * dt * w))
+        total = total + quat.rotate(q, a)
+        q = quat.multiply(q, quat.exp(0.5 * dt * w))
+    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=-1, keepdims=True), 1e-9))

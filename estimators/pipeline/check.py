@@ -1,0 +1,56 @@
+"""What a method made of a recording, with what the checks of the recording show: messages, flags, and with them the grades of figures.
+
+In      a processed recording, and the recording
+Out     the same with findings; segments of faulty sensors are flagged from when to when, which lowers the grade of what rests on them
+Limits  costs about 0.1 s of a processor for each second of a whole glove: whoever computes many recordings without reading messages leaves it out
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from handscope.estimators.data.findings import Finding
+from handscope.estimators.data.samples import Recording
+from handscope.estimators.data.trajectory import Flag, Trajectory
+from handscope.estimators.fault_detection.check import as_findings, check_recording
+from handscope.estimators.fault_detection.words import sentence
+from handscope.estimators.hand.anatomy import SEGMENT
+from handscope.estimators.pipeline.process import Processed, whole_of
+
+EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and ends a little later than they say
+
+
+def check_processed(processed: Processed, recording: Recording) -> Processed:
+    """Check the recording, flag the segments of sensors that are at fault, and append the messages.
+
+    Flags are written into the trajectory in place.
+    """
+    suspicions = check_recording(
+        whole_of(recording),
+        recording.hand,
+        recording.geometry,
+        recording.mounting,
+        processed.calibrations,
+        recording.events,
+    )
+    findings = as_findings(suspicions)
+    flag_segments(processed.trajectory, findings)
+    messages = dict.fromkeys([*processed.warnings, *(sentence(s.message) for s in suspicions)])
+    return replace(
+        processed,
+        warnings=tuple(messages),
+        findings=(*processed.findings, *findings),
+        suspicions=tuple(suspicions),
+    )
+
+
+def flag_segments(trajectory: Trajectory, findings: Sequence[Finding]) -> None:
+    """Mark the segments (in place) of sensors at fault, for as long as the fault holds; magnetometers spoil no angle of a 6D method."""
+    for finding in findings:
+        if finding.sensor not in SEGMENT or "magnetometer" in finding.kind:
+            continue
+        flag = Flag.FAULTY if finding.severity == "fault" else Flag.DOUBTFUL
+        for start, stop in finding.spans:
+            first, last = np.searchsorted(trajectory.t, [start - EDGE, stop + EDGE])
+            trajectory.flags[first:last, SEGMENT[finding.sensor]] |= np.uint8(flag)

@@ -1,0 +1,62 @@
+"""Simulated recordings for the checks of sensors against each other, and faults put into them."""
+
+from collections.abc import Callable, Sequence
+from functools import cache
+
+import numpy as np
+
+from handscope.estimators.data.samples import Block
+from handscope.estimators.hand.geometry import HandGeometry, sized
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.simulation.movements import free_movement
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import SensorErrors
+
+
+@cache
+def freely_moved(seed: int = 3, duration: float = 24.0) -> Simulated:
+    """A hand that is carried about while every finger bends."""
+    geometry: HandGeometry = sized("left")
+    return free_movement.recorded(
+        np.random.default_rng(seed), SensorErrors(), "left", geometry, geometry, duration=duration
+    )
+
+
+def exchanged(recording: Simulated, a: str, b: str) -> list[Block]:
+    return _changed(recording, lambda block, values: _exchange(block.stream.sensors, values, a, b))
+
+
+def delayed(recording: Simulated, sensors: Sequence[str], late: float) -> list[Block]:
+    def change(block: Block, values: np.ndarray) -> None:
+        for name in sensors:
+            k = block.stream.sensors.index(name)
+            values[:, k] = np.stack(
+                [np.interp(block.t - late, block.t, c) for c in values[:, k].T], axis=1
+            )
+
+    return _changed(recording, change)
+
+
+def slipped(recording: Simulated, sensor: str, degrees: float, start: float) -> list[Block]:
+    """Turned about the axis of flexion at `start` s."""
+    R = quat.matrix(quat.about(2, np.array(np.radians(degrees))))
+
+    def change(block: Block, values: np.ndarray) -> None:
+        k, later = block.stream.sensors.index(sensor), block.t >= start
+        values[later, k] = (values[later, k].reshape(-1, 2, 3) @ R).reshape(-1, 6)
+
+    return _changed(recording, change)
+
+
+def _exchange(names: Sequence[str], values: np.ndarray, a: str, b: str) -> None:
+    i, j = names.index(a), names.index(b)
+    values[:, [i, j]] = values[:, [j, i]]
+
+
+def _changed(recording: Simulated, change: Callable[[Block, np.ndarray], None]) -> list[Block]:
+    found = []
+    for block in recording.blocks():
+        values = block.values.copy()
+        change(block, values)
+        found.append(Block(block.stream, block.t, values))
+    return found

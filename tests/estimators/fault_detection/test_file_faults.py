@@ -1,0 +1,127 @@
+"""Faults of the file: times, frozen and lost rows, units of accelerometers, magnetometers."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from handscope.estimators.data.samples import ACC, MAG
+from handscope.estimators.fault_detection.single_sensors.accelerometer_check import negated_in_pose
+from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
+from handscope.estimators.fault_detection.single_sensors.frozen_rows import frozen_stretches
+from handscope.estimators.fault_detection.single_sensors.lost_rows import lost_rows
+from handscope.estimators.hand.geometry import sized
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.simulation.magnetic_field import homogeneous
+from handscope.estimators.simulation.scenario import simulate
+from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
+from tests.estimators.fault_detection.recordings import (
+    by_matrix,
+    frozen,
+    moved_freely,
+    performed,
+    with_readings,
+    without_rows,
+)
+
+
+def codes(blocks):
+    return [s.message.code for s in check_sensors(blocks)]
+
+
+def test_accelerometers_in_g_are_told_once():
+    found = check_sensors(
+        with_readings(performed("initial_pose", "rom_fist"), ACC, lambda a: a / GRAVITY)
+    )
+    assert [(s.message.code, s.message.values["unit"]) for s in found] == [
+        ("file.accelerometer_unit", "g")
+    ]
+
+
+def test_one_accelerometer_that_reads_too_much_at_rest_is_named():
+    found = check_sensors(
+        with_readings(
+            performed("initial_pose", "rom_fist"), ACC, by_matrix(1.15 * np.eye(3)), "thumb_distal"
+        )
+    )
+    assert ("sensor.accelerometer_size", ("thumb_distal",)) in [
+        (s.message.code, s.sensors) for s in found
+    ]
+
+
+def test_readings_that_stand_still_are_told_with_their_span():
+    (found,) = check_sensors(frozen(moved_freely(), 8.0, 9.5))
+    assert found.message.code == "file.frozen"
+    np.testing.assert_allclose(found.spans, [(8.0, 9.49)], atol=0.02)
+
+
+def test_a_rest_without_noise_is_no_frozen_stretch():
+    made = simulate(
+        ["rest", "rom_fist", "rest"], "left", sized("left"), np.random.default_rng(1), IDEAL
+    )
+    assert frozen_stretches(list(made.blocks())) == []
+
+
+def test_dropped_rows_are_found_where_they_were():
+    (found,) = [
+        s
+        for s in check_sensors(without_rows(moved_freely(), 8.0, 9.5))
+        if s.message.code == "file.lost_rows"
+    ]
+    assert abs(found.spans[0][0] - 8.0) < 0.03
+
+
+def test_a_gap_that_the_times_show_is_no_loss():
+    blocks = [
+        replace(b, t=b.t[rows := (b.t < 8.0) | (b.t >= 9.5)], values=b.values[rows])
+        for b in moved_freely()
+    ]
+    assert lost_rows(blocks) == []
+
+
+def test_a_knock_that_all_sensors_feel_is_no_loss():
+    def knocked(a):
+        a = a.copy()
+        a[700:703] += [30.0, -20.0, 15.0]
+        return a
+
+    assert lost_rows(with_readings(moved_freely(), ACC, knocked)) == []
+
+
+def test_times_that_run_back_are_told():
+    block = moved_freely()[0]
+    t = block.t.copy()
+    t[500:] -= 0.5
+    assert codes([replace(block, t=t)]) == ["file.time_runs_back"]
+
+
+def test_accelerometers_that_are_all_negated_show_in_a_pose():
+    up = np.tile([1.0, 0.0, 0.0], (5, 1))
+    names = ("hand", "index_proximal", "index_middle", "index_distal", "thumb_distal")
+    assert negated_in_pose(names, GRAVITY * up, up, (0.0, 3.0)) == []
+    (found,) = negated_in_pose(names, -GRAVITY * up, up, (0.0, 3.0))
+    assert found.message.code == "file.accelerometer_negated"
+
+
+def test_a_magnetometer_with_a_wrong_sign_is_named():
+    made = simulate(
+        ["initial_pose", "rom"],
+        "left",
+        sized("left"),
+        np.random.default_rng(4),
+        SensorErrors(),
+        field=homogeneous(),
+    )
+    blocks = list(made.blocks())
+    assert check_sensors(blocks) == []
+    mag = [b for b in blocks if MAG in b.stream.quantities]
+    spoilt = [b for b in blocks if MAG not in b.stream.quantities] + with_readings(
+        mag, MAG, by_matrix(np.diag([1.0, -1, 1])), "hand"
+    )
+    assert [(s.message.code, s.sensors) for s in check_sensors(spoilt)] == [
+        ("sensor.magnetometer_axes", ("hand",))
+    ]
+
+
+def test_nothing_recorded_is_nothing_wrong():
+    assert check_sensors([]) == []
+    assert check_sensors([replace(b, t=b.t[:1], values=b.values[:1]) for b in moved_freely()]) == []

@@ -1,0 +1,130 @@
+"""Gyroscopes with a fault, and right ones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from handscope.estimators.data.samples import GYR
+from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
+from handscope.estimators.fault_detection.single_sensors.gyroscope_faults import (
+    SHARES,
+    discrete_faults,
+    share_of,
+)
+from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
+from tests.estimators.fault_detection.recordings import (
+    by_matrix,
+    moved_freely,
+    performed,
+    with_readings,
+)
+
+WRONG = {
+    "sensor.gyroscope_sign": np.diag([1.0, -1.0, 1.0]),
+    "sensor.gyroscope_negated": -np.eye(3),
+    "sensor.gyroscope_exchange": np.eye(3)[[1, 0, 2]],
+    "sensor.gyroscope_unit": np.degrees(1.0) * np.eye(3),
+    "sensor.gyroscope_gain": 1.5 * np.eye(3),
+}
+OF_ALL = {
+    "file.gyroscope_sign": np.diag([1.0, 1.0, -1.0]),
+    "file.gyroscope_negated": -np.eye(3),
+    "file.gyroscope_unit": np.radians(1.0) * np.eye(3),
+}
+
+
+@pytest.mark.parametrize(
+    "tasks",
+    [
+        ("initial_pose", "rom_fist"),
+        ("initial_pose", "tapping"),
+        ("initial_pose", "reach"),
+        ("rest",),
+    ],
+)
+def test_nothing_is_said_of_right_sensors(tasks):
+    assert check_sensors(performed(*tasks)) == []
+
+
+def test_nothing_is_said_of_right_sensors_that_move_freely():
+    assert check_sensors(moved_freely()) == []
+
+
+@pytest.mark.parametrize("code", WRONG)
+def test_the_fault_of_one_sensor_is_named_and_can_be_mended(code):
+    spoilt = with_readings(moved_freely(), GYR, by_matrix(WRONG[code]), "ring_middle")
+    (found,) = check_sensors(spoilt)
+    assert (found.message.code, found.sensors) == (code, ("ring_middle",))
+    assert found.p_value < FALSE_ALARMS and found.correction is not None
+    mended = with_readings(
+        spoilt, GYR, by_matrix(np.asarray(found.correction["gyr"])), "ring_middle"
+    )
+    assert check_sensors(mended) == []
+
+
+@pytest.mark.parametrize("code", OF_ALL)
+def test_a_fault_that_all_sensors_share_is_told_once_of_the_file(code):
+    (found,) = check_sensors(with_readings(moved_freely(), GYR, by_matrix(OF_ALL[code])))
+    assert found.message.code == code and len(found.sensors) == 16
+
+
+@pytest.mark.parametrize("told", [0.5, 0.9, 2.0])
+def test_a_rate_told_wrong_is_a_fault_of_the_file(told):
+    (found,) = check_sensors([replace(b, t=b.t / told) for b in moved_freely()])
+    assert found.message.code == "file.rate"
+    assert abs(float(found.message.values["factor"]) / told - 1) < 0.05
+
+
+def test_a_sensor_is_found_wrong_beside_a_fault_of_all():
+    spoilt = with_readings(
+        with_readings(moved_freely(), GYR, by_matrix(-np.eye(3))),
+        GYR,
+        by_matrix(np.diag([-1.0, 1, 1])),
+        "index_distal",
+    )
+    assert [s.message.code for s in check_sensors(spoilt)] == [
+        "file.gyroscope_negated",
+        "sensor.gyroscope_sign",
+    ]
+
+
+def test_a_fault_from_half_way_on_is_told_from_there_on():
+    (found,) = check_sensors(
+        with_readings(
+            moved_freely(), GYR, by_matrix(np.diag([1.0, 1, -1])), "little_distal", since=10.0
+        )
+    )
+    ((start, stop),) = found.spans
+    assert (
+        found.message.code == "sensor.gyroscope_sign" and abs(start - 10.0) <= 2.5 and stop > 19.0
+    )
+
+
+def test_a_hand_at_rest_tells_nothing_of_an_axis():
+    assert (
+        check_sensors(
+            with_readings(performed("rest"), GYR, by_matrix(np.diag([-1.0, 1, 1])), "hand")
+        )
+        == []
+    )
+
+
+def test_the_shares_of_all_faults_sum_to_one():
+    discrete = sum(share_of(f.code) for f in discrete_faults() if f.code)
+    free = (
+        SHARES["gyroscope_gain"]
+        + SHARES["gyroscope_axis_gain"]
+        + SHARES["gyroscope_delay"]
+        + SHARES["gyroscope_matrix"]
+    )
+    assert abs(discrete + free - 1.0) < 1e-9
+
+
+def test_every_order_and_sign_of_axes_is_looked_at_once():
+    matrices = {
+        tuple(np.rint(f.matrix).astype(int).ravel())
+        for f in discrete_faults()
+        if "unit" not in f.code
+    }
+    assert len(matrices) == 48

@@ -1,0 +1,123 @@
+"""Sensors against each other: each fault is named with its sensors, an intact recording is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from handscope.estimators.data.samples import Block
+from handscope.estimators.fault_detection.finding import Suspicion
+from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
+from handscope.estimators.hand.anatomy import CHAINS, Hand
+from handscope.estimators.hand.geometry import HandGeometry, sized
+from tests.estimators.fault_detection.joint_recordings import (
+    delayed,
+    exchanged,
+    freely_moved,
+    slipped,
+)
+
+GEOMETRY = sized("left")
+
+
+def told(
+    blocks: list[Block], hand: Hand = "left", geometry: HandGeometry = GEOMETRY
+) -> list[Suspicion]:
+    found = neighbours.check(blocks, hand, geometry, {}, [], [])
+    return [s for s in found if s.message.severity != "info"]
+
+
+def intact() -> list[Block]:
+    return list(freely_moved().blocks())
+
+
+def test_an_intact_recording_is_not_suspected() -> None:
+    assert told(intact()) == []
+
+
+@pytest.mark.parametrize(
+    "pair",
+    [
+        ("index_middle", "index_distal"),
+        ("ring_proximal", "ring_middle"),
+        ("index_distal", "middle_distal"),
+    ],
+)
+def test_two_exchanged_sensors_are_named_and_can_be_exchanged_back(pair: tuple[str, str]) -> None:
+    (found,) = told(exchanged(freely_moved(), *pair))
+    assert found.message.code == "sensors.exchanged"
+    assert found.correction is not None and set(found.correction["exchange"]) == set(pair)  # type: ignore[call-overload]
+    assert found.p_value < neighbours.FALSE_ALARM
+
+
+@pytest.mark.parametrize("late", [0.2, -0.15])
+def test_a_late_sensor_is_named_with_its_delay(late: float) -> None:
+    (found,) = told(delayed(freely_moved(), ["middle_middle"], late))
+    assert found.sensors == ("middle_middle",)
+    assert found.message.code == ("sensors.late" if late > 0 else "sensors.early")
+    assert found.correction is not None
+    np.testing.assert_allclose(found.correction["delay"], late, atol=0.01)  # type: ignore[call-overload]
+
+
+def test_a_late_strip_is_told_as_one() -> None:
+    (found,) = told(delayed(freely_moved(), CHAINS["index"], 0.2))
+    assert found.sensors == CHAINS["index"]
+
+
+def test_two_exchanged_fingers_are_named() -> None:
+    blocks = intact()
+    for a, b in zip(CHAINS["index"], CHAINS["ring"]):
+        blocks = exchanged(
+            replace(freely_moved(), samples={b.stream.name: b for b in blocks}), a, b
+        )
+    (found,) = told(blocks)
+    assert found.message.code == "fingers.exchanged"
+    assert (found.message.values["first"], found.message.values["second"]) == ("index", "ring")
+
+
+def test_a_slipped_sensor_is_named_with_its_turn_and_time() -> None:
+    (found,) = told(slipped(freely_moved(), "middle_middle", 17.0, 12.3))
+    assert (found.message.code, found.sensors) == ("sensor.slipped", ("middle_middle",))
+    assert found.message.values["angle_deg"] == pytest.approx(17.0, abs=3.0)
+    assert found.spans[0][0] == pytest.approx(12.3, abs=0.1)
+
+
+def test_the_other_hand_is_told_by_its_bones() -> None:
+    other = replace(
+        GEOMETRY,
+        hand="right",
+        joint_positions={j: tuple(-x for x in p) for j, p in GEOMETRY.joint_positions.items()},
+    )
+    (found,) = told(intact(), "right", other)
+    assert found.message.code == "hand.other"
+
+
+def test_mirrored_knuckles_are_told() -> None:
+    mirrored = replace(
+        GEOMETRY,
+        joint_positions={j: (x, y, -z) for j, (x, y, z) in GEOMETRY.joint_positions.items()},
+    )
+    assert "hand.mirrored" in [s.message.code for s in told(intact(), "left", mirrored)]
+
+
+def test_joint_places_of_the_other_hand_are_told_without_any_movement() -> None:
+    other = replace(
+        GEOMETRY,
+        joint_positions={j: tuple(-x for x in p) for j, p in GEOMETRY.joint_positions.items()},
+    )
+    (found,) = told([b.between(0.0, 1.0) for b in intact()], "left", other)
+    assert found.message.code == "geometry.impossible"
+
+
+def test_a_resting_hand_tells_nothing_whatever_is_exchanged() -> None:
+    resting = [
+        b.between(0.0, 1.4) for b in exchanged(freely_moved(), "index_middle", "index_distal")
+    ]
+    assert told(resting) == []
+
+
+def test_nothing_and_one_sensor_are_no_error() -> None:
+    assert told([]) == []
+    block = intact()[0]
+    one = Block(replace(block.stream, sensors=("hand",)), block.t, block.values[:, :1])
+    assert told([one]) == []

@@ -1,0 +1,67 @@
+"""Faults of sensors in a recording that a method was run over: said, flagged, and never under a good figure."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from handscope.estimators.data.samples import GYR, Block
+from handscope.estimators.data.trajectory import Flag
+from handscope.estimators.hand.anatomy import SEGMENT
+from handscope.estimators.measures.figure import grade_of
+from handscope.estimators.methods import m2
+from handscope.estimators.numerics.typing import Array
+from handscope.estimators.pipeline.check import check_processed
+from handscope.estimators.pipeline.process import process
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import SensorErrors
+from tests.simulated import pose_and_wiggle
+
+SENSOR = "index_middle"
+
+
+def with_rates(recording: Simulated, change: Callable[[Array], Array]) -> Simulated:
+    """The recording with other angular rates (n, 3) of SENSOR."""
+    samples = {}
+    for name, block in recording.samples.items():
+        values = block.values.copy()
+        if SENSOR in block.stream.sensors and GYR in block.stream.quantities:
+            k, axes = block.stream.sensors.index(SENSOR), block.stream.axes(GYR)
+            values[:, k, axes] = change(values[:, k, axes])
+        samples[name] = Block(block.stream, block.t, values)
+    return replace(recording, samples=samples)
+
+
+@pytest.fixture(scope="module")
+def intact() -> Simulated:
+    return pose_and_wiggle("left", SensorErrors())
+
+
+def test_an_intact_recording_is_left_as_it_is(intact: Simulated) -> None:
+    made = process(m2, m2.Params(), intact)
+    flags = made.trajectory.flags.copy()
+    checked = check_processed(made, intact)
+    assert (checked.suspicions, checked.warnings) == ((), made.warnings)
+    np.testing.assert_array_equal(checked.trajectory.flags, flags)
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        (lambda w: w * [1, 1, -1], "sensor.gyroscope_sign"),
+        (lambda w: -w, "sensor.gyroscope_negated"),
+        (lambda w: w[:, [2, 1, 0]], "sensor.gyroscope_exchange"),
+    ],
+)
+def test_a_gyroscope_at_fault_is_named_and_its_figures_are_not_good(
+    intact: Simulated, change: Callable[[Array], Array], code: str
+) -> None:
+    wrong = with_rates(intact, change)
+    checked = check_processed(process(m2, m2.Params(), wrong), wrong)
+    (suspicion,) = [s for s in checked.suspicions if s.sensors == (SENSOR,)]
+    assert suspicion.message.code == code
+    flags = checked.trajectory.flags[:, [SEGMENT[SENSOR]]]
+    assert (flags & (Flag.FAULTY | Flag.DOUBTFUL)).all()
+    assert grade_of(flags)[0] == "poor"
+    assert any(SENSOR in warning for warning in checked.warnings)

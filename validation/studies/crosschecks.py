@@ -1,0 +1,459 @@
+"""Sensors checked against each other (estimators/fault_detection/neighbours.py): which faults are found from which size on, and how often an intact recording is suspected.
+
+Recordings are simulated ones of ours, after an initial pose, and freely moved hands of the simulator that shares nothing with the program; faults are put into their samples.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from handscope.estimators.data.samples import Block, Recording
+from handscope.estimators.errors import InputError
+from handscope.estimators.fault_detection.finding import Suspicion
+from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, IS_DOF, SEGMENTS
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.methods import m2
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.pipeline.process import calibrate, process
+from handscope.estimators.simulation import experiments
+from handscope.estimators.simulation.experiments import Experiment
+from handscope.estimators.simulation.movements import task_performance as tasks
+from handscope.estimators.simulation.movements.task_performance import Performance
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.estimators.simulation.transmission import WIRED, Transmission
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.formats import recordings as formats
+from handscope.validation.independent.simulator import free_movement
+from handscope.validation.reproduce import Wanted
+from handscope.validation.reproduce.finding import Finding, Row, Table, Verdict, spread
+
+COSTLY = 1.4  # times the clean error of angles
+LIMIT = 1 / 200  # false alarms in a recording
+QUICK = ("tapping", "range of motion", "freely moved")
+SEEDS = 3  # people of a kind at most; a kind takes a minute a person
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Somebody does something with sensors on."""
+
+    tasks: tuple[str, ...] = ()  # of simulation.tasks.TASKS
+    experiment: str = ""  # of simulation.experiments.EXPERIMENTS, instead
+    outside: Mapping[str, float] | None = None  # of free_movement.Setup, instead
+    missing: tuple[str, ...] = ()  # segments without a sensor
+    errors: SensorErrors = field(default_factory=SensorErrors)
+    link: Transmission = WIRED
+    finger: str = "index"  # whose sensors are spoilt
+
+
+KINDS: Mapping[str, Kind] = {
+    "tapping": Kind(("tapping",)),
+    "range of motion": Kind(("rom",)),
+    "freely moved": Kind(outside={}),
+    "single fingers": Kind(("finger_independence",)),
+    "fist and flat": Kind(("rom_fist",)),
+    "open and close": Kind(("open_close",)),
+    "tremor": Kind(("tremor_posture",)),
+    "stiff fingers": Kind(("rom_mcp",)),
+    "amputated": Kind(
+        ("rom", "tapping"),
+        missing=("index_middle", "index_distal", "little_distal"),
+        finger="middle",
+    ),
+    "fast": Kind(experiment="open_close 116/min"),
+    "fast circles": Kind(experiment="brisk circles"),
+    "12 % lost": Kind(("rom_fist", "reach"), link=Transmission(lost=0.12)),
+    "resting": Kind(("rest",)),
+    "reaching": Kind(("reach",)),
+    "object held": Kind(experiment="P4 F1-F2"),
+    "wrist": Kind(("rom_wrist",)),
+    "forearm turned": Kind(("pronation_supination",)),
+    "twice the skin": Kind(("rom",), errors=SensorErrors(skin_angle=4.0, skin_shift=2.0)),
+    "slow and free": Kind(experiment="free"),
+    "freely and slowly moved": Kind(outside={"pace": 0.5}),
+    "freely moved, twice the skin": Kind(outside={"skin": 2.0}),
+}
+
+
+@dataclass(frozen=True)
+class Made:
+    """A recording as it is declared, with its samples."""
+
+    recording: Recording
+    blocks: tuple[Block, ...]
+    finger: str
+
+    def spoilt(self, change: Callable[[Block], Block]) -> "Made":
+        return replace(self, blocks=tuple(change(b) for b in self.blocks))
+
+    def declared(self) -> LoadedRecording:
+        r = self.recording
+        return LoadedRecording(
+            r.hand, r.geometry, r.mounting, {b.stream.name: b for b in self.blocks}, r.events
+        )
+
+
+Fault = Callable[[Made, float], Made]
+
+
+@dataclass(frozen=True)
+class Trial:
+    kind: str
+    seed: int
+    faults: bool
+
+
+@dataclass(frozen=True)
+class Result:
+    """Codes that were told of the intact recording; for each fault and size whether it was found, and what it costs in clean errors (NaN: not known)."""
+
+    clean: tuple[str, ...]
+    found: Mapping[tuple[str, float], tuple[bool, float]]
+
+
+def exchanged(pairs: Sequence[tuple[str, str]]) -> Callable[[Block], Block]:
+    """The readings of sensors in each other's place."""
+
+    def change(block: Block) -> Block:
+        values, names = block.values.copy(), block.stream.sensors
+        for a, b in pairs:
+            if a in names and b in names:
+                i, j = names.index(a), names.index(b)
+                values[:, [i, j]] = values[:, [j, i]]
+        return replace(block, values=values)
+
+    return change
+
+
+def delayed(
+    sensors: Sequence[str], late: float, start: float = -np.inf
+) -> Callable[[Block], Block]:
+    """Readings that come `late` s too late from `start` s on."""
+
+    def change(block: Block) -> Block:
+        values = block.values.copy()
+        for name in set(sensors) & set(block.stream.sensors):
+            k = block.stream.sensors.index(name)
+            there = np.isfinite(values[:, k]).all(axis=1)
+            shifted = np.stack(
+                [np.interp(block.t - late, block.t[there], c[there]) for c in block.values[:, k].T],
+                axis=1,
+            )
+            later = there & (block.t >= start)
+            values[later, k] = shifted[later]
+        return replace(block, values=values)
+
+    return change
+
+
+def slipped(sensor: str, turn: Array, start: float) -> Callable[[Block], Block]:
+    """A sensor turned by `turn` (3,) rad in its own frame at `start` s, which no gyroscope sees."""
+    R = quat.matrix(quat.exp(turn))
+
+    def change(block: Block) -> Block:
+        if sensor not in block.stream.sensors:
+            return block
+        values, k, later = block.values.copy(), block.stream.sensors.index(sensor), block.t >= start
+        for q in range(values.shape[2] // 3):
+            values[later, k, 3 * q : 3 * q + 3] = values[later, k, 3 * q : 3 * q + 3] @ R
+        return replace(block, values=values)
+
+    return change
+
+
+def _half(made: Made) -> float:
+    first, last = (float(f(b.t[k] for b in made.blocks)) for f, k in ((min, 0), (max, -1)))
+    poses = [e.end for e in made.recording.events if e.trial_type == "initial_pose"]
+    return 0.5 * (max([first, *poses]) + last)
+
+
+def _slip(made: Made, degrees: float, phalanx: int) -> Made:
+    sensor = CHAINS[made.finger][phalanx]
+    q_BS = quat.normalize(np.asarray(made.recording.mounting.get(sensor, quat.IDENTITY), float))
+    axis = quat.rotate(
+        quat.conjugate(q_BS), np.array([0.0, 0.0, 1.0])
+    )  # the joint's, in the sensor
+    return made.spoilt(slipped(sensor, np.radians(degrees) * axis, _half(made)))
+
+
+def _with_geometry(made: Made, hand: str, geometry: HandGeometry) -> Made:
+    r = made.recording
+    told = LoadedRecording(
+        hand, geometry, r.mounting, {b.stream.name: b for b in made.blocks}, r.events
+    )  # type: ignore[arg-type]
+    return replace(made, recording=told)
+
+
+def _other_places(geometry: HandGeometry) -> dict[str, tuple[float, float, float]]:
+    return {j: (-p[0], -p[1], -p[2]) for j, p in geometry.joint_positions.items()}
+
+
+def _other_hand(made: Made, _: float) -> Made:
+    g, hand = made.recording.geometry, "right" if made.recording.hand == "left" else "left"
+    return _with_geometry(made, hand, replace(g, hand=hand, joint_positions=_other_places(g)))  # type: ignore[arg-type]
+
+
+def _next(finger: str) -> str:
+    return FINGERS[FINGERS.index(finger) % 4 + 1]
+
+
+FAULTS: Mapping[str, tuple[tuple[float, ...], Fault, str, str]] = {  # sizes, how, code, unit
+    "middle and distal exchanged": (
+        (1,),
+        lambda m, _: m.spoilt(exchanged([CHAINS[m.finger][1:]])),
+        "sensors.",
+        "",
+    ),  # type: ignore[list-item]
+    "proximal and middle exchanged": (
+        (1,),
+        lambda m, _: m.spoilt(exchanged([CHAINS[m.finger][:2]])),
+        "sensors.",
+        "",
+    ),  # type: ignore[list-item]
+    "distal ones of two fingers exchanged": (
+        (1,),
+        lambda m, _: m.spoilt(exchanged([(CHAINS[m.finger][2], CHAINS[_next(m.finger)][2])])),
+        "sensors.",
+        "",
+    ),
+    "two fingers exchanged": (
+        (1,),
+        lambda m, _: m.spoilt(exchanged(list(zip(CHAINS[m.finger], CHAINS[_next(m.finger)])))),
+        "fingers.",
+        "",
+    ),
+    "one sensor late": (
+        (0.05, 0.1, 0.2),
+        lambda m, s: m.spoilt(delayed([CHAINS[m.finger][1]], s)),
+        "sensors.",
+        "s",
+    ),
+    "one sensor late, second half": (
+        (0.1, 0.2),
+        lambda m, s: m.spoilt(delayed([CHAINS[m.finger][1]], s, _half(m))),
+        "sensors.",
+        "s",
+    ),
+    "a strip late": (
+        (0.05, 0.1, 0.2),
+        lambda m, s: m.spoilt(delayed(CHAINS[m.finger], s)),
+        "sensors.",
+        "s",
+    ),
+    "proximal slipped": ((6.0, 10.0, 17.0), lambda m, s: _slip(m, s, 0), "sensor.slipped", "deg"),
+    "middle slipped": ((6.0, 10.0, 17.0), lambda m, s: _slip(m, s, 1), "sensor.slipped", "deg"),
+    "distal slipped": ((10.0, 17.0), lambda m, s: _slip(m, s, 2), "sensor.slipped", "deg"),
+    "the other hand": ((1,), _other_hand, "hand.", ""),
+    "joint places of the other hand": (
+        (1,),
+        lambda m, _: _with_geometry(
+            m,
+            m.recording.hand,
+            replace(m.recording.geometry, joint_positions=_other_places(m.recording.geometry)),
+        ),
+        "geometry.",
+        "",
+    ),
+}
+
+
+def trials(wanted: Wanted) -> Sequence[Trial]:
+    """Every kind; with faults for as many people as `SEEDS`, or as asked for, and intact for all that are asked for."""
+    kinds = wanted.experiments or (tuple(KINDS) if wanted.seeds >= SEEDS else QUICK)
+    if unknown := [k for k in kinds if k not in KINDS]:
+        raise InputError(
+            f"there is no kind of recording {unknown[0]!r}; kinds are {', '.join(KINDS)}"
+        )
+    return [Trial(kind, seed, seed < SEEDS) for kind, seed in product(kinds, range(wanted.seeds))]
+
+
+def measure(trial: Trial) -> Result:
+    made = recorded(trial.kind, trial.seed)
+    clean = tuple(s.message.code for s in told(made) if s.message.severity != "info")
+    if not trial.faults:
+        return Result(clean, {})
+    own, found = _error(made, made), {}
+    for name, (sizes, spoil, code, _) in FAULTS.items():
+        for size in (
+            sizes
+            if set(CHAINS[made.finger]) <= {s for b in made.blocks for s in b.stream.sensors}
+            else ()
+        ):
+            spoilt = spoil(made, size)
+            codes = [s.message.code for s in told(spoilt)]
+            found[name, size] = any(c.startswith(code) for c in codes), _error(made, spoilt) / own
+    return Result(clean, found)
+
+
+def told(made: Made) -> list[Suspicion]:
+    """What the checks say, with the calibration that the samples give."""
+    r = made.declared()
+    try:
+        calibrations = (
+            calibrate(m2.Params(), r)[0]
+            if any(e.trial_type == "initial_pose" for e in r.events)
+            else []
+        )
+    except InputError:
+        calibrations = []
+    return neighbours.check(made.blocks, r.hand, r.geometry, r.mounting, calibrations, r.events)
+
+
+def _error(clean: Made, spoilt: Made) -> float:
+    """Root mean square error of m2's angles, rad; NaN where the truth or the pose is not known, or the recording is refused."""
+    if not isinstance(clean.recording, Simulated):
+        return float("nan")
+    truth = clean.recording.truth
+    try:
+        moved = process(m2, m2.Params(), spoilt.declared()).trajectory
+    except InputError:
+        return float("nan")
+    rows = np.clip(np.searchsorted(moved.t, truth.t - 1e-6), 0, len(moved.t) - 1)
+    off = (moved.angles[rows] - truth.angles + np.pi) % (2 * np.pi) - np.pi
+    return float(np.sqrt(np.nanmean(off[:, IS_DOF] ** 2)))
+
+
+def recorded(name: str, seed: int) -> Made:
+    """An intact recording of a kind."""
+    kind = KINDS[name]
+    if kind.outside is not None:
+        return _outside(kind, seed)
+    rng = np.random.default_rng([seed, list(KINDS).index(name), 32])
+
+    def perform(geometry: HandGeometry, of_motion: np.random.Generator) -> tuple[Performance, ...]:
+        if kind.experiment:
+            return experiments.EXPERIMENTS[kind.experiment].perform(geometry, of_motion)
+        return tasks.initial_pose(geometry), *(tasks.TASKS[task](geometry) for task in kind.tasks)
+
+    segments = [s for s in SEGMENTS if s not in kind.missing]
+    made = experiments.recorded(
+        Experiment(name, (), perform),
+        rng,
+        kind.errors,
+        None,
+        "left",
+        2.5,
+        segments=segments,
+        link=kind.link,
+    )
+    return Made(made, tuple(made.blocks()), kind.finger)
+
+
+def _outside(kind: Kind, seed: int) -> Made:
+    """Somebody's freely moved hand, as a glove sends it whose sensors are all mounted alike: axes turned to those of their segments."""
+    setup = free_movement.Setup(seed, fingers=FINGERS, duration=40.0, **kind.outside)  # type: ignore[arg-type]
+    with TemporaryDirectory() as folder:
+        free_movement.written(setup, Path(folder) / "recording")
+        read = formats.load(Path(folder) / "recording")
+    blocks = tuple(_turned(b, read.mounting) for b in read.blocks())
+    samples = {b.stream.name: b for b in blocks}
+    return Made(
+        LoadedRecording(read.hand, read.geometry, {}, samples, read.events), blocks, kind.finger
+    )
+
+
+def _turned(block: Block, mounting: Mapping[str, Array]) -> Block:
+    R = quat.matrix(
+        np.array([quat.normalize(np.asarray(mounting[s], float)) for s in block.stream.sensors])
+    )
+    n, sensors, columns = block.values.shape
+    values = np.einsum(
+        "sij,nsqj->nsqi", R, block.values.reshape(n, sensors, columns // 3, 3)
+    ).reshape(n, sensors, columns)
+    return replace(block, values=values)
+
+
+def finding(wanted: Wanted, results: Sequence[tuple[Trial, Result]]) -> Finding:
+    kinds = list(dict.fromkeys(t.kind for t, _ in results))
+    alarms = {k: [100.0 * bool(r.clean) for t, r in results if t.kind == k] for k in kinds}
+    every = [a for each in alarms.values() for a in each]
+    false = Table(
+        "False alarms",
+        ("%",),
+        tuple(Row(k, {"%": spread(a)}) for k, a in alarms.items()),
+        over="recordings",
+    )
+    share = 100.0 * LIMIT
+    verdict = Verdict(
+        "intact recordings with a suspicion", float(np.mean(every)), share, "%", "asked for"
+    )
+    remarks = [f"{t.kind}, seed {t.seed}: {', '.join(r.clean)}." for t, r in results if r.clean]
+    silent = [
+        f"{name} ({size:g} {FAULTS[name][3]}), {t.kind}, seed {t.seed}: {cost:.1f} times the clean error and no word."
+        for t, r in results
+        for (name, size), (found, cost) in r.found.items()
+        if not found and cost > COSTLY
+    ]
+    return Finding(
+        "crosschecks",
+        "Sensors checked against each other",
+        (
+            f"{len(every)} intact recordings of {len(kinds)} kinds, {sum(t.faults for t, _ in results)} of them with faults put in, one at a time.",
+        ),
+        (false, _sizes(results), *_shares(results)),
+        (verdict,),
+        (
+            *remarks,
+            f"{len(silent)} faults cost more than {COSTLY} times the clean error without a word.",
+            *silent,
+        ),
+    )
+
+
+def _sizes(results: Sequence[tuple[Trial, Result]]) -> Table:
+    """Share found of each fault and size, of all recordings and of those in which it costs something."""
+    rows = []
+    for name, (sizes, _, _, unit) in FAULTS.items():
+        for size in sizes:
+            seen = [r.found[name, size] for _, r in results if (name, size) in r.found]
+            costly = [100.0 * found for found, cost in seen if cost > COSTLY]
+            if seen:
+                columns = {"all": spread(100.0 * found for found, _ in seen)} | (
+                    {"costly": spread(costly)} if costly else {}
+                )
+                rows.append(Row(f"{name} {size:g} {unit}".removesuffix(" 1 "), columns))
+    return Table("Found, % of recordings", ("all", "costly"), tuple(rows), over="recordings")
+
+
+def _shares(results: Sequence[tuple[Trial, Result]]) -> list[Table]:
+    """Size from which on a fault is found with 50 and with 95 % probability, of freely moved hands, between the sizes that were tried."""
+    rows = []
+    for name, (sizes, _, _, unit) in FAULTS.items():
+        shares = [
+            [
+                float(r.found[name, s][0])
+                for t, r in results
+                if (name, s) in r.found and "freely" in t.kind
+            ]
+            for s in sizes
+        ]
+        if len(sizes) > 1 and all(shares):
+            x, y = (
+                np.array([0.0, *sizes]),
+                np.maximum.accumulate([0.0, *(float(np.mean(s)) for s in shares)]),
+            )
+            reached = {
+                f"{level:.0%}": spread([float(np.interp(level, y, x))])
+                for level in (0.5, 0.95)
+                if y[-1] >= level
+            }
+            rows.append(Row(f"{name}, {unit}", reached))
+    return (
+        [
+            Table(
+                "Size found with 50 % and 95 % probability, freely moved",
+                ("50%", "95%"),
+                tuple(rows),
+                digits=3,
+            )
+        ]
+        if rows
+        else []
+    )
