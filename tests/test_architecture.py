@@ -71,7 +71,7 @@ LEVELS = {  # a package imports packages of lower levels only
         ),
         *(
             "alignment magnet.array",
-            "finger_ekf magnet.tracker self_calibration",
+            "fault_detection finger_ekf magnet.tracker self_calibration",
             "magnet.pipeline measures",
             "pipeline",
             "methods",
