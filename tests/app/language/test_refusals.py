@@ -11,7 +11,7 @@ from tests.app.language.sentences import Sentence, sentences
 OTHERS = [one for one in languages().values() if one is not ENGLISH]
 COMMAND_LINE = (
     *(
-        "validation/benchmarks",
+        "app/analysis.py",
         "app/results/cohort.py",
         "app/commands",
         "app/devices/force_strip.py",
@@ -21,7 +21,7 @@ COMMAND_LINE = (
     ),
     *(
         "sessions/formats/qualisys.py",
-        "app/reproduce",
+        "validation",
         "sessions/tables_io/array_description.py",
         "sessions/tables_io/array_cells.py",
         "sessions/tables_io/array_table.py",
