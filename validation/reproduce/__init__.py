@@ -32,6 +32,8 @@ REPRODUCTIONS = {
     "drift": "10 and 60 minutes without magnetometers",
     "honesty": "whether the standard deviations of ekf are as large as its errors",
     "broad": "the fusion on real trials (Laidig et al. 2021)",
+    "fault-table": "how large a fault of a sensor must be to be found, and how often intact recordings are doubted",
+    "crosschecks": "the same for faults that only sensors compared with each other show",
 }
 
 
@@ -54,6 +56,8 @@ MODULES = {  # of handscope.validation
     "drift": "studies.drift",
     "honesty": "studies.honesty",
     "broad": "studies.broad",
+    "fault-table": "studies.fault_table",
+    "crosschecks": "studies.crosschecks",
 }
 
 

@@ -19,7 +19,7 @@ from handscope.estimators.hand.anatomy import CHAINS, FINGERS, IS_DOF, SEGMENTS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import calibrate, process
 from handscope.estimators.simulation import experiments
 from handscope.estimators.simulation.experiments import Experiment
@@ -118,7 +118,7 @@ class Result:
     found: Mapping[tuple[str, float], tuple[bool, float]]
 
 
-def exchanged(pairs: Sequence[tuple[str, str]]) -> Callable[[Block], Block]:
+def exchanged(pairs: Sequence[tuple[str, ...]]) -> Callable[[Block], Block]:
     """The readings of sensors in each other's place."""
 
     def change(block: Block) -> Block:
@@ -183,11 +183,11 @@ def _slip(made: Made, degrees: float, phalanx: int) -> Made:
     return made.spoilt(slipped(sensor, np.radians(degrees) * axis, _half(made)))
 
 
-def _with_geometry(made: Made, hand: str, geometry: HandGeometry) -> Made:
+def _with_geometry(made: Made, hand: Hand, geometry: HandGeometry) -> Made:
     r = made.recording
     told = LoadedRecording(
         hand, geometry, r.mounting, {b.stream.name: b for b in made.blocks}, r.events
-    )  # type: ignore[arg-type]
+    )
     return replace(made, recording=told)
 
 

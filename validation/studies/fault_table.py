@@ -1,133 +1,26 @@
 """How large faults of sensors and files must be to be found, and how often right recordings raise an alarm: by movements, hands and links."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from handscope.estimators.data.findings import whole_streams
-from handscope.estimators.data.samples import ACC, GYR, Block
+from handscope.estimators.data.samples import Block
 from handscope.estimators.fault_detection.single_sensors.accelerometer_check import (
     accelerometer_sizes,
 )
-from handscope.estimators.fault_detection.single_sensors.cells import CELL, Cells, cells_of
+from handscope.estimators.fault_detection.single_sensors.cells import cells_of
 from handscope.estimators.fault_detection.single_sensors.check_sensors import (
     check_gyroscopes,
     check_sensors,
 )
-from handscope.estimators.hand.anatomy import FINGERS, SEGMENTS
-from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
-from handscope.estimators.simulation import experiments
-from handscope.estimators.simulation.motion import Motion
-from handscope.estimators.simulation.movements import free_movement
-from handscope.estimators.simulation.movements import task_performance as tasks
-from handscope.estimators.simulation.movements.task_performance import Performance
-from handscope.estimators.simulation.person import drawn
-from handscope.estimators.simulation.scenario import performed
-from handscope.estimators.simulation.sensors import SensorErrors
-from handscope.estimators.simulation.transmission import WIRED, Transmission
-from handscope.sessions.formats import recordings as formats
-from handscope.validation.independent.simulator.free_movement import Setup, written
 from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread
+from handscope.validation.studies.injected_faults import OF_FILE, OF_SENSOR
+from handscope.validation.studies.movements_to_check import CONDITIONS, FREE, TASKS
 
-LOSSY = Transmission(lost=0.12, bursts=4.0)
-STIFF = 0.3  # of every joint's range
-AMPUTATED = tuple(s for s in SEGMENTS if s not in ("index_middle", "index_distal", "middle_distal"))
-
-
-def _tasks(
-    *names: str, link: Transmission = WIRED, stiff: float = 1.0, worn: Sequence[str] = SEGMENTS
-) -> "Make":
-    def make(rng: np.random.Generator) -> list[Block]:
-        person = drawn("left", rng)
-        done = [_stiffened(tasks.TASKS[name](person.true), stiff) for name in names]
-        return list(
-            performed(done, "left", person.true, rng, SensorErrors(), worn, link=link).blocks()
-        )
-
-    return make
-
-
-def _stiffened(done: Performance, share: float) -> Performance:
-    """The same with every coordinate nearer to the relaxed hand."""
-    spline = done.motion.spline
-    c = share * spline.c
-    c[-1] += (1 - share) * tasks.relaxed()
-    return replace(done, motion=Motion(type(spline)(c, spline.x)))
-
-
-def _experiment(name: str) -> "Make":
-    return lambda rng: list(
-        experiments.recorded(
-            experiments.EXPERIMENTS[name], rng, SensorErrors(), None, pose_error_deg=2.5
-        ).blocks()
-    )
-
-
-def _free(duration: float) -> "Make":
-    def make(rng: np.random.Generator) -> list[Block]:
-        person = drawn("right", rng)
-        errors = SensorErrors()
-        return list(
-            free_movement.recorded(
-                rng, errors, "right", person.true, person.told, duration=duration
-            ).blocks()
-        )
-
-    return make
-
-
-def _outside(duration: float, pace: float) -> "Make":
-    """By the simulator that shares no line with the estimators, through files."""
-
-    def make(rng: np.random.Generator) -> list[Block]:
-        setup = Setup(
-            int(rng.integers(1 << 30)), hand="right", fingers=FINGERS, duration=duration, pace=pace
-        )
-        with TemporaryDirectory() as folder:
-            written(setup, Path(folder) / "recording")
-            return list(formats.load(Path(folder) / "recording").blocks())
-
-    return make
-
-
-Make = Callable[[np.random.Generator], list[Block]]
-FREE: Mapping[str, Make] = {
-    "moving freely, 10 s": _free(10.0),
-    "moving freely, 30 s": _free(30.0),
-    "moving freely, 10 s, outside simulator": _outside(10.0, 1.3),
-    "moving freely, 30 s, outside simulator": _outside(30.0, 1.3),
-    "moving fast, 20 s, outside simulator": _outside(20.0, 2.0),
-    "moving slowly, 20 s, outside simulator": _outside(20.0, 0.4),
-    "one posture to another": _experiment("free"),
-}
-TASKS: Mapping[str, Make] = {
-    "tapping": _tasks("initial_pose", "tapping"),
-    "range of motion": _tasks("initial_pose", "rom"),
-    "fist and flat hand": _tasks("initial_pose", "open_close"),
-    "tremor at rest": _tasks("initial_pose", "tremor_rest"),
-    "tremor, hand held out": _tasks("initial_pose", "tremor_posture"),
-    "hand at rest": _tasks("initial_pose", "rest"),
-    "turning the forearm": _tasks("initial_pose", "pronation_supination"),
-    "reaching": _tasks("initial_pose", "reach"),
-    "wrist": _tasks("initial_pose", "rom_wrist"),
-    "one finger after the other": _tasks("initial_pose", "finger_independence"),
-    "thumb to every finger": _tasks("initial_pose", "kapandji"),
-    "fast finger and wrist": _tasks(
-        "initial_pose", "powerglove_12_tapping_wrist", "powerglove_10_index_fast"
-    ),
-    "something held": _experiment("pinch"),
-    "12 % of samples lost": _tasks("initial_pose", "rom_fist", "tapping", link=LOSSY),
-    "stiff fingers": _tasks("initial_pose", "rom", stiff=STIFF),
-    "amputated phalanges": _tasks("initial_pose", "rom", worn=AMPUTATED),
-}
-CONDITIONS = {**FREE, **TASKS}
+WHAT = "sensor at fault: one of the half that turns most, another finger and axis every time"
 
 
 @dataclass(frozen=True)
@@ -141,78 +34,8 @@ class Found:
     """Of one recording."""
 
     alarms: tuple[str, ...]  # codes of what is said of the recording as it is
-    seconds: float  # of the recording
-    found: Mapping[
-        tuple[str, float], bool
-    ]  # by fault and size, whether anything is said of what is at fault
+    found: Mapping[tuple[str, float], bool]  # by fault and size, whether anything is said of it
     named: Mapping[tuple[str, float], bool]  # ... and is what it is
-
-
-def _gyroscope(
-    M: Callable[[float, int], Array], since: float = 0.0
-) -> "Callable[[Cells, float, int], Cells]":
-    """Readings by a matrix of size and axis, from a share of the recording on."""
-
-    def spoil(cells: Cells, size: float, axis: int) -> Cells:
-        gyr, first = cells.gyr.copy(), int(since * len(cells.gyr))
-        gyr[first:] = gyr[first:] @ M(size, axis).T
-        return replace(cells, gyr=gyr)
-
-    return spoil
-
-
-def _signed(size: float, axis: int) -> Array:
-    return np.asarray(np.eye(3) - 2 * np.diag(np.eye(3)[axis]))
-
-
-def _exchanged(size: float, axis: int) -> Array:
-    return np.asarray(np.eye(3)[list(((1, 0, 2), (2, 1, 0), (0, 2, 1))[axis])])
-
-
-def _stretched(size: float, axis: int) -> Array:
-    return np.asarray(np.eye(3) + (size - 1) * np.diag(np.eye(3)[axis]))
-
-
-def _turned(size: float, axis: int) -> Array:
-    return np.asarray(Rotation.from_rotvec(np.radians(size) * np.eye(3)[axis]).as_matrix())
-
-
-def _late(cells: Cells, size: float, axis: int) -> Cells:
-    n = round(size / CELL)
-    return replace(
-        cells,
-        gyr=np.concatenate([np.repeat(cells.gyr[:1], n, axis=0), cells.gyr[: len(cells.gyr) - n]]),
-    )
-
-
-OF_SENSOR: Mapping[str, tuple[Callable[[Cells, float, int], Cells], tuple[float, ...], str]] = {
-    "sign of one gyroscope axis": (_gyroscope(_signed), (1.0,), "gyroscope_sign"),
-    "sign of one axis, second half": (_gyroscope(_signed, 0.5), (1.0,), "gyroscope_sign"),
-    "gyroscope negated": (_gyroscope(lambda size, axis: -np.eye(3)), (1.0,), "gyroscope_negated"),
-    "two gyroscope axes exchanged": (_gyroscope(_exchanged), (1.0,), "gyroscope_exchange"),
-    "gyroscope in deg/s": (
-        _gyroscope(lambda size, axis: np.degrees(np.eye(3))),
-        (1.0,),
-        "gyroscope_unit",
-    ),
-    "gyroscope's gain": (
-        _gyroscope(lambda size, axis: size * np.eye(3)),
-        (1.05, 1.1, 1.15, 1.2, 1.3, 1.5, 2.0),
-        "gyroscope_gain",
-    ),
-    "gain of one axis": (
-        _gyroscope(_stretched),
-        (1.1, 1.2, 1.3, 1.5, 2.0, 3.0),
-        "gyroscope_axis_gain",
-    ),
-    "gyroscope turned in its sensor, deg": (
-        _gyroscope(_turned),
-        (5.0, 10.0, 20.0, 30.0, 45.0, 60.0),
-        "gyroscope_matrix",
-    ),
-    "gyroscope late, s": (_late, (0.06, 0.1, 0.2, 0.3, 0.5), "gyroscope_delay"),
-}
-WHAT = "sensor at fault: one of the half that turns most, another finger and axis every time"
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
@@ -228,7 +51,6 @@ def measure(trial: Trial) -> Found:
     told = [*_of_file(blocks), *_of_sensors(blocks, rng)]
     return Found(
         alarms,
-        float(max(b.t[-1] for b in blocks)),
         {(fault, size): found for fault, size, found, _ in told},
         {(fault, size): named for fault, size, _, named in told},
     )
@@ -255,62 +77,10 @@ def _of_sensors(
 
 def _of_file(blocks: list[Block]) -> Iterator[tuple[str, float, bool, bool]]:
     """Every fault of the file, in every size."""
-    for fault, (spoil, sizes, code) in FILE_FAULTS.items():
+    for fault, (spoil, sizes, code) in OF_FILE.items():
         for size in sizes:
             said = check_sensors(spoil(blocks, size))
             yield fault, size, bool(said), any(s.message.code == f"file.{code}" for s in said)
-
-
-def _retimed(blocks: list[Block], percent: float) -> list[Block]:
-    return [replace(b, t=b.t * (1 + percent / 100)) for b in blocks]
-
-
-def _without(blocks: list[Block], seconds: float) -> list[Block]:
-    """Rows dropped in the middle of the recording, the times going on."""
-    out, at = [], 0.55 * max(b.t[-1] for b in blocks)
-    for b in blocks:
-        rows = (b.t < at) | (b.t >= at + seconds)
-        out.append(replace(b, t=b.t[: rows.sum()], values=b.values[rows]))
-    return out
-
-
-def _held(blocks: list[Block], seconds: float) -> list[Block]:
-    out, at = [], 0.55 * max(b.t[-1] for b in blocks)
-    for b in blocks:
-        rows, values = np.flatnonzero((b.t >= at) & (b.t < at + seconds)), b.values.copy()
-        values[rows] = values[rows[0]]
-        out.append(replace(b, values=values))
-    return out
-
-
-def _all(quantity: str, M: Array, blocks: list[Block], size: float) -> list[Block]:
-    out = []
-    for b in (b for b in blocks if quantity in b.stream.quantities):
-        values = b.values.copy()
-        values[..., b.stream.axes(quantity)] = values[..., b.stream.axes(quantity)] @ M.T
-        out.append(replace(b, values=values))
-    return out
-
-
-FILE_FAULTS: Mapping[
-    str, tuple[Callable[[list[Block], float], list[Block]], tuple[float, ...], str]
-] = {
-    "rate told too low, %": (_retimed, (3.0, 6.0, 11.0, 25.0, 100.0), "rate"),
-    "rows dropped, s": (_without, (0.05, 0.1, 0.3, 1.5), "lost_rows"),
-    "all sensors frozen, s": (_held, (0.1, 0.15, 1.5), "frozen"),
-    "one axis of all gyroscopes": (partial(_all, GYR, _signed(1.0, 1)), (1.0,), "gyroscope_sign"),
-    "all gyroscopes negated": (partial(_all, GYR, -np.eye(3)), (1.0,), "gyroscope_negated"),
-    "all gyroscopes in deg/s": (
-        partial(_all, GYR, np.degrees(np.eye(3))),
-        (1.0,),
-        "gyroscope_unit",
-    ),
-    "all accelerometers in g": (
-        partial(_all, ACC, np.eye(3) / GRAVITY),
-        (1.0,),
-        "accelerometer_unit",
-    ),
-}
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:

@@ -14,7 +14,7 @@ from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import ANGLES, IS_DOF, JOINTS, LIMITS
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 ANGLE_SD = np.radians(5.0)  # of an angle whose method tells none
 FALSE_ALARM = 1e-3  # of all joints of one recording

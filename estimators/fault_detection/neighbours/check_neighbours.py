@@ -28,7 +28,7 @@ from handscope.estimators.fault_detection.neighbours.slips import Slip
 from handscope.estimators.hand.anatomy import CHAINS, Hand, side_sign
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 FALSE_ALARM = 1e-3  # of each family of tests in one recording
 
@@ -155,7 +155,9 @@ def check_hand(
         Bones that do not fit are questions (severity `info`).
     """
     if impossible := _behind_the_wrist(geometry):
-        sensors = tuple(s for b in blocks if b.stream.inertial for s in b.stream.sensors)
+        sensors = tuple(
+            dict.fromkeys(s for b in blocks if b.stream.inertial for s in b.stream.sensors)
+        )
         message = Message("geometry.impossible", {"joints": ", ".join(impossible)}, "fault")
         return [Suspicion(message, sensors, ((-np.inf, np.inf),), 0.0)]
     pairs = pairs or prepared(blocks, geometry, mounting, calibrations)

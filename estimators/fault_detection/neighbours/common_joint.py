@@ -13,7 +13,7 @@ import numpy as np
 
 from handscope.estimators.fault_detection.neighbours.joint_windows import Windows
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 EXPECTED = (
     0.06  # m, standard deviation of a joint's place from a neighbouring sensor, any direction
@@ -26,6 +26,7 @@ ARM, SKIN, LEAST_TURNING = (
 CLEAR = (
     2.0  # times what skin makes of the fastest sensor's rate: from here on a segment moves itself
 )
+BETWEEN = 0.15  # rad, error of the rotation between two sensors within a window; ours
 ACC_SCALE = 0.02  # m/s^2 that scale errors of accelerometers make while gravity turns in them, as far as it goes with the movement; ours
 GRAVITY_OFF = 0.04  # m/s^2 a radian of turn: scale and cross-axis errors of 0.4 % of gravity; twice those of a calibrated MPU-9250
 TURNS = 0.5  # 1/s^2, root mean square of what a window adds to an arm of 1 m along an axis: less is noise rather than movement
@@ -90,7 +91,7 @@ def fit(
         PRIOR if region is None else PRIOR * np.repeat([(EXPECTED / region.sd) ** 2] * 2 + [1.0], 3)
     )
     covariance = _covariance(normal, known, gradient)[:6, :6]
-    return Joint(x[:6], covariance, _systematic(first, second, use), rest, noise)
+    return Joint(x[:6], covariance, _systematic(first, second, rotation, use), rest, noise)
 
 
 def _solved(normal: Array, right: Array, region: Region | None) -> Array:
@@ -145,19 +146,21 @@ def turning(windows: Windows) -> Array:
     return np.asarray(np.sqrt((windows.arm**2).mean(axis=(1, 2, 3)) * 3))
 
 
-def _systematic(first: Windows, second: Windows, use: Array) -> Array:
-    """What skin and noise make of the places: a sensor that hardly turns itself is turned by the skin that its neighbour pulls."""
-    some = use > 0
-    turns = [
-        float(np.sqrt((turning(w)[some] ** 2).mean())) if some.any() else 0.0
-        for w in (first, second)
-    ]
-    pairs = [(max(own, 1e-3), other) for own, other in (turns, turns[::-1])]
+def _systematic(first: Windows, second: Windows, rotation: Array, use: Array) -> Array:
+    """What skin and noise make of the places: nothing shows them where a sensor is turned by the skin that its neighbour pulls, or turns with its neighbour."""
+    if not use.any():
+        return EXPECTED**2 * np.eye(6)
+    half = first.turned.shape[1] // 2
+    between = np.swapaxes(first.turned[:, half], 1, 2) @ rotation @ second.turned[:, half]
+    apart = first.arm - rotation[:, None] @ second.arm @ np.swapaxes(between, 1, 2)[:, None]
+    against = float(np.sqrt(3 * np.average((apart**2).mean(axis=(1, 2, 3)), weights=use)))
+    own, other = (float(np.sqrt(np.average(turning(w) ** 2, weights=use))) for w in (first, second))
+    against = float(np.sqrt(max(against**2 - (BETWEEN * max(own, other)) ** 2, 0.0)))
     sd = [
-        np.hypot(ARM * np.hypot(SKIN * other, LEAST_TURNING), ACC_SCALE) / own
-        for own, other in pairs
+        np.hypot(ARM * np.hypot(SKIN * pull, LEAST_TURNING), ACC_SCALE) / max(shown, 1e-3)
+        for shown, pull in ((own, other), (other, own), (against, max(own, other)))
     ]
-    return np.diag(np.repeat(np.square(sd), 3))
+    return np.diag(np.repeat(np.maximum(sd[:2], sd[2]) ** 2, 3))
 
 
 def _at(first: Windows, second: Windows, x: Array) -> tuple[Array, Array]:

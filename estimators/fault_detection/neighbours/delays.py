@@ -13,9 +13,10 @@ import numpy as np
 from handscope.estimators.fault_detection.neighbours import paired_test
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.hand.anatomy import CHAINS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 FURTHEST, COARSE = 0.36, 0.04  # s
+PARTS = 8  # of the recording, at whose edges a delay may begin or end
 TOLERATED = 0.02  # s: clocks of strips and a sample at 50 Hz
 MARGIN = 0.1  # of the mean log ratio
 LEAST_SURE = 0.01  # probability from which on a delay is looked at no further
@@ -28,7 +29,7 @@ class Delay:
     sensors: tuple[str, ...]
     late: float  # s
     p_value: float
-    gain: float  # log ratio of what is left over, all windows, mean of the joints
+    gain: float  # log ratio of what is left over, all windows and joints
     span: tuple[float, float]  # s
 
 
@@ -38,7 +39,12 @@ def find(pairs: Pairs) -> list[Delay]:
     lags = np.asarray(
         np.arange(-round(FURTHEST / COARSE), round(FURTHEST / COARSE) + 1) * COARSE, float
     )
-    spans = [(begin, end), (begin, 0.5 * (begin + end)), (0.5 * (begin + end), end)]
+    edges = np.linspace(begin, end, PARTS + 1)
+    spans = [
+        (begin, end),
+        *((float(e), end) for e in edges[1:-1]),
+        *((begin, float(e)) for e in edges[1:-1]),
+    ]
     count = len(_groups(pairs)) * len(lags) * len(spans)
     found: list[Delay] = []
     poor = [j for j in pairs.joints if pairs.is_poor(*j)]
@@ -95,11 +101,13 @@ def _best(pairs: Pairs, lags: Array, group: tuple[str, ...], span: tuple[float, 
     gain = np.where(
         told, paired_test.log_rest(before, noise) - paired_test.log_rest(after, noise), 0.0
     ).sum(axis=0)
-    telling = (told & paired_test.is_telling(before, after, noise)).any(axis=0)
-    gain = gain[telling] / told.sum(axis=0)[telling]
-    return Delay(
-        group, _vertex(lags, total, k), paired_test.p_value(gain, MARGIN), float(gain.sum()), span
-    )
+    weight = np.where(
+        told,
+        paired_test.weight(np.where(told, before, 0.0), np.where(told, after, 0.0), noise),
+        0.0,
+    ).max(axis=0)
+    p = paired_test.p_value(gain / np.maximum(told.sum(axis=0), 1), MARGIN, weight)
+    return Delay(group, _vertex(lags, total, k), p, float(gain @ (weight > 0)), span)
 
 
 def _vertex(lags: Array, total: Array, k: int) -> float:

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from handscope.estimators.fault_detection.neighbours import paired_test
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.hand.anatomy import CHAINS
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 MARGIN = np.log(
     1.5
 )  # of the mean log ratio: a joint that hardly moves lets two orders fit about as well, and skin may favour the wrong one
+BEYOND = 8.0  # weight of a window that skin does not explain, even where sensors that change places turn alike
 OTHERS = 0.01  # probability from which on a second exchange explains the readings as well as the best one
 
 Order = Mapping[str, str]  # sensor that sits on a segment, by segment; those that stay are left out
@@ -32,28 +33,40 @@ class Exchange:
 
     order: Order
     p_value: float
-    gain: float  # log ratio of what is left over, all windows, mean of the joints
+    gain: float  # log ratio of what is left over, all windows and joints
     is_only: bool  # no other exchange explains the readings as well
 
 
 def find(pairs: Pairs) -> Exchange | None:
     """The most probable exchange, with the probability of such evidence without any."""
-    poor = {s for j in pairs.joints if pairs.is_poor(*j) for s in j}
+    poor = [j for j in pairs.joints if pairs.is_poor(*j)]
     every = _orders(pairs)
-    candidates = [o for o in every if poor & set(o)]
+    candidates = [o for o in every if _helps(pairs, [j for j in poor if set(j) & set(o)], o)]
     if not candidates:
         return None
     gains = [_gain(pairs, {}, order) for order in candidates]
-    tests = [paired_test.p_value(gain, MARGIN) * len(every) for gain in gains]
-    totals = [float(gain.sum()) if p < OTHERS else -np.inf for gain, p in zip(gains, tests)]
+    tests = [paired_test.p_value(gain, MARGIN, weight) * len(every) for gain, weight in gains]
+    totals = [
+        float(gain @ (weight > 0)) * len(_touched(pairs, order)) if p < OTHERS else -np.inf
+        for order, (gain, weight), p in zip(candidates, gains, tests)
+    ]
     best = int(np.argmax(totals))
     if not np.isfinite(totals[best]):
         return None
-    rivals = [candidates[k] for k in np.argsort(totals)[::-1][1:8] if np.isfinite(totals[k])]
-    is_only = all(
-        paired_test.p_value(_gain(pairs, order, candidates[best]), 0.0) < OTHERS for order in rivals
-    )
-    return Exchange(candidates[best], tests[best], totals[best], is_only)
+    rivals = [int(k) for k in np.argsort(totals)[::-1][1:8] if np.isfinite(totals[k])]
+    as_good = [k for k in rivals if not _beats(pairs, candidates[best], candidates[k])]
+    simplest = min(
+        [best, *as_good], key=lambda k: len({s.partition("_")[0] for s in candidates[k]})
+    )  # within a finger, where that explains as much
+    return Exchange(candidates[simplest], tests[simplest], totals[simplest], not as_good)
+
+
+def _helps(pairs: Pairs, poor: list[tuple[str, str]], order: Order) -> bool:
+    """Whether an order explains the joints better that the declared one does not explain: only then all its joints are asked."""
+    if not poor:
+        return False
+    gain, weight = _compared(pairs, poor, {}, order)
+    return float(gain @ weight) > 0
 
 
 def _orders(pairs: Pairs) -> list[Order]:
@@ -65,21 +78,34 @@ def _orders(pairs: Pairs) -> list[Order]:
     return found
 
 
-def _gain(pairs: Pairs, yours: Order, mine: Order) -> Array:
-    """How much better (mean log ratio of the joints) `mine` explains the joints than `yours` in each telling window."""
-    joints = [j for j in pairs.joints if set(j) & (set(mine) | set(yours))]
+def _beats(pairs: Pairs, mine: Order, yours: Order) -> bool:
+    gain, weight = _gain(pairs, yours, mine)
+    return paired_test.p_value(gain, 0.0, weight) < OTHERS
+
+
+def _touched(pairs: Pairs, order: Order) -> list[tuple[str, str]]:
+    return [j for j in pairs.joints if set(j) & set(order)]
+
+
+def _gain(pairs: Pairs, yours: Order, mine: Order) -> tuple[Array, Array]:
+    """How much better (mean log ratio of the joints) `mine` explains the joints than `yours` in each window, and how much the window tells."""
+    gain, weight = _compared(pairs, _touched(pairs, {**mine, **yours}), yours, mine)
+    return gain, np.where(_is_different(pairs, yours, mine) | (weight > BEYOND), weight, 0.0)
+
+
+def _compared(
+    pairs: Pairs, joints: list[tuple[str, str]], yours: Order, mine: Order
+) -> tuple[Array, Array]:
+    """The same of some joints."""
     seen = [[_rest(pairs, joint, order) for joint in joints] for order in (yours, mine)]
     (before, noise, use), (after, other, also) = (
         tuple(np.array(part) for part in zip(*each)) for each in seen
     )
     noise = np.maximum(noise, other)
-    telling = (
-        (use & also).all(axis=0)
-        & paired_test.is_telling(before, after, noise).any(axis=0)
-        & _is_different(pairs, yours, mine)
-    )
-    gain = paired_test.log_rest(before, noise) - paired_test.log_rest(after, noise)
-    return np.asarray(gain.mean(axis=0)[telling])
+    weight = paired_test.weight(before, after, noise).max(axis=0) * (use & also).all(axis=0)
+    return np.asarray(
+        (paired_test.log_rest(before, noise) - paired_test.log_rest(after, noise)).mean(axis=0)
+    ), weight
 
 
 def _is_different(pairs: Pairs, yours: Order, mine: Order) -> NDArray[np.bool_]:

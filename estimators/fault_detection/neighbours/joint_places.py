@@ -16,7 +16,7 @@ from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, side_sign
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 ROOT_SD = {"thumb": 0.012} | dict.fromkeys(
     FINGERS[1:], 0.005

@@ -17,7 +17,7 @@ from handscope.estimators.data.findings import whole_streams
 from handscope.estimators.data.samples import ACC, GYR, Block
 from handscope.estimators.hand.anatomy import SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.missing_samples import complete
 
 RATE = 100.0  # Hz, of the common time base

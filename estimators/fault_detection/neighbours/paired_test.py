@@ -8,13 +8,13 @@ Limits  fewer than `FEWEST` windows in which the descriptions differ tell nothin
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 FEWEST = 6
 LAGS = 2  # windows
+MOST = 15.0  # largest weight of a window
 
 
 def log_rest(rest: Array, noise: Array) -> Array:
@@ -22,19 +22,22 @@ def log_rest(rest: Array, noise: Array) -> Array:
     return np.asarray(np.log(rest + noise))
 
 
-def is_telling(declared: Array, other: Array, noise: Array) -> NDArray[np.bool_]:
-    """In which windows at least one description leaves more than noise explains; asked of both in the same manner, so that it favours neither."""
-    return np.asarray(np.maximum(declared, other) > noise)
+def weight(declared: Array, other: Array, noise: Array) -> Array:
+    """How much each window tells: what the worse description leaves, in noise, up to `MOST`; asked of both in the same manner, so that it favours neither."""
+    return np.asarray(np.clip(np.maximum(declared, other) / noise - 1.0, 0.0, MOST))
 
 
-def p_value(gain: Array, margin: float) -> float:
-    """Probability of so large a mean gain (K,) of the other description if its expectation were at most `margin`."""
-    n = len(gain)
+def p_value(gain: Array, margin: float, weight: Array | None = None) -> float:
+    """Probability of so large a mean gain (K,) of the other description if its expectation were at most `margin`; windows by weight."""
+    w = np.ones(len(gain)) if weight is None else weight
+    n = float(w.sum() ** 2 / (w @ w)) if w.any() else 0.0  # as many windows of one weight
     if n < FEWEST:
         return 1.0
-    off = gain - gain.mean()
-    variance = float(off @ off) / n
+    w = w / w.sum()
+    mean = float(w @ gain)
+    off = w * (gain - mean)
+    alone = variance = float(off @ off)
     for lag in range(1, LAGS + 1):
-        variance += 2 * (1 - lag / (LAGS + 1)) * float(off[lag:] @ off[:-lag]) / n
-    error = np.sqrt(max(variance, float(off @ off) / n / 2, 1e-12) / (n - 1))
-    return float(student.sf((gain.mean() - margin) / error, n - 1))
+        variance += 2 * (1 - lag / (LAGS + 1)) * float(off[lag:] @ off[:-lag])
+    error = np.sqrt(max(variance, alone / 2, 1e-12) * n / (n - 1))
+    return float(student.sf((mean - margin) / error, n - 1))

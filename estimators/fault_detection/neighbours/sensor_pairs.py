@@ -16,7 +16,7 @@ from handscope.estimators.fault_detection.neighbours.joint_windows import Series
 from handscope.estimators.hand.anatomy import JOINTS, side_sign
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 DORSAL = {
     "hand": 0.014,

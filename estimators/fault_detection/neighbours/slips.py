@@ -16,11 +16,11 @@ from handscope.estimators.fault_detection.neighbours import common_joint, joint_
 from handscope.estimators.fault_detection.neighbours.common_joint import Joint
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 SPLITS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of the recording
 TOLERATED = 1.0e-3  # m, each axis, that skin may shift a joint between two movements; ours
-SHARE = 0.3  # of the systematic error of a place that differs between two movements; ours
+MOST = np.radians(60.0)  # what turned further was not worn any more
 TURN_SD = np.radians(30.0)
 SUDDEN = 3.0  # times its noise a window leaves where a sensor may have been turned
 HELD = 0.002  # weight against a turn about the vertical, which gravity does not show, in shares of that of gravity
@@ -55,7 +55,7 @@ def find(pairs: Pairs) -> Slip | None:
             )
             if best is None or gain > best[0]:
                 best = gain, sensor, turn, at
-    if best is None or np.linalg.norm(best[2]) < LEAST:
+    if best is None or not LEAST < np.linalg.norm(best[2]) < MOST:
         return None
     gain, sensor, turn, at = best
     p = float(chi2.sf(gain, 3)) * len(SPLITS) * len(pairs.series.sensors)
@@ -76,7 +76,9 @@ def find_jump(pairs: Pairs) -> Slip | None:
     sure = [
         (slip, count)
         for slip, count in found
-        if slip is not None and slip.p_value < LEAST_SURE and np.linalg.norm(slip.turn) > LEAST
+        if slip is not None
+        and slip.p_value < LEAST_SURE
+        and LEAST < np.linalg.norm(slip.turn) < MOST
     ]
     return max(sure, key=lambda s: (s[1], -s[0].p_value), default=(None, 0))[0]
 
@@ -128,7 +130,7 @@ def _turned(changes: list[tuple[Joint, Joint, int]]) -> tuple[Array, float]:
     normal, right = np.eye(3) / TURN_SD**2, np.zeros(3)
     for before, after, at in changes:
         own = slice(at, at + 3)
-        covariance = (before.covariance + after.covariance)[own, own] + SHARE**2 * (
+        covariance = (before.covariance + after.covariance)[own, own] + (
             before.systematic + after.systematic
         )[own, own]
         information = np.linalg.inv(covariance + TOLERATED**2 * np.eye(3))

@@ -16,7 +16,7 @@ from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.fault_detection.single_sensors.cells import CELL, Cells
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 UNITS: Mapping[str, float] = {  # size of gravity in each
     "g": 1.0,

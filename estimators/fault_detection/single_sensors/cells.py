@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handscope.estimators.data.samples import ACC, GYR, Block
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 CELL = 0.02  # s: a hand turns by less than 0.4 rad meanwhile
 BEYOND, OFTEN = (

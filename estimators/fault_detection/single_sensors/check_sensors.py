@@ -44,7 +44,7 @@ from handscope.estimators.fault_detection.single_sensors.magnetometer_check impo
     judge_magnetometers,
 )
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS, odds_of
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 RATE_OFF = 0.03  # of a rate that is told wrong, at least
 NEAR = 0.1  # s

@@ -18,7 +18,7 @@ from handscope.estimators.fault_detection.single_sensors.gravity_windows import 
     Windows,
 )
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 FLOOR = 0.04  # m/s^2 of a window's mean that scale and axes of the accelerometer, 0.3 to 0.5 % off, make wrong
 DRIFT = 0.005  # of the path turned, that a gyroscope sampled at 100 Hz turns wrong

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from handscope.estimators.fault_detection.single_sensors.cells import CELL, Cells
 from handscope.estimators.numerics.jit import loops
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 CHAIN, WINDOW, HOP = 250, 50, 25  # cells: 5 s in one frame, averaged over 1 s, every 0.5 s
 KNOTS = (CHAIN - WINDOW) // HOP + 1

@@ -33,7 +33,7 @@ from handscope.estimators.fault_detection.single_sensors.gyroscope_faults import
     discrete_faults,
     share_of,
 )
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 CANDIDATES = 4  # faults looked at closely, of the whole and of a stretch
 MOVED = 4.0  # log-likelihood that a chain has to lose for its gyroscope to be doubted

@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 AXES = "xyz"
 SHARES: Mapping[

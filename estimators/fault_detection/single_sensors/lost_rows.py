@@ -16,7 +16,7 @@ from handscope.estimators.data.samples import ACC, GYR, Block
 from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 
 SENSORS = 3  # at least
 AROUND, FURTHEST = (-12, -8, -5, 5, 8, 12), 12  # rows from a jump whose steps it is measured by

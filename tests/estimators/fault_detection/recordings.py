@@ -8,7 +8,7 @@ import numpy as np
 
 from handscope.estimators.data.samples import ACC, GYR, Block
 from handscope.estimators.hand.geometry import sized
-from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.movements import free_movement
 from handscope.estimators.simulation.scenario import simulate
 from handscope.estimators.simulation.sensors import SensorErrors

@@ -1,0 +1,131 @@
+"""Faults of sensors and of files, put into recordings without one, in sizes."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from handscope.estimators.data.samples import ACC, GYR, Block
+from handscope.estimators.fault_detection.single_sensors.cells import CELL, Cells
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.typing import Array
+
+
+def _gyroscope(
+    M: Callable[[float, int], Array], since: float = 0.0
+) -> Callable[[Cells, float, int], Cells]:
+    """Readings by a matrix of size and axis, from a share of the recording on."""
+
+    def spoil(cells: Cells, size: float, axis: int) -> Cells:
+        gyr, first = cells.gyr.copy(), int(since * len(cells.gyr))
+        gyr[first:] = gyr[first:] @ M(size, axis).T
+        return replace(cells, gyr=gyr)
+
+    return spoil
+
+
+def _signed(size: float, axis: int) -> Array:
+    return np.asarray(np.eye(3) - 2 * np.diag(np.eye(3)[axis]))
+
+
+def _exchanged(size: float, axis: int) -> Array:
+    return np.asarray(np.eye(3)[list(((1, 0, 2), (2, 1, 0), (0, 2, 1))[axis])])
+
+
+def _stretched(size: float, axis: int) -> Array:
+    return np.asarray(np.eye(3) + (size - 1) * np.diag(np.eye(3)[axis]))
+
+
+def _turned(size: float, axis: int) -> Array:
+    return np.asarray(Rotation.from_rotvec(np.radians(size) * np.eye(3)[axis]).as_matrix())
+
+
+def _late(cells: Cells, size: float, axis: int) -> Cells:
+    n = round(size / CELL)
+    return replace(
+        cells,
+        gyr=np.concatenate([np.repeat(cells.gyr[:1], n, axis=0), cells.gyr[: len(cells.gyr) - n]]),
+    )
+
+
+OF_SENSOR: Mapping[str, tuple[Callable[[Cells, float, int], Cells], tuple[float, ...], str]] = {
+    "sign of one gyroscope axis": (_gyroscope(_signed), (1.0,), "gyroscope_sign"),
+    "sign of one axis, second half": (_gyroscope(_signed, 0.5), (1.0,), "gyroscope_sign"),
+    "gyroscope negated": (_gyroscope(lambda size, axis: -np.eye(3)), (1.0,), "gyroscope_negated"),
+    "two gyroscope axes exchanged": (_gyroscope(_exchanged), (1.0,), "gyroscope_exchange"),
+    "gyroscope in deg/s": (
+        _gyroscope(lambda size, axis: np.degrees(np.eye(3))),
+        (1.0,),
+        "gyroscope_unit",
+    ),
+    "gyroscope's gain": (
+        _gyroscope(lambda size, axis: size * np.eye(3)),
+        (1.05, 1.1, 1.15, 1.2, 1.3, 1.5, 2.0),
+        "gyroscope_gain",
+    ),
+    "gain of one axis": (
+        _gyroscope(_stretched),
+        (1.1, 1.2, 1.3, 1.5, 2.0, 3.0),
+        "gyroscope_axis_gain",
+    ),
+    "gyroscope turned in its sensor, deg": (
+        _gyroscope(_turned),
+        (5.0, 10.0, 20.0, 30.0, 45.0, 60.0),
+        "gyroscope_matrix",
+    ),
+    "gyroscope late, s": (_late, (0.06, 0.1, 0.2, 0.3, 0.5), "gyroscope_delay"),
+}
+
+
+def retimed(blocks: list[Block], percent: float) -> list[Block]:
+    return [replace(b, t=b.t * (1 + percent / 100)) for b in blocks]
+
+
+def without_rows(blocks: list[Block], seconds: float) -> list[Block]:
+    """Rows dropped in the middle of the recording, the times going on."""
+    out, at = [], 0.55 * max(b.t[-1] for b in blocks)
+    for b in blocks:
+        rows = (b.t < at) | (b.t >= at + seconds)
+        out.append(replace(b, t=b.t[: rows.sum()], values=b.values[rows]))
+    return out
+
+
+def held(blocks: list[Block], seconds: float) -> list[Block]:
+    out, at = [], 0.55 * max(b.t[-1] for b in blocks)
+    for b in blocks:
+        rows, values = np.flatnonzero((b.t >= at) & (b.t < at + seconds)), b.values.copy()
+        values[rows] = values[rows[0]]
+        out.append(replace(b, values=values))
+    return out
+
+
+def _all(quantity: str, M: Array, blocks: list[Block], size: float) -> list[Block]:
+    out = []
+    for b in (b for b in blocks if quantity in b.stream.quantities):
+        values = b.values.copy()
+        values[..., b.stream.axes(quantity)] = values[..., b.stream.axes(quantity)] @ M.T
+        out.append(replace(b, values=values))
+    return out
+
+
+OF_FILE: Mapping[
+    str, tuple[Callable[[list[Block], float], list[Block]], tuple[float, ...], str]
+] = {
+    "rate told too low, %": (retimed, (3.0, 6.0, 11.0, 25.0, 100.0), "rate"),
+    "rows dropped, s": (without_rows, (0.05, 0.1, 0.3, 1.5), "lost_rows"),
+    "all sensors frozen, s": (held, (0.1, 0.15, 1.5), "frozen"),
+    "one axis of all gyroscopes": (partial(_all, GYR, _signed(1.0, 1)), (1.0,), "gyroscope_sign"),
+    "all gyroscopes negated": (partial(_all, GYR, -np.eye(3)), (1.0,), "gyroscope_negated"),
+    "all gyroscopes in deg/s": (
+        partial(_all, GYR, np.degrees(np.eye(3))),
+        (1.0,),
+        "gyroscope_unit",
+    ),
+    "all accelerometers in g": (
+        partial(_all, ACC, np.eye(3) / GRAVITY),
+        (1.0,),
+        "accelerometer_unit",
+    ),
+}
