@@ -15,7 +15,7 @@ from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
-from handscope.estimators.hand.anatomy import CHAINS, FINGERS, IS_DOF, SEGMENTS
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, IS_DOF, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics import quaternions as quat
