@@ -125,7 +125,7 @@ static void take_readings(struct hs_sensor *s, const struct hs_reading *readings
         hs_resampler_push(&s->resampler, t, readings[k].value);
     }
     s->readings += (uint32_t)n;
-    s->heard = n > 0 ? now : s->heard;
+    s->last_reading = n > 0 ? now : s->last_reading;
 }
 
 static void run(struct hs_sensor *s)
@@ -140,7 +140,7 @@ static void run(struct hs_sensor *s)
         }
     } while (n == DRAINED);
     s->faults = n < 0 ? (uint8_t)(s->faults + 1) : 0;
-    const bool silent = board_now() - s->heard > SILENCE + (uint64_t)(4e9f / s->setting.hz);
+    const bool silent = board_now() - s->last_reading > SILENCE + (uint64_t)(4e9f / s->setting.hz);
     if (s->faults >= MOST_FAULTS || (silent && !s->driver->probe(&s->bus))) {
         be_absent(s);
     } else if (silent) {
@@ -174,7 +174,7 @@ bool hs_sensor_advance(struct hs_sensor *s)
             }
             hs_sensor_clock_start(&s->clock, s->driver->tick);
             s->phase = HS_RUNNING;
-            s->heard = board_now();
+            s->last_reading = board_now();
             s->next_sync = 0;
         }
         break;

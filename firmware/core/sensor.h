@@ -15,7 +15,7 @@ struct hs_sensor {
     enum hs_phase phase;
     uint64_t due;      /* when the phase is over, or when to look again */
     uint64_t next_sync;
-    uint64_t heard;    /* when readings last came */
+    uint64_t last_reading;    /* when readings last came */
     int32_t sum[HS_AXES], quiet[HS_AXES];
     uint8_t reads;
     bool tested, passed; /* self-test */

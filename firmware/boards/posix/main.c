@@ -24,7 +24,7 @@ static const char *link_path;
 static volatile sig_atomic_t stopped;
 
 struct pull { uint8_t slot; double from, to; };
-static struct options {
+static struct wanted {
     const char *pty, *strips;
     int port;
     double seconds;
@@ -32,7 +32,7 @@ static struct options {
     uint32_t seed;
     struct pull pulls[8];
     int pull_count;
-} asked = {.strips = HS_WHOLE_HAND, .port = -1, .chip = &hs_icm42688p, .seed = 1};
+} options = {.strips = HS_WHOLE_HAND, .port = -1, .chip = &hs_icm42688p, .seed = 1};
 
 uint64_t board_now(void)
 {
@@ -182,12 +182,12 @@ static double number(const char *word, double least, double most, const char *re
 static void parse_pull(const char *word)
 {
     unsigned slot;
-    struct pull *pull = &asked.pulls[asked.pull_count];
-    if (asked.pull_count == 8 || sscanf(word, "%u@%lf-%lf", &slot, &pull->from, &pull->to) != 3) {
+    struct pull *pull = &options.pulls[options.pull_count];
+    if (options.pull_count == 8 || sscanf(word, "%u@%lf-%lf", &slot, &pull->from, &pull->to) != 3) {
         fail("--pull takes SLOT@FROM-TO, at most eight times");
     }
     pull->slot = (uint8_t)slot;
-    asked.pull_count++;
+    options.pull_count++;
 }
 
 static void parse(int count, char **words)
@@ -200,23 +200,23 @@ static void parse(int count, char **words)
                  "A glove with simulated sensors: hand, thumb, index, middle, ring, little, forearm, trunk, trunk_mag. Port 0: any that is free.");
             exit(0);
         } else if (strcmp(name, "--tcp") == 0) {
-            asked.port = (int)number(value, 0, 65535, "--tcp takes a port of 0 to 65535");
+            options.port = (int)number(value, 0, 65535, "--tcp takes a port of 0 to 65535");
         } else if (strcmp(name, "--pty") == 0) {
-            asked.pty = value;
+            options.pty = value;
         } else if (strcmp(name, "--rate") == 0) {
             layout.rate = number(value, 1, 1000, "--rate takes 1 to 1000 Hz");
         } else if (strcmp(name, "--mag-rate") == 0) {
             layout.mag_rate = number(value, 1, 100, "--mag-rate takes 1 to 100 Hz");
         } else if (strcmp(name, "--strips") == 0) {
-            asked.strips = value;
+            options.strips = value;
         } else if (strcmp(name, "--hand") == 0) {
             layout.hand = strcmp(value, "right") == 0 ? HS_RIGHT : HS_LEFT;
         } else if (strcmp(name, "--chip") == 0) {
-            asked.chip = strcmp(value, "lsm6dsv16x") == 0 ? &hs_lsm6dsv16x : &hs_icm42688p;
+            options.chip = strcmp(value, "lsm6dsv16x") == 0 ? &hs_lsm6dsv16x : &hs_icm42688p;
         } else if (strcmp(name, "--seconds") == 0) {
-            asked.seconds = number(value, 0, 1e9, "--seconds takes a number");
+            options.seconds = number(value, 0, 1e9, "--seconds takes a number");
         } else if (strcmp(name, "--seed") == 0) {
-            asked.seed = (uint32_t)number(value, 0, 4294967295.0, "--seed takes a whole number");
+            options.seed = (uint32_t)number(value, 0, 4294967295.0, "--seed takes a whole number");
         } else if (strcmp(name, "--pull") == 0) {
             parse_pull(value);
         } else {
@@ -224,15 +224,15 @@ static void parse(int count, char **words)
         }
         k++;
     }
-    if ((asked.port < 0) == (asked.pty == NULL)) {
+    if ((options.port < 0) == (options.pty == NULL)) {
         fail("say --tcp PORT or --pty PATH; see --help");
     }
 }
 
 static void pull_and_plug(double t)
 {
-    for (int k = 0; k < asked.pull_count; k++) {
-        sim_plug(asked.pulls[k].slot, t < asked.pulls[k].from || t >= asked.pulls[k].to);
+    for (int k = 0; k < options.pull_count; k++) {
+        sim_plug(options.pulls[k].slot, t < options.pulls[k].from || t >= options.pulls[k].to);
     }
 }
 
@@ -256,23 +256,23 @@ int main(int count, char **words)
     signal(SIGTERM, on_signal);
     signal(SIGINT, on_signal);
     parse(count, words);
-    layout.count = hs_hand_layout(asked.strips, layout.hand, asked.chip, strips);
+    layout.count = hs_hand_layout(options.strips, layout.hand, options.chip, strips);
     if (layout.count == 0) {
         fail("--strips names a strip that is not known; see --help");
     }
-    sim_start(&layout, asked.seed, true);
+    sim_start(&layout, options.seed, true);
     const char *refusal = hs_glove_start(&glove, &layout);
     if (refusal != NULL) {
         fail(refusal);
     }
-    if (asked.pty != NULL) {
-        open_terminal(asked.pty);
+    if (options.pty != NULL) {
+        open_terminal(options.pty);
     } else {
-        listen_at(asked.port);
+        listen_at(options.port);
     }
     fflush(stdout);
     const uint64_t began = board_now();
-    while (!stopped && (asked.seconds <= 0 || board_now() - began < asked.seconds * 1e9)) {
+    while (!stopped && (options.seconds <= 0 || board_now() - began < options.seconds * 1e9)) {
         accept_host();
         pull_and_plug((double)(board_now() - began) * 1e-9);
         if (is_alone() && glove.running) {
