@@ -25,7 +25,9 @@ static inline void hs_put(struct hs_writer *w, const void *bytes, size_t n)
         w->full = true;
         return;
     }
-    memcpy(w->data + w->at, bytes, n);
+    if (n > 0) {
+        memcpy(w->data + w->at, bytes, n);
+    }
     w->at += n;
 }
 

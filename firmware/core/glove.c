@@ -45,11 +45,25 @@ const char *hs_glove_start(struct hs_glove *glove, const struct hs_layout *layou
     return NULL;
 }
 
+static void send(struct hs_glove *glove)
+{
+    const uint8_t *bytes;
+    size_t n = hs_outbox_peek(&glove->outbox, &bytes), taken = n;
+    while (n > 0 && taken == n) {
+        taken = board_send(bytes, n);
+        hs_outbox_drop(&glove->outbox, taken);
+        if (taken == n) {
+            n = taken = hs_outbox_peek(&glove->outbox, &bytes);
+        }
+    }
+}
+
 void hs_glove_describe(struct hs_glove *glove)
 {
     identify(glove);
     for (uint8_t k = 0; k < glove->count; k++) {
         hs_strip_describe(glove, &glove->strips[k]);
+        send(glove); /* many strips have more to say than waits */
     }
     if (glove->layout->plate != NULL) {
         hs_write_plate(hs_outbox_begin(&glove->outbox, HS_PLATE), glove->layout->plate);
@@ -106,25 +120,15 @@ static void receive(struct hs_glove *glove)
     }
 }
 
-static void send(struct hs_glove *glove)
-{
-    const uint8_t *bytes;
-    size_t n = hs_outbox_peek(&glove->outbox, &bytes), taken = n;
-    while (n > 0 && taken == n) {
-        taken = board_send(bytes, n);
-        hs_outbox_drop(&glove->outbox, taken);
-        if (taken == n) {
-            n = taken = hs_outbox_peek(&glove->outbox, &bytes);
-        }
-    }
-}
-
 void hs_glove_poll(struct hs_glove *glove)
 {
     board_feed_watchdog();
     receive(glove);
     for (uint8_t k = 0; k < glove->count; k++) {
         hs_strip_poll(glove, &glove->strips[k]);
+        if (glove->outbox.used > HS_OUTBOX / 2) {
+            send(glove);
+        }
     }
     announce(glove);
     watch_supply(glove);

@@ -3,6 +3,7 @@
 #define ANCHOR_EVERY (HS_SECOND / 2)
 #define LEAST_BASELINE (HS_SECOND / 10) /* a shorter one tells less than the data sheet */
 #define SMOOTHING 8                     /* pairs over which a pair's own error is averaged */
+#define UNLEARNT 100000                 /* ns: a larger error is a rate that is not known yet, and is not averaged */
 #define SLOW_TRANSFER 200000            /* ns: somebody interrupted the reading, the pair says little */
 #define STEP (10 * HS_MILLISECOND)      /* an error this large is a clock that was set anew */
 
@@ -69,7 +70,7 @@ void hs_sensor_clock_pair(struct hs_sensor_clock *clock, uint32_t counter, uint8
         return;
     }
     clock->ticks += (uint64_t)ahead;
-    clock->pairs++;
+    clock->pairs = error > (int64_t)UNLEARNT || error < -(int64_t)UNLEARNT ? 1 : clock->pairs + 1;
     clock->base = expected + (uint64_t)(error / (clock->pairs < SMOOTHING ? (int64_t)clock->pairs : SMOOTHING));
     measure_period(clock, clock->ticks, base);
     take_anchor(clock, clock->ticks, base);
