@@ -1,7 +1,10 @@
 #include "core/hand_layout.h"
 
-/* The chip's y axis points to the fingertip, its z axis off the skin. Frames of segments: docs/conventions.md. */
-static const float on_left[4] = {0.70710678f, 0, 0.70710678f, 0}, on_right[4] = {0, 0.70710678f, 0, -0.70710678f};
+const float *hs_mounting_on(uint8_t hand)
+{
+    static const float left[4] = {0.70710678f, 0, 0.70710678f, 0}, right[4] = {0, 0.70710678f, 0, -0.70710678f};
+    return hand == HS_RIGHT ? right : left; /* frames of segments: docs/conventions.md */
+}
 
 static const struct {
     const char *name;
@@ -21,7 +24,7 @@ static bool add(const char *name, size_t n, uint8_t hand, const struct hs_driver
         const bool magnetic = known[k].first == HS_TRUNK_MAG, trunk = known[k].first >= HS_TRUNK;
         *strip = (struct hs_strip_layout){.slot = known[k].slot, .count = known[k].count};
         strip->drivers[magnetic ? 1 : 0] = magnetic ? &hs_mmc5983ma : inertial;
-        strip->mounting = trunk ? NULL : hand == HS_RIGHT ? on_right : on_left;
+        strip->mounting = trunk ? NULL : hs_mounting_on(hand);
         for (uint8_t j = 0; j < strip->count; j++) {
             strip->points[j] = (uint8_t)(known[k].first + j);
         }

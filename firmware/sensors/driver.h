@@ -6,6 +6,7 @@
 #include "core/limits.h"
 
 #define HS_STANDARD_GRAVITY 9.80665f
+#define HS_I2C_BYTES 32 /* that an I2C controller's buffer holds on every board */
 #define HS_DEGREE 0.017453293f /* rad */
 
 struct hs_reading {

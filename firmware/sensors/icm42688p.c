@@ -133,6 +133,7 @@ static bool take_packet(const uint8_t *p, struct hs_reading *r)
 static int drain(const struct hs_bus *bus, struct hs_partial *partial, struct hs_reading *readings, int most)
 {
     uint8_t b[PACKET * AT_ONCE];
+    const int at_once = bus->i2c_address == 0 ? AT_ONCE : HS_I2C_BYTES / PACKET;
     int taken = 0;
     (void)partial;
     if (!hs_read_registers(bus, FIFO_COUNTH, b, 2)) {
@@ -143,7 +144,7 @@ static int drain(const struct hs_bus *bus, struct hs_partial *partial, struct hs
         return -1; /* nobody answers */
     }
     while (left > 0 && taken < most) {
-        int n = left < AT_ONCE ? left : AT_ONCE;
+        int n = left < at_once ? left : at_once;
         n = n < most - taken ? n : most - taken;
         if (!hs_read_registers(bus, FIFO_DATA, b, (size_t)n * PACKET)) {
             return -1;

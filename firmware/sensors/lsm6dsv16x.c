@@ -134,13 +134,14 @@ static bool take_word(const uint8_t *word, struct hs_partial *p)
 static int drain(const struct hs_bus *bus, struct hs_partial *partial, struct hs_reading *readings, int most)
 {
     uint8_t b[WORD * AT_ONCE];
+    const int at_once = bus->i2c_address == 0 ? AT_ONCE : HS_I2C_BYTES / WORD;
     int taken = 0;
     if (!hs_read_registers(bus, FIFO_STATUS1, b, 2) || (b[1] & 0x06) != 0) { /* bits that are always 0: nobody answers */
         return -1;
     }
     int left = b[0] | (b[1] & 1) << 8;
     while (left > 0 && taken < most) {
-        int n = left < AT_ONCE ? left : AT_ONCE;
+        int n = left < at_once ? left : at_once;
         n = n < most - taken ? n : most - taken;
         if (!hs_read_registers(bus, FIFO_DATA_OUT_TAG, b, (size_t)n * WORD)) {
             return -1;
