@@ -87,7 +87,7 @@ static void test_samples_are_even_and_none_is_lost(const struct hs_driver *chip)
     }
 }
 
-static void test_everything_is_said_again_each_second(void)
+static void test_descriptions_are_repeated_each_second(void)
 {
     int strip = 0, info = 0, status = 0, calibration = 0;
     power_up("thumb,index", &hs_icm42688p);
@@ -104,7 +104,7 @@ static void test_everything_is_said_again_each_second(void)
 }
 
 /* Whether this strip was described so; what was sent before is passed over. */
-static bool says(uint8_t slot, uint8_t attached)
+static bool is_described(uint8_t slot, uint8_t attached)
 {
     while (bench_find(HS_STRIP, &frame)) {
         if (frame.payload[0] == slot && (frame.payload[1] & 1) == attached) {
@@ -122,12 +122,12 @@ static void test_a_strip_is_pulled_and_plugged_while_running(void)
     bench_forget();
     sim_plug(2, false);
     bench_run(0.5);
-    CHECK(says(2, 0));
-    CHECK(tally_of(4, 3).samples == 0); /* none after it was said to be pulled */
+    CHECK(is_described(2, 0));
+    CHECK(tally_of(4, 3).samples == 0); /* none after the message that it was pulled */
     bench_forget();
     sim_plug(2, true);
     bench_run(2);
-    CHECK(says(2, 1));
+    CHECK(is_described(2, 1));
     const struct tally t = tally_of(4, 3);
     CHECK(t.samples > 200 && t.lost == 0 && t.missing == 0);
 }
@@ -263,7 +263,7 @@ static void test_a_calibration_outlives_the_strip_being_pulled(void)
     CHECK(write_calibration(2, 0, 1) == HS_BUSY);
 }
 
-static void test_a_memory_that_keeps_nothing_is_said_and_the_recording_goes_on(void)
+static void test_a_memory_that_keeps_nothing_is_reported_and_the_recording_goes_on(void)
 {
     power_up("index", &hs_icm42688p);
     sim.supply = 40;
@@ -330,7 +330,7 @@ int main(void)
     test_identity_is_the_first_frame_and_boots_differ();
     test_samples_are_even_and_none_is_lost(&hs_icm42688p);
     test_samples_are_even_and_none_is_lost(&hs_lsm6dsv16x);
-    test_everything_is_said_again_each_second();
+    test_descriptions_are_repeated_each_second();
     test_a_strip_is_pulled_and_plugged_while_running();
     test_the_other_strips_go_on_without_a_gap();
     test_a_sensor_that_dies_is_missing_and_comes_back();
@@ -338,7 +338,7 @@ int main(void)
     test_rates_and_ranges_that_cannot_be_are_refused();
     test_another_rate_and_range_hold_from_the_next_start();
     test_a_calibration_outlives_the_strip_being_pulled();
-    test_a_memory_that_keeps_nothing_is_said_and_the_recording_goes_on();
+    test_a_memory_that_keeps_nothing_is_reported_and_the_recording_goes_on();
     test_strange_commands_are_answered();
     test_sixty_four_strips_are_served_and_a_slot_that_is_taken_is_refused();
     test_a_supply_that_fails_is_marked_once();

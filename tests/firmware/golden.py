@@ -22,7 +22,13 @@ GLOVE: dict[str, wire.Message] = {
     "pong": wire.Pong(2**64 - 1, 2**33),
     "calibration": CALIBRATION,
     "mark": wire.Mark(2**40, 2**32, "task", {"task_name": "tapping", "side": "left"}),
-    "plate": Plate({"trunk_mag_1": (0.0, 0.25, 0.5), "trunk_mag_2": (1.0, 1.25, 1.5)}, (0.0, 0.0, 0.75), (0.5, 0.0, 0.0), 0.5, None),
+    "plate": Plate(
+        {"trunk_mag_1": (0.0, 0.25, 0.5), "trunk_mag_2": (1.0, 1.25, 1.5)},
+        (0.0, 0.0, 0.75),
+        (0.5, 0.0, 0.0),
+        0.5,
+        None,
+    ),
 }
 COMMANDS: dict[str, wire.Message] = {
     "identify": wire.Identify(),

@@ -5,6 +5,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <math.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
@@ -236,8 +237,35 @@ static void pull_and_plug(double t)
     }
 }
 
+static struct stamps { double sum, squares, worst; uint32_t n; } stamps;
+
+/* How far a reading's time is from when the simulated chip measured it. */
+static void compare_stamps(void)
+{
+    static uint64_t before[HS_SENSORS];
+    for (int k = 0; glove.running && k < HS_SENSORS; k++) {
+        const struct hs_sensor *sensor = &glove.sensors[k];
+        const struct sim_chip *chip = sensor->phase == HS_RUNNING && sensor->driver->has_clock ? sim_chip_at(sensor->bus.slot, sensor->bus.select) : NULL;
+        if (chip == NULL || sensor->resampler.newest == before[k] || sensor->readings < 2000 || sim_period(chip) == 0) {
+            continue;
+        }
+        const int64_t period = (int64_t)sim_period(chip);
+        const int64_t late = ((int64_t)(sensor->resampler.newest - chip->next) % period + period + period / 2) % period - period / 2;
+        before[k] = sensor->resampler.newest;
+        stamps.sum += (double)late * 1e-3;
+        stamps.squares += (double)late * (double)late * 1e-6;
+        stamps.worst = stamps.worst > (double)llabs(late) * 1e-3 ? stamps.worst : (double)llabs(late) * 1e-3;
+        stamps.n++;
+    }
+}
+
 static void print_true_rates(void)
 {
+    if (stamps.n > 0) {
+        const double mean = stamps.sum / stamps.n;
+        fprintf(stderr, "time stamps: %u compared, mean %.1f us, sd %.1f us, worst %.1f us\n", stamps.n, mean,
+                sqrt(stamps.squares / stamps.n - mean * mean), stamps.worst);
+    }
     for (uint8_t s = 0; s < glove.count; s++) {
         const struct hs_strip *strip = &glove.strips[s];
         for (uint8_t k = 0; strip->streams[0].driver != NULL && k < strip->count; k++) {
@@ -280,6 +308,7 @@ int main(int count, char **words)
         }
         hs_glove_poll(&glove);
         sim_follow(&glove);
+        compare_stamps();
         board_wait(500);
     }
     if (link_path != NULL) {

@@ -139,16 +139,21 @@ static void queue_lsm(struct sim_chip *c, uint32_t ticks)
     queue(c, words, sizeof words);
 }
 
+uint64_t sim_period(const struct sim_chip *c)
+{
+    const uint32_t hz = nominal_hz(c);
+    const uint64_t nominal = hz > 0 ? HS_SECOND / hz : 0;
+    return nominal - (uint64_t)((int64_t)nominal * c->error_ppm / 1000000);
+}
+
 /* Samples that came since the last look. */
 static void catch_up(struct sim_chip *c)
 {
-    const uint32_t hz = nominal_hz(c);
-    const uint64_t now = board_now();
-    if (hz == 0) {
+    const uint64_t now = board_now(), period = sim_period(c);
+    if (period == 0) {
         c->next = 0;
         return;
     }
-    const uint64_t nominal = HS_SECOND / hz, period = nominal - (uint64_t)((int64_t)nominal * c->error_ppm / 1000000);
     if (c->next == 0 || now > c->next + HS_SECOND) {
         c->next = now + sim_draw() % (uint32_t)period;
     }

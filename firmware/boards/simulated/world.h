@@ -71,4 +71,7 @@ void sim_chip_power(struct sim_chip *chip);
 void sim_chip_transfer(struct sim_chip *chip, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in);
 uint32_t sim_draw(void);
 
+/* True time between two samples of a chip, ns; 0: it is off. */
+uint64_t sim_period(const struct sim_chip *chip);
+
 #endif
