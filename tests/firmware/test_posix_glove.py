@@ -112,6 +112,10 @@ def test_sampling_times_are_known_to_the_tick_of_the_sensor(recorded: tuple[Path
     assert sd < 20
 
 
+def test_no_fifo_overflows_while_samples_are_sent(recorded: tuple[Path, str]) -> None:
+    assert re.findall(r"lost in FIFO (\d+)", recorded[1]) == ["0"] * 17
+
+
 def test_true_rates_are_measured_against_the_base_clock(recorded: tuple[Path, str]) -> None:
     rates = re.findall(r"measured (\S+) ppm, true (\S+) ppm", recorded[1])
     assert len(rates) == 17

@@ -76,7 +76,7 @@ def test_the_loop_leaves_most_of_a_small_processor_free(build: Path) -> None:
         EMULATOR,
         *BOARD,
         "-kernel",
-        build / "count.elf",
+        str(build / "count.elf"),
         "-serial",
         "null",
         "-icount",

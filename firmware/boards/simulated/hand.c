@@ -57,6 +57,9 @@ void sim_follow(struct hs_glove *glove)
     }
     if (sim.moves_from == 0) {
         sim.moves_from = now;
+        for (uint32_t k = 0; k < sim.count; k++) {
+            sim.chips[k].lost = 0; /* what counts is lost while samples are sent */
+        }
     }
     if (marked == 0 && now >= sim.moves_from + SIM_POSE_AT) {
         hs_glove_mark(glove, sim.moves_from + SIM_POSE_AT, SIM_POSE_LASTS, "initial_pose", pose);
