@@ -3,6 +3,7 @@
 #include "sensors/driver.h"
 
 enum {
+    IF_CFG = 0x03,
     FIFO_CTRL3 = 0x09,
     FIFO_CTRL4 = 0x0A,
     WHO_AM_I = 0x0F,
@@ -69,6 +70,7 @@ static bool configure(const struct hs_bus *bus, const struct hs_setting *s)
     const uint8_t pairs[][2] = {
         {CTRL1, 0}, /* off while rates and ranges change */
         {CTRL2, 0},
+        {IF_CFG, bus->i2c_address == 0 ? 1 : 0},  /* over SPI no I2C: it would listen to the other chips' traffic */
         {CTRL3, 0x44},                            /* registers of one sample together; addresses count up */
         {FIFO_CTRL4, 0},                          /* empties it */
         {HAODR_CFG, 0x02},                        /* rates of 12.5 Hz times a power of two */

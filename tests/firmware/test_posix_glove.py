@@ -83,11 +83,12 @@ def program(make: Make) -> Path:
     return make("posix") / "glove"
 
 
-@pytest.fixture(scope="module", params=["icm42688p", "lsm6dsv16x"])
+@pytest.fixture(scope="module", params=[("icm42688p", "left"), ("lsm6dsv16x", "right")])
 def recorded(request: pytest.FixtureRequest, program: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """Ten seconds of 17 sensors at 200 Hz by the real program, and what the glove reports at its end."""
     folder = tmp_path_factory.mktemp("posix")
-    with serving(program, "--pty", str(folder / "port"), "--chip", request.param) as (port, report):
+    chip, hand = request.param
+    with serving(program, "--pty", str(folder / "port"), "--chip", chip, "--hand", hand) as (port, report):
         path = record(port, folder)
     return path, report[0]
 
