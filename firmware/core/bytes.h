@@ -1,4 +1,5 @@
-/* Little-endian numbers into and out of byte buffers; a buffer that is too short is remembered, nothing is written past its end. */
+/* Little-endian numbers into and out of byte buffers; a buffer that is too short is remembered,
+ * nothing is written past its end. */
 #ifndef HS_BYTES_H
 #define HS_BYTES_H
 

@@ -1,4 +1,5 @@
-/* Consistent-overhead byte stuffing (Cheshire and Baker 1999), without the zero byte that ends a frame. */
+/* Consistent-overhead byte stuffing (Cheshire and Baker 1999), without the zero byte that ends a
+ * frame. */
 #ifndef HS_COBS_H
 #define HS_COBS_H
 
@@ -10,7 +11,8 @@
 /* Stuff n bytes into `out`, which has room for HS_COBS_MOST(n); gives the bytes written. */
 size_t hs_cobs_encode(const uint8_t *data, size_t n, uint8_t *out);
 
-/* Undo it, in place where `out` is `data`; gives the bytes written, or (size_t)-1 where a zero stands in it or a block runs past the end. */
+/* Undo it, in place where `out` is `data`; gives the bytes written, or (size_t)-1 where a zero
+ * stands in it or a block runs past the end. */
 size_t hs_cobs_decode(const uint8_t *data, size_t n, uint8_t *out);
 
 #endif

@@ -5,7 +5,8 @@
 #define FASTEST_MAG 100.0 /* Hz */
 #define SLOWEST 1.0       /* Hz: a period of the grid fits 32 bits of ns */
 
-static void reply(struct hs_glove *glove, uint8_t command, enum hs_reply_code code, const char *text)
+static void reply(struct hs_glove *glove, uint8_t command, enum hs_reply_code code,
+                  const char *text)
 {
     hs_write_reply(hs_outbox_begin(&glove->outbox, HS_REPLY), command, code, text);
     hs_outbox_end(&glove->outbox);
@@ -21,10 +22,14 @@ static struct hs_strip *strip_at(struct hs_glove *glove, uint8_t slot)
     return NULL;
 }
 
-static bool is_rate(double rate, double fastest) { return rate == 0 || (rate >= SLOWEST && rate <= fastest); }
+static bool is_rate(double rate, double fastest)
+{
+    return rate == 0 || (rate >= SLOWEST && rate <= fastest);
+}
 
 /* The stream as it would be; false where the chip cannot. */
-static bool adapted(const struct hs_stream *stream, const struct hs_configure *c, bool inertial, struct hs_stream *made)
+static bool adapted(const struct hs_stream *stream, const struct hs_configure *c, bool inertial,
+                    struct hs_stream *made)
 {
     *made = *stream;
     made->format = c->format;
@@ -42,7 +47,8 @@ static bool configure_all(struct hs_glove *glove, const struct hs_configure *c, 
 {
     for (uint8_t k = 0; k < glove->count; k++) {
         struct hs_strip *strip = &glove->strips[k];
-        for (int which = 0; which < 2 && (c->slot == HS_ALL_SLOTS || c->slot == strip->layout->slot); which++) {
+        for (int which = 0;
+             which < 2 && (c->slot == HS_ALL_SLOTS || c->slot == strip->layout->slot); which++) {
             struct hs_stream made;
             if (strip->streams[which].driver == NULL) {
                 continue;
@@ -127,23 +133,15 @@ static void start(struct hs_glove *glove)
 static const char *execute(struct hs_glove *glove, const struct hs_command *command)
 {
     switch (command->type) {
-    case HS_IDENTIFY:
-        hs_glove_describe(glove);
-        return NULL;
-    case HS_CONFIGURE:
-        return configure(glove, &command->of.configure);
-    case HS_START:
-        start(glove);
-        return NULL;
-    case HS_STOP:
-        glove->running = false;
-        return NULL;
+    case HS_IDENTIFY: hs_glove_describe(glove); return NULL;
+    case HS_CONFIGURE: return configure(glove, &command->of.configure);
+    case HS_START: start(glove); return NULL;
+    case HS_STOP: glove->running = false; return NULL;
     case HS_CUE:
-        return board_show_cue(command->of.task) ? NULL : "this glove has nothing to show that task with";
-    case HS_READ_CALIBRATION:
-        return read_calibration(glove, command->of.slot);
-    default:
-        return write_calibration(glove, command);
+        return board_show_cue(command->of.task) ? NULL
+                                                : "this glove has nothing to show that task with";
+    case HS_READ_CALIBRATION: return read_calibration(glove, command->of.slot);
+    default: return write_calibration(glove, command);
     }
 }
 
@@ -155,7 +153,9 @@ void hs_glove_execute(struct hs_glove *glove, const struct hs_frame *frame)
     }
     const enum hs_reply_code code = hs_read_command(frame, &command);
     if (code != HS_DONE) {
-        reply(glove, frame->type, code, code == HS_UNKNOWN_COMMAND ? "unknown command" : "the payload does not make this command");
+        reply(glove, frame->type, code,
+              code == HS_UNKNOWN_COMMAND ? "unknown command"
+                                         : "the payload does not make this command");
         return;
     }
     if (command.type == HS_PING) {
@@ -168,5 +168,6 @@ void hs_glove_execute(struct hs_glove *glove, const struct hs_frame *frame)
         return;
     }
     const char *refusal = execute(glove, &command);
-    reply(glove, command.type, refusal == NULL ? HS_DONE : HS_BAD_ARGUMENT, refusal == NULL ? "" : refusal);
+    reply(glove, command.type, refusal == NULL ? HS_DONE : HS_BAD_ARGUMENT,
+          refusal == NULL ? "" : refusal);
 }

@@ -1,4 +1,5 @@
-/* Bytes cut anywhere become frames; what is no frame is counted and passed over up to the next zero byte. */
+/* Bytes cut anywhere become frames; what is no frame is counted and passed over up to the next zero
+ * byte. */
 #ifndef HS_FRAME_READER_H
 #define HS_FRAME_READER_H
 

@@ -16,9 +16,11 @@ static const char *refusal_of(const struct hs_layout *layout)
                 return "two strips claim one slot";
             }
         }
-        sensors += strip->count * (size_t)((strip->drivers[0] != NULL) + (strip->drivers[1] != NULL));
+        sensors +=
+            strip->count * (size_t)((strip->drivers[0] != NULL) + (strip->drivers[1] != NULL));
     }
-    return sensors > HS_SENSORS ? "more sensors than HS_SENSORS; compile with a larger number" : NULL;
+    return sensors > HS_SENSORS ? "more sensors than HS_SENSORS; compile with a larger number"
+                                : NULL;
 }
 
 static void identify(struct hs_glove *glove)
@@ -36,7 +38,8 @@ const char *hs_glove_start(struct hs_glove *glove, const struct hs_layout *layou
     memset(glove, 0, sizeof *glove);
     glove->layout = layout;
     glove->count = layout->count;
-    glove->identity = (struct hs_identity){layout->device_id, board_random(), layout->hand, layout->name, HS_FIRMWARE};
+    glove->identity = (struct hs_identity){layout->device_id, board_random(), layout->hand,
+                                           layout->name, HS_FIRMWARE};
     identify(glove);
     for (uint8_t k = 0; k < glove->count; k++) {
         glove->strips[k].layout = &layout->strips[k];
@@ -80,7 +83,8 @@ static float temperature_of(struct hs_glove *glove)
     float celsius = 0;
     for (uint8_t k = 0; k < glove->count; k++) {
         const struct hs_stream *stream = &glove->strips[k].streams[0];
-        if (stream->driver != NULL && stream->sensors[0].phase == HS_RUNNING && stream->driver->temperature(&stream->sensors[0].bus, &celsius)) {
+        if (stream->driver != NULL && stream->sensors[0].phase == HS_RUNNING &&
+            stream->driver->temperature(&stream->sensors[0].bus, &celsius)) {
             return celsius;
         }
     }
@@ -93,9 +97,11 @@ static void announce(struct hs_glove *glove)
     if (!glove->running || now - glove->announced < HS_SECOND) {
         return;
     }
-    glove->announced += now - glove->announced < 2 * (uint64_t)HS_SECOND ? HS_SECOND : now - glove->announced;
+    glove->announced +=
+        now - glove->announced < 2 * (uint64_t)HS_SECOND ? HS_SECOND : now - glove->announced;
     hs_glove_describe(glove);
-    hs_write_status(hs_outbox_begin(&glove->outbox, HS_STATUS), now, glove->outbox.overruns, board_battery(), temperature_of(glove));
+    hs_write_status(hs_outbox_begin(&glove->outbox, HS_STATUS), now, glove->outbox.overruns,
+                    board_battery(), temperature_of(glove));
     hs_outbox_end(&glove->outbox);
 }
 
@@ -135,7 +141,8 @@ void hs_glove_poll(struct hs_glove *glove)
     send(glove);
 }
 
-void hs_glove_mark(struct hs_glove *glove, uint64_t t, uint64_t duration, const char *trial_type, const char *const *pairs)
+void hs_glove_mark(struct hs_glove *glove, uint64_t t, uint64_t duration, const char *trial_type,
+                   const char *const *pairs)
 {
     hs_write_mark(hs_outbox_begin(&glove->outbox, HS_MARK), t, duration, trial_type, pairs);
     hs_outbox_end(&glove->outbox);

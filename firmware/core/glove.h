@@ -1,4 +1,5 @@
-/* A whole glove: strips that come and go, streams on one grid of time, commands in, frames out. One instance, no heap. */
+/* A whole glove: strips that come and go, streams on one grid of time, commands in, frames out. One
+ * instance, no heap. */
 #ifndef HS_GLOVE_H
 #define HS_GLOVE_H
 
@@ -15,7 +16,7 @@ struct hs_strip_layout {
     uint8_t points[HS_PER_STRIP];
     const struct hs_driver *drivers[2]; /* inertial sensor, magnetometer; either may be NULL */
     uint8_t i2c_address[2];             /* of sensor 0, the next ones follow; 0: SPI */
-    const float *mounting;              /* q_BS (w, x, y, z) of its sensors, NULL: axes of the segments */
+    const float *mounting; /* q_BS (w, x, y, z) of its sensors, NULL: axes of the segments */
 };
 
 struct hs_layout {
@@ -59,10 +60,10 @@ struct hs_glove {
     struct hs_frame_reader inbox;
     struct hs_strip strips[HS_STRIPS];
     struct hs_sensor sensors[HS_SENSORS];
-    uint8_t count;     /* strips */
+    uint8_t count; /* strips */
     bool running;
     bool supply_was_low;
-    uint64_t origin;   /* ns, of the grid: when samples were started */
+    uint64_t origin; /* ns, of the grid: when samples were started */
     uint64_t announced;
 };
 
@@ -72,8 +73,10 @@ const char *hs_glove_start(struct hs_glove *glove, const struct hs_layout *layou
 /* Do what is due; call it as often as possible, every 2 ms at least. */
 void hs_glove_poll(struct hs_glove *glove);
 
-/* Something happened that the glove knows of, such as its button; pairs of key and value end with NULL. */
-void hs_glove_mark(struct hs_glove *glove, uint64_t t, uint64_t duration, const char *trial_type, const char *const *pairs);
+/* Something happened that the glove knows of, such as its button; pairs of key and value end with
+ * NULL. */
+void hs_glove_mark(struct hs_glove *glove, uint64_t t, uint64_t duration, const char *trial_type,
+                   const char *const *pairs);
 
 /* The host closed the port: samples stop, what waits is dropped. */
 void hs_glove_hang_up(struct hs_glove *glove);
@@ -81,10 +84,12 @@ void hs_glove_hang_up(struct hs_glove *glove);
 /* Within the core. */
 void hs_strip_start(struct hs_glove *glove, struct hs_strip *strip);
 void hs_strip_poll(struct hs_glove *glove, struct hs_strip *strip);
-void hs_strip_describe(struct hs_glove *glove, const struct hs_strip *strip);        /* Strip and its calibrations */
+void hs_strip_describe(struct hs_glove *glove,
+                       const struct hs_strip *strip); /* Strip and its calibrations */
 void hs_strip_describe_streams(struct hs_glove *glove, const struct hs_strip *strip);
 void hs_strip_send_calibrations(struct hs_glove *glove, const struct hs_strip *strip);
-bool hs_stream_choose(struct hs_stream *stream); /* chip's rate and ranges from what is asked for; false: it cannot */
+bool hs_stream_choose(
+    struct hs_stream *stream); /* chip's rate and ranges from what is asked for; false: it cannot */
 void hs_stream_configure(struct hs_stream *stream, uint8_t count);
 void hs_stream_send(struct hs_glove *glove, struct hs_strip *strip, struct hs_stream *stream);
 void hs_glove_execute(struct hs_glove *glove, const struct hs_frame *frame);

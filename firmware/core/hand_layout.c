@@ -2,7 +2,8 @@
 
 const float *hs_mounting_on(uint8_t hand)
 {
-    static const float left[4] = {0.70710678f, 0, 0.70710678f, 0}, right[4] = {0, 0.70710678f, 0, -0.70710678f};
+    static const float left[4] = {0.70710678f, 0, 0.70710678f, 0},
+                       right[4] = {0, 0.70710678f, 0, -0.70710678f};
     return hand == HS_RIGHT ? right : left; /* frames of segments: docs/conventions.md */
 }
 
@@ -10,12 +11,15 @@ static const struct {
     const char *name;
     uint8_t slot, first, count;
 } known[] = {
-    {"hand", 0, HS_ON_HAND, 1}, {"thumb", 1, HS_THUMB, 3},       {"index", 2, HS_INDEX, 3},
-    {"middle", 3, HS_MIDDLE, 3}, {"ring", 4, HS_RING_FINGER, 3},  {"little", 5, HS_LITTLE, 3},
-    {"forearm", 6, HS_FOREARM, 1}, {"trunk", 7, HS_TRUNK, 1},      {"trunk_mag", 9, HS_TRUNK_MAG, 4},
+    {"hand", 0, HS_ON_HAND, 1},        {"thumb", 1, HS_THUMB, 3},
+    {"index", 2, HS_INDEX, 3},         {"middle", 3, HS_MIDDLE, 3},
+    {"ring", 4, HS_RING_FINGER, 3},    {"little", 5, HS_LITTLE, 3},
+    {"forearm", 6, HS_FOREARM, 1},     {"trunk", 7, HS_TRUNK, 1},
+    {"trunk_mag", 9, HS_TRUNK_MAG, 4},
 };
 
-static bool add(const char *name, size_t n, uint8_t hand, const struct hs_driver *inertial, struct hs_strip_layout *strip)
+static bool add(const char *name, size_t n, uint8_t hand, const struct hs_driver *inertial,
+                struct hs_strip_layout *strip)
 {
     for (size_t k = 0; k < sizeof known / sizeof known[0]; k++) {
         if (strlen(known[k].name) != n || strncmp(known[k].name, name, n) != 0) {
@@ -33,7 +37,8 @@ static bool add(const char *name, size_t n, uint8_t hand, const struct hs_driver
     return false;
 }
 
-uint8_t hs_hand_layout(const char *names, uint8_t hand, const struct hs_driver *inertial, struct hs_strip_layout *strips)
+uint8_t hs_hand_layout(const char *names, uint8_t hand, const struct hs_driver *inertial,
+                       struct hs_strip_layout *strips)
 {
     uint8_t count = 0;
     while (*names != 0) {

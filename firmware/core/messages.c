@@ -19,8 +19,8 @@ void hs_write_identity(struct hs_writer *w, const struct hs_identity *m)
     hs_put_text(w, m->firmware);
 }
 
-void hs_write_strip(struct hs_writer *w, uint8_t slot, bool attached, uint64_t strip_id, uint8_t n, const uint8_t *points,
-                    const float *mounting)
+void hs_write_strip(struct hs_writer *w, uint8_t slot, bool attached, uint64_t strip_id, uint8_t n,
+                    const uint8_t *points, const float *mounting)
 {
     hs_put_uint(w, slot, 1);
     hs_put_uint(w, attached ? 3 : 2, 1); /* bit 1: samples are raw */
@@ -58,7 +58,8 @@ void hs_write_burst(struct hs_writer *w, const struct hs_burst *m)
     hs_put_uint(w, m->count, 1);
 }
 
-void hs_write_status(struct hs_writer *w, uint64_t t, uint32_t overruns, uint8_t battery, float celsius)
+void hs_write_status(struct hs_writer *w, uint64_t t, uint32_t overruns, uint8_t battery,
+                     float celsius)
 {
     hs_put_uint(w, t, 8);
     hs_put_uint(w, overruns, 4);
@@ -79,14 +80,16 @@ void hs_write_pong(struct hs_writer *w, uint64_t token, uint64_t t)
     hs_put_uint(w, t, 8);
 }
 
-void hs_write_calibration(struct hs_writer *w, uint8_t slot, uint8_t sensor, const struct hs_calibration *m)
+void hs_write_calibration(struct hs_writer *w, uint8_t slot, uint8_t sensor,
+                          const struct hs_calibration *m)
 {
     hs_put_uint(w, slot, 1);
     hs_put_uint(w, sensor, 1);
     hs_put_calibration(w, m);
 }
 
-void hs_write_mark(struct hs_writer *w, uint64_t t, uint64_t duration, const char *trial_type, const char *const *pairs)
+void hs_write_mark(struct hs_writer *w, uint64_t t, uint64_t duration, const char *trial_type,
+                   const char *const *pairs)
 {
     hs_put_uint(w, t, 8);
     hs_put_uint(w, duration, 8);
@@ -182,27 +185,17 @@ enum hs_reply_code hs_read_command(const struct hs_frame *frame, struct hs_comma
     switch (frame->type) {
     case HS_IDENTIFY:
     case HS_START:
-    case HS_STOP:
-        return HS_DONE;
-    case HS_CONFIGURE:
-        read_configure(&r, &command->of.configure);
-        break;
-    case HS_PING:
-        command->of.token = hs_get_uint(&r, 8);
-        break;
-    case HS_CUE:
-        read_cue(&r, command->of.task);
-        break;
-    case HS_READ_CALIBRATION:
-        command->of.slot = (uint8_t)hs_get_uint(&r, 1);
-        break;
+    case HS_STOP: return HS_DONE;
+    case HS_CONFIGURE: read_configure(&r, &command->of.configure); break;
+    case HS_PING: command->of.token = hs_get_uint(&r, 8); break;
+    case HS_CUE: read_cue(&r, command->of.task); break;
+    case HS_READ_CALIBRATION: command->of.slot = (uint8_t)hs_get_uint(&r, 1); break;
     case HS_WRITE_CALIBRATION:
         command->of.write.slot = (uint8_t)hs_get_uint(&r, 1);
         command->of.write.sensor = (uint8_t)hs_get_uint(&r, 1);
         hs_get_calibration(&r, &command->of.write.calibration);
         break;
-    default:
-        return HS_UNKNOWN_COMMAND;
+    default: return HS_UNKNOWN_COMMAND;
     }
     return r.short_of || r.at != r.size ? HS_BAD_ARGUMENT : HS_DONE;
 }

@@ -59,8 +59,9 @@ struct hs_identity {
 
 struct hs_stream_info {
     uint8_t stream, slot, clock, quantities, format;
-    double rate;                      /* Hz */
-    float scale[3], full_scale[3];    /* SI units per count, SI units; by quantity, in the order of their bits */
+    double rate; /* Hz */
+    float scale[3],
+        full_scale[3]; /* SI units per count, SI units; by quantity, in the order of their bits */
 };
 
 struct hs_burst { /* head of Samples; the values follow */
@@ -74,7 +75,7 @@ struct hs_calibration { /* y = M (x - bias) of gyr, acc, mag; M row by row */
     float bias[9], matrix[27];
 };
 
-struct hs_plate { /* magnetometers on the trunk, magnet on the hand */
+struct hs_plate {                          /* magnetometers on the trunk, magnet on the hand */
     float earth, dip, moment[3], place[3]; /* T, rad, A m^2, m */
     uint8_t n;
     const uint8_t *points;
@@ -108,15 +109,21 @@ enum hs_reply_code hs_read_command(const struct hs_frame *frame, struct hs_comma
 uint8_t hs_quantities_of(uint8_t mask); /* how many bits are set */
 
 void hs_write_identity(struct hs_writer *w, const struct hs_identity *m);
-void hs_write_strip(struct hs_writer *w, uint8_t slot, bool attached, uint64_t strip_id, uint8_t n, const uint8_t *points,
-                    const float *mounting); /* mounting: w, x, y, z of all its sensors alike, or NULL */
+void hs_write_strip(
+    struct hs_writer *w, uint8_t slot, bool attached, uint64_t strip_id, uint8_t n,
+    const uint8_t *points,
+    const float *mounting); /* mounting: w, x, y, z of all its sensors alike, or NULL */
 void hs_write_stream_info(struct hs_writer *w, const struct hs_stream_info *m);
 void hs_write_burst(struct hs_writer *w, const struct hs_burst *m);
-void hs_write_status(struct hs_writer *w, uint64_t t, uint32_t overruns, uint8_t battery, float celsius);
-void hs_write_reply(struct hs_writer *w, uint8_t command, enum hs_reply_code code, const char *text);
+void hs_write_status(struct hs_writer *w, uint64_t t, uint32_t overruns, uint8_t battery,
+                     float celsius);
+void hs_write_reply(struct hs_writer *w, uint8_t command, enum hs_reply_code code,
+                    const char *text);
 void hs_write_pong(struct hs_writer *w, uint64_t token, uint64_t t);
-void hs_write_calibration(struct hs_writer *w, uint8_t slot, uint8_t sensor, const struct hs_calibration *m);
-void hs_write_mark(struct hs_writer *w, uint64_t t, uint64_t duration, const char *trial_type, const char *const *pairs);
+void hs_write_calibration(struct hs_writer *w, uint8_t slot, uint8_t sensor,
+                          const struct hs_calibration *m);
+void hs_write_mark(struct hs_writer *w, uint64_t t, uint64_t duration, const char *trial_type,
+                   const char *const *pairs);
 void hs_write_plate(struct hs_writer *w, const struct hs_plate *m);
 
 /* The numbers of a calibration as they stand on the wire and in a strip's memory. */

@@ -49,7 +49,4 @@ void hs_outbox_drop(struct hs_outbox *outbox, size_t n)
     outbox->used -= n;
 }
 
-void hs_outbox_clear(struct hs_outbox *outbox)
-{
-    outbox->first = outbox->used = 0;
-}
+void hs_outbox_clear(struct hs_outbox *outbox) { outbox->first = outbox->used = 0; }

@@ -1,4 +1,5 @@
-/* Frames on their way to the host: numbered, stuffed, and held back in a ring while the host takes no bytes. */
+/* Frames on their way to the host: numbered, stuffed, and held back in a ring while the host takes
+ * no bytes. */
 #ifndef HS_OUTBOX_H
 #define HS_OUTBOX_H
 
@@ -18,7 +19,8 @@ struct hs_outbox {
 /* Begin a frame of this type; its payload is written to the writer that this gives. */
 struct hs_writer *hs_outbox_begin(struct hs_outbox *outbox, uint8_t type);
 
-/* Number, check and queue the frame; false where there is no room: it is dropped whole, counted, and its number is used up. */
+/* Number, check and queue the frame; false where there is no room: it is dropped whole, counted,
+ * and its number is used up. */
 bool hs_outbox_end(struct hs_outbox *outbox);
 
 /* The next contiguous bytes to send, and to say how many of them the host took. */

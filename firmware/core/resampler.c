@@ -6,7 +6,8 @@ struct hs_grid hs_grid_at(uint64_t t, double rate)
 {
     const double period = 1e9 / rate;
     const uint32_t whole = (uint32_t)period;
-    return (struct hs_grid){.t = t, .period = whole, .period_fraction = (uint32_t)((period - whole) * 4294967296.0)};
+    return (struct hs_grid){
+        .t = t, .period = whole, .period_fraction = (uint32_t)((period - whole) * 4294967296.0)};
 }
 
 void hs_grid_step(struct hs_grid *grid)

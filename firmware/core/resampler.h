@@ -1,7 +1,9 @@
-/* A sensor's samples onto the base clock's even grid: each value is the sensor's mean since the grid time before.
+/* A sensor's samples onto the base clock's even grid: each value is the sensor's mean since the
+ * grid time before.
  *
- * The mean is exact for rates that are constant between the sensor's own samples, so that the angle is kept whatever the two rates are;
- * a raw count stays linear in what the sensor measured, so that y = M (x - bias) holds after it as before.
+ * The mean is exact for rates that are constant between the sensor's own samples, so that the angle
+ * is kept whatever the two rates are; a raw count stays linear in what the sensor measured, so that
+ * y = M (x - bias) holds after it as before.
  */
 #ifndef HS_RESAMPLER_H
 #define HS_RESAMPLER_H
@@ -13,7 +15,7 @@
 #include <stdint.h>
 
 struct hs_grid { /* times 1/rate apart, the fraction of a ns carried on */
-    uint64_t t; /* ns */
+    uint64_t t;  /* ns */
     uint32_t fraction, index;
     uint32_t period, period_fraction; /* ns, 2^-32 ns */
 };
@@ -24,7 +26,7 @@ struct hs_resampler {
     uint64_t newest;     /* time of the newest reading; 0: none */
     uint64_t gap;        /* ns without a reading that are missing samples */
     int64_t sum[HS_AXES];
-    uint64_t covered;    /* ns of the interval that readings cover */
+    uint64_t covered;          /* ns of the interval that readings cover */
     int16_t at_limit[HS_AXES]; /* the reading at the sensor's limit, 0: none */
     int16_t limit[HS_AXES];
     uint8_t axes;

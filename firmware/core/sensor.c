@@ -2,15 +2,15 @@
 
 #include "core/messages.h"
 
-#define TEST_READS 8                        /* averaged, with and without the excitation */
-#define TEST_PAUSE (60 * HS_MILLISECOND)    /* a sensor settles after a change of its excitation */
+#define TEST_READS 8                     /* averaged, with and without the excitation */
+#define TEST_PAUSE (60 * HS_MILLISECOND) /* a sensor settles after a change of its excitation */
 #define READ_PAUSE (5 * HS_MILLISECOND)
 #define SYNC_EVERY (50 * HS_MILLISECOND)
-#define SILENCE (60 * HS_MILLISECOND)       /* without a reading a sensor is asked who it is */
+#define SILENCE (60 * HS_MILLISECOND) /* without a reading a sensor is asked who it is */
 #define MOST_FAULTS 3
 #define LOOK_AGAIN (250 * HS_MILLISECOND)
-#define DRAINED 32                          /* readings at once */
-#define GAP_PERIODS 3                       /* of the sensor's own samples */
+#define DRAINED 32    /* readings at once */
+#define GAP_PERIODS 3 /* of the sensor's own samples */
 
 static void be_absent(struct hs_sensor *s)
 {
@@ -48,7 +48,8 @@ void hs_sensor_configure(struct hs_sensor *s)
     s->partial = (struct hs_partial){0};
     s->faults = 0;
     s->readings = 0;
-    s->resampler.gap = s->driver->has_clock ? (uint64_t)(GAP_PERIODS * 1e9f / s->setting.hz) : HS_SECOND / 4;
+    s->resampler.gap =
+        s->driver->has_clock ? (uint64_t)(GAP_PERIODS * 1e9f / s->setting.hz) : HS_SECOND / 4;
     s->resampler.axes = s->driver->axes;
     for (int k = 0; k < s->driver->axes; k++) {
         const float counts = s->setting.full_scale[k / 3] / s->setting.scale[k / 3];
@@ -62,7 +63,8 @@ static void configure_for_test(struct hs_sensor *s)
 {
     static const float widest[2] = {2000 * HS_DEGREE, 16 * HS_STANDARD_GRAVITY};
     const struct hs_setting wanted = s->setting;
-    if (s->driver->choose(400, widest, &s->setting) && s->driver->configure(&s->bus, &s->setting) && s->driver->excite(&s->bus, false)) {
+    if (s->driver->choose(400, widest, &s->setting) && s->driver->configure(&s->bus, &s->setting) &&
+        s->driver->excite(&s->bus, false)) {
         enter(s, HS_QUIET, TEST_PAUSE);
     } else {
         be_absent(s);
@@ -74,8 +76,10 @@ static void judge_test(struct hs_sensor *s)
 {
     s->tested = s->passed = true;
     for (int k = 0; k < s->driver->axes; k++) {
-        const int32_t moved = (s->sum[k] - s->quiet[k]) / TEST_READS, size = moved < 0 ? -moved : moved;
-        s->passed = s->passed && size >= s->driver->test_least[k] && size <= s->driver->test_most[k];
+        const int32_t moved = (s->sum[k] - s->quiet[k]) / TEST_READS,
+                      size = moved < 0 ? -moved : moved;
+        s->passed =
+            s->passed && size >= s->driver->test_least[k] && size <= s->driver->test_most[k];
     }
 }
 
@@ -121,7 +125,9 @@ static void take_readings(struct hs_sensor *s, const struct hs_reading *readings
 {
     const uint64_t now = board_now();
     for (int k = 0; k < n; k++) {
-        const uint64_t t = s->driver->has_clock ? hs_sensor_clock_time(&s->clock, readings[k].ticks, s->driver->stamp_bits) : now;
+        const uint64_t t = s->driver->has_clock ? hs_sensor_clock_time(&s->clock, readings[k].ticks,
+                                                                       s->driver->stamp_bits)
+                                                : now;
         hs_resampler_push(&s->resampler, t, readings[k].value);
     }
     s->readings += (uint32_t)n;
@@ -144,7 +150,8 @@ static void run(struct hs_sensor *s)
     if (s->faults >= MOST_FAULTS || (silent && !s->driver->probe(&s->bus))) {
         be_absent(s);
     } else if (silent) {
-        hs_sensor_configure(s); /* it answers and gives nothing: its supply may have failed for a moment */
+        hs_sensor_configure(
+            s); /* it answers and gives nothing: its supply may have failed for a moment */
     }
 }
 
@@ -152,8 +159,7 @@ bool hs_sensor_advance(struct hs_sensor *s)
 {
     const bool due = board_now() >= s->due;
     switch (s->phase) {
-    case HS_ABSENT:
-        return due ? hs_sensor_begin(s) : false;
+    case HS_ABSENT: return due ? hs_sensor_begin(s) : false;
     case HS_RESET:
         if (due && s->driver->excite != NULL && !s->tested) {
             configure_for_test(s);
@@ -178,9 +184,7 @@ bool hs_sensor_advance(struct hs_sensor *s)
             s->next_sync = 0;
         }
         break;
-    case HS_RUNNING:
-        run(s);
-        break;
+    case HS_RUNNING: run(s); break;
     }
     return s->phase != HS_ABSENT;
 }

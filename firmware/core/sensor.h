@@ -1,4 +1,5 @@
-/* One sensor chip from power-up to resampled samples: reset, self-test, configuration, FIFO, its clock. */
+/* One sensor chip from power-up to resampled samples: reset, self-test, configuration, FIFO, its
+ * clock. */
 #ifndef HS_SENSOR_H
 #define HS_SENSOR_H
 
@@ -13,14 +14,14 @@ struct hs_sensor {
     const struct hs_driver *driver;
     struct hs_setting setting;
     enum hs_phase phase;
-    uint64_t due;      /* when the phase is over, or when to look again */
+    uint64_t due; /* when the phase is over, or when to look again */
     uint64_t next_sync;
-    uint64_t last_reading;    /* when readings last came */
+    uint64_t last_reading; /* when readings last came */
     int32_t sum[HS_AXES], quiet[HS_AXES];
     uint8_t reads;
     bool tested, passed; /* self-test */
-    uint8_t faults;    /* drains that failed, one after the other */
-    uint32_t readings; /* since it began to run */
+    uint8_t faults;      /* drains that failed, one after the other */
+    uint32_t readings;   /* since it began to run */
     struct hs_partial partial;
     struct hs_sensor_clock clock;
     struct hs_resampler resampler;
@@ -35,7 +36,8 @@ bool hs_sensor_advance(struct hs_sensor *sensor);
 /* New rate or range: configure it anew, without self-test. */
 void hs_sensor_configure(struct hs_sensor *sensor);
 
-/* What it measures really, Hz, by its own clock against the base unit's; nominal while that is not known. */
+/* What it measures really, Hz, by its own clock against the base unit's; nominal while that is not
+ * known. */
 float hs_sensor_true_rate(const struct hs_sensor *sensor);
 
 #endif

@@ -2,11 +2,14 @@
 #include "core/glove.h"
 
 #define BURST_SECONDS 0.01
-#define LATE (40 * HS_MILLISECOND) /* a sensor that is later than that is missing from the burst */
+#define LATE                                                                                       \
+    (40 * HS_MILLISECOND) /* a sensor that is later than that is missing from the burst            \
+                           */
 
 bool hs_stream_choose(struct hs_stream *stream)
 {
-    /* Twice the rate where the chip can: the mean over a grid interval then has two samples and more */
+    /* Twice the rate where the chip can: the mean over a grid interval then has two samples and
+     * more */
     return stream->driver->choose((float)(2 * stream->rate), stream->ranges, &stream->setting) ||
            stream->driver->choose((float)stream->rate, stream->ranges, &stream->setting);
 }
@@ -29,7 +32,9 @@ void hs_strip_describe_streams(struct hs_glove *glove, const struct hs_strip *st
         if (stream->driver == NULL) {
             continue;
         }
-        struct hs_stream_info info = {stream->number, strip->layout->slot, 0, stream->driver->quantities, stream->format, stream->rate, {0}, {0}};
+        struct hs_stream_info info = {
+            stream->number, strip->layout->slot, 0,   stream->driver->quantities,
+            stream->format, stream->rate,        {0}, {0}};
         for (int q = 0; q < 2; q++) {
             info.scale[q] = stream->format == HS_INT16 ? stream->setting.scale[q] : 1.0f;
             info.full_scale[q] = stream->setting.full_scale[q];
@@ -39,11 +44,13 @@ void hs_strip_describe_streams(struct hs_glove *glove, const struct hs_strip *st
     }
 }
 
-/* The next time of the common grid after now, a period away at least; samples are numbered from there. */
+/* The next time of the common grid after now, a period away at least; samples are numbered from
+ * there. */
 static struct hs_grid next_grid(const struct hs_glove *glove, double rate)
 {
     const double passed = (double)(board_now() - glove->origin) * 1e-9 * rate;
-    return hs_grid_at(glove->origin + (uint64_t)((double)((uint64_t)passed + 2) * 1e9 / rate), rate);
+    return hs_grid_at(glove->origin + (uint64_t)((double)((uint64_t)passed + 2) * 1e9 / rate),
+                      rate);
 }
 
 /* Begin where every sensor runs or is absent; let sensors that came later join. */
@@ -73,8 +80,10 @@ static void begin(const struct hs_glove *glove, struct hs_strip *strip, struct h
 
 static uint8_t burst_length(const struct hs_strip *strip, const struct hs_stream *stream)
 {
-    const size_t sample = (size_t)strip->count * stream->driver->axes * (stream->format == HS_INT16 ? 2 : 4);
-    const size_t room = (HS_BODY - 32) / sample, wanted = (size_t)(BURST_SECONDS * stream->rate + 0.5);
+    const size_t sample =
+        (size_t)strip->count * stream->driver->axes * (stream->format == HS_INT16 ? 2 : 4);
+    const size_t room = (HS_BODY - 32) / sample,
+                 wanted = (size_t)(BURST_SECONDS * stream->rate + 0.5);
     const size_t n = wanted < 1 ? 1 : wanted > 255 ? 255 : wanted;
     return (uint8_t)(n < room ? n : room);
 }
@@ -83,14 +92,16 @@ static bool is_complete(const struct hs_strip *strip, const struct hs_stream *st
 {
     for (uint8_t k = 0; k < strip->count; k++) {
         const struct hs_sensor *sensor = &stream->sensors[k];
-        if (sensor->phase == HS_RUNNING && (int32_t)(sensor->resampler.grid.index - stream->next.index - n) < 0) {
+        if (sensor->phase == HS_RUNNING &&
+            (int32_t)(sensor->resampler.grid.index - stream->next.index - n) < 0) {
             return board_now() > stream->next.t + (uint64_t)stream->next.period * n + LATE;
         }
     }
     return true;
 }
 
-static void put_sample(struct hs_writer *w, const struct hs_stream *stream, const struct hs_sensor *sensor, uint32_t index)
+static void put_sample(struct hs_writer *w, const struct hs_stream *stream,
+                       const struct hs_sensor *sensor, uint32_t index)
 {
     const int16_t *value = hs_resampler_at(&sensor->resampler, index);
     for (uint8_t axis = 0; axis < stream->driver->axes; axis++) {
@@ -104,9 +115,11 @@ static void put_sample(struct hs_writer *w, const struct hs_stream *stream, cons
     }
 }
 
-static void send_burst(struct hs_glove *glove, const struct hs_strip *strip, struct hs_stream *stream, uint8_t n)
+static void send_burst(struct hs_glove *glove, const struct hs_strip *strip,
+                       struct hs_stream *stream, uint8_t n)
 {
-    const struct hs_burst head = {stream->number, stream->next.index, stream->next.t, board_now(), n};
+    const struct hs_burst head = {stream->number, stream->next.index, stream->next.t, board_now(),
+                                  n};
     struct hs_writer *w = hs_outbox_begin(&glove->outbox, HS_SAMPLES);
     hs_write_burst(w, &head);
     for (uint8_t j = 0; j < n; j++) {
@@ -126,7 +139,9 @@ void hs_stream_send(struct hs_glove *glove, struct hs_strip *strip, struct hs_st
         return;
     }
     begin(glove, strip, stream);
-    while (stream->flowing && stream->next.t + (uint64_t)stream->next.period * (n - 1u) < board_now() && is_complete(strip, stream, n)) {
+    while (stream->flowing &&
+           stream->next.t + (uint64_t)stream->next.period * (n - 1u) < board_now() &&
+           is_complete(strip, stream, n)) {
         send_burst(glove, strip, stream, n);
     }
 }

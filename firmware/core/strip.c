@@ -2,9 +2,11 @@
 #include "core/glove.h"
 
 #define SWEEP (5 * HS_MILLISECOND)
-#define LOOK (20 * HS_MILLISECOND) /* at an empty connector; its sensors pause longer by themselves */
+#define LOOK                                                                                       \
+    (20 * HS_MILLISECOND) /* at an empty connector; its sensors pause longer by themselves */
 
-static void set_up_stream(struct hs_glove *glove, struct hs_strip *strip, int which, struct hs_sensor *sensors)
+static void set_up_stream(struct hs_glove *glove, struct hs_strip *strip, int which,
+                          struct hs_sensor *sensors)
 {
     struct hs_stream *stream = &strip->streams[which];
     const bool inertial = which == 0;
@@ -18,8 +20,10 @@ static void set_up_stream(struct hs_glove *glove, struct hs_strip *strip, int wh
     }
     for (uint8_t k = 0; k < strip->layout->count; k++) {
         const uint8_t first = strip->layout->i2c_address[which];
-        sensors[k].bus = (struct hs_bus){strip->layout->slot, (uint8_t)(k + (inertial || strip->layout->drivers[0] == NULL ? 0 : HS_PER_STRIP)),
-                                         (uint8_t)(first == 0 ? 0 : first + k)};
+        sensors[k].bus = (struct hs_bus){
+            strip->layout->slot,
+            (uint8_t)(k + (inertial || strip->layout->drivers[0] == NULL ? 0 : HS_PER_STRIP)),
+            (uint8_t)(first == 0 ? 0 : first + k)};
         sensors[k].driver = stream->driver;
     }
 }
@@ -44,7 +48,8 @@ void hs_strip_start(struct hs_glove *glove, struct hs_strip *strip)
             }
         }
     }
-    strip->due = board_now() + (uint64_t)strip->layout->slot * (SWEEP / HS_STRIPS); /* connectors take turns */
+    strip->due = board_now() +
+                 (uint64_t)strip->layout->slot * (SWEEP / HS_STRIPS); /* connectors take turns */
 }
 
 /* Advance all sensors; how many are running, and how many are on their way there. */
@@ -78,7 +83,9 @@ static void use_record(struct hs_strip *strip, bool known)
     for (uint8_t k = 0; k < record->n; k++) {
         hs_identity_calibration(&record->calibration[k]);
     }
-    hs_strip_memory_write(&strip->memory, record); /* where it cannot be kept the strip has another number at the next power-up */
+    hs_strip_memory_write(
+        &strip->memory,
+        record); /* where it cannot be kept the strip has another number at the next power-up */
 }
 
 /* A sensor whose self-test failed is sent all the same; the recording says so. */
@@ -87,8 +94,10 @@ static void report_self_tests(struct hs_glove *glove, const struct hs_strip *str
     for (uint8_t k = 0; strip->streams[0].driver != NULL && k < strip->count; k++) {
         const struct hs_sensor *sensor = &strip->streams[0].sensors[k];
         if (sensor->tested && !sensor->passed) {
-            const char slot[2] = {(char)('0' + strip->layout->slot % 10), 0}, number[2] = {(char)('0' + k), 0};
-            const char *const pairs[] = {"slot", slot, "sensor", number, "chip", sensor->driver->name, NULL};
+            const char slot[2] = {(char)('0' + strip->layout->slot % 10), 0},
+                       number[2] = {(char)('0' + k), 0};
+            const char *const pairs[] = {
+                "slot", slot, "sensor", number, "chip", sensor->driver->name, NULL};
             hs_glove_mark(glove, board_now(), 0, "self_test_failed", pairs);
         }
     }
@@ -146,7 +155,8 @@ void hs_strip_poll(struct hs_glove *glove, struct hs_strip *strip)
 void hs_strip_send_calibrations(struct hs_glove *glove, const struct hs_strip *strip)
 {
     for (uint8_t k = 0; k < strip->count; k++) {
-        hs_write_calibration(hs_outbox_begin(&glove->outbox, HS_CALIBRATION), strip->layout->slot, k, &strip->record.calibration[k]);
+        hs_write_calibration(hs_outbox_begin(&glove->outbox, HS_CALIBRATION), strip->layout->slot,
+                             k, &strip->record.calibration[k]);
         hs_outbox_end(&glove->outbox);
     }
 }
@@ -157,8 +167,9 @@ void hs_strip_describe(struct hs_glove *glove, const struct hs_strip *strip)
         return;
     }
     const bool attached = strip->state == HS_ATTACHED;
-    hs_write_strip(hs_outbox_begin(&glove->outbox, HS_STRIP), strip->layout->slot, attached, strip->record.strip_id, strip->count,
-                   strip->record.points, strip->layout->mounting);
+    hs_write_strip(hs_outbox_begin(&glove->outbox, HS_STRIP), strip->layout->slot, attached,
+                   strip->record.strip_id, strip->count, strip->record.points,
+                   strip->layout->mounting);
     hs_outbox_end(&glove->outbox);
     if (attached) {
         hs_strip_send_calibrations(glove, strip);

@@ -72,7 +72,9 @@ static size_t build(const struct hs_strip_record *record, uint32_t number)
 
 static enum hs_memory_kind memory_of(uint8_t slot)
 {
-    return hs_eeprom_probe(slot) ? HS_CHIP : board_flash_read((uint8_t)(2 * slot), page, 1) ? HS_BASE_FLASH : HS_NO_MEMORY;
+    return hs_eeprom_probe(slot)                            ? HS_CHIP
+           : board_flash_read((uint8_t)(2 * slot), page, 1) ? HS_BASE_FLASH
+                                                            : HS_NO_MEMORY;
 }
 
 bool hs_strip_memory_open(struct hs_strip_memory *m, uint8_t slot, struct hs_strip_record *record)
@@ -81,7 +83,8 @@ bool hs_strip_memory_open(struct hs_strip_memory *m, uint8_t slot, struct hs_str
     *m = (struct hs_strip_memory){.slot = slot, .kind = memory_of(slot), .copy = 255};
     for (uint8_t copy = 0; copy < 2; copy++) {
         uint32_t number = 0;
-        if (read_copy(m, copy, HS_PAGE) && parse(&found, &number) && (m->copy == 255 || (int32_t)(number - m->number) > 0)) {
+        if (read_copy(m, copy, HS_PAGE) && parse(&found, &number) &&
+            (m->copy == 255 || (int32_t)(number - m->number) > 0)) {
             m->copy = copy;
             m->number = number;
             *record = found;

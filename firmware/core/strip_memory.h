@@ -1,4 +1,5 @@
-/* What a strip knows of itself, in two copies with a number and a checksum each: a power cut while one is written leaves the other. */
+/* What a strip knows of itself, in two copies with a number and a checksum each: a power cut while
+ * one is written leaves the other. */
 #ifndef HS_STRIP_MEMORY_H
 #define HS_STRIP_MEMORY_H
 
@@ -21,12 +22,15 @@ struct hs_strip_memory {
 };
 
 /* Find the strip's memory and its newest valid record; false where none is valid. */
-bool hs_strip_memory_open(struct hs_strip_memory *memory, uint8_t slot, struct hs_strip_record *record);
+bool hs_strip_memory_open(struct hs_strip_memory *memory, uint8_t slot,
+                          struct hs_strip_record *record);
 
-/* Write the other copy and read it back; false where the memory did not keep it: the copy before still holds. */
+/* Write the other copy and read it back; false where the memory did not keep it: the copy before
+ * still holds. */
 bool hs_strip_memory_write(struct hs_strip_memory *memory, const struct hs_strip_record *record);
 
-/* 25LC640 and alike on the strip's bus: 8192 bytes by SPI, pages of 32 (sensors/eeprom_25lc640.c). */
+/* 25LC640 and alike on the strip's bus: 8192 bytes by SPI, pages of 32 (sensors/eeprom_25lc640.c).
+ */
 bool hs_eeprom_probe(uint8_t slot);
 bool hs_eeprom_read(uint8_t slot, uint16_t address, uint8_t *bytes, size_t n);
 bool hs_eeprom_write(uint8_t slot, uint16_t address, const uint8_t *bytes, size_t n);

@@ -6,7 +6,7 @@
 #include "core/limits.h"
 
 #define HS_STANDARD_GRAVITY 9.80665f
-#define HS_I2C_BYTES 32 /* that an I2C controller's buffer holds on every board */
+#define HS_I2C_BYTES 32        /* that an I2C controller's buffer holds on every board */
 #define HS_DEGREE 0.017453293f /* rad */
 
 struct hs_reading {
@@ -33,29 +33,32 @@ struct hs_driver {
     const char *name;
     uint8_t quantities; /* enum hs_quantity, lowest bit first in a sample */
     uint8_t axes;
-    bool has_clock;          /* samples carry the chip's own time */
+    bool has_clock; /* samples carry the chip's own time */
     uint8_t stamp_bits, sync_bits;
-    uint32_t tick;           /* ns, nominal */
-    uint16_t start_ms;       /* from reset to registers that answer */
-    uint16_t settle_ms;      /* from configured to samples that count */
+    uint32_t tick;                                   /* ns, nominal */
+    uint16_t start_ms;                               /* from reset to registers that answer */
+    uint16_t settle_ms;                              /* from configured to samples that count */
     int16_t test_least[HS_AXES], test_most[HS_AXES]; /* counts by which self-test moves each axis */
 
     bool (*probe)(const struct hs_bus *bus); /* whether this chip answers */
     bool (*reset)(const struct hs_bus *bus);
-    /* Smallest ranges that reach what is wanted (0: the default) and a rate of at least `hz`; false where the chip cannot. */
+    /* Smallest ranges that reach what is wanted (0: the default) and a rate of at least `hz`; false
+     * where the chip cannot. */
     bool (*choose)(float hz, const float *ranges, struct hs_setting *setting);
     bool (*configure)(const struct hs_bus *bus, const struct hs_setting *setting);
     bool (*excite)(const struct hs_bus *bus, bool on); /* self-test */
     bool (*read_now)(const struct hs_bus *bus, int16_t *value);
     bool (*sync)(const struct hs_bus *bus, uint32_t *ticks); /* the chip's clock at this moment */
     /* Readings that wait, at most `most`; -1 where the chip talks nonsense. */
-    int (*drain)(const struct hs_bus *bus, struct hs_partial *partial, struct hs_reading *readings, int most);
+    int (*drain)(const struct hs_bus *bus, struct hs_partial *partial, struct hs_reading *readings,
+                 int most);
     bool (*temperature)(const struct hs_bus *bus, float *celsius);
 };
 
 extern const struct hs_driver hs_lsm6dsv16x, hs_icm42688p, hs_mmc5983ma;
 
-/* Registers of a chip that reads with bit 7 of the address set over SPI, and with the bare address over I2C. */
+/* Registers of a chip that reads with bit 7 of the address set over SPI, and with the bare address
+ * over I2C. */
 bool hs_write_register(const struct hs_bus *bus, uint8_t address, uint8_t value);
 bool hs_read_registers(const struct hs_bus *bus, uint8_t address, uint8_t *bytes, size_t n);
 

@@ -38,7 +38,8 @@ bool hs_eeprom_probe(uint8_t slot)
     if (!command(slot, WRITE_ENABLE) || (status(slot) & (0x70 | LATCH)) != LATCH) {
         return false;
     }
-    return command(slot, WRITE_DISABLE) && (status(slot) & (0x70 | LATCH)) == 0; /* the latch follows: it is no stuck line */
+    return command(slot, WRITE_DISABLE) &&
+           (status(slot) & (0x70 | LATCH)) == 0; /* the latch follows: it is no stuck line */
 }
 
 bool hs_eeprom_read(uint8_t slot, uint16_t address, uint8_t *bytes, size_t n)
@@ -58,7 +59,8 @@ bool hs_eeprom_write(uint8_t slot, uint16_t address, const uint8_t *bytes, size_
         out[1] = (uint8_t)(address >> 8);
         out[2] = (uint8_t)address;
         memcpy(out + 3, bytes, part);
-        if (board_supply_is_low() || !command(slot, WRITE_ENABLE) || !board_transfer(&bus, out, 3 + part, NULL, 0) || !is_ready(slot)) {
+        if (board_supply_is_low() || !command(slot, WRITE_ENABLE) ||
+            !board_transfer(&bus, out, 3 + part, NULL, 0) || !is_ready(slot)) {
             return false;
         }
         address = (uint16_t)(address + part);

@@ -1,4 +1,5 @@
-/* ICM-42688-P, inertial sensor: TDK DS-000347. FIFO packet 3 (16 bytes): header, acc, gyr, temperature, time stamp; big-endian. */
+/* ICM-42688-P, inertial sensor: TDK DS-000347. FIFO packet 3 (16 bytes): header, acc, gyr,
+ * temperature, time stamp; big-endian. */
 #include "core/messages.h"
 #include "sensors/driver.h"
 
@@ -40,8 +41,12 @@ static bool reset(const struct hs_bus *bus)
 
 static bool choose(float hz, const float *ranges, struct hs_setting *s)
 {
-    static const struct { float hz; uint8_t code; } rates[] = {{50, 9}, {100, 8}, {200, 7}, {500, 15}, {1000, 6}, {2000, 5}};
-    static const float gyr_dps[] = {2000, 1000, 500, 250, 125}, acc_g[] = {16, 8, 4, 2}; /* by code */
+    static const struct {
+        float hz;
+        uint8_t code;
+    } rates[] = {{50, 9}, {100, 8}, {200, 7}, {500, 15}, {1000, 6}, {2000, 5}};
+    static const float gyr_dps[] = {2000, 1000, 500, 250, 125},
+                       acc_g[] = {16, 8, 4, 2}; /* by code */
     const float wanted[2] = {ranges[0] / HS_DEGREE, ranges[1] / HS_STANDARD_GRAVITY};
     size_t k = 0;
     while (k < 6 && rates[k].hz < hz) {
@@ -71,8 +76,10 @@ static bool configure(const struct hs_bus *bus, const struct hs_setting *s)
 {
     const uint8_t pairs[][2] = {
         {REG_BANK_SEL, 0},
-        {INTF_CONFIG0, bus->i2c_address == 0 ? 0x73 : 0x70}, /* FIFO counted in packets, big-endian; over SPI no I2C */
-        {FIFO_CONFIG, 0},                                    /* bypass while it is set up */
+        {INTF_CONFIG0, bus->i2c_address == 0
+                           ? 0x73
+                           : 0x70}, /* FIFO counted in packets, big-endian; over SPI no I2C */
+        {FIFO_CONFIG, 0},           /* bypass while it is set up */
         {GYRO_CONFIG0, (uint8_t)(s->range[0] << 5 | s->rate)},
         {ACCEL_CONFIG0, (uint8_t)(s->range[1] << 5 | s->rate)},
         {GYRO_ACCEL_CONFIG0, 0x11}, /* bandwidth a quarter of the rate */
@@ -107,7 +114,8 @@ static bool read_now(const struct hs_bus *bus, int16_t *value)
 static bool sync(const struct hs_bus *bus, uint32_t *ticks)
 {
     uint8_t b[3] = {0, 0, 0};
-    bool done = hs_write_register(bus, SIGNAL_PATH_RESET, 0x04); /* strobe: the counter is latched now */
+    bool done =
+        hs_write_register(bus, SIGNAL_PATH_RESET, 0x04); /* strobe: the counter is latched now */
     done = hs_write_register(bus, REG_BANK_SEL, 1) && done;
     done = hs_read_registers(bus, TMSTVAL0, b, sizeof b) && done;
     done = hs_write_register(bus, REG_BANK_SEL, 0) && done;
@@ -124,13 +132,15 @@ static bool take_packet(const uint8_t *p, struct hs_reading *r)
     for (int k = 0; k < 3; k++) {
         r->value[k] = hs_big(p + 7 + 2 * k);
         r->value[3 + k] = hs_big(p + 1 + 2 * k);
-        valid = valid && r->value[k] != HS_MISSING && r->value[3 + k] != HS_MISSING; /* -32768: not measured */
+        valid = valid && r->value[k] != HS_MISSING &&
+                r->value[3 + k] != HS_MISSING; /* -32768: not measured */
     }
     r->ticks = (uint16_t)hs_big(p + 14);
     return valid;
 }
 
-static int drain(const struct hs_bus *bus, struct hs_partial *partial, struct hs_reading *readings, int most)
+static int drain(const struct hs_bus *bus, struct hs_partial *partial, struct hs_reading *readings,
+                 int most)
 {
     uint8_t b[PACKET * AT_ONCE];
     const int at_once = bus->i2c_address == 0 ? AT_ONCE : HS_I2C_BYTES / PACKET;
@@ -167,7 +177,8 @@ static bool temperature(const struct hs_bus *bus, float *celsius)
     return true;
 }
 
-/* Self-test at 2000 deg/s (16.4 counts a deg/s) and 16 g (2048 a g): at least 60 deg/s; 50 to 1200 mg. */
+/* Self-test at 2000 deg/s (16.4 counts a deg/s) and 16 g (2048 a g): at least 60 deg/s; 50 to 1200
+ * mg. */
 const struct hs_driver hs_icm42688p = {
     .name = "ICM-42688-P",
     .quantities = HS_GYR | HS_ACC,

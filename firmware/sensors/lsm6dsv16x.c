@@ -1,4 +1,5 @@
-/* LSM6DSV16X, inertial sensor: ST DS13510. A FIFO word has 7 bytes: tag, 6 of data; gyr, acc and time stamp of a sample share a count of 2 bits. */
+/* LSM6DSV16X, inertial sensor: ST DS13510. A FIFO word has 7 bytes: tag, 6 of data; gyr, acc and
+ * time stamp of a sample share a count of 2 bits. */
 #include "core/messages.h"
 #include "sensors/driver.h"
 
@@ -37,10 +38,13 @@ static bool reset(const struct hs_bus *bus) { return hs_write_register(bus, CTRL
 
 static bool choose(float hz, const float *ranges, struct hs_setting *s)
 {
-    static const float rates[] = {50, 100, 200, 400, 800, 1600}; /* codes 5 to 10 where HAODR_SEL is 2 */
-    static const float gyr_dps[] = {125, 250, 500, 1000, 2000, 4000}, gyr_mdps[] = {4.375f, 8.75f, 17.5f, 35, 70, 140};
+    static const float rates[] = {50,  100, 200,
+                                  400, 800, 1600}; /* codes 5 to 10 where HAODR_SEL is 2 */
+    static const float gyr_dps[] = {125, 250, 500, 1000, 2000, 4000},
+                       gyr_mdps[] = {4.375f, 8.75f, 17.5f, 35, 70, 140};
     static const float acc_g[] = {2, 4, 8, 16}, acc_mg[] = {0.061f, 0.122f, 0.244f, 0.488f};
-    const float wanted[2] = {ranges[0] > 0 ? ranges[0] / HS_DEGREE : 2000, ranges[1] > 0 ? ranges[1] / HS_STANDARD_GRAVITY : 16};
+    const float wanted[2] = {ranges[0] > 0 ? ranges[0] / HS_DEGREE : 2000,
+                             ranges[1] > 0 ? ranges[1] / HS_STANDARD_GRAVITY : 16};
     size_t rate = 0, gyr = 0, acc = 0;
     while (rate < 6 && rates[rate] < hz) {
         rate++;
@@ -70,15 +74,17 @@ static bool configure(const struct hs_bus *bus, const struct hs_setting *s)
     const uint8_t pairs[][2] = {
         {CTRL1, 0}, /* off while rates and ranges change */
         {CTRL2, 0},
-        {IF_CFG, bus->i2c_address == 0 ? 1 : 0},  /* over SPI no I2C: it would listen to the other chips' traffic */
-        {CTRL3, 0x44},                            /* registers of one sample together; addresses count up */
-        {FIFO_CTRL4, 0},                          /* empties it */
-        {HAODR_CFG, 0x02},                        /* rates of 12.5 Hz times a power of two */
-        {CTRL6, (uint8_t)(0x10 | s->range[0])},   /* low-pass: the second of eight */
-        {CTRL7, 0x01},                            /* low-pass of the gyroscope on */
-        {CTRL8, (uint8_t)(0x00 | s->range[1])},   /* bandwidth a quarter of the rate */
-        {CTRL9, 0x08},                            /* low-pass of the accelerometer on */
-        {FUNCTIONS_ENABLE, 0x40},                 /* time stamps */
+        {IF_CFG, bus->i2c_address == 0
+                     ? 1
+                     : 0}, /* over SPI no I2C: it would listen to the other chips' traffic */
+        {CTRL3, 0x44},     /* registers of one sample together; addresses count up */
+        {FIFO_CTRL4, 0},   /* empties it */
+        {HAODR_CFG, 0x02}, /* rates of 12.5 Hz times a power of two */
+        {CTRL6, (uint8_t)(0x10 | s->range[0])}, /* low-pass: the second of eight */
+        {CTRL7, 0x01},                          /* low-pass of the gyroscope on */
+        {CTRL8, (uint8_t)(0x00 | s->range[1])}, /* bandwidth a quarter of the rate */
+        {CTRL9, 0x08},                          /* low-pass of the accelerometer on */
+        {FUNCTIONS_ENABLE, 0x40},               /* time stamps */
         {CTRL1, (uint8_t)(HIGH_ACCURACY | s->rate)},
         {CTRL2, (uint8_t)(HIGH_ACCURACY | s->rate)},
         {FIFO_CTRL3, (uint8_t)(s->rate << 4 | s->rate)},
@@ -87,7 +93,10 @@ static bool configure(const struct hs_bus *bus, const struct hs_setting *s)
     return hs_write_registers(bus, pairs, sizeof pairs / sizeof pairs[0]);
 }
 
-static bool excite(const struct hs_bus *bus, bool on) { return hs_write_register(bus, CTRL10, on ? 0x05 : 0); }
+static bool excite(const struct hs_bus *bus, bool on)
+{
+    return hs_write_register(bus, CTRL10, on ? 0x05 : 0);
+}
 
 static bool read_now(const struct hs_bus *bus, int16_t *value)
 {
@@ -105,7 +114,9 @@ static bool sync(const struct hs_bus *bus, uint32_t *ticks)
 {
     uint8_t b[4];
     const bool done = hs_read_registers(bus, TIMESTAMP0, b, sizeof b);
-    *ticks = done ? (uint32_t)b[0] | (uint32_t)b[1] << 8 | (uint32_t)b[2] << 16 | (uint32_t)b[3] << 24 : 0;
+    *ticks =
+        done ? (uint32_t)b[0] | (uint32_t)b[1] << 8 | (uint32_t)b[2] << 16 | (uint32_t)b[3] << 24
+             : 0;
     return done;
 }
 
@@ -118,7 +129,8 @@ static bool take_word(const uint8_t *word, struct hs_partial *p)
         p->has = 0;
     }
     if (tag == TAG_TIME) {
-        p->reading.ticks = (uint32_t)(uint16_t)hs_little(word + 1) | (uint32_t)(uint16_t)hs_little(word + 3) << 16;
+        p->reading.ticks =
+            (uint32_t)(uint16_t)hs_little(word + 1) | (uint32_t)(uint16_t)hs_little(word + 3) << 16;
         p->has |= 4;
     } else if (tag == TAG_GYR || tag == TAG_ACC) {
         for (int k = 0; k < 3; k++) {
@@ -133,12 +145,14 @@ static bool take_word(const uint8_t *word, struct hs_partial *p)
     return true;
 }
 
-static int drain(const struct hs_bus *bus, struct hs_partial *partial, struct hs_reading *readings, int most)
+static int drain(const struct hs_bus *bus, struct hs_partial *partial, struct hs_reading *readings,
+                 int most)
 {
     uint8_t b[WORD * AT_ONCE];
     const int at_once = bus->i2c_address == 0 ? AT_ONCE : HS_I2C_BYTES / WORD;
     int taken = 0;
-    if (!hs_read_registers(bus, FIFO_STATUS1, b, 2) || (b[1] & 0x06) != 0) { /* bits that are always 0: nobody answers */
+    if (!hs_read_registers(bus, FIFO_STATUS1, b, 2) ||
+        (b[1] & 0x06) != 0) { /* bits that are always 0: nobody answers */
         return -1;
     }
     int left = b[0] | (b[1] & 1) << 8;
@@ -168,7 +182,8 @@ static bool temperature(const struct hs_bus *bus, float *celsius)
     return true;
 }
 
-/* Self-test at 2000 deg/s (70 mdps a count) and 16 g (0.488 mg): 150 to 700 deg/s; 50 to 1700 mg. */
+/* Self-test at 2000 deg/s (70 mdps a count) and 16 g (0.488 mg): 150 to 700 deg/s; 50 to 1700 mg.
+ */
 const struct hs_driver hs_lsm6dsv16x = {
     .name = "LSM6DSV16X",
     .quantities = HS_GYR | HS_ACC,

@@ -1,8 +1,16 @@
-/* MMC5983MA, magnetometer: MEMSIC data sheet rev. A. No FIFO, no clock: a sample's time is that at which it is seen to be ready. */
+/* MMC5983MA, magnetometer: MEMSIC data sheet rev. A. No FIFO, no clock: a sample's time is that at
+ * which it is seen to be ready. */
 #include "core/messages.h"
 #include "sensors/driver.h"
 
-enum { XOUT0 = 0x00, STATUS = 0x08, CONTROL0 = 0x09, CONTROL1 = 0x0A, CONTROL2 = 0x0B, PRODUCT_ID = 0x2F };
+enum {
+    XOUT0 = 0x00,
+    STATUS = 0x08,
+    CONTROL0 = 0x09,
+    CONTROL1 = 0x0A,
+    CONTROL2 = 0x0B,
+    PRODUCT_ID = 0x2F
+};
 #define COUNT_TESLA 2.44140625e-8f /* 4096 counts a gauss */
 
 static bool probe(const struct hs_bus *bus)
@@ -15,7 +23,10 @@ static bool reset(const struct hs_bus *bus) { return hs_write_register(bus, CONT
 
 static bool choose(float hz, const float *ranges, struct hs_setting *s)
 {
-    static const struct { float hz; uint8_t code; } rates[] = {{10, 2}, {20, 3}, {50, 4}, {100, 5}};
+    static const struct {
+        float hz;
+        uint8_t code;
+    } rates[] = {{10, 2}, {20, 3}, {50, 4}, {100, 5}};
     size_t k = 0;
     (void)ranges;
     while (k < 4 && rates[k].hz < hz) {
@@ -24,7 +35,8 @@ static bool choose(float hz, const float *ranges, struct hs_setting *s)
     if (k == 4) {
         return false;
     }
-    *s = (struct hs_setting){.rate = rates[k].code, .hz = rates[k].hz, .scale = {COUNT_TESLA}, .full_scale = {8e-4f}};
+    *s = (struct hs_setting){
+        .rate = rates[k].code, .hz = rates[k].hz, .scale = {COUNT_TESLA}, .full_scale = {8e-4f}};
     return true;
 }
 
@@ -52,7 +64,8 @@ static bool read_now(const struct hs_bus *bus, int16_t *value)
     return true;
 }
 
-static int drain(const struct hs_bus *bus, struct hs_partial *partial, struct hs_reading *readings, int most)
+static int drain(const struct hs_bus *bus, struct hs_partial *partial, struct hs_reading *readings,
+                 int most)
 {
     uint8_t status = 0;
     (void)partial;

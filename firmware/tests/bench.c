@@ -11,7 +11,8 @@ bool board_supply_is_low(void) { return bench.supply_low; }
 uint8_t board_battery(void) { return 80; }
 bool board_show_cue(const char *task) { return strcmp(task, "tapping") == 0; }
 
-bool board_transfer(const struct hs_bus *bus, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in)
+bool board_transfer(const struct hs_bus *bus, const uint8_t *out, size_t n_out, uint8_t *in,
+                    size_t n_in)
 {
     bench.now += bench.bus_ns * (1 + n_out + n_in);
     return sim_transfer(bus, out, n_out, in, n_in);

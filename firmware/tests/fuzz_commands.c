@@ -1,4 +1,5 @@
-/* Any bytes to a running glove: it neither fails nor stops answering. With HS_RANDOM_DRIVER without libFuzzer. */
+/* Any bytes to a running glove: it neither fails nor stops answering. With HS_RANDOM_DRIVER without
+ * libFuzzer. */
 #include "core/cobs.h"
 #include "core/crc32.h"
 #include "core/hand_layout.h"
@@ -9,7 +10,8 @@
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n);
 
 static struct hs_strip_layout strips[HS_STRIPS];
-static struct hs_layout layout = {.device_id = 1, .hand = HS_LEFT, .name = "fuzz", .strips = strips};
+static struct hs_layout layout = {
+    .device_id = 1, .hand = HS_LEFT, .name = "fuzz", .strips = strips};
 
 /* As raw bytes, and as the payload of a frame whose checksum is right. */
 static void feed(const uint8_t *data, size_t n)

@@ -15,7 +15,10 @@ static int push_all(const uint8_t *bytes, size_t n)
     return frames;
 }
 
-static void test_crc_is_that_of_zlib(void) { CHECK(hs_crc32((const uint8_t *)"123456789", 9) == 0xCBF43926u); }
+static void test_crc_is_that_of_zlib(void)
+{
+    CHECK(hs_crc32((const uint8_t *)"123456789", 9) == 0xCBF43926u);
+}
 
 static void test_stuffing_is_undone_for_every_length(void)
 {
@@ -31,7 +34,8 @@ static void test_stuffing_is_undone_for_every_length(void)
     }
 }
 
-static const uint8_t ping[] = {0x02, 0x85, 0x01, 0x02, 0x07, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x05, 0x28, 0x21, 0xf4, 0x67, 0x00};
+static const uint8_t ping[] = {0x02, 0x85, 0x01, 0x02, 0x07, 0x01, 0x01, 0x01, 0x01,
+                               0x01, 0x01, 0x05, 0x28, 0x21, 0xf4, 0x67, 0x00};
 
 static void test_the_ping_of_the_protocol_is_read_byte_by_byte(void)
 {

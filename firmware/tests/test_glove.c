@@ -1,9 +1,11 @@
-/* A whole glove on simulated chips: what it must do by docs/wire-protocol.md, and what it answers to what it cannot do. */
+/* A whole glove on simulated chips: what it must do by docs/wire-protocol.md, and what it answers
+ * to what it cannot do. */
 #include "core/hand_layout.h"
 #include "tests/bench.h"
 
 static struct hs_strip_layout strips[HS_STRIPS];
-static struct hs_layout layout = {.device_id = 0xFEED, .hand = HS_LEFT, .name = "test glove", .strips = strips};
+static struct hs_layout layout = {
+    .device_id = 0xFEED, .hand = HS_LEFT, .name = "test glove", .strips = strips};
 static struct hs_frame frame;
 
 static void power_up(const char *names, const struct hs_driver *chip)
@@ -81,7 +83,8 @@ static void test_samples_are_even_and_none_is_lost(const struct hs_driver *chip)
             const struct hs_sensor *sensor = &bench_glove.strips[s].streams[0].sensors[k];
             CHECK(sensor->tested && sensor->passed);
             const double truth = sim_chip_at(sensor->bus.slot, sensor->bus.select)->error_ppm;
-            const double measured = 1e6 * ((double)hs_sensor_true_rate(sensor) / sensor->setting.hz - 1);
+            const double measured =
+                1e6 * ((double)hs_sensor_true_rate(sensor) / sensor->setting.hz - 1);
             CHECK(measured - truth < 30 && truth - measured < 30);
         }
     }
@@ -179,7 +182,8 @@ static void test_a_slow_host_loses_whole_frames_that_are_counted(void)
     CHECK(t.lost > 100 && t.samples + t.lost > 690);
     bench_forget();
     bench_run(1.1);
-    CHECK(bench_find(HS_STATUS, &frame) && frame.payload[8] + 256u * frame.payload[9] == (bench_glove.outbox.overruns & 0xFFFF));
+    CHECK(bench_find(HS_STATUS, &frame) &&
+          frame.payload[8] + 256u * frame.payload[9] == (bench_glove.outbox.overruns & 0xFFFF));
 }
 
 static int configure(uint8_t slot, double rate, double mag, float gyr, float acc, uint8_t format)
@@ -201,13 +205,19 @@ static void test_rates_and_ranges_that_cannot_be_are_refused(void)
 {
     const double nan = strtod("nan", NULL), infinite = strtod("inf", NULL);
     power_up("index,trunk_mag", &hs_icm42688p);
-    CHECK(configure(255, 1e9, 0, 0, 0, 0) == HS_BAD_ARGUMENT && configure(255, -1, 0, 0, 0, 0) == HS_BAD_ARGUMENT);
-    CHECK(configure(255, nan, 0, 0, 0, 0) == HS_BAD_ARGUMENT && configure(255, infinite, 0, 0, 0, 0) == HS_BAD_ARGUMENT);
-    CHECK(configure(255, 1e-300, 0, 0, 0, 0) == HS_BAD_ARGUMENT && configure(255, 0, 101, 0, 0, 0) == HS_BAD_ARGUMENT);
-    CHECK(configure(255, 0, 0, 1e6f, 0, 0) == HS_BAD_ARGUMENT && configure(255, 0, 0, 0, 1e6f, 0) == HS_BAD_ARGUMENT);
-    CHECK(configure(255, 0, 0, (float)nan, 0, 0) == HS_BAD_ARGUMENT && configure(255, 0, 0, 0, 0, 2) == HS_BAD_ARGUMENT);
+    CHECK(configure(255, 1e9, 0, 0, 0, 0) == HS_BAD_ARGUMENT &&
+          configure(255, -1, 0, 0, 0, 0) == HS_BAD_ARGUMENT);
+    CHECK(configure(255, nan, 0, 0, 0, 0) == HS_BAD_ARGUMENT &&
+          configure(255, infinite, 0, 0, 0, 0) == HS_BAD_ARGUMENT);
+    CHECK(configure(255, 1e-300, 0, 0, 0, 0) == HS_BAD_ARGUMENT &&
+          configure(255, 0, 101, 0, 0, 0) == HS_BAD_ARGUMENT);
+    CHECK(configure(255, 0, 0, 1e6f, 0, 0) == HS_BAD_ARGUMENT &&
+          configure(255, 0, 0, 0, 1e6f, 0) == HS_BAD_ARGUMENT);
+    CHECK(configure(255, 0, 0, (float)nan, 0, 0) == HS_BAD_ARGUMENT &&
+          configure(255, 0, 0, 0, 0, 2) == HS_BAD_ARGUMENT);
     CHECK(configure(63, 100, 0, 0, 0, 0) == HS_BAD_ARGUMENT);
-    CHECK(bench_glove.strips[0].streams[0].rate == 200 && bench_glove.strips[1].streams[1].rate == 50);
+    CHECK(bench_glove.strips[0].streams[0].rate == 200 &&
+          bench_glove.strips[1].streams[1].rate == 50);
     CHECK(configure(255, 0, 0, 0, 0, 0) == HS_DONE && bench_glove.strips[0].streams[0].rate == 200);
     start();
     CHECK(configure(255, 100, 0, 0, 0, 0) == HS_BUSY);
@@ -219,11 +229,13 @@ static void test_another_rate_and_range_hold_from_the_next_start(void)
     for (int k = 0; k < 4; k++) {
         const double rate = (double[]){1, 119.5, 500, 1000}[k];
         CHECK(configure(2, rate, 0, 8.5f, 35, 0) == HS_DONE);
-        CHECK(bench_glove.strips[0].streams[0].setting.full_scale[0] > 8.5f && bench_glove.strips[0].streams[0].setting.full_scale[0] < 9);
+        CHECK(bench_glove.strips[0].streams[0].setting.full_scale[0] > 8.5f &&
+              bench_glove.strips[0].streams[0].setting.full_scale[0] < 9);
         start();
         bench_run(4);
         const struct tally t = tally_of(4, 3);
-        CHECK(t.lost == 0 && t.missing == 0 && t.samples > 3.7 * rate - 2 && t.samples < 4.01 * rate);
+        CHECK(t.lost == 0 && t.missing == 0 && t.samples > 3.7 * rate - 2 &&
+              t.samples < 4.01 * rate);
         bench_command(HS_STOP, NULL, 0);
         bench_forget();
         bench_run(0.5);
@@ -256,8 +268,10 @@ static void test_a_calibration_outlives_the_strip_being_pulled(void)
     CHECK(write_calibration(2, 1, 0.5f) == HS_BAD_ARGUMENT);
     sim_plug(2, true);
     bench_run(1);
-    CHECK(bench_glove.strips[1].record.strip_id == id && bench_glove.strips[1].record.calibration[1].bias[0] == 0.25f);
-    CHECK(write_calibration(2, 3, 1) == HS_BAD_ARGUMENT && write_calibration(9, 0, 1) == HS_BAD_ARGUMENT);
+    CHECK(bench_glove.strips[1].record.strip_id == id &&
+          bench_glove.strips[1].record.calibration[1].bias[0] == 0.25f);
+    CHECK(write_calibration(2, 3, 1) == HS_BAD_ARGUMENT &&
+          write_calibration(9, 0, 1) == HS_BAD_ARGUMENT);
     CHECK(write_calibration(2, 0, strtof("nan", NULL)) == HS_BAD_ARGUMENT);
     start();
     CHECK(write_calibration(2, 0, 1) == HS_BUSY);
@@ -267,7 +281,8 @@ static void test_a_memory_that_keeps_nothing_is_reported_and_the_recording_goes_
 {
     power_up("index", &hs_icm42688p);
     sim.supply = 40;
-    CHECK(write_calibration(2, 0, 1) == HS_BAD_ARGUMENT && bench_glove.strips[0].record.calibration[0].bias[0] == 0);
+    CHECK(write_calibration(2, 0, 1) == HS_BAD_ARGUMENT &&
+          bench_glove.strips[0].record.calibration[0].bias[0] == 0);
     start();
     bench_run(1);
     CHECK(tally_of(4, 3).samples > 180);
@@ -282,7 +297,10 @@ static void test_strange_commands_are_answered(void)
     CHECK(bench_reply(HS_PING) == HS_BAD_ARGUMENT);
     bench_command(HS_CUE, "\x07tapping", 8);
     CHECK(bench_reply(HS_CUE) == HS_DONE);
-    bench_command(HS_CUE, "\xff" "tapping", 8);
+    bench_command(HS_CUE,
+                  "\xff"
+                  "tapping",
+                  8);
     CHECK(bench_reply(HS_CUE) == HS_BAD_ARGUMENT);
     bench_command(HS_READ_CALIBRATION, "\x40", 1);
     CHECK(bench_reply(HS_READ_CALIBRATION) == HS_BAD_ARGUMENT);
@@ -294,9 +312,11 @@ static void test_strange_commands_are_answered(void)
 static void test_sixty_four_strips_are_served_and_a_slot_that_is_taken_is_refused(void)
 {
     static struct hs_strip_layout many[65];
-    struct hs_layout large = {.device_id = 1, .hand = HS_LEFT, .name = "large", .strips = many, .count = 64};
+    struct hs_layout large = {
+        .device_id = 1, .hand = HS_LEFT, .name = "large", .strips = many, .count = 64};
     for (int k = 0; k < 65; k++) {
-        many[k] = (struct hs_strip_layout){.slot = (uint8_t)k, .count = 3, .points = {5, 6, 7}, .drivers = {&hs_icm42688p, NULL}};
+        many[k] = (struct hs_strip_layout){
+            .slot = (uint8_t)k, .count = 3, .points = {5, 6, 7}, .drivers = {&hs_icm42688p, NULL}};
     }
     bench_power_up(&large);
     bench.bus_ns = 100; /* twelve buses as one: a single one has no room for 192 sensors */

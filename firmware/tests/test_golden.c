@@ -1,4 +1,5 @@
-/* Frames that Python's encoder wrote (golden_frames.txt) and this one's are the same to the byte. With --print: all of the glove's, as in that file. */
+/* Frames that Python's encoder wrote (golden_frames.txt) and this one's are the same to the byte.
+ * With --print: all of the glove's, as in that file. */
 #include "tests/bench.h"
 
 static struct hs_outbox outbox;
@@ -6,7 +7,8 @@ static struct hs_frame_reader reader;
 static struct hs_calibration calibration;
 
 static const uint8_t points[3] = {5, 6, 7}, magnetometers[2] = {23, 24};
-static const float mounting[4] = {0.5f, -0.5f, 0.5f, -0.5f}, places[2][3] = {{0, 0.25f, 0.5f}, {1, 1.25f, 1.5f}};
+static const float mounting[4] = {0.5f, -0.5f, 0.5f, -0.5f},
+                   places[2][3] = {{0, 0.25f, 0.5f}, {1, 1.25f, 1.5f}};
 
 static void write_samples(struct hs_writer *w)
 {
@@ -30,11 +32,15 @@ static void write_plate(struct hs_writer *w)
 static bool write_message(const char *name)
 {
     static const char *const pairs[] = {"task_name", "tapping", "side", "left", NULL};
-    const struct hs_identity identity = {0x5C09E, 0x12345678, HS_LEFT, "Test glove", "1.0 \xc3\xa9"};
-    const struct hs_stream_info info = {4, 2, 0, HS_GYR | HS_ACC, HS_INT16, 200.5, {0.001953125f, 0.0078125f}, {35.0f, 156.5f}};
-    static const char *const names[] = {"identity", "strip", "stream_info", "samples", "status", "reply", "pong", "calibration", "mark", "plate"};
+    const struct hs_identity identity = {0x5C09E, 0x12345678, HS_LEFT, "Test glove",
+                                         "1.0 \xc3\xa9"};
+    const struct hs_stream_info info = {
+        4, 2, 0, HS_GYR | HS_ACC, HS_INT16, 200.5, {0.001953125f, 0.0078125f}, {35.0f, 156.5f}};
+    static const char *const names[] = {"identity", "strip", "stream_info", "samples", "status",
+                                        "reply",    "pong",  "calibration", "mark",    "plate"};
     size_t type = 0;
-    while (type < 10 && strcmp(names[type], strcmp(name, "strip_pulled") == 0 ? "strip" : name) != 0) {
+    while (type < 10 &&
+           strcmp(names[type], strcmp(name, "strip_pulled") == 0 ? "strip" : name) != 0) {
         type++;
     }
     if (type == 10) {
@@ -44,7 +50,8 @@ static bool write_message(const char *name)
     switch (type + 1) {
     case HS_IDENTITY: hs_write_identity(w, &identity); break;
     case HS_STRIP:
-        hs_write_strip(w, 2, strcmp(name, "strip") == 0, 0xA0B0C0D0E0F00102u, 3, points, strcmp(name, "strip") == 0 ? mounting : NULL);
+        hs_write_strip(w, 2, strcmp(name, "strip") == 0, 0xA0B0C0D0E0F00102u, 3, points,
+                       strcmp(name, "strip") == 0 ? mounting : NULL);
         break;
     case HS_STREAM_INFO: hs_write_stream_info(w, &info); break;
     case HS_SAMPLES: write_samples(w); break;
@@ -65,7 +72,8 @@ static void check_command(const char *name, const struct hs_frame *frame)
     CHECK(hs_read_command(frame, &c) == HS_DONE);
     if (strcmp(name, "configure") == 0) {
         const struct hs_configure *k = &c.of.configure;
-        CHECK(k->slot == 255 && k->rate == 119.5 && k->mag_rate == 50 && k->gyr_range == 8.5f && k->acc_range == 40 && k->format == HS_FLOAT32);
+        CHECK(k->slot == 255 && k->rate == 119.5 && k->mag_rate == 50 && k->gyr_range == 8.5f &&
+              k->acc_range == 40 && k->format == HS_FLOAT32);
     } else if (strcmp(name, "ping") == 0) {
         CHECK(c.of.token == 0x0102030405060708u);
     } else if (strcmp(name, "cue") == 0) {
@@ -73,9 +81,11 @@ static void check_command(const char *name, const struct hs_frame *frame)
     } else if (strcmp(name, "read_calibration") == 0) {
         CHECK(c.of.slot == 2);
     } else if (strcmp(name, "write_calibration") == 0) {
-        CHECK(c.of.write.slot == 2 && c.of.write.sensor == 1 && memcmp(&c.of.write.calibration, &calibration, sizeof calibration) == 0);
+        CHECK(c.of.write.slot == 2 && c.of.write.sensor == 1 &&
+              memcmp(&c.of.write.calibration, &calibration, sizeof calibration) == 0);
     } else {
-        CHECK(strcmp(name, "identify") == 0 || strcmp(name, "start") == 0 || strcmp(name, "stop") == 0);
+        CHECK(strcmp(name, "identify") == 0 || strcmp(name, "start") == 0 ||
+              strcmp(name, "stop") == 0);
     }
 }
 

@@ -1,8 +1,10 @@
 /* A strip's memory: power cut at every byte, copies, what cannot be kept. */
 #include "tests/bench.h"
 
-static const struct hs_strip_layout strip = {.slot = 0, .count = 3, .points = {5, 6, 7}, .drivers = {&hs_icm42688p, NULL}};
-static const struct hs_layout layout = {.device_id = 1, .hand = HS_LEFT, .name = "test", .strips = &strip, .count = 1};
+static const struct hs_strip_layout strip = {
+    .slot = 0, .count = 3, .points = {5, 6, 7}, .drivers = {&hs_icm42688p, NULL}};
+static const struct hs_layout layout = {
+    .device_id = 1, .hand = HS_LEFT, .name = "test", .strips = &strip, .count = 1};
 
 static struct hs_strip_record record_of(float bias)
 {
@@ -16,7 +18,8 @@ static struct hs_strip_record record_of(float bias)
 
 static bool is_same(const struct hs_strip_record *a, const struct hs_strip_record *b)
 {
-    return a->strip_id == b->strip_id && a->n == b->n && memcmp(a->calibration, b->calibration, 3 * sizeof a->calibration[0]) == 0;
+    return a->strip_id == b->strip_id && a->n == b->n &&
+           memcmp(a->calibration, b->calibration, 3 * sizeof a->calibration[0]) == 0;
 }
 
 static void prepare(void)
@@ -33,7 +36,8 @@ static void test_an_empty_memory_has_no_record(void)
     CHECK(!hs_strip_memory_open(&memory, 0, &found) && memory.kind == HS_CHIP);
 }
 
-/* Whatever byte is the last that is written, the record before or the new one is read back whole. */
+/* Whatever byte is the last that is written, the record before or the new one is read back whole.
+ */
 static void test_a_power_cut_at_every_byte_loses_nothing(void)
 {
     struct hs_strip_memory memory;
@@ -52,7 +56,8 @@ static void test_a_power_cut_at_every_byte_loses_nothing(void)
         const bool is_new = is_same(&found, &third);
         CHECK(is_new || is_same(&found, &second));
         CHECK(is_new || !written);
-        CHECK(hs_strip_memory_write(&memory, &third) && hs_strip_memory_open(&memory, 0, &found) && is_same(&found, &third));
+        CHECK(hs_strip_memory_write(&memory, &third) && hs_strip_memory_open(&memory, 0, &found) &&
+              is_same(&found, &third));
         news += is_new ? 1 : 0;
         olds += is_new ? 0 : 1;
     }
@@ -95,9 +100,11 @@ static void test_without_a_chip_the_base_keeps_it_and_says_where_it_cannot(void)
     const struct hs_strip_record record = record_of(4);
     prepare();
     sim.memory[0].present = false;
-    CHECK(!hs_strip_memory_open(&memory, 0, &found) && memory.kind == HS_NO_MEMORY && !hs_strip_memory_write(&memory, &record));
+    CHECK(!hs_strip_memory_open(&memory, 0, &found) && memory.kind == HS_NO_MEMORY &&
+          !hs_strip_memory_write(&memory, &record));
     bench.has_flash = true;
-    CHECK(!hs_strip_memory_open(&memory, 0, &found) && memory.kind == HS_BASE_FLASH && hs_strip_memory_write(&memory, &record));
+    CHECK(!hs_strip_memory_open(&memory, 0, &found) && memory.kind == HS_BASE_FLASH &&
+          hs_strip_memory_write(&memory, &record));
     bench.flash_fails = true; /* full, or worn out */
     CHECK(!hs_strip_memory_write(&memory, &record));
     bench.flash_fails = false;

@@ -27,10 +27,14 @@ static void test_a_clock_is_measured_to_some_ppm_in_eight_seconds(void)
         for (uint64_t t = HS_SECOND; t < 11ull * HS_SECOND; t += 50 * HS_MILLISECOND) {
             const double ticks = (double)t * (1 + ppm * 1e-6) / 16000;
             const uint64_t delay = 20000 + sim_draw() % 40000; /* ns that the reading takes */
-            hs_sensor_clock_pair(&clock, (uint32_t)ticks & 0xFFFFF, 20, t - delay / 2, t + delay / 2);
+            hs_sensor_clock_pair(&clock, (uint32_t)ticks & 0xFFFFF, 20, t - delay / 2,
+                                 t + delay / 2);
             const uint64_t sample = t - 7 * HS_MILLISECOND;
             const double stamp = floor((double)sample * (1 + ppm * 1e-6) / 16000);
-            const double error = (double)(int64_t)(hs_sensor_clock_time(&clock, (uint32_t)(uint64_t)stamp & 0xFFFF, 16) - sample);
+            const double error =
+                (double)(int64_t)(hs_sensor_clock_time(&clock, (uint32_t)(uint64_t)stamp & 0xFFFF,
+                                                       16) -
+                                  sample);
             worst = t > 1300ull * HS_MILLISECOND && fabs(error) > worst ? fabs(error) : worst;
         }
         const double period = (double)clock.period / 4294967296.0;
@@ -73,12 +77,14 @@ static void test_the_angle_is_kept(void)
         const uint64_t before = t;
         t += 1974333;
         hs_resampler_push(&r, t, value);
-        const uint64_t from = before > HS_SECOND - 5 * HS_MILLISECOND ? before : HS_SECOND - 5 * HS_MILLISECOND;
+        const uint64_t from =
+            before > HS_SECOND - 5 * HS_MILLISECOND ? before : HS_SECOND - 5 * HS_MILLISECOND;
         const uint64_t to = t < HS_SECOND + 19ull * HS_SECOND ? t : HS_SECOND + 19ull * HS_SECOND;
         in += k > 0 && to > from ? value[0] * (double)(to - from) * 1e-9 : 0;
         for (; next < r.grid.index; next++) {
             const int16_t *sample = hs_resampler_at(&r, next);
-            CHECK(sample != NULL && sample[1] == 100 && sample[2] == -100 && sample[3] == 1 && sample[5] == -1);
+            CHECK(sample != NULL && sample[1] == 100 && sample[2] == -100 && sample[3] == 1 &&
+                  sample[5] == -1);
             out += next <= 3800 ? sample[0] / 200.0 : 0;
         }
     }

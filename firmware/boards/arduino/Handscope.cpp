@@ -8,10 +8,12 @@
 #define EEPROM_IS_EMULATED // in flash, written by commit()
 #endif
 
-namespace {
+namespace
+{
 
 constexpr uint32_t SPI_HZ = 4000000, I2C_HZ = 1000000;
-constexpr size_t PAGE = 512, PAGES = 8; // of the base unit's own EEPROM: two a strip, for strips at slots 0 to 3 without a memory chip
+constexpr size_t PAGE = 512, PAGES = 8; // of the base unit's own EEPROM: two a strip, for strips at
+                                        // slots 0 to 3 without a memory chip
 
 hs_glove glove;
 hs_strip_layout strips[HS_STRIPS];
@@ -36,7 +38,9 @@ const HandscopeStrip *strip_at(uint8_t slot)
 int8_t selecting_pin(const HandscopeStrip &strip, uint8_t select)
 {
     if (strip.enable < 0) {
-        return select == HS_SELECT_MEMORY ? strip.memory : select < HS_PER_STRIP ? strip.select[select] : -1;
+        return select == HS_SELECT_MEMORY ? strip.memory
+               : select < HS_PER_STRIP    ? strip.select[select]
+                                          : -1;
     }
     const uint8_t line = select == HS_SELECT_MEMORY ? 3 : select;
     digitalWrite(address_pins[0], line & 1);
@@ -124,7 +128,9 @@ bool board_transfer(const hs_bus *bus, const uint8_t *out, size_t n_out, uint8_t
 size_t board_send(const uint8_t *bytes, size_t n)
 {
     const int room = host->availableForWrite();
-    const size_t part = room < 0 ? 0 : n < static_cast<size_t>(room) ? n : static_cast<size_t>(room);
+    const size_t part = room < 0                        ? 0
+                        : n < static_cast<size_t>(room) ? n
+                                                        : static_cast<size_t>(room);
     return part == 0 ? 0 : host->write(bytes, part);
 }
 
@@ -170,7 +176,8 @@ uint32_t board_random(void)
     return state;
 }
 
-// A sketch that has set up its chip's watchdog or brown-out detector says so by functions of these names.
+// A sketch that has set up its chip's watchdog or brown-out detector says so by functions of these
+// names.
 __attribute__((weak)) void handscope_feed_watchdog(void) {}
 __attribute__((weak)) bool handscope_supply_is_low(void) { return false; }
 __attribute__((weak)) uint8_t handscope_battery(void) { return 255; }
@@ -199,7 +206,8 @@ bool HandscopeGlove::addStrip(const HandscopeStrip &strip)
     return true;
 }
 
-const char *HandscopeGlove::begin(hs_hand hand, const char *name, uint64_t number, Stream &to, int8_t addressPin0, int8_t addressPin1)
+const char *HandscopeGlove::begin(hs_hand hand, const char *name, uint64_t number, Stream &to,
+                                  int8_t addressPin0, int8_t addressPin1)
 {
     memcpy(mounting, hs_mounting_on(hand), sizeof mounting);
     host = &to;
@@ -228,7 +236,10 @@ const char *HandscopeGlove::begin(hs_hand hand, const char *name, uint64_t numbe
 
 void HandscopeGlove::poll() { hs_glove_poll(&glove); }
 
-void HandscopeGlove::mark(const char *what) { hs_glove_mark(&glove, board_now(), 0, what, nullptr); }
+void HandscopeGlove::mark(const char *what)
+{
+    hs_glove_mark(&glove, board_now(), 0, what, nullptr);
+}
 
 void HandscopeGlove::onCue(bool (*show)(const char *task)) { show_cue = show; }
 

@@ -1,4 +1,5 @@
-/* The board layer of ARM's MPS2 (AN385) as QEMU emulates it: UART0 to the host, a 25 MHz counter, the watchdog; chips are simulated. */
+/* The board layer of ARM's MPS2 (AN385) as QEMU emulates it: UART0 to the host, a 25 MHz counter,
+ * the watchdog; chips are simulated. */
 #include "boards/mps2-an385/mps2.h"
 #include "boards/simulated/world.h"
 
@@ -38,13 +39,11 @@ void mps2_start(void)
     UART_CONTROL = 3;
     WATCHDOG_LOCK = 0x1ACCE551u;
     WATCHDOG_LOAD = WATCHDOG_TICKS;
-    WATCHDOG_CONTROL = mps2_is_counted ? 0 : 3; /* the first time-out interrupts, the second resets */
+    WATCHDOG_CONTROL =
+        mps2_is_counted ? 0 : 3; /* the first time-out interrupts, the second resets */
 }
 
-void mps2_sleep(void)
-{
-    __asm__ volatile("wfi" ::: "memory");
-}
+void mps2_sleep(void) { __asm__ volatile("wfi" ::: "memory"); }
 
 uint64_t board_now(void)
 {
@@ -63,7 +62,8 @@ void board_wait(uint32_t microseconds)
     }
 }
 
-bool board_transfer(const struct hs_bus *bus, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in)
+bool board_transfer(const struct hs_bus *bus, const uint8_t *out, size_t n_out, uint8_t *in,
+                    size_t n_in)
 {
     const uint64_t before = mps2_is_counted ? board_now() : 0;
     const bool done = sim_transfer(bus, out, n_out, in, n_in);
@@ -92,12 +92,24 @@ size_t board_receive(uint8_t *bytes, size_t n)
     return got;
 }
 
-bool board_flash_read(uint8_t page, uint8_t *bytes, size_t n) { (void)page, (void)bytes, (void)n; return false; }
-bool board_flash_write(uint8_t page, const uint8_t *bytes, size_t n) { (void)page, (void)bytes, (void)n; return false; }
+bool board_flash_read(uint8_t page, uint8_t *bytes, size_t n)
+{
+    (void)page, (void)bytes, (void)n;
+    return false;
+}
+bool board_flash_write(uint8_t page, const uint8_t *bytes, size_t n)
+{
+    (void)page, (void)bytes, (void)n;
+    return false;
+}
 void board_feed_watchdog(void) { WATCHDOG_LOAD = WATCHDOG_TICKS; }
 bool board_supply_is_low(void) { return false; }
 uint8_t board_battery(void) { return 255; }
-bool board_show_cue(const char *task) { (void)task; return true; }
+bool board_show_cue(const char *task)
+{
+    (void)task;
+    return true;
+}
 
 /* The emulated board has no source of noise: the host's clock, in s, starts the sequence. */
 uint32_t board_random(void)

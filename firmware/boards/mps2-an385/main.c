@@ -1,11 +1,13 @@
-/* The whole-hand glove on an emulated Cortex-M3. With HS_COUNT: how many instructions its loop takes, with QEMU's -icount shift=0 (1 ns each). */
+/* The whole-hand glove on an emulated Cortex-M3. With HS_COUNT: how many instructions its loop
+ * takes, with QEMU's -icount shift=0 (1 ns each). */
 #include "boards/mps2-an385/mps2.h"
 #include "boards/simulated/world.h"
 #include "core/hand_layout.h"
 
 static struct hs_glove glove;
 static struct hs_strip_layout strips[HS_STRIPS];
-static struct hs_layout layout = {.device_id = 0xA385, .hand = HS_LEFT, .name = "Handscope QEMU glove", .strips = strips};
+static struct hs_layout layout = {
+    .device_id = 0xA385, .hand = HS_LEFT, .name = "Handscope QEMU glove", .strips = strips};
 
 #ifdef HS_COUNT
 static void print(const char *what, uint64_t number)

@@ -24,11 +24,23 @@ static void halt(void)
 }
 
 /* The timer only wakes the processor. */
-static void tick(void)
-{
-}
+static void tick(void) {}
 
 __attribute__((section(".vectors"), used)) static void *const vectors[16] = {
-    &stack_top, (void *)reset, (void *)halt, (void *)halt, (void *)halt, (void *)halt, (void *)halt, 0,
-    0,          0,             0,            (void *)halt, (void *)halt, 0,            (void *)halt, (void *)tick,
+    &stack_top,
+    (void *)reset,
+    (void *)halt,
+    (void *)halt,
+    (void *)halt,
+    (void *)halt,
+    (void *)halt,
+    0,
+    0,
+    0,
+    0,
+    (void *)halt,
+    (void *)halt,
+    0,
+    (void *)halt,
+    (void *)tick,
 };

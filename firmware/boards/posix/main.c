@@ -1,4 +1,5 @@
-/* The glove's core as a program: simulated chips behind the drivers, the wire protocol on a TCP port or a pseudo-terminal. */
+/* The glove's core as a program: simulated chips behind the drivers, the wire protocol on a TCP
+ * port or a pseudo-terminal. */
 #define _XOPEN_SOURCE 600
 #include "boards/simulated/world.h"
 #include "core/hand_layout.h"
@@ -19,12 +20,16 @@
 
 static struct hs_glove glove;
 static struct hs_strip_layout strips[HS_STRIPS];
-static struct hs_layout layout = {.device_id = 0x5C09E, .hand = HS_LEFT, .name = "Handscope posix glove", .strips = strips};
+static struct hs_layout layout = {
+    .device_id = 0x5C09E, .hand = HS_LEFT, .name = "Handscope posix glove", .strips = strips};
 static int listener = -1, host = -1, host_side = -1;
 static const char *link_path;
 static volatile sig_atomic_t stopped;
 
-struct pull { uint8_t slot; double from, to; };
+struct pull {
+    uint8_t slot;
+    double from, to;
+};
 static struct wanted {
     const char *pty, *strips;
     int port;
@@ -51,7 +56,8 @@ void board_wait(uint32_t microseconds)
     nanosleep(&t, NULL);
 }
 
-bool board_transfer(const struct hs_bus *bus, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in)
+bool board_transfer(const struct hs_bus *bus, const uint8_t *out, size_t n_out, uint8_t *in,
+                    size_t n_in)
 {
     return sim_transfer(bus, out, n_out, in, n_in);
 }
@@ -80,8 +86,16 @@ size_t board_receive(uint8_t *bytes, size_t n)
     return got < 0 ? 0 : (size_t)got;
 }
 
-bool board_flash_read(uint8_t page, uint8_t *bytes, size_t n) { (void)page, (void)bytes, (void)n; return false; }
-bool board_flash_write(uint8_t page, const uint8_t *bytes, size_t n) { (void)page, (void)bytes, (void)n; return false; }
+bool board_flash_read(uint8_t page, uint8_t *bytes, size_t n)
+{
+    (void)page, (void)bytes, (void)n;
+    return false;
+}
+bool board_flash_write(uint8_t page, const uint8_t *bytes, size_t n)
+{
+    (void)page, (void)bytes, (void)n;
+    return false;
+}
 void board_feed_watchdog(void) {}
 bool board_supply_is_low(void) { return false; }
 uint8_t board_battery(void) { return 255; }
@@ -117,12 +131,15 @@ static void on_signal(int number)
 
 static void listen_at(int port)
 {
-    struct sockaddr_in address = {.sin_family = AF_INET, .sin_port = htons((uint16_t)port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    struct sockaddr_in address = {.sin_family = AF_INET,
+                                  .sin_port = htons((uint16_t)port),
+                                  .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
     socklen_t size = sizeof address;
     const int yes = 1;
     listener = socket(AF_INET, SOCK_STREAM, 0);
     setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-    if (listener < 0 || bind(listener, (struct sockaddr *)&address, size) != 0 || listen(listener, 1) != 0) {
+    if (listener < 0 || bind(listener, (struct sockaddr *)&address, size) != 0 ||
+        listen(listener, 1) != 0) {
         fail("the port cannot be listened at; is another glove there?");
     }
     fcntl(listener, F_SETFL, O_NONBLOCK);
@@ -182,23 +199,25 @@ static double number(const char *word, double least, double most, const char *re
 /* SLOT@FROM-TO: a strip that is pulled for a while, s after the start of the program. */
 static void parse_pull(const char *word)
 {
-    unsigned slot;
-    struct pull *pull = &options.pulls[options.pull_count];
-    if (options.pull_count == 8 || sscanf(word, "%u@%lf-%lf", &slot, &pull->from, &pull->to) != 3) {
+    unsigned slot = 0;
+    struct pull pull;
+    if (options.pull_count == 8 || sscanf(word, "%u@%lf-%lf", &slot, &pull.from, &pull.to) != 3) {
         fail("--pull takes SLOT@FROM-TO, at most eight times");
     }
-    pull->slot = (uint8_t)slot;
-    options.pull_count++;
+    pull.slot = (uint8_t)slot;
+    options.pulls[options.pull_count++] = pull;
 }
 
 static void parse(int count, char **words)
 {
-    for (int k = 1; k < count; k++) {
+    for (int k = 1; k < count; k += 2) {
         const char *name = words[k], *value = k + 1 < count ? words[k + 1] : "";
         if (strcmp(name, "--help") == 0) {
-            puts("glove --tcp PORT | --pty PATH  [--rate HZ] [--mag-rate HZ] [--strips NAME,...] [--hand left|right] [--chip icm42688p|lsm6dsv16x]\n"
+            puts("glove --tcp PORT | --pty PATH  [--rate HZ] [--mag-rate HZ] [--strips NAME,...] "
+                 "[--hand left|right] [--chip icm42688p|lsm6dsv16x]\n"
                  "      [--seconds S] [--seed N] [--pull SLOT@FROM-TO]\n"
-                 "A glove with simulated sensors: hand, thumb, index, middle, ring, little, forearm, trunk, trunk_mag. Port 0: any that is free.");
+                 "A glove with simulated sensors: hand, thumb, index, middle, ring, little, "
+                 "forearm, trunk, trunk_mag. Port 0: any that is free.");
             exit(0);
         } else if (strcmp(name, "--tcp") == 0) {
             options.port = (int)number(value, 0, 65535, "--tcp takes a port of 0 to 65535");
@@ -223,7 +242,6 @@ static void parse(int count, char **words)
         } else {
             fail("unknown option; see --help");
         }
-        k++;
     }
     if ((options.port < 0) == (options.pty == NULL)) {
         fail("say --tcp PORT or --pty PATH; see --help");
@@ -237,7 +255,10 @@ static void pull_and_plug(double t)
     }
 }
 
-static struct stamps { double sum, squares, worst; uint32_t n; } stamps;
+static struct stamps {
+    double sum, squares, worst;
+    uint32_t n;
+} stamps;
 
 /* How far a reading's time is from when the simulated chip measured it. */
 static void compare_stamps(void)
@@ -245,16 +266,23 @@ static void compare_stamps(void)
     static uint64_t before[HS_SENSORS];
     for (int k = 0; glove.running && k < HS_SENSORS; k++) {
         const struct hs_sensor *sensor = &glove.sensors[k];
-        const struct sim_chip *chip = sensor->phase == HS_RUNNING && sensor->driver->has_clock ? sim_chip_at(sensor->bus.slot, sensor->bus.select) : NULL;
-        if (chip == NULL || sensor->resampler.newest == before[k] || sensor->readings < 2000 || sim_period(chip) == 0) {
+        const struct sim_chip *chip = sensor->phase == HS_RUNNING && sensor->driver->has_clock
+                                          ? sim_chip_at(sensor->bus.slot, sensor->bus.select)
+                                          : NULL;
+        if (chip == NULL || sensor->resampler.newest == before[k] || sensor->readings < 2000 ||
+            sim_period(chip) == 0) {
             continue;
         }
         const int64_t period = (int64_t)sim_period(chip);
-        const int64_t late = ((int64_t)(sensor->resampler.newest - chip->next) % period + period + period / 2) % period - period / 2;
+        const int64_t late =
+            ((int64_t)(sensor->resampler.newest - chip->next) % period + period + period / 2) %
+                period -
+            period / 2;
         before[k] = sensor->resampler.newest;
         stamps.sum += (double)late * 1e-3;
         stamps.squares += (double)late * (double)late * 1e-6;
-        stamps.worst = stamps.worst > (double)llabs(late) * 1e-3 ? stamps.worst : (double)llabs(late) * 1e-3;
+        stamps.worst =
+            stamps.worst > (double)llabs(late) * 1e-3 ? stamps.worst : (double)llabs(late) * 1e-3;
         stamps.n++;
     }
 }
@@ -263,17 +291,20 @@ static void print_true_rates(void)
 {
     if (stamps.n > 0) {
         const double mean = stamps.sum / stamps.n;
-        fprintf(stderr, "time stamps: %u compared, mean %.1f us, sd %.1f us, worst %.1f us\n", stamps.n, mean,
-                sqrt(stamps.squares / stamps.n - mean * mean), stamps.worst);
+        fprintf(stderr, "time stamps: %u compared, mean %.1f us, sd %.1f us, worst %.1f us\n",
+                stamps.n, mean, sqrt(stamps.squares / stamps.n - mean * mean), stamps.worst);
     }
     for (uint8_t s = 0; s < glove.count; s++) {
         const struct hs_strip *strip = &glove.strips[s];
         for (uint8_t k = 0; strip->streams[0].driver != NULL && k < strip->count; k++) {
             const struct hs_sensor *sensor = &strip->streams[0].sensors[k];
-            const float nominal = sensor->setting.hz, error = 1e6f * (hs_sensor_true_rate(sensor) / nominal - 1);
+            const float nominal = sensor->setting.hz,
+                        error = 1e6f * (hs_sensor_true_rate(sensor) / nominal - 1);
             const struct sim_chip *chip = sim_chip_at(sensor->bus.slot, sensor->bus.select);
-            fprintf(stderr, "slot %d sensor %d: %.0f Hz nominal, measured %+.1f ppm, true %+d ppm, lost in FIFO %u\n", sensor->bus.slot, k, nominal,
-                    error, chip->error_ppm, chip->lost);
+            fprintf(stderr,
+                    "slot %d sensor %d: %.0f Hz nominal, measured %+.1f ppm, true %+d ppm, lost in "
+                    "FIFO %u\n",
+                    sensor->bus.slot, k, nominal, error, chip->error_ppm, chip->lost);
         }
     }
 }

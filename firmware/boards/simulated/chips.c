@@ -1,4 +1,5 @@
-/* Registers and FIFOs of the inertial sensors and the magnetometer, as their data sheets describe them. */
+/* Registers and FIFOs of the inertial sensors and the magnetometer, as their data sheets describe
+ * them. */
 #include "boards/simulated/world.h"
 
 #define NOISE 4 /* counts, evenly spread */
@@ -26,7 +27,8 @@ void sim_chip_power(struct sim_chip *c)
 /* Nominal rate that the registers ask for, 0: off. */
 static uint32_t nominal_hz(const struct sim_chip *c)
 {
-    static const uint32_t icm[16] = {0, 32000, 16000, 8000, 4000, 2000, 1000, 200, 100, 50, 25, 0, 0, 0, 0, 500};
+    static const uint32_t icm[16] = {0,   32000, 16000, 8000, 4000, 2000, 1000, 200,
+                                     100, 50,    25,    0,    0,    0,    0,    500};
     static const uint32_t lsm[16] = {0, 0, 0, 12, 25, 50, 100, 200, 400, 800, 1600};
     static const uint32_t mmc[8] = {0, 1, 10, 20, 50, 100, 200, 1000};
     if (is_icm(c)) {
@@ -44,10 +46,12 @@ static float scale_of(const struct sim_chip *c, int quantity)
     static const float mg[4] = {0.061f, 0.122f, 0.244f, 0.488f};
     const uint8_t *r = c->reg[0];
     if (is_icm(c)) {
-        return quantity == 0 ? (float)(2000 >> (r[0x4F] >> 5)) * HS_DEGREE / 32768 : (float)(16 >> (r[0x50] >> 5)) * HS_STANDARD_GRAVITY / 32768;
+        return quantity == 0 ? (float)(2000 >> (r[0x4F] >> 5)) * HS_DEGREE / 32768
+                             : (float)(16 >> (r[0x50] >> 5)) * HS_STANDARD_GRAVITY / 32768;
     }
     if (is_lsm(c)) {
-        return quantity == 0 ? 4.375e-3f * (float)(1 << (r[0x15] & 15)) * HS_DEGREE : mg[r[0x17] & 3] * 1e-3f * HS_STANDARD_GRAVITY;
+        return quantity == 0 ? 4.375e-3f * (float)(1 << (r[0x15] & 15)) * HS_DEGREE
+                             : mg[r[0x17] & 3] * 1e-3f * HS_STANDARD_GRAVITY;
     }
     return 2.44140625e-8f;
 }
@@ -60,7 +64,8 @@ static void to_sensor(const float *q, const float *v, float *out)
         return;
     }
     const float w = q[0], x = -q[1], y = -q[2], z = -q[3];
-    const float a = 2 * (y * v[2] - z * v[1]), b = 2 * (z * v[0] - x * v[2]), c = 2 * (x * v[1] - y * v[0]);
+    const float a = 2 * (y * v[2] - z * v[1]), b = 2 * (z * v[0] - x * v[2]),
+                c = 2 * (x * v[1] - y * v[0]);
     out[0] = v[0] + w * a + y * c - z * b;
     out[1] = v[1] + w * b + z * a - x * c;
     out[2] = v[2] + w * c + x * b - y * a;
@@ -69,7 +74,10 @@ static void to_sensor(const float *q, const float *v, float *out)
 static int16_t counts_of(float value, float scale, int32_t offset)
 {
     const float counts = value / scale + (float)offset;
-    return (int16_t)(counts > 32767 ? 32767 : counts < -32767 ? -32767 : counts < 0 ? counts - 0.5f : counts + 0.5f);
+    return (int16_t)(counts > 32767    ? 32767
+                     : counts < -32767 ? -32767
+                     : counts < 0      ? counts - 0.5f
+                                       : counts + 0.5f);
 }
 
 static void measure(struct sim_chip *c, uint64_t t)
@@ -84,8 +92,12 @@ static void measure(struct sim_chip *c, uint64_t t)
     for (int q = 0; q < c->kind->axes / 3; q++) {
         to_sensor(c->mounting, truth[q], seen[q]);
         for (int k = 0; k < 3; k++) {
-            const int32_t noise = (int32_t)(sim_draw() % (2 * NOISE + 1)) - NOISE, push = !excited ? 0 : q == 0 ? 4000 : 500;
-            c->newest[3 * q + k] = counts_of(seen[q][k], scale_of(c, q), c->bias[3 * q + k] + noise + push);
+            const int32_t noise = (int32_t)(sim_draw() % (2 * NOISE + 1)) - NOISE,
+                          push = !excited ? 0
+                                 : q == 0 ? 4000
+                                          : 500;
+            c->newest[3 * q + k] =
+                counts_of(seen[q][k], scale_of(c, q), c->bias[3 * q + k] + noise + push);
         }
     }
 }
@@ -222,7 +234,9 @@ static uint8_t read_register(struct sim_chip *c, uint8_t address)
         case 0x21: return 0x06; /* 31 deg C */
         default: break;
         }
-        return address >= 0x78 && address <= 0x7E ? next_of_fifo(c) : address >= 0x22 && address <= 0x2D ? sample_byte(c, address) : c->reg[0][address];
+        return address >= 0x78 && address <= 0x7E   ? next_of_fifo(c)
+               : address >= 0x22 && address <= 0x2D ? sample_byte(c, address)
+                                                    : c->reg[0][address];
     }
     return !is_icm(c) && address < 6 ? sample_byte(c, address) : c->reg[c->bank & 1][address];
 }
@@ -233,7 +247,8 @@ static void write_register(struct sim_chip *c, uint8_t address, uint8_t value)
         c->bank = value & 7;
         return;
     }
-    const bool reset = (is_icm(c) && c->bank == 0 && address == 0x11 && (value & 1)) || (is_lsm(c) && address == 0x12 && (value & 1)) ||
+    const bool reset = (is_icm(c) && c->bank == 0 && address == 0x11 && (value & 1)) ||
+                       (is_lsm(c) && address == 0x12 && (value & 1)) ||
                        (!is_icm(c) && !is_lsm(c) && address == 0x0A && (value & 0x80));
     if (reset) {
         sim_chip_power(c);
@@ -245,7 +260,9 @@ static void write_register(struct sim_chip *c, uint8_t address, uint8_t value)
             c->reg[1][0x62 + k] = (uint8_t)((ticks & 0xFFFFF) >> (8 * k));
         }
     }
-    const bool empties = (is_icm(c) && ((address == 0x4B && (value & 2)) || (address == 0x16 && value == 0))) || (is_lsm(c) && address == 0x0A && value == 0);
+    const bool empties =
+        (is_icm(c) && ((address == 0x4B && (value & 2)) || (address == 0x16 && value == 0))) ||
+        (is_lsm(c) && address == 0x0A && value == 0);
     if (empties) {
         c->first = c->used = c->lost = 0;
     }
@@ -256,7 +273,8 @@ static void write_register(struct sim_chip *c, uint8_t address, uint8_t value)
     c->reg[c->bank & 1][address] = value;
 }
 
-void sim_chip_transfer(struct sim_chip *c, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in)
+void sim_chip_transfer(struct sim_chip *c, const uint8_t *out, size_t n_out, uint8_t *in,
+                       size_t n_in)
 {
     uint8_t address = out[0] & 0x7F;
     catch_up(c);

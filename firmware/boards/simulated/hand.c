@@ -1,4 +1,5 @@
-/* A hand that lies flat, palm down, and then flexes all fingers and the thumb together; accelerations other than gravity's are left out. */
+/* A hand that lies flat, palm down, and then flexes all fingers and the thumb together;
+ * accelerations other than gravity's are left out. */
 #include "boards/simulated/world.h"
 
 #include <math.h>
@@ -8,7 +9,8 @@
 
 static float sine[TABLE + 1];
 
-/* Sine of a phase in turns, from a table: a board without floating point has thousands to make each second. */
+/* Sine of a phase in turns, from a table: a board without floating point has thousands to make each
+ * second. */
 static float sine_of(float turns)
 {
     if (sine[TABLE / 4] == 0.0f) {
@@ -21,16 +23,20 @@ static float sine_of(float turns)
     return sine[k] + (sine[k + 1] - sine[k]) * (at - (float)k);
 }
 
-/* Flexion of a segment against the hand at the closed fist, degrees: MCP 60, PIP 80, DIP 45; thumb MCP 30, IP 40. */
+/* Flexion of a segment against the hand at the closed fist, degrees: MCP 60, PIP 80, DIP 45; thumb
+ * MCP 30, IP 40. */
 static float closed(uint8_t point)
 {
     static const float finger[3] = {60, 140, 185}, thumb[3] = {0, 30, 70};
-    return point < HS_THUMB || point >= HS_TRUNK ? 0 : point < HS_INDEX ? thumb[point - HS_THUMB] : finger[(point - HS_INDEX) % 3];
+    return point < HS_THUMB || point >= HS_TRUNK ? 0
+           : point < HS_INDEX                    ? thumb[point - HS_THUMB]
+                                                 : finger[(point - HS_INDEX) % 3];
 }
 
 void sim_motion(uint8_t point, uint64_t t, float *gyr, float *acc)
 {
-    const float rate = 0.5f, upward = sim.hand == HS_RIGHT ? -1.0f : 1.0f, widest = closed(point) / 360; /* turns */
+    const float rate = 0.5f, upward = sim.hand == HS_RIGHT ? -1.0f : 1.0f,
+                widest = closed(point) / 360; /* turns */
     float angle = 0, speed = 0;
     if (sim.moves_from != 0 && t > sim.moves_from + SIM_TASK_AT) {
         const float phase = rate * (float)((t - sim.moves_from - SIM_TASK_AT) / 1000) * 1e-6f;

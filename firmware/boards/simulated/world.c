@@ -13,7 +13,8 @@ static void add_chip(const struct hs_strip_layout *strip, int which, uint8_t k)
     struct sim_chip *chip = &sim.chips[sim.count++];
     const bool alone = which == 0 || strip->drivers[0] == NULL;
     const uint8_t address = strip->i2c_address[which];
-    *chip = (struct sim_chip){.bus = {strip->slot, (uint8_t)(alone ? k : k + HS_PER_STRIP), (uint8_t)(address == 0 ? 0 : address + k)},
+    *chip = (struct sim_chip){.bus = {strip->slot, (uint8_t)(alone ? k : k + HS_PER_STRIP),
+                                      (uint8_t)(address == 0 ? 0 : address + k)},
                               .kind = strip->drivers[which],
                               .point = strip->points[k],
                               .mounting = strip->mounting,
@@ -79,7 +80,8 @@ void sim_plug(uint8_t slot, bool plugged)
     }
 }
 
-bool sim_transfer(const struct hs_bus *bus, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in)
+bool sim_transfer(const struct hs_bus *bus, const uint8_t *out, size_t n_out, uint8_t *in,
+                  size_t n_in)
 {
     const int place = place_of(bus->slot);
     const bool there = place >= 0 && sim.plugged[place];
@@ -87,7 +89,8 @@ bool sim_transfer(const struct hs_bus *bus, const uint8_t *out, size_t n_out, ui
         memset(in, 0, n_in); /* a line that nobody drives is pulled down */
     }
     if (bus->select == HS_SELECT_MEMORY) {
-        return !there || !sim.memory[place].present || sim_memory_transfer(&sim.memory[place], out, n_out, in, n_in);
+        return !there || !sim.memory[place].present ||
+               sim_memory_transfer(&sim.memory[place], out, n_out, in, n_in);
     }
     struct sim_chip *chip = sim_chip_at(bus->slot, bus->select);
     if (!there || chip == NULL || chip->broken) {
@@ -97,7 +100,8 @@ bool sim_transfer(const struct hs_bus *bus, const uint8_t *out, size_t n_out, ui
     return true;
 }
 
-bool sim_memory_transfer(struct sim_eeprom *m, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in)
+bool sim_memory_transfer(struct sim_eeprom *m, const uint8_t *out, size_t n_out, uint8_t *in,
+                         size_t n_in)
 {
     const uint16_t address = n_out >= 3 ? (uint16_t)((out[1] << 8 | out[2]) % SIM_MEMORY) : 0;
     const bool busy = board_now() < m->busy_until;
@@ -116,7 +120,8 @@ bool sim_memory_transfer(struct sim_eeprom *m, const uint8_t *out, size_t n_out,
     } else if (out[0] == 0x02 && m->latch) {
         for (size_t k = 3; k < n_out; k++) {
             if (sim.supply == 0) {
-                m->bytes[address] = (uint8_t)sim_draw(); /* the byte at which the power failed holds anything */
+                m->bytes[address] =
+                    (uint8_t)sim_draw(); /* the byte at which the power failed holds anything */
                 return false;
             }
             sim.supply -= sim.supply > 0 ? 1 : 0;

@@ -1,4 +1,5 @@
-// As much of the Arduino interface as the library uses, to compile it where no board is: nothing here runs.
+// As much of the Arduino interface as the library uses, to compile it where no board is: nothing
+// here runs.
 #ifndef STAND_IN_ARDUINO_H
 #define STAND_IN_ARDUINO_H
 
@@ -8,7 +9,8 @@
 
 enum { LOW, HIGH, INPUT, OUTPUT, INPUT_PULLUP, A0 = 14 };
 
-class Print {
+class Print
+{
   public:
     virtual ~Print() {}
     virtual size_t write(uint8_t byte) = 0;
@@ -16,13 +18,15 @@ class Print {
     virtual int availableForWrite() = 0;
 };
 
-class Stream : public Print {
+class Stream : public Print
+{
   public:
     virtual int available() = 0;
     virtual int read() = 0;
 };
 
-class SerialPort : public Stream {
+class SerialPort : public Stream
+{
   public:
     void begin(unsigned long baud);
     size_t write(uint8_t byte) override;

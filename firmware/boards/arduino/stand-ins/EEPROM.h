@@ -3,7 +3,8 @@
 
 #include <Arduino.h>
 
-class EEPROMClass {
+class EEPROMClass
+{
   public:
     void begin(size_t size);
     uint8_t read(int address);

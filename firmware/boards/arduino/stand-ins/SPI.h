@@ -9,7 +9,8 @@ struct SPISettings {
     SPISettings(uint32_t hz, uint8_t order, uint8_t mode);
 };
 
-class SPIClass {
+class SPIClass
+{
   public:
     void begin();
     void beginTransaction(SPISettings settings);

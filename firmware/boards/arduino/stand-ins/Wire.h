@@ -3,7 +3,8 @@
 
 #include <Arduino.h>
 
-class TwoWire {
+class TwoWire
+{
   public:
     void begin();
     void setClock(uint32_t hz);

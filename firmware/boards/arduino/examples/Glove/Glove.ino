@@ -1,5 +1,5 @@
-// A whole hand: 17 sensors on seven strips, each with a 2-to-4 decoder and a memory chip; wiring in docs/build-a-glove.md.
-// Pins are those of a Teensy 4.0; on another board change the numbers below.
+// A whole hand: 17 sensors on seven strips, each with a 2-to-4 decoder and a memory chip.
+// Wiring: docs/build-a-glove.md. Pins are those of a Teensy 4.0; on another board change them.
 #include <Handscope.h>
 
 const int8_t ADDRESS_0 = 2, ADDRESS_1 = 3, BUTTON = 14, LAMP = 15;

@@ -1,4 +1,4 @@
-// The smallest glove: three sensors on one finger and one on the hand, breakout boards on SPI with a select pin each.
+// The smallest glove: three sensors on one finger and one on the hand, with a select pin each.
 #include <Handscope.h>
 
 void setup()
