@@ -32,6 +32,6 @@ def make(tmp_path_factory: pytest.TempPathFactory) -> Make:
 
 def run_handscope(*words: str) -> str:
     """Standard output of the program, which must end well."""
-    done = subprocess.run([str(HANDSCOPE), *words], capture_output=True, text=True, check=False, cwd=ROOT)
+    done = subprocess.run([str(HANDSCOPE), *words], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout

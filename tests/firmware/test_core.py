@@ -20,9 +20,9 @@ def test_the_core_passes_under_sanitizers(make: Make, name: str) -> None:
 
 def test_random_commands_leave_a_glove_that_answers(make: Make) -> None:
     build = make("random")
-    done = subprocess.run([build / "random", "3"], cwd=FIRMWARE, capture_output=True, text=True, check=False)
+    done = subprocess.run([build / "random", "1"], cwd=FIRMWARE, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert int(done.stdout.split()[0]) > 100
+    assert int(done.stdout.split()[0]) > 50
 
 
 def test_the_arduino_library_compiles_against_its_interface(make: Make) -> None:
