@@ -23,6 +23,7 @@ BOARD = [
     "-semihosting-config",
     "enable=on,target=native",
 ]
+CLOCK = ["-icount", "shift=3"]  # 8 ns an instruction: its time waits for a busy host, as no real board's must
 MOST_WORK = 40e6  # instructions a second: a third of a Cortex-M3 at 120 MHz
 needs_tools = pytest.mark.skipif(
     not (shutil.which(EMULATOR) and shutil.which(COMPILER)),
@@ -34,7 +35,7 @@ needs_tools = pytest.mark.skipif(
 def emulated(program: Path) -> Iterator[str]:
     """The glove that runs; the path of its port."""
     with subprocess.Popen(
-        [EMULATOR, *BOARD, "-kernel", program, "-serial", "pty"],
+        [EMULATOR, *BOARD, *CLOCK, "-kernel", program, "-serial", "pty"],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
