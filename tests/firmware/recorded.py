@@ -1,17 +1,16 @@
 """What any of the firmware's gloves must show once it was recorded: nothing lost, and the exercise that its simulated hand does."""
 
 import csv
-import subprocess
 from pathlib import Path
 
 import numpy as np
 
 from estimators.samples import GYR, Block
 from sessions import formats
-from tests.firmware.conftest import HANDSCOPE, run_handscope
+from tests.firmware.conftest import run_handscope
 
 RATE, SECONDS = 200.0, 10.0
-STARTING = 2.0  # s that a busy machine may take until samples come
+SAMPLES = 12.0  # s of the glove's own time after which it falls silent: a busy machine may take longer for them
 FIST_DEG = {
     "index_mcp": 60.0,
     "index_pip": 80.0,
@@ -23,14 +22,9 @@ FIST_HZ = 0.5
 
 
 def record(port: str, folder: Path) -> Path:
-    """Record 17 sensors by the real program; the recording.
-
-    A program that had to wait for the processor says that it ended early: what counts is what was lost.
-    """
+    """Record 17 sensors by the real program until the glove falls silent; the recording."""
     path = folder / "glove.mcap"
-    words = ["record", port, "--out", str(path), "--seconds", f"{SECONDS + STARTING:g}"]
-    done = subprocess.run([str(HANDSCOPE), *words], capture_output=True, text=True, check=False)
-    assert path.exists(), done.stdout + done.stderr
+    run_handscope("record", port, "--out", str(path))
     return path
 
 
@@ -38,7 +32,7 @@ def assert_nothing_is_lost(path: Path) -> None:
     recording = formats.load(path, None)
     assert sum(len(stream.sensors) for stream in recording.streams) == 17
     assert not any(recording.losses.values())
-    assert [warning for warning in recording.warnings if "lost" in warning or "damaged" in warning] == []
+    assert recording.warnings == ()
     for block in recording.samples.values():
         assert block.stream.rate == RATE
         assert len(block.t) >= RATE * SECONDS

@@ -14,7 +14,7 @@ from sessions.wire import messages as wire
 from sessions.wire.assembly import Assembler
 from sessions.wire.framing import Encoder
 from tests.firmware.conftest import Make
-from tests.firmware.recorded import assert_fists_are_measured, assert_nothing_is_lost, record, skew
+from tests.firmware.recorded import SAMPLES, assert_fists_are_measured, assert_nothing_is_lost, record, skew
 
 
 @contextmanager
@@ -88,7 +88,8 @@ def recorded(request: pytest.FixtureRequest, program: Path, tmp_path_factory: py
     """Ten seconds of 17 sensors at 200 Hz by the real program, and what the glove reports at its end."""
     folder = tmp_path_factory.mktemp("posix")
     chip, hand = request.param
-    with serving(program, "--pty", str(folder / "port"), "--chip", chip, "--hand", hand) as (port, report):
+    words = ("--chip", chip, "--hand", hand, "--samples", f"{SAMPLES:g}", "--clock", "pausing")
+    with serving(program, "--pty", str(folder / "port"), *words) as (port, report):
         path = record(port, folder)
     return path, report[0]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.firmware.conftest import FIRMWARE, Make
-from tests.firmware.recorded import assert_fists_are_measured, assert_nothing_is_lost, record
+from tests.firmware.recorded import SAMPLES, assert_fists_are_measured, assert_nothing_is_lost, record
 
 EMULATOR, COMPILER = "qemu-system-arm", "arm-none-eabi-gcc"
 BOARD = [
@@ -21,9 +21,9 @@ BOARD = [
     "-monitor",
     "none",
     "-semihosting-config",
-    "enable=on,target=native",
+    f"enable=on,target=native,arg=glove,arg={SAMPLES:.0f}",
 ]
-CLOCK = ["-icount", "shift=3"]  # 8 ns an instruction: its time waits for a busy host, as no real board's must
+CLOCK = ["-icount", "shift=1"]  # 2 ns an instruction: its time waits for a busy host, as no real board's must
 MOST_WORK = 40e6  # instructions a second: a third of a Cortex-M3 at 120 MHz
 needs_tools = pytest.mark.skipif(
     not (shutil.which(EMULATOR) and shutil.which(COMPILER)),

@@ -59,6 +59,24 @@ static void count(void)
 }
 #endif
 
+/* The number at the end of the emulator's command line (-semihosting-config arg=), 0: none. */
+static uint32_t last_number(void)
+{
+    static char line[128];
+    const struct {
+        char *buffer;
+        uint32_t size;
+    } block = {line, sizeof line};
+    uint32_t number = 0;
+    if (mps2_semihost(0x15, &block) != 0) {
+        return 0;
+    }
+    for (const char *c = line; *c != 0; c++) {
+        number = *c >= '0' && *c <= '9' ? 10 * number + (uint32_t)(*c - '0') : 0;
+    }
+    return number;
+}
+
 int main(void)
 {
 #ifdef HS_COUNT
@@ -73,9 +91,11 @@ int main(void)
 #ifdef HS_COUNT
     count();
 #endif
+    const double samples = last_number();
     for (;;) {
         hs_glove_poll(&glove);
         sim_follow(&glove);
+        sim_stop_after(&glove, samples);
         mps2_sleep();
     }
 }

@@ -34,19 +34,27 @@ static struct wanted {
     const char *pty, *strips;
     int port;
     double seconds;
+    double samples; /* s of samples after which they end; 0: never */
+    bool pausing;
     const struct hs_driver *chip;
     uint32_t seed;
     struct pull pulls[8];
     int pull_count;
 } options = {.strips = HS_WHOLE_HAND, .port = -1, .chip = &hs_icm42688p, .seed = 1};
 
+#define LONGEST_PASS (50 * HS_MILLISECOND) /* of a clock that pauses with the program */
+
 uint64_t board_now(void)
 {
-    static uint64_t began;
+    static uint64_t began, before;
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
     const uint64_t now = (uint64_t)t.tv_sec * HS_SECOND + (uint64_t)t.tv_nsec;
     began = began == 0 ? now - HS_MILLISECOND : began;
+    if (options.pausing && before != 0 && now - before > LONGEST_PASS) {
+        began += now - before - LONGEST_PASS;
+    }
+    before = now;
     return now - began;
 }
 
@@ -215,7 +223,8 @@ static void parse(int count, char **words)
         if (strcmp(name, "--help") == 0) {
             puts("glove --tcp PORT | --pty PATH  [--rate HZ] [--mag-rate HZ] [--strips NAME,...] "
                  "[--hand left|right] [--chip icm42688p|lsm6dsv16x]\n"
-                 "      [--seconds S] [--seed N] [--pull SLOT@FROM-TO]\n"
+                 "      [--seconds S] [--samples S] [--clock real|pausing] [--seed N] [--pull "
+                 "SLOT@FROM-TO]\n"
                  "A glove with simulated sensors: hand, thumb, index, middle, ring, little, "
                  "forearm, trunk, trunk_mag. Port 0: any that is free.");
             exit(0);
@@ -235,6 +244,10 @@ static void parse(int count, char **words)
             options.chip = strcmp(value, "lsm6dsv16x") == 0 ? &hs_lsm6dsv16x : &hs_icm42688p;
         } else if (strcmp(name, "--seconds") == 0) {
             options.seconds = number(value, 0, 1e9, "--seconds takes a number");
+        } else if (strcmp(name, "--samples") == 0) {
+            options.samples = number(value, 0, 1e9, "--samples takes a number of seconds");
+        } else if (strcmp(name, "--clock") == 0) {
+            options.pausing = strcmp(value, "pausing") == 0;
         } else if (strcmp(name, "--seed") == 0) {
             options.seed = (uint32_t)number(value, 0, 4294967295.0, "--seed takes a whole number");
         } else if (strcmp(name, "--pull") == 0) {
@@ -339,6 +352,7 @@ int main(int count, char **words)
         }
         hs_glove_poll(&glove);
         sim_follow(&glove);
+        sim_stop_after(&glove, options.samples);
         compare_stamps();
         board_wait(500);
     }

@@ -76,3 +76,10 @@ void sim_follow(struct hs_glove *glove)
         marked = 2;
     }
 }
+
+void sim_stop_after(struct hs_glove *glove, double seconds)
+{
+    if (glove->running && seconds > 0 && board_now() - glove->origin > (uint64_t)(seconds * 1e9)) {
+        glove->running = false;
+    }
+}

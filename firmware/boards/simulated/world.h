@@ -68,6 +68,9 @@ void sim_motion(uint8_t point, uint64_t t, float *gyr, float *acc);
 /* Follow a glove: the exercise begins with its samples, and it marks pose and task. */
 void sim_follow(struct hs_glove *glove);
 
+/* End the samples after so many seconds of the glove's own time; 0: never. */
+void sim_stop_after(struct hs_glove *glove, double seconds);
+
 /* Within the simulation. */
 bool sim_memory_transfer(struct sim_eeprom *memory, const uint8_t *out, size_t n_out, uint8_t *in,
                          size_t n_in);
