@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Modules are compiled once, not again by every process that starts
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test test-fast test-all check audit tests browser format lock bench faults fuzz soak clean
+.PHONY: firmware run test test-fast test-all check audit tests browser format lock bench faults fuzz soak clean
 
 run: $(VENV)/runs
 	$(BIN)/handscope demo --port $(PORT) $(DEMO)
@@ -55,6 +55,10 @@ tests: $(VENV)/runs $(VENV)/develops browser
 # How long each test file takes, the longest first: the order in which they are handed out
 durations: $(VENV)/runs $(VENV)/develops browser
 	$(BIN)/pytest -n 2 --dist loadfile --durations=0 -m "" | $(BIN)/python tests/durations.py > tests/durations.txt
+
+# A glove's firmware: for this machine, for an emulated board and as an Arduino library; needs a C compiler, and for the board Debian's cross-compiler
+firmware:
+	$(MAKE) -C firmware
 
 # A Chromium for the browser tests: one that is there, Debian's as root, otherwise the test tool's own
 browser: $(VENV)/develops

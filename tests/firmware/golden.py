@@ -3,19 +3,23 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from estimators.magnet_plate import Plate
-from sessions.wire import messages as wire
-from sessions.wire.framing import Encoder
+from handscope.estimators.data.magnet_declaration import Plate
+from handscope.sessions.wire import messages as wire
+from handscope.sessions.wire.framing import Encoder
 
 FILE = Path(__file__).parents[2] / "firmware" / "tests" / "golden_frames.txt"
 INDEX = ("index_proximal", "index_middle", "index_distal")
-CALIBRATION = wire.StripCalibration(2, 1, tuple(0.5 * k - 1 for k in range(9)), tuple(0.25 * k for k in range(27)))
+CALIBRATION = wire.StripCalibration(
+    2, 1, tuple(0.5 * k - 1 for k in range(9)), tuple(0.25 * k for k in range(27))
+)
 MOUNTING = (0.5, -0.5, 0.5, -0.5) * 3
 GLOVE: dict[str, wire.Message] = {
     "identity": wire.Identity(0x5C09E, 0x12345678, "left", "Test glove", "1.0 \u00e9"),
     "strip": wire.Strip(2, True, 0xA0B0C0D0E0F00102, INDEX, MOUNTING, raw=True),
     "strip_pulled": wire.Strip(2, False, 0xA0B0C0D0E0F00102, INDEX, raw=True),
-    "stream_info": wire.StreamInfo(4, 2, 0, ("gyr", "acc"), wire.Format.INT16, 200.5, (0.001953125, 0.0078125), (35.0, 156.5)),
+    "stream_info": wire.StreamInfo(
+        4, 2, 0, ("gyr", "acc"), wire.Format.INT16, 200.5, (0.001953125, 0.0078125), (35.0, 156.5)
+    ),
     "samples": wire.Samples(4, 2**32 - 1, 2**40, 2**40 + 5, 2, bytes(range(72))),
     "status": wire.Status(123456789012345, 7, 255, 31.5),
     "reply": wire.Reply(0x82, wire.ReplyCode.BAD_ARGUMENT, "no"),

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from estimators.samples import GYR, Block
-from sessions import formats
+from handscope.estimators.data.samples import GYR, Block
+from handscope.sessions.formats import recordings as formats
 from tests.firmware.conftest import run_handscope
 
 RATE, SECONDS = 200.0, 10.0
@@ -37,13 +37,19 @@ def assert_nothing_is_lost(path: Path) -> None:
         assert block.stream.rate == RATE
         assert len(block.t) >= RATE * SECONDS
         assert np.isfinite(block.values).all()
-        np.testing.assert_allclose(np.diff(block.t), 1 / RATE, atol=2e-9)  # s: the stamps are in whole ns
+        np.testing.assert_allclose(
+            np.diff(block.t), 1 / RATE, atol=2e-9
+        )  # s: the stamps are in whole ns
 
 
 def assert_fists_are_measured(path: Path, folder: Path) -> None:
     """The range of motion of the simulated fist, within 3 deg of what the hand does."""
     run_handscope("assess", str(path), "--out", str(folder))
-    lines = [line for line in (folder / "figures.csv").read_text().splitlines() if not line.startswith("#")]
+    lines = [
+        line
+        for line in (folder / "figures.csv").read_text().splitlines()
+        if not line.startswith("#")
+    ]
     found = {row["name"]: float(row["value"]) for row in csv.DictReader(lines) if row["value"]}
     for joint, angle in FIST_DEG.items():
         assert abs(found[f"{joint}_flexion_range"] - angle) < 3, joint
@@ -65,5 +71,7 @@ def _phase(block: Block, sensor: int) -> float | None:
     moving = (t > 5.0) & (t < 9.0)
     axis = rate[moving][:, np.argmax(np.ptp(rate[moving], axis=0))]
     angle = 2 * np.pi * FIST_HZ * t[moving]
-    a, b, _ = np.linalg.lstsq(np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle)], axis=1), axis, rcond=None)[0]
+    a, b, _ = np.linalg.lstsq(
+        np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle)], axis=1), axis, rcond=None
+    )[0]
     return float(np.arctan(b / a)) if np.hypot(a, b) > 0.3 else None  # rad/s

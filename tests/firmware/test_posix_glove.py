@@ -10,18 +10,26 @@ from pathlib import Path
 
 import pytest
 
-from sessions.wire import messages as wire
-from sessions.wire.assembly import Assembler
-from sessions.wire.framing import Encoder
+from handscope.sessions.wire import messages as wire
+from handscope.sessions.wire.assembly import Assembler
+from handscope.sessions.wire.framing import Encoder
 from tests.firmware.conftest import Make
-from tests.firmware.recorded import SAMPLES, assert_fists_are_measured, assert_nothing_is_lost, record, skew
+from tests.firmware.recorded import (
+    SAMPLES,
+    assert_fists_are_measured,
+    assert_nothing_is_lost,
+    record,
+    skew,
+)
 
 
 @contextmanager
 def serving(program: Path, *words: str) -> Iterator[tuple[str, list[str]]]:
     """A glove that serves; its port, and a list that holds its report once it has ended."""
     report: list[str] = []
-    with subprocess.Popen([program, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as glove:
+    with subprocess.Popen(
+        [program, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as glove:
         assert glove.stdout is not None and glove.stderr is not None
         try:
             yield glove.stdout.readline().strip(), report
@@ -60,7 +68,9 @@ class Host:
 
     def read_samples(self, stream: str, count: int) -> None:
         """Read until a stream has so many more samples."""
-        wanted = count + (self.assembler.counts[stream].samples if stream in self.assembler.counts else 0)
+        wanted = count + (
+            self.assembler.counts[stream].samples if stream in self.assembler.counts else 0
+        )
         while stream not in self.assembler.counts or self.assembler.counts[stream].samples < wanted:
             self.read()
 
@@ -84,7 +94,9 @@ def program(make: Make) -> Path:
 
 
 @pytest.fixture(scope="module", params=[("icm42688p", "left"), ("lsm6dsv16x", "right")])
-def recorded(request: pytest.FixtureRequest, program: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+def recorded(
+    request: pytest.FixtureRequest, program: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, str]:
     """Ten seconds of 17 sensors at 200 Hz by the real program, and what the glove reports at its end."""
     folder = tmp_path_factory.mktemp("posix")
     chip, hand = request.param
@@ -164,7 +176,9 @@ def test_a_host_that_comes_back_meets_the_same_glove(program: Path) -> None:
         (wire.WriteCalibration(wire.StripCalibration(2, 3)), wire.ReplyCode.BAD_ARGUMENT),
     ],
 )
-def test_what_cannot_be_done_is_refused_with_a_sentence(program: Path, command: wire.Message, code: wire.ReplyCode) -> None:
+def test_what_cannot_be_done_is_refused_with_a_sentence(
+    program: Path, command: wire.Message, code: wire.ReplyCode
+) -> None:
     with connected(program) as host:
         host.send(wire.Start())
         host.read_samples("index", 2)

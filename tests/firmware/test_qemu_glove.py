@@ -10,7 +10,12 @@ from pathlib import Path
 import pytest
 
 from tests.firmware.conftest import FIRMWARE, Make
-from tests.firmware.recorded import SAMPLES, assert_fists_are_measured, assert_nothing_is_lost, record
+from tests.firmware.recorded import (
+    SAMPLES,
+    assert_fists_are_measured,
+    assert_nothing_is_lost,
+    record,
+)
 
 EMULATOR, COMPILER = "qemu-system-arm", "arm-none-eabi-gcc"
 BOARD = [
@@ -23,8 +28,12 @@ BOARD = [
     "-semihosting-config",
     f"enable=on,target=native,arg=glove,arg={SAMPLES:.0f}",
 ]
-CLOCK = ["-icount", "shift=1"]  # 2 ns an instruction: its time waits for a busy host, as no real board's must
+CLOCK = [
+    "-icount",
+    "shift=1",
+]  # 2 ns an instruction: its time waits for a busy host, as no real board's must
 MOST_WORK = 40e6  # instructions a second: a third of a Cortex-M3 at 120 MHz
+pytestmark = pytest.mark.slow  # an emulator on a busy host takes minutes
 needs_tools = pytest.mark.skipif(
     not (shutil.which(EMULATOR) and shutil.which(COMPILER)),
     reason=f"{EMULATOR} or {COMPILER} is missing",
@@ -84,14 +93,18 @@ def test_the_loop_leaves_most_of_a_small_processor_free(build: Path) -> None:
         "shift=0",
     ]
     done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=300)
-    found = re.search(r"work in a second of 17 sensors at 200 Hz, instructions: (\d+)", done.stdout + done.stderr)
+    found = re.search(
+        r"work in a second of 17 sensors at 200 Hz, instructions: (\d+)", done.stdout + done.stderr
+    )
     assert found is not None, done.stdout + done.stderr
     assert 1e6 < int(found.group(1)) < MOST_WORK
 
 
 @needs_tools
 def test_there_is_no_heap(build: Path) -> None:
-    symbols = subprocess.run(["arm-none-eabi-nm", build / "glove.elf"], capture_output=True, text=True, check=True).stdout
+    symbols = subprocess.run(
+        ["arm-none-eabi-nm", build / "glove.elf"], capture_output=True, text=True, check=True
+    ).stdout
     assert "hs_glove_poll" in symbols
     assert not re.search(r"\b(malloc|calloc|realloc|_sbrk|_malloc_r)\b", symbols)
 
