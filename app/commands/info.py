@@ -33,8 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     for shortfall in shortfalls(recording):
         say(f"warning: {shortfall}")
     blocks = [block for block in recording.samples.values() if len(block.t)]
-    declared = (recording.hand, recording.geometry, recording.mounting)
-    for suspicion in check_recording(blocks, *declared, (), recording.events):
+    for suspicion in check_recording(blocks):
         say(f"{suspicion.message.severity}: {sentence(suspicion.message)}")
     say(f"sha256 {recording.checksum}")
     return 0

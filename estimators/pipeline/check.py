@@ -2,7 +2,7 @@
 
 In      a processed recording, and the recording
 Out     the same with findings; segments of faulty sensors are flagged from when to when, which lowers the grade of what rests on them
-Limits  costs about 0.1 s of a processor for each second of a whole glove: whoever computes many recordings without reading messages leaves it out
+Limits  those of the checks: fault_detection/check.py
 """
 
 from collections.abc import Sequence
@@ -26,14 +26,7 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
 
     Flags are written into the trajectory in place.
     """
-    suspicions = check_recording(
-        whole_of(recording),
-        recording.hand,
-        recording.geometry,
-        recording.mounting,
-        processed.calibrations,
-        recording.events,
-    )
+    suspicions = check_recording(whole_of(recording))
     findings = as_findings(suspicions)
     flag_segments(processed.trajectory, findings)
     messages = dict.fromkeys([*processed.warnings, *(sentence(s.message) for s in suspicions)])
