@@ -1,4 +1,5 @@
-"""`handscope learn-magnet`: the constellation and the magnet's moment and place from a recording of movement, as a `MagnetSetup` for the next ones."""
+"""`handscope learn-magnet`: constellation and magnet from a recording of movement, as a
+`MagnetSetup` for later ones."""
 
 import argparse
 import json
@@ -18,9 +19,8 @@ from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.tables_io.writing import save_file
 
 MM = 1e3
-OBSERVED_SHARE = (
-    0.8  # of the standard deviation that was told: less than that a movement has not told
-)
+# of the declared standard deviation: a movement that leaves more has hardly observed it
+OBSERVED_SHARE = 0.8
 OPTIONS = {
     "moment": ("--moment-error", 1.0, "SHARE"),
     "place": ("--place-error", MM, "MM"),
@@ -75,7 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _describe(declared: Plate, errors: DeclarationErrors, estimated: EstimatedSetup) -> list[str]:
-    """Each quantity: what it was, what it is, how well it is known, and whether the movement told it."""
+    """Each quantity: declared, estimated, standard deviation, and whether the movement observed
+    it."""
     size, declared_size = (float(np.linalg.norm(p.moment)) for p in (estimated.plate, declared))
     along = np.array(estimated.plate.moment) / size
     cosine = float(along @ np.array(declared.moment)) / declared_size

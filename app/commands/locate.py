@@ -1,4 +1,5 @@
-"""`handscope locate`: where a magnet is, reading by reading, from the recording of any magnetometer array; docs/magnet-array.md."""
+"""`handscope locate`: position of a magnet from a recording of any magnetometer array;
+docs/magnet-array.md."""
 
 import argparse
 from collections.abc import Sequence
@@ -49,14 +50,12 @@ COLUMNS = (
     ),
     *("field_x", "field_y", "field_z", "left", "found"),
 )
-MOMENT = 0.015  # of the moment: how well it is known, and the dipole as a model; as magnet_options.py has it
-UNCALIBRATED = (
-    2e-6  # T an axis that is counted for magnetometers of which nobody says how they are calibrated
-)
-GAIN = 0.03  # of a magnetometer's readings: data sheets say up to 5 % either way (AK8975, HMC5883L)
-UNSEEN_GRADIENT = 5e-6  # T/m: of such a field few magnetometers say what it would do; ours, a room with steel some metres away
-MAX_TRIED = 200  # readings that are looked at once more without the moment told
-RATES = (2.0, 5000.0)  # Hz: readings that come slower or faster were hardly stamped in seconds
+MOMENT = 0.015  # of the moment: its error, with that of the dipole model, as tracker/options.py
+UNCALIBRATED = 2e-6  # T an axis, where nothing is declared of the calibration
+GAIN = 0.03  # of a magnetometer's readings: data sheets say up to 5 % (AK8975, HMC5883L)
+UNSEEN_GRADIENT = 5e-6  # T/m, a room with steel some metres away; ours
+MAX_TRIED = 200  # readings that are tried without the declared moment
+RATES = (2.0, 5000.0)  # Hz: other rates were hardly stamped in seconds
 
 
 @dataclass(frozen=True)
@@ -169,7 +168,7 @@ def run(arguments: argparse.Namespace) -> int:
     result = magnet_search.locate_recording(search, array.moment, size_sd, error)
     localisation = _add_gain_uncertainty(result.localisation, size_sd)
     moment_doubts = _describe_moment(result.search, array.moment, localisation)
-    if moment_doubts:  # what agrees with what is told by chance is no place
+    if moment_doubts:  # what agrees with a wrong moment does so by chance
         localisation = replace(localisation, is_located=np.zeros_like(localisation.is_located))
     table = np.column_stack(
         [
@@ -202,7 +201,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _load_readings(path: Path, array: ArrayDescription) -> BenchReadings:
-    """The readings of the array's magnetometers on one time base, T."""
+    """Readings of the array's magnetometers on one time base, T."""
     if path.suffix.lower() in array_table.SUFFIXES and not path.name.endswith("_motion.tsv"):
         table = array_table.read_table(path, array)
         known, t, times = table.readings, table.t, table.times
@@ -234,7 +233,8 @@ def _load_readings(path: Path, array: ArrayDescription) -> BenchReadings:
 
 
 def _ambient_error(ambient: AmbientReference, mag: Array, is_calibrated: bool) -> float:
-    """What readings (n, magnetometers, 3) are off by, T, where offsets were taken off; of an array that nobody turned gains err by their share of what the magnet adds."""
+    """Error of readings (n, magnetometers, 3), T, after the ambient correction; without calibration
+    the gains' share of the magnet's field adds to it."""
     added = mag - ambient.mean_reading
     added = added[np.isfinite(added).all(axis=2)]
     gains = (
@@ -246,7 +246,7 @@ def _ambient_error(ambient: AmbientReference, mag: Array, is_calibrated: bool) -
 
 
 def _add_gain_uncertainty(localisation: Localisation, size_sd: float) -> Localisation:
-    """Moments are no better known than the chips' gain."""
+    """Moments are known no better than the chips' gain."""
     return replace(
         localisation, moment_sd=np.hypot(localisation.moment_sd, size_sd * localisation.moment)
     )
@@ -260,7 +260,7 @@ def _describe_uncalibrated(error: float) -> str:
 
 
 def _describe_calibration(array: ArrayDescription, calibration: RotationCalibration) -> list[str]:
-    """What the calibration found that somebody has to know."""
+    """What the calibration found that a user must know."""
     messages = [
         f"{name}: an axis points the other way than on most; turned round"
         for name, is_mirrored in zip(array.names, calibration.is_mirrored)
@@ -276,7 +276,7 @@ def _describe_calibration(array: ArrayDescription, calibration: RotationCalibrat
 
 
 def _describe_gradient(result: LocalisationResult, declared_sd: float) -> list[str]:
-    """A sentence where readings show that the field changes across the array more than was told."""
+    """A message where the field changes across the array by more than declared."""
     if result.search.gradient_sd <= declared_sd:
         return []
     change = field_gradient_test.rms_change_of(result.search.gradient_sd)
@@ -286,7 +286,7 @@ def _describe_gradient(result: LocalisationResult, declared_sd: float) -> list[s
 
 
 def _describe_systematic_errors(result: LocalisationResult) -> list[str]:
-    """A sentence where all readings together told what errs in each of them, and that was taken off."""
+    """A message where systematic errors were corrected."""
     if (systematic := result.systematic) is None:
         return []
     sizes = dict(
@@ -311,7 +311,7 @@ def _describe_systematic_errors(result: LocalisationResult) -> list[str]:
 
 
 def _describe_offsets(result: LocalisationResult, names: Sequence[str]) -> list[str]:
-    """Sentences of magnetometers whose readings were moved to when they were taken."""
+    """A message where timestamps were corrected."""
     offsets = [
         f"{name} by {1e3 * offset:.0f} ms (standard deviation {1e3 * sd:.1g})"
         for name, offset, sd in zip(
@@ -335,7 +335,7 @@ def _describe_offsets(result: LocalisationResult, names: Sequence[str]) -> list[
 def _describe_few(
     result: LocalisationResult, localisation: Localisation, moment: float | None, size_sd: float
 ) -> list[str]:
-    """What magnetometers that are too few to see it do not tell."""
+    """A message about what too few magnetometers cannot detect."""
     rows = np.flatnonzero(localisation.is_located & np.isfinite(result.search.mag).all(axis=(1, 2)))
     if (
         len(result.search.array) >= field_gradient_test.MIN_MAGNETOMETERS
@@ -357,7 +357,7 @@ def _describe_few(
 def _describe_result(
     readings: BenchReadings, result: LocalisationResult, localisation: Localisation, assumed: float
 ) -> list[str]:
-    """In words: how often a place was found and how well."""
+    """How many readings were located, and how well."""
     is_located = localisation.is_located
     messages = [
         f"{len(readings.t)} readings of {readings.mag.shape[1]} magnetometers in {readings.t[-1]:.1f} s; noise and calibration {1e6 * result.search.noise:.2g} uT an axis",
@@ -380,7 +380,7 @@ def _describe_result(
 
 
 def _require_unit(strength: float, unit: str | float, name: str) -> None:
-    """InputError where the field read while the array was turned is no earth's."""
+    """InputError where the field of the rotated array is not the earth's."""
     if not EARTH_WEAKEST <= strength <= EARTH_STRONGEST:
         raise InputError(
             f"{name}: the array read {1e6 * strength:.3g} uT while it was turned; the earth's field is 22 to 67 uT. {_ask_unit(strength, unit)}"
@@ -398,7 +398,7 @@ def _ask_unit(strength: float, unit: str | float) -> str:
 
 
 def _describe_rate(readings: BenchReadings) -> list[str]:
-    """A sentence where the times can hardly be seconds."""
+    """A message where times are hardly seconds."""
     rate = (
         (len(readings.t) - 1) / float(readings.t[-1] - readings.t[0])
         if len(readings.t) > 1
@@ -414,12 +414,13 @@ def _describe_rate(readings: BenchReadings) -> list[str]:
 def _describe_implausible(
     array: ArrayDescription, mag: Array, localisation: Localisation
 ) -> list[str]:
-    """Sentences where what is left without the magnet is no earth's field, or the magnet none for a hand: places do not tell a wrong unit."""
+    """Messages where the field without the magnet is not the earth's, or the moment that of no hand
+    magnet: positions do not show a wrong unit."""
     messages = []
     is_explained = localisation.misfit < magnet_search.misfit_limit(mag.shape[1])
     strength = np.linalg.norm(
         localisation.field[is_explained] if is_explained.any() else mag, axis=-1
-    )  # nothing explained: that of the quieter magnetometers
+    )  # without any fit: that of the quieter magnetometers
     field = float(np.nanquantile(strength, 0.5 if is_explained.any() else 0.25))
     if not EARTH_WEAKEST <= field <= EARTH_STRONGEST:
         messages.append(
@@ -439,7 +440,7 @@ def _describe_implausible(
 
 
 def _describe_moment(search: Search, moment: float | None, localisation: Localisation) -> list[str]:
-    """A sentence where readings contradict the moment told: they are looked at without it."""
+    """A message where readings contradict the declared moment."""
     if moment is None or len(search.array) < 4 or localisation.is_located.mean() > 0.5:
         return []
     some = np.flatnonzero(np.isfinite(search.mag).all(axis=(1, 2)))
@@ -461,7 +462,8 @@ def _describe_moment(search: Search, moment: float | None, localisation: Localis
 
 
 def _explain_failure(result: LocalisationResult, localisation: Localisation, assumed: float) -> str:
-    """Why places are not told, of what is most often so; `guessed` T is counted for calibrations that nobody told of."""
+    """The most frequent reason for missing positions; `assumed` T is counted for an undeclared
+    calibration."""
     is_lost = ~localisation.is_located
     if np.isnan(localisation.residual_rms[is_lost]).mean() > 0.5:
         return "readings are missing or at their limit"

@@ -1,9 +1,12 @@
-"""A trunk with magnetometers and a hand with a magnet: seated movements, and what the sensors read.
+"""Simulated trunk with magnetometers and hand with a magnet: seated movements and sensor readings.
 
-Frames  base b on the breastbone: x up, z forward, y to the right (Kortier 5.3); target t on the back of the hand; global g: z up, y magnetic north
-Out     Recorded: samples of both inertial sensors and the array, the truth, and what a user tells (with the errors of a ruler)
-Source  movements: Kortier, thesis 5.2.4, three conditions of 70 s; magnet: neodymium rod 2 mm long, 7 mm radius; magnetometers HMC5883L; sizes not given
-        there are options with their source
+Frames  base b on the breastbone: x up, z forward, y right (Kortier 5.3); target t on the back of
+        the hand; global g: z up, y magnetic north
+Out     readings of both inertial sensors and of the array, the truth, and the declared setup (with
+        the errors of a ruler)
+Source  movements: Kortier, thesis 5.2.4, three conditions of 70 s; magnet: neodymium rod 2 mm long,
+        7 mm radius; magnetometers HMC5883L; sizes that are not given there are options with their
+        source
 """
 
 from collections.abc import Callable, Mapping
@@ -20,16 +23,15 @@ from handscope.estimators.simulation.magnetic_field import MagneticField
 from handscope.estimators.simulation.sensors import LSM330DLC_HMC5983, SensorErrors
 
 FINE = 16  # instants of the motion for each sample
-REST, STARTING = 1.0, 2.0  # s before a movement begins, and until it is in full swing
+REST, STARTING = 1.0, 2.0  # s before a movement begins, and until its full amplitude
 NEUTRAL = quat.from_matrix(
     np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 )  # q_gb of somebody who sits upright and looks along y
 PLATE = np.array(
     [[0.0, 0.0, 0.0], [0.0, -0.10, 0.0], [-0.12, 0.0, 0.0], [-0.12, -0.10, 0.0]]
 )  # m: the first at the right shoulder
-MOMENT = (
-    1.3 / (4e-7 * np.pi) * np.pi * 0.007**2 * 0.002
-)  # A m^2: remanence of 1.3 T (N42) times the volume
+# A m^2: remanence of 1.3 T (N42) times the volume
+MOMENT = 1.3 / (4e-7 * np.pi) * np.pi * 0.007**2 * 0.002
 ROD = MOMENT * np.array([0.0, 0.0, 1.0])
 MAGNET_PLACE = np.array([0.005, 0.03, 0.0])  # m from the hand's sensor; ours
 
@@ -38,7 +40,7 @@ ARRAY_ERRORS = LSM330DLC_HMC5983
 
 @dataclass(frozen=True, kw_only=True)
 class MagnetErrors:
-    """Standard deviations of what a user tells and of what iron on the plate does."""
+    """Standard deviations of declared values and of iron on the plate."""
 
     place: float = option(
         1.0,
@@ -69,7 +71,7 @@ class MagnetErrors:
 
 @dataclass(frozen=True)
 class Motion:
-    """Base and target at the instants of the samples, in the global frame; `w` in their own."""
+    """Base and target at the instants of the samples, global frame; `w` in their own."""
 
     t: Array  # (n,) s
     p: Array  # (n, 2, 3) m
@@ -89,7 +91,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Worn:
-    """A plate and a magnet as they are, and as the user measured them."""
+    """A plate and a magnet: true and declared."""
 
     places: Array  # (magnetometers, 3) m
     q_bl: Array  # (magnetometers, 4)
@@ -112,7 +114,7 @@ def draw_worn(
     places: Array = PLATE,
     moment: Array = ROD,
 ) -> Worn:
-    """Draw one plate and one magnet; `moment` is what the user tells of it."""
+    """Draw one plate and one magnet; `moment` is the declared one."""
     e, n = declaration or MagnetErrors(), len(places)
     turn = e.turn * np.pi / 180 * rng.normal(size=(n, 3))
     turn[0] = 0.0  # the first shares the axes of the inertial sensor in its housing
@@ -167,7 +169,8 @@ def simulate_magnetic(
     magnet: bool = True,
     second: MagneticField | None = None,
 ) -> Array:
-    """Raw readings (n, magnetometers, 3) in T: room, magnet (if it is there) and whatever `second` adds, through iron, limits and noise."""
+    """Raw readings (n, magnetometers, 3) in T of room, magnet (if present) and `second`, through
+    iron, limits and noise."""
     q_gb = m.q[:, None, 0]
     places = m.p[:, None, 0] + quat.rotate(q_gb, w.places)
     B = room.at(places)
@@ -191,7 +194,8 @@ def simulate_magnetic(
 def rotate_plate(
     rng: np.random.Generator, seconds: float = 60.0, rate: float = 60.0, spot: Array | None = None
 ) -> Motion:
-    """The plate turned by hand in all directions within some centimetres, for the calibration of its magnetometers; the magnet is away."""
+    """The plate rotated by hand in all directions within some centimetres, for calibration; the
+    magnet is away."""
     swing = _swings(rng, 3, 0.05, 0.15)
     where = np.zeros(3) if spot is None else spot
 
@@ -221,22 +225,22 @@ def simulate_condition(
     rate: float = 60.0,
     spot: Array | None = None,
 ) -> Motion:
-    """A movement of CONDITIONS: rest, then in full swing. Amplitudes and pace are drawn."""
+    """A movement of CONDITIONS: rest, then full amplitude. Amplitudes and pace are drawn."""
     return CONDITIONS[name](rng, seconds, rate, np.zeros(3) if spot is None else spot)
 
 
 def _hand_moves(rng: np.random.Generator, seconds: float, rate: float, spot: Array) -> Motion:
-    """Reach as far as one can and come back, the trunk still but for breathing."""
+    """Reach as far as possible and return; the trunk only breathes."""
     return _simulate_seated(rng, seconds, rate, spot, trunk=2.0, near=0.13, far=0.42, wrist=35.0)
 
 
 def _trunk_moves(rng: np.random.Generator, seconds: float, rate: float, spot: Array) -> Motion:
-    """Turn about the long axis, the hand kept where it is against the trunk, as well as one can."""
+    """Rotation about the long axis, the hand held in place against the trunk as well as possible."""
     return _simulate_seated(rng, seconds, rate, spot, trunk=40.0, near=0.20, far=0.22, wrist=3.0)
 
 
 def _both_move(rng: np.random.Generator, seconds: float, rate: float, spot: Array) -> Motion:
-    """Pick and place: trunk and hand turn and move at once."""
+    """Pick and place: trunk and hand rotate and move at once."""
     return _simulate_seated(rng, seconds, rate, spot, trunk=25.0, near=0.12, far=0.30, wrist=40.0)
 
 
@@ -248,7 +252,8 @@ CONDITIONS: Mapping[str, Callable[[np.random.Generator, float, float, Array], Mo
 
 
 def move_hand_away(m: Motion, begin: float, end: float, by: float = 0.6) -> Motion:
-    """The same with the hand led `by` m further forward from `begin` to `end` s: out of the magnetometers' reach."""
+    """The same with the hand `by` m further forward from `begin` to `end` s: out of the
+    magnetometers' reach."""
     t = m.t
     share = np.clip(np.minimum(t - begin, end - t) + 0.5, 0.0, 1.0)
     smooth = share**3 * (10 - 15 * share + 6 * share**2)
@@ -270,7 +275,8 @@ def _simulate_seated(
     far: float,
     wrist: float,
 ) -> Motion:
-    """Trunk turned by `trunk` deg mostly about its long axis, hand between `near` and `far` m of the plate, turned by `wrist` deg against the trunk."""
+    """Trunk rotated by `trunk` deg mostly about its long axis, hand between `near` and `far` m of
+    the plate, rotated by `wrist` deg against the trunk."""
     reach, side, turn, lean = (
         _swings(rng, 1, 0.2, 0.4),
         _swings(rng, 2, 0.1, 0.3),
@@ -309,7 +315,8 @@ def _simulate_seated(
 
 
 def _swings(rng: np.random.Generator, n: int, slow: float, fast: float) -> Callable[[Array], Array]:
-    """n smooth coordinates (len(t), n) within +-1: two oscillations each, of `slow` to `fast` Hz, that begin from rest."""
+    """n smooth coordinates (len(t), n) within +-1: two oscillations each, of `slow` to `fast` Hz,
+    that begin from rest."""
     pace, phase, share = (
         rng.uniform(slow, fast, (2, n)),
         rng.uniform(0, 2 * np.pi, (2, n)),
@@ -335,7 +342,8 @@ def _sample_motion(
     hand_place: Callable[[Array], Array],
     hand_turn: Callable[[Array], Array],
 ) -> Motion:
-    """Place and orientation of base, and of the hand against it, as functions of time, with their derivatives at the samples."""
+    """Position and orientation of base, and of the hand against it, as functions of time, with
+    their derivatives at the samples."""
     n = round(seconds * rate)
     fine = np.arange(-4 * FINE, (n + 3) * FINE + 1) / (rate * FINE)
     clipped = np.maximum(fine, 0.0)

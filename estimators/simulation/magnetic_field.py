@@ -1,8 +1,9 @@
-"""The magnetic field in a room: the earth's, and what steel furniture and devices add to it.
+"""Magnetic field of a room: the earth's, steel furniture and devices.
 
-In      places in the global frame, m
+In      positions in the global frame, m
 Out     flux density B in the global frame, T
-Source  point dipoles, B(r) = mu0 / 4 pi (3 (m.r) r / |r|^5 - m / |r|^3); Jackson, Classical Electrodynamics 5.6
+Source  point dipoles, B(r) = mu0 / 4 pi (3 (m.r) r / |r|^5 - m / |r|^3); Jackson, Classical
+        Electrodynamics 5.6
 """
 
 from dataclasses import dataclass
@@ -46,11 +47,13 @@ def homogeneous(heading: float = 0.0) -> MagneticField:
 
 
 def office(rng: np.random.Generator, heading: float = 0.0) -> MagneticField:
-    """A desk with a steel frame, table legs and a computer around a hand that works above the desk at the origin.
+    """A desk with a steel frame, table legs and a computer around a hand that works above the desk
+    at the origin.
 
-    Eight dipoles of 2 A m^2 in random directions, 0.2 to 0.6 m from the hand's place, below and beside it. Over 400 rooms the heading errs by 62 deg (SD)
-    on the desk, by 32 deg 15 cm above it and by 0.7 deg a metre above it; de Vries et al. 2009 (Gait Posture 29:535) found 29 deg 5 cm above a floor
-    with steel in it and 3 deg a metre above it.
+    Eight dipoles of 2 A m^2 in random directions, 0.2 to 0.6 m from the hand, below and beside it.
+    Over 400 rooms the heading error is 62 deg (SD) on the desk, 32 deg 15 cm above it and 0.7 deg a
+    metre above it; de Vries et al. 2009 (Gait Posture 29:535) found 29 deg 5 cm above a floor with
+    steel in it and 3 deg a metre above it.
     """
     n = 8
     direction = rng.normal(size=(n, 3))

@@ -1,9 +1,13 @@
-"""The trunk of the simulated person, with an inertial sensor and magnetometers on the breastbone, and the magnet on the back of the hand.
+"""Simulated trunk with an inertial sensor and magnetometers on the breastbone, and a magnet on the
+back of the hand.
 
-Frames  trunk's sensor b: x up, z forward, y to the right, as in magnet.py; trunk: x forward, y up, z right
-Out     readings of the trunk's inertial sensor and of the magnetometers while the hand moves; the plate as a user measured it; the truth
-Source  seated healthy people reach within an arm's length with 2 to 4 cm of the trunk: Levin et al. 2002, Exp Brain Res 143:171; sensors: magnet.py
-Limits  the trunk leans about the hips and turns in step with the wrist, and breathes; it does not slide on its chair
+Frames  trunk's sensor b: x up, z forward, y right, as in magnet.py; trunk: x forward, y up, z right
+Out     readings of the trunk's inertial sensor and of the magnetometers while the hand moves; the
+        declared plate; the truth
+Source  seated healthy people reach within an arm's length with 2 to 4 cm of the trunk: Levin et al.
+        2002, Exp Brain Res 143:171; sensors: magnet.py
+Limits  the trunk leans about the hips, rotates in phase with the wrist, and breathes; it does not
+        slide on its chair
 """
 
 from dataclasses import dataclass, field, replace
@@ -23,15 +27,10 @@ from handscope.estimators.simulation.magnetic_field import DIP, EARTH, MagneticF
 from handscope.estimators.simulation.motion import COORDINATES, Motion
 from handscope.estimators.simulation.sensors import SensorErrors, SensorSet
 
-ABOVE_WRIST, BEHIND_WRIST, ABOVE_HIPS = (
-    0.20,
-    0.12,
-    0.40,
-)  # m of the breastbone above and behind the wrist at rest, and above the hips; ours
-LEAN, TURN = (
-    0.30,
-    0.15,
-)  # rad a metre that the wrist goes forward: 4 cm of the breastbone in 0.28 m (Levin 2002)
+# m of the breastbone above and behind the wrist at rest, and above the hips; ours
+ABOVE_WRIST, BEHIND_WRIST, ABOVE_HIPS = 0.20, 0.12, 0.40
+# rad a metre of the wrist forward: 4 cm of the breastbone in 0.28 m (Levin 2002)
+LEAN, TURN = 0.30, 0.15
 BREATH, BREATHS = 0.008, 0.25  # rad to either side, Hz
 DISC = np.array(
     [0.0, 0.0, 1.3 / (4e-7 * np.pi) * np.pi * 0.010**2 * 0.005]
@@ -39,7 +38,7 @@ DISC = np.array(
 MAGNETOMETERS = TRUNK_MAGNETOMETERS[: len(magnet.PLATE)]
 CALIBRATION_RESIDUALS = MagnetErrors(
     hard_iron=0.2, soft_iron=0.004, turn=0.06
-)  # uT, 1, deg: what turning the plate in an office leaves at most (magnetometer_sphere.py)
+)  # uT, 1, deg: residuals after calibration in an office, at most (magnetometer_ellipsoid.py)
 Q_BS = quat.from_matrix(
     np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 )  # of the trunk's sensor and magnetometers
@@ -63,7 +62,7 @@ class Carried:
 
     glove: TrunkGlove
     worn: Worn
-    plate: Plate  # as it was measured
+    plate: Plate  # as declared
 
     @property
     def mounting(self) -> dict[str, Array]:
@@ -107,7 +106,7 @@ def simulate_magnetic(
 
 
 def simulate_trunk(c: Carried, motion: Motion, t: Array) -> magnet.Motion:
-    """The trunk's sensor twice: in the place of the hand's stands its own."""
+    """The trunk's sensor twice: in the row of the hand's stands its own."""
     y, dy, ddy = (x[:, COORDINATES["wrist_y"]] for x in motion.at(t))
     pace = 2 * np.pi * BREATHS
     breath = (
@@ -128,7 +127,8 @@ def simulate_trunk(c: Carried, motion: Motion, t: Array) -> magnet.Motion:
 
 
 def with_hand(trunk: magnet.Motion, k: Kinematics, worn: SensorSet) -> magnet.Motion:
-    """The trunk with the hand's sensor as the target; the target's rates and accelerations are not told."""
+    """The trunk with the hand's sensor as the target; the target's rates and accelerations are not
+    set."""
     q, p = sensors.seated(worn, k)
     row = worn.segments.index("hand")
     places, turns = trunk.p.copy(), trunk.q.copy()
@@ -139,7 +139,8 @@ def with_hand(trunk: magnet.Motion, k: Kinematics, worn: SensorSet) -> magnet.Mo
 def add_true_position(
     c: Carried, motion: Motion, k: Kinematics, worn: SensorSet, truth: Trajectory
 ) -> Trajectory:
-    """The truth with the place of the hand's sensor from the trunk's, and the trunk's orientation."""
+    """The truth with the position of the hand's sensor from the trunk's, and the trunk's
+    orientation."""
     m = with_hand(simulate_trunk(c, motion, k.t), k, worn)
     n = len(k.t)
     return replace(

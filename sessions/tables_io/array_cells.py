@@ -1,4 +1,4 @@
-"""Lines of a table as cells: whatever stands between them, decimal commas, cells in quotes, cells that hold x, y and z.
+"""Cells of a text table: any separator, decimal commas, quotes, cells that hold x, y and z.
 
 In      text, cut anywhere into lines
 Out     lines with their numbers, numbers of cells
@@ -20,7 +20,8 @@ Line = tuple[int, list[str]]  # its number and its cells
 
 @contextmanager
 def read_lines(path: Path, largest: int, instead: str) -> Iterator[Iterator[Line]]:
-    """Lines of a file; InputError where there is none, or it has more than `largest` bytes: `instead` says how much that is and what to do."""
+    """Lines of a file; InputError where there is none, or it exceeds `largest` bytes: `instead`
+    says how much that is and what to do."""
     if not path.is_file():
         raise InputError(f"{path} is not a file")
     if path.stat().st_size > largest:
@@ -62,14 +63,14 @@ def _split_quoted(text: str, mark: str, number: int) -> list[str]:
 
 
 def split_triple(cell: str) -> list[str]:
-    """The numbers of a cell that holds several: x, y and z; empty of any other cell."""
+    """The numbers of a cell that holds x, y and z; empty of any other cell."""
     if len(cell) < 2 or BRACKETS.get(cell[0]) != cell[-1]:
         return []
     return cell[1:-1].replace(",", " ").replace(";", " ").split()
 
 
 def drop_empty_end(cells: list[str], many: int = 1) -> list[str]:
-    """Without empty cells behind the separator with which a line ends."""
+    """Without empty cells after the last separator of a line."""
     while len(cells) > many and not cells[-1]:
         cells = cells[:-1]
     return cells

@@ -1,4 +1,5 @@
-"""What a person tells of a magnetometer array in a JSON file: places, unit, where its columns stand; docs/magnet-array.md."""
+"""Description of a magnetometer array in a JSON file: positions, unit, columns;
+docs/magnet-array.md."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -11,11 +12,9 @@ import numpy as np
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics.typing import Array
 
-PLACE_SD = (
-    5e-4  # m of a magnetometer's place, where nobody tells: between a board's drawing and a ruler
-)
+PLACE_SD = 5e-4  # m, error of a position, if not declared: between a board's drawing and a ruler
 ISO = "iso"
-IN_TURN = "in turn"  # told as `sensor`: rows are those of one magnetometer after the other, in the order of the array's file
+IN_TURN = "in turn"  # value of `sensor`: one row a magnetometer, in the order of the array's file
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, ISO: 1.0}
 ENTRIES = (
     "unit",
@@ -32,7 +31,7 @@ ENTRIES = (
     "magnetometers",
 )
 MAGNETOMETER_ENTRIES = ("place", "q_bl", "columns")
-Column = str | int  # its name, or its number counted from 1
+Column = str | int  # name, or number counted from 1
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class Timing:
 
     column: Column = "t"
     unit: str = "s"
-    rate: float | None = None  # Hz, of rows that are evenly spaced: no column is read
+    rate: float | None = None  # Hz, of evenly spaced rows: no column is read
 
     @property
     def seconds(self) -> float:
@@ -61,12 +60,12 @@ class ArrayDescription:
     calibration_sd: float | None  # T, of readings that are calibrated already
     gradient: float  # T/m by which the field may change across the array
     time: Timing
-    columns: Mapping[str, tuple[Column, ...]]  # x, y, z of those that tell them
-    sensor: Column | None = None  # says whose a row is, where every row is one magnetometer's
+    columns: Mapping[str, tuple[Column, ...]]  # x, y, z, where declared
+    sensor: Column | None = None  # whose a row is, where every row is one magnetometer's
 
 
 def read_description(path: Path) -> ArrayDescription:
-    """Read it; InputError says what is wrong in it."""
+    """Read it; InputError says what is wrong."""
     try:
         parsed = json.loads(path.read_text("utf-8"))
         return _parse(parsed)

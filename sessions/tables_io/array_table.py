@@ -1,8 +1,9 @@
-"""Tables of a magnetometer array, as a bench writes them: one row an instant, columns by name or by number.
+"""Tables of a magnetometer array, as a bench writes them, with columns by name or by number.
 
-In      text, with a header or without; comma, semicolon, tab or spaces between columns, decimal comma where it separates none; lines that begin with # or %
-        are passed over, and so are columns that nobody asks for, text in them too. Empty, n/a or nan is missing. A cell may hold x, y and z: "(1.5, 2, 3)".
-        One row an instant, or one row a magnetometer and instant, of which a column says whose it is
+In      text, with or without a header; comma, semicolon, tab or spaces between columns, decimal
+        comma where it separates none. Lines that begin with # or % are skipped, and so are columns
+        that are not asked for. Empty, n/a or nan is missing. A cell may hold x, y and z: "(1.5, 2,
+        3)". One row an instant, or one row a magnetometer and instant with a column that names it
 Out     Table: times and readings by name; docs/magnet-array.md
 """
 
@@ -43,12 +44,12 @@ MAX_BYTES = 2**30  # bytes of a table
 class Table:
     t: Array  # (n,) s
     readings: Mapping[str, Array]  # (n, 3) each, NaN where missing
-    times: Mapping[str, Array]  # (n,) s, of those with a time of their own
+    times: Mapping[str, Array]  # (n,) s, of those with times of their own
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Where what is asked for stands in a row, counted from 0."""
+    """Columns to read, counted from 0."""
 
     t: int | None
     axes: Mapping[str, tuple[int, int, int]]
@@ -64,7 +65,7 @@ class Columns:
 
 
 def read_table(path: Path, array: ArrayDescription) -> Table:
-    """Read the columns of the array's magnetometers; InputError names the file, the line and what to do."""
+    """Read the columns of the array's magnetometers; InputError names file, line and remedy."""
     with read_lines(path, MAX_BYTES, "1 GB: cut it into pieces") as lines:
         first = next(lines, None)
         if first is None:
@@ -147,7 +148,7 @@ def _find_long_columns(
     place: Mapping[Column, int],
     time: int | None,
 ) -> Columns:
-    """Where every row is one magnetometer's: whose stands in a column of its own."""
+    """Columns of rows that are one magnetometer's each."""
     asked = array.columns[array.names[0]]
     x, y, z = (place.get(column) for column in asked)
     sensor = None if array.sensor in (None, IN_TURN) else place.get(array.sensor)
@@ -174,7 +175,8 @@ def _read_rows(
     columns: Columns,
     array: ArrayDescription,
 ) -> Array:
-    """The columns asked for (n, k); one number takes 8 bytes, not a Python object. `wide`: which cells hold three, empty where none does."""
+    """The columns asked for (n, k), 8 bytes a number. `wide`: which cells hold three, empty where
+    none does."""
     wanted, values = columns.all, numbers("d")
     reading: list[Callable[[str], float]] = [
         _parse_instant if k == columns.t and array.time.unit == ISO else parse_number
@@ -199,7 +201,8 @@ def _read_rows(
 
 
 def _magnetometer_reader(names: Sequence[str]) -> Callable[[str], float]:
-    """The number of a magnetometer by its name, also where a table writes 1 as 1.0; NaN of others, whose rows are passed over."""
+    """The number of a magnetometer by its name, also where a table writes 1 as 1.0; NaN of others,
+    whose rows are skipped."""
     known = {name: float(k) for k, name in enumerate(names)}
 
     def number(cell: str) -> float:
@@ -231,7 +234,8 @@ def _read_times(
 def _split_by_magnetometer(
     file: str, rows: Array, columns: Columns, array: ArrayDescription
 ) -> Table:
-    """Rows (n, k) that are each one magnetometer's; its times are the table's where all have the same, else each has its own."""
+    """Rows (n, k) of one magnetometer each; its times are the table's where all have the same, else
+    each has its own."""
     if len(rows) % len(array.names) and columns.sensor is None:
         raise InputError(
             f"{file} has {len(rows)} rows, no multiple of the array's {len(array.names)} magnetometers: one is missing, or they do not come in turn"

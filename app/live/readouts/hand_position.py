@@ -1,4 +1,5 @@
-"""Where the hand is, seen from the trunk, in a live station: followed by the station's tick, apart from the method, so that neither holds up the other."""
+"""Position of the hand against the trunk in a live station: advanced by its tick, independent of
+the method, so that neither delays the other."""
 
 import logging
 import threading
@@ -18,12 +19,12 @@ from handscope.estimators.magnet.pipeline.streams import find_magnetometers, is_
 from handscope.estimators.numerics.typing import Array
 
 log = logging.getLogger(__name__)
-QUEUE = 1000  # blocks, some seconds of three streams; older ones are skipped
+QUEUE = 1000  # blocks, some seconds of three streams; older ones are dropped
 MM = 1e3
 
 
 class HandPositionReadout:
-    """What the glove's thread feeds and the station's tick advances."""
+    """Fed by the glove's thread, advanced by the station's tick."""
 
     def __init__(self, params: PlaceParams | None = None) -> None:
         self._params = params or PlaceParams()
@@ -33,7 +34,7 @@ class HandPositionReadout:
         self._state: hand_position.State | None = None
         self.latest: Places | None = None  # the newest row
         self._thread: threading.Thread | None = None
-        self.reason = ""  # why nothing is followed though something of it is worn
+        self.reason = ""  # why nothing is tracked though something is worn
 
     def feed(self, blocks: Sequence[Block]) -> None:
         """Take blocks from the glove's thread; never waits."""
@@ -42,7 +43,8 @@ class HandPositionReadout:
     def follow(
         self, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]
     ) -> None:
-        """Advance in a thread of its own, where none is at it: on a machine's first use the filter is translated for a minute."""
+        """Advance in a thread of its own, unless one is running: on a machine's first use the
+        filter compiles for a minute."""
         if (plate is not None or find_magnetometers(streams)) and not (
             self._thread and self._thread.is_alive()
         ):
@@ -54,7 +56,7 @@ class HandPositionReadout:
     def advance(
         self, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]
     ) -> None:
-        """Follow what came since the last time; what is worn may have changed."""
+        """Process what came since the last time; what is worn may have changed."""
         worn = tuple(s for s in streams if is_relevant(s))
         if (plate, worn) != self._known:
             self._begin(plate, worn, mounting)
@@ -65,7 +67,7 @@ class HandPositionReadout:
             self._state, places = hand_position.step(
                 self._setting, self._state or hand_position.start(self._setting), blocks
             )
-        except Exception:  # the station goes on, and so does the hand: it is begun again
+        except Exception:  # the station goes on; tracking restarts
             log.exception("the hand's place failed and is begun again")
             self._state = None
             return
@@ -73,7 +75,7 @@ class HandPositionReadout:
             self.latest = hand_position.newest_row(places)
 
     def to_json(self) -> dict[str, Any] | None:
-        """For a page, mm of the trunk's axes; None where nothing of it is worn."""
+        """For a page, mm in trunk axes; None where nothing of it is worn."""
         if self.latest is None:
             return {"reason": self.reason} if self.reason else None
         place, sd, flags = self.latest.place[0], self.latest.sd[0], int(self.latest.flags[0])
@@ -91,7 +93,8 @@ class HandPositionReadout:
         }
 
     def number(self) -> dict[str, Any] | None:
-        """The hand's distance from the trunk as a live number with its standard deviation; None where it is not known."""
+        """The hand's distance from the trunk as a live number with its standard deviation; None
+        where unknown."""
         payload = self.to_json() or {}
         if payload.get("distance_mm") is None:
             return None

@@ -1,10 +1,15 @@
-"""An array of magnetometers as it comes from a bench: units, chips turned or mirrored on the board, noise, mains hum, limits, clocks, what a room leaves.
+"""Readings of a magnetometer array on a bench: units, calibration by rotation, noise, mains hum,
+saturation, clocks, ambient field.
 
-In      readings (n, magnetometers, 3) in the array's own unit, one time base; readings of the same array turned by hand far from magnets
-Out     readings in T; Turned: calibrations that put all magnetometers into the first one's axes, with what they leave; Looked: what to know of a recording
-Source  calibration: magnetometer_sphere.py; units: SI (1 G = 1e-4 T); alias of a line at f sampled at r: |f - r round(f / r)|
-Limits  what the room's field changes by across the array is part of what calibrations leave; a chip that is turned and mirrored is seen only when the array
-        is turned; a line is told where it stands out of the spectrum of readings five times
+In      readings (n, magnetometers, 3) in the array's own unit, one time base; readings of the same
+        array rotated by hand far from magnets
+Out     readings in T; RotationCalibration: all magnetometers in the first one's axes, with
+        residuals; ReadingStatistics
+Source  calibration: magnetometer_ellipsoid.py; units: SI (1 G = 1e-4 T); alias of a line f at rate
+        r: |f - r round(f / r)|
+Limits  differences of the room's field across the array are part of the residuals; a rotated or
+        mirrored chip shows only when the array is rotated; a line is reported from five times the
+        spectrum beside it
 """
 
 from collections.abc import Sequence
@@ -32,14 +37,12 @@ from handscope.estimators.sensors.magnetometer_ellipsoid import (
 
 UNITS = {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7}
 UNIT_ALIASES = {"µT": "uT", "μT": "uT", "Gauss": "G", "gauss": "G", "Gs": "G", "mGauss": "mG"}
-NORMALISED = "normalised"  # to the strength of the field where the array was calibrated
+NORMALISED = "normalised"  # to the field's strength where the array was calibrated
 MAINS = (50.0, 60.0)  # Hz
 MIN_HUM_RATIO = 5.0  # times the spectrum beside it
-MIN_READINGS = (
-    20  # readings: an axis that gives so many equal ones while others change does not answer
-)
-MIN_DRIFT = 3e-6  # T: so much do magnetometers hardly change against each other by themselves
-MIN_REPEATS = 3  # equal largest readings in a row are a limit
+MIN_READINGS = 20  # equal readings of an axis that does not answer while others change
+MIN_DRIFT = 3e-6  # T: largest change of magnetometers against each other without a magnet
+MIN_REPEATS = 3  # equal extreme readings in a row are a limit
 
 
 @dataclass(frozen=True)
@@ -47,20 +50,20 @@ class RotationCalibration:
     """Calibrations of all magnetometers of one board."""
 
     ellipsoids: tuple[Sphere, ...]
-    is_mirrored: Bools  # (magnetometers,) axes are left-handed against the first one's
+    is_mirrored: Bools  # (magnetometers,) left-handed against the first
     q_bl: Array  # (magnetometers, 4) to the first one's axes
     residual_rms: (
-        Array  # (magnetometers,) T, RMS against the mean of all: calibrations and the room together
+        Array  # (magnetometers,) T, against the mean of all: calibration and room together
     )
 
     @property
     def gains(self) -> Array:
-        """Sizes of corrected readings over those of readings as they came (magnetometers,)."""
+        """Sizes of corrected readings over raw ones (magnetometers,)."""
         return np.array([float(np.cbrt(np.linalg.det(s.matrix))) for s in self.ellipsoids])
 
     @property
     def measured_strength(self) -> float:
-        """Strength of the field as it was read, T, in the middle of the magnetometers."""
+        """Strength of the field as read, T, median of the magnetometers."""
         return float(np.median([s.strength for s in self.ellipsoids] / self.gains))
 
     def correct(self, mag: Array) -> Array:
@@ -76,16 +79,16 @@ class RotationCalibration:
 
 @dataclass(frozen=True)
 class AmbientReference:
-    """What an array that stands still reads without the magnet."""
+    """Readings of an array at rest without the magnet."""
 
     mean_reading: Array  # (magnetometers, 3) T, in each one's axes
-    ambient_deviation: Array  # (magnetometers, 3) T, the same, more than all on average: iron of the board and of the room, offsets
+    ambient_deviation: Array  # (magnetometers, 3) T, from the mean of all: iron, offsets
     drift: float  # T by which that changed
 
 
 @dataclass(frozen=True)
 class ReadingStatistics:
-    """What readings tell of themselves."""
+    """Noise and faults of readings."""
 
     noise: Array  # (magnetometers,) T, of an axis, hum included
     hum: Array  # (magnetometers,) T, amplitude of the line; 0 where there is none
@@ -96,7 +99,7 @@ class ReadingStatistics:
 
 
 def convert_to_tesla(mag: Array, unit: str | float, earth: float | None) -> Array:
-    """Readings in T of a unit, or of counts of so many T; `earth` T is needed of normalised ones."""
+    """Readings in T from a unit, or from counts of so many T; normalised ones need `earth` T."""
     if not isinstance(unit, str):
         if not unit > 0:
             raise InputError(f"The array's unit is {unit:g} T a count; it is larger than 0.")
@@ -123,7 +126,7 @@ def require_plausible(
     calibration_sd: float | None,
     gradient: float,
 ) -> None:
-    """InputError where what is told of an array is none in T, A m^2 and m."""
+    """InputError where declared values of an array cannot be T, A m^2 and m."""
     if earth is not None and not EARTH_WEAKEST <= earth <= EARTH_STRONGEST:
         raise InputError(
             f"The array's earth is told as {earth:g} T; the earth's field is 2.2e-5 to 6.7e-5 T."
@@ -151,7 +154,7 @@ def require_plausible(
 
 
 def find_fitting_units(strength: float, unit: str | float) -> list[str]:
-    """Units with which a field read as `strength` T would be the earth's."""
+    """Units in which a field read as `strength` T would be the earth's."""
     read = strength / (
         unit if isinstance(unit, (int, float)) else UNITS.get(UNIT_ALIASES.get(unit, unit), 1.0)
     )
@@ -161,10 +164,11 @@ def find_fitting_units(strength: float, unit: str | float) -> list[str]:
 def calibrate_by_rotation(
     mag: Array, names: Sequence[str], earth: float | None
 ) -> RotationCalibration:
-    """Calibrate all magnetometers from readings in T while the whole board was turned by hand; InputError names the one that cannot be."""
+    """Calibrate all magnetometers from readings in T of the board rotated by hand; InputError names
+    the one that cannot be."""
     ellipsoids = tuple(fitted(mag[:, k], name, earth) for k, name in enumerate(names))
     own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(ellipsoids)], axis=1)
-    if earth is None:  # the first one's strength is everybody's: they saw the same field
+    if earth is None:  # all saw the same field: the first one's strength holds
         ellipsoids = tuple(
             fitted(mag[:, k], name, ellipsoids[0].strength) for k, name in enumerate(names)
         )
@@ -188,7 +192,8 @@ def calibrate_by_rotation(
 
 
 def measure_ambient_field(mag: Array, q_bl: Array | None) -> AmbientReference:
-    """What magnetometers (n, magnetometers, 3) T of an array that stands still read without the magnet; InputError where that changes."""
+    """What magnetometers (n, magnetometers, 3) T of an array at rest read without the magnet;
+    InputError where that changes."""
     y = mag if q_bl is None else quat.rotate(q_bl, mag)
     first, last = (_deviation_from_mean(part) for part in (y[: len(y) // 2], y[len(y) // 2 :]))
     change = (last - first)[np.isfinite(last - first)]
@@ -218,20 +223,21 @@ def measure_ambient_field(mag: Array, q_bl: Array | None) -> AmbientReference:
 
 
 def _deviation_from_mean(y: Array) -> Array:
-    """What each (magnetometers, 3) reads more than all on average; NaN of those that never answer."""
+    """Means (magnetometers, 3) less the mean of all; NaN where none answered."""
     each = _mean_of_known(y, 0)
     return np.asarray(each - _mean_of_known(each, 0))
 
 
 def _mean_of_known(y: Array, axis: int) -> Array:
-    """Of what is known, NaN where nothing is."""
+    """Mean of what is known, NaN where nothing is."""
     known = np.isfinite(y)
     many = known.sum(axis=axis)
     return np.where(many > 0, np.where(known, y, 0.0).sum(axis=axis) / np.maximum(many, 1), np.nan)
 
 
 def compute_statistics(t: Array, mag: Array, limit: float | None) -> ReadingStatistics:
-    """What readings (n, magnetometers, 3) in T tell of themselves; `limit` T is the full scale, if it is known."""
+    """Statistics of readings (n, magnetometers, 3) in T; `limit` T is the full scale, if it is
+    known."""
     is_saturated = _find_saturated(mag, limit)
     unsaturated = np.where(is_saturated[..., None], np.nan, mag)
     hum, hum_frequency = _measure_hum(t, unsaturated)
@@ -250,7 +256,8 @@ def compute_statistics(t: Array, mag: Array, limit: float | None) -> ReadingStat
 
 
 def resample_readings(t: Array, own: Array, mag: Array) -> Array:
-    """Readings (m, 3) of a magnetometer with times of its own (m,) at the times t (n,), by straight lines; NaN across gaps of more than two samples."""
+    """Readings (m, 3) at own times (m,) linearly interpolated to t (n,); NaN across gaps of more
+    than two samples."""
     there = np.isfinite(mag).all(axis=1) & np.isfinite(own)
     if there.sum() < 2:
         return np.full((len(t), 3), np.nan)
@@ -262,7 +269,7 @@ def resample_readings(t: Array, own: Array, mag: Array) -> Array:
 
 
 def describe_statistics(names: Sequence[str], statistics: ReadingStatistics) -> list[str]:
-    """What somebody has to know before the answer is read."""
+    """What a user must know before reading the result."""
     messages = []
     if statistics.missing_share > 0.01:
         messages.append(
@@ -287,7 +294,7 @@ def describe_statistics(names: Sequence[str], statistics: ReadingStatistics) -> 
 
 
 def _find_saturated(mag: Array, limit: float | None) -> Bools:
-    """At the limit told, or several times in a row at the largest size that an axis ever has."""
+    """At the declared limit, or several times in a row at the largest size that an axis ever has."""
     with np.errstate(invalid="ignore"):
         if limit is not None:
             return np.asarray((np.abs(mag) >= 0.98 * limit).any(axis=-1))
@@ -295,9 +302,7 @@ def _find_saturated(mag: Array, limit: float | None) -> Bools:
     for k in range(mag.shape[1]):
         for axis in mag[:, k].T:
             known = axis[np.isfinite(axis)]
-            if (
-                len(known) < 8 or (np.diff(known) == 0).mean() > 0.5
-            ):  # coarse counts repeat themselves anyhow
+            if len(known) < 8 or (np.diff(known) == 0).mean() > 0.5:  # coarse counts repeat anyway
                 continue
             for end in (known.min(), known.max()):
                 if abs(end - np.median(known)) > 0.25 * np.ptp(known):
@@ -307,7 +312,8 @@ def _find_saturated(mag: Array, limit: float | None) -> Bools:
 
 
 def _measure_hum(t: Array, mag: Array) -> tuple[Array, float]:
-    """Amplitude (magnetometers,) of the stronger mains line and where it shows, Hz; zeros where none stands out."""
+    """Amplitude (magnetometers,) of the stronger mains line and its frequency, Hz; zeros where none
+    stands out."""
     n, nothing = len(t), np.zeros(mag.shape[1])
     if n < 256 or not np.isfinite(mag).any():
         return nothing, float("nan")
@@ -332,7 +338,7 @@ def _measure_hum(t: Array, mag: Array) -> tuple[Array, float]:
         if not near.any() or not beside.any():
             continue
         top, floor = size[near].max(axis=0), np.median(size[beside], axis=0)
-        steep = 2.0 * np.sin(np.pi * at / rate)  # what differences make of it
+        steep = 2.0 * np.sin(np.pi * at / rate)  # gain of differences
         amplitude = np.where(top > MIN_HUM_RATIO * floor, top / (0.25 * n * 2.0 * steep) * 2.0, 0.0)
         if amplitude.max() > strongest.max():
             strongest, frequency_shown = amplitude, at

@@ -1,9 +1,12 @@
-"""Readings of an array of magnetometers fitted by the fields of one magnet or of several in a field that is the same everywhere, many readings at once.
+"""Fit of one or several dipoles in a homogeneous field to readings of an array, many readings at
+once.
 
-In      Told: readings, places of the magnetometers, what else is known; unknowns x (n, 6 k + 3): place (m) and moment (A m^2) of each of k magnets, field (T)
-Out     where to begin; whitened residuals with their slopes; x improved until nothing gets better
-Source  Kortier, thesis ch. 5, (5.7), (5.8), (5.24); for a given place moment and field are linear (Golub & Pereyra 1973, SIAM J Numer Anal 10:413): a
-        grid of places is searched so, then Levenberg-Marquardt
+In      DipoleFitProblem: readings, positions of the magnetometers, prior knowledge; unknowns x (n,
+        6 k + 3): position (m) and moment (A m^2) of each of k magnets, field (T)
+Out     starting points; whitened residuals with their Jacobian; x refined to convergence
+Source  Kortier, thesis ch. 5, (5.7), (5.8), (5.24); for a given position moment and field are
+        linear (Golub & Pereyra 1973, SIAM J Numer Anal 10:413): grid search, then
+        Levenberg-Marquardt
 """
 
 from dataclasses import dataclass, replace
@@ -13,11 +16,11 @@ import numpy as np
 from handscope.estimators.magnet.model import dipole
 from handscope.estimators.numerics.typing import Array, Indices
 
-GRID = 14  # places along each edge of the volume: even, so that none lies between two octants
+GRID = 14  # points along each edge of the grid: even, so that none lies between two octants
 ROUNDS = 30
-FARTHEST = 1.0  # m: a step that leads further from the array is cut
+FARTHEST = 1.0  # m: largest distance from the array
 PER_MAGNET = 6  # unknowns of a magnet
-GRADIENT_TERMS = 5  # of a field without curl and divergence that changes linearly
+GRADIENT_TERMS = 5  # gradients of a field without curl and divergence
 _GRADIENT_BASIS = np.array(  # (5, 3, 3) orthonormal
     [
         *(
@@ -40,10 +43,10 @@ class DipoleFitProblem:
     size: float | None  # A m^2
     noise: float  # T
     size_sd: float  # share
-    noise_ratio: Array  # (n, magnetometers) standard deviations of readings over the noise
-    gradient_sd: float = 0.0  # T/m, standard deviation of each slope of the field
-    whitening: Array | None = None  # (n, axes, 5) what whitening takes from residuals for that
-    rate: Array | None = None  # (n, magnetometers, 3) T/s by which readings change, base frame
+    noise_ratio: Array  # (n, magnetometers) standard deviations over the noise
+    gradient_sd: float = 0.0  # T/m, standard deviation of each gradient of the field
+    whitening: Array | None = None  # (n, axes, 5) what whitening removes from residuals for that
+    rate: Array | None = None  # (n, magnetometers, 3) T/s, rate of change of readings, base frame
 
     def select(self, rows: Indices) -> "DipoleFitProblem":
         field, whitening, rate = (
@@ -59,7 +62,8 @@ class DipoleFitProblem:
         )
 
     def with_noise_ratio(self, noise_ratio: Array) -> "DipoleFitProblem":
-        """Slopes of the field are unknowns that are known to `uneven`: (I + S S')^-1/2 = I - E E' with S what they add to residuals."""
+        """Marginalise gradients known to `gradient_sd`: whiten by (I + S S')^-1/2 = I - E E', S
+        their Jacobian."""
         if not self.gradient_sd:
             return replace(self, noise_ratio=noise_ratio)
         added = (
@@ -73,7 +77,7 @@ class DipoleFitProblem:
         )
 
     def whiten(self, values: Array) -> Array:
-        """Whitened values (n, axes, any), slopes of the field taken up."""
+        """Whitened values (n, axes, any), gradients marginalised."""
         return (
             values
             if self.whitening is None
@@ -89,17 +93,16 @@ def _rows_of(values: Array | None, rows: Indices) -> Array | None:
 
 
 def gradient_fields(places: Array) -> Array:
-    """Fields (magnetometers, 3, 5) of slopes of 1 T/m, none in the middle."""
+    """Fields (magnetometers, 3, 5) of gradients of 1 T/m, zero in the middle."""
     return np.asarray(np.einsum("kij,lj->lik", _GRADIENT_BASIS, places - places.mean(axis=0)))
 
 
 def grid_starts(problem: DipoleFitProblem, reach: float, regions: int) -> Array:
-    """The best place of every region of a grid around the array with the moment and field that fit there (n, regions^3, 9)."""
+    """Best point of every region of a grid around the array, with the moment and field that fit
+    there (n, regions^3, 9)."""
     y, places, field, size = problem.y, problem.places, problem.field, problem.size
     even = np.linspace(-1, 1, GRID)
-    edge = (
-        even * np.sqrt(np.abs(even)) * reach
-    )  # closer together in the middle, where the field bends most
+    edge = even * np.sqrt(np.abs(even)) * reach  # denser in the middle, where the field curves most
     grid = places.mean(axis=0) + np.stack(
         np.meshgrid(edge, edge, edge, indexing="ij"), axis=-1
     ).reshape(-1, 3)
@@ -125,9 +128,7 @@ def grid_starts(problem: DipoleFitProblem, reach: float, regions: int) -> Array:
     if size is not None:
         fit = np.einsum("gcd,ngd->ngc", np.linalg.inv(R), along_Q) / scale[:, 0]
         m = np.linalg.norm(fit[..., :3], axis=-1)
-        strength = np.sqrt(
-            (J**2).mean(axis=(1, 2, 3)) * 3
-        )  # field of one A m^2 at the magnetometers
+        strength = np.sqrt((J**2).mean(axis=(1, 2, 3)) * 3)  # field of 1 A m^2 at the magnetometers
         unexplained = unexplained + ((m - size) * strength) ** 2
     best = np.stack(
         [
@@ -146,7 +147,8 @@ def grid_starts(problem: DipoleFitProblem, reach: float, regions: int) -> Array:
 
 
 def noise_ratio_of_places(x: Array, problem: DipoleFitProblem, place_sd: float) -> Array:
-    """How many times louder than its noise each magnetometer (n, magnetometers) is by the error of its place, where the magnet's field bends."""
+    """Standard deviations (n, magnetometers) over the noise, with errors of the magnetometers'
+    positions."""
     bends = dipole.field_gradient(x[:, None, :3] - problem.places, x[:, None, 3:6])
     return np.asarray(
         np.sqrt(1.0 + (bends**2).mean(axis=(2, 3)) * 3 * (place_sd / problem.noise) ** 2)
@@ -154,7 +156,8 @@ def noise_ratio_of_places(x: Array, problem: DipoleFitProblem, place_sd: float) 
 
 
 def compute_residuals(x: Array, problem: DipoleFitProblem) -> tuple[Array, Array]:
-    """Whitened residuals (n, c) and their derivatives (n, c, 6 k or 6 k + 3) by places (m), moments (A m^2) and field (in units of the noise)."""
+    """Whitened residuals (n, c) and their Jacobian (n, c, 6 k or 6 k + 3) by positions (m), moments
+    (A m^2) and field (in units of the noise)."""
     misfit = problem.y - (x[:, None, -3:] if problem.field is None else problem.field[:, None])
     noise = problem.noise * problem.noise_ratio[..., None]
     blocks = []
@@ -172,7 +175,7 @@ def compute_residuals(x: Array, problem: DipoleFitProblem) -> tuple[Array, Array
         np.concatenate(blocks, axis=-1).reshape(len(x), problem.y[0].size, -1),
     )
     residual, A = problem.whiten(residual[..., None])[..., 0], problem.whiten(A)
-    if problem.size is not None:  # of the first
+    if problem.size is not None:  # of the first magnet
         length = np.linalg.norm(x[:, 3:6], axis=1)
         weight = 1.0 / (problem.size_sd * problem.size)
         row = np.zeros((len(x), 1, A.shape[2]))
@@ -185,7 +188,7 @@ def compute_residuals(x: Array, problem: DipoleFitProblem) -> tuple[Array, Array
 
 
 def refine(x: Array, problem: DipoleFitProblem, rounds: int = ROUNDS) -> tuple[Array, Array]:
-    """x and its cost by Levenberg-Marquardt of all rows at once: a row that does not get better takes a shorter step next time."""
+    """x and its cost by Levenberg-Marquardt, all rows at once with a damping each."""
     damping = np.full(len(x), 1e-2)
     r, A = compute_residuals(x, problem)
     cost, k = (r**2).sum(axis=1), A.shape[2]

@@ -1,10 +1,14 @@
-"""Whether the field around a magnet changes across the array: what one magnet in an even field leaves is noise, or has the shape of a field that varies linearly.
+"""F test for a gradient of the field across the array: residuals of one magnet in a homogeneous
+field are noise, or linear in position.
 
-In      readings with the magnet that explains them best (magnet_fit.py); a field without curl and divergence has five slopes
-Out     Uneven: probability that noise alone would look so much like slopes, and how large they are; by how much slopes misplace the magnet
-Source  F test of nested models (Seber & Wild, Nonlinear regression, 1989, 5.3), linear around the fit, over many readings. Errors of calibrations and of places are
-        the same in all of them, so that all together have no more degrees of freedom than one
-Limits  with fewer than seven magnetometers too little is left over to tell; iron near the array bends the field more than linearly
+In      readings with the magnet that fits them best (dipole_fit.py); a field without curl and
+        divergence has five gradients
+Out     GradientTest: p value and size of the gradients; the position error that gradients cause
+Source  F test of nested models (Seber & Wild, Nonlinear regression, 1989, 5.3), linear around the
+        fit, over many readings. Errors of calibrations and positions are common to all, so that all
+        together have the degrees of freedom of one
+Limits  fewer than seven magnetometers leave too few degrees of freedom; iron close to the array
+        bends the field more than linearly
 """
 
 from dataclasses import dataclass
@@ -20,18 +24,19 @@ from handscope.estimators.magnet.array.dipole_fit import (
 )
 from handscope.estimators.numerics.typing import Array
 
-MIN_MAGNETOMETERS = 7  # magnetometers: seven axes above the unknowns of magnet, field and slopes
-MAX_P_VALUE = 0.01  # below which errors that are everywhere the same hardly look so; slopes that are none only cost certainty
+MIN_MAGNETOMETERS = 7  # magnetometers: seven degrees of freedom beyond magnet, field and gradients
+# common errors of calibration rarely look so; a needless gradient only costs accuracy
+MAX_P_VALUE = 0.01
 
 
 @dataclass(frozen=True)
 class GradientTest:
     p_value: float
-    gradient_sd: float  # T/m, standard deviation of each of the five slopes
+    gradient_sd: float  # T/m, standard deviation of each of the five
 
 
 def gradient_f_test(problem: DipoleFitProblem, x: Array) -> GradientTest:
-    """Of readings with unknowns x (n, 9); the noise need not be known."""
+    """Test readings with unknowns x (n, 9); the noise need not be known."""
     residual, A = compute_residuals(x, problem)
     spare = residual.shape[1] - A.shape[2] - GRADIENT_TERMS
     if len(problem.places) < MIN_MAGNETOMETERS:
@@ -53,14 +58,15 @@ def gradient_f_test(problem: DipoleFitProblem, x: Array) -> GradientTest:
 
 
 def position_shift(problem: DipoleFitProblem, x: Array, change: float) -> Array:
-    """How far (n,) m a field that changes by `size` T/m in some direction draws the place, if it is not counted."""
+    """Position error (n,) m of an ignored field gradient of `change` T/m in a random direction."""
     residual, A = compute_residuals(x, problem)
     shift = (np.linalg.pinv(A) @ _gradient_jacobian(problem, residual.shape[1]))[:, :3]
     return np.asarray(gradient_sd_of(change) * np.sqrt((shift**2).sum(axis=(1, 2))))
 
 
 def gradient_sd_of(change: float) -> float:
-    """Standard deviation of each of the five slopes of a field that changes by so many T/m (RMS over directions)."""
+    """Standard deviation of each of the five gradients of a field that changes by so many T/m (RMS
+    over directions)."""
     return float(change * np.sqrt(3.0 / GRADIENT_TERMS))
 
 
@@ -70,7 +76,8 @@ def rms_change_of(slope: float) -> float:
 
 
 def _gradient_jacobian(problem: DipoleFitProblem, rows: int) -> Array:
-    """What slopes of 1 T/m add to whitened residuals (n, rows, 5); nothing to the row of a moment that is told."""
+    """Jacobian (n, rows, 5) of whitened residuals by gradients of 1 T/m; zero in the row of a
+    declared moment."""
     noise = problem.noise * problem.noise_ratio[..., None, None]
     added = problem.whiten(
         (gradient_fields(problem.places) / noise).reshape(len(problem.y), -1, GRADIENT_TERMS)
@@ -79,5 +86,5 @@ def _gradient_jacobian(problem: DipoleFitProblem, rows: int) -> Array:
 
 
 def _project_out(Q: Array, values: Array) -> Array:
-    """Without the part that the unknowns can take up."""
+    """Without the part that the unknowns explain."""
     return np.asarray(values - Q @ (np.swapaxes(Q, 1, 2) @ values))

@@ -1,11 +1,16 @@
-"""Where a magnet is, reading by reading, from an array of magnetometers alone: no inertial sensor, no past.
+"""Position and moment of a magnet from single readings of a magnetometer array, without inertial
+sensors or history.
 
-In      readings of several magnetometers (n, magnetometers, 3), T; where they sit; the field without the magnet, or nothing of it; the moment's size, or nothing
-Out     Located: place and moment of the magnet in the base's frame with standard deviations, the field without it, what is left unexplained
-Source  Kortier, thesis ch. 5, (5.7), (5.8); for a given place moment and field are linear (Golub & Pereyra 1973, SIAM J Numer Anal 10:413): a grid of
-        places is searched so, then Levenberg-Marquardt from the best ones, all readings at once
-Limits  with an unknown field three magnetometers at least, with a known one two; the field must be the same at all of them. Where as much is unknown as
-        is read (three magnetometers, or two in a known field, and no size told) several places explain a reading exactly, and nothing is found
+In      readings (n, magnetometers, 3), T; positions of the magnetometers; optionally the field
+        without the magnet and the moment's size
+Out     Localisation: position and moment in the base's frame with standard deviations, field
+        without the magnet, residuals
+Source  Kortier, thesis ch. 5, (5.7), (5.8); for a given position moment and field are linear (Golub
+        & Pereyra 1973, SIAM J Numer Anal 10:413): grid search, then Levenberg-Marquardt from the
+        best points, all readings at once
+Limits  three magnetometers at least with an unknown field, two with a known one; the field must be
+        homogeneous over them. With as many unknowns as values (three magnetometers, or two in a
+        known field, without the moment's size) several positions fit exactly, and none is reported
 """
 
 from dataclasses import dataclass
@@ -25,17 +30,14 @@ from handscope.estimators.magnet.model.setup import Constellation, require_field
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array, Bools
 
-REGIONS = 2  # along each edge: the best place of every octant around the array is a start
-AMBIGUOUS = (
-    12.0  # a second place whose cost is less than this above the best one's cannot be ruled out
-)
-LINEAR_SHARE = 0.05  # of the distance: a place less sure than this lies where the field bends, and standard deviations from its slope say nothing
+REGIONS = 2  # along each edge: the best point of every octant is a start
+# a second position whose cost is less than this above the best one's is not ruled out
+AMBIGUOUS = 12.0
+LINEAR_SHARE = 0.05  # of the distance: linearised standard deviations do not hold beyond
 MAX_SD = 0.05  # m
-FIRST_ROUNDS = 12  # rounds of all starts, where errors of the magnetometers' places count
-SAME_PLACE, MAX_CANDIDATES = (
-    1e-3,
-    8,
-)  # m between places that are the same; places of a reading that are improved further
+FIRST_ROUNDS = 12  # rounds of all starts, where errors of the magnetometers' positions count
+# m between equal positions; positions of a reading that are refined further
+SAME_PLACE, MAX_CANDIDATES = 1e-3, 8
 CHUNK = 4096  # readings at once
 
 
@@ -46,12 +48,12 @@ class Localisation:
     field: Array  # (n, 3) T, base frame: without the magnet
     place_sd: Array  # (n, 3) m
     moment_sd: Array  # (n, 3) A m^2
-    residual_rms: Array  # (n,) RMS of what is left, T
-    misfit: Array  # (n,) the same in standard deviations of readings, errors of the magnetometers' places counted
-    contradicts_size: (
-        Bools  # (n,) the size told is off by more than three of its standard deviations
+    residual_rms: Array  # (n,) RMS residual, T
+    misfit: (
+        Array  # (n,) the same in standard deviations, with errors of the magnetometers' positions
     )
-    is_located: Bools  # (n,) explained to within `worst` of them, and known better than `sure`
+    contradicts_size: Bools  # (n,) beyond three standard deviations from the declared size
+    is_located: Bools  # (n,) misfit below `max_misfit`, sd below `max_sd`
 
 
 def locate(
@@ -68,9 +70,13 @@ def locate(
     max_misfit: float = 3.0,
     gradient_sd: float = 0.0,
 ) -> Localisation:
-    """The magnet at every reading; `field` (3,) or (n, 3) T in the base's frame, `size` of the moment in A m^2, noise T of an axis, reach m, sure m,
-    `size_sd` as a share of the size, `place_sd` m of a magnetometer's place. What is left
-    is `worst` standard deviations (RMS) at most. `uneven` T/m are the slopes of the field (magnet_uneven.py). More `regions` find more of the places that explain a reading as well."""
+    """The magnet at every reading.
+
+    `field` (3,) or (n, 3) T in the base's frame; `size` of the moment, A m^2, and `size_sd`, its
+    share; noise T an axis; reach m; max_sd m; place_sd m of a magnetometer; max_misfit in standard
+    deviations (RMS); gradient_sd T/m of the field (field_gradient_test.py). More `regions` find
+    more of the positions that fit a reading as well.
+    """
     if mag.ndim != 3 or mag.shape[1:] != (len(array), 3):
         raise InputError(
             f"Readings must be (n, {len(array)}, 3) for this constellation, they are {mag.shape}."
@@ -121,7 +127,7 @@ def locate(
 
 
 def max_position_sd(place: Array, array: Constellation, max_sd: float = MAX_SD) -> Array:
-    """Standard deviations (n,) m that places (n, 3) may have."""
+    """Largest standard deviations (n,) m that positions (n, 3) may have."""
     return np.asarray(
         np.minimum(
             max_sd,
@@ -131,7 +137,8 @@ def max_position_sd(place: Array, array: Constellation, max_sd: float = MAX_SD) 
 
 
 def _distinct_candidates(x: Array, cost: Array) -> tuple[Array, Array, int]:
-    """Of the places that starts (n, many, 9) led to those with the lowest cost, each once; how many of each reading."""
+    """The distinct solutions of lowest cost among starts (n, many, 9), and how many of each
+    reading."""
     order = cost.argsort(axis=1)
     x, cost = (
         np.take_along_axis(x, order[..., None], axis=1),
@@ -148,8 +155,9 @@ def _distinct_candidates(x: Array, cost: Array) -> tuple[Array, Array, int]:
 
 
 def estimate_noise(localisation: Localisation, many: int) -> float:
-    """Standard deviation of readings of `many` magnetometers, T, by what places leave of them (nine unknowns explain a part): the noise, and what places and
-    calibrations are off by, whatever the magnet does between one reading and the next."""
+    """Standard deviation of readings of `many` magnetometers, T, from residuals (nine unknowns
+    explain a part): noise with errors of positions and calibrations, however fast the magnet moves.
+    """
     residual_rms = localisation.residual_rms[np.isfinite(localisation.residual_rms)]
     return (
         float(np.median(residual_rms)) * float(np.sqrt(3 * many / (3 * many - 9)))
@@ -161,7 +169,8 @@ def estimate_noise(localisation: Localisation, many: int) -> float:
 def _solve(
     problem: DipoleFitProblem, reach: float, regions: int, place_sd: float
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Values (n, 9), their standard deviations, RMS left (n,) in T and in standard deviations, by how many of its own the size told is off (n,)."""
+    """Solutions (n, 9), standard deviations, RMS residuals (n,) in T and in standard deviations,
+    deviation of the moment from the declared size in standard deviations (n,)."""
     initial = grid_starts(problem, reach, regions)  # (n, many, 9)
     n, many = initial.shape[:2]
     x, cost = refine(

@@ -1,9 +1,14 @@
-"""Where a magnet is throughout a recording of an array: place by place, and what beside or around them contradicts one magnet in a homogeneous field.
+"""Localisation of a magnet throughout a recording of an array, with tests of what contradicts one
+magnet in a homogeneous field.
 
-In      readings (n, magnetometers, 3), T, with their times; where the magnetometers sit; their noise as differences of readings tell it
-Out     Searched: Located with what is not to be trusted taken out, and why; the noise as places tell it
-Source  magnet_localisation.py, magnet_second.py, magnet_uneven.py, magnet_late.py, magnet_alike.py
-Limits  a second magnet or iron is told from noise by eight magnetometers or more; fewer see it where it leaves more than noise
+In      readings (n, magnetometers, 3), T, with times; positions of the magnetometers; noise
+        estimated from differences
+Out     LocalisationResult: positions without those that are not to be trusted, and why; the noise
+        from residuals
+Source  localisation.py, second_magnet_test.py, field_gradient_test.py, timestamp_offsets.py,
+        systematic_errors.py
+Limits  eight magnetometers or more separate a second magnet or iron from noise; fewer only where it
+        leaves more than noise
 """
 
 from dataclasses import dataclass, fields, replace
@@ -29,48 +34,31 @@ from handscope.estimators.magnet.model.setup import Constellation
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array, Bools, Indices
 
-MAX_ROUNDS = 8  # rounds in which readings that are late are moved
-MIN_READINGS, MAX_READINGS, CHUNK = (
-    10,
-    200,
-    256,
-)  # readings that tell what errs alike, at least and at most; from which it is taken off at once
-NOISE_READINGS, MIN_SPARE_AXES = (
-    60,
-    9,
-)  # readings, and axes above the unknowns in all of them, of which the noise is asked
-MOVEMENT_SHARE = 0.5  # of the noise that differences tell: so much less that they tell of movement
-CLOSE_TIME, CLOSE_SHARE = (
-    0.5,
-    0.3,
-)  # s, share of the readings that close by: what disturbs those draws these
-WIDE_TIME, WIDE_SHARE = (
-    5.0,
-    0.5,
-)  # s, share of the readings around: then what agrees does so by chance
-TEST_INTERVAL, MAX_P_VALUE = (
-    0.1,
-    1e-4,
-)  # s between readings that are looked at for a second magnet; probability below which noise is none
-UNKNOWNS = 9  # place, moment, field
-MISFIT_PER_DOF = 1.7  # standard deviations a degree of freedom; what is counted for calibration and places is rather too much
-FEW_MAGNETOMETERS, MANY_REGIONS = (
-    9,
-    3,
-)  # so few magnetometers are explained by several places; with more the octants' best ones lead to the same
+MAX_ROUNDS = 8  # rounds of timestamp correction
+# readings for systematic errors, at least and at most; readings corrected at once
+MIN_READINGS, MAX_READINGS, CHUNK = 10, 200, 256
+NOISE_READINGS, MIN_SPARE_AXES = 60, 9  # readings, and degrees of freedom at least, for the noise
+MOVEMENT_SHARE = 0.5  # of the noise from differences: residuals below that show movement
+CLOSE_TIME, CLOSE_SHARE = 0.5, 0.3  # s, share: disturbances that close by affect a reading
+WIDE_TIME, WIDE_SHARE = 5.0, 0.5  # s, share: among so many, agreement is chance
+# s between readings tested for a second magnet; below it is no noise
+TEST_INTERVAL, MAX_P_VALUE = 0.1, 1e-4
+UNKNOWNS = 9  # position, moment, field
+MISFIT_PER_DOF = 1.7  # standard deviations a degree of freedom
+FEW_MAGNETOMETERS, MANY_REGIONS = 9, 3  # so few magnetometers are explained by several positions
 
 
 @dataclass(frozen=True)
 class Search:
-    """Calibrated readings and where they were taken."""
+    """Calibrated readings and their magnetometers."""
 
     t: Array  # (n,) s
     mag: Array  # (n, magnetometers, 3) T
     array: Constellation
     noise: float  # T
     place_sd: float  # m
-    gradient_sd: float = 0.0  # T/m, of each slope of the field
-    rate: Array | None = None  # (n, magnetometers, 3) T/s by which readings change
+    gradient_sd: float = 0.0  # T/m, of each gradient of the field
+    rate: Array | None = None  # (n, magnetometers, 3) T/s, rate of change of readings
 
     def select(self, rows: Indices) -> "Search":
         return replace(
@@ -90,7 +78,7 @@ class Search:
         )
 
     def with_offsets(self, offsets: Array) -> "Search":
-        """With magnetometers that are late by so many s (magnetometers,) moved to when their readings were taken."""
+        """With readings of magnetometers shifted by their timestamp offsets (magnetometers,) s."""
         mag = timestamp_offsets.shift_readings(self.t, self.mag, offsets)
         return replace(self, mag=mag, rate=timestamp_offsets.change_rates(self.t, mag))
 
@@ -105,7 +93,8 @@ class Search:
         ]
 
     def locate(self, size: float | None, size_sd: float) -> Localisation:
-        """Places that agree with the size of the moment told, by the magnetometers that answer."""
+        """Positions that agree with the declared size of the moment, by the magnetometers that
+        answer."""
         out = _empty_localisation(len(self.t))
         for rows, chips in self.group_by_available():
             if len(chips) < len(self.array) and 3 * len(chips) + (size is not None) <= UNKNOWNS:
@@ -136,20 +125,19 @@ class Search:
 
 @dataclass(frozen=True)
 class LocalisationResult:
-    search: Search  # with the noise as places tell it
+    search: Search  # with the noise from residuals
     localisation: Localisation
-    is_inconsistent: Bools  # (n,) around these, one magnet leaves too much
-    has_second_magnet: Bools  # (n,) around these, a second magnet explains much
-    timestamp_offsets: TimestampOffsets  # by which magnetometers were moved
-    systematic: SystematicErrors | None = (
-        None  # what errs alike in all readings, where it was taken off
-    )
+    is_inconsistent: Bools  # (n,) residuals of one magnet are too large around
+    has_second_magnet: Bools  # (n,) a second magnet explains much around
+    timestamp_offsets: TimestampOffsets  # that were corrected
+    systematic: SystematicErrors | None = None  # common to all readings, where corrected
 
 
 def locate_recording(
     search: Search, size: float | None, size_sd: float, least: float
 ) -> LocalisationResult:
-    """`size` of the moment, A m^2, and how well it is known, a share of it; `least` T is what calibrations leave."""
+    """`size` of the moment, A m^2, its standard deviation as a share; `least` T: residuals of
+    calibrations."""
     search = _with_estimated_noise(
         search.with_offsets(np.zeros(len(search.array))), size, size_sd, least
     )
@@ -199,8 +187,8 @@ def locate_recording(
 
 
 def misfit_limit(many: int | Indices, gradient_sd: float = 0.0) -> Array:
-    """What so many magnetometers may leave (RMS, standard deviations): nine unknowns explain a part of the errors, the more the fewer there are; slopes of the
-    field, too."""
+    """Largest RMS residual of so many magnetometers, standard deviations: the unknowns and the
+    gradients explain a part, the more the fewer there are."""
     axes = np.maximum(3.0 * np.asarray(many), 1.0)
     return np.asarray(
         MISFIT_PER_DOF
@@ -227,7 +215,7 @@ def _empty_localisation(n: int) -> Localisation:
 def _with_estimated_noise(
     search: Search, size: float | None, size_sd: float, least: float
 ) -> Search:
-    """With the noise that places leave, where the magnet moves so much from one reading to the next that their differences tell of movement."""
+    """With the noise from residuals, where differences between readings show movement."""
     rows, chips = max(search.group_by_available(), key=lambda group: len(group[0]))
     if (
         search.noise * MOVEMENT_SHARE < least
@@ -250,7 +238,8 @@ def build_problem(
     size_sd: float,
     rows: Indices,
 ) -> tuple[DipoleFitProblem, Array]:
-    """Readings whose places are known, by the magnetometers that answer in all of them, and the unknowns (n, 9) that explain them."""
+    """The fit problem of localised readings, by the magnetometers that answer in all of them, and
+    their unknowns (n, 9)."""
     x = np.concatenate([localisation.place, localisation.moment, localisation.field], axis=1)[rows]
     y, ones = (
         quat.rotate(search.array.q_bl, search.mag[rows]),
@@ -270,7 +259,8 @@ def build_problem(
 def _correct_timestamps(
     search: Search, localisation: Localisation, size: float | None, size_sd: float
 ) -> tuple[Search, Localisation, TimestampOffsets]:
-    """With magnetometers that are surely late against the others moved to when their readings were taken; by how much, 0 where it is not sure."""
+    """With magnetometers of significant timestamp offsets corrected, and the offsets, 0 where not
+    significant."""
     total, sd = np.zeros((2, len(search.array)))
     part, places, selected = search, localisation, np.arange(len(search.t))
     for _ in range(MAX_ROUNDS):
@@ -289,7 +279,7 @@ def _correct_timestamps(
         part = search.with_offsets(total).select(selected)
         places = part.locate(size, size_sd)
     else:
-        total[:] = 0.0  # what comes to no end is no lateness
+        total[:] = 0.0  # what does not converge is no offset
     total = np.where(np.abs(total) < timestamp_offsets.MIN_CORRECTION, 0.0, total)
     before, now = np.nanmedian(localisation.misfit[selected]), np.nanmedian(places.misfit)
     if not total.any() or now > min(before, float(misfit_limit(len(search.array)))):
@@ -301,7 +291,8 @@ def _correct_timestamps(
 def _add_timing_uncertainty(
     search: Search, localisation: Localisation, offsets: TimestampOffsets
 ) -> Localisation:
-    """Where many magnetometers are late, each by another time, the time of a place is as unsure as they differ."""
+    """Where many magnetometers have offsets, the time of a position is as uncertain as they
+    differ."""
     by_place, by_moment = (
         timestamp_offsets.change_rates(search.t, v[:, None])[:, 0]
         for v in (localisation.place, localisation.moment)
@@ -316,7 +307,8 @@ def _add_timing_uncertainty(
 def _with_gradients(
     search: Search, localisation: Localisation, size: float | None, size_sd: float
 ) -> tuple[Search, Localisation]:
-    """With the field's slopes as unknowns where the readings show them; not where a second magnet explains most readings still better."""
+    """With gradients of the field as unknowns where the test shows them, unless a second magnet
+    explains most readings better."""
     rows, chips = _most_complete_rows(search, localisation)
     if not len(rows):
         return search, localisation
@@ -344,7 +336,8 @@ def _with_gradients(
 def _inflate_by_residuals(
     search: Search, localisation: Localisation, size: float | None
 ) -> Localisation:
-    """Places no surer than what all that were found leave says: calibrations that have changed and magnetometers that sit elsewhere are in all readings alike."""
+    """Standard deviations no smaller than the residuals of all located readings allow: errors of
+    calibrations and positions are common to them."""
     axes = 3.0 * np.isfinite(search.mag).all(axis=2).sum(axis=1)[localisation.is_located]
     spare = axes - UNKNOWNS - GRADIENT_TERMS * (search.gradient_sd > 0) + (size is not None)
     if not spare.sum() > 0:
@@ -354,7 +347,7 @@ def _inflate_by_residuals(
     )
     scale = np.maximum(1.0, residual / np.maximum(1.0, localisation.misfit))[
         :, None
-    ]  # a reading that leaves more has that in its own
+    ]  # a larger residual is counted already
     return _with_sds(
         search, localisation, scale * localisation.place_sd, scale * localisation.moment_sd
     )
@@ -367,7 +360,7 @@ def _remove_systematic_errors(
     size: float | None,
     size_sd: float,
 ) -> tuple[Localisation, SystematicErrors | None]:
-    """Places of the readings that are known without what errs alike in all of them, as far as they tell it, and as sure as that leaves them."""
+    """Correct known readings for systematic errors, with the uncertainty that remains."""
     rows, calibrated = max(
         ((rows[is_known[rows]], chips) for rows, chips in search.group_by_available()),
         key=lambda group: len(group[0]),
@@ -397,7 +390,9 @@ def _remove_systematic_errors(
                 problem, x_part, systematic, np.searchsorted(calibrated, chips), len(calibrated)
             )
             near = np.linalg.norm(x_part[:, None, :3] - problem.places, axis=-1).min(axis=1)
-            curvature = (shift[:, :3] ** 2).sum(axis=1) / near  # what was taken off to first order
+            curvature = (shift[:, :3] ** 2).sum(
+                axis=1
+            ) / near  # second-order error of the correction
             x[part], sd[part] = (
                 x_part - shift,
                 np.sqrt(variance[:, :6] + np.outer(curvature**2, np.repeat([1.0, 0.0], 3))),
@@ -421,13 +416,13 @@ def _with_sds(
 
 
 def _most_complete_rows(search: Search, localisation: Localisation) -> tuple[Indices, Indices]:
-    """Rows of places that the same magnetometers tell, as many as there are, and which those are."""
+    """Located rows with the most frequent set of magnetometers, and that set."""
     rows, chips = max(search.group_by_available(), key=lambda group: len(group[0]))
     return rows[np.isfinite(localisation.misfit[rows])], chips
 
 
 def _sample_rows(t: Array) -> Indices:
-    """Readings of which a second magnet is asked: not more than are needed."""
+    """Readings to test for a second magnet: no more than needed."""
     return np.unique(
         np.searchsorted(t, np.arange(t[0], t[-1] + TEST_INTERVAL, TEST_INTERVAL)).clip(
             0, len(t) - 1
@@ -438,7 +433,7 @@ def _sample_rows(t: Array) -> Indices:
 def _second_magnet_p_values(
     search: Search, localisation: Localisation, size: float | None, size_sd: float
 ) -> Array:
-    """That one magnet and noise explain readings (n,) so badly against two; NaN where that was not asked."""
+    """p values (n,) of one magnet against two; NaN where not tested."""
     p_value, some = np.full(len(search.t), np.nan), _sample_rows(search.t)
     for among, chips in search.select(some).group_by_available():
         rows = some[among]
@@ -465,7 +460,7 @@ def _second_magnet_p_values(
 def _is_frequent_around(
     t: Array, known: Array, is_flagged: Bools, near: float, share: float
 ) -> Bools:
-    """Readings (n,) with more than that share strange of those that are known, no NaN, within `near` s."""
+    """Readings (n,) with more than `share` flagged of the known ones (no NaN) within `near` s."""
     counted = np.concatenate([[0], np.cumsum(np.isfinite(known))])
     flagged = np.concatenate([[0], np.cumsum(is_flagged)])
     first, last = np.searchsorted(t, t - near), np.searchsorted(t, t + near, side="right")

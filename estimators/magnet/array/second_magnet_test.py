@@ -1,9 +1,11 @@
-"""Whether readings of an array are those of two magnets rather than of one: what one magnet leaves is either noise or looks like another one.
+"""F test for a second magnet: the residuals of one magnet are noise, or look like another one.
 
-In      readings, the magnet that explains them best (magnet_localisation.py), all in the base's frame
-Out     probability that noise alone would be explained so much better by a second magnet, and where that then is
-Source  F test of nested models (Seber & Wild, Nonlinear regression, 1989, 5.3), which needs no size of the noise; the search as in magnet_fit.py
-Limits  with fewer than eight magnetometers too little is left over to tell; iron, and a magnet that is long against its distance, look like a second one, too
+In      readings and the magnet that fits them best (localisation.py), in the base's frame
+Out     p value of one magnet against two, and the second one's position
+Source  F test of nested models (Seber & Wild, Nonlinear regression, 1989, 5.3), which needs no
+        noise level; the search as in dipole_fit.py
+Limits  fewer than eight magnetometers leave too few degrees of freedom; iron, or a magnet long
+        against its distance, looks like a second one
 """
 
 from dataclasses import dataclass
@@ -26,16 +28,14 @@ from handscope.estimators.magnet.model.setup import Constellation
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-MIN_MAGNETOMETERS = 8  # magnetometers: nine axes above the unknowns of two magnets and the field
+MIN_MAGNETOMETERS = 8  # magnetometers: nine degrees of freedom beyond two magnets and the field
 ROUNDS = 15
-REACH = 0.5  # m around the array in which a second magnet is looked for
+REACH = 0.5  # m around the array, for the second magnet
 
 
 @dataclass(frozen=True)
 class SecondMagnetTest:
-    p_value: (
-        Array  # (n,) that noise alone would be explained so much better; NaN where nothing is known
-    )
+    p_value: Array  # (n,); NaN where nothing is known
     place: Array  # (n, 3) m, base frame
 
 
@@ -49,7 +49,8 @@ def second_magnet_f_test(
     size_sd: float = 1e-3,
     gradient_sd: float = 0.0,
 ) -> SecondMagnetTest:
-    """Of readings (n, magnetometers, 3), T, in which `found` is the one magnet, in a field that nobody told; the rest as told to `located`."""
+    """Test readings (n, magnetometers, 3), T, explained by `localisation` in an unknown field;
+    other arguments as of `locate`."""
     out = SecondMagnetTest(np.full(len(mag), np.nan), np.full((len(mag), 3), np.nan))
     rows = np.flatnonzero(np.isfinite(localisation.misfit))
     if len(array) < MIN_MAGNETOMETERS or not len(rows):

@@ -1,12 +1,17 @@
-"""What errs alike in all readings of an array: told by a whole recording, although each reading alone explains it away by a magnet elsewhere.
+"""Systematic errors of an array that are common to all readings of a recording, though each reading
+alone absorbs them in its position.
 
-In      readings with the magnet that explains each best (magnet_fit.py)
-Out     Alike: what offsets, gains and axes, places of the magnetometers, their lateness, slopes of the field, length of the magnet, the axes of all against the board and the
-        size of the moment are off by, with their covariance and how much likelier readings are with them; by how much they draw each place
-Source  a linear mixed model: errors of one kind are normal with one size, noise is white, sizes are those that make the readings likeliest (Harville 1977, JASA
-        72:320; EM: Dempster, Laird & Rubin 1977, J R Stat Soc B 39:1). The unknowns of each reading are projected out. A rod of length 2 a is a
-        line of dipoles: to second order its field is B + a^2/6 (u.grad)^2 B, u along the moment, and a disc's has the other sign (Jackson, Classical electrodynamics, 4.1)
-Limits  linear around the fit; what moves or turns the whole array is not seen and stays in the covariance, and so does what the magnet's way did not tell apart
+In      readings with the magnet that fits each best (dipole_fit.py)
+Out     SystematicErrors: offsets, gains and axes, positions of the magnetometers, timestamps,
+        gradients of the field, length of the magnet, rotation of all axes, size of the moment, with
+        covariance and likelihood ratio; the position errors that they cause
+Source  linear mixed model: errors of a kind are normal with one variance, noise is white, variances
+        by maximum likelihood (Harville 1977, JASA 72:320; EM: Dempster, Laird & Rubin 1977, J R
+        Stat Soc B 39:1). The unknowns of each reading are projected out. A rod of length 2 a is a
+        line of dipoles: to second order its field is B + a^2/6 (u.grad)^2 B, u along the moment; a
+        disc's has the other sign (Jackson, Classical electrodynamics, 4.1)
+Limits  linear around the fit; what shifts or rotates the whole array is not observable and stays in
+        the covariance, and so does what the magnet's path did not separate
 """
 
 from dataclasses import dataclass
@@ -27,7 +32,8 @@ from handscope.estimators.numerics.typing import Array, Indices
 
 
 class Kind(NamedTuple):
-    """Errors of one kind: how many of each magnetometer or of all together, and how large they are taken to be to begin with."""
+    """Errors of one kind: number of each magnetometer or of all together, and initial standard
+    deviation."""
 
     name: str
     per_magnetometer: int
@@ -43,11 +49,11 @@ KINDS = (
     Kind("length", 0, 1, 2e-5),  # a^2 / 6, m^2
     Kind("slope", 0, GRADIENT_TERMS, 3e-6),  # T/m
     Kind("turn", 0, 3, 1e-2),  # rad, of all magnetometers' axes against the board
-    Kind("moment", 0, 1, 1.0),  # standard deviations of the size told
+    Kind("moment", 0, 1, 1.0),  # standard deviations of the declared size
 )
 ROUNDS = 40
 STEP = 1e-3  # m
-MIN_NOISE_VARIANCE = 1e-2  # of the noise's variance: less is no noise but readings that were followed by too many unknowns
+MIN_NOISE_VARIANCE = 1e-2  # of the noise's variance: less is no noise but too many unknowns
 
 
 @dataclass(frozen=True)
@@ -56,14 +62,14 @@ class SystematicErrors:
 
     errors: Array
     covariance: Array  # (p, p)
-    sizes: Array  # (kinds,) of errors as the readings tell them, in the units of KINDS
-    noise: float  # variance of what is left, over that of the noise told
-    p_value: float  # that noise alone would be explained so much better
+    sizes: Array  # (kinds,) estimated standard deviations, in units of KINDS
+    noise: float  # residual variance over that of the declared noise
+    p_value: float  # of noise alone, by the likelihood ratio
     dominant: Kind  # the kind that explains most
 
 
 def estimate_systematic_errors(problem: DipoleFitProblem, x: Array) -> SystematicErrors:
-    """Of readings with unknowns x (n, 9)."""
+    """From readings with unknowns x (n, 9)."""
     residual, A = compute_residuals(x, problem)
     Q, _ = np.linalg.qr(A)
     remaining, added = (
@@ -106,7 +112,8 @@ def propagate_systematic_errors(
     chips: Indices,
     many: int,
 ) -> tuple[Array, Array]:
-    """By how much errors draw the unknowns x (n, 9) of readings of these of `many` magnetometers, and the variances (n, 9) that are left without that."""
+    """Effect of the errors on the unknowns x (n, 9) of readings of these of `many` magnetometers,
+    and the variances (n, 9) that remain after its correction."""
     residual, A = compute_residuals(x, problem)
     inverse = np.linalg.pinv(A)
     kind = error_kinds(many)
@@ -130,19 +137,20 @@ def propagate_systematic_errors(
 
 
 def error_kinds(many: int) -> Indices:
-    """Of every error of so many magnetometers its kind (p,)."""
+    """Kind of every error (p,) of so many magnetometers."""
     return np.repeat(np.arange(len(KINDS)), [k.per_magnetometer * many + k.shared for k in KINDS])
 
 
 def _compute_posterior(N: Array, variance: Array, noise: float) -> tuple[Array, float]:
-    """Covariance (p, p) of errors that have these variances (p,) before, and the logarithm of how much smaller its volume is."""
+    """Posterior covariance (p, p) for prior variances (p,), and the logarithm of the reduction of
+    its volume."""
     root = np.sqrt(variance)
     M = np.eye(len(root)) + root[:, None] * N * root / noise
     return root[:, None] * np.linalg.inv(M) * root, float(np.linalg.slogdet(M)[1])
 
 
 def _error_jacobian(problem: DipoleFitProblem, x: Array, rows: int) -> Array:
-    """What each error of its kind's size adds to whitened residuals (n, rows, p)."""
+    """Whitened residuals (n, rows, p) by each error in units of its kind's size."""
     n, many = problem.y.shape[:2]
     r, m, own = (
         x[:, None, :3] - problem.places,
@@ -152,7 +160,7 @@ def _error_jacobian(problem: DipoleFitProblem, x: Array, rows: int) -> Array:
     offsets = np.broadcast_to(own * np.eye(3)[:, None, :], (n, many, 3, many, 3))
     field = x[:, None, PER_MAGNET:] + dipole.field(
         r, m
-    )  # not as read: a gain of nothing would explain what is left of it
+    )  # not as read: gains must not explain the noise
     gains = np.einsum("lk,ij,nla->nlikja", np.eye(many), np.eye(3), field)
     places = own * -dipole.field_gradient(r, m)[:, :, :, None]
     slopes = np.broadcast_to(gradient_fields(problem.places), (n, many, 3, GRADIENT_TERMS))
@@ -172,7 +180,7 @@ def _error_jacobian(problem: DipoleFitProblem, x: Array, rows: int) -> Array:
 
 
 def _length_jacobian(x: Array, problem: DipoleFitProblem) -> Array:
-    """Field (n, magnetometers, 3) T that a^2 / 6 of 1 m^2 adds."""
+    """Field (n, magnetometers, 3) T per a^2 / 6 of 1 m^2."""
     r, m = x[:, None, :3] - problem.places, x[:, None, 3:PER_MAGNET]
     along = STEP * m / np.maximum(np.linalg.norm(m, axis=-1, keepdims=True), 1e-12)
     return np.asarray(

@@ -1,9 +1,10 @@
-"""The field of a permanent magnet that is small against its distance, with its slopes.
+"""The field of a permanent magnet that is small against its distance, with its derivatives.
 
-In      r from the magnet to the place or from the place to the magnet (the field is even in r), m; moment, A m^2; one frame
-Out     flux density in T, and its derivatives by r (T/m) and by the moment (T / (A m^2))
+In      r between magnet and position, m (the field is even in r); moment, A m^2; one frame
+Out     flux density in T; its derivatives by r (T/m) and by the moment (T / (A m^2))
 Source  Kortier, thesis ch. 5, (5.7), (5.8), (5.24); his moment is mu0 / 4 pi times ours
-Limits  within about two of the magnet's own lengths it is no dipole any more (rod of 2 mm and 14 mm across: some percent at 4 cm)
+Limits  not a dipole within about two lengths of the magnet (rod of 2 mm, 14 mm across: some percent
+        off at 4 cm)
 """
 
 import numpy as np

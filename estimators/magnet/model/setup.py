@@ -1,6 +1,8 @@
-"""What is known before a magnet is tracked: where the magnetometers sit on the trunk, and which magnet sits where on the hand.
+"""What is declared before a magnet is tracked: magnetometers on the trunk and the magnet on the
+hand.
 
-Frames  base b: the inertial sensor on the trunk; target t: the inertial sensor on the hand; each magnetometer has its own axes l
+Frames  base b: inertial sensor on the trunk; target t: inertial sensor on the hand; each
+        magnetometer has its own axes l
 Source  Kortier, thesis 5.2, Fig. 5.2
 """
 
@@ -12,25 +14,17 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-WIDEST, CLOSEST = (
-    1.0,
-    0.004,
-)  # m between two magnetometers on one trunk: further is no trunk, nearer is no metre
+WIDEST, CLOSEST = 1.0, 0.004  # m between two magnetometers on one trunk
 FARTHEST = 1.5  # m of a magnetometer from the base's inertial sensor
-STRONGEST, WEAKEST = (
-    20.0,
-    1e-3,
-)  # A m^2: 20 is 15 cm^3 of neodymium, 1e-3 is not seen beyond some centimetres
+STRONGEST, WEAKEST = 20.0, 1e-3  # A m^2: 15 cm^3 of neodymium; invisible beyond some cm
 LARGEST_OFFSET = 0.3  # m of the magnet from the hand's inertial sensor
-EARTH_WEAKEST, EARTH_STRONGEST = (
-    15e-6,
-    90e-6,
-)  # T: 22 to 67 uT on Earth (IGRF-13), less or more in a building
+# T: 22 to 67 uT on Earth (IGRF-13), more or less in a building
+EARTH_WEAKEST, EARTH_STRONGEST = 15e-6, 90e-6
 
 
 @dataclass(frozen=True)
 class Constellation:
-    """Magnetometers that are rigid on the base."""
+    """Magnetometers that are fixed on the base."""
 
     places: Array  # (magnetometers, 3) m, base frame
     q_bl: Array  # (magnetometers, 4) from each magnetometer's axes to the base's
@@ -41,7 +35,7 @@ class Constellation:
 
 @dataclass(frozen=True)
 class Magnet:
-    """A magnet that is rigid on the target."""
+    """A magnet that is fixed on the target."""
 
     moment: Array  # (3,) A m^2, target frame
     place: Array  # (3,) m, target frame
@@ -52,7 +46,8 @@ class Magnet:
 
 
 def make_constellation(places: Array, q_bl: Array | None = None) -> Constellation:
-    """Magnetometers at places (magnetometers, 3) in m; InputError where the numbers cannot be metres on a trunk."""
+    """Magnetometers at places (magnetometers, 3) in m; InputError where they cannot be metres on a
+    trunk."""
     where = np.atleast_2d(np.asarray(places, float))
     if where.ndim != 2 or where.shape[1] != 3 or not np.isfinite(where).all():
         raise InputError(
@@ -80,7 +75,8 @@ def make_constellation(places: Array, q_bl: Array | None = None) -> Constellatio
 
 
 def make_magnet(moment: Array, place: Array | None = None) -> Magnet:
-    """A magnet of moment (3,) A m^2 at place (3,) m of the target; InputError where the numbers cannot be a magnet on a hand."""
+    """A magnet of moment (3,) A m^2 at place (3,) m of the target; InputError where it cannot be a
+    magnet on a hand."""
     m, p = np.asarray(moment, float), np.zeros(3) if place is None else np.asarray(place, float)
     if m.shape != (3,) or p.shape != (3,) or not (np.isfinite(m).all() and np.isfinite(p).all()):
         raise InputError(
@@ -99,7 +95,8 @@ def make_magnet(moment: Array, place: Array | None = None) -> Magnet:
 
 
 def require_field(mag: Array) -> None:
-    """InputError unless readings (n, magnetometers, 3) can be T: most of the time an array on a trunk sees about the earth's field."""
+    """InputError unless readings (n, magnetometers, 3) can be T: the median of an array on a trunk
+    is about the earth's field."""
     sizes = np.linalg.norm(mag, axis=-1)
     sizes = sizes[np.isfinite(sizes)]
     if not len(sizes):

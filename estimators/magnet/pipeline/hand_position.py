@@ -1,9 +1,11 @@
-"""Where the hand is, seen from the trunk: a recording's or a glove's streams, followed by a magnet, live and in batch.
+"""Position of the hand against the trunk from the streams of a recording or a live glove.
 
-In      blocks of trunk, hand and magnetometers; the plate as it was told; mounting of the sensors
-Out     the place of the hand's sensor from the trunk's in the trunk's axes, its standard deviation, flags, the trunk's orientation, the signal
-Source  magnet_tracking.py (Kortier, thesis ch. 5); flags: ours
-Limits  a place is that of the hand's sensor, not of a joint; which way the trunk faces is as its sensor's mounting says
+In      blocks of trunk, hand and magnetometers; the declared plate; mounting of the sensors
+Out     position of the hand's sensor from the trunk's in trunk axes, its standard deviation, flags,
+        the trunk's orientation, signal
+Source  tracker.py (Kortier, thesis ch. 5); flags: ours
+Limits  the position of the hand's sensor, not of a joint; the trunk's axes are as its sensor's
+        mounting declares
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,10 +32,8 @@ from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 
 REPORTED_SHARE = 0.001  # share of flagged samples
-REPORTED_LATENCY, REPORTED_LATENCY_SD = (
-    0.01,
-    4.0,
-)  # s of lateness, and standard deviations of it, from which on it is said
+# s, and standard deviations, from which on latency is reported
+REPORTED_LATENCY, REPORTED_LATENCY_SD = 0.01, 4.0
 MAX_TIME_DISTANCE = 0.1  # s to the nearest sample of the track
 ROWS = ("t", "place", "sd", "flags", "q_trunk", "q_trunk_sd", "signal", "latency", "latency_sd")
 UNKNOWN = "the hand's place is not told"
@@ -54,7 +54,7 @@ class PlaceParams(MagnetParams):
 
 @dataclass(frozen=True)
 class Setting:
-    """What is followed with what; made before the first sample."""
+    """What is needed before the first sample."""
 
     params: PlaceParams
     setup: Setup
@@ -72,7 +72,7 @@ class State:
 
 @dataclass(frozen=True)
 class Places:
-    """What a stretch of samples tells."""
+    """Positions of the hand and their flags."""
 
     t: Array  # (n,) s
     place: Array  # (n, 3) m; NaN where there is none
@@ -94,7 +94,8 @@ def make_setting(
     streams: Sequence[Stream],
     mounting: Mapping[str, Array],
 ) -> Setting | None:
-    """What to follow with; None where nothing of it is worn. InputError says what is missing or cannot be."""
+    """Setting of a recording; None where nothing of it is worn. InputError says what is missing or
+    cannot be."""
     read_recording = magnet_streams.find_magnetometers(streams)
     inertial = {p for s in streams if s.inertial for p in s.sensors}
     if plate is None and not read_recording:
@@ -144,19 +145,20 @@ def step(s: Setting, state: State, blocks: Sequence[Block]) -> tuple[State, Plac
 
 
 def smooth_places(s: Setting, blocks: Sequence[Block]) -> Places:
-    """A whole recording: every place with what later readings say of it. InputError where the readings cannot be T."""
+    """Smoothed positions of a whole recording; InputError where the readings cannot be T."""
     return _to_places(s, smooth_recording(s, blocks)[1])
 
 
 def smooth_recording(s: Setting, blocks: Sequence[Block]) -> tuple[magnet_tracker.State, Track]:
-    """What is made of a whole recording, and where the filter ends. InputError where the readings cannot be T."""
+    """The filter's end and the smoothed track of a whole recording; InputError where the readings
+    cannot be T."""
     return magnet_smoother.smooth(
         s.params, magnet_tracker.start(s.setup), read_recording(s, blocks)
     )
 
 
 def read_recording(s: Setting, blocks: Sequence[Block]) -> Readings:
-    """Of a whole recording. InputError where they cannot be T."""
+    """Readings of a whole recording; InputError where they cannot be T."""
     readings = magnet_streams.align_recording(s.magnetometers, blocks, s.params.patience)
     try:
         magnet_setup.require_field(readings.mag)
@@ -170,7 +172,7 @@ def join_places(pieces: Sequence[Places]) -> Places:
 
 
 def newest_row(places: Places) -> Places:
-    """The last row, with the last signal that was heard."""
+    """The last row, with the last known signal."""
     signals = places.signal[np.isfinite(places.signal)]
     last = Places(*(getattr(places, f)[-1:] for f in ROWS))
     return replace(last, signal=signals[-1:]) if len(signals) else last
@@ -183,7 +185,7 @@ def add_hand_position(
     plate: Plate | None,
     mounting: Mapping[str, Array],
 ) -> tuple[Trajectory, list[str]]:
-    """The trajectory with the hand's place, and sentences of what is to be known; as it was where there is no magnet."""
+    """The trajectory with the hand's position, and messages; unchanged where there is no magnet."""
     try:
         s = make_setting(params, plate, [b.stream for b in blocks], mounting)
         if s is None or not len(trajectory):
@@ -199,7 +201,7 @@ def add_hand_position(
 
 
 def resample_places(trajectory: Trajectory, places: Places) -> Trajectory:
-    """The trajectory with places at its own instants."""
+    """The trajectory with positions at its own instants."""
     flags = places.flags[_nearest(places.t, trajectory.t)]
     is_missing = (
         np.abs(places.t[_nearest(places.t, trajectory.t)] - trajectory.t) > MAX_TIME_DISTANCE
@@ -228,7 +230,7 @@ def resample_places(trajectory: Trajectory, places: Places) -> Trajectory:
 
 
 def describe_places(places: Places) -> list[str]:
-    """One sentence for each kind of doubt, and for magnetometers that are late."""
+    """One sentence for each kind of flag, and for magnetometers that are late."""
     shares = {flag: float(((places.flags & flag) != 0).mean()) for flag in PLACE_WORDS}
     return describe_latency(places) + [
         f"the hand's place: {words} in {100 * shares[flag]:.1f} % of the samples"
@@ -238,7 +240,8 @@ def describe_places(places: Places) -> list[str]:
 
 
 def describe_latency(places: Places) -> list[str]:
-    """What all up to the newest row tells of the magnetometers' lateness, where it is worth saying. What is doubtful is not accounted for."""
+    """A sentence about the magnetometers' latency, as known at the newest row, where it is
+    significant."""
     tau, sd = (float(v[-1]) if len(v) else np.nan for v in (places.latency, places.latency_sd))
     if not abs(tau) > max(REPORTED_LATENCY, REPORTED_LATENCY_SD * sd):
         return []
@@ -259,7 +262,7 @@ def describe_latency(places: Places) -> list[str]:
 
 
 def _with_full_scales(params: PlaceParams, streams: Sequence[Stream]) -> PlaceParams:
-    """The parameters with the full scales that the streams tell: the least where they differ."""
+    """The parameters with the full scales that the streams declare: the least where they differ."""
     full_scales: dict[str, list[float]] = {GYR: [], ACC: [], MAG: []}
     for s in streams:
         if magnet_streams.is_relevant(s):

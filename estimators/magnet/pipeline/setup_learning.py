@@ -1,10 +1,12 @@
-"""Where magnetometers sit on the trunk, and which magnet sits where on the hand, learnt from half a minute of movement before it is used.
+"""Positions of magnetometers and magnet, and its moment, estimated from half a minute of movement.
 
-In      a recording's blocks; the plate as roughly told, and how roughly; mounting of the sensors
-Out     Learnt: the plate as the movement tells it, and how well
-Source  the filter of Kortier's thesis, ch. 5 (magnet_tracking.py), in which what was told are errors of its own; the thesis takes them from a ruler
-Limits  which way magnetometers are turned on the plate comes from turning it without a magnet (magnetometer_sphere.common_axes); a movement that does not
-        bring the hand to the plate, or does not turn it, tells less: the standard deviations say so
+In      a recording's blocks; the plate as declared, and its errors; mounting of the sensors
+Out     EstimatedSetup: the plate as the movement determines it, with standard deviations
+Source  the filter of Kortier's thesis, ch. 5 (tracker.py), with errors of the declared values in
+        its state; the thesis measures them with a ruler
+Limits  axes of the magnetometers come from turning the plate without a magnet
+        (magnetometer_ellipsoid.common_axes); a movement without turning, or far from the plate,
+        determines less: the standard deviations say so
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,17 +24,15 @@ from handscope.estimators.magnet.tracker import tracker as magnet_tracker
 from handscope.estimators.magnet.tracker.state import LEV, MOM
 from handscope.estimators.numerics.typing import Array
 
-MIN_TRACKED_SHARE = 0.3  # share of the recording for which the hand must have been followed
-MODEL_SHARE = (
-    0.015  # of the moment: the dipole as a model, and how strong the earth's field is told
-)
-ARM_SD = 0.004  # m: a gyroscope whose scale is off by 0.3 % makes turns as a longer arm would (docs/decisions/0011)
+MIN_TRACKED_SHARE = 0.3  # share of the recording over which the hand must be tracked
+MODEL_SHARE = 0.015  # of the moment: errors of the dipole model and of the earth's field
+ARM_SD = 0.004  # m: a gyroscope's scale error of 0.3 % looks like this arm (decision 0011)
 REFUSED = "the magnet cannot be learnt from this recording"
 
 
 @dataclass(frozen=True, kw_only=True)
 class DeclarationErrors:
-    """How well the plate is told; standard deviations in each axis."""
+    """Standard deviations of the declared plate, in each axis."""
 
     moment: float = option(
         0.15,
@@ -66,7 +66,8 @@ def estimate_setup(
     blocks: Sequence[Block],
     mounting: Mapping[str, Array],
 ) -> EstimatedSetup:
-    """One pass over a recording. InputError where nothing is worn, the hand was hardly followed, or readings contradict all that is near what was told."""
+    """One pass over a recording. InputError where nothing is worn, the hand was hardly tracked, or
+    readings contradict everything near the declared values."""
     params = PlaceParams(
         magnet_error=errors.moment, lever_error=errors.place, place_error=errors.places
     )

@@ -1,10 +1,14 @@
-"""Streams of trunk and hand, each of its own rate, brought to the instants at which the hand's sensor was read: what magnet_tracking.py takes.
+"""Streams of trunk and hand, each at its own rate, brought to the instants of the hand's sensor for
+tracker.py.
 
-In      blocks of streams: the hand's and the trunk's inertial sensor, magnetometers on the trunk; in any order, cut anywhere
-Out     magnet_tracking.Readings at the hand's instants
-Source  ours: inertial samples by straight lines between neighbouring ones. A magnetometer's sample is told as it was read, at the first instant of the hand behind it
-        and with its age: a line between two samples has less noise than either, and shares it with the next one, so that the filter would be too sure
-Limits  a stream that stays away for longer than the patience is missing at those instants, also when its samples come later
+In      blocks of streams: inertial sensors of hand and trunk, magnetometers on the trunk; in any
+        order, cut anywhere
+Out     tracker.Readings at the hand's instants
+Source  ours: inertial samples by linear interpolation. A magnetometer's sample is assigned
+        unchanged to the first instant after it, with its age: interpolated ones have less noise,
+        and share it with the next, so that the filter would be overconfident
+Limits  a stream that is silent for longer than the patience is missing at those instants, even if
+        its samples arrive later
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,21 +29,21 @@ from handscope.estimators.data.samples import (
 from handscope.estimators.magnet.tracker.tracker import Readings
 from handscope.estimators.numerics.typing import Array
 
-MAX_GAP_PERIODS = 2.5  # periods between two samples that are still neighbours
+MAX_GAP_PERIODS = 2.5  # periods between two neighbouring samples
 HAND = "hand"
 
 
 @dataclass(frozen=True)
 class Waiting:
-    """What was read and not yet told: save it, go on from it."""
+    """Samples that wait for slower streams: save it, go on from it."""
 
     magnetometers: tuple[str, ...]  # in the order of the readings
     buffered: Mapping[str, Block]  # by stream, from the last sample that was used
-    t_released: float = -np.inf  # s, newest instant told
+    t_released: float = -np.inf  # s, newest instant released
 
 
 def is_relevant(stream: Stream) -> bool:
-    """Whether a stream has anything to tell here."""
+    """Whether a stream is used here."""
     inertial = stream.inertial and bool({HAND, TRUNK} & set(stream.sensors))
     return inertial or (
         MAG in stream.quantities and any(p in (TRUNK, *TRUNK_MAGNETOMETERS) for p in stream.sensors)
@@ -47,13 +51,14 @@ def is_relevant(stream: Stream) -> bool:
 
 
 def find_magnetometers(streams: Sequence[Stream]) -> tuple[str, ...]:
-    """The magnetometers on the trunk that are read, in the order of their numbers."""
+    """Magnetometers on the trunk that are read, in the order of their numbers."""
     read = {p for s in streams if MAG in s.quantities for p in s.sensors}
     return tuple(p for p in (TRUNK, *TRUNK_MAGNETOMETERS) if p in read)
 
 
 def take(waiting: Waiting, blocks: Sequence[Block], patience: float) -> tuple[Waiting, Readings]:
-    """Take blocks in; tell the instants at which all streams are known, or for which nobody waits any longer (s)."""
+    """Add blocks; release the instants at which all streams are known or have been waited for
+    (patience, s)."""
     buffered = dict(waiting.buffered)
     for block in blocks:
         if is_relevant(block.stream) and len(block.t):
@@ -94,7 +99,7 @@ def take(waiting: Waiting, blocks: Sequence[Block], patience: float) -> tuple[Wa
 
 
 def flush(waiting: Waiting) -> Readings:
-    """The instants still held back: nothing more will come."""
+    """The instants still waiting: nothing more will come."""
     return take(waiting, [], -np.inf)[1]
 
 
@@ -132,7 +137,8 @@ def _interpolate_inertial(block: Block | None, point: str, at: Array) -> Array:
 def _assign_magnetic(
     block: Block | None, point: str, at: Array, t_released: float
 ) -> tuple[Array, Array]:
-    """A magnetometer (n, 3) at the first instant behind each of its samples, NaN at the others; how old they are then (n,) s."""
+    """A magnetometer (n, 3) at the first instant after each of its samples, NaN at the others; its
+    age (n,) s."""
     if block is None or not len(block.t):
         return np.full((len(at), 3), np.nan), np.zeros(len(at))
     known, before = (
@@ -147,7 +153,8 @@ def _assign_magnetic(
 
 
 def _interpolate(block: Block, values: Array, at: Array) -> Array:
-    """Values (n, k) at the instants by straight lines; NaN in holes, outside, and beside a missing sample."""
+    """Values (n, k) at the instants by linear interpolation; NaN in gaps, outside, and beside a
+    missing sample."""
     t = block.t
     after = np.clip(np.searchsorted(t, at), 0, len(t) - 1)
     exact = t[after] == at

@@ -1,10 +1,12 @@
-"""What is kept of every sample for who goes back (magnet_smoothing.py); compiled.
+"""What the filter stores of every sample for the smoother (smoother.py); compiled.
 
-In      state x and covariance P as magnet_filter.py has them, before a sample's readings and with them
-Out     for the errors of trunk and hand what the next sample's say of them, and how sure they are where that one is known
-Source  Rauch, Tung & Striebel 1965, AIAA Journal 3:1445: gain C = P F' S^-1, S = F P F' + Q; what the next one leaves open, P - C S C'
-Leaves  what was told before and is not exact (moment, places, calibrations) is the same error in every sample and does not average out: gains are those of
-        errors beside it, and by what it explains they stay uncertain
+In      state x and covariance P (state.py), before a sample's readings and with them
+Out     smoother gain from each sample to the one before, and the covariance that it leaves
+Source  Rauch, Tung & Striebel 1965, AIAA Journal 3:1445: gain C = P F' S^-1 with S = F P F' + Q;
+        remaining covariance P - C S C'
+Leaves  errors of declared values (moment, positions, calibrations) are the same in every sample and
+        do not average out: the gains are those of the motion errors given them, and the variance
+        that they cause is kept apart from the recursion
 """
 
 from typing import Any, NamedTuple
@@ -26,18 +28,18 @@ from handscope.estimators.numerics.typing import Array
 
 
 class Trace(NamedTuple):
-    """Of n samples; without rows where nobody goes back."""
+    """Of n samples; no rows where nothing is smoothed."""
 
     expected: Array  # (n, 45 + 6 L) the state before the sample's readings
-    state: Array  # (n, 45 + 6 L) with them
-    gain: Any  # (n, 30, 30) float32: what errors of the sample say of those of the sample before
-    open: Any  # (n, 30, 30) float32: covariance of those if the sample's were known
-    own: Any  # (n, 30, 30) float32: covariance of the sample's errors, with its readings
-    lasting: Array  # (n, 30) variances by what was told before; in no covariance here
+    state: Array  # (n, 45 + 6 L) the state with them
+    gain: Any  # (n, 30, 30) float32: smoother gain to the sample before
+    open: Any  # (n, 30, 30) float32: covariance of the sample before, given this one
+    own: Any  # (n, 30, 30) float32: covariance with the sample's readings
+    lasting: Array  # (n, 30) variances caused by errors of declared values; in no covariance here
 
 
 def make_trace(rows: int, size: int) -> Trace:
-    """Room for samples of a state of that size, of which nothing is known."""
+    """Room for samples of a state of that size."""
     expected, state = np.full((2, rows, size), np.nan)
     gain, left_open, own = np.zeros((3, rows, OWN, OWN), np.float32)
     return Trace(expected, state, gain, left_open, own, np.full((rows, OWN), np.nan))
@@ -50,7 +52,8 @@ def slice_trace(trace: Trace | None, rows: slice) -> Trace | None:
 
 @inlined
 def split_covariance(P: Array, own: Array, lasting: Array) -> None:
-    """The covariance of trunk's and hand's errors (30, 30) in two: by the errors behind them, which do not move, and without: A B^-1 A', P - A B^-1 A'."""
+    """Split the covariance A of the motion errors (30, 30) into what constant errors cause, B C^-1
+    B' (lasting), and the rest (own)."""
     many = len(P) - OWN
     L, W = np.empty((many, many)), np.empty((many, OWN))
     put(P[OWN:, :OWN], W)
@@ -81,8 +84,8 @@ def gram_matrix(W: Array, WW: Array) -> None:
 def store_prediction(
     trace: Trace, n: int, x: Array, P: Array, F: Array, own: Array, lasting: Array
 ) -> None:
-    """Before the readings of sample n: what it will say of the one before, whose errors have the covariance own + lasting (30, 30) and became by F what
-    they are now."""
+    """Store the link from sample n to the one before, ahead of the readings of n. The errors before
+    had the covariance own + lasting (30, 30) and became by F what they are now."""
     S, L, W, WW = (
         np.empty((OWN, OWN)),
         np.empty((OWN, OWN)),
@@ -110,14 +113,14 @@ def store_prediction(
 
 @inlined
 def decouple_sample(trace: Trace, n: int, own: Array) -> None:
-    """Sample n says nothing of the one before, whose errors have the covariance own."""
+    """Sample n carries no information about the one before, whose errors have the covariance own."""
     clear(trace.gain[n])
     put(own, trace.open[n])
 
 
 @inlined
 def store_update(trace: Trace, n: int, x: Array, P: Array, own: Array, lasting: Array) -> None:
-    """With the readings of sample n; own and lasting become its."""
+    """Store sample n with its readings; own and lasting become those of n."""
     split_covariance(P, own, lasting)
     for i in range(len(x)):
         trace.state[n, i] = x[i]

@@ -1,12 +1,14 @@
-"""What inertial readings and the test of standstill tell of trunk and hand beside their movement; compiled.
+"""Measurement updates from inertial readings and the standstill test; compiled.
 
-In      state x, covariance P and errors dx as magnet_filter.py has them, readings (12,): gyroscope and accelerometer of base, then of target
+In      state x, covariance P and errors dx (state.py); readings (12,): gyroscope and accelerometer
+        of base, then of target
 Out     dx and P in place
 Source  Kortier, thesis ch. 5, (5.16)-(5.18)
-Leaves  (5.16) takes the accelerometer of what moves for gravity while its size is that of g, as if each sample erred anew; one's own acceleration while
-        swaying does not, it comes back with the sway. Ours: a seated trunk and its hand have bounded speeds, so what is not gravity adds up to nothing;
-        (5.16) is left to what stands still (Skog et al. 2010). (5.18) is used where trunk and hand both stand still: one that stands alone says
-        nothing of the difference of two velocities
+Leaves  (5.16) takes any specific force of the size of g for gravity, with a new error at each
+        sample; the acceleration of a swaying body returns with the sway and is not white. Ours:
+        (5.16) only at standstill (Skog et al. 2010); a seated trunk and its hand have bounded
+        speeds, so that accelerations average out. (5.18) only where trunk and hand both stand
+        still: one alone does not determine the difference of two velocities
 """
 
 import math
@@ -44,9 +46,7 @@ from handscope.estimators.numerics.kernels import (
 from handscope.estimators.numerics.small_matrices import block, clear
 from handscope.estimators.numerics.typing import Array
 
-MOVING_SD = (
-    4.0  # standard deviations of the velocity beyond which a hand is no hand that stands still
-)
+MOVING_SD = 4.0  # standard deviations of the velocity from which on a hand does not stand still
 
 
 @inlined
@@ -60,10 +60,12 @@ def inertial_update(
     lost: bool,
     dt: float,
 ) -> Array:
-    """What inertial readings and the test of standstill tell beside the movement, in place; gives the state. Of a hand that is lost nothing tells a slow slide
-    from rest."""
+    """All updates from inertial readings, in place; returns the state. For a lost hand nothing
+    distinguishes a slow slide from rest."""
     dx = np.zeros(len(P))
-    faster = 0.0  # a hand that slides without turning passes for still: not where it is known to be on its way
+    faster = (
+        0.0  # a hand that slides without turning passes for still: not where its velocity is known
+    )
     for i in range(3):
         faster += x[3 + i] ** 2 / (P[V_ + i, V_ + i] + s.still_speed**2)
     still_t = still_t and not (still_b and faster > MOVING_SD**2)
@@ -88,7 +90,8 @@ def gravity_update(
     lost: bool,
     dt: float,
 ) -> None:
-    """The accelerometer of what stands still reads gravity; of a lost hand to what the test of standstill lets pass. (5.16)"""
+    """The accelerometer of a sensor at standstill reads gravity; of a lost hand to within the limit
+    of the standstill test. (5.16)"""
     R, up, H = rotation_matrix(x[XQ : XQ + 4]), np.zeros(3), np.zeros((3, len(P)))
     up[2] = s.gravity
     variance = s.acc_still**2 * s.acc_correlation_time / dt
@@ -117,7 +120,8 @@ def gravity_update(
 def speed_update(
     s: NoiseModel, x: Array, P: Array, dx: Array, still_b: bool, still_t: bool, dt: float
 ) -> None:
-    """A seated trunk and its hand do not get ever faster: an inclination that were wrong would make them."""
+    """The speeds of a seated trunk and its hand are bounded; a wrong inclination would make them
+    grow."""
     H = np.zeros(len(P))
     speed, correlation_time = (
         (s.still_speed, s.still_correlation_time)
@@ -143,7 +147,7 @@ def speed_update(
 def common_acceleration_update(
     s: NoiseModel, x: Array, P: Array, dx: Array, now: Array, dt: float
 ) -> None:
-    """Trunk and hand that are accelerated in common tell how they are turned against each other. (5.17)"""
+    """A common acceleration of trunk and hand observes their relative orientation. (5.17)"""
     f_b, f_t, turning = now[3:6], now[9:12], 0.0
     norm_b = math.sqrt(f_b[0] ** 2 + f_b[1] ** 2 + f_b[2] ** 2)
     norm_t = math.sqrt(f_t[0] ** 2 + f_t[1] ** 2 + f_t[2] ** 2)
@@ -151,7 +155,7 @@ def common_acceleration_update(
         turning += max((now[i] - x[XBG + i]) ** 2, (now[6 + i] - x[XTG + i]) ** 2)
     centripetal = turning * math.sqrt(
         x[0] ** 2 + x[1] ** 2 + x[2] ** 2
-    )  # centripetal: two places of one turning body differ by it
+    )  # two positions on one rotating body differ by it
     if (
         abs(norm_b - norm_t) < s.acc_common
         and centripetal < s.acc_common
@@ -175,11 +179,11 @@ def common_acceleration_update(
 
 @inlined
 def standstill_update(s: NoiseModel, x: Array, P: Array, dx: Array, now: Array, dt: float) -> None:
-    """Trunk and hand both stand still: no velocity, no rates. (5.18)"""
+    """Trunk and hand both stand still: zero velocity, zero rates. (5.18)"""
     H, lasting = (
         np.zeros(len(P)),
         2 * s.still_correlation_time / dt,
-    )  # of what stays alike for a while, as white noise
+    )  # spectral density of a correlated error
     for i in range(3):
         H[V_ + i] = 1.0
         scalar_update(P, dx, H, -x[3 + i], s.still_speed**2 * lasting)

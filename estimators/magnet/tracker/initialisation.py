@@ -1,7 +1,9 @@
-"""What the magnet's filter begins with: setup, state and covariance at the first whole sample, at rest, the magnet where one reading shows it.
+"""Initial state and covariance: at rest at the first complete sample, with the magnet where one
+reading shows it.
 
-In      Setup: where magnetometers and magnet sit, the earth's field; one sample of trunk and hand, one reading of the magnetometers
-Out     state x and covariance P as magnet_filter.py has them; what was told before, and how surely
+In      Setup: magnetometers and magnet, the earth's field; one sample of trunk and hand, one
+        reading of the magnetometers
+Out     state x and covariance P (state.py); declared values with their standard deviations
 """
 
 from dataclasses import dataclass
@@ -24,8 +26,8 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.fusion import upright
 
 ROOM_VARIATION = 1e-6  # T by which the field of a room differs from the earth's
-MIN_LEVEL_SHARE = 0.5  # share of a moment along the ground from which on it tells heading: less of it is told by inclinations' errors, or by the fit's
-PINNED_SD = 1e-9  # T: across itself the field has nothing at the start, for g is turned so; left free, heading and field drift off together
+MIN_LEVEL_SHARE = 0.5  # horizontal share of the moment that observes heading
+PINNED_SD = 1e-9  # T, field across itself: zero by the choice of g; if free, heading drifts
 
 
 @dataclass(frozen=True)
@@ -37,9 +39,9 @@ class Setup:
     earth: float  # T, strength of the field in which the magnetometers were calibrated
     dip: float | None = None  # rad below the horizon, if it is known
     centre: Array | None = (
-        None  # (3,) m, middle of the volume in the base's frame; None: the array's middle
+        None  # (3,) m, middle of the workspace, base frame; None: the array's middle
     )
-    q_bt: Array | None = None  # (4,) how the hand is turned at the start, if somebody knows
+    q_bt: Array | None = None  # (4,) orientation of the hand at the start, if it is known
 
 
 def initial_state(
@@ -50,7 +52,8 @@ def initial_state(
     mag_b: Array,
     near: tuple[Array, Array, Array] | None = None,
 ) -> tuple[Array, Array]:
-    """State and covariance at the first whole sample: at rest, inclinations from gravity, headings from the field and, if it is near, from the magnet."""
+    """State and covariance at the first complete sample: at rest, inclinations from gravity,
+    headings from the field and, if it is near, from the magnet."""
     near = _locate_magnet(params, setup, mag) if near is None else near
     B_b = mag_b.mean(axis=0) if near is None else near[2]
     q_gb = upright(quat.IDENTITY, sample[3:6])
@@ -68,7 +71,7 @@ def initial_state(
         m_g, seen = quat.rotate(q_gt, setup.magnet.moment), quat.rotate(q_gb, near[1])
         lost = (
             min(np.hypot(*m_g[:2]), np.hypot(*seen[:2])) < MIN_LEVEL_SHARE * setup.magnet.size
-        )  # a moment that stands upright has no heading
+        )  # a vertical moment has no heading
         turn = 0.0 if lost else np.arctan2(seen[1], seen[0]) - np.arctan2(m_g[1], m_g[0])
     q_bt = quat.multiply(quat.conjugate(q_gb), quat.headed(q_gt, turn))
     p = workspace_centre(setup) if near is None else near[0] - quat.rotate(q_bt, setup.magnet.place)
@@ -98,7 +101,8 @@ def initial_state(
 
 
 def declared_values(setup: Setup) -> Array:
-    """The state's rows from XM on before anything is read: moment, its place, slopes, what calibrations left, the magnetometers' places."""
+    """The state's rows from XM on before the first reading: moment, its position, gradients,
+    calibration residuals, positions of the magnetometers, latency."""
     return np.concatenate(
         [
             setup.magnet.moment,
@@ -111,7 +115,7 @@ def declared_values(setup: Setup) -> Array:
 
 
 def declared_sds(params: MagnetParams, setup: Setup) -> Array:
-    """Their standard deviations, as told."""
+    """Their standard deviations."""
     many = setup.array.places.size
     return np.repeat(
         [
@@ -128,14 +132,15 @@ def declared_sds(params: MagnetParams, setup: Setup) -> Array:
 
 
 def array_span(array: Constellation) -> float:
-    """How far magnetometers are from their middle, m, root mean square."""
+    """RMS distance of the magnetometers from their middle, m."""
     return float(np.sqrt(((array.places - array.places.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
 def _locate_magnet(
     params: MagnetParams, setup: Setup, mag: Array
 ) -> tuple[Array, Array, Array] | None:
-    """Place and moment of the magnet and the field without it in the base's frame from one reading, if the array sees it well."""
+    """Position and moment of the magnet and the field without it, base frame, from one reading;
+    None where the array does not see it well."""
     if len(setup.array) < 3:
         return None
     noise = noise_model(params, array_span(setup.array)).single
@@ -145,19 +150,19 @@ def _locate_magnet(
     sure = bool(localisation.is_located[0])
     if not sure and np.isfinite(
         localisation.residual_rms[0]
-    ):  # near by, places and moment told amiss leave more than the noise
+    ):  # close by, errors of declared positions and moment exceed the noise
         noise = float(np.hypot(noise, _declaration_error(params, setup, localisation)))
         localisation = locate(
             mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03
         )
         sure = bool(
             localisation.is_located[0] and localisation.residual_rms[0] < noise
-        )  # all is in it: a true place leaves less 98 times of 100
+        )  # all errors counted: a true position leaves less 98 times of 100
     return (localisation.place[0], localisation.moment[0], localisation.field[0]) if sure else None
 
 
 def _declaration_error(params: MagnetParams, setup: Setup, localisation: Localisation) -> float:
-    """T of an axis, RMS over the magnetometers, by which readings of the magnet that was found differ where places and moment are as well known as told."""
+    """RMS error of a reading, T an axis, caused by errors of declared positions and moment."""
     r, size = (
         localisation.place[0] - setup.array.places,
         np.maximum(np.linalg.norm(localisation.moment[0]), setup.magnet.size),
@@ -175,7 +180,7 @@ def workspace_centre(setup: Setup) -> Array:
 
 
 def magnet_in_base(x: Array) -> tuple[Array, Array, Array]:
-    """Place and moment of a state's magnet and the field without it in the base's frame."""
+    """Position and moment of a state's magnet and the field without it, base frame."""
     q_bt = x[XQ : XQ + 4]
     B_b = quat.rotate(quat.conjugate(x[XGB : XGB + 4]), x[XB : XB + 3])
     return x[:3] + quat.rotate(q_bt, x[XM + 3 : XM + 6]), quat.rotate(q_bt, x[XM : XM + 3]), B_b

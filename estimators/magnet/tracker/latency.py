@@ -1,17 +1,22 @@
-"""The state at the instant to which the magnetometers' readings belong, and what it tells of the errors of the newest one; compiled.
+"""The state at the instant of a magnetometer reading, and its Jacobian by the errors of the newest
+state; compiled.
 
-Magnetometers and inertial sensors have clocks or filters of their own: readings stamped t may be of t - tau. tau, the lateness, is the state's last row; it is
-negative where the magnetometers are early. Between the two instants the body moves as its inertial sensors say: turning with rates that change
-evenly, the relative velocity with the relative acceleration.
+Magnetometers and inertial sensors have clocks or filters of their own: a reading stamped t may
+belong to t - tau. tau, the latency, is the state's last row; it is negative where the magnetometers
+are early. Between the two instants the body moves as its inertial sensors measured: rates change
+linearly, the relative velocity changes with the relative acceleration.
 
-In      state x and errors as magnet_filter.py has them; the way (22 + L,) with L magnetometers: rates of base and target, change of both rates, specific
-        forces, as read; the relative velocity; whether movement tells lateness; how old each reading is by its own time stamp
-Source  ours, by the rigid-body motion of magnet_filter.py (5.19)-(5.22); rates and their change: fading memory of degree one (Morrison 1969, Introduction
-        to Sequential Smoothing and Prediction, ch. 13). Unsmoothed, the noise of a rate counts as movement that readings would have to show: lateness
-        then comes out a third too small. So do the jumps of the filter's velocity: slopes by the lateness take one that is led by accelerations and
-        follows slowly, after Huang, Mourikis & Roumeliotis 2010 (Int J Robotics Research 29:502). Where movement does not tell it, it is a parameter
-        that is considered (Schmidt 1966, Advances in Control Systems 3:293)
-Leaves  a change of the acceleration over tau (0.1 s at 10 m/s^3: 2 mm), and what the biases of a way as short as tau amount to
+In      state x and errors (state.py); kinematics (22 + L,) of L magnetometers: rates of base and
+        target, their derivatives, specific forces, as read; relative velocity; latency mode; age of
+        each reading by its own time stamp
+Source  ours, by the rigid-body motion (5.19)-(5.22). Rates and derivatives: fading memory of degree
+        one (Morrison 1969, Introduction to Sequential Smoothing and Prediction, ch. 13); the noise
+        of unsmoothed rates would count as movement and bias the latency by a third. Velocity in
+        Jacobians: led by accelerations and slowly drawn to the filter's, as its jumps would bias
+        the latency too (after Huang, Mourikis & Roumeliotis 2010, Int J Robotics Research 29:502).
+        Without movement the latency is a considered parameter (Schmidt 1966, Advances in Control
+        Systems 3:293)
+Leaves  changes of the acceleration within tau (0.1 s at 10 m/s^3: 2 mm); sensor biases over tau
 """
 
 import math
@@ -32,25 +37,22 @@ from handscope.estimators.numerics.kernels import (
 from handscope.estimators.numerics.small_matrices import block
 from handscope.estimators.numerics.typing import Array
 
-KINEMATICS_SIZE = (
-    22  # behind it how old each magnetometer's reading is at the newest inertial samples, s
-)
-LATENCY_MODE = 21  # how readings are taken to depend on lateness
+# followed by the age of each magnetometer's reading at the newest inertial sample, s
+KINEMATICS_SIZE = 22
+LATENCY_MODE = 21  # how readings depend on latency
 ESTIMATED, CONSIDERED, IGNORED = 1.0, 0.0, -1.0
-WB, WT, AB, AT, FB, FT, VS = (3 * k for k in range(7))  # rows of the way
-MEMORY = 0.05  # s of the rates
+WB, WT, AB, AT, FB, FT, VS = (3 * k for k in range(7))  # rows
+MEMORY = 0.05  # s, of rates
 VELOCITY_MEMORY = 2.0  # s, of the velocity
-MOVING_RATE, MOVING_SPEED, MOVING_SD = (
-    0.35,
-    0.1,
-    4.0,
-)  # rad/s, m/s, standard deviations: slower movements tell no lateness
-MAX_VELOCITY_SD = 0.1  # m/s, standard deviation of a velocity that nothing is gained by holding on to: followed hands stay below 0.08, lost ones above
+# rad/s, m/s, standard deviations: slower movements do not observe latency
+MOVING_RATE, MOVING_SPEED, MOVING_SD = 0.35, 0.1, 4.0
+MAX_VELOCITY_SD = 0.1  # m/s, sd of the velocity: tracked hands stay below 0.08, lost ones above
 
 
 @inlined
 def predict_kinematics(kinematics: Array, now: Array, dt: float) -> None:
-    """The way dt later in place, with readings (12,): gyroscope and accelerometer of base, then of target; begun anew where dt is 0."""
+    """Advance kinematics by dt in place, with readings (12,): gyroscope and accelerometer of base,
+    then of target; restart where dt is 0."""
     fade = math.exp(-dt / MEMORY) if dt > 0 else 0.0
     for i in range(3):
         kinematics[FB + i], kinematics[FT + i] = now[3 + i], now[9 + i]
@@ -64,7 +66,7 @@ def predict_kinematics(kinematics: Array, now: Array, dt: float) -> None:
 
 @inlined
 def rotation_over_latency(x: Array, kinematics: Array) -> tuple[Array, Array]:
-    """By what base and target turn over the lateness (3,), (3,), in their own axes."""
+    """Rotations of base and target over the latency (3,), (3,), each in its own axes."""
     tau = x[-1]
     base, target = np.empty(3), np.empty(3)
     for i in range(3):
@@ -82,8 +84,9 @@ def velocity_variance(P: Array) -> float:
 
 @inlined
 def latency_mode(kinematics: Array, P: Array, lost: bool) -> float:
-    """What readings tell of lateness: nothing of a hand whose place or velocity is not known; nothing more where neither trunk nor hand moves so that a reading
-    a hundredth of a second late differs by more than a filter at rest wanders."""
+    """How readings inform latency: IGNORED for a hand of unknown position or velocity; CONSIDERED
+    where neither trunk nor hand moves enough for 10 ms to exceed the wander of a filter at rest;
+    else ESTIMATED."""
     if lost or velocity_variance(P) > MAX_VELOCITY_SD**2:
         return IGNORED
     base, target, speed = 0.0, 0.0, 0.0
@@ -101,8 +104,9 @@ def latency_mode(kinematics: Array, P: Array, lost: bool) -> float:
 
 @inlined
 def schmidt_update(kinematics: Array, P: Array, dx: Array, C: Array) -> None:
-    """An update dx, C of P in place, which has learnt nothing of lateness where movement does not tell it. What else is known must go on to depend on it: taken for
-    certain there, a place that is late by its speed would later tell how late."""
+    """Correct an update dx, C of P in place that must not estimate latency. Correlations with it
+    remain: if latency were taken as exact here, a position error of latency times speed would later
+    bias it."""
     if kinematics[LATENCY_MODE] < ESTIMATED:
         last = len(dx) - 1
         dx[last] = 0.0
@@ -111,8 +115,10 @@ def schmidt_update(kinematics: Array, P: Array, dx: Array, C: Array) -> None:
 
 @inlined
 def smooth_velocity(kinematics: Array, x: Array, P: Array, v: Array, dt: float) -> None:
-    """The way's velocity in place: carried as the filter's was from v (3,) on by accelerations and the base's turning, and slowly drawn to it; the
-    filter's own where dt is 0 and while it is not sure of it, so that a hand found again does not drag the velocity of the lost one along."""
+    """Update the velocity in kinematics: carry it from the filter's previous velocity v (3,) by
+    accelerations and the base's rotation, and draw it slowly to the filter's; reset where dt is 0
+    or the filter is uncertain, so that a relocated hand does not inherit the velocity of a lost
+    one."""
     toward = (
         1.0 - math.exp(-dt / VELOCITY_MEMORY)
         if dt > 0 and velocity_variance(P) <= MAX_VELOCITY_SD**2
@@ -129,7 +135,7 @@ def smooth_velocity(kinematics: Array, x: Array, P: Array, v: Array, dt: float) 
 
 @inlined
 def relative_acceleration(x: Array, kinematics: Array) -> Array:
-    """The target's acceleration against g less the base's, in the base's axes (3,). (5.19)"""
+    """Acceleration of the target less the base's, base axes (3,). (5.19)"""
     out: Array = multiply_vector(
         rotation_matrix(x[XQ : XQ + 4]), kinematics[FT : FT + 3] - x[XTA : XTA + 3]
     )
@@ -140,7 +146,7 @@ def relative_acceleration(x: Array, kinematics: Array) -> Array:
 
 @inlined
 def state_delayed(x: Array, kinematics: Array) -> Array:
-    """The state tau before: place and both orientations; velocity and the rest stay."""
+    """The state tau earlier: position and both orientations; velocity and the rest are unchanged."""
     base, target = rotation_over_latency(x, kinematics)
     tau, out = x[-1], x.copy()
     one = np.zeros(4)
@@ -161,20 +167,21 @@ def state_delayed(x: Array, kinematics: Array) -> Array:
 
 
 class DelayJacobian(NamedTuple):
-    """From the errors of a state to those of the state tau before."""
+    """From the errors of a state to those of the state tau earlier."""
 
     tau: float
-    C: Array  # (3, 3) the base's axes of now to those of then
-    U: Array  # (3, 3) the target's
-    far: Array  # (3, 3) acceleration by the target's turning
-    place: Array  # (3,) place by lateness
-    target: Array  # (3,) target's orientation by lateness
-    base: Array  # (3,) base's
+    C: Array  # (3, 3) base axes now to base axes then
+    U: Array  # (3, 3) the same of the target
+    far: Array  # (3, 3) acceleration by target orientation
+    place: Array  # (3,) position by latency
+    target: Array  # (3,) target orientation by latency
+    base: Array  # (3,) base orientation by latency
 
 
 @inlined
 def state_at_reading(x: Array, kinematics: Array, age: float) -> tuple[Array, DelayJacobian]:
-    """The state to which a reading belongs that is `age` s old by its time stamp, and the way back to it."""
+    """The state to which a reading belongs that is `age` s old by its time stamp, and its
+    Jacobian."""
     late = x.copy()
     late[-1] += age
     then = state_delayed(late, kinematics)
@@ -216,7 +223,8 @@ def delay_jacobian(x: Array, then: Array, kinematics: Array) -> DelayJacobian:
 
 @inlined
 def map_jacobian_to_now(delay: DelayJacobian, H: Array) -> None:
-    """Slopes H (3, errors) by the errors of the state then, in place made slopes by the errors of now."""
+    """Turn a Jacobian H (3, errors) by the errors of the delayed state into one by the errors of
+    now, in place."""
     Hp, Ht, Hg = H[:, P_ : P_ + 3].copy(), H[:, TH : TH + 3].copy(), H[:, THG : THG + 3].copy()
     late = (
         multiply_vector(Hp, delay.place)

@@ -1,10 +1,12 @@
-"""What the magnetometers read of a state, what their readings tell of its errors, and the search for a magnet that is lost; compiled.
+"""Measurement model of the magnetometers, iterated updates, and the search for a lost magnet;
+compiled.
 
-In      state x and covariance P as magnet_filter.py has them, readings (magnetometers, 3) in the base's axes
-Out     readings and slopes; errors, covariance, what is missed
-Source  Kortier, thesis ch. 5, (5.7)-(5.15). The update is iterated (Bell & Cathey 1993, IEEE Trans Autom Control 38:294) because the dipole is far from
-        linear where the place is not well known
-Leaves  of a place that is known the slopes are those three quarters of the way to where the readings lead (docs/methods.md has why)
+In      state x and covariance P (state.py); readings (magnetometers, 3) in the base's axes
+Out     predicted readings and Jacobians; errors, covariance, normalised innovation squared
+Source  Kortier, thesis ch. 5, (5.7)-(5.15). The update is iterated (Bell & Cathey 1993, IEEE Trans
+        Autom Control 38:294): the dipole is far from linear where the position is uncertain
+Leaves  the Jacobian of a known position is taken three quarters of the way to the solution
+        (docs/methods.md says why)
 """
 
 import math
@@ -49,31 +51,31 @@ from handscope.estimators.numerics.kernels import (
 from handscope.estimators.numerics.small_matrices import block, clear, product
 from handscope.estimators.numerics.typing import Array
 
-TWO, SIX = math.sqrt(1 / 2), math.sqrt(1 / 6)  # slopes of a field as five of the same size
+TWO, SIX = math.sqrt(1 / 2), math.sqrt(1 / 6)  # five gradients of equal size
 ITERATIONS = 12
-SHARE = 0.75  # of the way to where readings lead, at which slopes are taken
-NEAR = 0.002  # m: a place that moves by less is found
-GRID = 10  # places searched along each axis of the volume
-EVIDENCE = 12.0  # by which a place found by search must explain the readings better than where the filter thought it was
+SHARE = 0.75  # of the way to the solution, where the Jacobian is taken
+NEAR = 0.002  # m: a smaller step is converged
+GRID = 10  # grid points along each axis of the workspace
+EVIDENCE = 12.0  # by which a candidate must lower the cost against the filter's own position
 
 
 @inlined
 def magnetometers(x: Array) -> int:
-    """How many a state has."""
+    """Number of magnetometers in a state."""
     return (len(x) - XL - 1) // 6
 
 
 class CommonTerms(NamedTuple):
-    """What of a state all magnetometers see alike, in the base's axes."""
+    """Terms of the measurement model that all magnetometers share, base axes."""
 
-    R: Array  # (3, 3) axes of the target
+    R: Array  # (3, 3) target to base
     R_gb: Array  # (3, 3)
     moment: Array  # (3,)
     arm: Array  # (3,) from the target's sensor to the magnet
-    B_b: Array  # (3,) the room's field at the base's sensor
-    S_b: Array  # (3, 3) its slopes
-    by_lever: Array  # (3, 3) the arm's, by the target's turning
-    by_moment: Array  # (3, 3) the moment's
+    B_b: Array  # (3,) ambient field at the base's sensor
+    S_b: Array  # (3, 3) its gradient
+    by_lever: Array  # (3, 3) of the arm by the target's orientation
+    by_moment: Array  # (3, 3) of the moment
 
 
 @inlined
@@ -111,7 +113,8 @@ def common_terms(x: Array) -> CommonTerms:
 
 @inlined
 def predict_reading(x: Array, at: CommonTerms, k: int, H: Array) -> Array:
-    """What magnetometer k reads in the base's axes (3,) and its derivative H (3, errors). (5.7)-(5.15), (5.24)"""
+    """Predicted reading of magnetometer k, base axes (3,); fills its Jacobian H (3, errors).
+    (5.7)-(5.15), (5.24)"""
     residual, place, m = XL + 3 * k, XL + 3 * (magnetometers(x) + k), at.moment
     r = np.empty(3)
     for i in range(3):
@@ -147,8 +150,9 @@ def predict_reading(x: Array, at: CommonTerms, k: int, H: Array) -> Array:
 
 @inlined
 def room_field(x: Array, at: CommonTerms, place: Array, H: Array) -> tuple[Array, Array]:
-    """The field's slopes (3, 3) in the base's axes, and the room's field at a magnetometer's place (3,); fills its slopes by the trunk's orientation and by
-    slopes. Those of a field without curl and divergence are five; calibrations add one."""
+    """Gradient (3, 3) and value (3,) of the ambient field at a magnetometer, base axes; fills its
+    Jacobian by trunk orientation and gradients. A field without curl and divergence has five;
+    calibrations add one."""
     p, steep, steep_b = multiply_vector(at.R_gb, place), np.zeros((3, 6)), np.zeros((3, 6))
     steep[0, 0], steep[1, 0], steep[0, 1], steep[2, 1] = (
         TWO * p[1],
@@ -184,7 +188,8 @@ def room_field(x: Array, at: CommonTerms, place: Array, H: Array) -> tuple[Array
 
 @inlined
 def predict_delayed_reading(x: Array, kinematics: Array, k: int, H: Array) -> Array:
-    """What magnetometer k read at the instant that it tells of (3,), and its derivative H (3, errors) by the errors of now."""
+    """Predicted reading (3,) of magnetometer k at the instant of its sample; fills the Jacobian H
+    (3, errors) by the errors of now."""
     then, since = state_at_reading(x, kinematics, kinematics[KINEMATICS_SIZE + k])
     reads: Array = predict_reading(then, common_terms(then), k, H)
     map_jacobian_to_now(since, H)
@@ -193,7 +198,7 @@ def predict_delayed_reading(x: Array, kinematics: Array, k: int, H: Array) -> Ar
 
 @inlined
 def count_axes(mag: Array) -> int:
-    """How many axes did."""
+    """Number of axes that answered."""
     count = 0
     for k in range(len(mag)):
         count += 3 * (not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]))
@@ -211,8 +216,8 @@ def compute_innovations(
     innovation: Array,
     noise: Array,
 ) -> None:
-    """Fill what readings miss of a state (m,), its slopes (m, errors), zeros where a magnetometer did not answer, and the noise (m, m), its variance
-    `grown`."""
+    """Fill innovations (m,), Jacobian (m, errors) with zeros where a magnetometer did not answer,
+    and noise (m, m) of variance_scale times the magnetometers' variance."""
     age = kinematics[KINEMATICS_SIZE]
     then, since = state_at_reading(x, kinematics, age)
     at = common_terms(then)
@@ -235,7 +240,8 @@ def compute_innovations(
 
 @inlined
 def damped_step(dx: Array, new: Array, last: bool) -> float:
-    """Go from dx to the new error, in place; gives how far its place is, m. Only part of a long way: over a field that bends it leads astray."""
+    """Move dx towards the new error in place; returns the distance of its position, m. Long steps
+    are shortened, as the linearisation does not hold over them."""
     change = math.sqrt((new[0] - dx[0]) ** 2 + (new[1] - dx[1]) ** 2 + (new[2] - dx[2]) ** 2)
     share = 0.1 / change if not last and change > 0.1 else 1.0
     for i in range(len(dx)):
@@ -247,10 +253,12 @@ def damped_step(dx: Array, new: Array, last: bool) -> float:
 def iterated_update(
     s: NoiseModel, x: Array, P: Array, kinematics: Array, mag: Array, variance_scale: float
 ) -> tuple[Array, Array, float]:
-    """Update of a place that is known: error, covariance, what is missed squared by its covariance (of 3 a reading).
+    """Update of a known position: error, covariance, normalised innovation squared (3 degrees of
+    freedom a reading).
 
-    Slopes where the filter is draw a place away from the array, slopes where the readings lead to draw it near: by 2 share - 3/2 of what the readings'
-    curvature makes of the filter's variance, where half of that is their own noise, as of a hand that rests (else the filter's movement is in it).
+    A Jacobian at the prior biases a position away from the array, one at the solution towards it:
+    by 2 SHARE - 3/2 of what the readings' curvature makes of the filter's variance, where half of
+    that variance is their own noise, as for a hand at rest (a moving filter adds its own).
     """
     size, rows = len(P), 3 * len(mag)
     dx, C, cost, new = np.zeros(size), P.copy(), 0.0, np.empty(size)
@@ -283,7 +291,8 @@ def global_update(
     mag: Array,
     variance_scale: float,
 ) -> tuple[Array, Array, float]:
-    """Update of a place that is lost, from x moved by `start`, as `kept` gives it: the slopes are those where the readings lead to."""
+    """Update of a lost position, from x corrected by `start`; returns as iterated_update. The
+    Jacobian is taken at the solution."""
     W, C = np.empty((3 * len(mag), len(P))), P.copy()
     dx, cost = gauss_newton_from(s, x, P, kinematics, start, mag, variance_scale, W)
     reduced(C, W)
@@ -301,7 +310,8 @@ def gauss_newton_from(
     variance_scale: float,
     W: Array,
 ) -> tuple[Array, float]:
-    """Where the readings lead from x moved by `start`: error, and what is missed as `kept` gives it; fills W (m, errors) as kalman.py has it."""
+    """Gauss-Newton from x corrected by `start`: error and normalised innovation squared; fills W
+    (m, errors) as in numerics/kalman.py."""
     rows, size = W.shape
     dx, cost, new = start.copy(), 0.0, np.empty(size)
     H, innovation, noise = np.zeros((rows, size)), np.zeros(rows), np.zeros((rows, rows))
@@ -320,14 +330,15 @@ def gauss_newton_from(
 
 @inlined
 def grid_coordinate(k: int) -> float:
-    """Places of the grid from -1 to 1, closer together in the middle, where the field bends most."""
+    """Grid from -1 to 1, denser in the middle, where the field curves most."""
     u: float = 2.0 * k / (GRID - 1) - 1.0
     return u * math.sqrt(abs(u))
 
 
 @inlined
 def candidate_positions(s: NoiseModel, x: Array, P: Array, mag: Array, centre: Array) -> Array:
-    """Errors (8, errors) of which only the place is not zero: where in each octant of the volume the readings fit best."""
+    """Errors (8, errors), zero but for the position: the best fit to the readings in each octant of
+    the workspace."""
     best, lowest, where, innovation = (
         np.zeros((8, len(P))),
         np.full(8, math.inf),
@@ -344,7 +355,7 @@ def candidate_positions(s: NoiseModel, x: Array, P: Array, mag: Array, centre: A
     tilt = P[TH, TH] + P[TH + 1, TH + 1] + P[TH + 2, TH + 2]
     common = (
         P[B_, B_] + P[B_ + 1, B_ + 1] + P[B_ + 2, B_ + 2]
-    ) / 3  # of the room's field, an error of all magnetometers alike
+    ) / 3  # of the ambient field, an error common to all magnetometers
     weighted = np.zeros(3)
     for a in range(GRID):
         where[0] = centre[0] + s.reach * grid_coordinate(a)
@@ -376,7 +387,7 @@ def candidate_positions(s: NoiseModel, x: Array, P: Array, mag: Array, centre: A
                         innovation[i] = mag[k, i] - B_b[i] - own
                     variance = (
                         s.single**2 + (tilt + 0.25) * field_strength
-                    )  # half the field: between the points of the grid
+                    )  # half the field: between grid points
                     weight += 1.0 / variance
                     cost += 3 * math.log(variance)
                     for i in range(3):

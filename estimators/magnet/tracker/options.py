@@ -1,6 +1,6 @@
-"""What of the magnet's filter can be set: noises, limits, what is known at the start.
+"""Options of the magnet tracker: noise, limits, prior knowledge.
 
-Out     the same in SI for the compiled loop
+Out     the same in SI for the compiled filter
 """
 
 from dataclasses import dataclass
@@ -12,15 +12,13 @@ from handscope.estimators.magnet.tracker.state import NoiseModel
 from handscope.estimators.numerics.constants import GRAVITY
 
 DEG = np.pi / 180
-TURN_LENGTH = 0.5  # rad of a turn in one go, at the end of which a walk by turning has grown to what gravity has then changed by along an axis
-GYR_CORRELATION_TIME = 0.5  # s over which the error of a moving gyroscope stays alike
-GRADIENT_VARIANCE, CALIBRATED_VARIANCE = (
-    9 / 5,
-    6 / 5,
-)  # variances of the slopes of a field without curl and divergence, and of its slope along itself, over that of a component
-ALL_GRADIENTS_VARIANCE = (
-    1.0 + CALIBRATED_VARIANCE / 3
-)  # variance of all of them an axis, the calibrations' on the mean over directions
+TURN_LENGTH = 0.5  # rad over which gravity along an axis changes as much as the random walk grows
+GYR_CORRELATION_TIME = 0.5  # s
+# variances of the gradients of a curl-free, divergence-free field and of the calibrated one, over a
+# component's
+GRADIENT_VARIANCE, CALIBRATED_VARIANCE = 9 / 5, 6 / 5
+# variance of all of them an axis, mean over directions
+ALL_GRADIENTS_VARIANCE = 1.0 + CALIBRATED_VARIANCE / 3
 SOURCE = "BROAD, measured: decision 0011"
 HMC5883L = "HMC5883L data sheet: 2 mG resolution; Kortier thesis 5.2.4"
 
@@ -271,7 +269,7 @@ class MagnetParams:
 
 
 def noise_model(p: MagnetParams, array_span: float = 0.0) -> NoiseModel:
-    """As the loop needs them; `span` m is how far the magnetometers are from their middle."""
+    """Options in SI; `array_span` m is the RMS distance of the magnetometers from their middle."""
     return NoiseModel(
         gyr=p.gyr_noise * DEG,
         gyr_moving=p.gyr_share * np.sqrt(2 * GYR_CORRELATION_TIME),

@@ -1,11 +1,12 @@
-"""A recording's track smoothed: what later readings say of earlier places.
+"""Fixed-interval smoother of a tracked recording.
 
-In      readings of a whole recording, followed by magnet_tracking.py, with the trace of what each sample says of the one before (magnet_trace.py)
-Out     the same track with the states and standard deviations that all readings tell; flags, signal and lateness as the filter has them
-Source  fixed-interval smoother of Rauch, Tung & Striebel 1965, AIAA Journal 3:1445, for the errors of trunk and hand: the filter alone corrects a place
-        with every reading, steps that would be taken for movement
-Limits  what was told before and is not exact is taken as the filter had it; readings more than two times `ROWS` later are not asked; nothing leads back
-        over a gap, or to before the hand was found anew
+In      readings of a whole recording, filtered by tracker.py with a trace (history.py)
+Out     the same track with smoothed states and standard deviations; flags, signal and latency as
+        filtered
+Source  Rauch, Tung & Striebel 1965, AIAA Journal 3:1445, for the motion errors of trunk and hand:
+        filtered positions jump with every reading, and jumps would count as movement
+Limits  declared values stay as the filter estimated them; readings more than two times `ROWS` later
+        have no influence; nothing is smoothed across a gap or a relocation of the hand
 """
 
 from dataclasses import replace
@@ -51,11 +52,11 @@ from handscope.estimators.numerics.jit import inlined, looped
 from handscope.estimators.numerics.small_matrices import put, spread
 from handscope.estimators.numerics.typing import Array
 
-ROWS = 4000  # samples that are gone through at once: 40 s at 100 Hz
+ROWS = 4000  # samples of a chunk: 40 s at 100 Hz
 
 
 def smooth(params: MagnetParams, state: State, readings: Readings) -> tuple[State, Track]:
-    """A whole recording: as `magnet_tracking.step`, and then back from what came later. Errors as there."""
+    """Filter and smooth a whole recording; errors as `tracker.step`."""
     size = XM + len(declared_values(state.setup))
     behind: tuple[Track, Trace] | None = None
     done: list[Track] = []
@@ -73,7 +74,7 @@ def smooth(params: MagnetParams, state: State, readings: Readings) -> tuple[Stat
 
 
 def _cut_at_doubtful(track: Track, trace: Trace, before: tuple[Track, Trace] | None) -> None:
-    """Nothing leads back from what is doubtful, nor to it."""
+    """Decouple doubtful samples from their neighbours."""
     cut = track.doubtful.copy()
     cut[1:] |= track.doubtful[:-1]
     if before is not None and len(cut):
@@ -84,7 +85,7 @@ def _cut_at_doubtful(track: Track, trace: Trace, before: tuple[Track, Trace] | N
 
 
 def _smooth_chunk(end: State, track: Track, trace: Trace, later: Trace) -> Track:
-    """The track with what its own and later readings say, up to where the filter is now."""
+    """The track smoothed by its own and later readings, up to the filter's newest state."""
     if end.x is None or not len(track):
         return track
     news, cov, lasting = np.zeros(OWN), np.empty((OWN, OWN)), np.empty((OWN, OWN))
@@ -96,7 +97,7 @@ def _smooth_chunk(end: State, track: Track, trace: Trace, later: Trace) -> Track
         filtered = trace.own[:, :1, 0] + trace.lasting[:, :1]
         sd = np.sqrt(variances) * (
             track.p_sd[:, :1] / np.sqrt(filtered)
-        )  # as much in doubt as before
+        )  # inflated as the filter's
     return replace(
         track,
         p_bt=x[:, 0:3],
@@ -115,8 +116,9 @@ def _smooth_chunk(end: State, track: Track, trace: Trace, later: Trace) -> Track
 def rts_backward_pass(
     trace: Trace, news: Array, cov: Array, states: Array, variances: Array
 ) -> None:
-    """Fill states (n, 45 + 6 L) and variances (n, 30) of the trace's samples. `news` (30,), what is to be put into the filter's state, and `cov` (30, 30), how
-    sure that is beside what lasts, are of its last sample and become those of the sample before its first."""
+    """Fill states (n, 45 + 6 L) and variances (n, 30) of the trace's samples. `news` (30,), the
+    correction of the filter's last state, and `cov` (30, 30), its covariance without lasting
+    errors, become those of the sample before the first."""
     C, open_, carried, difference = (
         np.empty((OWN, OWN)),
         np.empty((OWN, OWN)),
@@ -142,7 +144,7 @@ def rts_backward_pass(
 
 @inlined
 def state_difference(x: Array, other: Array, difference: Array) -> None:
-    """The errors (30,) by which a state differs from another: what `moved` puts in."""
+    """Fill the errors (30,) that `inject_error` needs to go from `other` to x."""
     for i in range(3):
         difference[P_ + i], difference[V_ + i] = x[i] - other[i], x[3 + i] - other[3 + i]
         difference[B_ + i] = x[XB + i] - other[XB + i]
@@ -161,7 +163,7 @@ def state_difference(x: Array, other: Array, difference: Array) -> None:
 
 @inlined
 def rotation_difference(from_q: Array, to_q: Array, turn: Array) -> None:
-    """Rotation vector (3,) from one orientation to another, about the axes of what is turned."""
+    """Fill the rotation vector (3,) from one orientation to another, body axes."""
     q = np.empty(4)
     quat.relative_row(from_q, to_q, q)
     quat.log_row(q, turn, turn)

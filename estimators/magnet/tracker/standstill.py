@@ -1,10 +1,14 @@
-"""Whether trunk and hand stand still; of the hand also the magnet before magnetometers that stand still: what its inertial sensor cannot tell of a slide.
+"""Standstill of trunk and hand. For the hand the magnetometers help: a slide that its inertial
+sensor cannot tell from rest changes the field.
 
-In      inertial samples and the newest readings of the magnetometers, a window that ends at each sample
-Out     whether the window passes the test of standstill; whether the field changed within the window by more than noise
-Source  ours. Zero velocity by a generalised likelihood ratio (zero_velocity.py) takes a slow smooth reach for a tilt: 1 m/s^2 along the ground
-        changes the size of the specific force by 0.5 %. The magnet's field then changes by three times the share of the distance that the hand went
-Limits  a magnet that is hardly heard may move unseen
+In      inertial samples and the newest readings of the magnetometers, a window that ends at each
+        sample
+Out     whether the window passes the standstill test; whether the field changed within it by more
+        than noise
+Source  ours. The likelihood ratio (zero_velocity_detector.py) takes a slow smooth reach for a tilt:
+        1 m/s^2 along the ground changes the size of the specific force by 0.5 %. The magnet's field
+        then changes by three times the relative change of its distance
+Limits  a magnet with little signal may move undetected
 """
 
 import numpy as np
@@ -13,7 +17,7 @@ from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.sensors.zero_velocity_detector import likelihood_ratios
 
 SLIDE = 48  # samples over which a slow slide shows in the magnet's field
-SURE = 5.0  # standard deviations of the mean square of differences beyond which they are no noise
+SURE = 5.0  # standard deviations of the mean square difference
 
 
 def detect_standstill(
@@ -25,8 +29,9 @@ def detect_standstill(
     acc_sd: float,
     noise: float,
 ) -> tuple[Array, Bools]:
-    """The newest rows that the next test needs, and whether base and target stood still up to each sample (n, 2); recent (m, 12 + 3 magnetometers)
-    of samples (n, 12) and mag (n, magnetometers, 3) before these; limits as in zero_velocity.py, `noise` of a magnetometer T."""
+    """The newest rows that the next test needs, and whether base and target stood still up to each
+    sample (n, 2). `recent` (m, 12 + 3 magnetometers) precedes samples (n, 12) and mag (n,
+    magnetometers, 3); limits as in zero_velocity_detector.py, `noise` of a magnetometer T."""
     window_rows = np.concatenate(
         [recent, np.column_stack([samples, mag.reshape(len(mag), 3 * mag.shape[1])])]
     )
@@ -53,8 +58,9 @@ def detect_standstill(
 
 
 def detect_field_change(mag: Array, length: int, noise: float) -> Bools:
-    """Of every window of `length` samples in mag (n, magnetometers, 3) T, of which some may be NaN, whether its halves differ: (n - length + 1,). What
-    several magnetometers have in common is the room's field before a trunk that breathes."""
+    """Whether the halves of each window of `length` samples of mag (n, magnetometers, 3) T differ,
+    NaN where missing: (n - length + 1,). What several magnetometers have in common is the ambient
+    field of a breathing trunk."""
     flat = (mag - _common(mag) if mag.shape[1] > 1 else mag).reshape(len(mag), -1)
     half = length // 2
     first, many = _means(flat[: len(flat) - length + half], half)

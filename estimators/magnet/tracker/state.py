@@ -1,15 +1,20 @@
-"""The arithmetic of magnet_tracking.py for one sample after the other, compiled: state and errors, time update, one scalar measurement.
+"""State of the magnet tracker, its propagation, and one scalar measurement update; compiled.
 
-State   x (45 + 6 L,) with L magnetometers: p_bt, v_bt, q_bt, B_g, b_tg, b_ta, q_gb, b_bg, b_ba, v_b, then what was told before and is not exact: the
-        magnet's moment and place on the target, the slopes of the room's field (g, T/m, five) and of one that calibrations took it for (b), what each
-        calibration left besides (b, T), the magnetometers' places, how late their readings are (s);
-        P (43 + 6 L, 43 + 6 L) of the error [dp, dv, dth_bt, dB, db_tg, db_ta, dth_gb, db_bg, db_ba, dv_b, dm, dp_tm, dS, dc_1.., dp_b1.., dtau],
-        R = R^ (1 + [dth]x); v_b is the trunk's velocity against the ground in its own axes
-Source  Kortier, thesis ch. 5, (5.2)-(5.22); what magnetometers tell: magnet_reading.py
-Leaves  (5.22) moves p and v of the trunk's frame as if the trunk did not turn; ours v is the difference of the velocities against the ground, in the
-        trunk's axes: dp/dt = v - w x p, dv/dt = a - w x v, exact without angular acceleration (w = 2 rad/s at 0.4 m: 1.6 m/s^2 otherwise amiss).
-        His 24 errors leave the trunk's velocity out and take its accelerometer, moment, places and calibrations for exact: an error of theirs lasts, and
-        white noise in its place makes the filter either too sure or too careful
+State   x (45 + 6 L,) with L magnetometers: p_bt, v_bt, q_bt, B_g, b_tg, b_ta, q_gb, b_bg, b_ba,
+        v_b, then declared values that are not exact: the magnet's moment and position on the
+        target, gradients of the ambient field (g, T/m, five) and of the calibration (b, one),
+        residual of each calibration (b, T), positions of the magnetometers, latency of their
+        readings (s); P (43 + 6 L, 43 + 6 L) of the error [dp, dv, dth_bt, dB, db_tg, db_ta, dth_gb,
+        db_bg, db_ba, dv_b, dm, dp_tm, dS, dc_1.., dp_b1.., dtau], R = R^ (1 + [dth]x); v_b is the
+        trunk's velocity against the ground in its own axes
+Source  Kortier, thesis ch. 5, (5.2)-(5.22); the magnetometers' measurement model:
+        magnetic_update.py
+Leaves  (5.22) propagates p and v as if the trunk did not rotate; here v is the difference of the
+        velocities against the ground, in trunk axes: dp/dt = v - w x p, dv/dt = a - w x v, exact
+        without angular acceleration (otherwise 1.6 m/s^2 off at 2 rad/s and 0.4 m). His 24 errors
+        omit the trunk's velocity and take its accelerometer, moment, positions and calibrations as
+        exact: these errors are constant, and white noise in their place makes the filter over- or
+        underconfident
 """
 
 import math
@@ -31,46 +36,32 @@ from handscope.estimators.numerics.small_matrices import block, product, put, sp
 from handscope.estimators.numerics.typing import Array
 
 P_, V_, TH, B_, BTG, BTA, THG, BBG, BBA, VB = (3 * k for k in range(10))  # rows of the error
-OWN = 30  # errors of trunk and hand; behind them what does not move
-MOM, LEV, GRAD, CAL = (
-    30,
-    33,
-    36,
-    42,
-)  # moment, its place, slopes, calibrations; the magnetometers' places follow
-XQ, XB, XTG, XTA, XGB, XBG, XBA, XVB = (
-    6,
-    10,
-    13,
-    16,
-    19,
-    23,
-    26,
-    29,
-)  # rows of the state behind p and v
-GRADIENT_TIME = 600.0  # s for which the slopes of the room's field stay alike: who sits hardly leaves their place
-XM, XG, XL = 32, 38, 44  # where the state's rows of MOM, of SLO and of LEFT begin
+OWN = 30  # motion errors of trunk and hand; constant errors follow
+# moment, its position, gradients, calibrations; positions of the magnetometers follow
+MOM, LEV, GRAD, CAL = 30, 33, 36, 42
+# rows of the state after p and v
+XQ, XB, XTG, XTA, XGB, XBG, XBA, XVB = 6, 10, 13, 16, 19, 23, 26, 29
+GRADIENT_TIME = 600.0  # s, correlation time of the ambient gradients of a seated person
+XM, XG, XL = 32, 38, 44  # first state rows of MOM, GRAD and CAL
 
 
 class NoiseModel(NamedTuple):
-    """Spectral densities and standard deviations in SI, as the loop needs them."""
+    """Spectral densities, standard deviations and limits in SI."""
 
     gyr: float  # rad/s/sqrt(Hz)
     gyr_moving: float  # 1/sqrt(Hz), times the rate
     acc: float  # m/s^2/sqrt(Hz), white
-    acc_slow: float  # m/s^2/sqrt(Hz), what errors that stay alike amount to
+    acc_slow: float  # m/s^2/sqrt(Hz), of correlated errors
     acc_moving_slow: float  # 1/sqrt(Hz), times the acceleration
     mag: float  # T
     mag_residual: float  # T
-    gradient: float  # T/m, of the room's field
-    single: float  # T, by which a single reading is off, all in it
+    gradient: float  # T/m, of the ambient field
+    single: float  # T, total error of a single reading
     mag_correlation_angle: float  # rad
     acc_correlation_time: float  # s
     gyr_walk: float  # rad/s/sqrt(s)
     acc_walk: float  # m/s^2/sqrt(s)
-    acc_turned: (
-        float  # m/s^2/sqrt(rad), what scales and axes make of gravity as it turns through them
-    )
+    acc_turned: float  # m/s^2/sqrt(rad), scale and axis errors while gravity rotates through them
     field_walk: float  # T/sqrt(s)
     field_across: float  # T
     gravity: float
@@ -84,16 +75,16 @@ class NoiseModel(NamedTuple):
     still_speed: float  # m/s
     still_rate: float  # rad/s
     still_correlation_time: float  # s
-    reach: float  # m, half the volume's edge
+    reach: float  # m, half the workspace's edge
     reach_speed: float  # m/s
     max_gap: float  # s
     nis_limit: float
-    mean_rates: float  # 1: a reading is the mean since the one before
+    mean_rates: float  # 1: a sample is the mean since the one before
 
 
 @inlined
 def inject_error(x: Array, dx: Array) -> Array:
-    """The state with an error put in. (5.3)"""
+    """The state with an error injected. (5.3)"""
     out = x.copy()
     for i in range(OWN, len(dx)):
         out[XM + i - OWN] += dx[i]
@@ -119,7 +110,8 @@ def inject_error(x: Array, dx: Array) -> Array:
 def propagate_state(
     s: NoiseModel, x: Array, before: Array, now: Array, dt: float, F: Array
 ) -> Array:
-    """The state dt later and its derivative F (30, 30); readings (12,): gyroscope and accelerometer of base, then of target. (5.19)-(5.22)"""
+    """The state dt later and its Jacobian F (30, 30); readings (12,): gyroscope and accelerometer
+    of base, then of target. (5.19)-(5.22)"""
     w_b, w_t, back_b, back_t = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     f_b0, f_t0, f_b1, f_t1 = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
@@ -131,7 +123,7 @@ def propagate_state(
         f_t0[i], f_t1[i] = before[9 + i] - x[XTA + i], now[9 + i] - x[XTA + i]
     one = np.zeros(4)
     one[0] = 1.0
-    C = rotation_matrix(rotate_by(one, back_b, False))  # old axes of the base to new ones
+    C = rotation_matrix(rotate_by(one, back_b, False))  # old base axes to new ones
     R0 = rotation_matrix(x[XQ : XQ + 4])
     out = x.copy()
     q_bt, q_gb = (
@@ -188,7 +180,7 @@ def propagate_state(
 
 @inlined
 def turn_rates(x: Array, now: Array) -> tuple[float, float]:
-    """How fast base and target turn, rad/s."""
+    """Angular rates of base and target, rad/s."""
     base, target = 0.0, 0.0
     for i in range(3):
         base += (now[i] - x[XBG + i]) ** 2
@@ -198,7 +190,7 @@ def turn_rates(x: Array, now: Array) -> tuple[float, float]:
 
 @inlined
 def specific_force_square(s: NoiseModel, x: Array, now: Array) -> float:
-    """How much base and target are accelerated, (m/s^2)^2, both together."""
+    """Squared acceleration of base and target, (m/s^2)^2, both together."""
     R = rotation_matrix(x[XQ : XQ + 4])
     up, out = np.zeros(3), 0.0
     up[2] = s.gravity
@@ -221,10 +213,12 @@ def propagate_covariance(
     field_change: float,
     noise_inflation: float,
 ) -> None:
-    """The covariance dt later, base and target turning by w_b and w_t (rad/s) and accelerated by `push` (m/s^2)^2, in place; `spread_field` T is what the
-    field across itself may be at other places of the trunk; `rough` multiplies the noise of sensors that did not answer.
+    """The covariance dt later, in place. (5.6)
 
-    (5.6). What scales and axes of a sensor are off by grows with what it reads: as noise of one size it would blur the turning of what does not turn.
+    w_b, w_t: rates of base and target, rad/s; acceleration_square (m/s^2)^2; field_change T: how
+    far the field across itself may differ at other positions of the trunk; noise_inflation: factor
+    on the noise of sensors that did not answer. Scale and axis errors grow with what a sensor
+    reads: noise of constant size would blur the orientation of what does not turn.
     """
     carried, across = np.empty((OWN, OWN)), np.empty((OWN, len(P) - OWN))
     spread(F, P, carried)
@@ -236,7 +230,7 @@ def propagate_covariance(
     first, last = (
         CAL - OWN,
         CAL - OWN + (len(P) - CAL - 1) // 2,
-    )  # of the calibrations: they change as the trunk turns
+    )  # calibrations: they decorrelate as the trunk turns
     for j in range(len(P) - OWN):
         share = (
             mag_share
@@ -262,8 +256,8 @@ def propagate_covariance(
     acc = (
         2 * (noise_inflation * s.acc * s.acc + s.acc_slow * s.acc_slow)
         + s.acc_moving_slow**2 * acceleration_square
-    )  # of both accelerometers: half is the base's
-    for i in range(OWN):  # the base's gyroscope moves p, v and both orientations by the same error
+    )  # of both accelerometers; half is the base's
+    for i in range(OWN):  # one error of the base's gyroscope acts on p, v and both orientations
         for j in range(OWN):
             for k in range(3):
                 a = F[i, BBG + k] if not BBG <= i < VB else 0.0
@@ -291,7 +285,8 @@ def propagate_covariance(
 
 @inlined
 def scalar_update(P: Array, dx: Array, H: Array, e: float, variance: float) -> float:
-    """One scalar measurement e = H dx + noise: dx and P in place; gives the normalised innovation squared. (5.5)"""
+    """One scalar measurement e = H dx + noise: dx and P in place; returns the normalised innovation
+    squared. (5.5)"""
     size = len(dx)
     PH = np.zeros(size)
     for j in range(size):

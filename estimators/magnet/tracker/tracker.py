@@ -1,13 +1,18 @@
-"""Where the hand is and how it is turned against the trunk, from a permanent magnet on the hand and magnetometers on the trunk, live and in batch.
+"""Position and orientation of the hand against the trunk, from a magnet on the hand and
+magnetometers on the trunk, live and in batch.
 
-In      Readings: inertial samples of trunk (base b) and hand (target t), any number of calibrated magnetometers on the trunk; a Setup
-Out     Track at every sample: p_bt, v_bt, q_bt, q_gb, the environment's field, standard deviations, signal, what is doubtful
-Source  Kortier, thesis ch. 5: error-state filter (5.2), dipole (5.7)-(5.15), accelerometers (5.16), (5.17), standstill and volume (5.18), process
-        (5.19)-(5.22), signal (5.23); standstill test: Skog et al. 2010 (zero_velocity.py). The arithmetic: magnet_filter.py,
-        magnet_inertial.py, magnet_lateness.py, magnet_reading.py, magnet_loop.py
-Frames  g: z up, y where the horizontal field of the environment points; v_bt is the difference of the velocities against g, in the axes of b
-Limits  with one magnetometer the field of the room and the magnet's cannot be told apart while the trunk turns; the field must be homogeneous over the
-        array. A magnet that nobody told of is flagged, not tracked
+In      Readings: inertial samples of trunk (base b) and hand (target t), calibrated magnetometers
+        on the trunk; a Setup
+Out     Track at every sample: p_bt, v_bt, q_bt, q_gb, ambient field, standard deviations, signal,
+        flags
+Source  Kortier, thesis ch. 5: error-state filter (5.2), dipole (5.7)-(5.15), accelerometers (5.16),
+        (5.17), standstill and workspace (5.18), process (5.19)-(5.22), signal (5.23); standstill
+        test: Skog et al. 2010. Arithmetic: state.py, inertial_updates.py, latency.py,
+        magnetic_update.py, update_cycle.py
+Frames  g: z up, y along the horizontal ambient field; v_bt is the difference of the velocities
+        against g, in axes of b
+Limits  one magnetometer cannot separate the ambient field from the magnet's while the trunk turns;
+        the field must be homogeneous over the array. An undeclared magnet is flagged, not tracked
 """
 
 from collections.abc import Sequence
@@ -36,27 +41,23 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array, Bools
 
-ORDINARY_SD = 2.5  # standard deviations of the largest of some thirty normal errors
-NOISE_COUNTS = (
-    32,
-    256,
-)  # first whole readings that tell the magnetometers' noise: to 7 %, then to 3 % with four of them
-QUARTILE = 1.1503  # standard deviations that three quarters of normal errors stay below
-NOTICED_NOISE = 1.1  # times what was told from which on the noise that was measured counts: 1.22 of it unsaid would be a contradiction for good
-RESTART_NOISE = 1.5  # times what was told from which on all is begun anew
+ORDINARY_SD = 2.5  # standard deviations: the largest of some thirty normal errors
+# complete readings that measure the noise: to 7 %, then to 3 % with four magnetometers
+NOISE_COUNTS = 32, 256
+QUARTILE = 1.1503  # standard deviations: three quarters of normal errors are smaller
+NOTICED_NOISE = 1.1  # times the declared noise, above which the measured one counts
+RESTART_NOISE = 1.5  # times the declared noise, above which the filter restarts
 
 
 @dataclass(frozen=True)
 class Readings:
-    """Samples of any length, 0 included."""
+    """Samples of any number, 0 included."""
 
     t: Array  # (n,) s
     base: Array  # (n, 6) gyroscope rad/s, accelerometer m/s^2, base frame
     target: Array  # (n, 6) the same, target frame
-    mag: Array  # (n, magnetometers, 3) T, calibrated, each in its own axes; NaN where there is none at that instant
-    age: Array | None = (
-        None  # (n, magnetometers) s for which each has been waiting for its instant; None: none has
-    )
+    mag: Array  # (n, magnetometers, 3) T, calibrated, each in its own axes; NaN where none
+    age: Array | None = None  # (n, magnetometers) s since each was read; None: 0
 
 
 @dataclass(frozen=True)
@@ -64,26 +65,22 @@ class State:
     """Everything the next step needs: save it, copy it, start again from it."""
 
     setup: Setup
-    x: (
-        Array | None
-    )  # (45 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
+    x: Array | None  # (45 + 6 magnetometers,), state.py; None before the first complete sample
     covariance: Array  # (43 + 6 magnetometers,) squared
-    monitor: Array  # (9,) as magnet_loop.py has it
+    monitor: Array  # (9,), monitor.py
     newest: Array  # (12,) last good inertial readings
-    kinematics: Array  # (22 + magnetometers,) as magnet_lateness.py has it
-    recent: Array  # (m, 12 + 3 magnetometers) for the test of standstill
-    noise_samples: (
-        Array | None
-    )  # (m, magnetometers, 3) T, whole readings until their noise is known; None after that
-    noise: float = 0.0  # uT, where it is more than was told
-    contradicted: float = -np.inf  # s, newest sample at which readings contradicted what was told
+    kinematics: Array  # (22 + magnetometers,), latency.py
+    recent: Array  # (m, 12 + 3 magnetometers) for the standstill test
+    noise_samples: Array | None  # (m, magnetometers, 3) T, until their noise is measured; then None
+    noise: float = 0.0  # uT, where it exceeds the declared noise
+    contradicted: float = -np.inf  # s, newest sample at which readings contradicted the setup
     t: float = -np.inf
 
 
 @dataclass(frozen=True)
 class Track:
     t: Array  # (n,) s
-    p_bt: Array  # (n, 3) m; NaN before the first whole sample, as everything
+    p_bt: Array  # (n, 3) m; NaN before the first complete sample, as all
     v_bt: Array  # (n, 3) m/s
     q_bt: Array  # (n, 4)
     q_gb: Array  # (n, 4)
@@ -92,20 +89,20 @@ class Track:
     v_sd: Array  # (n, 3) m/s
     q_bt_sd: Array  # (n, 3) rad, about the axes of t
     q_gb_sd: Array  # (n, 3) rad, about the axes of b
-    snr: Array  # (n, magnetometers) dB, (5.23); see `signal`
-    latency: Array  # (n,) s by which magnetometers' readings are stamped later than inertial ones; accounted for where not doubtful
+    snr: Array  # (n, magnetometers) dB, (5.23); see signal_strength
+    latency: Array  # (n,) s, magnetometers behind inertial sensors; corrected for unless doubtful
     latency_sd: Array  # (n,) s
-    nis: Array  # (n,) mean normalised innovation squared of the magnetometers; about 1 or less where all is as told
+    nis: Array  # (n,) mean normalised innovation squared; 1 or less if all is as declared
     saturated: Bools  # (n, magnetometers) reading at the limit, left out
     still: Bools  # (n, 2) base, target
-    doubtful: Bools  # (n,) readings contradict setup or room: a second magnet, iron, an uncalibrated magnetometer; do not use the place
+    doubtful: Bools  # (n,) readings contradict setup or room (second magnet, iron, calibration): do not use
 
     def __len__(self) -> int:
         return len(self.t)
 
 
 def start(setup: Setup) -> State:
-    """Before the first sample. InputError where the setup cannot be."""
+    """Before the first sample; InputError where the setup cannot be."""
     if not EARTH_WEAKEST <= setup.earth <= EARTH_STRONGEST:
         raise InputError(
             f"The earth's field is said to be {1e6 * setup.earth:g} uT where the magnetometers were calibrated; it is 22 to 67 uT on Earth."
@@ -125,8 +122,11 @@ def start(setup: Setup) -> State:
 def step(
     params: MagnetParams, state: State, readings: Readings, trace: Trace | None = None
 ) -> tuple[State, Track]:
-    """Advance by samples of any number; nothing depends on where they are cut. Magnetometers with more noise than was told are found out by their first
-    readings: what was made of those is forgotten. Fills a trace of as many rows, for who goes back (magnet_smoothing.py)."""
+    """Advance by samples of any number; results do not depend on where blocks are cut.
+
+    The first readings measure the magnetometers' noise; where it exceeds the declared one,
+    estimates made of them are discarded. Fills a trace of as many rows for smoother.py.
+    """
     n, many = len(readings.t), len(state.setup.array)
     if (
         readings.mag.shape != (n, many, 3)
@@ -153,15 +153,14 @@ def step(
     state, late = step(
         params, listening, select_readings(readings, later), slice_trace(trace, later)
     )
-    if (
-        begun_anew and trace is not None and cut < len(trace.gain)
-    ):  # nothing leads back to what was made before
+    if begun_anew and trace is not None and cut < len(trace.gain):  # no smoothing across a restart
         trace.gain[cut], trace.open[cut] = 0.0, trace.own[cut - 1]
     return state, join_tracks([early, late])
 
 
 def _apply_noise(params: MagnetParams, state: State, noise_samples: Array) -> State:
-    """With the noise that readings heard so far (n, magnetometers, 3) show, and what had been judged by another forgotten."""
+    """With the noise of the readings so far (n, magnetometers, 3); decisions made with another
+    noise are dropped."""
     noise, first = 1e6 * _estimate_noise(noise_samples), len(noise_samples) == NOISE_COUNTS[0]
     more = None if len(noise_samples) == NOISE_COUNTS[-1] else noise_samples
     is_louder = noise > RESTART_NOISE * params.mag_noise
@@ -184,7 +183,8 @@ def _is_lost(state: State) -> bool:
 
 
 def _restart(params: MagnetParams, state: State, noise_samples: Array, noise: float) -> State:
-    """Begun once more at the newest sample, of `noise` uT; where the hand is by the mean of readings heard so far (n, magnetometers, 3), if it held still."""
+    """Restart at the newest sample with `noise` uT; position from the mean of the readings so far
+    (n, magnetometers, 3), if the hand held still."""
     params, restarted = replace(params, mag_noise=noise), start(state.setup)
     near = None
     if not magnet_standstill.detect_field_change(
@@ -214,14 +214,15 @@ def _restart(params: MagnetParams, state: State, noise_samples: Array, noise: fl
 
 
 def _estimate_noise(mag: Array) -> float:
-    """White noise, T, of readings (n, magnetometers, 3), by their third differences, of which the largest quarter may be movement."""
+    """White noise, T, of readings (n, magnetometers, 3) by third differences, of which the largest
+    quarter may be movement."""
     return float(np.quantile(np.abs(np.diff(mag, n=3, axis=0)), 0.75) / QUARTILE / np.sqrt(20.0))
 
 
 def _advance(
     params: MagnetParams, state: State, readings: Readings, trace: Trace | None
 ) -> tuple[State, Track]:
-    """By samples over which the noise of the magnetometers is one."""
+    """Samples over which the magnetometers' noise is constant."""
     params = replace(params, mag_noise=max(params.mag_noise, state.noise))
     array, n, samples = (
         state.setup.array,
@@ -317,7 +318,7 @@ def _advance(
 
 
 def finish(params: MagnetParams, state: State) -> tuple[State, Track]:
-    """Nothing waits; here for the shape that every tracker has."""
+    """Nothing waits; for the interface that every tracker has."""
     nothing = Readings(
         np.empty(0), np.empty((0, 6)), np.empty((0, 6)), np.empty((0, len(state.setup.array), 3))
     )
@@ -325,14 +326,16 @@ def finish(params: MagnetParams, state: State) -> tuple[State, Track]:
 
 
 def track_readings(params: MagnetParams, setup: Setup, readings: Readings) -> Track:
-    """A whole recording at once: the same steps as live. InputError where the readings cannot be T."""
+    """A whole recording at once, by the same steps as live; InputError where the readings cannot be
+    T."""
     require_field(readings.mag)
     return step(params, start(setup), readings)[1]
 
 
 def estimated_setup(state: State) -> Setup:
-    """The setup with the magnet's moment and place and the constellation as the readings have corrected them: for the next recording with the same
-    plate and magnet. How much is learnt depends on the movement: half a minute of picking and placing tells the moment to 4 %, its place hardly."""
+    """The setup with the estimated moment, magnet position and constellation, for the next
+    recording with the same plate and magnet. Accuracy depends on the movement: half a minute of
+    picking and placing gives the moment to 4 %, the position hardly."""
     if state.x is None:
         return state.setup
     x, many = state.x[XM:], state.setup.array.places.size
@@ -341,15 +344,20 @@ def estimated_setup(state: State) -> Setup:
 
 
 def signal_strength(mag: Array, earth: float) -> Array:
-    """(5.23), dB: 20 log10 of the readings' strength (..., 3) over the earth's. 0 is the earth's field alone; +0.5 is 6 % more, a magnet of 0.3 A m^2
-    at about 28 cm; +6 twice the earth's. It is below 0 where the magnet's field weakens the earth's, and so no measure of accuracy: p_sd is."""
+    """(5.23), dB: 20 log10 of the readings' strength (..., 3) over the earth's.
+
+    0 is the earth's field alone; +0.5 is 6 % more, a magnet of 0.3 A m^2 at about 28 cm; +6 twice
+    the earth's. Below 0 the magnet weakens the earth's field: no measure of accuracy, p_sd is.
+    """
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(20 * np.log10(np.linalg.norm(mag, axis=-1) / earth))
 
 
 def deviation_p_value(deviations: Array, remaining: Array) -> Array:
-    """Probability (n,) that normal errors move what was told (n, k) so far together or farther, `left` (n, k) of it not being known yet; all in standard
-    deviations as told. What is learnt of k errors is as much as 1 - left^2 of each: their sum of squares is chi-squared of that many, or less scattered."""
+    """Probability (n,) that normal errors deviate together as far as `deviations` (n, k);
+    `remaining` (n, k) is the posterior sd, both in prior standard deviations. 1 - remaining^2 of
+    each of k errors is estimated: their sum of squares is chi-squared of that many, or less
+    scattered."""
     count = np.maximum(1.0 - remaining**2, 0.0).sum(axis=1)
     return np.asarray(gammaincc(0.5 * np.maximum(count, 1.0), 0.5 * (deviations**2).sum(axis=1)))
 
@@ -370,13 +378,11 @@ def _to_track(
     sds = magnet_initialisation.declared_sds(params, setup)
     deviations = np.abs(x[:, XM:] - magnet_initialisation.declared_values(setup)) / sds
     p_value = deviation_p_value(deviations[:, :-1], sd[:, OWN:-1] / sds[:-1])
-    largest = deviations[:, :-1].max(
-        axis=1
-    )  # what must have been told wrong for the readings to fit
+    largest = deviations[:, :-1].max(axis=1)  # largest deviation from a declared value
     sd = sd * np.maximum(1.0, largest / ORDINARY_SD)[:, None]
     strange = (
         np.abs(np.linalg.norm(field, axis=1) / setup.earth - 1.0) > 0.2
-    )  # iron or a magnet that the filter took for the room
+    )  # iron or a magnet that the filter takes for the ambient field
     rest = Track(
         readings.t[first:],
         x[:, 0:3],

@@ -1,6 +1,7 @@
-"""One sample after the other: time update, magnetometers, accelerometers, standstill, volume; what is unexpected makes the filter careful.
+"""The filter's loop over samples: propagation, magnetometers, accelerometers, standstill,
+workspace; compiled.
 
-Source  Kortier, thesis ch. 5, Fig. 5.3, (5.18); what inertial readings tell besides: magnet_inertial.py
+Source  Kortier, thesis ch. 5, Fig. 5.3, (5.18)
 """
 
 import math
@@ -65,44 +66,32 @@ from handscope.estimators.numerics.kernels import multiply_matrices, rotation_ma
 from handscope.estimators.numerics.small_matrices import block, put, spread
 from handscope.estimators.numerics.typing import Array
 
-LOST_SD = 0.06  # m: a place less sure than this is searched for in the whole volume
-NIS_GATE = 5.0  # normalised innovation squared a degree of freedom from which a reading is left out
-MIN_SIGNAL, MIN_SIGNAL_LOST = (
-    1.0,
-    3.0,
-)  # times what calibrations leave and a single reading's noise: what a known place is kept by, and what a lost one is found by
-DIPOLE_CURVATURE = 12.0  # a dipole's field over the square of its distance: its second derivative along the line to it
+LOST_SD = 0.06  # m: a position of a larger sd is searched for in the whole workspace
+NIS_GATE = 5.0  # normalised innovation squared a degree of freedom; readings beyond are left out
+MIN_SIGNAL = 1.0  # times the noise of a single reading: least signal of a known position
+MIN_SIGNAL_LOST = 3.0  # the same of a lost one
+DIPOLE_CURVATURE = 12.0  # second derivative along the axis, over field by squared distance
 NEGLIGIBLE_SHARE = 0.05  # share of a reading's variance that changes nothing
-FIELD_ERROR_TIME = 1.0  # s for which the field of a magnet stays alike that is not heard well enough to be followed
-MAX_SD_SHARE = 0.3  # of the distance to the nearest magnetometer: a place known no better is not learnt from readings
-MAX_SD_SHARE_LOST = 0.15  # of that distance: a lost one known no better is not found
-MEMORY, MAX_COUNTED_TIME = (
-    0.5,
-    0.1,
-)  # s over which surprises are averaged; for which one reading counts at most, however long there was none
-LOST_NIS = 3.0  # mean normalised innovation squared at which the place is given up: no chance over half a second
+FIELD_ERROR_TIME = 1.0  # s, correlation time of the field of an untracked magnet
+MAX_SD_SHARE = 0.3  # largest sd that readings may set, over the nearest distance
+MAX_SD_SHARE_LOST = 0.15  # the same of a lost position
+MEMORY = 0.5  # s over which NIS is averaged
+MAX_COUNTED_TIME = 0.1  # s that one reading counts at most
+LOST_NIS = 3.0  # mean NIS at which the position is given up: no chance over half a second
 LOST_TURN_SD = 20 * math.pi / 180
-INHOMOGENEITY_MEMORY = (
-    600.0  # s over which it is looked how far the field differs from place to place
-)
-MEAN_NIS, LOST_TIME, SILENT_TIME = (
-    0,
-    1,
-    2,
-)  # rows of the mood: mean surprise, s since it is too large, s without a reading that was looked at
-FIELD_TIME, FIELD_MEAN, FIELD_SQUARE = (
-    3,
-    4,
-    6,
-)  # s that were looked at, mean and mean squared deviation (T) of the field's other two components
-SEARCH_DELAY = 8  # s for which a hand out of earshot is not sought again
+INHOMOGENEITY_MEMORY = 600.0  # s over which the field's inhomogeneity is measured
+# rows of the monitor: mean NIS, s since it is too large, s without a usable reading
+MEAN_NIS, LOST_TIME, SILENT_TIME = 0, 1, 2
+# s of measurement, mean (2) and mean square (2, T^2) of the field's other two components
+FIELD_TIME, FIELD_MEAN, FIELD_SQUARE = 3, 4, 6
+SEARCH_DELAY = 8  # s until a hand out of reach is searched again
 MONITOR_SIZE = 9
-SEARCH_INTERVAL = 0.2  # s between searches that hear nothing
+SEARCH_INTERVAL = 0.2  # s between searches without signal
 
 
 @inlined
 def reset_position(s: NoiseModel, x: Array, P: Array, centre: Array, turn: float) -> None:
-    """Where the hand is and how fast is not known any more; how it is turned is less sure."""
+    """Forget position and velocity; make the hand's orientation less certain."""
     for i in range(6):
         for j in range(len(P)):
             P[i, j] = P[j, i] = 0.0
@@ -114,7 +103,7 @@ def reset_position(s: NoiseModel, x: Array, P: Array, centre: Array, turn: float
 
 @inlined
 def compute_nis(s: NoiseModel, x: Array, P: Array, kinematics: Array, mag: Array) -> float:
-    """Normalised innovation squared of the magnetometers' axes, a degree of freedom, of which some must have answered."""
+    """Normalised innovation squared a degree of freedom of the axes that answered, at least one."""
     rows = 3 * len(mag)
     H, innovation, noise = np.zeros((rows, len(P))), np.zeros(rows), np.zeros((rows, rows))
     compute_innovations(
@@ -138,8 +127,9 @@ def magnetic_update(
     dt: float,
     outcome: Array,
 ) -> Array:
-    """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state, and fills left
-    (3,): normalised innovation squared of all readings where it puts the hand, whether it was sought elsewhere, whether it is heard."""
+    """Magnetic update in place, from the filter's position or, if that is lost, from where the
+    readings point. Returns the state; fills outcome (3,): NIS of all readings, whether the hand was
+    relocated, whether it is detected."""
     lost, disputed, candidate_cost = P[0, 0] + P[1, 1] + P[2, 2] > LOST_SD**2, False, math.inf
     if lost:
         start, cost = gauss_newton_from(
@@ -148,7 +138,7 @@ def magnetic_update(
         candidate, candidate_cost, disputed = best_candidate(
             s, x, P, kinematics, candidate_positions(s, x, P, mag, centre), mag
         )
-        if candidate_cost < cost - EVIDENCE:  # what led astray would lead back
+        if candidate_cost < cost - EVIDENCE:  # a wrong prior would lead back
             restarted = inject_error(x, candidate)
             reset_position(s, x, P, restarted[0:3], 0.0)
             start, variance_scale, outcome[1] = np.zeros(len(P)), 1.0, 1.0
@@ -179,7 +169,7 @@ def magnetic_update(
     outcome[2] = (
         1.0 if field_strength(out, nearest_distance(out)) > MIN_SIGNAL_LOST * s.single else 0.0
     )
-    if disputed and outcome[2] > 0.5:  # it is heard, but where it is will show as it moves
+    if disputed and outcome[2] > 0.5:  # detected, but ambiguous until it moves
         out = x.copy()
     elif not known:
         out = update_without_magnet(s, x, P, kinematics, mag, dt)
@@ -192,7 +182,8 @@ def magnetic_update(
 def best_candidate(
     s: NoiseModel, x: Array, P: Array, kinematics: Array, starts: Array, mag: Array
 ) -> tuple[Array, float, bool]:
-    """Of places that starts (n, errors) lead to the one that explains the readings best, what it leaves, and whether another does nearly as well."""
+    """Of the solutions from starts (n, errors) the best, its cost, and whether another is nearly as
+    good."""
     n = len(starts)
     ends, costs, best, disputed = np.empty(starts.shape), np.empty(n), 0, False
     W = np.empty((3 * len(mag), len(P)))
@@ -210,7 +201,7 @@ def best_candidate(
 
 @inlined
 def linearisation_variance(x: Array, P: Array) -> float:
-    """Variance, T^2, by which the field at a place that is not exactly known is not what its slope says."""
+    """Variance, T^2, of the field's second-order term at an uncertain position."""
     away = nearest_distance(x)
     by_place: float = (
         DIPOLE_CURVATURE
@@ -219,13 +210,14 @@ def linearisation_variance(x: Array, P: Array) -> float:
         * (P[P_, P_] + P[P_ + 1, P_ + 1] + P[P_ + 2, P_ + 2])
         / 3
     )
-    return by_place**2 / 2  # of (e^2 - E e^2) / 2 the variance is half the square of e's
+    return by_place**2 / 2  # (e^2 - E e^2) / 2 has half the square of e's variance
 
 
 @inlined
 def error_correlation_samples(P: Array, dt: float) -> float:
-    """Readings dt s apart in which a place errs alike: for what it errs by over how fast it errs. As white noise what is bent counts so many times; without
-    that readings seem to tell what none of them does."""
+    """Number of readings, dt s apart, over which a position error is constant: its size over its
+    rate. The second-order term counts so many times, else readings would seem to carry information
+    that none has."""
     place, speed = 0.0, 0.0
     for i in range(3):
         place, speed = place + P[P_ + i, P_ + i], speed + P[V_ + i, V_ + i]
@@ -234,8 +226,9 @@ def error_correlation_samples(P: Array, dt: float) -> float:
 
 @inlined
 def is_observable(s: NoiseModel, x: Array, P: Array, audible: float, straight: float) -> bool:
-    """Whether readings tell where the magnet is: known better than a share of its distance, for the dipole bends over what is not known and standard
-    deviations from its slope would say nothing; and heard over what calibrations leave, which does not get less by waiting."""
+    """Whether readings determine the magnet's position: sd below a share of its distance, as the
+    dipole is not linear beyond, and field above a multiple of the noise, which does not average
+    out."""
     nearest, J, known = nearest_distance(x), np.zeros((3, LEV + 3)), np.empty((3, 3))
     loud, R = field_strength(x, nearest), rotation_matrix(x[XQ : XQ + 4])
     for i in range(3):
@@ -263,7 +256,7 @@ def nearest_distance(x: Array) -> float:
 
 @inlined
 def field_strength(x: Array, away: float) -> float:
-    """Of the magnet's field beside it, T; on its axis it is twice that. (5.7)"""
+    """Field beside the magnet, T; twice that on its axis. (5.7)"""
     return MU0_4PI * math.sqrt(x[XM] ** 2 + x[XM + 1] ** 2 + x[XM + 2] ** 2) / max(away, 0.01) ** 3
 
 
@@ -271,8 +264,9 @@ def field_strength(x: Array, away: float) -> float:
 def update_without_magnet(
     s: NoiseModel, x: Array, P: Array, kinematics: Array, mag: Array, dt: float
 ) -> Array:
-    """The update of a trunk whose magnet is out of reach, in place: the room's field alone, the magnet's an error that lasts `LASTS`: as white noise it
-    would soon be learnt as the room's field. Gives the state; nothing where that does not fit either."""
+    """Update with the ambient field alone, in place, the magnet's field a correlated error of
+    `FIELD_ERROR_TIME`: as white noise it would soon be estimated as ambient. Returns the state;
+    unchanged where that does not fit either."""
     H, h, far = np.zeros((3 * len(mag), len(P))), np.zeros((3, len(P))), x.copy()
     innovation, noise, dx, C = (
         np.zeros(len(H)),
@@ -286,7 +280,7 @@ def update_without_magnet(
         4
         * min(field_strength(x, nearest_distance(x)) ** 2, MIN_SIGNAL_LOST**2 * s.single**2)
         * max(1.0, FIELD_ERROR_TIME / dt)
-    )  # louder, it would have been found
+    )  # a stronger one would have been located
     for k in range(len(mag)):
         reads = predict_delayed_reading(far, kinematics, k, h)
         there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
@@ -311,7 +305,8 @@ def update_without_magnet(
 def workspace_pseudo_measurement(
     s: NoiseModel, x: Array, P: Array, centre: Array, dt: float
 ) -> Array:
-    """An arm is not endless and not endlessly fast: where the magnet does not tell, this keeps the filter in its volume. (5.18)"""
+    """An arm's length and speed are bounded; keeps the filter in its workspace where the magnet
+    does not. (5.18)"""
     size, before = len(P), P.copy()
     dx, H = np.zeros(size), np.zeros(size)
     outside = False
@@ -328,9 +323,7 @@ def workspace_pseudo_measurement(
                 H[j] = 0.0
             H[V_ + i] = 1.0
             scalar_update(P, dx, H, -x[3 + i], s.reach_speed**2 * s.acc_correlation_time / dt)
-    for i in range(
-        6, size
-    ):  # a wish, no measurement: nothing but place and velocity learns from it
+    for i in range(6, size):  # a bound, no measurement: only position and velocity are updated
         dx[i] = 0.0
         for j in range(6, size):
             P[i, j] = before[i, j]
@@ -340,7 +333,8 @@ def workspace_pseudo_measurement(
 
 @inlined
 def field_inhomogeneity(monitor: Array, x: Array, dt: float) -> float:
-    """How much the field differs from place to place, T: by its two components that readings and gravity tell. The mood in place."""
+    """Standard deviation of the field between positions, T, of the two components that readings and
+    gravity determine. Updates the monitor."""
     monitor[FIELD_TIME] = min(monitor[FIELD_TIME] + dt, INHOMOGENEITY_MEMORY)
     square, share = 0.0, dt / monitor[FIELD_TIME]
     for i in range(2):
@@ -370,9 +364,10 @@ def run_filter(
     mean_nis: Array,
     trace: Trace,
 ) -> Array:
-    """Go through samples (n, 12), magnetometers (n, magnetometers, 3) in the base's axes, how old these are (n, magnetometers), standstill (n, 2); fill
-    states (n, ...), variances (n, ...), surprise (n,), and the trace if it has rows. P, mood, `before` (the last good readings) and `way` in place; gives
-    the state."""
+    """Filter samples (n, 12) with magnetometers (n, magnetometers, 3) in base axes, their ages (n,
+    magnetometers) and standstill (n, 2); fill states (n, ...), variances (n, ...), mean_nis (n,),
+    and the trace if it has rows. P, monitor, `before` (last good readings) and kinematics are
+    updated in place; returns the state."""
     F, now, outcome, own, lasting = (
         np.zeros((OWN, OWN)),
         np.zeros(12),
@@ -398,13 +393,9 @@ def run_filter(
         elif dt > 0:
             x = propagate_state(s, x, before, now, dt, F)
             w_b, w_t = turn_rates(x, now)
-            F[B_, B_] = math.exp(
-                -w_b * dt / s.mag_correlation_angle
-            )  # g is turned so that the field has nothing across itself, on the whole
+            F[B_, B_] = math.exp(-w_b * dt / s.mag_correlation_angle)  # g turns with the field
             x[XB] *= F[B_, B_]
-            for i in range(
-                3 * len(mags[n])
-            ):  # what calibrations left becomes another, and nothing is known of that
+            for i in range(3 * len(mags[n])):  # calibration residuals decorrelate
                 x[XL + i] *= F[B_, B_]
             for i in range(5):
                 x[XG + i] *= math.exp(-dt / GRADIENT_TIME)
@@ -448,7 +439,7 @@ def run_filter(
                     since,
                     outcome,
                 )
-            if wide:  # before it was found nothing could be expected: what no place explains is a surprise
+            if wide:  # no prediction before it is located: the residual of the best position counts
                 new, monitor[SEARCH_DELAY] = (
                     outcome[0] / count,
                     SEARCH_INTERVAL * (1.0 - outcome[2]),
