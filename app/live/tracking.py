@@ -228,7 +228,7 @@ class Tracking:
         mounting = {
             **self.mounting,
             **{s: calibration.q_BS[s] for s in calibration.q_BS_sd},
-        }  # told by pieces: how it sits is known
+        }  # alignment that movements have estimated
         findings += [
             f for f in mounting_checks.check(window, mounting, still, ()) if f.sensor not in broken
         ]

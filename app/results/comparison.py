@@ -1,4 +1,4 @@
-"""What a comparison of two recordings found, as a table to read, as CSV and as JSON; all differences are B minus A."""
+"""The comparison of two recordings as text, CSV and JSON; all differences are B minus A."""
 
 import csv as csv_format
 import io
@@ -66,7 +66,7 @@ class Compared:
 
 @dataclass(frozen=True)
 class Tips:
-    """How far the fingertips are apart, by stretch (name, onset, end), and how the two frames were brought together."""
+    """Distances of the fingertips by stretch (name, onset, end), and how the two frames were aligned."""
 
     frame: Frame
     errors: Mapping[tuple[str, float, float], tuple[TipError, ...]]

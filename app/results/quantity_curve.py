@@ -12,8 +12,8 @@ from handscope.estimators.hand.anatomy import ANGLES, FINGERS, JOINT
 from handscope.estimators.measures.forearm_rotation import palm_turn
 from handscope.estimators.numerics.typing import Array
 
-LENGTH = 20.0  # s kept for viewers
-LONGEST = 600.0  # s of an attempt that are kept for its numbers; what comes later is not counted
+LENGTH = 20.0  # s stored for viewers
+LONGEST = 600.0  # s of an attempt stored for its numbers; later points are not counted
 SPACING = 1 / 60  # s between two points
 DEFAULT = "aperture"
 TITLES = {"aperture": "Thumb to index finger", "palm_turn": "Turn of the palm"}
@@ -70,12 +70,12 @@ class Curve:
     def attempt(
         self, onset: float, end: float = np.inf, pauses: Sequence[tuple[float, float]] = ()
     ) -> None:
-        """Keep the points of an attempt: from its onset on, but for pauses, until another begins; its end is told when it is over."""
+        """Store the points of an attempt from its onset to its end, without pauses, until another begins."""
         with self._lock:
-            kept = self._attempt if onset == self._onset else self._points
+            points = self._attempt if onset == self._onset else self._points
             self._attempt = [
                 p
-                for p in kept
+                for p in points
                 if onset < p[0] <= end and not any(start < p[0] <= to for start, to in pauses)
             ]
             self._onset, self._end = onset, end

@@ -48,8 +48,8 @@ class HandScene:
         self._q_DH = view.palm_down(hand)
         self._measured = frozenset(FINGERS)
         self._ghost_is_whole = False
-        self._map: ReachMap | None = None  # drawn once a place is told
-        self._arrows: ForceArrows | None = None  # drawn once forces are told
+        self._map: ReachMap | None = None  # drawn with the first place
+        self._arrows: ForceArrows | None = None  # drawn with the first forces
         self._forces: Array | None = None
         self._shown = postures.relaxed(), quat.IDENTITY  # angles and orientation
         self._server, self.secret = make_server()

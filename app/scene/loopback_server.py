@@ -46,17 +46,17 @@ def renumber(server: ViserServer) -> None:
     with buffer.buffer_lock:
         if buffer.generator_cursors:
             return
-        kept = list(buffer.message_from_id.values())
+        messages = list(buffer.message_from_id.values())
         by_entity: dict[Any, set[int]] = {}
-        for number, message in enumerate(kept):
+        for number, message in enumerate(messages):
             if (entity := message.entity_state_key()) is not None:
                 by_entity.setdefault(entity, set()).add(number)
-        buffer.message_from_id = dict(enumerate(kept))
+        buffer.message_from_id = dict(enumerate(messages))
         buffer.id_from_redundancy_key = {
-            message.redundancy_key(): number for number, message in enumerate(kept)
+            message.redundancy_key(): number for number, message in enumerate(messages)
         }
         buffer.ids_from_entity_state_key = by_entity
-        buffer.message_counter = len(kept)
+        buffer.message_counter = len(messages)
 
 
 @contextmanager

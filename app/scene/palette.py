@@ -1,4 +1,4 @@
-"""Colours of the scene, sRGB 0-255; ghost, highlight and unmeasured parts differ in lightness, so that they stay apart for every colour vision.
+"""Colours of the scene, sRGB 0-255; ghost, highlight and unmeasured parts differ in lightness, for every colour vision.
 
 Source  accents from Okabe & Ito 2008, Color Universal Design
 """

@@ -1,7 +1,8 @@
-"""A HandScene in a process of its own: drawing the hand and telling viewers of it takes no turn of the interpreter from whoever tracks the hand.
+"""A HandScene in a process of its own, so that drawing does not delay the tracker.
 
-Every method leaves a wish and waits for nobody. While the process is busy, newer wishes take the place of older ones of the same kind, so viewers see
-what was wished last. When it dies, another is started and is told everything anew; viewers' pages connect again by themselves.
+Every method stores a request and never waits. While the process is busy, a newer request replaces an older one of the
+same kind. When the process dies, another is started and gets the newest request of each kind; pages reconnect by
+themselves.
 """
 
 import logging
@@ -19,25 +20,23 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
 
 log = logging.getLogger(__name__)
-AHEAD = 2  # pictures that the process may be behind before wishes wait; what is on its way then fits into any pipe
-AGAIN = 0.5  # s before another process takes the place of one that died
+AHEAD = 2  # pictures sent and not yet drawn; so few fit into any pipe
+AGAIN = 0.5  # s before another process replaces one that died
 CLOSE_WAIT = 5.0  # s
 
 
 class SceneProcess:
-    """A context manager; `port` and `secret` are what bridge.bridge needs, 0 and empty while no process is there. Methods are HandScene's."""
+    """A context manager with the methods of HandScene; `port` and `secret` for bridge.bridge are 0 and empty without a process."""
 
     def __init__(self, hand: Hand, geometry: HandGeometry) -> None:
         self.port, self.secret = 0, ""
         self._about = hand, geometry
-        self._newest: dict[str, tuple[Any, ...]] = {}  # the newest wish of each kind, in order
-        self._waiting: dict[
-            str, tuple[Any, ...]
-        ] = {}  # of them, those that the process was not told
+        self._newest: dict[str, tuple[Any, ...]] = {}  # newest request of each kind, in order
+        self._waiting: dict[str, tuple[Any, ...]] = {}  # requests not sent yet
         self._lock = threading.RLock()
-        self._gathering = 0  # pictures that are being put together
+        self._gathering = 0  # open `picture` contexts
         self._pipe: Connection | None = None
-        self._behind = 0  # pictures that the process was told and has not drawn
+        self._behind = 0  # pictures sent and not yet drawn
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="scene", daemon=True)
 
@@ -75,7 +74,7 @@ class SceneProcess:
     def forces(self, forces: Array | None) -> None:
         if (
             forces is not None or self._newest.get("forces", (None,))[0] is not None
-        ):  # no arrows there are anyhow
+        ):  # without forces before there is nothing to remove
             self._request("forces", forces)
 
     def highlight(self, segment: str | None) -> None:
@@ -83,7 +82,7 @@ class SceneProcess:
 
     @contextmanager
     def picture(self) -> Iterator[None]:
-        """What is wished within is drawn together."""
+        """Requests made within are drawn together."""
         with self._lock:
             self._gathering += 1
             try:
@@ -97,15 +96,15 @@ class SceneProcess:
             for requests in (self._newest, self._waiting):
                 requests.pop(
                     kind, None
-                )  # the newest goes last: what faces ahead is the hand shown after that
+                )  # the newest goes last: `face_ahead` applies to the hand shown after it
                 requests[kind] = arguments
             self._send_waiting()
 
     def _send_waiting(self) -> None:
-        """Send what waits, unless the process is behind; the next wish tries again, and a station has one in every tick."""
+        """Send the waiting requests unless the process is behind; the next request tries again, at every tick."""
         if self._gathering or self._pipe is None or not self._waiting:
             return
-        with suppress(OSError, EOFError):  # it died: another will be told everything
+        with suppress(OSError, EOFError):  # it died: another will get everything
             while self._behind and self._pipe.poll():
                 self._pipe.recv_bytes()
                 self._behind -= 1
@@ -115,14 +114,14 @@ class SceneProcess:
                 self._waiting.clear()
 
     def _run(self) -> None:
-        """In a thread of its own: a process is there until this is closed."""
+        """In a thread of its own: keep a process running until this is closed."""
         while not self._closed.is_set():
             pipe, theirs = CONTEXT.Pipe()
             process = CONTEXT.Process(
                 target=_draw, args=(theirs, *self._about), name="handscope scene", daemon=True
             )
             process.start()
-            theirs.close()  # the process has the only other end: when it dies, the pipe ends
+            theirs.close()  # the pipe ends when the process, which has the only other end, dies
             with suppress(OSError, EOFError):
                 self._connect(pipe, *pipe.recv())
             process.join()
@@ -149,7 +148,7 @@ class SceneProcess:
 
 
 def _draw(pipe: Connection, hand: Hand, geometry: HandGeometry) -> None:
-    """In the process: draw what is wished until the pipe ends."""
+    """In the process: draw requests until the pipe ends."""
     ignore_terminal_signals()
     with HandScene(hand, geometry) as scene, suppress(EOFError, OSError):
         pipe.send((scene.port, scene.secret))
@@ -163,5 +162,5 @@ def _carry_out(scene: HandScene, requests: list[tuple[str, tuple[Any, ...]]]) ->
         with scene.picture():
             for kind, arguments in requests:
                 getattr(scene, kind)(*arguments)
-    except Exception:  # one picture less
+    except Exception:  # this picture is lost
         log.exception("a picture could not be drawn")

@@ -1,4 +1,4 @@
-"""A second hand in a scene, to the right of the first: the other hand, or an earlier session; each is turned ahead by its own first orientation."""
+"""A second hand to the right of the first: the other hand or an earlier session; each faces ahead at its first orientation."""
 
 from collections.abc import Iterable
 

@@ -16,9 +16,9 @@ _PACKED = re.compile(r'<script data-p="([^"]*)" data-ss="(\d+)" data-cs="(\d+)">
 
 def program(page: str) -> bytes:
     """The script that the page puts into itself."""
-    found = _PACKED.search(page)
-    assert found is not None, "viser packs its page in another way"
-    packed, styles, length = found[1], int(found[2]), int(found[3])
+    match = _PACKED.search(page)
+    assert match is not None, "viser packs its page in another way"
+    packed, styles, length = match[1], int(match[2]), int(match[3])
     unpacked = zstandard.ZstdDecompressor().decompress(
         _bytes(packed), max_output_size=styles + length
     )

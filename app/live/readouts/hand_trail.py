@@ -1,9 +1,9 @@
-"""Where the hand has been in the last seconds, followed only when somebody asks.
+"""The hand's path in the last seconds, computed only on request.
 
-In      the hand's samples since the last time, its orientation as the method tells it
+In      the hand's samples since the last time, its orientation by the method
 Out     places (n, 3) m in the global frame
 Source  estimators/orientation/zupt_navigation.py
-Limits  after a time in which nobody asked it begins REACH ago as after a gap: at rest, with the biases learnt until then
+Limits  after a time in which nobody asked it begins REACH ago as after a gap: at rest, with the biases estimated until then
 """
 
 import logging
@@ -21,11 +21,9 @@ from handscope.estimators.orientation import zupt_navigation
 from handscope.estimators.orientation.zupt_navigation import HandFilterParams, HandPath
 
 log = logging.getLogger(__name__)
-PARAMS = HandFilterParams(
-    update=0.1
-)  # twice as long as where the path is measured: this one is only drawn, and each look costs
-REACH = 10.0  # s; more that nobody asked for is left out: within them a hand stands still once, behind which the path is good again
-PAST = 3.0  # s of the path kept: between standstills it is good for no longer
+PARAMS = HandFilterParams(update=0.1)  # twice as long as in a measurement: this path is only drawn
+REACH = 10.0  # s; older samples are skipped: within them a hand stands still once, and the path is accurate after that
+PAST = 3.0  # s of the path: between standstills it is accurate for no longer
 
 
 class HandTrail:
@@ -36,7 +34,7 @@ class HandTrail:
         self._path: deque[HandPath] = deque()
 
     def begin(self, calibration: Calibration | None) -> None:
-        """Forget what was, and go on from a pose."""
+        """Drop the path and start from a pose."""
         self._state = (
             None
             if calibration is None
@@ -44,12 +42,12 @@ class HandTrail:
         )
         self._path.clear()
 
-    def follow(self, kept: Sequence[Block], q_GH_at: Callable[[float], Array | None]) -> None:
+    def follow(self, blocks: Sequence[Block], q_GH_at: Callable[[float], Array | None]) -> None:
         """Go on through blocks (the hand's, in order) as far as they are new; `q_GH_at` gives the hand's orientation (4,) at an instant, where it is known."""
-        if self._state is None or not kept:
+        if self._state is None or not blocks:
             return
-        state, seen, newest = self._state, self._seen(self._state), float(kept[-1].t[-1])
-        if newest - seen < PARAMS.update:  # so few tell nothing new
+        state, seen, newest = self._state, self._seen(self._state), float(blocks[-1].t[-1])
+        if newest - seen < PARAMS.update:  # too few for an update
             return
         if newest - seen > REACH:
             seen, nothing = newest - REACH, state.waiting[:0]
@@ -60,7 +58,7 @@ class HandTrail:
                 waiting=nothing,
                 waiting_t=nothing[:, 0],
             )
-        new = join([*takewhile(lambda b: b.t[-1] > seen, reversed(kept))][::-1]).between(
+        new = join([*takewhile(lambda b: b.t[-1] > seen, reversed(blocks))][::-1]).between(
             np.nextafter(seen, np.inf), np.inf
         )
         try:

@@ -1,6 +1,6 @@
-"""The live meter of free movement: joint by joint, what self-calibration could find already of what the hand has done so far.
+"""The live meter of free movement: the observability of each joint by self-calibration so far.
 
-Looked at once a second, finger by finger, from the samples and the poses that the tracker keeps, in a thread of its own: neither the tick nor the method waits.
+Updated once a second from the tracker's buffered samples and poses, in a thread of its own: tick and method do not wait.
 """
 
 import logging
@@ -40,11 +40,11 @@ class FreeMeter:
 
     @property
     def is_enough(self) -> bool:
-        """Whether self-calibration would find everything that it looks for."""
+        """Whether everything that self-calibration estimates is observable."""
         return bool(self.observed) and all(o.share >= 1.0 for o in self.observed)
 
     def follow(self) -> None:
-        """Take in the newest second, where one has gone by and the one before is done with."""
+        """Take in the newest second, once it is complete and the one before is processed."""
         stop = self._tracking.newest_sample() - LATE
         if (
             stop - self._until >= EVERY
@@ -76,7 +76,7 @@ class FreeMeter:
             log.exception("the observability of free movement could not be computed")
 
     def _begin_anew(self) -> None:
-        """Self-calibration looks at the longest stretch without holes: this one is over."""
+        """Start a new stretch: self-calibration uses the longest one without gaps."""
         self._whole = self.observed
         self._fingers, self._flexion = (
             {f: (limb, observability.nothing(limb)) for f, (limb, _) in self._fingers.items()},
@@ -90,7 +90,7 @@ class FreeMeter:
                 limb = observability.limb(
                     finger, sorted(worn), self._tracking.geometry, calibration.q_BS
                 )
-                if silent := _silent(limb, blocks):  # self-calibration goes on without them, too
+                if silent := _silent(limb, blocks):  # self-calibration leaves them out, too
                     limb = observability.limb(
                         finger,
                         sorted(worn - set(silent)),
@@ -110,7 +110,7 @@ class FreeMeter:
 
 
 def _worth(observed: Sequence[Observed]) -> float:
-    """By what stretches are put in order: the share of the joint that lacks most."""
+    """Rank of a stretch: the share of its least observable joint."""
     return min((o.share for o in observed), default=0.0)
 
 

@@ -81,7 +81,7 @@ class FingerShape:
 
 
 def hand_breadth(geometry: HandGeometry) -> float:
-    """Breadth of the palm at the MCP joints, m, from how far apart the joints of index and little finger are."""
+    """Breadth of the palm at the MCP joints, m, from the distance of the joints of index and little finger."""
     index, little = (geometry.joint_positions[f"{finger}_mcp"][2] for finger in ("index", "little"))
     return abs(little - index) / (MCP_ULNAR["little"] - MCP_ULNAR["index"])
 

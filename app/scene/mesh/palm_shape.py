@@ -31,7 +31,7 @@ _MELT = {
     "finger": 0.070,
     "web": 0.11,
     "stub": 0.045,
-}  # of hand breadth: how far apart bodies still melt together
+}  # of hand breadth: distance below which bodies blend
 
 
 @dataclass(frozen=True)
