@@ -26,7 +26,7 @@ IMPORTED = (zero_velocity_detector,)  # imported by nothing below
 
 def compile_all() -> None:
     """Run every kernel that is compiled on its first call."""
-    stuffing.unstuffed(b"\x01")
+    stuffing.unstuff(b"\x01")
     map_method = methods.BATCH["map"]
     process(
         map_method,

@@ -89,7 +89,7 @@ class Jobs:
             with self._store.database() as db:
                 if not ended_by_others:
                     results.fail(db, result_id)
-                elif results.put_back(db, result_id) and not self._leaving.is_set():
+                elif results.requeue(db, result_id) and not self._leaving.is_set():
                     self.process(result_id)
         except DBAPIError as problem:
             log.error("result %s: %s", result_id, problem)
@@ -130,12 +130,12 @@ def make_report(
     """In the worker process: the report of a result as pdf, csv or json."""
     from handscope.app.language import languages
     from handscope.app.report import FORMS, Style
-    from handscope.app.report.gradings import DEFAULT, graded
+    from handscope.app.report.gradings import DEFAULT, grade_content
     from handscope.app.results.report import report
 
     assert _store is not None
     with _store.database() as db:
-        content = graded(report(_store, results.get(db, result_id)), grading or DEFAULT)
+        content = grade_content(report(_store, results.get(db, result_id)), grading or DEFAULT)
         return FORMS[form](content, Style(languages()[language], paper))
 
 
@@ -152,8 +152,8 @@ def make_replay_file(result_id: int, named: bool, language: str = "en") -> bytes
 def make_derivative(result_id: int, reasons: bool = True) -> bytes:
     """In the worker process: the derivative of a result as a zip."""
     from handscope.app.results.make import derivative_files
-    from handscope.sessions.motion_bids.writer import packed
+    from handscope.sessions.motion_bids.writer import pack
 
     assert _store is not None
     with _store.database() as db:
-        return packed(derivative_files(_store, results.get(db, result_id), reasons))
+        return pack(derivative_files(_store, results.get(db, result_id), reasons))

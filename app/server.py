@@ -143,7 +143,7 @@ def _store_finished(parts: Parts, station: Station) -> None:
 def _recover(parts: Parts) -> None:
     """Close the sessions that the last server left open, with what their recordings hold."""
     with parts.store.database() as db:
-        open_sessions = [session.id for session in records.abandoned(db)]
+        open_sessions = [session.id for session in records.list_abandoned(db)]
     for session in open_sessions:
         _close(parts, session, "m2", {})
 

@@ -43,7 +43,7 @@ def parts(connection: HTTPConnection) -> Parts:
 def database(connection: HTTPConnection) -> Iterator[Session]:
     """A database session for one request, in the name of its account."""
     with parts(connection).store.database() as db:
-        audit.by(db, *on_behalf_of(connection))
+        audit.set_actor(db, *on_behalf_of(connection))
         yield db
 
 

@@ -8,7 +8,7 @@ from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.numerics.typing import Array
 from handscope.sessions.wire.framing import Encoder
 from handscope.sessions.wire.messages import Format, Identity, Message, Samples, StreamInfo, Strip
-from handscope.sessions.wire.sample_values import data_of
+from handscope.sessions.wire.sample_values import encode_values
 from tests.simulated import STRIPS
 
 NS = 1e9
@@ -42,7 +42,9 @@ def bursts(
         t, values = block.t[k : k + length], block.values[k : k + length]
         start, sent = round((on + t[0]) * NS), round((on + t[-1]) * NS)
         made.append(
-            Samples(described.stream, first + k, start, sent, len(t), data_of(values, described))
+            Samples(
+                described.stream, first + k, start, sent, len(t), encode_values(values, described)
+            )
         )
     return made
 

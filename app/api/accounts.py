@@ -50,7 +50,7 @@ class NewPassword(BaseModel):
 
 @router.get("/accounts")
 def list_accounts(db: Db) -> list[dict[str, Any]]:
-    return [account_row(account) for account in accounts.everyone(db)]
+    return [account_row(account) for account in accounts.list_accounts(db)]
 
 
 @router.post("/accounts", status_code=201)
@@ -86,7 +86,7 @@ def make_code(db: Db, parts: PartsDep, account_id: int) -> dict[str, str]:
         raise InputError(
             "codes of this computer's own account, and of accounts out of use, are not given here; see handscope login"
         )
-    audit.tell(db, audit.Happened("created", "code", str(account.id)))
+    audit.record(db, audit.AuditEvent("created", "code", str(account.id)))
     db.commit()
     return {"code": logins.new_token(parts.store.folder, account.name)}
 
@@ -106,7 +106,7 @@ def set_password(db: Db, who: RequesterDep, request: Request, new: NewPassword) 
         )
     if (
         account.password is not None
-        and logins.by_password(db, account.name, new.current, address_of(request)) is None
+        and logins.log_in(db, account.name, new.current, address_of(request)) is None
     ):
         raise InputError("the password until now is not right; nothing was changed")
     accounts.set_password(db, account, new.password)
@@ -124,14 +124,14 @@ def read_audit(
     limit: Annotated[int, Query(ge=1, le=MOST)] = 100,
 ) -> list[dict[str, Any]]:
     """Lines of the audit trail, the newest first."""
-    return [audit_row(line) for line in audit.lines(db, who, what, patient, before, limit)]
+    return [audit_row(line) for line in audit.list_lines(db, who, what, patient, before, limit)]
 
 
 @router.get("/audit/verification")
 def verify_audit(db: Db, language: LanguageDep) -> dict[str, Any]:
     """Whether the chain holds from the first line to the last."""
-    chain = audit.verified(db)
-    return {"lines": chain.lines, "last": chain.last, "broken": language.heard(chain.broken)}
+    chain = audit.verify(db)
+    return {"lines": chain.lines, "last": chain.last, "broken": language.translate(chain.broken)}
 
 
 def account_row(a: Account) -> dict[str, Any]:

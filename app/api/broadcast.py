@@ -105,13 +105,13 @@ class Broadcasts:
 
 def localised_snapshot(snapshot: dict[str, Any], language: Language) -> dict[str, Any]:
     """A snapshot in a language."""
-    localised: dict[str, Any] = language.told(snapshot, TRANSLATED_KEYS)
+    localised: dict[str, Any] = language.translate_keys(snapshot, TRANSLATED_KEYS)
     if (free := localised.get("self_calibration")) and (solution := free["found"]):
         return {
             **localised,
             "self_calibration": {
                 **free,
-                "found": self_calibration.told(solution["table"], solution["told"], language),
+                "found": self_calibration.describe(solution["table"], solution["told"], language),
             },
         }
     return localised

@@ -25,18 +25,18 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(ConflictError)
     async def conflict(request: Request, error: ConflictError) -> JSONResponse:
-        return JSONResponse({"error": preferred(request).heard(str(error))}, 409)
+        return JSONResponse({"error": preferred(request).translate(str(error))}, 409)
 
     @app.exception_handler(UnconfirmedError)
     async def unconfirmed(request: Request, error: UnconfirmedError) -> JSONResponse:
         return JSONResponse(
-            {"error": preferred(request).heard(str(error)), "confirm": error.doubts}, 422
+            {"error": preferred(request).translate(str(error)), "confirm": error.doubts}, 422
         )
 
     @app.exception_handler(ThrottledError)
     async def throttled(request: Request, error: ThrottledError) -> JSONResponse:
         return JSONResponse(
-            {"error": preferred(request).heard(str(error))},
+            {"error": preferred(request).translate(str(error))},
             429,
             headers={"Retry-After": str(round(error.wait))},
         )
@@ -44,7 +44,7 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(InputError)
     async def mistake(request: Request, error: InputError) -> JSONResponse:
         return JSONResponse(
-            {"error": preferred(request).heard(str(error))},
+            {"error": preferred(request).translate(str(error))},
             404 if str(error).startswith("there is no ") else 422,
         )
 
@@ -55,21 +55,21 @@ def install(app: FastAPI) -> None:
             str(part) for part in first["loc"] if part not in ("body", "query", "path")
         )
         sentence = f"{where or 'request'}: {first['msg']}; nothing was changed"
-        return JSONResponse({"error": preferred(request).heard(sentence)}, 422)
+        return JSONResponse({"error": preferred(request).translate(sentence)}, 422)
 
     @app.exception_handler(HTTPException)
     async def refused(request: Request, error: HTTPException) -> JSONResponse:
         if is_full(error.__cause__):  # during an upload
-            return JSONResponse({"error": preferred(request).heard(FULL)}, NO_ROOM)
+            return JSONResponse({"error": preferred(request).translate(FULL)}, NO_ROOM)
         return JSONResponse(
-            {"error": preferred(request).heard(str(error.detail))},
+            {"error": preferred(request).translate(str(error.detail))},
             error.status_code,
             headers=error.headers,
         )
 
     @app.exception_handler(OverflowError)
     async def out_of_range(request: Request, error: OverflowError) -> JSONResponse:
-        return JSONResponse({"error": preferred(request).heard(TOO_LARGE)}, 404)
+        return JSONResponse({"error": preferred(request).translate(TOO_LARGE)}, 404)
 
     @app.exception_handler(OSError)
     @app.exception_handler(DBAPIError)
@@ -77,11 +77,11 @@ def install(app: FastAPI) -> None:
         if (
             getattr(getattr(error, "orig", None), "sqlstate", None) == "22003"
         ):  # PostgreSQL: numeric value out of range
-            return JSONResponse({"error": preferred(request).heard(TOO_LARGE)}, 404)
+            return JSONResponse({"error": preferred(request).translate(TOO_LARGE)}, 404)
         if not is_full(error):
             raise error
         log.error("%s %s: %s", request.method, request.url.path, error)
-        return JSONResponse({"error": preferred(request).heard(FULL)}, NO_ROOM)
+        return JSONResponse({"error": preferred(request).translate(FULL)}, NO_ROOM)
 
     @app.exception_handler(Exception)
     async def bug(request: Request, error: Exception) -> JSONResponse:
@@ -89,4 +89,4 @@ def install(app: FastAPI) -> None:
         sentence = (
             "something went wrong inside Handscope; the log has the details, nothing was changed"
         )
-        return JSONResponse({"error": preferred(request).heard(sentence)}, 500)
+        return JSONResponse({"error": preferred(request).translate(sentence)}, 500)

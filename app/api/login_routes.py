@@ -15,7 +15,7 @@ from handscope.app.state import Db, PartsDep
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit
-from handscope.sessions.clinic.audit import Happened
+from handscope.sessions.clinic.audit import AuditEvent
 from handscope.sessions.store import logins
 
 router = APIRouter(tags=["login"], dependencies=[requires_role(ANYBODY)])
@@ -45,13 +45,13 @@ def login_page(
 @router.get("/login")
 def login_options(db: Db, parts: PartsDep) -> dict[str, Any]:
     """Options of the login page: passwords where an account has one, single sign-on where configured."""
-    return {"passwords": accounts.with_passwords(db), "single": parts.settings.sign_on is not None}
+    return {"passwords": accounts.has_passwords(db), "single": parts.settings.sign_on is not None}
 
 
 @router.post("/login", status_code=204)
 def log_in(parts: PartsDep, db: Db, request: Request, given: Proof) -> Response:
     if given.name:
-        account = logins.by_password(db, given.name, given.password, address_of(request))
+        account = logins.log_in(db, given.name, given.password, address_of(request))
         if account is None:
             raise InputError(
                 "the name or the password is not right; after five tries the account is closed for a quarter of an hour"
@@ -92,7 +92,7 @@ def log_out(db: Db, parts: PartsDep, request: Request) -> Response:
 
 def _record_refusal(db: Db, token: str) -> None:
     if token:
-        audit.tell(db, Happened("refused", "login", counts={"by": "code"}))
+        audit.record(db, AuditEvent("refused", "login", counts={"by": "code"}))
         db.commit()
 
 

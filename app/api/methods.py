@@ -21,7 +21,7 @@ def list_methods(language: LanguageDep) -> list[dict[str, Any]]:
     return [
         {
             "name": name,
-            "title": language.heard(m.TITLE),
+            "title": language.translate(m.TITLE),
             "default": name == NewResult().method,
             "options": [asdict(d) for d in describe(m.Params)],
         }
@@ -32,6 +32,7 @@ def list_methods(language: LanguageDep) -> list[dict[str, Any]]:
 @router.get("/protocols")
 def list_protocols(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
     return [
-        asdict(p) | {"title": language.heard(p.title), "instruction": language.heard(p.instruction)}
+        asdict(p)
+        | {"title": language.translate(p.title), "instruction": language.translate(p.instruction)}
         for p in offered(parts.store.folder)[0].values()
     ]

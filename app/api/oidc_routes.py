@@ -24,7 +24,7 @@ from handscope.app.auth.roles import ANYBODY, requires_role
 from handscope.app.state import Db, PartsDep
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit
-from handscope.sessions.clinic.audit import Happened
+from handscope.sessions.clinic.audit import AuditEvent
 from handscope.sessions.store import logins
 
 log = logging.getLogger(__name__)
@@ -80,12 +80,14 @@ def receive_answer(
             agreed, request.cookies.get(COOKIE, ""), _ours(request, "/login/sso/answer"), given
         )
         name = str(claims.get(NAME) or claims["sub"])
-        account = accounts.of_subject(
+        account = accounts.get_or_add_subject(
             db, subject_of(agreed, claims), name, roles_of(agreed, claims)
         )
     except InputError as problem:
         kind = problem.kind if isinstance(problem, SignOnError) else "refused"
-        audit.tell(db, Happened("refused", "login", counts={"by": "single sign-on", "why": kind}))
+        audit.record(
+            db, AuditEvent("refused", "login", counts={"by": "single sign-on", "why": kind})
+        )
         db.commit()
         response = _refuse(problem)
     else:

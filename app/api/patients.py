@@ -118,7 +118,7 @@ def read_patient(
     """A patient with notes and all sessions, the newest first."""
     patient, clock, visits = patients.get(db, patient_id), now(), timeline.visits(db, patient_id)
     sessions = [v.session for v in visits]
-    doubts = dates.doubts(patient, sessions, clock)
+    doubts = dates.find_doubts(patient, sessions, clock)
     rows = [
         for_reader(
             requester,
@@ -141,7 +141,7 @@ def read_patient(
         ),
         "sessions": rows,
         "clock": for_reader(
-            requester, {"now": clock, "doubts": dates.clock_doubts(patient, sessions, clock)}
+            requester, {"now": clock, "doubts": dates.find_clock_doubts(patient, sessions, clock)}
         ),
     }
 

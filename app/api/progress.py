@@ -39,7 +39,7 @@ def _progress_payload(history: Progress, language: Language) -> dict[str, Any]:
     judges = list(dict.fromkeys(c.judge for s in history.series for c in s.hands.values()))
     return {
         "judges": [
-            {**asdict(judge), "sources": [language.heard(s) for s in judge.sources]}
+            {**asdict(judge), "sources": [language.translate(s) for s in judge.sources]}
             for judge in judges
         ],
         "method": history.method,

@@ -11,7 +11,7 @@ from handscope.app.protocols import Protocol
 from handscope.app.report.change_words import row_words, tapping_words
 from handscope.app.report.changes import Changes
 from handscope.app.report.content import Task, asked
-from handscope.app.report.gradings import DEFAULT, graded_tasks
+from handscope.app.report.gradings import DEFAULT, grade_tasks
 from handscope.app.report.norms import norm_of
 from handscope.app.report.sections.other_measures import other_measures
 from handscope.app.report.sections.range_comparison import flexion_with_sd
@@ -77,9 +77,9 @@ def _figure_payload(row: Mapping[str, Any], language: Language) -> dict[str, Any
         "value": value[0],
         "sd": sd[0],
         "unit": value[1],
-        "reason": language.heard(row["reason"]),
-        "meaning": language.heard(row.get("meaning", "")),
-        "sd_basis": language.heard(row.get("sd_basis", "")),
+        "reason": language.translate(row["reason"]),
+        "meaning": language.translate(row.get("meaning", "")),
+        "sd_basis": language.translate(row.get("sd_basis", "")),
         "norm": asdict(norm) if norm else None,
     }
 
@@ -103,7 +103,7 @@ def _changes(
         for task, figures in tapping_words(changes, language).items()
     ]
     sources = {
-        measure: [language.heard(s) for s in changes.sources(measure)]
+        measure: [language.translate(s) for s in changes.sources(measure)]
         for measure in ("range_of_motion", "tapping")
     }
     return {"since": changes.since, "sources": sources, "tapping": tapping}
@@ -164,7 +164,7 @@ def _rows(
             "extension": r.extension,
             "sideways": r.sideways,
             "grade": r.grade,
-            "reasons": [language.heard(reason) for reason in r.reasons],
+            "reasons": [language.translate(reason) for reason in r.reasons],
             "changes": row_words(changes, tasks, r, language) if changes else {},
         }
         for r in range_rows(over_tasks(tasks), full, language)
@@ -198,7 +198,7 @@ def _others(
         )
         for t in tasks
     ]
-    sections = other_measures(graded_tasks(trials, grading, other_hand), language)
+    sections = other_measures(grade_tasks(trials, grading, other_hand), language)
     choices = [[scheme, language.say(f"grading.{scheme}")] for scheme in GRADINGS]
     return [
         {
@@ -249,7 +249,7 @@ def _tapping(
                 "closings": t["closings"],
                 "amplitudes_mm": [round(1e3 * a, 2) for a in t["amplitudes"]],
                 "grade": t["grade"],
-                "reason": language.heard(t["reason"]),
+                "reason": language.translate(t["reason"]),
                 "figures": [_figure(f, language) for f in rows[k * each : (k + 1) * each]],
             }
         )
@@ -287,7 +287,7 @@ def calibration_payload(
         for n, s in worst.items()
     ]
     return {
-        "source": language.heard(calibration["source"]),
+        "source": language.translate(calibration["source"]),
         "onset": calibration["onset"],
         "end": calibration["end"],
         "sensors": len(quality),
@@ -297,7 +297,7 @@ def calibration_payload(
 
 def _title(trial: Mapping[str, Any], protocol: Protocol | None, language: Language) -> str:
     return (
-        language.heard(protocol.title)
+        language.translate(protocol.title)
         if protocol
         else str(trial["task"]).replace("_", " ").capitalize()
     )

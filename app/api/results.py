@@ -76,19 +76,19 @@ def read_result(
         "version": r.version,
         "state": r.state,
         "progress": r.progress,
-        "error": language.heard(r.error),
+        "error": language.translate(r.error),
         "created": r.created,
         "content": events_for(
             requester,
             {name: value for name, value in r.content.items() if not (lean and name == "tasks")},
         ),
         "warnings": [
-            language.heard(w if requester.sees_all else without_reasons(w, r.corrections))
+            language.translate(w if requester.sees_all else without_reasons(w, r.corrections))
             for w in r.warnings
         ],
         "readings": read,
         "reused": r.reused,
-        "self_calibration": self_calibration.told(stored["table"], stored["told"], language)
+        "self_calibration": self_calibration.describe(stored["table"], stored["told"], language)
         if (stored := r.content.get("self_calibration"))
         else None,
         "grading": grading,

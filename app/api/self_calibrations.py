@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from handscope.app.api.sessions import Decision, recomputed
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, requires_role
 from handscope.app.language import Language
-from handscope.app.report.sections.self_calibration import told
+from handscope.app.report.sections.self_calibration import describe
 from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
@@ -51,7 +51,7 @@ def keep_self_calibration(
     if result.recording.session.patient_id != patient_id:
         raise InputError(f"result {new.result} is of another patient; nothing was kept")
     return row(
-        self_calibrations.keep(
+        self_calibrations.store(
             db, result.recording, self_calibrations.of_result(result), software_version()
         ),
         language,
@@ -102,10 +102,10 @@ def row(c: SelfCalibration, language: Language) -> dict[str, Any]:
         "recording": c.recording_id,
         "recorded": visit.started,
         "onset": c.onset,
-        "kept": c.kept,
+        "kept": c.stored,
         "withdrawn": c.withdrawn,
         "version": c.version,
-        "tables": told(c.found, c.told, language),
+        "tables": describe(c.found, c.messages, language),
     }
 
 
@@ -114,7 +114,7 @@ def offer_row(offer: Offer, language: Language) -> dict[str, Any]:
     return {
         **row(offer.self_calibration, language),
         "parts": offer.parts,
-        "barred": language.heard(offer.barred),
+        "barred": language.translate(offer.barred),
     }
 
 

@@ -30,7 +30,7 @@ from handscope.sessions.clinic import (
     results,
     self_calibrations,
 )
-from handscope.sessions.clinic.self_calibrations import Found
+from handscope.sessions.clinic.self_calibrations import FoundCalibration
 from handscope.sessions.db.tables import Correction, PatientSession, RecordingFile, Result, now
 from handscope.sessions.files import native
 from handscope.sessions.store import records, stored_files, visit_facts
@@ -156,7 +156,7 @@ async def upload_recording(
             Path(place), name, records.hand_of(hand) if hand else None
         )
         session = await to_thread.run_sync(
-            records.keep_upload, db, parts.store, patient, Path(place), name, upload
+            records.store_upload, db, parts.store, patient, Path(place), name, upload
         )
     finally:
         Path(place).unlink(missing_ok=True)
@@ -168,7 +168,7 @@ async def upload_recording(
 def unfinished_sessions(db: Db, parts: PartsDep) -> list[dict[str, Any]]:
     """Sessions that run or that nobody finished, the oldest first."""
     rows = []
-    for session in records.abandoned(db):
+    for session in records.list_abandoned(db):
         station = parts.stations.of_session(session.id)
         patient = {"id": session.patient_id, "pseudonym": session.patient.pseudonym}
         overnight = now() - session.started > dates.OVERNIGHT
@@ -267,7 +267,7 @@ def undo_correction(db: Db, parts: PartsDep, correction_id: int) -> dict[str, An
 def download_recording(db: Db, parts: PartsDep, recording_id: int) -> FileResponse:
     """The recording file, byte for byte."""
     file = _closed(db, recording_id)
-    path = stored_files.at_hand(parts.store, file.file, file.sha256)
+    path = stored_files.fetch_local(parts.store, file.file, file.sha256)
     return FileResponse(path, filename=f"session-{file.session_id}-recording{path.suffix}")
 
 
@@ -293,7 +293,7 @@ def session_row(s: PatientSession) -> dict[str, Any]:
         "finished": s.finished,
         "examiner": s.examiner,
         "notes": s.notes,
-        "source": "live" if dates.measured_here(s) else "upload",
+        "source": "live" if dates.is_measured_here(s) else "upload",
         "duration": next((f.summary.get("duration") for f in s.recordings if f.summary), None),
         "tasks": [
             e["task"]
@@ -351,7 +351,7 @@ def recomputed(
 ) -> list[dict[str, int]]:
     """For each earlier result the one that replaces it."""
     pairs = [
-        (old, results.wanted(db, file, old.method, old.parameters, software_version()))
+        (old, results.find_matching(db, file, old.method, old.parameters, software_version()))
         for old in before
     ]
     for _, result in pairs:
@@ -374,7 +374,7 @@ def _queue(
     closed = [f for f in session.recordings if f.sha256]
     if not closed:
         raise InputError("the session has no closed recording to process")
-    result = results.wanted(db, closed[-1], method, changed, software_version())
+    result = results.find_matching(db, closed[-1], method, changed, software_version())
     if result.state == "queued":
         parts.jobs.process(result.id)
     return result
@@ -388,7 +388,7 @@ def _prior_options(db: Db, session: PatientSession, decision: Decision | None) -
     chosen = made.self_calibration
     return (
         {
-            "prior": self_calibrations.taken_over(chosen.found, made.parts),
+            "prior": self_calibrations.select_parts(chosen.found, made.parts),
             "prior_glove": chosen.glove,
         }
         if chosen
@@ -396,15 +396,17 @@ def _prior_options(db: Db, session: PatientSession, decision: Decision | None) -
     )
 
 
-def _solution_store(begun: Db, parts: Parts, recording_id: int) -> Callable[[Found, str], None]:
+def _solution_store(
+    begun: Db, parts: Parts, recording_id: int
+) -> Callable[[FoundCalibration, str], None]:
     """A function that stores an accepted solution with the patient, decided for this session, in the name of its examiner."""
     on_behalf = dict(begun.info)
 
-    def store(solution: Found, glove: str) -> None:
+    def store(solution: FoundCalibration, glove: str) -> None:
         with parts.store.database() as db:
-            audit.by(db, on_behalf["who"], on_behalf["address"])
+            audit.set_actor(db, on_behalf["who"], on_behalf["address"])
             file = db.get_one(RecordingFile, recording_id)
-            made = self_calibrations.keep(db, file, solution, software_version(), glove)
+            made = self_calibrations.store(db, file, solution, software_version(), glove)
             self_calibrations.decide(db, file.session, self_calibrations.ALL, made.id)
 
     return store

@@ -45,7 +45,7 @@ def list_gloves(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
     return [
         {
             **port,
-            "description": language.heard(str(port["description"])),
+            "description": language.translate(str(port["description"])),
             "in_use": parts.stations.uses(str(port["path"])),
         }
         for port in (*own, *real)

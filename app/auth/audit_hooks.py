@@ -19,7 +19,7 @@ from handscope.app.auth.roles import RouteAccess, on_behalf_of
 from handscope.app.live.replay import Replay
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit
-from handscope.sessions.clinic.audit import Happened
+from handscope.sessions.clinic.audit import AuditEvent
 from handscope.sessions.store.store import Store
 
 log = logging.getLogger(__name__)
@@ -66,20 +66,22 @@ class AuditHooks:
         subject = _subject(connection, access)
         what = access.requirement.does
         if subject and (what != SEEN or self._is_due((connection.state.requester.login, subject))):
-            await anyio.to_thread.run_sync(self._write, connection, Happened(what, *subject))
+            await anyio.to_thread.run_sync(self._write, connection, AuditEvent(what, *subject))
 
     async def record_refusal(self, connection: HTTPConnection, status: int) -> None:
         """Record a refusal: of an account for each address, of a stranger once in REPEAT_AFTER."""
-        event = Happened("refused", "request", connection.scope["path"], counts={"status": status})
+        event = AuditEvent(
+            "refused", "request", connection.scope["path"], counts={"status": status}
+        )
         who, where = on_behalf_of(connection)
         if status >= 400 and self._is_due((who, where, status, event.ref if who else "")):
             await anyio.to_thread.run_sync(self._write, connection, event)
 
-    def _write(self, connection: HTTPConnection, happened: Happened) -> None:
+    def _write(self, connection: HTTPConnection, happened: AuditEvent) -> None:
         try:
             with self._store.database() as db:
-                audit.by(db, *on_behalf_of(connection))
-                audit.tell(db, audit.whose(db, happened))
+                audit.set_actor(db, *on_behalf_of(connection))
+                audit.record(db, audit.add_patient(db, happened))
                 db.commit()
         except DBAPIError as problem:
             log.error(

@@ -14,7 +14,7 @@ from handscope.app.auth.audit_hooks import AuditHooks
 from handscope.app.auth.roles import ANYBODY, Requester, RouteAccess, RouteTable
 from handscope.app.settings import Settings
 from handscope.app.state import preferred
-from handscope.sessions.store.logins import alive, new_token
+from handscope.sessions.store.logins import find_login, new_token
 from handscope.sessions.store.store import Store
 
 __all__ = ["COOKIE", "Gate", "cookie_name", "cookie_of", "new_token"]
@@ -129,7 +129,7 @@ class Gate:
 
     def _requester_of(self, connection: HTTPConnection) -> Requester | None:
         with self._store.database() as db:
-            login = alive(
+            login = find_login(
                 db, cookie_of(connection), self._settings.idle_logout, self._settings.longest_login
             )
             return (
@@ -227,4 +227,4 @@ def _is_open(url: URL) -> bool:
 
 
 def _answer(connection: HTTPConnection, status: int, sentence: str) -> Response:
-    return JSONResponse({"error": preferred(connection).heard(sentence)}, status)
+    return JSONResponse({"error": preferred(connection).translate(sentence)}, status)

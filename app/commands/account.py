@@ -7,7 +7,7 @@ from pathlib import Path
 
 from sqlalchemy.orm import Session
 
-from handscope.app.commands.audit import opened
+from handscope.app.commands.audit import open_audited
 from handscope.app.commands.words import database_url, default_data, say
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit
@@ -55,9 +55,9 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    with opened(arguments.data, arguments.database) as db:
+    with open_audited(arguments.data, arguments.database) as db:
         if arguments.action == "list":
-            for account in accounts.everyone(db):
+            for account in accounts.list_accounts(db):
                 say(
                     f"{account.name:24} {', '.join(account.roles)}{'  out of use' if account.disabled else ''}"
                 )
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _change(db: Session, arguments: argparse.Namespace) -> None:
-    account = accounts.named(db, arguments.name)
+    account = accounts.find_by_name(db, arguments.name)
     if arguments.action == "role":
         accounts.change(db, account, roles=arguments.role)
     elif arguments.action in ("disable", "enable"):
@@ -78,7 +78,7 @@ def _change(db: Session, arguments: argparse.Namespace) -> None:
         if account.disabled:
             logins.end_all(db, account)
     elif arguments.action == "code":
-        audit.tell(db, audit.Happened("created", "code", str(account.id)))
+        audit.record(db, audit.AuditEvent("created", "code", str(account.id)))
         db.commit()
         _say_code(db, arguments)
     else:
@@ -92,7 +92,7 @@ def _change(db: Session, arguments: argparse.Namespace) -> None:
 
 def _say_code(db: Session, arguments: argparse.Namespace) -> None:
     """Under the address that the server runs at, or ran at last."""
-    account = accounts.named(db, arguments.name)
+    account = accounts.find_by_name(db, arguments.name)
     if account.disabled:
         raise InputError(
             f"{account.name} is out of use; take it into use with: handscope account enable {account.name}"

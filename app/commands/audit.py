@@ -78,18 +78,18 @@ def run(arguments: argparse.Namespace) -> int:
             f"{arguments.data} has no database, so no audit trail; name the server's data folder with --data, or its database with --database"
         )
     noted = (
-        [*arguments.against, *map(backup.audit_head, arguments.backup)]
+        [*arguments.against, *map(backup.read_audit_head, arguments.backup)]
         if arguments.action == "verify"
         else []
     )
-    with opened(arguments.data, arguments.database) as db:
+    with open_audited(arguments.data, arguments.database) as db:
         if arguments.action == "list":
-            for line in audit.lines(
+            for line in audit.list_lines(
                 db, arguments.who, arguments.what, arguments.patient, limit=arguments.most
             ):
-                say(_told(line))
+                say(_line_words(line))
             return 0
-        found = audit.verified(db, noted)
+        found = audit.verify(db, noted)
     if found.broken:
         say(f"The audit trail does not hold: {found.broken}. The {found.lines} lines before hold.")
         return BROKEN
@@ -104,18 +104,18 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 @contextmanager
-def opened(folder: Path, url: str | None) -> Iterator[Session]:
+def open_audited(folder: Path, url: str | None) -> Iterator[Session]:
     """The database of a data folder, also of a server that runs, in the name of who types the command."""
     if not folder.is_dir():
         raise InputError(f"there is no data folder {folder}; name it with --data")
     database = open_database(folder, url)
     with database() as db:
-        audit.by(db, f"command line: {getpass.getuser()}"[:64], "")
+        audit.set_actor(db, f"command line: {getpass.getuser()}"[:64], "")
         yield db
     database.kw["bind"].dispose()
 
 
-def _told(line: AuditLine) -> str:
+def _line_words(line: AuditLine) -> str:
     about = " ".join(word for word in (line.what, line.kind, line.ref) if word)
     whose = (
         f" of patient {line.patient}" if line.patient is not None and line.kind != "patient" else ""

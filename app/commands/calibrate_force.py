@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     before = _before(out) if out else {}
     table = load_table(arguments.table, params.gravity)
     solved = solve(params, table.raw, table.loads, [f"line {line}" for line in table.lines])
-    for line in _told(table, solved):
+    for line in _summary_lines(table, solved):
         say(line)
     turn = solved.turn_sd if table.by_accelerometer else None
     entry = table_of(
@@ -111,7 +111,7 @@ def _before(path: Path) -> dict[str, Any]:
     return found
 
 
-def _told(table: LoadTable, s: Solved) -> list[str]:
+def _summary_lines(table: LoadTable, s: Solved) -> list[str]:
     """How well the loads are met, which do not belong, and how sure a force is."""
     axes = AXES[: len(s.left)]
     left = "; ".join(f"{name} {_size(value, name)}" for name, value in zip(axes, s.left))

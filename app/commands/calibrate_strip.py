@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not solved:
         raise InputError(f"no sensor of {arguments.recording.name} could be calibrated")
     for name, found in solved.items():
-        for line in _told(name, found):
+        for line in _summary_lines(name, found):
             say(line)
     if arguments.out:
         save_file((json.dumps(_table(recording, solved), indent=2) + "\n").encode(), arguments.out)
@@ -113,7 +113,7 @@ def _magnetometer(recording: LoadedRecording, name: str) -> tuple[Array | None, 
     return None, None
 
 
-def _told(name: str, s: Solved) -> list[str]:
+def _summary_lines(name: str, s: Solved) -> list[str]:
     units = {
         GYR: (180 / np.pi, "deg a turn"),
         ACC: (1.0, "m/s^2 at rest"),

@@ -48,7 +48,7 @@ UP = {
 
 
 @dataclass(frozen=True)
-class Moved:
+class ComparedMovement:
     """One side with its movement."""
 
     side: Side
@@ -175,7 +175,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _on_clock(b: Moved, lag: Lag) -> Moved:
+def _on_clock(b: ComparedMovement, lag: Lag) -> ComparedMovement:
     """B by A's clock."""
     onset, end = (
         lag.on_a(np.array([getattr(e, end) for e in b.events], dtype=float))
@@ -188,7 +188,9 @@ def _on_clock(b: Moved, lag: Lag) -> Moved:
     return replace(b, trajectory=replace(b.trajectory, t=lag.on_a(b.trajectory.t)), events=events)
 
 
-def _wrists(a: Moved, b: Moved, arguments: argparse.Namespace) -> dict[str, Array]:
+def _wrists(
+    a: ComparedMovement, b: ComparedMovement, arguments: argparse.Namespace
+) -> dict[str, Array]:
     """The wrist's centre (3,) of each side whose stretch is named, in its own frame."""
     centres = {}
     for name, moved in (("a", a), ("b", b)):
@@ -204,7 +206,10 @@ def _wrists(a: Moved, b: Moved, arguments: argparse.Namespace) -> dict[str, Arra
 
 
 def _tips(
-    a: Moved, b: Moved, centres: dict[str, Array], parts: list[tuple[str, float, float]]
+    a: ComparedMovement,
+    b: ComparedMovement,
+    centres: dict[str, Array],
+    parts: list[tuple[str, float, float]],
 ) -> Tips:
     """How far the tips are apart, in A's frame or, where only B's is the wrist's, in B's."""
     t, on_a = a.trajectory.t, a.trajectory.tips
@@ -262,20 +267,20 @@ def _require_places(arguments: argparse.Namespace) -> None:
         require_file(arguments.plot, arguments.out)
 
 
-def _both(arguments: argparse.Namespace) -> tuple[Moved, Moved]:
+def _both(arguments: argparse.Namespace) -> tuple[ComparedMovement, ComparedMovement]:
     """Both sides, of one hand."""
     opened = {name: _opened(getattr(arguments, name), arguments.hand) for name in ("a", "b")}
-    said = {name: None if isinstance(o, Markers) else o.hand for name, o in opened.items()}
-    if said["a"] and said["b"] and said["a"] != said["b"]:
+    hands = {name: None if isinstance(o, Markers) else o.hand for name, o in opened.items()}
+    if hands["a"] and hands["b"] and hands["a"] != hands["b"]:
         raise InputError(
-            f"A is of the {said['a']} hand, B of the {said['b']} one; choose two recordings of one hand"
+            f"A is of the {hands['a']} hand, B of the {hands['b']} one; choose two recordings of one hand"
         )
-    hand = said["a"] or said["b"] or arguments.hand
+    hand = hands["a"] or hands["b"] or arguments.hand
     if hand is None:
         raise InputError("neither recording says which hand was measured; give --hand")
     poses = {name: _pose(() if isinstance(o, Markers) else o.events) for name, o in opened.items()}
-    a = _moved("a", opened["a"], hand, poses["a"], poses["b"], arguments)
-    return a, _moved("b", opened["b"], hand, poses["b"], poses["a"], arguments)
+    a = _load_movement("a", opened["a"], hand, poses["a"], poses["b"], arguments)
+    return a, _load_movement("b", opened["b"], hand, poses["b"], poses["a"], arguments)
 
 
 def _pose(events: tuple[Event, ...]) -> Event | None:
@@ -298,14 +303,14 @@ def _opened(path: Path, hand: Hand | None) -> LoadedRecording | Kinematics | Mar
     return kinematics.load(files, tables[0], hand)
 
 
-def _moved(
+def _load_movement(
     name: str,
     opened: LoadedRecording | Kinematics | Markers,
     hand: Hand,
     own: Event | None,
     other: Event | None,
     arguments: argparse.Namespace,
-) -> Moved:
+) -> ComparedMovement:
     """One side's movement; `own` and `other` are the two sides' initial poses."""
     path, given = (
         getattr(arguments, name),
@@ -338,22 +343,24 @@ def _moved(
                 UP[arguments.up],
             ),
         )
-        return Moved(side, moved, () if isinstance(opened, Markers) else opened.events, "")
+        return ComparedMovement(
+            side, moved, () if isinstance(opened, Markers) else opened.events, ""
+        )
     moved = replace(opened.trajectory, hand=hand)
     if static:
-        if opened.angles_told:
+        if opened.has_angles:
             raise InputError(
                 f"{opened.name} tells joint angles; --static-{name} is for markers and orientations"
             )
         moved = optical_trajectory.aligned(moved, _flat(static, own, other, UP[arguments.up]))
     source = (
         "joint angles"
-        if opened.angles_told
+        if opened.has_angles
         else "orientations"
         if np.isfinite(moved.q_GS).any()
         else "tips"
     )
-    return Moved(
+    return ComparedMovement(
         Side(opened.name, source, len(moved), warnings=opened.warnings),
         moved,
         opened.events,
@@ -362,7 +369,7 @@ def _moved(
     )
 
 
-def _processed(path: Path, recording: LoadedRecording, given: dict[str, Any]) -> Moved:
+def _processed(path: Path, recording: LoadedRecording, given: dict[str, Any]) -> ComparedMovement:
     name = given["method"] or "m2"
     method, params = method_of(argparse.Namespace(method=name, option=given["option"]))
     other = (
@@ -389,7 +396,7 @@ def _processed(path: Path, recording: LoadedRecording, given: dict[str, Any]) ->
         (),
         processed.warnings,
     )
-    return Moved(side, processed.trajectory, recording.events, recording.checksum, True)
+    return ComparedMovement(side, processed.trajectory, recording.events, recording.checksum, True)
 
 
 def _flat(
@@ -408,9 +415,9 @@ def _first(markers: Markers) -> tuple[float, float]:
 def _by_markers(name: str, markers: Markers, hand: Hand, pose: FlatPose) -> tuple[Side, Trajectory]:
     fits = optical_trajectory.clusters(markers, pose)
     moved = optical_trajectory.trajectory_of(markers, fits, hand, pose)
-    told = f"by markers, flat pose {pose.start:.1f} to {pose.stop:.1f} s"
+    source = f"by markers, flat pose {pose.start:.1f} to {pose.stop:.1f} s"
     return Side(
-        name, told, len(moved), (), tuple(optical_trajectory.rigidity(fits, markers))
+        name, source, len(moved), (), tuple(optical_trajectory.rigidity(fits, markers))
     ), moved
 
 
@@ -425,7 +432,9 @@ def _stretch(words: str, name: str, option: str) -> tuple[float, float]:
     return first, last
 
 
-def _lag(a: Moved, b: Moved, arguments: argparse.Namespace) -> tuple[Lag, str]:
+def _lag(
+    a: ComparedMovement, b: ComparedMovement, arguments: argparse.Namespace
+) -> tuple[Lag, str]:
     names, on_a, on_b = comparison.shared(a.trajectory, b.trajectory)
     if not names:
         raise InputError(

@@ -72,9 +72,9 @@ def _write_replay(arguments: argparse.Namespace) -> None:
             f"{arguments.recording} gave no movement by {arguments.method}; there is nothing to replay"
         )
     movement = {"t": moved.t, "angles": moved.angles, "q_GH": moved.q_GS[:, SEGMENT["hand"]]}
-    told = chapters(recording.events, load_all(), ENGLISH)
+    chapter_list = chapters(recording.events, load_all(), ENGLISH)
     title = arguments.title or ENGLISH.say("replay.title")
-    data = replay_file(recording.hand, recording.geometry, movement, told, title, ENGLISH)
+    data = replay_file(recording.hand, recording.geometry, movement, chapter_list, title, ENGLISH)
     save_file(data, arguments.replay)
     say(
         f"{moved.t[-1] - moved.t[0]:.1f} s by {arguments.method}, {len(data) / 1e6:.1f} MB: {arguments.replay}"

@@ -16,7 +16,7 @@ from handscope.app.commands.words import say, seed
 from handscope.app.devices.virtual_glove import terminal
 from handscope.app.devices.virtual_glove.faults import FaultParams, Faults
 from handscope.app.devices.virtual_glove.firmware import Build, Firmware
-from handscope.app.devices.virtual_glove.flash import Flash, delivered, require_fitting
+from handscope.app.devices.virtual_glove.flash import Flash, factory_flash, require_fitting
 from handscope.app.devices.virtual_glove.wearer import Playback, SimulatedPerson, Wearer, layout
 from handscope.estimators.data.samples import GYR
 from handscope.estimators.errors import InputError
@@ -156,7 +156,7 @@ def run(arguments: argparse.Namespace) -> int:
     flash = (
         Flash()
         if arguments.replay
-        else delivered(wearer.streams, np.random.default_rng([arguments.seed, 1]))
+        else factory_flash(wearer.streams, np.random.default_rng([arguments.seed, 1]))
     )
     if arguments.force_setup:
         flash.forces, flash.tells_forces = (
@@ -230,8 +230,8 @@ def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
 def _forces(path: Path, wearer: Wearer) -> dict[str, ForceSetup]:
     """By point, of the force sensors that are worn."""
     try:
-        told = json.loads(path.read_text("utf-8"))["ForceSetup"]
-        forces = setups_from(told)
+        table = json.loads(path.read_text("utf-8"))["ForceSetup"]
+        forces = setups_from(table)
     except OSError as problem:
         raise InputError(f"{path} cannot be read: {problem.strerror}") from problem
     except (ValueError, KeyError, TypeError, AttributeError) as problem:

@@ -145,12 +145,12 @@ def _connected(glove: Glove, arguments: argparse.Namespace):  # type: ignore[no-
         raise InputError(
             f"{arguments.port} is open, but no glove speaks there; is it the right port?"
         )
-    said = glove.assembler.identity.hand if glove.assembler.identity else None
-    if said and arguments.hand not in (None, said):
+    glove_hand = glove.assembler.identity.hand if glove.assembler.identity else None
+    if glove_hand and arguments.hand not in (None, glove_hand):
         raise InputError(
-            f"this is a {said} glove, --hand says {arguments.hand}; connect the other glove or leave --hand out"
+            f"this is a {glove_hand} glove, --hand says {arguments.hand}; connect the other glove or leave --hand out"
         )
-    hand = said or arguments.hand
+    hand = glove_hand or arguments.hand
     if hand is None:
         raise InputError(
             "the glove does not say which hand it is; give --hand left or --hand right"
@@ -163,7 +163,7 @@ def _follow(glove: Glove, tracking: Tracking, seconds: float | None) -> str:
 
     Gives back what ended it before its time, empty where nothing did.
     """
-    began, newest, heard, used = time.monotonic(), -1.0, time.monotonic(), 0
+    began, newest, last_seen, used = time.monotonic(), -1.0, time.monotonic(), 0
     hear, close = progress_bar("recording")
     try:
         while seconds is None or time.monotonic() - began < seconds:
@@ -172,8 +172,8 @@ def _follow(glove: Glove, tracking: Tracking, seconds: float | None) -> str:
             if glove.state.state == "recording_failed":
                 raise InputError(f"the recording stopped: {glove.state.reason}")
             if tracking.newest_sample() > newest:
-                newest, heard = tracking.newest_sample(), time.monotonic()
-            elif time.monotonic() - heard > SILENCE:
+                newest, last_seen = tracking.newest_sample(), time.monotonic()
+            elif time.monotonic() - last_seen > SILENCE:
                 break
             poses = [m for m in glove.assembler.marks if m.trial_type == "initial_pose"]
             if len(poses) > used and newest > poses[used].end + 0.05:

@@ -33,7 +33,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     if arguments.check:
         manifest = backup.check(arguments.file)
-        say(f"{arguments.file} is whole: {_told(manifest)}")
+        say(f"{arguments.file} is whole: {_manifest_words(manifest)}")
         return 0
     if arguments.data is None:
         raise InputError("say where to restore: --data DIR, an empty folder")
@@ -43,10 +43,10 @@ def run(arguments: argparse.Namespace) -> int:
     finally:
         close()
     say(
-        f"{_told(manifest)}\nStart it with: handscope serve --data {arguments.data}{' --database ...' if arguments.database else ''}"
+        f"{_manifest_words(manifest)}\nStart it with: handscope serve --data {arguments.data}{' --database ...' if arguments.database else ''}"
     )
     return 0
 
 
-def _told(manifest: dict[str, Any]) -> str:
+def _manifest_words(manifest: dict[str, Any]) -> str:
     return f"{counted(len(manifest['files']), 'file')} of {manifest['made']}, made by version {manifest['software']}"

@@ -146,8 +146,8 @@ def sign_on(arguments: argparse.Namespace) -> SignOn | None:
     """What the options and the environment agree with a provider; None unless one is named."""
     if not arguments.oidc_issuer:
         return None
-    told = arguments.oidc_role or os.environ.get("HANDSCOPE_OIDC_ROLES", "").split()
-    roles = parse(told) or {role: role for role in ROLES}
+    mapping = arguments.oidc_role or os.environ.get("HANDSCOPE_OIDC_ROLES", "").split()
+    roles = parse(mapping) or {role: role for role in ROLES}
     if unknown := set(roles.values()) - set(ROLES):
         raise InputError(
             f"--oidc-role, or HANDSCOPE_OIDC_ROLES, names the role {sorted(unknown)[0]!r}; roles are {', '.join(ROLES)}"

@@ -36,12 +36,12 @@ from handscope.sessions.tables_io.writing import save_file
 FOREARM_RATE = 100.0  # Hz, of a forearm sensor with a clock of its own
 
 FUNCTIONAL = "functional_calibration"
-TASKS_TOLD = f"tasks are {', '.join(task_performance.TASKS)}; experiments are {', '.join(name for name in EXPERIMENTS if name not in task_performance.TASKS)}; {FUNCTIONAL}: its steps, then free movement; {', '.join(object_dynamics.TASKS)}: with force sensors on thumb and index tip; captured needs --markers"
-PRESETS_TOLD = "; ".join(f"{name} ({source})" for name, source in PRESET_SOURCES.items())
+TASKS_HELP = f"tasks are {', '.join(task_performance.TASKS)}; experiments are {', '.join(name for name in EXPERIMENTS if name not in task_performance.TASKS)}; {FUNCTIONAL}: its steps, then free movement; {', '.join(object_dynamics.TASKS)}: with force sensors on thumb and index tip; captured needs --markers"
+PRESETS_HELP = "; ".join(f"{name} ({source})" for name, source in PRESET_SOURCES.items())
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("task", help=f"{TASKS_TOLD}; an initial pose comes before it")
+    parser.add_argument("task", help=f"{TASKS_HELP}; an initial pose comes before it")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.zip")
     parser.add_argument("--hand", choices=HANDS, default="left")
     parser.add_argument("--seed", type=seed, default=0)
@@ -57,7 +57,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--preset",
         choices=PRESETS,
         default="MPU-9250",
-        help=f"sensors and how they err: {PRESETS_TOLD}",
+        help=f"sensors and how they err: {PRESETS_HELP}",
     )
     parser.add_argument(
         "--ideal", action="store_true", help="sensors without errors: --preset ideal"
@@ -116,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
     recording, label = as_recording(made), "".join(c for c in arguments.task if c.isalnum())
     files = writer.tree(recording, "simulated", label)
     files |= truth_files(made.truth, recording, "simulated", label, software_version())
-    save_file(writer.packed(files), arguments.out)
+    save_file(writer.pack(files), arguments.out)
     say(
         f"{recording.duration:.0f} s, {arguments.hand} hand, seed {arguments.seed}: {arguments.out}"
     )
@@ -168,11 +168,11 @@ def _made(arguments: argparse.Namespace) -> Simulated:
     if arguments.task in object_dynamics.TASKS:
         return _held(arguments, rng, errors, field)
     if arguments.task not in (*task_performance.TASKS, FUNCTIONAL):
-        raise InputError(f"there is no task {arguments.task!r} to simulate; {TASKS_TOLD}")
+        raise InputError(f"there is no task {arguments.task!r} to simulate; {TASKS_HELP}")
     if arguments.task == FUNCTIONAL:
         return _functional(arguments, rng, errors, field)
     if arguments.pose_error:
-        raise InputError(f"--pose-error is for experiments, {arguments.task} is none; {TASKS_TOLD}")
+        raise InputError(f"--pose-error is for experiments, {arguments.task} is none; {TASKS_HELP}")
     if arguments.trunk:
         return _with_trunk(arguments, rng, errors)
     names = ["initial_pose"] + ([] if arguments.task == "initial_pose" else [arguments.task])

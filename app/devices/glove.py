@@ -53,7 +53,7 @@ class Glove:
             metadata,
             on_blocks,
         )
-        self.assembler = Assembler(kept_forces=force_calibrations.of_recording(metadata))
+        self.assembler = Assembler(stored_forces=force_calibrations.of_recording(metadata))
         self.state = GloveState()
         self.decoding_failures = 0
         self._worn_on: Mapping[str, str] | None = (
@@ -170,9 +170,11 @@ class Glove:
                 )
             )
 
-    def _take_state(self, told: dict[str, Any]) -> None:
-        self._set_state(GloveState(told["state"], told.get("reason", ""), told.get("dropped", 0)))
-        if told["state"] == "opened":
+    def _take_state(self, message: dict[str, Any]) -> None:
+        self._set_state(
+            GloveState(message["state"], message.get("reason", ""), message.get("dropped", 0))
+        )
+        if message["state"] == "opened":
             self.send(wire.Identify())
             self.send(wire.Start())
 

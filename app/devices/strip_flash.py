@@ -63,9 +63,9 @@ def _places(
     return {point: (plugged[point][0].slot, plugged[point][1]) for point in calibrations}
 
 
-def _over(kept: wire.StripCalibration, found: ImuCalibration) -> ImuCalibration:
+def _over(stored: wire.StripCalibration, found: ImuCalibration) -> ImuCalibration:
     """What was found, and of quantities that were not calibrated what the strip has."""
-    before = correction_of(kept)
+    before = correction_of(stored)
     return ImuCalibration({**before.matrix, **found.matrix}, {**before.bias, **found.bias})
 
 

@@ -47,7 +47,7 @@ class Language:
     def say(self, key: str, **values: object) -> str:
         """The words of a key."""
         text = self.words[key]
-        return _filled(text, values)
+        return _fill(text, values)
 
     def known(self, key: str, otherwise: str) -> str:
         return self.words.get(key, otherwise)
@@ -85,32 +85,39 @@ class Language:
             else words
         )
 
-    def heard(self, sentence: str) -> str:
+    def translate(self, sentence: str) -> str:
         """What was written in English elsewhere: in this language where it is known, else as it is; segments by their names."""
         if (known := self.sentences.get(sentence)) is not None:
             return known
         if len(sentence) <= MOST_SENTENCES:
             if len(parts := sentence.split("; ")) > 1 and all(self._knows(part) for part in parts):
-                return "; ".join(self.heard(part) for part in parts)
+                return "; ".join(self.translate(part) for part in parts)
             for pattern, text in self._patterns:
                 if found := pattern.fullmatch(sentence):
-                    return _filled(
-                        text, {name: self.heard(value) for name, value in found.groupdict().items()}
+                    return _fill(
+                        text,
+                        {name: self.translate(value) for name, value in found.groupdict().items()},
                     )
         if self.sentences and "; " in sentence:  # several of them together
-            return "; ".join(self.heard(part) for part in sentence.split("; "))
+            return "; ".join(self.translate(part) for part in sentence.split("; "))
         return self._localised(sentence)
 
-    def told(self, value: Any, keys: Collection[str]) -> Any:
+    def translate_keys(self, value: Any, keys: Collection[str]) -> Any:
         """Plain data with the texts under these keys, at any depth, as heard."""
         if self.code == DEFAULT:
             return value
         if isinstance(value, Mapping):
             return {
-                k: _heard(self, v) if k in keys and isinstance(v, str) else self.told(v, keys)
+                k: _translate_cached(self, v)
+                if k in keys and isinstance(v, str)
+                else self.translate_keys(v, keys)
                 for k, v in value.items()
             }
-        return [self.told(v, keys) for v in value] if isinstance(value, list | tuple) else value
+        return (
+            [self.translate_keys(v, keys) for v in value]
+            if isinstance(value, list | tuple)
+            else value
+        )
 
     def _localised(self, text: str) -> str:
         """Segments by their names, decimal numbers in the locale's form."""
@@ -132,7 +139,7 @@ class Language:
     def _worded(self) -> list[re.Pattern[str]]:
         """Sentences with gaps and words of their own."""
         return [
-            re.compile(_gapped(s), re.DOTALL)
+            re.compile(_to_pattern(s), re.DOTALL)
             for s in self.sentences
             if NAME.search(s) and re.search("[a-z]{2}", NAME.sub("", s))
         ]
@@ -143,13 +150,13 @@ class Language:
         gapped = sorted(
             (s for s in self.sentences if NAME.search(s)), key=lambda s: -len(NAME.sub("", s))
         )
-        return [(re.compile(_gapped(s), re.DOTALL), self.sentences[s]) for s in gapped]
+        return [(re.compile(_to_pattern(s), re.DOTALL), self.sentences[s]) for s in gapped]
 
 
 @lru_cache(2000)
-def _heard(one: Language, sentence: str) -> str:
+def _translate_cached(one: Language, sentence: str) -> str:
     """For what is said again and again."""
-    return one.heard(sentence)
+    return one.translate(sentence)
 
 
 def languages() -> Mapping[str, Language]:
@@ -188,30 +195,30 @@ def _read(code: str, text: str, english: Language | None) -> Language:
     """One language; what it lacks is English."""
     if not CODE.fullmatch(code):
         raise ValueError("its name is no code of a language such as fr")
-    told = json.loads(text, object_pairs_hook=_each_once)
+    content = json.loads(text, object_pairs_hook=_each_once)
     if (
-        not isinstance(told, dict)
-        or not isinstance(told.get("name"), str)
-        or not isinstance(told.get("locale"), str)
+        not isinstance(content, dict)
+        or not isinstance(content.get("name"), str)
+        or not isinstance(content.get("locale"), str)
     ):
         raise ValueError('it begins with "name" and "locale", such as "Français" and "fr_FR"')
     for part in PARTS:
-        if not isinstance(told.get(part), dict) or not all(
-            isinstance(words, str) for words in told[part].values()
+        if not isinstance(content.get(part), dict) or not all(
+            isinstance(words, str) for words in content[part].values()
         ):
             raise ValueError(f'"{part}" holds words by their keys')
     try:
-        locale = Locale.parse(told["locale"])
+        locale = Locale.parse(content["locale"])
     except UnknownLocaleError:
-        raise ValueError(f"there is no locale {told['locale']!r}") from None
+        raise ValueError(f"there is no locale {content['locale']!r}") from None
     pages, words = (english.pages, english.words) if english else ({}, {})
     return Language(
         code,
-        told["name"],
+        content["name"],
         locale,
-        {**pages, **told["pages"]},
-        {**words, **told["words"]},
-        told["sentences"],
+        {**pages, **content["pages"]},
+        {**words, **content["words"]},
+        content["sentences"],
     )
 
 
@@ -235,12 +242,12 @@ def language(code: str) -> Language:
 
 def preferred(accepted: str) -> Language:
     """The first of an Accept-Language header that there is, else English."""
-    wanted = sorted(_weighed(accepted), key=lambda w: -w[0])
+    wanted = sorted(_weigh(accepted), key=lambda w: -w[0])
     code = negotiate_locale([tag for _, tag in wanted], [*languages()], sep="-")
     return languages()[code or DEFAULT]
 
 
-def _weighed(accepted: str) -> Iterable[tuple[float, str]]:
+def _weigh(accepted: str) -> Iterable[tuple[float, str]]:
     for part in accepted[:1000].split(","):
         tag, _, weight = part.partition(";q=")
         try:
@@ -249,11 +256,11 @@ def _weighed(accepted: str) -> Iterable[tuple[float, str]]:
             continue
 
 
-def _filled(text: str, values: Mapping[str, object]) -> str:
+def _fill(text: str, values: Mapping[str, object]) -> str:
     return NAME.sub(lambda found: str(values.get(found[1], found[0])), text)
 
 
-def _gapped(sentence: str) -> str:
+def _to_pattern(sentence: str) -> str:
     """A regular expression from a sentence with {names}; a name that stands twice is the same both times."""
     seen: set[str] = set()
     pieces = []

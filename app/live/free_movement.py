@@ -19,7 +19,7 @@ from handscope.app.live.wizard.machine import Effect
 from handscope.app.workers.self_calibration import SelfCalibrationSolver
 from handscope.estimators.data.calibration import Known
 from handscope.estimators.data.samples import Event
-from handscope.sessions.clinic.self_calibrations import ALL, Found, taken_over
+from handscope.sessions.clinic.self_calibrations import ALL, FoundCalibration, select_parts
 from handscope.sessions.files.recording import LoadedRecording
 
 
@@ -31,13 +31,13 @@ class FreeMovement:
         glove: Glove,
         tracking: Tracking,
         number: Callable[[], int],
-        keep: Callable[[Found, str], object],
+        keep: Callable[[FoundCalibration, str], object],
     ) -> None:
         self._glove, self._tracking, self._number, self._keep = glove, tracking, number, keep
         self.solver: SelfCalibrationSolver | None = None
         self.meter: FreeMeter | None = None  # of the newest free movement
         self._moving = False
-        self.solution: Found | None = None
+        self.solution: FoundCalibration | None = None
         self._event: tuple[str, Event] | None = None
         self._used: Known | None = None
 
@@ -66,7 +66,7 @@ class FreeMovement:
         elif effect.kind == "leave_free":
             self._leave(effect.reason)
         elif effect.kind == "use_free" and self.solution is not None:
-            self._used = taken_over(self.solution.table, ALL)
+            self._used = select_parts(self.solution.table, ALL)
             self._keep(self.solution, self.glove_id)
             self._event = None
 
@@ -118,7 +118,7 @@ class FreeMovement:
             "share": None if self.solver is None else round(self.solver.share, 2),
             "found": None
             if self.solution is None
-            else {"table": self.solution.table, "told": list(self.solution.told)},
+            else {"table": self.solution.table, "told": list(self.solution.messages)},
         }
 
     @property

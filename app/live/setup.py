@@ -10,7 +10,7 @@ from handscope.app.protocols import Protocol
 from handscope.estimators.data.calibration import Known
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.sessions.clinic.self_calibrations import Found
+from handscope.sessions.clinic.self_calibrations import FoundCalibration
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,9 @@ class Setup:
     free: Protocol | None = None  # free movement to calibrate from
     prior: Known | None = None  # what the session takes over of an earlier self-calibration
     prior_glove: str = ""  # device id of its glove
-    store_solution: Callable[[Found, str], object] = lambda found, glove: None  # with the patient
+    store_solution: Callable[[FoundCalibration, str], object] = lambda found, glove: (
+        None
+    )  # with the patient
     about: Mapping[str, Any]  # stored in the recording: pseudonym, session, ...
 
     @property

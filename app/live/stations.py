@@ -161,7 +161,7 @@ def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup
         raise InputError(f"there is no method {method!r}; methods are {', '.join(METHODS)}")
     module = METHODS[method]
     params = with_options(module.Params, options)
-    protocols, faults, force_files = *offered(data), force_calibrations.kept(data)
+    protocols, faults, force_files = *offered(data), force_calibrations.read_stored(data)
     functional = getattr(params, "functional", False) and params.alignment != "heading"
     steps = tuple(load_steps().values()) if functional else ()
     free = load_free() if method in USED_BY else None

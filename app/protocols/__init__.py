@@ -271,7 +271,7 @@ def _sentence(errors: Sequence[ErrorDetails]) -> str:
         Phase if where.startswith("cycle[") else Score if where.startswith("score.") else Protocol
     )
     allowed = [f.name for f in fields(kind_of)]
-    said = error["msg"].replace("Input should", "it should")
+    words = error["msg"].replace("Input should", "it should")
     match error["type"]:
         case "json_invalid":
             return f"is not valid JSON ({error['msg'].removeprefix('Invalid JSON: ')})"
@@ -280,10 +280,10 @@ def _sentence(errors: Sequence[ErrorDetails]) -> str:
         case kind if kind in UNKNOWN:
             return f"{where} is no field; fields are {', '.join(allowed)}{_and_more(more)}"
         case "string_pattern_mismatch":
-            said = "it should be small letters, digits and _, beginning with a letter"
+            words = "it should be small letters, digits and _, beginning with a letter"
     if not where:
         return f"the file should hold one object with the fields {', '.join(allowed)}"
-    return f"{where} is {error['input']!r}; {said[0].lower()}{said[1:]}{_and_more(more)}"
+    return f"{where} is {error['input']!r}; {words[0].lower()}{words[1:]}{_and_more(more)}"
 
 
 def _and_more(more: int) -> str:

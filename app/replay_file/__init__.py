@@ -107,7 +107,7 @@ def _title(event: Event, protocols: Mapping[str, Protocol], language: Language) 
         return language.say("replay.initial_pose")
     name = str(event.details.get("task_name", "task"))
     return (
-        language.heard(protocols[name].title)
+        language.translate(protocols[name].title)
         if name in protocols
         else name.replace("_", " ").capitalize()
     )

@@ -38,8 +38,8 @@ ADVICE = (  # a piece of a reason as the measure says it, and what is to be done
 
 def advice(reasons: Iterable[str], language: Language) -> list[str]:
     """A sentence for each thing to do, once; none where the reasons name nothing that a person could mend."""
-    told = "; ".join(reasons)
-    found = dict.fromkeys(what for piece, what in ADVICE if piece in told)
+    joined = "; ".join(reasons)
+    found = dict.fromkeys(what for piece, what in ADVICE if piece in joined)
     return [
         language.say(f"advice.{what}")
         for what in found

@@ -22,7 +22,7 @@ DECIMALS = {"deg": 0, "per s": 2, "s": 3, "%": 1, "mm": 1, "mm/s": 0, "": 1}
 
 
 @dataclass(frozen=True)
-class _Said:
+class _ChangeWords:
     """A change with what of whom it is: "Index MCP", "flexion"."""
 
     joint: str
@@ -37,9 +37,9 @@ def row_words(
 ) -> dict[str, str]:
     """For the cells flexion, extension and sideways of a row: "8° more, beyond MDC 12°"; "" where there is nothing to compare with."""
     cells: dict[str, list[str]] = {"flexion": [], "extension": [], "sideways": []}
-    for cell, way, c, sign in _ends(found, tasks, row):
-        cells[cell].append(f"{side_words(way, language)} {_words(c, sign, language)}".strip())
-    return {cell: "; ".join(said) for cell, said in cells.items()}
+    for cell, side, c, sign in _ends(found, tasks, row):
+        cells[cell].append(f"{side_words(side, language)} {_words(c, sign, language)}".strip())
+    return {cell: "; ".join(words) for cell, words in cells.items()}
 
 
 def row_ends(
@@ -57,32 +57,32 @@ def range_changes(
     found: Changes, tasks: Sequence[Task], rows: Sequence[RangeRow], language: Language
 ) -> str:
     """All rows in one paragraph, what is beyond the MDC first; "" where none has a change."""
-    said = [
-        _Said(
+    worded = [
+        _ChangeWords(
             f"{row.group} {row.joint}".strip(),
-            side_words(way, language) or language.say(f"cell.{cell}"),
+            side_words(side, language) or language.say(f"cell.{cell}"),
             c,
             *_which(c, sign, language),
         )
         for row in rows
-        for cell, way, c, sign in _ends(found, tasks, row)
+        for cell, side, c, sign in _ends(found, tasks, row)
     ]
-    return _paragraph(found, said, found.sources("range_of_motion"), language)
+    return _paragraph(found, worded, found.sources("range_of_motion"), language)
 
 
 def tapping_changes(found: Changes, tasks: Sequence[Task], language: Language) -> str:
     """The same of the means over the trials of tapping."""
     names = {t.result.task for t in tasks}
-    said = [
-        _Said("", language.say(f"figure.{c.name}"), c, *_which(c, 1, language, LEVEL))
+    worded = [
+        _ChangeWords("", language.say(f"figure.{c.name}"), c, *_which(c, 1, language, LEVEL))
         for c in found.each
         if c.measure == "tapping" and c.task in names and language.known(f"figure.{c.name}", "")
     ]
-    told = found.sources("range_of_motion")
+    shown = found.sources("range_of_motion")
     return _paragraph(
         found,
-        said,
-        [sentence for sentence in found.sources("tapping") if sentence not in told],
+        worded,
+        [sentence for sentence in found.sources("tapping") if sentence not in shown],
         language,
     )
 
@@ -107,13 +107,13 @@ def amount(value: float, name: str, unit: str, language: Language) -> str:
 
 
 def _paragraph(
-    found: Changes, said: Sequence[_Said], sources: Sequence[str], language: Language
+    found: Changes, worded: Sequence[_ChangeWords], sources: Sequence[str], language: Language
 ) -> str:
     """Of joints, what of them, changes and their words; an MDC that is not the published one, which the sources tell, stands with its change."""
-    if not said:
+    if not worded:
         return ""
     groups: dict[str, dict[str, list[str]]] = {"beyond": {}, "within": {}, "unjudged": {}}
-    for s in said:
+    for s in worded:
         c = s.change
         own = c.basis in ("own", "glove") and c.mdc95 is not None
         mdc95 = (
@@ -128,10 +128,10 @@ def _paragraph(
         "; ".join(f"{joint} {', '.join(all_)}".strip() for joint, all_ in g.items())
         for g in groups.values()
     )
-    inside = [s for s in said if s.change.mdc95 is not None and not s.change.beyond]
+    inside = [s for s in worded if s.change.mdc95 is not None and not s.change.beyond]
     if len(inside) > LISTED:
         within = language.say("changes.all_others" if beyond else "changes.all", count=len(inside))
-    told = sum(len(all_) for group in groups.values() for all_ in group.values())
+    listed = sum(len(all_) for group in groups.values() for all_ in group.values())
     return " ".join(
         [
             language.say(
@@ -141,8 +141,12 @@ def _paragraph(
             ),
             *([language.say("changes.within", what=within)] if within else []),
             *([language.say("changes.unjudged", what=unjudged)] if unjudged else []),
-            *([language.say("changes.rest")] if told < len(said) and len(inside) <= LISTED else []),
-            *map(language.heard, sources),
+            *(
+                [language.say("changes.rest")]
+                if listed < len(worded) and len(inside) <= LISTED
+                else []
+            ),
+            *map(language.translate, sources),
         ]
     )
 

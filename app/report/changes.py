@@ -12,7 +12,7 @@ from handscope.app.report.norms import change_of_name
 from handscope.app.report.references import smallest_change, smallest_change_of_rate
 from handscope.app.report.units import reading
 from handscope.estimators.measures.figure import Figure
-from handscope.sessions.clinic.repeatability import ENOUGH, Comparison, Key, enough
+from handscope.sessions.clinic.repeatability import ENOUGH, Comparison, Key, is_sufficient
 from handscope.sessions.db.tables import Repeatability
 
 Basis = Literal["own", "glove", "published", "none"]
@@ -66,14 +66,14 @@ class Changes:
         return next((c for c in self.each if (c.task, c.name) == (task, name)), None)
 
 
-def changes(told: Comparison) -> Changes | None:
+def changes(compared: Comparison) -> Changes | None:
     """Every figure that both sessions have; None where there is none."""
     each = tuple(
-        _change(key, value - told.before[key][0], unit, told)
-        for key, (value, unit) in told.now.items()
-        if key in told.before and not key[2].endswith("_range")
+        _change(key, value - compared.before[key][0], unit, compared)
+        for key, (value, unit) in compared.now.items()
+        if key in compared.before and not key[2].endswith("_range")
     )
-    return Changes(told.since, each) if each else None
+    return Changes(compared.since, each) if each else None
 
 
 def judged_by(
@@ -84,9 +84,9 @@ def judged_by(
         ("own", own.get(key)),
         ("glove", glove.get(key)),
     )
-    for basis, kept in mine:
-        if kept is not None and enough(kept):
-            return Judge(read_as(key, kept.mdc95, unit)[0], basis, (_source(kept),))
+    for basis, row in mine:
+        if row is not None and is_sufficient(row):
+            return Judge(read_as(key, row.mdc95, unit)[0], basis, (_source(row),))
     if key[0] == "range_of_motion" and unit == "rad":
         default = smallest_change()
         words = f"of a joint's angle: {default.value:g}°"
@@ -111,13 +111,13 @@ def read_as(key: Key, value: float, unit: str) -> tuple[float, str]:
     return read.value, {"Hz": "per s"}.get(read.unit, read.unit)
 
 
-def _change(key: Key, difference: float, unit: str, told: Comparison) -> Change:
+def _change(key: Key, difference: float, unit: str, compared: Comparison) -> Change:
     value, shown = read_as(key, difference, unit)
-    judge = judged_by(key, unit, told.own, told.glove)
+    judge = judged_by(key, unit, compared.own, compared.glove)
     return Change(*key, value, shown, judge.mdc95, judge.basis, judge.sources)
 
 
-def _source(kept: Repeatability) -> str:
-    if kept.patient_id is not None:
-        return f"The patient's own MDC: from {kept.sessions} sessions repeated within a week."
-    return f"This glove's MDC: from {kept.sessions} sessions of {kept.people} people, repeated within a week."
+def _source(row: Repeatability) -> str:
+    if row.patient_id is not None:
+        return f"The patient's own MDC: from {row.sessions} sessions repeated within a week."
+    return f"This glove's MDC: from {row.sessions} sessions of {row.people} people, repeated within a week."

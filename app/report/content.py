@@ -12,7 +12,7 @@ import numpy as np
 
 from handscope.app.protocols import Protocol
 from handscope.app.report.changes import Changes
-from handscope.app.report.sections.self_calibration import kept_of
+from handscope.app.report.sections.self_calibration import stored_form
 from handscope.estimators.data.calibration import SensorQuality
 from handscope.estimators.data.options import Description, describe
 from handscope.estimators.data.trajectory import FLAG_WORDS, Flag, Trajectory
@@ -230,7 +230,7 @@ def content(
         tuple(_not_done(recording, protocols)),
         tuple(_left_out(recording, protocols, corrections)),
         tuple(_scores(recording, protocols)),
-        kept_of(processed),
+        stored_form(processed),
     )
 
 
@@ -269,7 +269,7 @@ def _recording(recording: LoadedRecording) -> RecordingFacts:
 def _not_done(recording: LoadedRecording, protocols: Mapping[str, Protocol]) -> list[NotDone]:
     """What the wizard marked as not done, the last word on each task that no attempt was accepted of."""
     done = {str(e.details.get("task_name")) for e in recording.events if e.trial_type == "task"}
-    told: dict[str, NotDone] = {}
+    skipped: dict[str, NotDone] = {}
     for event in recording.events:
         name, outcome = (
             str(event.details.get("task_name", "")),
@@ -282,12 +282,12 @@ def _not_done(recording: LoadedRecording, protocols: Mapping[str, Protocol]) -> 
             and not outcome.startswith(ATTEMPTED)
         ):
             word, _, reason = outcome.partition(":")
-            told[name] = NotDone(_title(name, protocols), word.strip(), reason.strip())
-    return list(told.values())
+            skipped[name] = NotDone(_title(name, protocols), word.strip(), reason.strip())
+    return list(skipped.values())
 
 
 def _scores(recording: LoadedRecording, protocols: Mapping[str, Protocol]) -> list[Scored]:
-    told = [
+    scored = [
         e.details
         for e in recording.events
         if e.trial_type == "task" and e.details.get("score") not in (None, "")
@@ -298,7 +298,7 @@ def _scores(recording: LoadedRecording, protocols: Mapping[str, Protocol]) -> li
             str(d.get("score_title", "")),
             float(d["score"]),
         )
-        for d in told
+        for d in scored
     ]
 
 

@@ -15,13 +15,13 @@ MEASURE = "total_active_motion"
 DEFAULT = next(iter(GRADINGS))
 
 
-def graded(content: Content, scheme: str) -> Content:
+def grade_content(content: Content, scheme: str) -> Content:
     """A report's content with the words of a scheme."""
     other = uninjured(content.hand, content.visit.affected, content.course)
-    return replace(content, tasks=graded_tasks(content.tasks, scheme, other))
+    return replace(content, tasks=grade_tasks(content.tasks, scheme, other))
 
 
-def graded_tasks(tasks: Sequence[Task], scheme: str, other: dict[str, float]) -> tuple[Task, ...]:
+def grade_tasks(tasks: Sequence[Task], scheme: str, other: dict[str, float]) -> tuple[Task, ...]:
     return tuple(
         replace(
             t,

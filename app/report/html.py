@@ -23,7 +23,9 @@ def html(content: Content, language: Language) -> bytes:
     numbers = count()
     return (
         _template()
-        .render(page=words_of(content, language), drawn=lambda svg: _drawn(svg, next(numbers)))
+        .render(
+            page=words_of(content, language), drawn=lambda svg: _insert_chart(svg, next(numbers))
+        )
         .encode()
     )
 
@@ -38,6 +40,6 @@ def _template() -> Template:
     ).get_template(LAYOUT.name)
 
 
-def _drawn(svg: str, number: int) -> Markup:
+def _insert_chart(svg: str, number: int) -> Markup:
     """A figure of ours (plots.py, which escapes text) within the document: without its prologue, its names kept apart from other figures'."""
     return Markup(NAMES.sub(rf"\g<1>f{number}-", PROLOGUE.sub("", svg)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from handscope.app.language import Language
 from handscope.app.report.content import CalibrationFacts, Content, LeftOut, StreamFacts, Task
-from handscope.app.report.sections.measure_plots import drawn
+from handscope.app.report.sections.measure_plots import draw_panels
 from handscope.app.report.sections.other_measures import other_measures
 from handscope.app.report.sections.range_rows import asks_full_range, by_task
 from handscope.app.report.sections.range_section import range_section
@@ -52,7 +52,9 @@ def words_of(content: Content, language: Language) -> Page:
             tapping_section(taps[k : k + TRIALS], k, len(taps), language, content.changes)
             for k in range(0, len(taps), TRIALS)
         ],
-        "others": [drawn(section, language) for section in other_measures(content.tasks, language)],
+        "others": [
+            draw_panels(section, language) for section in other_measures(content.tasks, language)
+        ],
         "further": [
             s
             for s in (range_section(content, trials, language, bars=False) for trials in further)
@@ -62,14 +64,14 @@ def words_of(content: Content, language: Language) -> Page:
         "self_calibration": self_calibration_section(content.self_calibration, language),
         "not_done": [
             [
-                language.heard(n.title),
+                language.translate(n.title),
                 outcome_words(n.outcome, language),
                 n.reason or say("no_reason"),
             ]
             for n in content.not_done
         ],
         "scores": [
-            [language.heard(s.title), language.heard(s.scale), f"{s.score:g}"]
+            [language.translate(s.title), language.translate(s.scale), f"{s.score:g}"]
             for s in content.scores
         ],
         "left_out": [_left_out(part, language) for part in content.left_out],
@@ -132,12 +134,12 @@ def _hour(content: Content, language: Language) -> str:
     visit, hour = content.visit, language.hour(content.date) if content.date else ""
     if visit.recorded_as is None:
         return hour
-    said = language.say(
+    sentences = language.say(
         "fact.session.corrected",
         day=language.short_day(visit.recorded_as),
         hour=language.hour(visit.recorded_as),
     )
-    return f"{hour}; {said} ({visit.date_reason})"
+    return f"{hour}; {sentences} ({visit.date_reason})"
 
 
 def _day(content: Content, language: Language) -> str:
@@ -149,7 +151,7 @@ def _left_out(part: LeftOut, language: Language) -> list[str]:
         "left_out.span", start=language.number(part.onset, 1), end=language.number(part.end, 1)
     )
     return [
-        language.heard(part.title),
+        language.translate(part.title),
         language.known(f"correction.{part.kind}", part.kind),
         span,
         part.reason,
@@ -159,16 +161,16 @@ def _left_out(part: LeftOut, language: Language) -> list[str]:
 def _warnings(content: Content, language: Language) -> list[str]:
     """The first WARNINGS and how many there are beyond."""
     more = len(content.warnings) - WARNINGS
-    said = [language.heard(w) for w in content.warnings[:WARNINGS]]
-    return [*said, *([language.say("warnings.more", count=more)] if more > 0 else [])]
+    sentences = [language.translate(w) for w in content.warnings[:WARNINGS]]
+    return [*sentences, *([language.say("warnings.more", count=more)] if more > 0 else [])]
 
 
 def _calibration(calibrations: Sequence[CalibrationFacts], language: Language) -> Page:
     """What each calibration was, and the sensors' quality over all of them."""
-    said = [
+    sentences = [
         language.say(
             "calibration.span",
-            source=language.heard(c.source),
+            source=language.translate(c.source),
             start=language.number(c.onset, 1),
             end=language.number(c.end, 1),
             sensors=len(c.sensors),
@@ -183,7 +185,7 @@ def _calibration(calibrations: Sequence[CalibrationFacts], language: Language) -
     )
     sensors = [(segment, q) for c in calibrations for segment, q in c.sensors.items()]
     return {
-        "summaries": said or [language.say("calibration.none")],
+        "summaries": sentences or [language.say("calibration.none")],
         "rows": [
             [
                 language.say(f"calibration.{name}"),
@@ -215,20 +217,23 @@ def _signal(content: Content, language: Language) -> list[list[str]]:
         language.say(
             "flagged",
             share=language.number(100 * f.share, 1),
-            what=language.heard(f.words),
+            what=language.translate(f.words),
             worst=language.segment(f.worst),
             worst_share=language.number(100 * f.worst_share),
         )
         for f in content.flagged
     ]
-    alike: dict[tuple[float, tuple[str, ...]], list[StreamFacts]] = {}
+    groups: dict[tuple[float, tuple[str, ...]], list[StreamFacts]] = {}
     for s in content.recording.streams:
-        alike.setdefault((s.rate, s.quantities), []).append(s)
-    losses = {_lost(streams, language) for streams in alike.values()}
-    once = len(losses) == 1 and len(alike) > 1
+        groups.setdefault((s.rate, s.quantities), []).append(s)
+    losses = {_lost(streams, language) for streams in groups.values()}
+    once = len(losses) == 1 and len(groups) > 1
     rows = [
-        [language.say("streams" if len(s) > 1 else "stream"), _streams(s, language, told=not once)]
-        for s in alike.values()
+        [
+            language.say("streams" if len(s) > 1 else "stream"),
+            _streams(s, language, with_losses=not once),
+        ]
+        for s in groups.values()
     ]
     return [
         *rows,
@@ -240,7 +245,7 @@ def _signal(content: Content, language: Language) -> list[list[str]]:
     ]
 
 
-def _streams(streams: Sequence[StreamFacts], language: Language, told: bool) -> str:
+def _streams(streams: Sequence[StreamFacts], language: Language, with_losses: bool) -> str:
     """Streams of the same rate and quantities together; what was lost is `told` of each where they differ in it."""
     words = language.say(
         "streams.of",
@@ -254,7 +259,7 @@ def _streams(streams: Sequence[StreamFacts], language: Language, told: bool) -> 
         rate=f"{streams[0].rate:g}",
         samples=language.number(sum(s.samples for s in streams)),
     )
-    return f"{words}, {_lost(streams, language)}" if told else words
+    return f"{words}, {_lost(streams, language)}" if with_losses else words
 
 
 def _lost(streams: Sequence[StreamFacts], language: Language) -> str:
@@ -292,6 +297,6 @@ def _provenance(content: Content, language: Language) -> list[list[str]]:
         ],
         [say("device"), ", ".join(device) or say("not_recorded")],
         [say("software"), content.software],
-        [say("method"), f"{method.name}: {language.heard(method.title)}"],
+        [say("method"), f"{method.name}: {language.translate(method.title)}"],
         [say("options"), "; ".join(changed) if changed else say("options.default")],
     ]

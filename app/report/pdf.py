@@ -26,7 +26,7 @@ def pdf(content: Content, language: Language, paper: str = "a4") -> bytes:
     moment = int(content.date.timestamp()) if content.date else 0
     while True:
         try:
-            return _compiled(_spelled(page, missing), paper, moment)
+            return _compile(_spell(page, missing), paper, moment)
         except typst.TypstError as problem:
             found = _unprintable(problem)
             if found is None or found in missing:
@@ -34,7 +34,7 @@ def pdf(content: Content, language: Language, paper: str = "a4") -> bytes:
             missing.add(found)
 
 
-def _compiled(page: Any, paper: str, moment: int) -> bytes:
+def _compile(page: Any, paper: str, moment: int) -> bytes:
     """PDF of a page dated `moment` (s since 1970, UTC)."""
     compiler = typst.Compiler(
         LAYOUT,
@@ -56,12 +56,12 @@ def _unprintable(problem: typst.TypstError) -> str | None:
     return chr(int(escaped[1], 16)) if escaped else found[1]
 
 
-def _spelled(value: Any, missing: set[str]) -> Any:
+def _spell(value: Any, missing: set[str]) -> Any:
     """The page with every missing character replaced by its number."""
     if isinstance(value, dict):
-        return {key: _spelled(v, missing) for key, v in value.items()}
+        return {key: _spell(v, missing) for key, v in value.items()}
     if isinstance(value, list):
-        return [_spelled(v, missing) for v in value]
+        return [_spell(v, missing) for v in value]
     if isinstance(value, str) and missing:
         return "".join(f"[U+{ord(c):04X}]" if c in missing else c for c in value)
     return value

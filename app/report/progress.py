@@ -15,10 +15,10 @@ from handscope.app.report.changes import Judge, judged_by, read_as
 from handscope.app.report.content import asked
 from handscope.app.report.references import Reference, references
 from handscope.estimators.hand.anatomy import ANGLES, HANDS, Hand
-from handscope.sessions.clinic.repeatability import Key, Occasion, Visited
+from handscope.sessions.clinic.repeatability import Key, Occasion, ProcessedSession
 
 ENDS: Mapping[str, Literal["largest", "smallest"]] = {"max": "largest", "min": "smallest"}
-Way = tuple[str, str]  # method and options
+Processing = tuple[str, str]  # method and options
 
 
 @dataclass(frozen=True)
@@ -64,30 +64,34 @@ class Progress:
     series: tuple[Series, ...]
 
 
-def progress(visits: Sequence[Visited], protocols: Mapping[str, Protocol]) -> Progress | None:
+def progress(
+    visits: Sequence[ProcessedSession], protocols: Mapping[str, Protocol]
+) -> Progress | None:
     """The course of every figure that a task asked for, by the way in which most sessions were processed; None without a session."""
     if not visits:
         return None
-    way = _usual(visits)
-    kept = [v for v in visits if v.occasion.way[1:] == way]
-    by_hand: dict[Hand, list[Visited]] = {
-        hand: [v for v in kept if v.occasion.hand == hand] for hand in HANDS
+    processing = _most_used(visits)
+    selected = [v for v in visits if v.occasion.processing[1:] == processing]
+    by_hand: dict[Hand, list[ProcessedSession]] = {
+        hand: [v for v in selected if v.occasion.hand == hand] for hand in HANDS
     }
-    every = dict.fromkeys(key for v in kept for key in v.values)
+    every = dict.fromkeys(key for v in selected for key in v.values)
     keys = [key for key in every if not key[2].endswith("_range") and _is_asked(key, protocols)]
     return Progress(
-        way[0],
+        processing[0],
         {hand: tuple(v.occasion for v in found) for hand, found in by_hand.items() if found},
         tuple(_series(key, by_hand) for key in keys),
     )
 
 
-def _usual(visits: Iterable[Visited]) -> Way:
+def _most_used(visits: Iterable[ProcessedSession]) -> Processing:
     """Of the ways the one of most sessions; of several the newest."""
-    sessions: dict[Way, list[int]] = defaultdict(list)
+    sessions: dict[Processing, list[int]] = defaultdict(list)
     for v in visits:
-        sessions[v.occasion.way[1:]].append(v.occasion.session)
-    return max(sessions, key=lambda way: (len(sessions[way]), max(sessions[way])))
+        sessions[v.occasion.processing[1:]].append(v.occasion.session)
+    return max(
+        sessions, key=lambda processing: (len(sessions[processing]), max(sessions[processing]))
+    )
 
 
 def _is_asked(key: Key, protocols: Mapping[str, Protocol]) -> bool:
@@ -96,7 +100,7 @@ def _is_asked(key: Key, protocols: Mapping[str, Protocol]) -> bool:
     return wanted is None or key[2].rpartition("_")[0] in wanted
 
 
-def _series(key: Key, by_hand: Mapping[Hand, Sequence[Visited]]) -> Series:
+def _series(key: Key, by_hand: Mapping[Hand, Sequence[ProcessedSession]]) -> Series:
     joint, angle, end = _parts(key[2])
     courses = {
         hand: _course(key, found)
@@ -115,12 +119,12 @@ def _series(key: Key, by_hand: Mapping[Hand, Sequence[Visited]]) -> Series:
     return Series(*key, unit, joint, angle, end, courses, reference)
 
 
-def _course(key: Key, visits: Sequence[Visited]) -> Course:
+def _course(key: Key, visits: Sequence[ProcessedSession]) -> Course:
     newest = visits[-1]
     judge = judged_by(key, newest.values[key][1], newest.own, newest.glove)
     values = [read_as(key, *v.values[key])[0] for v in visits]
-    before = [None, *(_beyond(now - then, judge) for then, now in pairwise(values))]
-    first = [None, *(_beyond(value - values[0], judge) for value in values[1:])]
+    before = [None, *(_is_beyond(now - then, judge) for then, now in pairwise(values))]
+    first = [None, *(_is_beyond(value - values[0], judge) for value in values[1:])]
     points = zip(visits, values, first, before)
     return Course(
         tuple(
@@ -130,7 +134,7 @@ def _course(key: Key, visits: Sequence[Visited]) -> Course:
     )
 
 
-def _beyond(change: float, judge: Judge) -> bool | None:
+def _is_beyond(change: float, judge: Judge) -> bool | None:
     return None if judge.mdc95 is None else abs(change) > judge.mdc95
 
 

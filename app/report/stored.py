@@ -25,7 +25,7 @@ from handscope.estimators.measures.range_of_motion import Range
 from handscope.estimators.measures.tapping import Tapping
 
 TREE = "tree"
-KEPT: Mapping[str, type] = {
+STORED_TYPES: Mapping[str, type] = {
     **{
         f"{of.__module__}.{of.__name__}": of
         for of in (
@@ -63,17 +63,17 @@ KEPT: Mapping[str, type] = {
 }
 
 
-def packed(whole: Content) -> bytes:
+def pack(whole: Content) -> bytes:
     """A content without what the database knows and may change later: the visit, the course, the changes."""
     own = replace(
         whole,
         visit=content.Visit(patient=""),
         changes=None,
         course=None,
-        tasks=tuple(map(_readable, whole.tasks)),
+        tasks=tuple(map(_without_unread_details, whole.tasks)),
     )
     arrays: dict[str, np.ndarray] = {}
-    tree = json.dumps(_plain(own, arrays), separators=(",", ":"))
+    tree = json.dumps(_to_json(own, arrays), separators=(",", ":"))
     buffer = io.BytesIO()
     np.savez_compressed(
         buffer, allow_pickle=False, **{TREE: np.frombuffer(tree.encode(), np.uint8)}, **arrays
@@ -81,18 +81,18 @@ def packed(whole: Content) -> bytes:
     return buffer.getvalue()
 
 
-def unpacked(data: bytes) -> Content | None:
+def unpack(data: bytes) -> Content | None:
     """What `packed` made; None where it was made of other classes or fields, or is damaged."""
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as kept:
-            arrays = {name: kept[name] for name in kept.files}
-        found = _value(json.loads(arrays.pop(TREE).tobytes()), arrays)
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        found = _from_json(json.loads(arrays.pop(TREE).tobytes()), arrays)
     except (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile):
         return None
     return found if isinstance(found, Content) else None
 
 
-def _readable(task: content.Task) -> content.Task:
+def _without_unread_details(task: content.Task) -> content.Task:
     """A task with only those details that a report reads."""
     details = task.result.details
     ranges = isinstance(details, list) and all(isinstance(d, Range) for d in details)
@@ -103,45 +103,45 @@ def _readable(task: content.Task) -> content.Task:
     )
 
 
-def _plain(value: Any, arrays: dict[str, np.ndarray]) -> Any:
+def _to_json(value: Any, arrays: dict[str, np.ndarray]) -> Any:
     """As JSON takes it: what it does not know is {kind: value}."""
     if isinstance(value, np.ndarray):
         arrays[name := f"a{len(arrays)}"] = value
         return {"array": name}
     if is_dataclass(value):
-        told = {f.name: _plain(getattr(value, f.name), arrays) for f in fields(value)}
-        return {"of": f"{type(value).__module__}.{type(value).__name__}", "fields": told}
+        data = {f.name: _to_json(getattr(value, f.name), arrays) for f in fields(value)}
+        return {"of": f"{type(value).__module__}.{type(value).__name__}", "fields": data}
     if isinstance(value, Mapping):
-        return {"map": [[key, _plain(v, arrays)] for key, v in value.items()]}
+        return {"map": [[key, _to_json(v, arrays)] for key, v in value.items()]}
     if isinstance(value, tuple):
-        return {"tuple": [_plain(v, arrays) for v in value]}
+        return {"tuple": [_to_json(v, arrays) for v in value]}
     if isinstance(value, frozenset):
         return {"set": sorted(value)}
     if isinstance(value, list):
-        return [_plain(v, arrays) for v in value]
+        return [_to_json(v, arrays) for v in value]
     if isinstance(value, datetime):
         return {"moment": value.isoformat()}
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _value(told: Any, arrays: Mapping[str, np.ndarray]) -> Any:
-    if isinstance(told, list):
-        return [_value(v, arrays) for v in told]
-    if not isinstance(told, dict):
-        return told
-    if "of" in told:
-        of = KEPT[told["of"]]
-        if {f.name for f in fields(of)} != told["fields"].keys():
-            raise ValueError(f"{told['of']} has other fields")
-        return of(**{name: _value(v, arrays) for name, v in told["fields"].items()})
-    ((kind, inside),) = told.items()
+def _from_json(data: Any, arrays: Mapping[str, np.ndarray]) -> Any:
+    if isinstance(data, list):
+        return [_from_json(v, arrays) for v in data]
+    if not isinstance(data, dict):
+        return data
+    if "of" in data:
+        of = STORED_TYPES[data["of"]]
+        if {f.name for f in fields(of)} != data["fields"].keys():
+            raise ValueError(f"{data['of']} has other fields")
+        return of(**{name: _from_json(v, arrays) for name, v in data["fields"].items()})
+    ((kind, inside),) = data.items()
     return KINDS[kind](inside, arrays)
 
 
 KINDS: Mapping[str, Callable[[Any, Mapping[str, np.ndarray]], Any]] = {
     "array": lambda name, arrays: arrays[name],
-    "map": lambda pairs, arrays: {key: _value(v, arrays) for key, v in pairs},
+    "map": lambda pairs, arrays: {key: _from_json(v, arrays) for key, v in pairs},
     "moment": lambda text, _: datetime.fromisoformat(text),
-    "tuple": lambda each, arrays: tuple(_value(v, arrays) for v in each),
+    "tuple": lambda each, arrays: tuple(_from_json(v, arrays) for v in each),
     "set": lambda each, _: frozenset(each),
 }

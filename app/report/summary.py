@@ -35,7 +35,7 @@ def summary(content: Content, language: Language) -> list[str]:
         for t in content.tasks
         if t.result.measure == "range_of_motion" and asks_full_range(t.result.task)
     ]
-    said = [
+    sentences = [
         _tasks(content, language),
         *_not_done(content, language),
         *_absent(content, language),
@@ -46,7 +46,7 @@ def summary(content: Content, language: Language) -> list[str]:
         *([_changes(content.changes, language)] if content.changes else []),
         _signal(content, language),
     ]
-    return [sentence for sentence in said if sentence]
+    return [sentence for sentence in sentences if sentence]
 
 
 def _tasks(content: Content, language: Language) -> str:
@@ -59,7 +59,7 @@ def _tasks(content: Content, language: Language) -> str:
     if all(t.result.task == WHOLE for t in content.tasks):
         return language.say("summary.whole")
     names = [
-        language.heard(title)
+        language.translate(title)
         + (f" ({language.counted('summary.trials', len(onsets))})" if len(onsets) > 1 else "")
         for title, onsets in trials.items()
     ]
@@ -72,7 +72,7 @@ def _tasks(content: Content, language: Language) -> str:
 
 def _not_done(content: Content, language: Language) -> list[str]:
     named = [
-        f"{language.heard(n.title)} ({', '.join(w for w in (outcome_words(n.outcome, language), n.reason) if w)})"
+        f"{language.translate(n.title)} ({', '.join(w for w in (outcome_words(n.outcome, language), n.reason) if w)})"
         for n in content.not_done
     ]
     return [language.say("summary.not_done", tasks="; ".join(named))] if named else []
@@ -137,7 +137,7 @@ def _more(count: int, language: Language) -> list[str]:
 
 def _tapping(content: Content, language: Language) -> list[str]:
     """Means over the trials of each tapping task."""
-    said = []
+    sentences = []
     for title in dict.fromkeys(t.title for t in content.tasks if t.result.measure == "tapping"):
         trials = [t for t in content.tasks if t.title == title and t.result.measure == "tapping"]
         rate, amplitude, ratio = (
@@ -145,10 +145,10 @@ def _tapping(content: Content, language: Language) -> list[str]:
             for name in ("tapping_rate", "tapping_amplitude_mean", "tapping_decrement_ratio")
         )
         if not np.isfinite(rate):
-            said.append(language.say("summary.tapping.none", task=language.heard(title)))
+            sentences.append(language.say("summary.tapping.none", task=language.translate(title)))
             continue
         facts = {
-            "task": language.heard(title),
+            "task": language.translate(title),
             "rate": language.number(rate, 2),
             "amplitude": language.number(1e3 * amplitude),
         }
@@ -156,16 +156,16 @@ def _tapping(content: Content, language: Language) -> list[str]:
         if np.isfinite(ratio) and abs(ratio) >= 0.005:
             which = "summary.tapping.smaller" if ratio < 0 else "summary.tapping.larger"
             words += " " + language.say(which, share=language.number(abs(100 * ratio)))
-        said.append(words)
-    return said
+        sentences.append(words)
+    return sentences
 
 
 def _reach(content: Content, language: Language) -> list[str]:
     """Means over the trials of each reaching task: how far, on what way, within what volume, and what the trunk did."""
-    said = []
+    sentences = []
     for title in dict.fromkeys(t.title for t in content.tasks if t.result.measure == "reach"):
         trials = [t for t in content.tasks if t.title == title and t.result.measure == "reach"]
-        task = language.heard(title)
+        task = language.translate(title)
         distance, straightness, farthest = (
             _mean(trials, f"reach_{name}") for name in ("distance", "straightness", "farthest")
         )
@@ -175,7 +175,7 @@ def _reach(content: Content, language: Language) -> list[str]:
                 "distance": language.number(1e2 * distance),
                 "farthest": language.number(1e2 * farthest),
             }
-            said.append(
+            sentences.append(
                 " ".join(
                     [
                         language.say("summary.reach", task=task, longer=longer, **far),
@@ -192,10 +192,10 @@ def _reach(content: Content, language: Language) -> list[str]:
             ),
             "",
         ):
-            said.append(
-                language.say("summary.reach.none", task=task, reason=language.heard(reason))
+            sentences.append(
+                language.say("summary.reach.none", task=task, reason=language.translate(reason))
             )
-    return said
+    return sentences
 
 
 def _of_trunk(trials: Sequence[Task], language: Language) -> list[str]:
@@ -203,7 +203,7 @@ def _of_trunk(trials: Sequence[Task], language: Language) -> list[str]:
     volume, lean, forward = (
         _mean(trials, f"reach_{name}") for name in ("volume", "trunk_lean", "trunk_forward")
     )
-    said = (
+    sentences = (
         [language.say("summary.reach.volume", volume=language.number(1e3 * volume, 1))]
         if volume >= LEAST_VOLUME
         else []
@@ -217,8 +217,8 @@ def _of_trunk(trials: Sequence[Task], language: Language) -> list[str]:
             else "summary.reach.back"
         )
         facts = {} if np.isnan(forward) else {"forward": language.number(1e2 * abs(forward))}
-        said.append(language.say(key, lean=language.number(lean * DEG), **facts))
-    return said
+        sentences.append(language.say(key, lean=language.number(lean * DEG), **facts))
+    return sentences
 
 
 HELD = {  # by measure: of its sentence each gap's figure, what it is multiplied by, and its decimals; the first says whether there is anything to tell
@@ -229,7 +229,7 @@ HELD = {  # by measure: of its sentence each gap's figure, what it is multiplied
 
 def _held(content: Content, language: Language) -> list[str]:
     """Means over the trials of each task of lifting or squeezing, or why there are none."""
-    said = []
+    sentences = []
     for measure, gaps in HELD.items():
         for title in dict.fromkeys(t.title for t in content.tasks if t.result.measure == measure):
             trials = [t for t in content.tasks if t.title == title and t.result.measure == measure]
@@ -244,16 +244,18 @@ def _held(content: Content, language: Language) -> list[str]:
             }
             reasons = [f.reason for t in trials for f in t.result.figures if f.reason]
             if len(facts) == len(gaps):
-                said.append(language.say(f"summary.{measure}", task=language.heard(title), **facts))
+                sentences.append(
+                    language.say(f"summary.{measure}", task=language.translate(title), **facts)
+                )
             elif reasons:
-                said.append(
+                sentences.append(
                     language.say(
                         "summary.held.none",
-                        task=language.heard(title),
-                        reason=language.heard(reasons[0]),
+                        task=language.translate(title),
+                        reason=language.translate(reasons[0]),
                     )
                 )
-    return said
+    return sentences
 
 
 def _mean(trials: Sequence[Task], name: str) -> float:
@@ -282,5 +284,5 @@ def _signal(content: Content, language: Language) -> str:
     worst = max((f.grade for f in figures), key=GRADES.index)
     count = sum(f.grade == worst for f in figures)
     reasons = sorted({f.reason for f in figures if f.grade == worst and f.reason})
-    why = language.heard(reasons[0]) if reasons else ""
+    why = language.translate(reasons[0]) if reasons else ""
     return language.say(f"summary.signal.{worst}", count=count, all=len(figures), reason=why)

@@ -70,20 +70,20 @@ def both_ways(smallest: float, largest: float, ways: tuple[str, str], language: 
     """A range (rad) that may lie on either side of zero: "17° abd., 12° add.", or "5° to 30° ulnar" where zero is not reached."""
     low, high = round(smallest * DEG), round(largest * DEG)
     if low > 0 or high < 0:
-        least, most, way = (low, high, ways[1]) if low > 0 else (-high, -low, ways[0])
+        least, most, side = (low, high, ways[1]) if low > 0 else (-high, -low, ways[0])
         size = language.say("angle.span", least=least, most=most) if least < most else f"{most}°"
-        return f"{size} {side_words(way, language)}"
+        return f"{size} {side_words(side, language)}"
     ends = sorted(((-low, ways[0]), (high, ways[1])), key=lambda end: not end[1].endswith("abd"))
-    return ", ".join(f"{size}° {side_words(way, language)}" for size, way in ends)
+    return ", ".join(f"{size}° {side_words(side, language)}" for size, side in ends)
 
 
-def side_words(way: str, language: Language) -> str:
-    return language.say(f"side.{way}") if way else ""
+def side_words(side: str, language: Language) -> str:
+    return language.say(f"side.{side}") if side else ""
 
 
 def span_words(tasks: Sequence[Task], language: Language) -> str:
     """The tasks' names and when they were: "Finger tapping, 75 to 90 and 92 to 107 s of the recording"."""
-    names = list(dict.fromkeys(language.heard(t.title) for t in tasks))
+    names = list(dict.fromkeys(language.translate(t.title) for t in tasks))
     spans = (
         [(tasks[0].result.onset, tasks[-1].result.end)]
         if len(tasks) > 3
@@ -107,8 +107,8 @@ def figure_words(name: str, language: Language) -> str:
     for joint in (j.name for j in JOINTS) if end else ():
         if name.startswith(f"{joint}_"):
             angle = name.removeprefix(f"{joint}_").rpartition("_")[0]
-            way = _way(joint, angle, end or "largest", language)
-            return f"{' '.join(joint_words(joint, language)).strip()}, {way}"
+            words = _direction_words(joint, angle, end or "largest", language)
+            return f"{' '.join(joint_words(joint, language)).strip()}, {words}"
     for movement in REPEATED:
         if name.startswith(f"{movement}_") and (
             words := language.known(f"cycle.{name.removeprefix(f'{movement}_')}", "")
@@ -118,7 +118,7 @@ def figure_words(name: str, language: Language) -> str:
     return plain[:1].upper() + plain[1:]
 
 
-def _way(joint: str, angle: str, end: str, language: Language) -> str:
+def _direction_words(joint: str, angle: str, end: str, language: Language) -> str:
     """The direction of one end of an angle; of its extent, the angle."""
     positive = end != "smallest"
     if angle == "flexion":

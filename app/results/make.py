@@ -21,7 +21,7 @@ from handscope.app.options import with_options
 from handscope.app.protocols import offered
 from handscope.app.report.content import Content, Visit, content
 from handscope.app.report.sections import self_calibration
-from handscope.app.report.stored import packed, unpacked
+from handscope.app.report.stored import pack, unpack
 from handscope.app.workers import deadline
 from handscope.estimators.data.samples import Event
 from handscope.estimators.data.trajectory import Trajectory
@@ -116,12 +116,13 @@ def process_result(
             f"there is no method {result.method!r}; methods are {', '.join(ALL_METHODS)}"
         )
     method = ALL_METHODS[result.method]
-    applied = result.corrections if reasons else corrections.untold(result.corrections)
-    recording = trunk_height.applied(
-        corrections.corrected(records.opened(store, result.recording), applied), result.trunk_height
+    applied = result.corrections if reasons else corrections.redact_reasons(result.corrections)
+    recording = trunk_height.apply(
+        corrections.apply(records.open_recording(store, result.recording), applied),
+        result.trunk_height,
     )
     db = object_session(result)
-    prior = None if db is None else self_calibrations.known(db, result.reused)
+    prior = None if db is None else self_calibrations.load_prior(db, result.reused)
     made = process(
         method,
         with_options(method.Params, result.parameters),
@@ -175,7 +176,7 @@ def page_content(
     """Everything that the result page draws besides the figures."""
     trajectory, c = processed.trajectory, processed.calibrations[0]
     return {
-        "self_calibration": self_calibration.kept_of(processed),
+        "self_calibration": self_calibration.stored_form(processed),
         "span": [float(trajectory.t[0]), float(trajectory.t[-1])]
         if len(trajectory)
         else [0.0, 0.0],
@@ -253,7 +254,7 @@ def load_replay(store: Store, result: Result) -> dict[str, Any]:
 
     Made again where its file is missing.
     """
-    path = stored_files.at_hand(store, replay_file(result.id))
+    path = stored_files.fetch_local(store, replay_file(result.id))
     if not path.exists():
         save_replay(store, result.id, process_result(store, result)[1].trajectory)
     return _read(path, path.stat().st_mtime_ns)
@@ -288,16 +289,16 @@ def save_report(
     if (db := object_session(result)) is not None and (reused := result.reused):
         earlier = self_calibrations.get(db, reused["self_calibration"])
         report_content = replace(
-            report_content, self_calibration=self_calibration.taken_over(earlier, reused["parts"])
+            report_content, self_calibration=self_calibration.reused_form(earlier, reused["parts"])
         )
-    save_file(packed(report_content), store.path_of(report_file(result.id)))
+    save_file(pack(report_content), store.path_of(report_file(result.id)))
     return report_content
 
 
 def load_report(store: Store, result: Result) -> Content:
     """The report's content for the recording, without a visit; made again where its file is missing or outdated."""
-    path = stored_files.at_hand(store, report_file(result.id))
-    if path.exists() and (report_content := unpacked(path.read_bytes())) is not None:
+    path = stored_files.fetch_local(store, report_file(result.id))
+    if path.exists() and (report_content := unpack(path.read_bytes())) is not None:
         return report_content
     recording, processed = process_result(store, result)
     return save_report(

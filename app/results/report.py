@@ -19,7 +19,7 @@ def changes_of(result: Result) -> Changes | None:
     """Changes in a result since the patient's previous session."""
     db = object_session(result)
     assert db is not None
-    comparison = repeatability.comparison(db, result)
+    comparison = repeatability.compare_with_previous(db, result)
     return changes(comparison) if comparison else None
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from handscope.app.workers.process import CONTEXT, ignore_terminal_signals
 from handscope.estimators.errors import InputError
-from handscope.sessions.clinic.self_calibrations import Found
+from handscope.sessions.clinic.self_calibrations import FoundCalibration
 from handscope.sessions.files.recording import LoadedRecording
 
 log = logging.getLogger(__name__)
@@ -25,7 +25,7 @@ class SelfCalibrationSolver:
 
     def __init__(self, recording: LoadedRecording) -> None:
         self.share = 0.0  # of the work that is done, 0 to 1
-        self.solution: Found | None = None
+        self.solution: FoundCalibration | None = None
         self.refusal = ""
         self._started = time.monotonic()
         self._pipe, theirs = CONTEXT.Pipe()
@@ -67,7 +67,7 @@ def _solve(pipe: Connection, recording: LoadedRecording) -> None:
 
 
 def _outcome(recording: LoadedRecording, progress: Any) -> tuple[str, Any]:
-    from handscope.app.report.sections.self_calibration import found_of
+    from handscope.app.report.sections.self_calibration import found_calibration
     from handscope.estimators.methods import BATCH
     from handscope.estimators.pipeline.process import process
 
@@ -85,5 +85,5 @@ def _outcome(recording: LoadedRecording, progress: Any) -> tuple[str, Any]:
     except Exception:
         log.exception("self-calibration")
         return "refusal", ENDED
-    found = found_of(processed.calibrations[0], processed.told)
+    found = found_calibration(processed.calibrations[0], processed.told)
     return ("refusal", "; ".join(processed.told) or ENDED) if found is None else ("solution", found)

@@ -34,7 +34,7 @@ _working = threading.BoundedSemaphore(
 )  # hashes at once: each takes 64 MiB and a tenth of a second
 
 
-def local(db: Session) -> Account:
+def local_account(db: Session) -> Account:
     """The account of this machine, made when it is not there; the caller commits."""
     found = db.scalar(select(Account).where(Account.name == LOCAL))
     if found is None:
@@ -46,7 +46,7 @@ def local(db: Session) -> Account:
 
 def add(db: Session, name: str, roles: Sequence[str]) -> Account:
     """A new account without a password; InputError where the name is taken or not one, or a role is not known."""
-    account = Account(name=_name(name), roles=_roles(roles))
+    account = Account(name=_checked_name(name), roles=_checked_roles(roles))
     db.add(account)
     try:
         db.commit()
@@ -56,12 +56,12 @@ def add(db: Session, name: str, roles: Sequence[str]) -> Account:
     return account
 
 
-def everyone(db: Session) -> list[Account]:
+def list_accounts(db: Session) -> list[Account]:
     """All accounts by name."""
     return list(db.scalars(select(Account).order_by(Account.name)))
 
 
-def named(db: Session, name: str) -> Account:
+def find_by_name(db: Session, name: str) -> Account:
     """The account; InputError where there is none."""
     found = db.scalar(select(Account).where(Account.name == name.strip().casefold()))
     if found is None:
@@ -77,25 +77,25 @@ def get(db: Session, account_id: int) -> Account:
     return found
 
 
-def of_subject(db: Session, subject: str, name: str, roles: Sequence[str]) -> Account:
+def get_or_add_subject(db: Session, subject: str, name: str, roles: Sequence[str]) -> Account:
     """The account of somebody whom the organisation vouches for, made at the first login; the roles are those of today."""
     found = db.scalar(select(Account).where(Account.subject == subject))
     if found is None:
         name = re.sub(r"[^\w.@+-]", "_", name.strip().casefold())[:50] or "account"
         if name == LOCAL or db.scalar(select(Account.id).where(Account.name == name)):
             name += f"+{hashlib.sha256(subject.encode()).hexdigest()[:8]}"
-        found = Account(name=_name(name), roles=_roles(roles), subject=subject)
+        found = Account(name=_checked_name(name), roles=_checked_roles(roles), subject=subject)
         db.add(found)
     if found.disabled:
         raise InputError(f"the account {found.name} is out of use")
-    found.roles = _roles(roles)
+    found.roles = _checked_roles(roles)
     try:
         db.commit()
     except (
         IntegrityError
     ):  # the same person's first login in two windows at once, or somebody of the same name
         db.rollback()
-        return of_subject(db, subject, name, roles)
+        return get_or_add_subject(db, subject, name, roles)
     return found
 
 
@@ -104,7 +104,7 @@ def change(
 ) -> None:
     """Other roles, or in and out of use; they count from the next request on."""
     if roles is not None:
-        account.roles = _roles(roles)
+        account.roles = _checked_roles(roles)
     if disabled is not None:
         account.disabled = disabled
     db.commit()
@@ -113,11 +113,11 @@ def change(
 def set_password(db: Session, account: Account, password: str) -> None:
     """Keep a new password; InputError where it is easily guessed."""
     _require_good(password, account.name)
-    account.password = _hashed(password)
+    account.password = _hash_password(password)
     db.commit()
 
 
-def with_passwords(db: Session) -> bool:
+def has_passwords(db: Session) -> bool:
     """Whether anybody can log in by name and password."""
     return bool(
         db.scalar(
@@ -128,46 +128,46 @@ def with_passwords(db: Session) -> bool:
     )
 
 
-def proved(db: Session, name: str, password: str) -> Account | None:
+def authenticate(db: Session, name: str, password: str) -> Account | None:
     """The account that name and password belong to. An unknown name takes as long as a wrong password and tells as little."""
     account = db.scalar(select(Account).where(Account.name == name.strip().casefold()))
-    kept = account.password if account is not None and not account.disabled else None
+    stored = account.password if account is not None and not account.disabled else None
     with _working:
-        right = _verified(kept or _nobodys(), password)
-    if account is None or kept is None or not right:
+        right = _verify(stored or _unknown_hash(), password)
+    if account is None or stored is None or not right:
         return None
-    if _hasher.check_needs_rehash(kept):
-        account.password = _hashed(password)
+    if _hasher.check_needs_rehash(stored):
+        account.password = _hash_password(password)
         db.commit()
     return account
 
 
-def _verified(kept: str, password: str) -> bool:
+def _verify(stored: str, password: str) -> bool:
     try:
-        return _hasher.verify(kept, password)
+        return _hasher.verify(stored, password)
     except (VerificationError, InvalidHashError):
         return False
 
 
-def _hashed(password: str) -> str:
+def _hash_password(password: str) -> str:
     with _working:
         return _hasher.hash(password)
 
 
 @cache
-def _nobodys() -> str:
+def _unknown_hash() -> str:
     """The hash of a password that nobody knows."""
     return _hasher.hash(b"\0" * 32)
 
 
-def _name(name: str) -> str:
+def _checked_name(name: str) -> str:
     name = name.strip().casefold()
     if not NAME.fullmatch(name):
         raise InputError("the name of an account has 1 to 64 letters, digits and . _ - + @")
     return name
 
 
-def _roles(roles: Sequence[str]) -> list[str]:
+def _checked_roles(roles: Sequence[str]) -> list[str]:
     unknown = [role for role in roles if role not in ROLES]
     if unknown or not roles:
         raise InputError(

@@ -62,7 +62,7 @@ BY_ITSELF: Mapping[
 
 
 @dataclass(frozen=True)
-class Happened:
+class AuditEvent:
     """What a line is about."""
 
     what: str  # viewed, created, changed, exported, erased, logged in, logged out, refused
@@ -82,24 +82,24 @@ class Verdict:
     back: int = 0  # the first line of an earlier time than the one before: a clock was set back, or lines are somebody's own; 0 for none
 
 
-def keep(database: sessionmaker[Session]) -> None:
+def enable(database: sessionmaker[Session]) -> None:
     """From now on every commit of this database is audited."""
-    event.listen(database, "after_flush", _notice)
+    event.listen(database, "after_flush", _collect_rows)
     event.listen(database, "before_commit", _write)
-    event.listen(database, "after_rollback", _forget)
+    event.listen(database, "after_rollback", _discard)
 
 
-def by(db: Session, who: str, address: str) -> None:
+def set_actor(db: Session, who: str, address: str) -> None:
     """Say on whose behalf this database session works."""
     db.info.update(who=who, address=address)
 
 
-def tell(db: Session, *happened: Happened) -> None:
+def record(db: Session, *happened: AuditEvent) -> None:
     """Note what is no change of a row; it is written with the next commit."""
     db.info.setdefault("audit", []).extend(happened)
 
 
-def lines(
+def list_lines(
     db: Session,
     who: str = "",
     what: str = "",
@@ -119,7 +119,7 @@ def lines(
     return list(db.scalars(query.where(AuditLine.id < before) if before else query))
 
 
-def verified(db: Session, against: Sequence[tuple[int, str]] = ()) -> Verdict:
+def verify(db: Session, against: Sequence[tuple[int, str]] = ()) -> Verdict:
     """Go along the chain until the first line that does not fit; `against` are numbers and hashes noted before."""
     number, last, noted, before, back = 0, NOTHING, dict(against), None, 0
     for line in db.execute(
@@ -160,7 +160,7 @@ def verified(db: Session, against: Sequence[tuple[int, str]] = ()) -> Verdict:
     return Verdict(number, last, back=back)
 
 
-def head(connection: Connection) -> tuple[int, str] | None:
+def read_head(connection: Connection) -> tuple[int, str] | None:
     """Number and hash of the last line, to be noted elsewhere; None where there is none, or the database is from before the chain."""
     found = inspect(connection)
     if not found.has_table("audit") or "hash" not in {
@@ -175,16 +175,16 @@ def hash_of(line: Mapping[Any, Any]) -> str:
     """SHA-256 of everything a line says and of its predecessor's hash."""
     at: datetime = line["at"]
     names = ("id", "who", "address", "what", "kind", "ref", "patient", "counts", "previous")
-    told = {
+    content = {
         **{name: line[name] for name in names},
         "at": at.astimezone(UTC).isoformat(timespec="microseconds"),
     }
     return hashlib.sha256(
-        json.dumps(told, sort_keys=True, separators=(",", ":")).encode()
+        json.dumps(content, sort_keys=True, separators=(",", ":")).encode()
     ).hexdigest()
 
 
-def whose(db: Session, happened: Happened) -> Happened:
+def add_patient(db: Session, happened: AuditEvent) -> AuditEvent:
     """The same with the patient whom it is about."""
     if not happened.ref.isdecimal():
         return happened
@@ -209,7 +209,7 @@ def patient_of(db: Session, kind: str, number: int) -> int | None:
     return db.scalar(queries[kind]) if kind in queries else None
 
 
-def _notice(db: Session, _: object) -> None:
+def _collect_rows(db: Session, _: object) -> None:
     """After a flush: what it added, changed and removed. Removing a patient takes everything with it and is told by who does it."""
     found = [("created", row, ()) for row in db.new] + [
         ("changed", row, _fields(row)) for row in db.dirty
@@ -239,15 +239,15 @@ def _fields(row: object) -> tuple[str, ...]:
 def _write(db: Session) -> None:
     """Before a commit: everything noted, in the same transaction."""
     db.flush()
-    happened = [*_of_rows(db), *db.info.get("audit", ())]
-    _forget(db)
+    happened = [*_row_events(db), *db.info.get("audit", ())]
+    _discard(db)
     if happened:
         _append(db, happened)
 
 
-def _of_rows(db: Session) -> Iterator[Happened]:
+def _row_events(db: Session) -> Iterator[AuditEvent]:
     for what, kind, number, names in db.info.get("rows", ()):
-        yield Happened(
+        yield AuditEvent(
             what,
             kind,
             str(number),
@@ -256,7 +256,7 @@ def _of_rows(db: Session) -> Iterator[Happened]:
         )
 
 
-def _append(db: Session, happened: Sequence[Happened]) -> None:
+def _append(db: Session, happened: Sequence[AuditEvent]) -> None:
     """Nobody else appends between the reading of the last line and the commit."""
     if db.get_bind().dialect.name == "postgresql":
         db.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": LOCK})
@@ -287,6 +287,6 @@ def _append(db: Session, happened: Sequence[Happened]) -> None:
     db.execute(insert(AuditLine), rows)
 
 
-def _forget(db: Session) -> None:
+def _discard(db: Session) -> None:
     db.info.pop("audit", None)
     db.info.pop("rows", None)

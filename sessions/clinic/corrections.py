@@ -15,7 +15,7 @@ from handscope.estimators.errors import InputError
 from handscope.sessions.db.tables import Correction, RecordingFile, now
 from handscope.sessions.files.recording import LoadedRecording
 
-UNTOLD = "reason not told"
+REDACTED = "reason not told"
 Kind = Literal[
     "exclude", "move", "leave_out"
 ]  # a whole trial; its ends; a stretch within it, such as one repetition
@@ -75,7 +75,7 @@ def undo(db: Session, correction_id: int) -> Correction:
     return found
 
 
-def standing(file: RecordingFile) -> list[dict[str, Any]]:
+def active(file: RecordingFile) -> list[dict[str, Any]]:
     """The corrections that count, as plain data in a fixed order: what a result is a function of."""
     return as_data(c for c in file.corrections if c.undone is None)
 
@@ -89,29 +89,29 @@ def as_data(rows: Iterable[Correction]) -> list[dict[str, Any]]:
     ]
 
 
-def corrected(
-    recording: LoadedRecording, corrections: Sequence[Mapping[str, Any]]
-) -> LoadedRecording:
+def apply(recording: LoadedRecording, corrections: Sequence[Mapping[str, Any]]) -> LoadedRecording:
     """The recording with its events corrected and a sentence for each correction among its warnings."""
     if not corrections:
         return recording
     events = list(recording.events)
     names = trial_names(events)
     for c in corrections:
-        events[c["event"]] = _corrected(events[c["event"]], c)
-    said = tuple(_sentence(names[c["event"]], c, recording.events[c["event"]]) for c in corrections)
-    return replace(recording, events=tuple(events), warnings=(*recording.warnings, *said))
+        events[c["event"]] = _correct_event(events[c["event"]], c)
+    sentences = tuple(
+        _sentence(names[c["event"]], c, recording.events[c["event"]]) for c in corrections
+    )
+    return replace(recording, events=tuple(events), warnings=(*recording.warnings, *sentences))
 
 
-def untold(corrections: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def redact_reasons(corrections: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """The same without the reasons that people typed."""
-    return [{**c, "reason": UNTOLD} for c in corrections]
+    return [{**c, "reason": REDACTED} for c in corrections]
 
 
 def without_reasons(sentence: str, corrections: Iterable[Mapping[str, Any]]) -> str:
     """A sentence about a recording without the reasons that people typed."""
     for c in corrections:
-        sentence = sentence.replace(f"({c['reason']})", f"({UNTOLD})")
+        sentence = sentence.replace(f"({c['reason']})", f"({REDACTED})")
     return sentence
 
 
@@ -124,7 +124,7 @@ def trial_names(events: Iterable[Event]) -> list[str]:
     ]
 
 
-def _corrected(event: Event, c: Mapping[str, Any]) -> Event:
+def _correct_event(event: Event, c: Mapping[str, Any]) -> Event:
     if c["kind"] == "exclude":
         return replace(event, details={**event.details, "excluded": c["reason"]})
     if c["kind"] == "move":

@@ -15,14 +15,14 @@ SLACK = timedelta(minutes=5)  # that two clocks may differ
 OVERNIGHT = timedelta(hours=8)  # longer than any session
 
 
-def doubts(
+def find_doubts(
     patient: Patient, sessions: Sequence[PatientSession], now: datetime
 ) -> dict[int, list[str]]:
     """By session the doubts about its date."""
     found: dict[int, list[str]] = {}
     latest: datetime | None = None
     for s in sorted(sessions, key=lambda s: s.id):
-        here = measured_here(s)
+        here = is_measured_here(s)
         checks = {
             "future": s.started > now + SLACK,
             "before_birth": patient.year_of_birth is not None
@@ -35,9 +35,11 @@ def doubts(
     return found
 
 
-def clock_doubts(patient: Patient, sessions: Sequence[PatientSession], now: datetime) -> list[str]:
+def find_clock_doubts(
+    patient: Patient, sessions: Sequence[PatientSession], now: datetime
+) -> list[str]:
     """What speaks against this computer's clock before another session is begun."""
-    here = [s.started for s in sessions if measured_here(s)]
+    here = [s.started for s in sessions if is_measured_here(s)]
     checks = {
         "before_last": bool(here) and now < max(here) - SLACK,
         "before_birth": patient.year_of_birth is not None and now.year < patient.year_of_birth,
@@ -45,6 +47,6 @@ def clock_doubts(patient: Patient, sessions: Sequence[PatientSession], now: date
     return [name for name, so in checks.items() if so]
 
 
-def measured_here(session: PatientSession) -> bool:
+def is_measured_here(session: PatientSession) -> bool:
     """Whether it was recorded by this server, not uploaded."""
     return any(f.format == "native" and not f.original_name for f in session.recordings)

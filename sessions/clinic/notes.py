@@ -13,7 +13,7 @@ from handscope.estimators.errors import InputError
 from handscope.sessions.db.conflicts import ConflictError, require_seen
 from handscope.sessions.db.tables import Note, Patient, now
 
-KEPT = timedelta(days=7)
+RETENTION = timedelta(days=7)
 LONGEST = 20_000  # characters
 
 
@@ -53,7 +53,7 @@ def change(
 
 def purge(db: Session) -> None:
     """Forget notes that were removed longer than KEPT ago."""
-    db.execute(delete(Note).where(Note.removed < now() - KEPT))
+    db.execute(delete(Note).where(Note.removed < now() - RETENTION))
     db.commit()
 
 

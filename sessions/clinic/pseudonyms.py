@@ -42,7 +42,7 @@ class UnconfirmedError(InputError):
         self.doubts = doubts
 
 
-def doubts(text: str) -> tuple[str, ...]:
+def find_doubts(text: str) -> tuple[str, ...]:
     """Which of DOUBTS a pseudonym raises; none where it is plainly a code."""
     words = [
         w
@@ -65,7 +65,7 @@ def doubts(text: str) -> tuple[str, ...]:
 
 def require_code(text: str, confirmed: bool) -> None:
     """UnconfirmedError where the pseudonym raises doubts that nobody has confirmed."""
-    found = () if confirmed else doubts(text)
+    found = () if confirmed else find_doubts(text)
     if found:
         reasons = "; ".join(DOUBTS[name] for name in found)
         raise UnconfirmedError(

@@ -57,7 +57,7 @@ class Occasion:
     parameters: Mapping[str, Any]
 
     @property
-    def way(self) -> tuple[str, str, str]:
+    def processing(self) -> tuple[str, str, str]:
         """What must agree before figures are compared."""
         return (
             self.hand,
@@ -78,7 +78,7 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class Visited:
+class ProcessedSession:
     """A session processed in one way; SI units."""
 
     occasion: Occasion
@@ -87,10 +87,10 @@ class Visited:
     glove: Mapping[Key, Repeatability]
 
 
-def keep(database: sessionmaker[Session]) -> None:
+def enable(database: sessionmaker[Session]) -> None:
     """From now on every commit of this database that stores or removes a result brings the table up to date."""
     event.listen(database, "before_commit", _before_commit)
-    event.listen(database, "after_rollback", _forget)
+    event.listen(database, "after_rollback", _discard)
 
 
 def fill(database: sessionmaker[Session]) -> None:
@@ -124,19 +124,21 @@ def refresh(db: Session, changed: Iterable[int]) -> None:
     _store(db, [o for o in everything if o.device in devices], of_patients=False)
 
 
-def comparison(db: Session, result: Result) -> Comparison | None:
+def compare_with_previous(db: Session, result: Result) -> Comparison | None:
     """What a result's figures are compared with; None where the patient has no session before that was processed in the same way."""
     mine = _occasion(result)
     earlier = [
         o
         for o in _occasions(db, mine.patient)
-        if o.way == mine.way and o.started < mine.started and o.checksum != mine.checksum
+        if o.processing == mine.processing
+        and o.started < mine.started
+        and o.checksum != mine.checksum
     ]
     if result.state != "done" or not earlier:
         return None
     last = max(earlier, key=lambda o: o.started)
     figures = _figures(db, [last.result])
-    kept = db.scalars(select(Repeatability).where(Repeatability.patient_id == mine.patient))
+    own = db.scalars(select(Repeatability).where(Repeatability.patient_id == mine.patient))
     glove = db.scalars(
         select(Repeatability).where(
             Repeatability.patient_id.is_(None), Repeatability.device == mine.device
@@ -146,12 +148,12 @@ def comparison(db: Session, result: Result) -> Comparison | None:
         last.started,
         values(result.figures),
         figures[last.result],
-        _alike(kept, mine),
-        _alike(glove, mine),
+        _select_rows(own, mine),
+        _select_rows(glove, mine),
     )
 
 
-def history(db: Session, patient: int) -> list[Visited]:
+def history(db: Session, patient: int) -> list[ProcessedSession]:
     """A patient's sessions in order of time, with every way in which each was processed, and what repeated measurement gives them."""
     occasions = _occasions(db, patient)
     figures = _figures(db, [o.result for o in occasions])
@@ -165,22 +167,22 @@ def history(db: Session, patient: int) -> list[Visited]:
         )
     )
     return [
-        Visited(
+        ProcessedSession(
             o,
             figures[o.result],
-            _alike(own, o),
-            _alike([g for g in gloves if g.device == o.device], o),
+            _select_rows(own, o),
+            _select_rows([g for g in gloves if g.device == o.device], o),
         )
         for o in occasions
     ]
 
 
-def enough(kept: Repeatability) -> bool:
+def is_sufficient(row: Repeatability) -> bool:
     """Whether there are sessions enough to judge a change by; none that came out alike to the last digit."""
     return (
-        kept.freedom >= ENOUGH
-        and kept.mdc95 > 0
-        and (kept.patient_id is not None or kept.people >= PEOPLE)
+        row.freedom >= ENOUGH
+        and row.mdc95 > 0
+        and (row.patient_id is not None or row.people >= PEOPLE)
     )
 
 
@@ -211,12 +213,12 @@ def _before_commit(db: Session) -> None:
         refresh(db, changed)
 
 
-def _forget(db: Session) -> None:
+def _discard(db: Session) -> None:
     for name in (CHANGED, CORRECTED):
         db.info.pop(name, None)
 
 
-def _mark(result: Result) -> None:
+def _mark_changed(result: Result) -> None:
     db = object_session(result)
     if db is not None:
         db.info.setdefault(CHANGED, set()).add(result.id)
@@ -224,21 +226,21 @@ def _mark(result: Result) -> None:
 
 @event.listens_for(Result, "after_insert")
 @event.listens_for(Result, "after_update")
-def _stored(mapper: Mapper[Result], connection: object, result: Result) -> None:
+def _on_result_stored(mapper: Mapper[Result], connection: object, result: Result) -> None:
     if result.state == "done" and inspect(result).attrs.state.history.has_changes():
-        _mark(result)
+        _mark_changed(result)
 
 
 @event.listens_for(Correction, "after_insert")
 @event.listens_for(Correction, "after_update")
-def _corrected(mapper: Mapper[Correction], connection: object, correction: Correction) -> None:
+def _on_correction(mapper: Mapper[Correction], connection: object, correction: Correction) -> None:
     db = object_session(correction)
     if db is not None:
         db.info.setdefault(CORRECTED, set()).add(correction.recording_id)
 
 
 @event.listens_for(Reuse, "after_insert")
-def _decided(mapper: Mapper[Reuse], connection: Connection, reuse: Reuse) -> None:
+def _on_reuse_decision(mapper: Mapper[Reuse], connection: Connection, reuse: Reuse) -> None:
     db = object_session(reuse)
     if db is not None:
         files = connection.scalars(
@@ -248,18 +250,20 @@ def _decided(mapper: Mapper[Reuse], connection: Connection, reuse: Reuse) -> Non
 
 
 @event.listens_for(PatientSession, "after_update")
-def _dated(mapper: Mapper[PatientSession], connection: object, visit: PatientSession) -> None:
+def _on_session_change(
+    mapper: Mapper[PatientSession], connection: object, visit: PatientSession
+) -> None:
     """What was measured again within a day, and what came before, goes by the date; with another height of the trunk's sensor other results count."""
-    db, told = object_session(visit), inspect(visit).attrs
+    db, attributes = object_session(visit), inspect(visit).attrs
     if db is not None and (
-        told.started.history.has_changes() or told.trunk_corrected.history.has_changes()
+        attributes.started.history.has_changes() or attributes.trunk_corrected.history.has_changes()
     ):
         db.info.setdefault(CORRECTED, set()).update(f.id for f in visit.recordings)
 
 
 @event.listens_for(Result, "after_delete")
-def _removed(mapper: Mapper[Result], connection: object, result: Result) -> None:
-    _mark(result)
+def _on_result_removed(mapper: Mapper[Result], connection: object, result: Result) -> None:
+    _mark_changed(result)
 
 
 def _occasions(db: Session, patient: int | None = None) -> list[Occasion]:
@@ -290,7 +294,7 @@ def _occasions(db: Session, patient: int | None = None) -> list[Occasion]:
     )
     if patient is not None:
         query = query.where(visit.patient_id == patient)
-    standing, decisions = _standing(db), self_calibrations.decisions(db)
+    standing, decisions = _active_corrections(db), self_calibrations.decisions(db)
     newest: dict[Any, Occasion] = {}
     for (
         id_,
@@ -305,12 +309,12 @@ def _occasions(db: Session, patient: int | None = None) -> list[Occasion]:
         recording,
         applied,
         reused,
-        worn,
-        told,
+        trunk_used,
+        trunk_now,
     ) in db.execute(query):
         if (
             applied != standing.get(recording, [])
-            or worn != told
+            or trunk_used != trunk_now
             or reused != self_calibrations.as_data(decisions.get(session), method)
         ):
             continue
@@ -325,14 +329,14 @@ def _occasions(db: Session, patient: int | None = None) -> list[Occasion]:
             method,
             parameters,
         )
-        newest[o.session, o.way] = o
+        newest[o.session, o.processing] = o
     first: dict[Any, Occasion] = {}
     for o in newest.values():
-        first.setdefault((o.patient, o.way, o.checksum), o)
+        first.setdefault((o.patient, o.processing, o.checksum), o)
     return list(first.values())
 
 
-def _standing(db: Session) -> dict[int, list[dict[str, Any]]]:
+def _active_corrections(db: Session) -> dict[int, list[dict[str, Any]]]:
     """The corrections that count, by recording."""
     rows: dict[int, list[Correction]] = defaultdict(list)
     for correction in db.scalars(select(Correction).where(Correction.undone.is_(None))):
@@ -353,16 +357,16 @@ def _store(
     sets: dict[tuple[int | None, str, tuple[str, str, str]], list[Occasion]] = defaultdict(list)
     for o in occasions:
         if of_patients:
-            sets[o.patient, "", o.way].append(o)
+            sets[o.patient, "", o.processing].append(o)
         if of_gloves and o.device:
-            sets[None, o.device, o.way].append(o)
+            sets[None, o.device, o.processing].append(o)
     for (patient, device, _), found in sets.items():
-        if groups := _repeated(found):
+        if groups := _group_repetitions(found):
             figures = _figures(db, [o.result for group in groups for o in group])
             db.add_all(_rows(patient, device, groups, figures))
 
 
-def _repeated(occasions: Sequence[Occasion]) -> list[list[Occasion]]:
+def _group_repetitions(occasions: Sequence[Occasion]) -> list[list[Occasion]]:
     """Groups of two sessions and more of one patient within REPEATED of the group's first."""
     groups: dict[int, list[list[Occasion]]] = defaultdict(list)
     for o in occasions:
@@ -433,7 +437,7 @@ def _figures(db: Session, results: Sequence[int]) -> dict[int, Values]:
     }
 
 
-def _alike(rows: Iterable[Repeatability], o: Occasion) -> dict[Key, Repeatability]:
+def _select_rows(rows: Iterable[Repeatability], o: Occasion) -> dict[Key, Repeatability]:
     """Rows of the occasion's hand, method and options."""
     return {
         (r.measure, r.task, r.name): r

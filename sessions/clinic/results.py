@@ -22,7 +22,7 @@ ENDED = "the computation ended unexpectedly; try other options or report this re
 
 def key_of(file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str) -> str:
     """sha256 of everything that the result depends on."""
-    standing, reused = corrections.standing(file), self_calibrations.standing(file.session, method)
+    standing, reused = corrections.active(file), self_calibrations.active(file.session, method)
     worn = {"trunk_height": height} if (height := file.session.trunk_corrected) is not None else {}
     parts = [
         file.sha256,
@@ -36,7 +36,7 @@ def key_of(file: RecordingFile, method: str, parameters: Mapping[str, Any], vers
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
-def wanted(
+def find_matching(
     db: Session, file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str
 ) -> Result:
     """The result with this key, queued when there is none or when it failed before; by the corrections, the trunk's height and the reuse that count now."""
@@ -49,13 +49,13 @@ def wanted(
             "version": version,
         }
         facts |= {
-            "corrections": corrections.standing(file),
+            "corrections": corrections.active(file),
             "trunk_height": file.session.trunk_corrected,
         }
         result = Result(
             recording=file,
             key=key,
-            reused=self_calibrations.standing(file.session, method),
+            reused=self_calibrations.active(file.session, method),
             **facts,
         )
         db.add(result)
@@ -75,13 +75,13 @@ def get(db: Session, result_id: int) -> Result:
 
 def current(file: RecordingFile) -> list[Result]:
     """Of every method with its options the newest result by the corrections, the trunk's height and the reuse that count now, the newest first."""
-    standing = corrections.standing(file), file.session.trunk_corrected
+    standing = corrections.active(file), file.session.trunk_corrected
     newest: dict[str, Result] = {}
     for result in sorted(file.results, key=lambda r: -r.id):
         if (
             result.corrections,
             result.trunk_height,
-        ) == standing and result.reused == self_calibrations.standing(file.session, result.method):
+        ) == standing and result.reused == self_calibrations.active(file.session, result.method):
             newest.setdefault(
                 json.dumps([result.method, result.parameters], sort_keys=True, default=str), result
             )
@@ -109,7 +109,7 @@ def stop(db: Session, result_id: int) -> None:
     fail(db, result_id, STOPPED)
 
 
-def put_back(db: Session, result_id: int) -> bool:
+def requeue(db: Session, result_id: int) -> bool:
     """Its computation was ended by others: queued again, the attempt does not count; False where there is nothing to put back."""
     result = db.get(Result, result_id)
     if result is None or result.state != "running":

@@ -34,11 +34,11 @@ USED_BY = (
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundCalibration:
     """What is to be kept of a self-calibration."""
 
     table: Mapping[str, Any]  # as derivative.calibration_table makes it, SI
-    told: Sequence[str]  # sentences
+    messages: Sequence[str]  # sentences
     onset: float  # s of the recording
     end: float
 
@@ -52,13 +52,17 @@ class Offer:
     barred: str  # why not all of it, in a sentence; empty where all can be
 
 
-def keep(
-    db: Session, file: RecordingFile, found: Found, version: str, glove: str | None = None
+def store(
+    db: Session,
+    file: RecordingFile,
+    found: FoundCalibration,
+    version: str,
+    glove: str | None = None,
 ) -> SelfCalibration:
     """Keep it with the recording's patient; what was kept of the same stretch by the same program is that row again."""
     number = glove_of(file.summary) if glove is None else glove
     try:
-        calibration_result.known_of(dict(found.table))
+        calibration_result.parse(dict(found.table))
     except (KeyError, TypeError, ValueError, AttributeError):
         raise InputError(
             "this result is no self-calibration; process the recording by map first"
@@ -80,19 +84,19 @@ def keep(
         end=found.end,
         version=version,
         found=dict(found.table),
-        told=list(found.told),
+        messages=list(found.messages),
     )
     file.session.patient.self_calibrations.insert(0, made)
     db.commit()
     return made
 
 
-def of_result(result: Result) -> Found:
+def of_result(result: Result) -> FoundCalibration:
     """What a result of self-calibration holds to be kept; InputError where there is nothing."""
-    kept = result.content.get("self_calibration") if result.state == "done" else None
-    if not kept:
+    stored = result.content.get("self_calibration") if result.state == "done" else None
+    if not stored:
         raise InputError("this result is no self-calibration; process the recording by map first")
-    return Found(kept["table"], kept["told"], kept["onset"], kept["end"])
+    return FoundCalibration(stored["table"], stored["told"], stored["onset"], stored["end"])
 
 
 def get(db: Session, self_calibration_id: int) -> SelfCalibration:
@@ -115,7 +119,7 @@ def withdraw(db: Session, self_calibration_id: int, withdrawn: bool) -> SelfCali
 
 def offers(session: PatientSession) -> list[Offer]:
     """What the session may take over, the newest movement first."""
-    worn = _worn(session)
+    worn = _worn_glove(session)
     ordered = sorted(
         of_hand(session.patient, session.hand),
         key=lambda c: (c.recording.session.started, c.onset, c.id),
@@ -147,7 +151,7 @@ def decide(
             raise InputError(
                 "this self-calibration is of another hand; choose one of the hand that the session measures"
             )
-        if parts not in (offer := _offer(chosen, _worn(session))).parts:
+        if parts not in (offer := _offer(chosen, _worn_glove(session))).parts:
             raise InputError(offer.barred)
     made = Reuse(self_calibration=chosen, parts=parts)
     session.reuses.append(made)
@@ -160,7 +164,7 @@ def settle(db: Session, session: PatientSession) -> None:
     decided = decision(session)
     if decided is None or decided.self_calibration is None:
         return
-    if decided.parts not in _offer(decided.self_calibration, _worn(session)).parts:
+    if decided.parts not in _offer(decided.self_calibration, _worn_glove(session)).parts:
         decide(db, session, LENGTHS, decided.self_calibration_id)
 
 
@@ -169,7 +173,7 @@ def decision(session: PatientSession) -> Reuse | None:
     return session.reuses[-1] if session.reuses else None
 
 
-def standing(session: PatientSession, method: str) -> dict[str, Any]:
+def active(session: PatientSession, method: str) -> dict[str, Any]:
     """What a result by this method takes over, as plain data; empty: nothing."""
     return as_data(decision(session), method)
 
@@ -186,16 +190,16 @@ def decisions(db: Session) -> dict[int, Reuse]:
     return {reuse.session_id: reuse for reuse in db.scalars(select(Reuse).order_by(Reuse.id))}
 
 
-def known(db: Session, reused: Mapping[str, Any]) -> Known | None:
+def load_prior(db: Session, reused: Mapping[str, Any]) -> Known | None:
     """What a result takes over, for the method; None: nothing."""
     return (
-        taken_over(get(db, reused["self_calibration"]).found, reused["parts"]) if reused else None
+        select_parts(get(db, reused["self_calibration"]).found, reused["parts"]) if reused else None
     )
 
 
-def taken_over(found: Mapping[str, Any], parts: str) -> Known:
+def select_parts(found: Mapping[str, Any], parts: str) -> Known:
     """Lengths alone, or also seats and biases."""
-    everything = calibration_result.known_of(dict(found))
+    everything = calibration_result.parse(dict(found))
     return everything if parts == ALL else everything.of_hand()
 
 
@@ -205,7 +209,7 @@ def glove_of(summary: Mapping[str, Any]) -> str:
     return str(summary.get("source", {}).get("device_id") or "")[:200]
 
 
-def _worn(session: PatientSession) -> str | None:
+def _worn_glove(session: PatientSession) -> str | None:
     closed = [f for f in session.recordings if f.sha256]
     return glove_of(closed[-1].summary) if closed else None
 

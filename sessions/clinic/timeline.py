@@ -30,12 +30,12 @@ def visits(db: Session, patient_id: int) -> list[Visit]:
     sessions = db.scalars(
         query.order_by(PatientSession.started.desc(), PatientSession.id.desc())
     ).all()
-    told = db.execute(
+    rows = db.execute(
         select(RecordingFile.session_id, Result.content["calibration"], Result.warnings)
         .join(RecordingFile, Result.recording_id == RecordingFile.id)
         .join(PatientSession, RecordingFile.session_id == PatientSession.id)
         .where(of_patient, Result.state == "done")
         .order_by(Result.id)
     )
-    newest = {session: (calibration, len(warnings)) for session, calibration, warnings in told}
+    newest = {session: (calibration, len(warnings)) for session, calibration, warnings in rows}
     return [Visit(s, *newest.get(s.id, (None, 0))) for s in sessions]

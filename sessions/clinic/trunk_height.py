@@ -34,7 +34,7 @@ def require_worn(session: PatientSession) -> None:
         raise InputError("the recording has no sensor on the trunk; there is no height to correct")
 
 
-def applied(recording: LoadedRecording, height: float | None) -> LoadedRecording:
+def apply(recording: LoadedRecording, height: float | None) -> LoadedRecording:
     """The recording whose tasks tell this height, m; as it is where none was told afterwards."""
     if height is None:
         return recording

@@ -5,7 +5,7 @@ from datetime import datetime
 
 from sqlalchemy.orm import Session
 
-from handscope.sessions.clinic.repeatability import Values, Visited, history
+from handscope.sessions.clinic.repeatability import ProcessedSession, Values, history
 from handscope.sessions.db.tables import Result
 
 
@@ -33,15 +33,19 @@ def course(db: Session, result: Result) -> Course | None:
     mine = next((v.occasion for v in visited if v.occasion.result == result.id), None)
     if mine is None:
         return None
-    alike = [v for v in visited if v.occasion.way[1:] == mine.way[1:]]
-    same = [v for v in alike if v.occasion.hand == mine.hand and v.occasion.started <= mine.started]
-    before = [
-        v for v in alike if v.occasion.hand != mine.hand and v.occasion.started <= mine.started
+    matching = [v for v in visited if v.occasion.processing[1:] == mine.processing[1:]]
+    same = [
+        v for v in matching if v.occasion.hand == mine.hand and v.occasion.started <= mine.started
     ]
-    after = [v for v in alike if v.occasion.hand != mine.hand and v.occasion.started > mine.started]
+    before = [
+        v for v in matching if v.occasion.hand != mine.hand and v.occasion.started <= mine.started
+    ]
+    after = [
+        v for v in matching if v.occasion.hand != mine.hand and v.occasion.started > mine.started
+    ]
     nearest = before[-1:] or after[:1]
     return Course(tuple(map(_visit, same)), _visit(nearest[0]) if nearest else None)
 
 
-def _visit(v: Visited) -> Visit:
+def _visit(v: ProcessedSession) -> Visit:
     return Visit(v.occasion.started, v.values)

@@ -203,8 +203,10 @@ class SelfCalibration(Base):
     found: Mapped[dict[str, Any]] = mapped_column(
         default=dict
     )  # lengths, seats, biases with standard deviations (derivative.py), SI
-    told: Mapped[list[Any]] = mapped_column(default=list)  # what it says of itself, in sentences
-    kept: Mapped[datetime] = mapped_column(default=now)
+    messages: Mapped[list[Any]] = mapped_column(
+        "told", default=list
+    )  # what it says of itself, in sentences
+    stored: Mapped[datetime] = mapped_column("kept", default=now)
     withdrawn: Mapped[datetime | None]  # it is not offered any more
 
     recording: Mapped[RecordingFile] = relationship()

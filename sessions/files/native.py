@@ -17,7 +17,7 @@ from handscope.estimators.hand.anatomy import FINGERS, HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
 from handscope.sessions.files.recorder import FORMAT_VERSION
 from handscope.sessions.files.recording import LoadedRecording
-from handscope.sessions.files.recording_file import Findings, messages
+from handscope.sessions.files.recording_file import Findings, read_messages
 from handscope.sessions.tables_io import force_calibrations
 from handscope.sessions.wire.assembly import Assembler
 from handscope.sessions.wire.messages import Identity
@@ -41,8 +41,8 @@ def read(path: Path) -> Contents:
     contents = Contents()
     try:
         with path.open("rb") as file:
-            for topic, message in messages(file, contents.file):
-                _keep(contents, topic, message)
+            for topic, message in read_messages(file, contents.file):
+                _store_message(contents, topic, message)
     except OSError as problem:
         raise InputError(f"{path} cannot be read: {problem.strerror}") from None
     except (ValueError, TypeError, KeyError):
@@ -70,9 +70,11 @@ def load(path: Path, hand: Hand | None = None, correct: bool = True) -> LoadedRe
     With `correct` false the samples are what the sensors read, not corrected by their strips' calibrations.
     """
     contents = read(path)
-    kept = force_calibrations.of_recording(contents.metadata)
+    stored = force_calibrations.of_recording(contents.metadata)
     assembler, parts = (
-        Assembler(correct=correct, exchanged=_exchanged(contents.metadata), kept_forces=kept),
+        Assembler(
+            correct=correct, exchanged=_exchanged_strips(contents.metadata), stored_forces=stored
+        ),
         _Parts(),
     )
     for k in range(0, len(contents.wire), TOGETHER):
@@ -132,7 +134,7 @@ def _named(block: Block, name: str) -> Block:
     return replace(block, stream=replace(block.stream, name=name))
 
 
-def _keep(contents: Contents, topic: str, message: Message) -> None:
+def _store_message(contents: Contents, topic: str, message: Message) -> None:
     if topic == "wire":
         contents.wire.append((message.publish_time * 1e-9, message.data))
     elif topic == "metadata":
@@ -147,7 +149,7 @@ def _keep(contents: Contents, topic: str, message: Message) -> None:
 
 
 def _hand(metadata: Mapping[str, Any], identity: Identity | None, wanted: Hand | None) -> Hand:
-    said = {
+    hands = {
         source: hand
         for source, hand in (
             ("the recording", metadata.get("hand")),
@@ -155,12 +157,12 @@ def _hand(metadata: Mapping[str, Any], identity: Identity | None, wanted: Hand |
         )
         if hand in HANDS
     }
-    if len(set(said.values())) > 1:
+    if len(set(hands.values())) > 1:
         raise InputError(
-            f"the recording says {said['the recording']} hand, the glove says {said['the glove']}; connect the other glove or change the session's hand"
+            f"the recording says {hands['the recording']} hand, the glove says {hands['the glove']}; connect the other glove or change the session's hand"
         )
     for hand in HANDS:
-        if hand in said.values():
+        if hand in hands.values():
             if wanted not in (None, hand):
                 raise InputError(
                     f"the recording is of the {hand} hand, not of the {wanted} one; choose the other hand or the other recording"
@@ -173,10 +175,12 @@ def _hand(metadata: Mapping[str, Any], identity: Identity | None, wanted: Hand |
     return wanted
 
 
-def _exchanged(metadata: Mapping[str, Any]) -> dict[str, str]:
+def _exchanged_strips(metadata: Mapping[str, Any]) -> dict[str, str]:
     """The fingers that strips were found to be on, by the finger that each says."""
-    told = dict(metadata.get("exchanged_strips") or {})
-    return {str(f): str(on) for f, on in told.items() if f in FINGERS and on in FINGERS and f != on}
+    pairs = dict(metadata.get("exchanged_strips") or {})
+    return {
+        str(f): str(on) for f, on in pairs.items() if f in FINGERS and on in FINGERS and f != on
+    }
 
 
 def _warnings(contents: Contents, assembler: Assembler) -> Iterator[str]:

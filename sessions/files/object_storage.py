@@ -40,7 +40,7 @@ class UnreachableError(InputError):
     """The storage does not answer or refuses: nothing was changed, try again later."""
 
 
-def attached(folder: Path) -> ObjectStorage | None:
+def find_attached(folder: Path) -> ObjectStorage | None:
     """The storage that a data folder's files are in, by its mark; None where they all lie in the folder."""
     try:
         return ObjectStorage(**json.loads((folder / MARK).read_bytes()))
@@ -54,7 +54,7 @@ def attached(folder: Path) -> ObjectStorage | None:
 
 def attach(folder: Path, url: str) -> ObjectStorage:
     """Have a data folder's files kept there from now on; InputError where they are elsewhere, or where that place is another folder's."""
-    known = attached(folder)
+    known = find_attached(folder)
     if known is not None and known.url != url:
         raise InputError(
             f"the recordings of {folder} are kept in {known.url}, not in {url}; to move them, restore a backup elsewhere"

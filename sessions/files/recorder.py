@@ -56,7 +56,7 @@ class Recorder:
         file: IO[bytes] | None = None,
     ) -> None:
         """`now` is the host's monotonic clock in s, the clock of every `arrival`; `file` replaces the opened path in tests."""
-        self._file = file if file is not None else _locked(path)
+        self._file = file if file is not None else _create_locked(path)
         self._began, self._utc = now, utc or datetime.now(UTC)
         self._synced = now
         self._number = 0
@@ -139,7 +139,7 @@ class Recorder:
             self.sync()
 
 
-def being_written(path: Path) -> bool:
+def is_being_written(path: Path) -> bool:
     """Whether a recorder has the file open: one may outlive the server that started it. (Not told on Windows: there nobody else can open it.)"""
     if sys.platform == "win32":
         return False
@@ -153,7 +153,7 @@ def being_written(path: Path) -> bool:
     return False
 
 
-def _locked(path: Path) -> IO[bytes]:
+def _create_locked(path: Path) -> IO[bytes]:
     file = path.open("xb")
     if sys.platform != "win32":
         with contextlib.suppress(OSError):  # a file system without locks
@@ -182,8 +182,8 @@ def _bytes_of(*records: McapRecord) -> bytes:
 
 
 def _json(value: Mapping[str, Any]) -> bytes:
-    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, default=_plain).encode()
+    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, default=_to_plain).encode()
 
 
-def _plain(value: Any) -> Any:
+def _to_plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else dict(value)

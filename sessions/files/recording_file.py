@@ -45,7 +45,7 @@ class Findings:
     unread: int = 0  # bytes behind the last good record
 
 
-def messages(file: IO[bytes], found: Findings) -> Iterator[tuple[str, Message]]:
+def read_messages(file: IO[bytes], found: Findings) -> Iterator[tuple[str, Message]]:
     """Messages with their topics; `found` is complete when they have been gone through."""
     size, number, failed = file.seek(0, os.SEEK_END), 0, 0
     topics: dict[int, str] = {}
@@ -120,9 +120,9 @@ def _inside(opcode: int, content: bytes) -> list[Any] | None:
 def _unpacked_size(chunk: Chunk) -> int:
     """Bytes that the data may unpack to: a decompressor believes what the data says, were it more than there is memory."""
     if chunk.compression == "zstd":
-        told = zstandard.frame_content_size(chunk.data)
+        declared_size = zstandard.frame_content_size(chunk.data)
         return (
-            chunk.uncompressed_size if told < 0 else int(told)
+            chunk.uncompressed_size if declared_size < 0 else int(declared_size)
         )  # it does not say: then no more is unpacked than the chunk says
     return LZ4_MOST * len(chunk.data) if chunk.compression == "lz4" else len(chunk.data)
 

@@ -63,17 +63,17 @@ class MarkerReader(Reader):  # type: ignore[misc]  # c3d has no types
     def _analogue_words(self) -> int:
         """Analogue words in a frame: header and parameters may contradict each other, the file's size tells who is right."""
         header = self._header
-        told = {
+        declared = {
             int(header.analog_count),
             int(Reader.analog_used.fget(self)) * int(header.analog_per_frame),
         }
-        if len(told) == 1:
-            return told.pop()
+        if len(declared) == 1:
+            return declared.pop()
         room = self._handle.seek(0, SEEK_END) - (header.data_block - 1) * BLOCK
         frames, width = header.last_frame - header.first_frame + 1, 4 if self.point_scale < 0 else 2
         fitting = [
             words
-            for words in told
+            for words in declared
             if 0 <= room - frames * width * (4 * header.point_count + words) < BLOCK
         ]
         if len(fitting) != 1:
@@ -97,10 +97,10 @@ class MarkerReader(Reader):  # type: ignore[misc]  # c3d has no types
     @property
     def last_frame(self) -> int:
         """The header's, unless it cannot count so far; parameters are wrong by one with some programs (OptiTrack)."""
-        told = int(Reader.last_frame.fget(self))
+        declared = int(Reader.last_frame.fget(self))
         return (
-            told
-            if told > MOST_FRAMES or self._header.last_frame == MOST_FRAMES
+            declared
+            if declared > MOST_FRAMES or self._header.last_frame == MOST_FRAMES
             else int(self._header.last_frame)
         )
 
@@ -119,7 +119,7 @@ def read_markers(path: Path) -> Markers:
             reader = MarkerReader(file)
             names = _labels(reader) if reader.point_used else ()
             points = _frames(reader) if names else np.empty((0, 0, 5))
-            rate, unit, told = (
+            rate, unit, declared = (
                 float(reader.point_rate),
                 _unit(reader),
                 int(reader.last_frame) - int(reader.first_frame) + 1,
@@ -140,9 +140,9 @@ def read_markers(path: Path) -> Markers:
         raise InputError(
             f"{path.name} has no usable rate of frames (POINT:RATE is {rate:g}); export it again"
         )
-    if len(points) < told:
+    if len(points) < declared:
         raise InputError(
-            f"{path.name} was cut off: it holds {len(points)} of {told} frames; copy or export it again"
+            f"{path.name} was cut off: it holds {len(points)} of {declared} frames; copy or export it again"
         )
     hidden = (points[..., 3] < 0) | ~np.isfinite(points[..., :3]).all(
         axis=-1
@@ -172,9 +172,9 @@ def _labels(reader: Reader) -> tuple[str, ...]:
 def _unit(reader: Reader) -> str:
     """The first one told: some programs tell a unit a marker, and fill up with zeros or cut off after four letters; mm where there is none."""
     unit = reader.get("POINT:UNITS")
-    told = (
+    declared = (
         [str(word).strip(" \0") for word in np.ravel(unit.string_array)]
         if unit is not None and unit.total_bytes
         else ["mm"]
     )
-    return SPELT.get(told[0][:4].lower(), told[0])
+    return SPELT.get(declared[0][:4].lower(), declared[0])

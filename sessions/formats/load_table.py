@@ -79,11 +79,11 @@ class _Columns:
         self, file: str, header: Sequence[str], rows: Sequence[tuple[int, list[str]]]
     ) -> None:
         self.file, self.rows = file, rows
-        told = [
+        parsed = [
             (m["name"], m["unit"]) if (m := HEADER.match(cell)) else (cell, "") for cell in header
         ]
-        self.names = [name for name, _ in told]
-        self.units = {name: unit.strip() for name, unit in told if unit}
+        self.names = [name for name, _ in parsed]
+        self.units = {name: unit.strip() for name, unit in parsed if unit}
         if len(set(self.names)) < len(self.names):
             raise InputError(f"{file}: two columns have the same name")
         for number, cells in rows:
@@ -142,9 +142,11 @@ class _Columns:
     def factor(self, name: str, kind: str) -> float:
         known = UNITS[kind]
         if self.units.get(name) not in known:
-            said = f"the unknown unit {self.units[name]!r}" if name in self.units else "no unit"
+            unit_words = (
+                f"the unknown unit {self.units[name]!r}" if name in self.units else "no unit"
+            )
             raise InputError(
-                f"{self.file}: {name} has {said}; write it as {name} [{next(iter(known))}] or {name} [{list(known)[-1]}]"
+                f"{self.file}: {name} has {unit_words}; write it as {name} [{next(iter(known))}] or {name} [{list(known)[-1]}]"
             )
         return known[self.units[name]]
 

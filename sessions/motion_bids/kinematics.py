@@ -46,9 +46,7 @@ class Kinematics:
     hand: Hand | None
     trajectory: Trajectory | None
     markers: Markers | None
-    angles_told: (
-        bool  # joint angles stood in the file; otherwise they are those of the orientations
-    )
+    has_angles: bool  # joint angles stood in the file; otherwise they are those of the orientations
     events: tuple[Event, ...]
     warnings: tuple[str, ...]
 
@@ -104,14 +102,16 @@ def load(files: Files, path: str, hand: Hand | None = None) -> Kinematics:
     t, _ = times_of(system, table, name, warnings)
     side = _side(sidecar.get("MeasuredHand"), hand, name)
     inside = str(PurePosixPath(path).parent / (match["stem"] + match["rest"])) if match else ""
-    moved, told = _trajectory(t, channels, table, side, name)
+    moved, has_angles = _trajectory(t, channels, table, side, name)
     markers = _markers(t, channels, table, name)
-    return Kinematics(name, side, moved, markers, told, events_of(files, inside), tuple(warnings))
+    return Kinematics(
+        name, side, moved, markers, has_angles, events_of(files, inside), tuple(warnings)
+    )
 
 
-def _side(said: object, hand: Hand | None, name: str) -> Hand | None:
+def _side(value: object, hand: Hand | None, name: str) -> Hand | None:
     for side in HANDS:
-        if str(said).lower() == side:
+        if str(value).lower() == side:
             if hand not in (None, side):
                 raise InputError(
                     f"{name} was recorded on the {side} hand, not on the {hand} one; choose the other hand or the other recording"
@@ -123,30 +123,30 @@ def _side(said: object, hand: Hand | None, name: str) -> Hand | None:
 def _trajectory(
     t: Array, channels: list[dict[str, str]], table: Array, hand: Hand | None, name: str
 ) -> tuple[Trajectory | None, bool]:
-    angles, told = _angles(channels, table, name)
+    angles, has_angles = _angles(channels, table, name)
     q_GS = _orientations(_of("ORNT", channels, table, name), len(t), name)
     tips = _tips(_of("POS", channels, table, name), len(t))
-    if not told:
+    if not has_angles:
         angles = joint_angles.of_segments(q_GS)
     clustered = any(MARKER.match(c["tracked_point"]) for c in channels)
     if not any(
         np.isfinite(values).any() for values in (angles, q_GS, *([] if clustered else [tips]))
     ):
         return None, False
-    return Trajectory(hand or "right", t, angles, q_GS, tips, _flags(channels, table)), told
+    return Trajectory(hand or "right", t, angles, q_GS, tips, _flags(channels, table)), has_angles
 
 
 def _angles(channels: list[dict[str, str]], table: Array, name: str) -> tuple[Array, bool]:
     """Joint angles (n, joints, 3), by the names of their columns, and whether there are any."""
-    angles, any_told = np.full((len(table), len(JOINTS), 3), np.nan), False
+    angles, has_any = np.full((len(table), len(JOINTS), 3), np.nan), False
     for column, channel in enumerate(channels):
         joint, _, angle = channel["name"].rpartition("_")
         if channel["type"].upper() == "JNTANG" and joint in JOINT and angle in ANGLES:
             angles[:, JOINT[joint], ANGLES.index(angle)] = table[:, column] * _factor(
                 channel, "JNTANG", name
             )
-            any_told = True
-    return angles, any_told
+            has_any = True
+    return angles, has_any
 
 
 def _orientations(found: Found, n: int, name: str) -> Array:

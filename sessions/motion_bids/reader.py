@@ -78,7 +78,7 @@ def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedR
     inside, files = _choose(path)
     systems = _systems(files, inside)
     unsaid = all(s.sidecar.get("MeasuredHand") in (None, MISSING) for s in systems)
-    said = _hand(
+    side = _hand(
         [s.sidecar for s in systems], HANDS[0] if unsaid and not inertial else hand, path.name
     )
     warnings: list[str] = []
@@ -94,8 +94,8 @@ def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedR
     raw_forces.require_all(setups, calibrated)
     _refuse_double(samples)
     recording = LoadedRecording(
-        said,
-        sized(said, measures_from(_merged(systems, "HandGeometry"))),
+        side,
+        sized(side, measures_from(_merged(systems, "HandGeometry"))),
         _mounting(_merged(systems, "SensorMounting")),
         samples,
         events_of(files, inside),
@@ -192,25 +192,25 @@ def _systems(files: Files, inside: str) -> list[System]:
 
 
 def _hand(sidecars: list[dict[str, Any]], wanted: Hand | None, name: str) -> Hand:
-    said = {
+    sides = {
         str(s["MeasuredHand"]).lower()
         for s in sidecars
         if s.get("MeasuredHand") not in (None, MISSING)
     }
-    if not said <= set(HANDS):
+    if not sides <= set(HANDS):
         raise InputError(
-            f"{name}: MeasuredHand is {sorted(said - set(HANDS))[0]!r}; it is left or right"
+            f"{name}: MeasuredHand is {sorted(sides - set(HANDS))[0]!r}; it is left or right"
         )
-    if len(said) > 1:
+    if len(sides) > 1:
         raise InputError(
             f"{name} holds sensors of two hands (MeasuredHand says left and right); split it into one recording a hand"
         )
-    if wanted and said and wanted not in said:
+    if wanted and sides and wanted not in sides:
         raise InputError(
-            f"{name} was recorded on the {said.pop()} hand, not on the {wanted} one; choose the other hand or the other recording"
+            f"{name} was recorded on the {sides.pop()} hand, not on the {wanted} one; choose the other hand or the other recording"
         )
     for hand in HANDS:
-        if hand in said or (not said and wanted == hand):
+        if hand in sides or (not sides and wanted == hand):
             return hand
     raise InputError(
         f"{name} does not say which hand was measured; add MeasuredHand (left or right) to motion.json, or give --hand"
@@ -312,12 +312,12 @@ def _columns(
 
 
 def _torques(
-    system: System, told: Mapping[str, list[tuple[str, int, float]]], warnings: list[str]
+    system: System, declared: Mapping[str, list[tuple[str, int, float]]], warnings: list[str]
 ) -> dict[tuple[str, str, int], tuple[int, float]]:
     """The torques of the points that tell all three: a sensor with four axes has one alone, and its forces are read without it."""
     partly = [
         point
-        for point, channels in told.items()
+        for point, channels in declared.items()
         if sorted(c for c, _, _ in channels) != ["x", "y", "z"]
     ]
     if partly:
@@ -326,7 +326,7 @@ def _torques(
         )
     return {
         (point, TORQUE, "xyz".index(c)): (column, factor)
-        for point, channels in told.items()
+        for point, channels in declared.items()
         if point not in partly
         for c, column, factor in channels
     }
@@ -362,8 +362,10 @@ def _factor(system: System, channel: dict[str, str], kind: str) -> float:
 
 def times_of(system: System, table: Array, name: str, warnings: list[str]) -> tuple[Array, float]:
     """Time stamps (n,) and rate: LATENCY where there is one, else the sampling frequency told."""
-    told = system.sidecar.get("SamplingFrequency")
-    rate = float(told) if isinstance(told, (int, float)) and 0 < told <= 100_000 else None
+    declared = system.sidecar.get("SamplingFrequency")
+    rate = (
+        float(declared) if isinstance(declared, (int, float)) and 0 < declared <= 100_000 else None
+    )
     latency = [k for k, c in enumerate(system.channels) if c["type"].upper() == "LATENCY"]
     if not latency:
         if rate is None:
@@ -499,7 +501,7 @@ def _provenance(systems: list[System]) -> dict[str, Any]:
         "SoftwareVersions": "software",
         "TaskName": "task",
     }
-    told = {
+    source = {
         ours: s.sidecar[theirs]
         for s in systems
         for theirs, ours in wanted.items()
@@ -512,5 +514,5 @@ def _provenance(systems: list[System]) -> dict[str, Any]:
     ]
     return {
         **({"device": names[0]} if len(names) == 1 else {}),
-        **told,
+        **source,
     }  # of several none is the device's

@@ -37,7 +37,7 @@ def write(
     """Write to a folder or, where the name ends in .zip, a zip; `extra` adds files by relative path."""
     files = {**tree(recording, subject, task, session), **(extra or {})}
     if path.suffix == ".zip":
-        save_file(packed(files), path)
+        save_file(pack(files), path)
     else:
         path.mkdir(parents=True, exist_ok=True)
         save_folder(files, path)
@@ -69,7 +69,7 @@ def tree(
     return files
 
 
-def packed(files: Mapping[str, Data]) -> bytes:
+def pack(files: Mapping[str, Data]) -> bytes:
     """A zip of files by relative path; the same files give the same bytes."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:

@@ -27,9 +27,9 @@ from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit
 from handscope.sessions.db.tables import now
 from handscope.sessions.files import object_storage
-from handscope.sessions.files.object_storage import MARK, ObjectStorage, attached
+from handscope.sessions.files.object_storage import MARK, ObjectStorage, find_attached
 from handscope.sessions.store import database_dump
-from handscope.sessions.store.database import FILE, RESTORING, connected, place_of
+from handscope.sessions.store.database import FILE, RESTORING, connect, place_of
 from handscope.sessions.store.store import CACHE, PROBE, free_bytes
 
 FORMAT = "handscope backup"
@@ -60,7 +60,7 @@ TRIES = 3  # times that a backup is begun again because a patient was erased mea
 
 
 @dataclass
-class Made:
+class BackupSummary:
     """What went into a backup."""
 
     files: dict[str, dict[str, Any]] = field(default_factory=dict)  # by name: bytes, sha256
@@ -72,7 +72,7 @@ class Made:
         return sum(int(f["bytes"]) for f in self.files.values())
 
 
-def write(folder: Path, url: str | None, target: Path, software: str) -> Made:
+def write(folder: Path, url: str | None, target: Path, software: str) -> BackupSummary:
     """Back up the data folder into `target`, which is there only when it is whole; InputError where there is nothing to back up."""
     if url is None and not (folder / FILE).is_file():
         raise InputError(
@@ -85,19 +85,19 @@ def write(folder: Path, url: str | None, target: Path, software: str) -> Made:
     if target.absolute().is_relative_to(folder.absolute()):
         raise InputError(f"{target} lies inside the data folder; a backup belongs on another disk")
     partial = target.with_name(f".{target.name}.partial")
-    engine = connected(folder, url)
+    engine = connect(folder, url)
     try:
         for _ in range(TRIES):
             with os.fdopen(
                 os.open(partial, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600), "w+b"
             ) as out:
-                kept, made = _archived(engine, folder, software, out)
+                stored, made = _archive(engine, folder, software, out)
                 out.flush()
                 os.fsync(out.fileno())
             with engine.connect() as connection:
-                erased = kept.keys() - _recordings(connection).keys()
+                erased = stored.keys() - _recordings(connection).keys()
             if not erased:
-                _verified(partial)
+                _verify(partial)
                 os.replace(partial, target)
                 return made
         raise InputError("patients were erased while the backup was made; make it again")
@@ -134,9 +134,9 @@ def restore(
             f"{folder} is not an empty folder; a backup is restored into an empty one, nothing was changed"
         )
     existed = folder.exists()
-    with _opened(source) as archive:
+    with _open(source) as archive:
         manifest = _manifest(archive, source)
-        engine = connected(folder, url) if url else create_engine(f"sqlite:///{folder / RESTORING}")
+        engine = connect(folder, url) if url else create_engine(f"sqlite:///{folder / RESTORING}")
         try:
             folder.mkdir(parents=True, exist_ok=True)
             (folder / RESTORING).touch()
@@ -169,16 +169,16 @@ def restore(
 
 def check(source: Path) -> dict[str, Any]:
     """Read a backup whole and compare every checksum; gives its manifest, InputError names the first file that is not as it was."""
-    with _opened(source) as archive:
+    with _open(source) as archive:
         manifest = _manifest(archive, source)
-        for name, told in manifest["files"].items():
-            _require(name, told, _read(archive, name))
+        for name, entry in manifest["files"].items():
+            _require(name, entry, _read(archive, name))
     return manifest
 
 
-def audit_head(source: Path) -> tuple[int, str]:
+def read_audit_head(source: Path) -> tuple[int, str]:
     """Number and hash of the audit trail's last line as a backup noted them; InputError where it did not."""
-    with _opened(source) as archive:
+    with _open(source) as archive:
         noted = _manifest(archive, source).get("audit")
     if not noted:
         raise InputError(
@@ -188,26 +188,26 @@ def audit_head(source: Path) -> tuple[int, str]:
     return int(number), str(total)
 
 
-def _archived(
+def _archive(
     engine: Engine, folder: Path, software: str, out: IO[bytes]
-) -> tuple[dict[str, str | None], Made]:
+) -> tuple[dict[str, str | None], BackupSummary]:
     """Write the zip; gives the recordings that the database names, with their checksums, and what was put in."""
-    made, moment = Made(), now()
+    made, moment = BackupSummary(), now()
     with zipfile.ZipFile(out, "w") as archive:
         with _snapshot(engine) as connection:
-            recordings, made.audit = _recordings(connection), audit.head(connection)
+            recordings, made.audit = _recordings(connection), audit.read_head(connection)
             _put(archive, made, DATABASE, database_dump.dump(connection), zipfile.ZIP_DEFLATED)
         away = _answering(folder, made)
-        for name in sorted({*recordings, *_others(folder), *_moved_out(away)}):
+        for name in sorted({*recordings, *_others(folder), *_object_names(away)}):
             try:
-                _put(archive, made, name, _kept(folder, away, name), zipfile.ZIP_STORED)
+                _put(archive, made, name, _stored_pieces(folder, away, name), zipfile.ZIP_STORED)
             except FileNotFoundError:
                 if name in recordings and recordings[name] is not None:
                     made.problems.append(f"{name} is missing in the data folder")
                 continue
             if (sum_ := recordings.get(name)) is not None and made.files[name]["sha256"] != sum_:
                 made.problems.append(f"{name} is not what was recorded: its checksum was {sum_}")
-        told = {
+        entry = {
             "format": FORMAT,
             "format_version": FORMAT_VERSION,
             "software": software,
@@ -215,7 +215,7 @@ def _archived(
             "problems": made.problems,
             "audit": made.audit,
         }
-        archive.writestr(MANIFEST, json.dumps({**told, "files": made.files}, indent=1))
+        archive.writestr(MANIFEST, json.dumps({**entry, "files": made.files}, indent=1))
     return recordings, made
 
 
@@ -253,9 +253,9 @@ def _others(folder: Path) -> Iterator[str]:
             yield name.as_posix()
 
 
-def _answering(folder: Path, made: Made) -> ObjectStorage | None:
+def _answering(folder: Path, made: BackupSummary) -> ObjectStorage | None:
     """The object storage, where there is one; one that does not answer is a problem of the backup."""
-    away = attached(folder)
+    away = find_attached(folder)
     try:
         if away is not None:
             object_storage.require(away)
@@ -265,12 +265,12 @@ def _answering(folder: Path, made: Made) -> ObjectStorage | None:
     return away
 
 
-def _moved_out(away: ObjectStorage | None) -> list[str]:
+def _object_names(away: ObjectStorage | None) -> list[str]:
     """Results that were moved into the object storage."""
     return object_storage.names(away, "results") if away else []
 
 
-def _kept(folder: Path, away: ObjectStorage | None, name: str) -> Iterator[bytes]:
+def _stored_pieces(folder: Path, away: ObjectStorage | None, name: str) -> Iterator[bytes]:
     """A file's bytes from where it is: it may leave the folder for its cache, and that for good, at any moment."""
     for place in (folder, folder / CACHE):
         with contextlib.suppress(FileNotFoundError), (place / name).open("rb") as file:
@@ -282,7 +282,7 @@ def _kept(folder: Path, away: ObjectStorage | None, name: str) -> Iterator[bytes
 
 
 def _put(
-    archive: zipfile.ZipFile, made: Made, name: str, pieces: Iterable[bytes], how: int
+    archive: zipfile.ZipFile, made: BackupSummary, name: str, pieces: Iterable[bytes], how: int
 ) -> None:
     entry = zipfile.ZipInfo(name, time.gmtime()[:6])
     entry.compress_type, entry.external_attr = how, 0o600 << 16
@@ -296,7 +296,7 @@ def _put(
     made.files[name] = {"bytes": size, "sha256": total.hexdigest()}
 
 
-def _verified(path: Path) -> None:
+def _verify(path: Path) -> None:
     with zipfile.ZipFile(path) as archive:
         if (bad := archive.testzip()) is not None:
             raise InputError(
@@ -305,7 +305,7 @@ def _verified(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def _opened(source: Path) -> Iterator[zipfile.ZipFile]:
+def _open(source: Path) -> Iterator[zipfile.ZipFile]:
     try:
         with zipfile.ZipFile(source) as archive:
             yield archive
@@ -342,8 +342,8 @@ def _unpack(
 ) -> None:
     """Files into their places, each compared with its checksum; the database's lines are only compared."""
     home, done = folder.resolve(), 0
-    whole = max(1, sum(told["bytes"] for told in manifest["files"].values()))
-    for name, told in manifest["files"].items():
+    whole = max(1, sum(entry["bytes"] for entry in manifest["files"].values()))
+    for name, entry in manifest["files"].items():
         if name not in archive.namelist():
             raise InputError(f"{name} is missing in the backup; nothing was restored")
         path = (folder / name).resolve()
@@ -352,12 +352,12 @@ def _unpack(
                 f"{name!r} in the backup lies outside the data folder; nothing was restored"
             )
         if name == DATABASE:
-            _require(name, told, _read(archive, name))
+            _require(name, entry, _read(archive, name))
         else:
             path.parent.mkdir(parents=True, exist_ok=True)
             with path.open("xb") as target:
-                _require(name, told, _written(_read(archive, name), target))
-        done += told["bytes"]
+                _require(name, entry, _write_pieces(_read(archive, name), target))
+        done += entry["bytes"]
         progress(done / whole)
 
 
@@ -380,7 +380,7 @@ def _read(archive: zipfile.ZipFile, name: str) -> Iterator[bytes]:
         raise zipfile.BadZipFile(f"{name}: {problem.strerror}") from problem
 
 
-def _written(pieces: Iterable[bytes], target: IO[bytes]) -> Iterator[bytes]:
+def _write_pieces(pieces: Iterable[bytes], target: IO[bytes]) -> Iterator[bytes]:
     for piece in pieces:
         target.write(piece)
         yield piece
@@ -388,11 +388,11 @@ def _written(pieces: Iterable[bytes], target: IO[bytes]) -> Iterator[bytes]:
     os.fsync(target.fileno())
 
 
-def _require(name: str, told: dict[str, Any], pieces: Iterable[bytes]) -> None:
+def _require(name: str, entry: dict[str, Any], pieces: Iterable[bytes]) -> None:
     total = hashlib.sha256()
     for piece in pieces:
         total.update(piece)
-    if total.hexdigest() != told["sha256"]:
+    if total.hexdigest() != entry["sha256"]:
         raise InputError(
             f"{name} in the backup is not what was backed up: its checksum is another; nothing was restored"
         )

@@ -22,7 +22,7 @@ UPGRADE_LOCK = 0x68616E64  # PostgreSQL: one process at a time brings the schema
 
 def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]:
     """A factory of database sessions on a schema that is up to date."""
-    engine = connected(folder, url)
+    engine = connect(folder, url)
     try:
         _require_known(engine)
         upgrade(engine)
@@ -35,12 +35,12 @@ def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]
             f"the database {place_of(engine)} cannot be opened ({problem.orig}); restore it from a backup or choose another --data folder"
         ) from None
     database = sessionmaker(engine, expire_on_commit=False)
-    repeatability.keep(database)
-    audit.keep(database)
+    repeatability.enable(database)
+    audit.enable(database)
     return database
 
 
-def connected(folder: Path, url: str | None = None) -> Engine:
+def connect(folder: Path, url: str | None = None) -> Engine:
     """The database as it is, not brought up to date; InputError where the URL names none or its driver is not installed."""
     try:
         engine = create_engine(url or f"sqlite:///{folder / FILE}", pool_pre_ping=True)
@@ -81,7 +81,7 @@ def upgrade(engine: Engine, to: str = "head") -> None:
             connection.commit()
 
 
-def known(revision: str) -> bool:
+def is_known(revision: str) -> bool:
     """Whether this program knows a revision of the schema."""
     config = Config()
     config.set_main_option("script_location", MIGRATIONS)
@@ -94,7 +94,7 @@ def _require_known(engine: Engine) -> None:
     """InputError where a newer program has been at work: what it changed would not be kept as it means it."""
     with engine.connect() as connection:
         revision = MigrationContext.configure(connection).get_current_revision()
-    if revision is not None and not known(revision):
+    if revision is not None and not is_known(revision):
         raise InputError(
             f"the database {place_of(engine)} has the schema {revision} of a newer version of Handscope, which this one does not know; "
             "start the newer version, or restore a backup that was made before it"

@@ -24,7 +24,7 @@ from sqlalchemy import (
 )
 
 from handscope.estimators.errors import InputError
-from handscope.sessions.store.database import known, upgrade
+from handscope.sessions.store.database import is_known, upgrade
 
 REVISION = "alembic_version"
 PASSING = frozenset({"attempt", "login"})  # tables whose rows are not kept: a browser logs in again
@@ -57,7 +57,7 @@ def load(engine: Engine, lines: Iterable[bytes]) -> None:
         )
     each = iter(lines)
     revision = json.loads(next(each))["revision"]
-    if not known(revision):
+    if not is_known(revision):
         raise InputError(
             f"the backup has the database schema {revision}, which this program does not know; restore it with a newer version"
         )

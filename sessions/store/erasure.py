@@ -51,7 +51,7 @@ def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, i
         "notes": len(patient.notes),
         "bytes": sum(path.stat().st_size for path in paths),
     }
-    audit.tell(db, audit.Happened("erased", "patient", counts=counts))
+    audit.record(db, audit.AuditEvent("erased", "patient", counts=counts))
     db.add_all([ErasedFile(file=file) for file in sorted(files)])
     db.delete(patient)
     db.commit()

@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit
 from handscope.sessions.clinic.accounts import LOCAL
-from handscope.sessions.clinic.audit import Happened
+from handscope.sessions.clinic.audit import AuditEvent
 from handscope.sessions.db.tables import Account, Attempt, Login, now
 from handscope.sessions.store.store import Store
 
@@ -60,7 +60,7 @@ def redeem(db: Session, store: Store, token: str) -> Account | None:
     if now().timestamp() - made > TOKEN_LIFE.total_seconds():
         return None
     account = (
-        accounts.local(db)
+        accounts.local_account(db)
         if name in ("", LOCAL)
         else db.scalar(select(Account).where(Account.name == name))
     )
@@ -70,14 +70,14 @@ def redeem(db: Session, store: Store, token: str) -> Account | None:
 def begin(db: Session, account: Account) -> str:
     """The cookie of a new login."""
     cookie = secrets.token_urlsafe(32)
-    audit.by(db, account.name, db.info.get("address", ""))
-    audit.tell(db, Happened("logged in", "account", str(account.id)))
+    audit.set_actor(db, account.name, db.info.get("address", ""))
+    audit.record(db, AuditEvent("logged in", "account", str(account.id)))
     db.add(Login(token_hash=_hash(cookie), account_id=account.id))
     db.commit()
     return cookie
 
 
-def alive(db: Session, cookie: str | None, idle: float, longest: float) -> Login | None:
+def find_login(db: Session, cookie: str | None, idle: float, longest: float) -> Login | None:
     """The login that a cookie belongs to, kept alive; one that ended (`idle` s without a request, `longest` s altogether) is forgotten."""
     if not cookie:
         return None
@@ -106,8 +106,8 @@ def end(db: Session, cookie: str | None) -> Account | None:
     if login is None:
         return None
     account = login.account
-    audit.by(db, account.name, db.info.get("address", ""))
-    audit.tell(db, Happened("logged out", "account", str(account.id)))
+    audit.set_actor(db, account.name, db.info.get("address", ""))
+    audit.record(db, AuditEvent("logged out", "account", str(account.id)))
     db.delete(login)
     db.commit()
     return account
@@ -121,16 +121,16 @@ def end_all(db: Session, account: Account, but: str | None = None) -> None:
     db.commit()
 
 
-def by_password(db: Session, name: str, password: str, address: str) -> Account | None:
+def log_in(db: Session, name: str, password: str, address: str) -> Account | None:
     """The account that proves itself, None where it does not; ThrottledError after too many tries of the account or from the address."""
     tried = _counted(db, name, address)
-    account = accounts.proved(db, name, password)
+    account = accounts.authenticate(db, name, password)
     if account is not None:  # who is in clears the account; the address keeps its other tries
         db.execute(
             delete(Attempt).where(Attempt.key.in_([_of_account(name)]) | Attempt.id.in_(tried))
         )
     else:
-        audit.tell(db, _failed(db, name))
+        audit.record(db, _failed(db, name))
     db.commit()
     return account
 
@@ -155,10 +155,10 @@ def _counted(db: Session, name: str, address: str) -> list[int]:
     return [a.id for a in made]
 
 
-def _failed(db: Session, name: str) -> Happened:
+def _failed(db: Session, name: str) -> AuditEvent:
     """A name that no account has is not kept: it may be a password typed in the wrong place."""
     known = db.scalar(select(Account.id).where(Account.name == name.strip().casefold()))
-    return Happened("refused", "login", str(known or ""), counts={"by": "password"})
+    return AuditEvent("refused", "login", str(known or ""), counts={"by": "password"})
 
 
 def _until(oldest: datetime, moment: datetime) -> float:

@@ -15,6 +15,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import IO, Any
 
+from sqlalchemy import inspect
 from sqlalchemy.orm import Session
 
 from handscope.estimators.errors import InputError
@@ -110,7 +111,7 @@ def _session(archive: _Archive, store: Store, session: PatientSession) -> Iterat
     for file in session.recordings:
         name = f"{folder}/recording-{file.id}{Path(file.file).suffix}"
         try:
-            total = archive.put(name, _pieces(stored_files.at_hand(store, file.file)))
+            total = archive.put(name, _pieces(stored_files.fetch_local(store, file.file)))
         except InputError as problem:
             yield f"{name}: {problem}"
             continue
@@ -123,9 +124,10 @@ def _session(archive: _Archive, store: Store, session: PatientSession) -> Iterat
             yield from _motion_bids(archive, store, file, f"{folder}/motion-bids-{file.id}")
         for result in file.results:
             archive.put(f"{folder}/result-{result.id}-{result.method}.json", _json(_row(result)))
-            for kept in stored_files.files_of_result(store, result.id):
+            for stored in stored_files.files_of_result(store, result.id):
                 archive.put(
-                    f"{folder}/result-{Path(kept).name}", _pieces(stored_files.at_hand(store, kept))
+                    f"{folder}/result-{Path(stored).name}",
+                    _pieces(stored_files.fetch_local(store, stored)),
                 )
 
 
@@ -133,7 +135,7 @@ def _motion_bids(
     archive: _Archive, store: Store, file: RecordingFile, folder: str
 ) -> Iterator[str]:
     try:
-        recording = records.opened(store, file)
+        recording = records.open_recording(store, file)
     except InputError as problem:
         yield f"{folder}: {problem}"
         return
@@ -149,7 +151,7 @@ def _recording(file: RecordingFile) -> dict[str, Any]:
 
 def _row(row: Base) -> dict[str, Any]:
     """A row's columns by name."""
-    return {column.key: getattr(row, column.key) for column in row.__table__.columns}
+    return {c.columns[0].name: getattr(row, c.key) for c in inspect(row).mapper.column_attrs}
 
 
 def _json(value: Mapping[str, Any]) -> list[bytes]:

@@ -17,7 +17,7 @@ from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized, table_of
 from handscope.sessions.db.tables import ErasedFile, Patient, PatientSession, RecordingFile, now
 from handscope.sessions.files import native
-from handscope.sessions.files.recorder import being_written
+from handscope.sessions.files.recorder import is_being_written
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.store import stored_files
@@ -88,7 +88,7 @@ def read_upload(upload: Path, name: str, hand: Hand | None) -> Upload:
     )
 
 
-def keep_upload(
+def store_upload(
     db: Session, store: Store, patient: Patient, upload: Path, name: str, found: Upload
 ) -> PatientSession:
     """Keep an uploaded recording that was read as a session of its own; `upload` is moved into the store.
@@ -126,7 +126,7 @@ def add_upload(
     db: Session, store: Store, patient: Patient, upload: Path, name: str, hand: Hand | None
 ) -> PatientSession:
     """Read an uploaded recording and keep it, only when it can be opened."""
-    return keep_upload(db, store, patient, upload, name, read_upload(upload, name, hand))
+    return store_upload(db, store, patient, upload, name, read_upload(upload, name, hand))
 
 
 def get(db: Session, session_id: int) -> PatientSession:
@@ -137,18 +137,18 @@ def get(db: Session, session_id: int) -> PatientSession:
     return session
 
 
-def opened(store: Store, file: RecordingFile) -> LoadedRecording:
+def open_recording(store: Store, file: RecordingFile) -> LoadedRecording:
     """A kept recording with its session's hand and geometry."""
     session = file.session
     recording = formats_recordings.load(
-        stored_files.at_hand(store, file.file, file.sha256), hand_of(session.hand)
+        stored_files.fetch_local(store, file.file, file.sha256), hand_of(session.hand)
     )
     if not session.geometry:
         return recording
     return replace(recording, geometry=sized(recording.hand, measures_from(session.geometry)))
 
 
-def abandoned(db: Session) -> list[PatientSession]:
+def list_abandoned(db: Session) -> list[PatientSession]:
     """Sessions that are not finished, the oldest first: they run, or a server that stopped left them open."""
     return list(
         db.scalars(
@@ -170,7 +170,7 @@ def hand_of(word: str) -> Hand:
 def _require_finished(path: Path) -> None:
     """Wait for a recorder that outlived its server; InputError, and the session stays open, where it goes on."""
     until = time.monotonic() + FINISH_WAIT
-    while path.exists() and being_written(path):
+    while path.exists() and is_being_written(path):
         if time.monotonic() > until:
             raise InputError(
                 "the recording is still being written; unplug the glove, then finish the session"

@@ -82,7 +82,7 @@ def free_bytes(folder: Path) -> int:
 
 def store_at(folder: Path, url: str | None = None) -> Store:
     """The store of a data folder that another process opened; nothing is tidied up."""
-    return Store(folder, open_database(folder, url), url, object_storage.attached(folder))
+    return Store(folder, open_database(folder, url), url, object_storage.find_attached(folder))
 
 
 def open_store(folder: Path, url: str | None = None, recordings: str | None = None) -> Store:

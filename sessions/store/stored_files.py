@@ -35,7 +35,7 @@ class Round:
     problem: str = ""  # why the storage could not be used
 
 
-def at_hand(store: Store, file: str, sha256: str | None = None) -> Path:
+def fetch_local(store: Store, file: str, sha256: str | None = None) -> Path:
     """The path of a kept file on this disk, fetched where it was moved out; of one that is nowhere the path where it should be.
 
     UnreachableError where the storage does not answer, InputError where what it has is not what was kept.
@@ -74,13 +74,13 @@ def move_out(store: Store, cache_bytes: int) -> Round:
     try:
         object_storage.require(store.away)
         _remove_erased(store)
-        for file, sha256 in _closed(store):
-            moved += _moved(store, file, sha256)
+        for file, sha256 in _list_closed(store):
+            moved += _move_file(store, file, sha256)
         _shrink(store, cache_bytes)
     except UnreachableError as why:
         problem = str(why)
     with store.database() as db:
-        return Round(moved, len(_closed(store)) + len(_erased(db)), problem)
+        return Round(moved, len(_list_closed(store)) + len(_list_erased(db)), problem)
 
 
 def _fetch(store: Store, file: str, copy: Path, sha256: str | None) -> None:
@@ -100,7 +100,7 @@ def _fetch(store: Store, file: str, copy: Path, sha256: str | None) -> None:
         partial.unlink(missing_ok=True)
 
 
-def _moved(store: Store, file: str, sha256: str | None) -> bool:
+def _move_file(store: Store, file: str, sha256: str | None) -> bool:
     """Whether a file is in the storage now and left for the cache; one that is changed or erased meanwhile stays, or stays away."""
     assert store.away is not None
     path, copy = store.path_of(file), store.cached(file)
@@ -127,7 +127,7 @@ def _moved(store: Store, file: str, sha256: str | None) -> bool:
     return True
 
 
-def _closed(store: Store) -> list[tuple[str, str | None]]:
+def _list_closed(store: Store) -> list[tuple[str, str | None]]:
     """Files that lie in the data folder and may go, with the recordings' checksums: none that is still written."""
     recordings = (
         {path.name for path in store.recordings.iterdir()} if store.recordings.is_dir() else set()
@@ -157,14 +157,14 @@ def _closed(store: Store) -> list[tuple[str, str | None]]:
     ]
 
 
-def _erased(db: Session) -> list[ErasedFile]:
+def _list_erased(db: Session) -> list[ErasedFile]:
     return list(db.scalars(select(ErasedFile).where(ErasedFile.file.startswith(AWAY))))
 
 
 def _remove_erased(store: Store) -> None:
     assert store.away is not None
     with store.database() as db:
-        for erased in _erased(db):
+        for erased in _list_erased(db):
             file = erased.file.removeprefix(AWAY)
             object_storage.remove(store.away, file)
             store.cached(file).unlink(missing_ok=True)
@@ -177,10 +177,10 @@ def _shrink(store: Store, most: int) -> None:
     lying = sorted(
         _files(store.folder / CACHE), key=lambda path: path.stat().st_atime_ns, reverse=True
     )
-    kept = 0
+    cached_bytes = 0
     for path in lying:
-        kept += path.stat().st_size
-        if kept > most or free_bytes(store.folder) < 2 * FREE:
+        cached_bytes += path.stat().st_size
+        if cached_bytes > most or free_bytes(store.folder) < 2 * FREE:
             with contextlib.suppress(OSError):  # Windows: somebody reads it
                 path.unlink()
 

@@ -69,9 +69,11 @@ def change(
 
 
 def _date(session: PatientSession, started: datetime, reason: str) -> None:
-    said = session.recorded_as or session.started
+    clock_time = session.recorded_as or session.started
     session.started = started
-    session.recorded_as, session.date_reason = (None, "") if started == said else (said, reason)
+    session.recorded_as, session.date_reason = (
+        (None, "") if started == clock_time else (clock_time, reason)
+    )
 
 
 def _require_date(session: PatientSession, started: datetime, reason: str) -> None:

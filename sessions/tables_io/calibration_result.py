@@ -12,7 +12,7 @@ from handscope.estimators.hand.anatomy import HANDS, SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-SEAT_KNOWN = np.radians(
+OBSERVED_SD = np.radians(
     3.0
 )  # largest standard deviation of a seat that movement told; the others rest on the nominal mounting
 
@@ -28,33 +28,33 @@ def read(path: Path) -> Known:
             f"{path} is no JSON; name a ..._calibration.json that `handscope process --method map` wrote"
         ) from None
     try:
-        return known_of(table)
+        return parse(table)
     except (KeyError, TypeError, ValueError, AttributeError):
         raise InputError(
             f"{path} is no calibration of a hand; name a ..._calibration.json that `handscope process --method map` wrote"
         ) from None
 
 
-def known_of(table: dict[str, Any]) -> Known:
+def parse(table: dict[str, Any]) -> Known:
     """What movement told, of the table that `derivative.calibration_table` makes; KeyError, TypeError or ValueError where it is none."""
     if table["MeasuredHand"] not in HANDS:
         raise ValueError(table["MeasuredHand"])
     lengths = {
         s: float(entry["value"]) for s, entry in table["segment_lengths"].items() if "sd" in entry
     }
-    seats = {
-        s: quat.normalize(_numbers(seat["q_BS"], 4))
-        for s, seat in table["sensor_to_segment"].items()
-        if _told(seat)
+    mountings = {
+        s: quat.normalize(_numbers(mounting["q_BS"], 4))
+        for s, mounting in table["sensor_to_segment"].items()
+        if _is_observed(mounting)
     }
     biases = {s: _numbers(b, 3) for s, b in table["gyr_bias"].items()}
-    if unknown := (set(lengths) | set(seats) | set(biases)) - set(SEGMENTS):
+    if unknown := (set(lengths) | set(mountings) | set(biases)) - set(SEGMENTS):
         raise ValueError(unknown)
-    return Known(table["MeasuredHand"], seats, biases, lengths)
+    return Known(table["MeasuredHand"], mountings, biases, lengths)
 
 
-def _told(seat: dict[str, Any]) -> bool:
-    return "sd" in seat and bool(_numbers(seat["sd"], 3).max() < SEAT_KNOWN)
+def _is_observed(mounting: dict[str, Any]) -> bool:
+    return "sd" in mounting and bool(_numbers(mounting["sd"], 3).max() < OBSERVED_SD)
 
 
 def _numbers(values: Any, count: int) -> Array:

@@ -17,7 +17,9 @@ SETUP, SETUPS = (
     "ForceSetup",
     "force_setups",
 )  # in a file, by point; in a recording, by strip and point
-Kept = Mapping[str, Mapping[str, ForceSetup]]  # by strip_id in hexadecimal, then by tracked point
+StoredSetups = Mapping[
+    str, Mapping[str, ForceSetup]
+]  # by strip_id in hexadecimal, then by tracked point
 
 
 def path_of(data: Path, strip_id: int) -> Path:
@@ -25,22 +27,22 @@ def path_of(data: Path, strip_id: int) -> Path:
     return data / FOLDER / f"{strip_id:x}.json"
 
 
-def kept(data: Path) -> dict[str, Any]:
+def read_stored(data: Path) -> dict[str, Any]:
     """The metadata with which a recording begins, empty where nothing is kept; InputError names a file that cannot be read."""
     found = {path.stem: _read(path) for path in sorted((data / FOLDER).glob("[!.]*.json"))}
     return {SETUPS: found} if found else {}
 
 
-def of_recording(metadata: Mapping[str, Any]) -> Kept:
+def of_recording(metadata: Mapping[str, Any]) -> StoredSetups:
     """What a recording's metadata holds; InputError where that cannot be read."""
-    told = metadata.get(SETUPS) or {}
-    if not isinstance(told, Mapping) or not all(
-        isinstance(table, Mapping) for table in told.values()
+    tables = metadata.get(SETUPS) or {}
+    if not isinstance(tables, Mapping) or not all(
+        isinstance(table, Mapping) for table in tables.values()
     ):
         raise InputError(
             "the recording's calibrations of force sensors are no tables by strip; it cannot be opened"
         )
-    return {strip: setups_from(table) for strip, table in told.items()}
+    return {strip: setups_from(table) for strip, table in tables.items()}
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -51,7 +53,7 @@ def _read(path: Path) -> dict[str, Any]:
             for point, setup in setups_from(json.loads(path.read_text("utf-8"))[SETUP]).items()
         }
     except (InputError, OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
-        said = problem if isinstance(problem, InputError) else "it is no ForceSetup"
+        reason = problem if isinstance(problem, InputError) else "it is no ForceSetup"
         raise InputError(
-            f"the calibration of force sensors in {path.name} cannot be read ({said}); calibrate them again or remove it"
+            f"the calibration of force sensors in {path.name} cannot be read ({reason}); calibrate them again or remove it"
         ) from None

@@ -29,10 +29,10 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors import imu_calibration
 from handscope.estimators.sensors.imu_calibration import CALIBRATED, Correction, ImuCalibration
-from handscope.sessions.tables_io.force_calibrations import Kept
+from handscope.sessions.tables_io.force_calibrations import StoredSetups
 from handscope.sessions.wire import force_calibration
 from handscope.sessions.wire.clock_mapping import ClockMap
-from handscope.sessions.wire.force_calibration import ForceTold
+from handscope.sessions.wire.force_calibration import ForceSensorCalibration
 from handscope.sessions.wire.framing import Counters, Decoder
 from handscope.sessions.wire.messages import (
     Identity,
@@ -46,7 +46,7 @@ from handscope.sessions.wire.messages import (
     Strip,
     StripCalibration,
 )
-from handscope.sessions.wire.sample_values import fits, values_of
+from handscope.sessions.wire.sample_values import decode_values, has_expected_size
 
 NS = 1e-9
 SET_BACK = 0.1  # s; as much may a better map of a foreign clock set a burst back: its samples are squeezed together, not dropped
@@ -82,10 +82,10 @@ class Assembler:
     counts: dict[str, StreamCount] = field(default_factory=dict)  # by stream name
     replies: deque[Reply] = field(default_factory=lambda: deque(maxlen=64))
     calibrations: dict[tuple[int, int], StripCalibration] = field(default_factory=dict)
-    forces: dict[tuple[int, int], ForceTold] = field(
+    forces: dict[tuple[int, int], ForceSensorCalibration] = field(
         default_factory=dict
     )  # calibrations of force sensors
-    kept_forces: Kept = field(default_factory=dict)  # of strips that tell none
+    stored_forces: StoredSetups = field(default_factory=dict)  # of strips that tell none
     marks: list[Event] = field(default_factory=list)  # events that the device told, in order
     mounting: dict[str, Array] = field(
         default_factory=dict
@@ -101,7 +101,7 @@ class Assembler:
     host: ClockMap = field(
         default_factory=ClockMap
     )  # base unit's clock to the host's arrival times, s
-    _told: dict[int, Strip] = field(default_factory=dict)  # strips as they describe themselves
+    _announced: dict[int, Strip] = field(default_factory=dict)  # strips as they describe themselves
     _readings: dict[int, "_Reading"] = field(default_factory=dict)  # by stream number
     _clocks: dict[int, ClockMap] = field(default_factory=dict)
     _zero: int | None = (
@@ -180,7 +180,7 @@ class Assembler:
         """Strips sit on other fingers than they say: {"index": "ring", "ring": "index"}; what is not named is as it says."""
         before = {number: stream.name for number, stream in self.streams.items()}
         self.exchanged = {finger: on for finger, on in worn_on.items() if finger != on}
-        self.strips = {slot: self._worn(strip) for slot, strip in self._told.items()}
+        self.strips = {slot: self._worn(strip) for slot, strip in self._announced.items()}
         for strip in self.strips.values():
             self._mount(strip)
         self.streams.clear()
@@ -232,7 +232,7 @@ class Assembler:
                 self._marked(message)
             case Plate():
                 self.plate = message
-            case StripCalibration() | ForceTold():
+            case StripCalibration() | ForceSensorCalibration():
                 self._calibrated(message)
                 return self._released()
         return ()
@@ -254,14 +254,14 @@ class Assembler:
                 {},
                 ClockMap(),
             )
-            self._told, self.plate = {}, None
+            self._announced, self.plate = {}, None
             self.calibrations, self.forces, self._readings = {}, {}, {}
             self._zero, self._next_index = None, {}
         self.identity = identity
 
-    def _plugged(self, told: Strip) -> None:
-        self._told[told.slot] = told
-        strip = self._worn(told)
+    def _plugged(self, announced: Strip) -> None:
+        self._announced[announced.slot] = announced
+        strip = self._worn(announced)
         before = self.strips.get(strip.slot)
         if not strip.attached or (
             before is not None and before.strip_id != strip.strip_id
@@ -272,7 +272,7 @@ class Assembler:
             self.forces = {key: c for key, c in self.forces.items() if key[0] != strip.slot}
         if not strip.attached:
             self.strips.pop(strip.slot, None)
-            self._told.pop(strip.slot, None)
+            self._announced.pop(strip.slot, None)
             gone = [n for n, info in self.infos.items() if info.slot == strip.slot]
             for number in gone:
                 self.infos.pop(number), self.streams.pop(number, None)
@@ -281,10 +281,10 @@ class Assembler:
             self._mount(strip)
             self._rename()
 
-    def _calibrated(self, calibration: StripCalibration | ForceTold) -> None:
+    def _calibrated(self, calibration: StripCalibration | ForceSensorCalibration) -> None:
         key = calibration.slot, calibration.sensor
         known: dict[tuple[int, int], Any] = (
-            self.forces if isinstance(calibration, ForceTold) else self.calibrations
+            self.forces if isinstance(calibration, ForceSensorCalibration) else self.calibrations
         )
         if known.get(key) != calibration:
             known[key] = calibration
@@ -321,8 +321,8 @@ class Assembler:
         """Stream descriptions of everything that is known from both its strip and its StreamInfo."""
         for number, info in self.infos.items():
             strip = self.strips.get(info.slot)
-            told = self._corrections_of(strip) if strip is not None else None
-            if strip is None or told is None:
+            messages = self._corrections_of(strip) if strip is not None else None
+            if strip is None or messages is None:
                 self.streams.pop(number, None)  # its bursts wait
                 continue
             name = _label(strip.points) + next(
@@ -332,7 +332,7 @@ class Assembler:
                 s.name for n, s in self.streams.items() if n != number
             }:  # two strips for the same finger
                 name += f"_slot{info.slot}"
-            calibrations = [correction_of(m) for m in told]
+            calibrations = [correction_of(m) for m in messages]
             scales = {
                 q: imu_calibration.reach(calibrations, q, f)
                 for q, f in zip(info.quantities, info.full_scale)
@@ -361,10 +361,10 @@ class Assembler:
             if self.streams.get(number) != stream:
                 self.streams[number] = stream
             before = self._readings.get(number)
-            if before is None or (before.stream, before.info, before.told, before.forces) != (
+            if before is None or (before.stream, before.info, before.messages, before.forces) != (
                 stream,
                 info,
-                told,
+                messages,
                 forces,
             ):
                 correction = (
@@ -376,7 +376,7 @@ class Assembler:
                     [SATURATION * stream.full_scale.get(q, np.inf) for q in stream.quantities], 3
                 )
                 self._readings[number] = _Reading(
-                    self.streams[number], info, told, correction, limits, forces, applied
+                    self.streams[number], info, messages, correction, limits, forces, applied
                 )
 
     def _corrections_of(self, strip: Strip) -> tuple[StripCalibration, ...] | None:
@@ -386,24 +386,24 @@ class Assembler:
         keys = [(strip.slot, k) for k in range(len(strip.points))]
         if not all(key in self.calibrations or key in self.forces for key in keys):
             return None
-        told = tuple(self.calibrations.get(key, StripCalibration(*key)) for key in keys)
-        return () if all(correction_of(c).trivial for c in told) else told
+        messages = tuple(self.calibrations.get(key, StripCalibration(*key)) for key in keys)
+        return () if all(correction_of(c).trivial for c in messages) else messages
 
     def _forces_of(
         self, strip: Strip, info: StreamInfo
-    ) -> tuple[tuple[ForceTold | None, ...], bool]:
+    ) -> tuple[tuple[ForceSensorCalibration | None, ...], bool]:
         """What is known of each force sensor of a stream, empty where nothing is, and whether samples are still to be corrected by it."""
-        told = tuple(self.forces.get((strip.slot, k)) for k in range(len(strip.points)))
-        kept = (
+        announced = tuple(self.forces.get((strip.slot, k)) for k in range(len(strip.points)))
+        stored = (
             ()
-            if any(told)
-            else force_calibration.of_kept(
-                self.kept_forces.get(f"{strip.strip_id:x}", {}), strip.slot, strip.points
+            if any(announced)
+            else force_calibration.messages_of_setups(
+                self.stored_forces.get(f"{strip.strip_id:x}", {}), strip.slot, strip.points
             )
         )
-        found = told if any(told) else kept
+        found = announced if any(announced) else stored
         return (
-            (found, self.correct and (strip.raw or found is kept))
+            (found, self.correct and (strip.raw or found is stored))
             if FORCE in info.quantities and any(found)
             else ((), False)
         )
@@ -419,7 +419,7 @@ class Assembler:
                 self.undescribed += 1
             self._waiting.append((samples, arrival))
             return
-        if not fits(samples, reading.info, len(reading.stream.sensors)):
+        if not has_expected_size(samples, reading.info, len(reading.stream.sensors)):
             self.undescribed += 1
             return
         self.host.update(samples.t_sent * NS, arrival)
@@ -462,14 +462,16 @@ class Assembler:
         """The samples of consecutive bursts of one stream, in SI units and corrected."""
         reading = bursts[0].reading
         t = bursts[0].t if len(bursts) == 1 else np.concatenate([b.t for b in bursts])
-        values = values_of([b.samples for b in bursts], reading.info, len(reading.stream.sensors))
+        values = decode_values(
+            [b.samples for b in bursts], reading.info, len(reading.stream.sensors)
+        )
         if any(b.stale for b in bursts):
             fresh = np.concatenate([np.arange(len(b.t)) >= b.stale for b in bursts])
             t, values = t[fresh], values[fresh]
         if reading.correction is not None:
             values = imu_calibration.corrected(reading.correction, values)
         if reading.forces and reading.raw:
-            values = force_calibration.corrected(
+            values = force_calibration.correct_forces(
                 values, reading.info.quantities, reading.info.full_scale, reading.forces
             )
         at_limit = np.abs(values) >= reading.limits
@@ -488,12 +490,12 @@ class _Reading:
 
     stream: Stream
     info: StreamInfo
-    told: tuple[StripCalibration, ...]
+    messages: tuple[StripCalibration, ...]
     correction: Correction | None
     limits: (
         Array  # (axes,) sizes that count as the sensor's limit, SI; infinite where none is known
     )
-    forces: tuple[ForceTold | None, ...]  # calibrations of force sensors
+    forces: tuple[ForceSensorCalibration | None, ...]  # calibrations of force sensors
     raw: bool  # whether they are still to be applied
 
 

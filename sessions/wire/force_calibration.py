@@ -12,7 +12,7 @@ from handscope.estimators.numerics.typing import Array
 
 
 @dataclass(frozen=True)
-class ForceTold:
+class ForceSensorCalibration:
     """y = M (x - offset) of what the sensor sends: three forces, or three forces and three torques."""
 
     slot: int
@@ -29,7 +29,7 @@ class ForceTold:
         return len(self.offset)
 
 
-def write_force(m: ForceTold) -> bytes:
+def write_force(m: ForceSensorCalibration) -> bytes:
     turn = float("nan") if m.turn_sd is None else m.turn_sd
     return struct.pack(
         f"<BBB2f{m.axes * (m.axes + 1)}f",
@@ -43,7 +43,7 @@ def write_force(m: ForceTold) -> bytes:
     )
 
 
-def read_force(p: bytes) -> ForceTold:
+def read_force(p: bytes) -> ForceSensorCalibration:
     """The message; ValueError or struct.error where the bytes make none."""
     slot, sensor, axes, scale, turn = struct.unpack_from("<BBB2f", p)
     if axes not in (3, 6):
@@ -51,25 +51,26 @@ def read_force(p: bytes) -> ForceTold:
     numbers = struct.unpack(f"<{axes * (axes + 1)}f", p[11:])
     if not (np.isfinite(numbers).all() and 0 <= scale < 1 and (np.isnan(turn) or 0 <= turn < 1)):
         raise ValueError(f"calibration of a force sensor of {numbers}, {scale}, {turn}")
-    return ForceTold(
+    return ForceSensorCalibration(
         slot, sensor, scale, None if np.isnan(turn) else turn, numbers[:axes], numbers[axes:]
     )
 
 
-def of_kept(
-    kept: Mapping[str, ForceSetup], slot: int, points: Sequence[str]
-) -> tuple[ForceTold | None, ...]:
+def messages_of_setups(
+    setups: Mapping[str, ForceSetup], slot: int, points: Sequence[str]
+) -> tuple[ForceSensorCalibration | None, ...]:
     """What the strip would tell of each sensor, had it a flash, from calibrations that are kept for it elsewhere."""
     return tuple(
-        _of_setup(kept[point], slot, k) if point in kept else None for k, point in enumerate(points)
+        _of_setup(setups[point], slot, k) if point in setups else None
+        for k, point in enumerate(points)
     )
 
 
-def _of_setup(setup: ForceSetup, slot: int, sensor: int) -> ForceTold | None:
+def _of_setup(setup: ForceSetup, slot: int, sensor: int) -> ForceSensorCalibration | None:
     c = setup.calibration
     if c is None or c.matrix.shape not in ((3, 3), (6, 6)):
         return None
-    return ForceTold(
+    return ForceSensorCalibration(
         slot,
         sensor,
         setup.scale_sd,
@@ -79,11 +80,11 @@ def _of_setup(setup: ForceSetup, slot: int, sensor: int) -> ForceTold | None:
     )
 
 
-def corrected(
+def correct_forces(
     values: Array,
     quantities: Sequence[str],
     full_scale: Sequence[float],
-    told: Sequence[ForceTold | None],
+    calibrations: Sequence[ForceSensorCalibration | None],
 ) -> Array:
     """Samples (n, sensors, axes) of a raw strip as loads: infinite where one was at its full scale (0 = not known), told of or not, NaN where the torques that it needs
     are sent apart.
@@ -93,7 +94,7 @@ def corrected(
     limit = {
         quantity: SATURATION * most for quantity, most in zip(quantities, full_scale) if most > 0
     }
-    for k, one in enumerate(told):
+    for k, one in enumerate(calibrations):
         if one is None:
             sizes = np.repeat([limit.get(quantity, np.inf) for quantity in quantities], 3)
             made[:, k] = np.where(np.abs(values[:, k]) >= sizes, np.inf, values[:, k])

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 from cobs import cobs
 
 from handscope.sessions.wire.messages import BadPayloadError, Identity, Message, decode, encode
-from handscope.sessions.wire.stuffing import unstuffed
+from handscope.sessions.wire.stuffing import unstuff
 
 LONGEST = 4096  # bytes of a frame on the wire; more without a zero byte is garbage. A burst of 3 sensors, 6 axes of 4 bytes, has 72 a sample
 REORDER = 1000  # a sequence number further back than this is a gap forward, not an old frame
@@ -61,7 +61,7 @@ class Decoder:
             self._rest, self._skipping = b"", True
 
     def _open(self, frame: bytes) -> Message | None:
-        body = unstuffed(frame) if len(frame) <= LONGEST else None
+        body = unstuff(frame) if len(frame) <= LONGEST else None
         if (
             body is None
             or len(body) < 7

@@ -1,6 +1,6 @@
 """Messages of the wire protocol as values, and their payload bytes. Little-endian throughout; docs/wire-protocol.md is the same in prose.
 
-Device to host: Identity, Strip, StreamInfo, Samples, Status, Reply, Pong, StripCalibration, Plate, ForceTold. Host to device: the commands.
+Device to host: Identity, Strip, StreamInfo, Samples, Status, Reply, Pong, StripCalibration, Plate, ForceSensorCalibration. Host to device: the commands.
 """
 
 import struct
@@ -13,7 +13,11 @@ import numpy as np
 
 from handscope.estimators.data.magnet_declaration import Plate
 from handscope.estimators.data.samples import ACC, FORCE, GYR, MAG, TORQUE, TRACKED_POINTS
-from handscope.sessions.wire.force_calibration import ForceTold, read_force, write_force
+from handscope.sessions.wire.force_calibration import (
+    ForceSensorCalibration,
+    read_force,
+    write_force,
+)
 from handscope.sessions.wire.plate_payload import read_plate, write_plate
 
 VERSION = 1
@@ -194,7 +198,7 @@ Message = (
     | Mark
     | StripCalibration
     | Plate
-    | ForceTold
+    | ForceSensorCalibration
     | Identify
     | Configure
     | Start
@@ -394,7 +398,7 @@ _CODECS: dict[type, tuple[int, Callable[[Any], bytes], Callable[[bytes], Any]]] 
     StripCalibration: (0x08, _write_calibration, _read_calibration),
     Mark: (0x09, _write_mark, _read_mark),
     Plate: (0x0A, write_plate, read_plate),
-    ForceTold: (0x0B, write_force, read_force),
+    ForceSensorCalibration: (0x0B, write_force, read_force),
     Identify: (0x81, lambda m: b"", lambda p: Identify()),
     Configure: (0x82, _write_configure, _read_configure),
     Start: (0x83, lambda m: b"", lambda p: Start()),

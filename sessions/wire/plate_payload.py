@@ -19,8 +19,8 @@ def write_plate(m: Plate) -> bytes:
 def read_plate(p: bytes) -> Plate:
     """The plate; ValueError, IndexError or struct.error where the bytes make none."""
     earth, dip, *numbers, count = struct.unpack_from("<8fB", p)
-    told = [struct.unpack_from("<B3f", p, 33 + 13 * k) for k in range(count)]
-    places = {TRACKED_POINTS[code]: (x, y, z) for code, x, y, z in told}
+    rows = [struct.unpack_from("<B3f", p, 33 + 13 * k) for k in range(count)]
+    places = {TRACKED_POINTS[code]: (x, y, z) for code, x, y, z in rows}
     if not np.isfinite(
         [earth, *numbers, *(x for place in places.values() for x in place)]
     ).all() or np.isinf(dip):

@@ -10,14 +10,14 @@ from handscope.sessions.wire.messages import Format, Samples, StreamInfo
 MISSING_COUNT = -32768
 
 
-def fits(samples: Samples, info: StreamInfo, sensors: int) -> bool:
+def has_expected_size(samples: Samples, info: StreamInfo, sensors: int) -> bool:
     """Whether a burst has the bytes that its stream's description says."""
     return len(samples.data) == samples.count * sensors * 3 * len(info.quantities) * (
         2 if info.format is Format.INT16 else 4
     )
 
 
-def values_of(bursts: Sequence[Samples], info: StreamInfo, sensors: int) -> Any:
+def decode_values(bursts: Sequence[Samples], info: StreamInfo, sensors: int) -> Any:
     """Sample values (samples, sensors, 3 * quantities) of bursts that fit, in SI units, float64; NaN counts as missing."""
     kind = np.dtype("<i2" if info.format is Format.INT16 else "<f4")
     data = b"".join(samples.data for samples in bursts)
@@ -29,7 +29,7 @@ def values_of(bursts: Sequence[Samples], info: StreamInfo, sensors: int) -> Any:
     return raw
 
 
-def data_of(values: Any, info: StreamInfo) -> bytes:
+def encode_values(values: Any, info: StreamInfo) -> bytes:
     """The inverse of `values_of`: SI values (count, sensors, axes) to the bytes of a Samples message, clipped to what the format holds."""
     if info.format is Format.FLOAT32:
         return np.asarray(values).astype("<f4").tobytes()

@@ -9,7 +9,7 @@ from handscope.estimators.numerics.jit import looped
 from handscope.estimators.numerics.typing import Array
 
 
-def unstuffed(frame: bytes) -> bytes | None:
+def unstuff(frame: bytes) -> bytes | None:
     """What was stuffed, of a frame without its zero byte at the end; None where the frame cannot be."""
     body = np.empty(len(frame), np.uint8)
     length = _unstuff(np.frombuffer(frame, np.uint8), body)

@@ -24,11 +24,11 @@ def queued(store: Store) -> list[int]:
         made.hand, made.geometry, {}, made.samples, made.events, source={"device": "simulated"}
     )
     place = store.incoming / "r.zip"
-    place.write_bytes(writer.packed(writer.tree(recording, "01", "wiggle")))
+    place.write_bytes(writer.pack(writer.tree(recording, "01", "wiggle")))
     with store.database() as db:
         session = records.add_upload(db, store, patients.create(db, "P-1"), place, "r.zip", None)
         return [
-            results.wanted(db, session.recordings[0], method, options, software_version()).id
+            results.find_matching(db, session.recordings[0], method, options, software_version()).id
             for method, options in WAYS
         ]
 

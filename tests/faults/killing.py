@@ -198,7 +198,7 @@ def _zipped() -> bytes:
     recording = LoadedRecording(
         made.hand, made.geometry, {}, made.samples, made.events, source={"device": "simulated"}
     )
-    return writer.packed(writer.tree(recording, "01", "wiggle"))
+    return writer.pack(writer.tree(recording, "01", "wiggle"))
 
 
 def _first_schema(path: Path) -> None:

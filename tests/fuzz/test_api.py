@@ -59,7 +59,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
             accounts.add(db, role, [role])
         session = records.add_upload(db, store, patient, _incoming(store), f"{TYPED}.zip", None)
         made = [
-            results.wanted(db, session.recordings[0], method, {}, software_version()).id
+            results.find_matching(db, session.recordings[0], method, {}, software_version()).id
             for method in ("m2", "b")
         ]
     for number in made:
@@ -153,7 +153,7 @@ def _not_for(who: str, path: str, status: int, text: str) -> str:
 
 def _incoming(store: Store) -> Path:
     place = store.incoming / "r.zip"
-    place.write_bytes(writer.packed(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle")))
+    place.write_bytes(writer.pack(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle")))
     return place
 
 

@@ -176,7 +176,7 @@ def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
 def under_way(server: Server, processed: int) -> Iterator[int]:
     """A result of that session that is being computed, by nobody: it stays until it is stopped."""
     with store_at(server.data).database() as db:
-        result = results.wanted(
+        result = results.find_matching(
             db, db.get_one(PatientSession, processed).recordings[0], "map", {}, software_version()
         )
         results.begin(db, result)

@@ -44,7 +44,7 @@ def _recordings(folder: Path) -> list[Path]:
         made.events,
         source={"device": "simulated"},
     )
-    packed = writer.packed(writer.tree(recording, "01", "minute"))
+    packed = writer.pack(writer.tree(recording, "01", "minute"))
     paths = [folder / f"{k:03d}.zip" for k in range(RECORDINGS)]
     for path in paths:
         path.write_bytes(packed)

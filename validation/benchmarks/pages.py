@@ -113,9 +113,9 @@ def _processed(db: Session, store: Store, patient: Patient) -> int:
         source={"device": "simulated"},
     )
     place = store.incoming / "minute.zip"
-    place.write_bytes(writer.packed(writer.tree(recording, "01", "minute")))
+    place.write_bytes(writer.pack(writer.tree(recording, "01", "minute")))
     session = records.add_upload(db, store, patient, place, "minute.zip", None)
-    return results.wanted(db, session.recordings[0], "m2", {}, "1").id
+    return results.find_matching(db, session.recordings[0], "m2", {}, "1").id
 
 
 def _copy(db: Session) -> None:

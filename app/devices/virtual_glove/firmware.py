@@ -12,9 +12,9 @@ from handscope.app.devices.virtual_glove.flash import Flash
 from handscope.app.devices.virtual_glove.wearer import Wearer
 from handscope.estimators.data.samples import FORCE, GYR, MAG, TORQUE, Block, Stream
 from handscope.sessions.wire import messages as wire
-from handscope.sessions.wire.force_calibration import ForceTold
+from handscope.sessions.wire.force_calibration import ForceSensorCalibration
 from handscope.sessions.wire.framing import LONGEST, Decoder, Encoder
-from handscope.sessions.wire.sample_values import data_of
+from handscope.sessions.wire.sample_values import encode_values
 
 AHEAD = 0.25  # s of samples made in one go
 ANNOUNCE = 1.0  # s between repetitions of identity, strips and streams
@@ -201,18 +201,18 @@ class Firmware:
             ),
             None,
         )
-        if strip is None or not self.flash.keep(strip.name, calibration):
+        if strip is None or not self.flash.store(strip.name, calibration):
             text = f"no flash for sensor {calibration.sensor} of slot {calibration.slot}"
             return [replace(ok, code=wire.ReplyCode.BAD_ARGUMENT, text=text)]
         return [*self._calibrations(strip), ok]
 
     def _descriptions(self) -> list[wire.Message]:
         b = self.build
-        told: list[wire.Message] = [
+        messages: list[wire.Message] = [
             wire.Identity(b.device_id, b.boot_id, self.wearer.hand, b.name, b.firmware)
         ]
         for s in self._strips():
-            told += [
+            messages += [
                 self._strip(s),
                 *(
                     self._calibrations(s)
@@ -221,8 +221,8 @@ class Firmware:
                 ),
             ]
         if self.wearer.plate is not None:
-            told.append(self.wearer.plate)
-        return told + [
+            messages.append(self.wearer.plate)
+        return messages + [
             self._info(n, s)
             for n, s in enumerate(self.wearer.streams)
             if s.name not in self._pulled
@@ -239,8 +239,8 @@ class Firmware:
             else len(SLOTS) + sorted(x.name for x in self._strips()).index(s.name)
         )
 
-    def _calibrations(self, s: Stream) -> list[wire.StripCalibration | ForceTold]:
-        return self.flash.told(s, self._slot(s))
+    def _calibrations(self, s: Stream) -> list[wire.StripCalibration | ForceSensorCalibration]:
+        return self.flash.calibration_messages(s, self._slot(s))
 
     def _strip(self, s: Stream) -> wire.Strip:
         slot, raw = self._slot(s), self.flash.is_raw(s)
@@ -311,7 +311,7 @@ class Firmware:
                 delay = least + float(self.rng.exponential(mean - least))
             index = self._indices.get(number, 0)
             self._indices[number] = index + last - first
-            data = data_of(values[first:last], info)
+            data = encode_values(values[first:last], info)
             own = (
                 self._clock_ns(float(block.t[first]))
                 if not info.clock

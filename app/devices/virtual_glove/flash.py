@@ -17,7 +17,7 @@ from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.imu_calibration import CALIBRATED, ImuCalibration
 from handscope.sessions.wire.assembly import correction_of, message_of
-from handscope.sessions.wire.force_calibration import ForceTold, of_kept
+from handscope.sessions.wire.force_calibration import ForceSensorCalibration, messages_of_setups
 from handscope.sessions.wire.messages import StripCalibration
 
 BIAS = {
@@ -40,7 +40,7 @@ class Flash:
     errors: dict[str, list[ImuCalibration]] = field(
         default_factory=dict
     )  # what would remove the sensors' true errors
-    kept: dict[str, list[ImuCalibration]] = field(default_factory=dict)
+    stored: dict[str, list[ImuCalibration]] = field(default_factory=dict)
     forces: dict[str, ForceSetup] = field(
         default_factory=dict
     )  # by point, of force sensors that send what they read
@@ -48,7 +48,7 @@ class Flash:
 
     def is_raw(self, stream: Stream) -> bool:
         """Whether the strip leaves it to the host to correct what it sends."""
-        return stream.name in self.kept or (
+        return stream.name in self.stored or (
             FORCE in stream.quantities and bool(self.forces) and self.tells_forces
         )
 
@@ -69,9 +69,12 @@ class Flash:
     def readings(self, stream: Stream, truth: Array) -> Array:
         """What the stream's sensors read (n, sensors, axes) where the truth is this."""
         if FORCE in stream.quantities and self.forces:
-            told = [_calibration(self.forces[point]) for point in stream.sensors]
+            calibrations = [_calibration(self.forces[point]) for point in stream.sensors]
             return np.stack(
-                [truth[:, k] @ np.linalg.inv(c.matrix).T + c.offset for k, c in enumerate(told)],
+                [
+                    truth[:, k] @ np.linalg.inv(c.matrix).T + c.offset
+                    for k, c in enumerate(calibrations)
+                ],
                 axis=1,
             )
         if stream.name not in self.errors:
@@ -85,29 +88,33 @@ class Flash:
                 )
         return read
 
-    def told(self, stream: Stream, slot: int) -> list[StripCalibration | ForceTold]:
+    def calibration_messages(
+        self, stream: Stream, slot: int
+    ) -> list[StripCalibration | ForceSensorCalibration]:
         """The messages that say what is kept for a strip."""
         if FORCE in stream.quantities and self.forces and self.tells_forces:
-            return [m for m in of_kept(self.forces, slot, stream.sensors) if m is not None]
+            return [
+                m for m in messages_of_setups(self.forces, slot, stream.sensors) if m is not None
+            ]
         return [
             message_of(c, slot, k)
             for k, c in enumerate(
-                self.kept.get(stream.name, [ImuCalibration()] * len(stream.sensors))
+                self.stored.get(stream.name, [ImuCalibration()] * len(stream.sensors))
             )
         ]
 
-    def keep(self, strip: str, message: StripCalibration) -> bool:
+    def store(self, strip: str, message: StripCalibration) -> bool:
         """Take a calibration in; False where the strip keeps none for that sensor."""
-        if message.sensor >= len(self.kept.get(strip, ())):
+        if message.sensor >= len(self.stored.get(strip, ())):
             return False
-        self.kept[strip][message.sensor] = correction_of(message)
+        self.stored[strip][message.sensor] = correction_of(message)
         return True
 
 
-def delivered(streams: Sequence[Stream], rng: np.random.Generator) -> Flash:
+def factory_flash(streams: Sequence[Stream], rng: np.random.Generator) -> Flash:
     """Strips as the factory calibrated them."""
     errors = {
-        s.name: [_drawn(rng) for _ in s.sensors]
+        s.name: [_draw_errors(rng) for _ in s.sensors]
         for s in streams
         if not {FORCE, TORQUE} & set(s.quantities)
     }
@@ -140,7 +147,7 @@ def _calibration(setup: ForceSetup) -> ForceCalibration:
     return setup.calibration
 
 
-def _drawn(rng: np.random.Generator) -> ImuCalibration:
+def _draw_errors(rng: np.random.Generator) -> ImuCalibration:
     """Errors evenly spread within the tolerances, in the precision in which a strip keeps what removes them."""
     matrix: dict[str, Array] = {}
     bias: dict[str, Array] = {}

@@ -27,7 +27,7 @@ LINES = (("-", 0.8, INK), ((0, (4, 1.5)), 0.8, ACCENT), ((0, (1, 1)), 0.7, GREY)
 BOUND = ((0, (1, 1)), 0.6, GREY)
 
 
-def drawn(section: dict[str, Any], language: Language) -> dict[str, Any]:
+def draw_panels(section: dict[str, Any], language: Language) -> dict[str, Any]:
     """The section with figures in place of its curves."""
     charts = [
         {
@@ -78,9 +78,11 @@ def _line(ax: Axes, panel: Panel, k: int, x: Array, y: Array) -> None:
 
 def _legend(panel: Panel, language: Language) -> str:
     """What the lines are, above the axes; the figure's title stands in the document."""
-    said = [(line.name, k) for k, line in enumerate(panel.lines) if line.name]
+    labelled = [(line.name, k) for k, line in enumerate(panel.lines) if line.name]
     return (
-        ", ".join(language.say(f"panel.stroke.{k}", line=name) for name, k in said) if said else ""
+        ", ".join(language.say(f"panel.stroke.{k}", line=name) for name, k in labelled)
+        if labelled
+        else ""
     )
 
 

@@ -28,11 +28,11 @@ def other_measures(tasks: Sequence[Task], language: Language) -> list[Section]:
     """A section a measure and task, in order of time; `norms` tells of each row what others measured and who says so, None where nobody has;
     `curves` the panels of each trial that has any, with the trial's name.
     """
-    told: dict[tuple[str, str], list[Task]] = {}
+    groups: dict[tuple[str, str], list[Task]] = {}
     for task in tasks:
         if task.result.measure not in OWN:
-            told.setdefault((task.result.measure, task.result.task), []).append(task)
-    return [_section(trials, language) for trials in told.values()]
+            groups.setdefault((task.result.measure, task.result.task), []).append(task)
+    return [_section(trials, language) for trials in groups.values()]
 
 
 def _section(trials: Sequence[Task], language: Language) -> Section:
@@ -46,10 +46,10 @@ def _section(trials: Sequence[Task], language: Language) -> Section:
     shared = _shared([row[-1] for row in rows])
     below = "" if all(row[-1] == shared for row in rows) else language.say("reason.below")
     shown = [[*row[:-1], below if shared and row[-1] == shared else row[-1]] for row in rows]
-    norms = [norm_told(what, part, trials[0].result.task, language) for what, part in about]
+    norms = [norm_words(what, part, trials[0].result.task, language) for what, part in about]
     return {
         "name": trials[0].result.task,
-        "title": language.heard(trials[0].measure_title),
+        "title": language.translate(trials[0].measure_title),
         "task": span_words(trials, language)
         + (f"; {language.say(f'grading.{trials[0].grading}')}" if trials[0].grading else ""),
         "grading": trials[0].grading,
@@ -82,22 +82,22 @@ def _section(trials: Sequence[Task], language: Language) -> Section:
 
 def _shared(reasons: Sequence[str]) -> str:
     """The reason that stands in every row, else that of most rows where it would be read REPEATED times and more; "" where none does."""
-    told = Counter(reason for reason in reasons if reason)
-    if len(reasons) < 2 or not told:
+    counts = Counter(reason for reason in reasons if reason)
+    if len(reasons) < 2 or not counts:
         return ""
-    reason, count = told.most_common(1)[0]
+    reason, count = counts.most_common(1)[0]
     return reason if count == len(reasons) or count >= REPEATED else ""
 
 
 def _curves(trials: Sequence[Task], language: Language) -> list[tuple[str, list[Panel]]]:
-    told = [
+    named_panels = [
         (
             language.say("tapping.trial", number=k + 1) if len(trials) > 1 else "",
             panels(t.result.shown, t.result.onset, language),
         )
         for k, t in enumerate(trials)
     ]
-    return [(name, found) for name, found in told if found]
+    return [(name, found) for name, found in named_panels if found]
 
 
 def _row(figures: Sequence[Figure], language: Language) -> list[Any]:
@@ -105,10 +105,10 @@ def _row(figures: Sequence[Figure], language: Language) -> list[Any]:
     worst = max(figures, key=lambda f: GRADES.index(f.grade))
     unit = unit_words(reading(figures[0]).unit, language)
     values = [
-        _value(f, language) + (f" ({language.heard(f.category)})" if f.category else "")
+        _value(f, language) + (f" ({language.translate(f.category)})" if f.category else "")
         for f in figures
     ]
-    reasons = dict.fromkeys(language.heard(f.reason) for f in figures if f.reason)
+    reasons = dict.fromkeys(language.translate(f.reason) for f in figures if f.reason)
     return [
         named(figures[0], language),
         values,
@@ -118,7 +118,7 @@ def _row(figures: Sequence[Figure], language: Language) -> list[Any]:
     ]
 
 
-def norm_told(what: str, part: str, task: str, language: Language) -> dict[str, Any] | None:
+def norm_words(what: str, part: str, task: str, language: Language) -> dict[str, Any] | None:
     """What others measured of a figure, in words, with who says so; None where nobody has."""
     norm = norm_of(what, part, task)
     if norm is None:
@@ -133,8 +133,12 @@ def norm_told(what: str, part: str, task: str, language: Language) -> dict[str, 
         if norm.low is None or norm.high is None
         else f" ({number(norm.low)} – {number(norm.high)})"
     )
-    told = f"{number(norm.mean)}{spread}{most} {unit_words(norm.unit, language)}".strip()
-    return {"told": told, "reference": norm.source.reference, "note": language.heard(norm.note)}
+    words = f"{number(norm.mean)}{spread}{most} {unit_words(norm.unit, language)}".strip()
+    return {
+        "told": words,
+        "reference": norm.source.reference,
+        "note": language.translate(norm.note),
+    }
 
 
 def _value(figure: Figure, language: Language) -> str:

@@ -60,7 +60,7 @@ def range_section(
         "remarks": [*_reasons(rows, language), *_without(ranges, content.measured, language)],
         "changes": range_changes(content.changes, tasks, rows, language) if content.changes else "",
         "caption": " ".join(
-            said for said in _caption(content, tasks, rows, ticks, language) if said
+            sentences for sentences in _caption(content, tasks, rows, ticks, language) if sentences
         ),
     }
 
@@ -75,16 +75,16 @@ def _table(
     """Columns that hold nothing in any row are left out; a cell is [words, weight], weight "", "strong" or "quiet"."""
     others = {(o.joint, o.angle): o for o in other_hand(content, tasks)} if full else {}
     cells = [_cells(content, tasks, row, others, full, language) for row in rows]
-    kept = {
+    used = {
         group: [c for c in columns if any(row[group].get(c, NOTHING)[0] for row in cells)]
         for group, columns in COLUMNS.items()
     }
     other = language.say(f"column.{'right' if content.hand == 'left' else 'left'}")
     return {
-        "groups": [[language.say(g), len(columns)] for g, columns in kept.items() if columns],
+        "groups": [[language.say(g), len(columns)] for g, columns in used.items() if columns],
         "columns": [
             {"group": g, "kind": c, "words": other if c == "other" else language.say(f"column.{c}")}
-            for g, columns in kept.items()
+            for g, columns in used.items()
             for c in columns
         ],
         "signal": any(row.grade != "good" for row in rows),
@@ -92,7 +92,7 @@ def _table(
             {
                 "finger": row.group if k == 0 or row.group != rows[k - 1].group else "",
                 "joint": row.joint,
-                "cells": [words[g].get(c, NOTHING) for g, columns in kept.items() for c in columns],
+                "cells": [words[g].get(c, NOTHING) for g, columns in used.items() for c in columns],
                 "grade": [row.grade, grade_words(row.grade, language)],
             }
             for k, (row, words) in enumerate(zip(rows, cells))
@@ -169,7 +169,7 @@ def _caption(
     return [
         say("ranges.held", seconds=language.number(range_of_motion.Params().hold / 2, 1)),
         *(
-            say("sd.basis", basis=language.heard(basis))
+            say("sd.basis", basis=language.translate(basis))
             for basis in dict.fromkeys(t.result.sd_basis for t in tasks)
             if basis
         ),
@@ -228,20 +228,20 @@ def _reasons(rows: Sequence[RangeRow], language: Language) -> list[str]:
     for row in rows:
         for reason in row.reasons if row.grade != "good" else ():
             found.setdefault((row.grade, reason), []).append(f"{row.group} {row.joint}".strip())
-    said = (
+    sentences = (
         language.say(
             "ranges.because",
             grade=grade_words(grade, language),
             joints=", ".join(joints),
-            reason=_heard(reason, language),
+            reason=_translate_reasons(reason, language),
         )
         for (grade, reason), joints in found.items()
     )
-    return [s[0].upper() + s[1:] for s in said]
+    return [s[0].upper() + s[1:] for s in sentences]
 
 
-def _heard(reasons: str, language: Language) -> str:
-    return "; ".join(language.heard(reason) for reason in reasons.split("; "))
+def _translate_reasons(reasons: str, language: Language) -> str:
+    return "; ".join(language.translate(reason) for reason in reasons.split("; "))
 
 
 def _without(ranges: Sequence[Range], measured: Sequence[str], language: Language) -> list[str]:

@@ -11,7 +11,7 @@ from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.hand.anatomy import SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.pipeline.process import Processed
-from handscope.sessions.clinic.self_calibrations import ALL, Found
+from handscope.sessions.clinic.self_calibrations import ALL, FoundCalibration
 from handscope.sessions.db.tables import SelfCalibration
 from handscope.sessions.formats.derivative import calibration_table
 
@@ -23,15 +23,15 @@ PARTS = {  # columns of the tables
 ACROSS, ALONG, ABOVE = 2, 1, 0  # axes of a segment: sideways, along the bone, out of its back
 
 
-def kept_of(processed: Processed) -> dict[str, Any] | None:
+def stored_form(processed: Processed) -> dict[str, Any] | None:
     """What a result keeps of a self-calibration; None where the method found none."""
-    found = found_of(processed.calibrations[0], processed.told)
+    found = found_calibration(processed.calibrations[0], processed.told)
     return (
         None
         if found is None
         else {
             "table": found.table,
-            "told": list(found.told),
+            "told": list(found.messages),
             "onset": found.onset,
             "end": found.end,
             "parts": ALL,
@@ -39,60 +39,66 @@ def kept_of(processed: Processed) -> dict[str, Any] | None:
     )
 
 
-def taken_over(c: SelfCalibration, parts: str) -> dict[str, Any]:
+def reused_form(c: SelfCalibration, parts: str) -> dict[str, Any]:
     """The same of an earlier self-calibration of which these parts were taken over."""
-    return {"table": c.found, "told": c.told, "onset": c.onset, "end": c.end, "parts": parts}
+    return {"table": c.found, "told": c.messages, "onset": c.onset, "end": c.end, "parts": parts}
 
 
-def found_of(c: Calibration, told: tuple[str, ...]) -> Found | None:
+def found_calibration(c: Calibration, messages: tuple[str, ...]) -> FoundCalibration | None:
     """A calibration that movement told, as it is kept; None for one that rests on a pose alone."""
-    return Found(calibration_table(c), told, *c.span) if c.lengths_sd or c.p_BS_sd else None
+    return (
+        FoundCalibration(calibration_table(c), messages, *c.span)
+        if c.lengths_sd or c.p_BS_sd
+        else None
+    )
 
 
-def told(found: Mapping[str, Any], said: list[str], language: Language) -> dict[str, Any]:
+def describe(found: Mapping[str, Any], messages: list[str], language: Language) -> dict[str, Any]:
     """Lengths, distances and orientations of sensors, biases, with their standard deviations; sentences about what was observable."""
-    seats = {s: found["sensor_to_segment"][s] for s in SEGMENTS if s in found["sensor_to_segment"]}
+    mountings = {
+        s: found["sensor_to_segment"][s] for s in SEGMENTS if s in found["sensor_to_segment"]
+    }
     lengths = {
         s: found["segment_lengths"][s]
         for s in SEGMENTS
-        if s in found["segment_lengths"] and s in seats
+        if s in found["segment_lengths"] and s in mountings
     }
     return {
         "summary": _summary(lengths, language),
-        "words": [language.heard(sentence) for sentence in said],
+        "words": [language.translate(sentence) for sentence in messages],
         "lengths": [_length(s, entry, language) for s, entry in lengths.items()],
         "seats": [
             _seat(s, seat, language)
-            for s, seat in seats.items()
+            for s, seat in mountings.items()
             if seat.get("p_BS") or seat.get("sd")
         ],
         "biases": [
             _bias(s, found, language)
-            for s in seats
+            for s in mountings
             if s in found.get("acc_bias", {}) or s in found.get("gyr_bias_sd", {})
         ],
     }
 
 
-def section(kept: Mapping[str, Any] | None, language: Language) -> dict[str, Any] | None:
+def section(stored: Mapping[str, Any] | None, language: Language) -> dict[str, Any] | None:
     """The same as a section of a report: tables with titles and columns; None where nothing was found."""
-    if kept is None:
+    if stored is None:
         return None
-    said = told(kept["table"], kept["told"], language)
-    shown = PARTS if kept["parts"] == ALL else ("lengths",)
+    described = describe(stored["table"], stored["told"], language)
+    shown = PARTS if stored["parts"] == ALL else ("lengths",)
     parts = [
         {
             "title": language.say(f"self_calibration.{part}"),
             "columns": [language.say(f"self_calibration.{column}") for column in columns],
-            "rows": said[part],
+            "rows": described[part],
         }
         for part, columns in PARTS.items()
-        if said[part] and part in shown
+        if described[part] and part in shown
     ]
     return {
         "title": language.say("self_calibration.title"),
-        "summary": said["summary"],
-        "words": said["words"],
+        "summary": described["summary"],
+        "words": described["words"],
         "parts": parts,
     }
 
@@ -127,7 +133,7 @@ def _length(segment: str, entry: Mapping[str, Any], language: Language) -> list[
 def _seat(segment: str, seat: Mapping[str, Any], language: Language) -> list[str]:
     """Segment, the sensor's place along, above and across it in mm, and how far it is turned from lying straight, deg."""
     place, place_sd = seat.get("p_BS"), seat.get("p_BS_sd")
-    told = [
+    places = [
         language.say("self_calibration.not_found")
         if place is None
         else with_deviation(
@@ -138,7 +144,7 @@ def _seat(segment: str, seat: Mapping[str, Any], language: Language) -> list[str
     turned = float(quat.angle(quat.normalize(np.array(seat["q_BS"]))))
     return [
         language.segment(segment),
-        *told,
+        *places,
         with_deviation(DEG * turned, DEG * max(seat["sd"]) if "sd" in seat else None, language),
     ]
 

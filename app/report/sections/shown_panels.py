@@ -68,15 +68,15 @@ def panels(shown: Shown, onset: float, language: Language) -> list[Panel]:
     ]
 
 
-def shown_of(kept: Mapping[str, Any] | None) -> Shown:
+def shown_of(stored: Mapping[str, Any] | None) -> Shown:
     """What a kept result says of a task's curves, None standing for a gap."""
-    if not kept:
+    if not stored:
         return Shown()
     curves = (
         Curve(c["name"], c["unit"], _array(c["x"]), _array(c["y"]), c.get("x_unit", "s"))
-        for c in kept["curves"]
+        for c in stored["curves"]
     )
-    return Shown(tuple(curves), {name: _array(times) for name, times in kept["marks"].items()})
+    return Shown(tuple(curves), {name: _array(times) for name, times in stored["marks"].items()})
 
 
 def _array(values: list[float | None]) -> Array:

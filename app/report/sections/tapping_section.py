@@ -78,12 +78,12 @@ def tapping_section(
 
 
 def _remark(trial: Tapping, which: str, language: Language) -> str:
-    said = language.say(
+    sentence = language.say(
         "signal.because",
         grade=grade_words(trial.grade, language),
-        reason=language.heard(trial.reason),
+        reason=language.translate(trial.reason),
     )
-    return f"{which} {said}".strip() if which else said[0].upper() + said[1:]
+    return f"{which} {sentence}".strip() if which else sentence[0].upper() + sentence[1:]
 
 
 def _unit(figure: Figure, language: Language) -> str:

@@ -42,13 +42,13 @@ def trend_section(content: Content, language: Language) -> dict[str, Any] | None
         charts.append(
             {
                 "title": figure_words(key[2], language),
-                "value": _said(key[2], values[-1], unit, language),
+                "value": _value_words(key[2], values[-1], unit, language),
                 "chart": plots.trend_chart(moments, values, mdc.get(key), *CHART, language),
                 "alt": language.say(
                     "trends.alt",
                     count=len(values),
-                    first=_said(key[2], values[0], unit, language),
-                    last=_said(key[2], values[-1], unit, language),
+                    first=_value_words(key[2], values[0], unit, language),
+                    last=_value_words(key[2], values[-1], unit, language),
                 ),
             }
         )
@@ -67,7 +67,7 @@ def trend_section(content: Content, language: Language) -> dict[str, Any] | None
     }
 
 
-def _said(name: str, value: float, unit: str, language: Language) -> str:
+def _value_words(name: str, value: float, unit: str, language: Language) -> str:
     """A value without a bare sign: the direction stands in the figure's name."""
     if unit != "deg":
         return amount(value, name, unit, language)

@@ -42,7 +42,7 @@ def log_in_as(server: TestClient, settings: Settings) -> Iterator[Callable[..., 
     def as_(*roles: str) -> TestClient:
         name = ".".join(roles)
         with server.app.state.parts.store.database() as db:  # type: ignore[attr-defined]
-            if name not in [a.name for a in accounts.everyone(db)]:
+            if name not in [a.name for a in accounts.list_accounts(db)]:
                 accounts.add(db, name, roles)
         server.cookies.clear()
         assert (

@@ -136,7 +136,7 @@ def test_roles_that_change_count_from_the_next_request_on(
     client = log_in_as(*ROLES)
     assert client.get("/api/patients").status_code == 200
     with client.app.state.parts.store.database() as db:  # type: ignore[attr-defined]
-        account = accounts.named(db, ".".join(ROLES))
+        account = accounts.find_by_name(db, ".".join(ROLES))
         accounts.change(db, account, roles=[ADMINISTRATOR])
         assert client.get("/api/patients").status_code == 403
         accounts.change(db, account, disabled=True)
@@ -205,8 +205,8 @@ def test_a_login_ends_after_the_longest_time_however_busy_it_was(client: TestCli
 def ended(limits: dict[str, float], client: TestClient) -> None:
     store = client.app.state.parts.store  # type: ignore[attr-defined]
     with store.database() as db:
-        assert logins.alive(db, client.cookies[COOKIE], idle=60.0, longest=60.0)
-        assert not logins.alive(db, client.cookies[COOKIE], **limits)
+        assert logins.find_login(db, client.cookies[COOKIE], idle=60.0, longest=60.0)
+        assert not logins.find_login(db, client.cookies[COOKIE], **limits)
     assert client.get("/api/patients").status_code == 401
 
 

@@ -22,15 +22,15 @@ def _cheap() -> Iterator[None]:
         patch.setattr(
             accounts, "_hasher", PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
         )
-        accounts._nobodys.cache_clear()
+        accounts._unknown_hash.cache_clear()
         yield
-    accounts._nobodys.cache_clear()
+    accounts._unknown_hash.cache_clear()
 
 
 def told(client: TestClient, first: int = 0) -> list[str]:
     """The audit trail after a line, each as "who what kind ref"."""
     with client.app.state.parts.store.database() as db:  # type: ignore[attr-defined]
-        assert audit.verified(db).broken == ""
+        assert audit.verify(db).broken == ""
         found = db.query(AuditLine).filter(AuditLine.id > first).order_by(AuditLine.id)
         return [
             " ".join(word for word in (line.who, line.what, line.kind, line.ref) if word)
@@ -40,7 +40,7 @@ def told(client: TestClient, first: int = 0) -> list[str]:
 
 def newest(client: TestClient) -> int:
     with client.app.state.parts.store.database() as db:  # type: ignore[attr-defined]
-        return audit.verified(db).lines
+        return audit.verify(db).lines
 
 
 def test_who_is_given_an_account_sets_a_password_and_logs_in_with_it(
@@ -175,7 +175,7 @@ def test_a_trusted_proxy_tells_where_from_and_that_the_browser_speaks_tls(
     assert all(word in cookie for word in ("Secure", "HttpOnly", "SameSite=strict", "Path=/"))
     assert "max-age" in answer.headers["strict-transport-security"]
     with client.app.state.parts.store.database() as db:  # type: ignore[attr-defined]
-        assert audit.lines(db, limit=1)[0].address == "10.1.2.3"
+        assert audit.list_lines(db, limit=1)[0].address == "10.1.2.3"
     plain = TestClient(client.app, base_url="http://127.0.0.1:8420")
     answer = plain.post(
         "/api/login", json={"token": new_token(settings.data)}, headers=told_by_proxy

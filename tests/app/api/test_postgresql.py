@@ -37,7 +37,7 @@ def test_from_a_patient_to_a_result_and_erased(url: str, tmp_path: Path) -> None
     with TestClient(app, base_url="http://127.0.0.1:8420") as client:
         client.post("/api/login", json={"token": new_token(tmp_path)})
         patient = client.post("/api/patients", json={"pseudonym": "P-1"}).json()["id"]
-        packed = writer.packed(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle"))
+        packed = writer.pack(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle"))
         made = upload(client, patient, packed).json()
         told = wait_for(
             lambda: (

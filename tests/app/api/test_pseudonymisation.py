@@ -57,7 +57,7 @@ def planted(client: TestClient) -> dict[str, int]:
         Event(1.0, 0.5, "annotation", typed),
         Event(4.0, 3.0, "task", {"task_name": "rom_fist", **typed}),
     )
-    packed = writer.packed(
+    packed = writer.pack(
         writer.tree(
             LoadedRecording(made.hand, made.geometry, {}, made.samples, events), "01", "wiggle"
         )

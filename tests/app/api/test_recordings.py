@@ -32,7 +32,7 @@ def recording() -> LoadedRecording:
 
 @pytest.fixture(scope="module")
 def packed(recording: LoadedRecording) -> bytes:
-    return writer.packed(writer.tree(recording, "01", "wiggle"))
+    return writer.pack(writer.tree(recording, "01", "wiggle"))
 
 
 def upload(client: TestClient, patient: int, data: bytes, name: str = "r.zip", **form: str) -> Any:
@@ -57,7 +57,7 @@ def changed(packed: bytes, name: str, change: Any) -> bytes:
             files[entry] = (
                 change(archive.read(entry)) if entry.endswith(name) else archive.read(entry)
             )
-    return writer.packed(files)
+    return writer.pack(files)
 
 
 def test_an_upload_becomes_a_session_with_figures_and_exports(
@@ -379,7 +379,7 @@ def test_a_recording_without_initial_pose_is_kept_and_its_result_says_what_is_mi
     without = recording.with_events(
         tuple(e for e in recording.events if e.trial_type != "initial_pose")
     )
-    made = upload(client, patient, writer.packed(writer.tree(without, "01", "wiggle")))
+    made = upload(client, patient, writer.pack(writer.tree(without, "01", "wiggle")))
     result = finished(client, made.json()["result"])
     assert result["state"] == "failed"
     assert "no initial_pose event" in result["error"]

@@ -17,7 +17,7 @@ from tests.simulated import pose_and_wiggle
 @pytest.fixture(scope="module")
 def packed() -> bytes:
     made = pose_and_wiggle("left")
-    return writer.packed(
+    return writer.pack(
         writer.tree(
             LoadedRecording(made.hand, made.geometry, {}, made.samples, made.events), "01", "wiggle"
         )
@@ -30,7 +30,7 @@ def by_map(client: TestClient, session: int) -> int:
     content = {
         "self_calibration": {
             "table": one.table,
-            "told": one.told,
+            "told": one.messages,
             "onset": one.onset,
             "end": one.end,
         }

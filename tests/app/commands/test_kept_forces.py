@@ -53,14 +53,14 @@ def test_both_fingers_are_kept_for_the_strip_and_go_into_every_session_that_begi
     ) as port:
         assert [calibrated(tmp_path, port, finger) for finger in ("thumb", "index")] == [0, 0]
     assert "live sessions that begin from now on apply it" in capsys.readouterr().out
-    (kept,) = force_calibrations.kept(tmp_path / "data")[force_calibrations.SETUPS].values()
+    (kept,) = force_calibrations.read_stored(tmp_path / "data")[force_calibrations.SETUPS].values()
     assert set(kept) == set(POINTS)
     setup = live_setup("m2", {}, tmp_path / "data")(
         PatientSession(id=3, hand="left", geometry={}), tmp_path / "r.mcap", "port", "P-1"
     )
     assert (
         setup.about[force_calibrations.SETUPS]
-        == force_calibrations.kept(tmp_path / "data")[force_calibrations.SETUPS]
+        == force_calibrations.read_stored(tmp_path / "data")[force_calibrations.SETUPS]
     )
 
 
@@ -78,4 +78,4 @@ def test_a_glove_that_tells_a_calibration_or_has_no_such_sensor_is_refused_and_n
         assert (
             "little_tip_force: no strip with this sensor is plugged in" in capsys.readouterr().err
         )
-    assert force_calibrations.kept(tmp_path / "data") == {}
+    assert force_calibrations.read_stored(tmp_path / "data") == {}

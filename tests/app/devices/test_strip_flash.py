@@ -10,7 +10,7 @@ import pytest
 from handscope.app.cli import main
 from handscope.app.devices import strip_flash
 from handscope.app.devices.virtual_glove.firmware import Build, Firmware
-from handscope.app.devices.virtual_glove.flash import Flash, delivered, require_fitting
+from handscope.app.devices.virtual_glove.flash import Flash, factory_flash, require_fitting
 from handscope.app.devices.virtual_glove.wearer import SimulatedPerson, layout
 from handscope.estimators.data.samples import ACC, FORCE, GYR, Block, Event, Stream
 from handscope.estimators.errors import InputError
@@ -68,7 +68,7 @@ class OnTheBench:
 
 
 def flashed(seed: int = 1) -> Flash:
-    return delivered(person().streams, np.random.default_rng(seed))
+    return factory_flash(person().streams, np.random.default_rng(seed))
 
 
 def powered(flash: Flash) -> Firmware:
@@ -125,8 +125,8 @@ def test_a_running_glove_keeps_its_calibration() -> None:
 def test_a_recording_on_the_bench_gives_the_calibration_that_the_strip_needs(
     tmp_path: Path,
 ) -> None:
-    flash = delivered(BENCH, np.random.default_rng(9))
-    flash.kept["index"] = [drawn(k, 0.02) for k in range(3)]  # a wrong one, which must not enter
+    flash = factory_flash(BENCH, np.random.default_rng(9))
+    flash.stored["index"] = [drawn(k, 0.02) for k in range(3)]  # a wrong one, which must not enter
     bench, path = OnTheBench(), tmp_path / "bench.mcap"
     firmware = Firmware(bench, Build(), np.random.default_rng(4), flash)
     with Recorder(path, {}, 0.0) as recorder:

@@ -21,6 +21,8 @@ GRADES = {"good", "fair", "poor"}
 WARNS = {
     "warnings",
     "said",
+    "messages",
+    "sentences",
     "problems",
     "reasons",
     "refused",

@@ -47,11 +47,11 @@ def test_sentences_keep_what_they_say(other: Language) -> None:
 
 def test_a_sentence_written_elsewhere_is_recognised_with_what_differs_in_it() -> None:
     assert (
-        GERMAN.heard("samples missing and bridged in 12 % of the samples")
+        GERMAN.translate("samples missing and bridged in 12 % of the samples")
         == "fehlende Messwerte überbrückt in 12 % der Messwerte"
     )
     assert (
-        ENGLISH.heard("samples missing and bridged in 12 % of the samples")
+        ENGLISH.translate("samples missing and bridged in 12 % of the samples")
         == "samples missing and bridged in 12 % of the samples"
     )
 
@@ -62,23 +62,23 @@ def test_reasons_told_together_are_each_recognised_though_one_has_a_colon() -> N
         "part of the load does not change with the acceleration: something not measured carries the object",
     )
     doubted = "magnet out of reach in 44 % of the samples"
-    parts = [GERMAN.heard(one) for one in (slipped, carried, doubted)]
+    parts = [GERMAN.translate(one) for one in (slipped, carried, doubted)]
     assert not {slipped, carried, doubted} & set(parts)
-    assert GERMAN.heard(f"{slipped}; {carried}; {doubted}") == "; ".join(parts)
-    assert GERMAN.heard(f"{carried}; {slipped}") == f"{parts[1]}; {parts[0]}"
-    assert ENGLISH.heard(f"{slipped}; {carried}") == f"{slipped}; {carried}"
+    assert GERMAN.translate(f"{slipped}; {carried}; {doubted}") == "; ".join(parts)
+    assert GERMAN.translate(f"{carried}; {slipped}") == f"{parts[1]}; {parts[0]}"
+    assert ENGLISH.translate(f"{slipped}; {carried}") == f"{slipped}; {carried}"
 
 
 def test_an_unknown_sentence_is_said_as_it_is_with_segments_named_and_numbers_in_form() -> None:
     assert (
-        GERMAN.heard("little_proximal drifted by 1.25 deg since 10.11.2026, v1.2.3")
+        GERMAN.translate("little_proximal drifted by 1.25 deg since 10.11.2026, v1.2.3")
         == "Kleinfinger Grundglied drifted by 1,25 deg since 10.11.2026, v1.2.3"
     )
     assert (
-        ENGLISH.heard("little_proximal drifted by 1.25 deg")
+        ENGLISH.translate("little_proximal drifted by 1.25 deg")
         == "little proximal drifted by 1.25 deg"
     )
-    assert GERMAN.heard("x" * 10_000 + " in 5 % of the samples").startswith("xxx")
+    assert GERMAN.translate("x" * 10_000 + " in 5 % of the samples").startswith("xxx")
 
 
 def test_numbers_and_days_have_the_locales_form() -> None:
@@ -116,12 +116,12 @@ def test_a_language_that_there_is_not_is_said() -> None:
 
 def test_what_a_patients_page_refuses_is_said_in_german() -> None:
     said = [
-        GERMAN.heard(str(ConflictError(what)))
+        GERMAN.translate(str(ConflictError(what)))
         for what in ("patient 'H-017'", "the patient", "the note")
     ]
     assert all(sentence.endswith("wählen Sie") for sentence in said)
     assert "'H-017'" in said[0]
-    assert GERMAN.heard(FULL).startswith("Der Datenträger ist voll")
+    assert GERMAN.translate(FULL).startswith("Der Datenträger ist voll")
 
 
 @pytest.mark.parametrize("other", OTHERS, ids=code)

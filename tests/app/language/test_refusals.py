@@ -5,7 +5,7 @@ from functools import cache
 
 import pytest
 
-from handscope.app.language import ENGLISH, NAME, Language, _gapped, languages
+from handscope.app.language import ENGLISH, NAME, Language, _to_pattern, languages
 from tests.app.language.sentences import Sentence, sentences
 
 OTHERS = [one for one in languages().values() if one is not ENGLISH]
@@ -50,6 +50,7 @@ COMMAND_LINE = (
     ),
 )
 PROGRAMMERS = (
+    "app/analysis.py",  # the front door for notebooks
     *(
         "app/workers/process.py",
         "sessions/files/frames.py",
@@ -76,7 +77,7 @@ def told(one: Language, said: Sentence) -> bool:
     """Whether the language has the sentence whole: neither a part of it that happens to be known nor a frame such as "{sensor}: {sentence}" counts."""
     example = said.example()
     fits = (s for s, gapped in worded(one) if gapped.fullmatch(example))
-    return (example in one.sentences or next(fits, None) is not None) and one.heard(
+    return (example in one.sentences or next(fits, None) is not None) and one.translate(
         example
     ) != example
 
@@ -85,7 +86,7 @@ def told(one: Language, said: Sentence) -> bool:
 def worded(one: Language) -> list[tuple[str, re.Pattern[str]]]:
     """The sentences with gaps that have words of their own between them."""
     return [
-        (s, re.compile(_gapped(s)))
+        (s, re.compile(_to_pattern(s)))
         for s in one.sentences
         if NAME.search(s) and re.search("[a-z]{2}", NAME.sub("", s))
     ]

@@ -15,7 +15,7 @@ from handscope.app.workers import self_calibration
 from handscope.app.workers.self_calibration import SelfCalibrationSolver
 from handscope.estimators.data.calibration import Known
 from handscope.estimators.data.samples import Event
-from handscope.sessions.clinic.self_calibrations import Found
+from handscope.sessions.clinic.self_calibrations import FoundCalibration
 from handscope.sessions.files.recording import LoadedRecording
 from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
 from tests.app.live.wizard.test_machine import PROTOCOLS, READY, kinds, later
@@ -133,7 +133,7 @@ def test_the_movement_is_kept_as_such_until_it_is_taken_back(
     left: str,
 ) -> None:
     kept: dict[str, Event | None] = {}
-    given: list[Found] = []
+    given: list[FoundCalibration] = []
     monkeypatch.setattr(station.glove, "keep_event", kept.__setitem__)
     monkeypatch.setattr(station.glove, "send", lambda cue: None)
     monkeypatch.setattr(free_movement, "SelfCalibrationSolver", lambda recording: None)

@@ -343,8 +343,8 @@ def test_a_held_contact_is_the_distance_that_the_protocol_keeps_for_the_measures
 def test_every_language_says_every_task(one: Language) -> None:
     texts = {t for p in ALL.values() for t in (p.title, p.instruction, *(c.say for c in p.cycle))}
     texts |= {t for p in ALL.values() if p.score for t in (p.score.title, p.score.hint)}
-    assert sorted(t for t in texts if one.heard(t) == t and t not in one.sentences) == []
-    assert one.heard("MDS-UPDRS 3.4") == "MDS-UPDRS 3.4"  # a name, no number
+    assert sorted(t for t in texts if one.translate(t) == t and t not in one.sentences) == []
+    assert one.translate("MDS-UPDRS 3.4") == "MDS-UPDRS 3.4"  # a name, no number
 
 
 def test_the_palm_turn_is_0_palm_down_and_150_palm_up_on_either_hand() -> None:

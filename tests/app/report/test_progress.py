@@ -8,7 +8,7 @@ import pytest
 from handscope.app.protocols import load_all
 from handscope.app.report.progress import Progress, Series, progress
 from handscope.app.report.units import DEG
-from handscope.sessions.clinic.repeatability import Key, Occasion, Visited
+from handscope.sessions.clinic.repeatability import Key, Occasion, ProcessedSession
 from handscope.sessions.db.tables import Repeatability
 
 MAY = datetime(2026, 5, 12, 9, tzinfo=UTC)
@@ -18,13 +18,13 @@ AMPLITUDE: Key = ("tapping", "tapping", "tapping_amplitude_mean")
 
 def visit(
     day: int, degrees: float, hand: str = "left", method: str = "m2", key: Key = PIP, **more: Any
-) -> Visited:
+) -> ProcessedSession:
     o = Occasion(day, day, 1, hand, MAY + timedelta(days=day), str(day), "00a7", method, {})
     value = (degrees / DEG, "rad") if key[0] == "range_of_motion" else (degrees / 1e3, "m")
-    return Visited(o, {key: value}, more.get("own", {}), more.get("glove", {}))
+    return ProcessedSession(o, {key: value}, more.get("own", {}), more.get("glove", {}))
 
 
-def told(*visits: Visited) -> Progress:
+def told(*visits: ProcessedSession) -> Progress:
     found = progress(visits, load_all())
     assert found is not None
     return found

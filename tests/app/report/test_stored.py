@@ -10,7 +10,7 @@ import pytest
 
 from handscope.app.language import languages
 from handscope.app.report import FORMS, Style
-from handscope.app.report.stored import KEPT, packed, unpacked
+from handscope.app.report.stored import STORED_TYPES, pack, unpack
 from handscope.estimators.data.samples import Event
 from tests.app.report.simulated_sessions import VISIT, gap_in_the_little_finger, report, session
 
@@ -24,7 +24,7 @@ TOLD = (
 def test_every_form_of_a_report_is_the_same_made_from_what_is_kept() -> None:
     made = session(EVERYTHING, change=gap_in_the_little_finger)
     whole = report(made, events=(*made[0].events, *TOLD))
-    kept = unpacked(packed(whole))
+    kept = unpack(pack(whole))
     assert kept is not None and kept.visit.patient == ""
     again = replace(kept, visit=VISIT)
     for form in ("html", "json", "csv"):
@@ -33,7 +33,7 @@ def test_every_form_of_a_report_is_the_same_made_from_what_is_kept() -> None:
 
 
 def altered(change: Callable[[str], str]) -> bytes:
-    with np.load(io.BytesIO(packed(report()))) as kept:
+    with np.load(io.BytesIO(pack(report()))) as kept:
         arrays = {name: kept[name] for name in kept.files}
     tree = change(arrays.pop("tree").tobytes().decode())
     buffer = io.BytesIO()
@@ -44,7 +44,7 @@ def altered(change: Callable[[str], str]) -> bytes:
 OTHERS: dict[str, Callable[[], bytes]] = {
     "empty": lambda: b"",
     "foreign": lambda: b"nothing of ours",
-    "cut": lambda: packed(report())[:-200],
+    "cut": lambda: pack(report())[:-200],
     "half a tree": lambda: altered(lambda tree: tree[: len(tree) // 2]),
     "another field": lambda: altered(lambda tree: tree.replace('"meaning"', '"sense"')),
     "another class": lambda: altered(
@@ -59,8 +59,8 @@ OTHERS: dict[str, Callable[[], bytes]] = {
 
 @pytest.mark.parametrize("which", OTHERS)
 def test_a_file_of_another_form_is_none(which: str) -> None:
-    assert unpacked(OTHERS[which]()) is None
+    assert unpack(OTHERS[which]()) is None
 
 
 def test_every_class_that_is_kept_is_named_once() -> None:
-    assert len(set(KEPT.values())) == len(KEPT)
+    assert len(set(STORED_TYPES.values())) == len(STORED_TYPES)

@@ -19,7 +19,7 @@ def recordings(tmp_path: Path) -> Path:
     """Two good ones and a broken one."""
     folder = tmp_path / "cohort"
     (folder / "second").mkdir(parents=True)
-    packed = writer.packed(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle"))
+    packed = writer.pack(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle"))
     for name in ("a.zip", "second/b.zip"):
         (folder / name).write_bytes(packed)
     (folder / "broken.zip").write_bytes(packed[:1000])

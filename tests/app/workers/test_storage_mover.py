@@ -40,7 +40,7 @@ def test_a_recording_moves_away_and_pages_still_have_it(
 
             client.post("/api/login", json={"token": new_token(tmp_path)})
             patient = client.post("/api/patients", json={"pseudonym": "P-1"}).json()["id"]
-            packed = writer.packed(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle"))
+            packed = writer.pack(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle"))
             made = upload(client, patient, packed).json()
             assert wait_for(
                 lambda: client.get(f"/api/results/{made['result']}").json()["state"] == "done"

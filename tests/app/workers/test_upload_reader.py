@@ -19,7 +19,7 @@ def test_the_server_goes_on_while_an_upload_is_read_and_when_its_process_dies(
 ) -> None:
     slow, good, bad = (tmp_path / name for name in ("slow.zip", "good.zip", "upload-7.zip"))
     os.mkfifo(slow)  # whoever reads it waits for ever
-    good.write_bytes(writer.packed(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle")))
+    good.write_bytes(writer.pack(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle")))
     bad.write_bytes(b"nothing")
 
     async def go() -> None:

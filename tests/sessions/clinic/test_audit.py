@@ -12,9 +12,9 @@ from sqlalchemy.exc import DatabaseError
 
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit, notes, patients
-from handscope.sessions.clinic.audit import Happened, Verdict
+from handscope.sessions.clinic.audit import AuditEvent, Verdict
 from handscope.sessions.db.tables import AuditLine, Base, Patient
-from handscope.sessions.store.database import connected, upgrade
+from handscope.sessions.store.database import connect, upgrade
 from handscope.sessions.store.store import Store, open_store
 from tests.postgres import empty_database, server
 
@@ -30,20 +30,20 @@ def told(store: Store) -> list[tuple[str, str, str, int | None]]:
     with store.database() as db:
         return [
             (line.who, f"{line.what} {line.kind}", line.ref, line.patient)
-            for line in reversed(audit.lines(db))
+            for line in reversed(audit.list_lines(db))
         ]
 
 
 def verdict(store: Store, *against: tuple[int, str]) -> Verdict:
     with store.database() as db:
-        return audit.verified(db, against)
+        return audit.verify(db, against)
 
 
 def test_what_is_changed_is_told_by_itself_with_names_of_fields_and_never_a_value(
     store: Store,
 ) -> None:
     with store.database() as db:
-        audit.by(db, "anna", "10.0.0.1")
+        audit.set_actor(db, "anna", "10.0.0.1")
         quince = patients.create(db, "Quince-4711", note="fell from a ladder", year_of_birth=1953)
         patients.change(db, quince.id, quince.version, affected_hand="left", year_of_birth=1954)
         notes.write(db, quince, "from a horse")
@@ -54,11 +54,11 @@ def test_what_is_changed_is_told_by_itself_with_names_of_fields_and_never_a_valu
         ("anna", "created note", "2", 1),
     ]
     with store.database() as db:
-        assert audit.lines(db)[1].counts == {"fields": ["year_of_birth", "affected_hand"]}
+        assert audit.list_lines(db)[1].counts == {"fields": ["year_of_birth", "affected_hand"]}
         text = str(
             [
                 [getattr(line, c.key) for c in AuditLine.__table__.columns]
-                for line in audit.lines(db)
+                for line in audit.list_lines(db)
             ]
         )
     assert not any(secret in text for secret in ("Quince", "ladder", "horse", "1953", "1954"))
@@ -70,7 +70,7 @@ def test_what_did_not_happen_is_not_told(store: Store) -> None:
         with pytest.raises(InputError):
             patients.create(db, "P-1")
         db.add(Patient(pseudonym="P-2"))
-        audit.tell(db, Happened("exported", "patient", "2"))
+        audit.record(db, AuditEvent("exported", "patient", "2"))
         db.flush()
         db.rollback()
         db.commit()
@@ -91,7 +91,7 @@ def written(store: Store, url: str | None) -> None:
         for k in range(EACH):
             with store.database() as db:
                 patients.create(db, f"P-{writer}-{k}")
-                audit.tell(db, Happened("viewed", "patient", str(k)))
+                audit.record(db, AuditEvent("viewed", "patient", str(k)))
                 db.commit()
 
     with ThreadPoolExecutor(WRITERS) as writers:
@@ -130,7 +130,7 @@ def test_the_first_line_that_was_forged_is_found(store: Store, forgery: str) -> 
         accounts.add(db, "anna", ["scientist"])
     whole = verdict(store)
     assert (whole.lines, whole.broken) == (5, "")
-    with connected(store.folder).begin() as connection:
+    with connect(store.folder).begin() as connection:
         for action in ("update", "delete"):
             connection.exec_driver_sql(f"DROP TRIGGER audit_no_{action}")
         forge(connection)
@@ -141,10 +141,10 @@ def test_a_trail_cut_off_or_written_anew_does_not_fit_what_was_noted(store: Stor
     with store.database() as db:
         for k in range(3):
             patients.create(db, f"P-{k}")
-        noted = (3, audit.verified(db).last)
+        noted = (3, audit.verify(db).last)
         patients.create(db, "P-9")
     assert verdict(store, noted).broken == ""
-    with connected(store.folder).begin() as connection:
+    with connect(store.folder).begin() as connection:
         connection.exec_driver_sql("DROP TRIGGER audit_no_delete")
         connection.exec_driver_sql("DELETE FROM audit WHERE id > 2")
     assert verdict(store).broken == "", "by itself it holds"
@@ -155,7 +155,7 @@ def test_a_trail_cut_off_or_written_anew_does_not_fit_what_was_noted(store: Stor
 
 
 def test_lines_from_before_the_chain_are_taken_into_it(tmp_path: Path) -> None:
-    engine = connected(tmp_path)
+    engine = connect(tmp_path)
     upgrade(engine, "0007")
     with engine.begin() as connection:
         for k in (3, 7):
@@ -165,7 +165,7 @@ def test_lines_from_before_the_chain_are_taken_into_it(tmp_path: Path) -> None:
     store = open_store(tmp_path)
     assert verdict(store).lines == 2
     upgrade(engine, "0007")
-    with connected(tmp_path).begin() as connection:
+    with connect(tmp_path).begin() as connection:
         assert connection.exec_driver_sql("SELECT count(*) FROM audit").scalar() == 2
 
 
@@ -174,7 +174,7 @@ def test_accounts_are_audited_without_their_passwords(store: Store) -> None:
         account = accounts.add(db, "anna", ["scientist"])
         accounts.set_password(db, account, "seven hands on a table")
         accounts.change(db, account, roles=["clinician"])
-        assert [line.counts for line in audit.lines(db)] == [
+        assert [line.counts for line in audit.list_lines(db)] == [
             {"fields": ["roles"]},
             {"fields": ["password"]},
             {},

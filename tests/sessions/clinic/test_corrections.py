@@ -58,16 +58,16 @@ def file(db: Session) -> RecordingFile:
 def test_a_result_is_a_function_of_what_counts_and_undoing_gives_the_first_one_back(
     db: Session, file: RecordingFile
 ) -> None:
-    first = results.wanted(db, file, "m2", {}, "1")
+    first = results.find_matching(db, file, "m2", {}, "1")
     made = corrections.add(db, file, 2, "exclude", " Pain ")
-    second = results.wanted(db, file, "m2", {}, "1")
+    second = results.find_matching(db, file, "m2", {}, "1")
     assert second.id != first.id
     assert second.corrections == [
         {"event": 2, "kind": "exclude", "onset": 22.0, "end": 37.0, "reason": "Pain"}
     ]
     assert results.current(file) == [second]
     corrections.undo(db, made.id)
-    assert results.wanted(db, file, "m2", {}, "1").id == first.id
+    assert results.find_matching(db, file, "m2", {}, "1").id == first.id
     assert results.current(file) == [first]
     assert [(c.reason, c.undone is None) for c in file.corrections] == [
         ("Pain", False)
@@ -80,27 +80,27 @@ def test_a_height_of_the_trunk_told_afterwards_counts_in_new_results_and_can_be_
     with pytest.raises(InputError, match="no sensor on the trunk"):
         visit_facts.change(db, file.session_id, 1, trunk=TrunkHeight(0.42))
     file.summary = {**file.summary, "streams": [{"name": "trunk", "sensors": ["trunk"]}]}
-    first = results.wanted(db, file, "m2", {}, "1")
+    first = results.find_matching(db, file, "m2", {}, "1")
     with pytest.raises(InputError, match=r"42 m above the hips is outside 0\.1 to 0\.7 m"):
         visit_facts.change(db, file.session_id, 1, trunk=TrunkHeight(42.0))
     visit_facts.change(db, file.session_id, 1, trunk=TrunkHeight(0.42))
-    second = results.wanted(db, file, "m2", {}, "1")
+    second = results.find_matching(db, file, "m2", {}, "1")
     assert (first.trunk_height, second.trunk_height, results.current(file)) == (
         None,
         0.42,
         [second],
     )
-    told = trunk_height.applied(loaded(pose_and_wiggle("left")), 0.42)
+    told = trunk_height.apply(loaded(pose_and_wiggle("left")), 0.42)
     assert {e.details.get("trunk_height") for e in told.events if e.trial_type == "task"} == {0.42}
     visit_facts.change(db, file.session_id, 2, trunk=TrunkHeight(None))
-    assert results.wanted(db, file, "m2", {}, "1").id == first.id
+    assert results.find_matching(db, file, "m2", {}, "1").id == first.id
     assert results.current(file) == [first]
 
 
 def test_ends_moved_again_replace_the_ends_moved_before(db: Session, file: RecordingFile) -> None:
     corrections.add(db, file, 1, "move", "began late", 6.0, 19.0)
     corrections.add(db, file, 1, "move", "began later", 8.0, 19.0)
-    assert [(c["onset"], c["reason"]) for c in corrections.standing(file)] == [(8.0, "began later")]
+    assert [(c["onset"], c["reason"]) for c in corrections.active(file)] == [(8.0, "began later")]
     assert len(file.corrections) == 2
 
 
@@ -124,7 +124,7 @@ def test_what_cannot_be_is_refused_in_words_and_leaves_nothing(
 ) -> None:  # type: ignore[type-arg]
     with pytest.raises(InputError, match=sentence):
         corrections.add(db, file, *given)
-    assert corrections.standing(file) == []
+    assert corrections.active(file) == []
 
 
 def test_a_trial_is_left_out_once(db: Session, file: RecordingFile) -> None:
@@ -144,7 +144,7 @@ def test_events_are_corrected_and_every_correction_is_said() -> None:
         {"event": 2, "kind": "move", "onset": 24.0, "end": 34.0, "reason": "began late"},
         {"event": 3, "kind": "leave_out", "onset": 41.0, "end": 44.0, "reason": "helped"},
     ]
-    made = corrections.corrected(recording, rows)
+    made = corrections.apply(recording, rows)
     assert made.events[1].details["excluded"] == "Pain"
     assert (made.events[2].onset, made.events[2].end) == (24.0, 34.0)
     assert made.events[3].details["left_out"] == [(41.0, 44.0)]
@@ -154,7 +154,7 @@ def test_events_are_corrected_and_every_correction_is_said() -> None:
         "tapping, trial 2: counted from 2.0 to 12.0 s of the trial as recorded (began late)",
         "rom fist: 1.0 to 4.0 s left out of the figures (helped)",
     )
-    assert corrections.corrected(recording, []) is recording
+    assert corrections.apply(recording, []) is recording
 
 
 def test_repeatability_goes_by_the_results_that_count(db: Session, file: RecordingFile) -> None:
@@ -194,7 +194,7 @@ def test_repeatability_goes_by_the_results_that_count(db: Session, file: Recordi
             method="m2",
             version="1",
             state="done",
-            corrections=corrections.standing(file),
+            corrections=corrections.active(file),
             figures=figures,
         )
     )

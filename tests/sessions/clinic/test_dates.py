@@ -17,7 +17,7 @@ def session(
 
 
 def doubts(*sessions: PatientSession, born: int | None = None) -> dict[int, list[str]]:
-    return dates.doubts(Patient(year_of_birth=born), sessions, NOON)
+    return dates.find_doubts(Patient(year_of_birth=born), sessions, NOON)
 
 
 def test_sessions_in_order_raise_no_doubt_and_their_order_in_the_list_does_not_matter() -> None:
@@ -41,9 +41,9 @@ def test_a_session_dated_in_the_future_or_before_birth_or_before_the_last() -> N
 def test_an_upload_may_be_older_than_the_last_session_and_tells_nothing_of_our_clock() -> None:
     assert doubts(session(1, NOON - DAY), session(2, NOON - 30 * DAY, "old.mcap")) == {1: [], 2: []}
     patient = Patient(year_of_birth=None)
-    assert dates.clock_doubts(patient, [session(1, NOON + DAY, "odd.mcap")], NOON) == []
-    assert dates.clock_doubts(patient, [session(1, NOON + DAY)], NOON) == ["before_last"]
-    assert dates.clock_doubts(
+    assert dates.find_clock_doubts(patient, [session(1, NOON + DAY, "odd.mcap")], NOON) == []
+    assert dates.find_clock_doubts(patient, [session(1, NOON + DAY)], NOON) == ["before_last"]
+    assert dates.find_clock_doubts(
         Patient(year_of_birth=1990), [], datetime(1980, 1, 1, tzinfo=UTC)
     ) == ["before_birth"]
 

@@ -26,7 +26,7 @@ def test_a_removed_note_is_forgotten_when_it_cannot_be_brought_back_any_more(
         for note, age in ((old, 1.01), (young, 0.99)):
             notes.change(db, note.id, note.version, removed=True)
             assert note.removed is not None
-            note.removed -= age * notes.KEPT
+            note.removed -= age * notes.RETENTION
         db.commit()
     with open_store(tmp_path).database() as db:
         assert [n.text for n in db.scalars(select(Note).order_by(Note.id))] == ["young", "standing"]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from handscope.sessions.clinic.pseudonyms import DOUBTS, doubts
+from handscope.sessions.clinic.pseudonyms import DOUBTS, find_doubts
 
 
 @pytest.mark.parametrize(
@@ -23,7 +23,7 @@ from handscope.sessions.clinic.pseudonyms import DOUBTS, doubts
     ],
 )
 def test_a_code_raises_no_doubt(code: str) -> None:
-    assert doubts(code) == ()
+    assert find_doubts(code) == ()
 
 
 @pytest.mark.parametrize(
@@ -47,5 +47,5 @@ def test_a_code_raises_no_doubt(code: str) -> None:
     ],
 )
 def test_what_may_be_a_name_or_a_day_of_birth_is_asked_about(typed: str, found: set[str]) -> None:
-    assert set(doubts(typed)) == found
+    assert set(find_doubts(typed)) == found
     assert found <= set(DOUBTS)

@@ -14,7 +14,7 @@ from alembic.migration import MigrationContext
 from sqlalchemy import create_engine, inspect, select, text
 from sqlalchemy.orm import Session
 
-from handscope.sessions.clinic.repeatability import ENOUGH, comparison, enough
+from handscope.sessions.clinic.repeatability import ENOUGH, compare_with_previous, is_sufficient
 from handscope.sessions.db.tables import (
     Base,
     Patient,
@@ -119,10 +119,10 @@ def test_five_sessions_in_a_week_give_the_patients_own(
     assert (row.sessions, row.people, row.freedom, row.icc) == (5, 1, ENOUGH, None)
     assert row.results == [r.id for r in results]
     assert row.computed.tzinfo is not None
-    assert enough(row)
+    assert is_sufficient(row)
     (glove,) = kept(db, None)
     assert (glove.device, glove.people) == ("00a7", 1)
-    assert not enough(glove)  # one person does not speak for a glove
+    assert not is_sufficient(glove)  # one person does not speak for a glove
 
 
 def test_what_changes_between_weeks_is_no_error(db: Session, visit: Callable[..., Result]) -> None:
@@ -132,7 +132,7 @@ def test_what_changes_between_weeks_is_no_error(db: Session, visit: Callable[...
     (row,) = kept(db, one)
     assert row.sem == pytest.approx(np.sqrt((2 + 8) / 2))
     assert (row.sessions, row.freedom) == (4, 2)
-    assert not enough(row)
+    assert not is_sufficient(row)
 
 
 def test_only_what_is_alike_counts_as_repeated(db: Session, visit: Callable[..., Result]) -> None:
@@ -217,14 +217,14 @@ def test_a_result_is_compared_with_the_session_before(
         visit(one, 20, 80.0, hand="right"),
         visit(one, 30, 58.0),
     )
-    assert comparison(db, first) is None
-    assert comparison(db, other) is None
-    told = comparison(db, last)
+    assert compare_with_previous(db, first) is None
+    assert compare_with_previous(db, other) is None
+    told = compare_with_previous(db, last)
     assert told is not None
     assert told.since == MAY
     assert (told.now, told.before, told.own) == ({PIP: (58.0, "rad")}, {PIP: (50.0, "rad")}, {})
     twice = visit(one, 31, 58.0, sha256=last.recording.sha256)
-    told = comparison(db, twice)
+    told = compare_with_previous(db, twice)
     assert told is not None
     assert told.since == MAY  # not with itself
 

@@ -16,7 +16,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.methods import OFFERED
 from handscope.estimators.numerics import quaternions as quat
 from handscope.sessions.clinic import audit, results, self_calibrations
-from handscope.sessions.clinic.self_calibrations import Found
+from handscope.sessions.clinic.self_calibrations import FoundCalibration
 from handscope.sessions.db.tables import (
     Patient,
     PatientSession,
@@ -33,7 +33,7 @@ SURE = np.radians([0.1, 0.1, 0.5])
 TURNED = quat.exp(np.array([0.0, 0.2, 0.0]))
 
 
-def found(onset: float = 0.0) -> Found:
+def found(onset: float = 0.0) -> FoundCalibration:
     """A proximal phalanx of 43 mm whose sensor sits askew."""
     pose = calibrated(pose_and_wiggle("left"))
     geometry = replace(pose.geometry, lengths={**pose.geometry.lengths, "index_proximal": 0.043})
@@ -44,7 +44,7 @@ def found(onset: float = 0.0) -> Found:
         q_BS_sd={"index_proximal": SURE},
         lengths_sd={"index_proximal": 2e-4},
     )
-    return Found(
+    return FoundCalibration(
         calibration_table(c), ["middle: its length is not observable"], onset, onset + 40.0
     )
 
@@ -88,31 +88,31 @@ def patient(db: Session) -> Patient:
 
 def test_nothing_is_taken_over_that_nobody_decided(db: Session, patient: Patient) -> None:
     first, later = visit(db, patient), visit(db, patient, day=2)
-    self_calibrations.keep(db, first, found(), "1")
+    self_calibrations.store(db, first, found(), "1")
     assert self_calibrations.decision(later.session) is None
-    assert results.wanted(db, later, "m2", {}, "1").reused == {}
+    assert results.find_matching(db, later, "m2", {}, "1").reused == {}
 
 
 def test_lengths_alone_or_also_seats_are_taken_over_as_decided_and_a_result_is_a_function_of_that(
     db: Session, patient: Patient
 ) -> None:
     first, later = visit(db, patient), visit(db, patient, day=2)
-    kept = self_calibrations.keep(db, first, found(), "1")
-    before = results.wanted(db, later, "m2", {}, "1")
+    kept = self_calibrations.store(db, first, found(), "1")
+    before = results.find_matching(db, later, "m2", {}, "1")
     self_calibrations.decide(db, later.session, "lengths", kept.id)
-    lengths = results.wanted(db, later, "m2", {}, "1")
+    lengths = results.find_matching(db, later, "m2", {}, "1")
     assert lengths.reused == {"self_calibration": kept.id, "parts": "lengths"}
-    known = self_calibrations.known(db, lengths.reused)
+    known = self_calibrations.load_prior(db, lengths.reused)
     assert known is not None
     assert (known.lengths, known.q_BS, known.gyr_bias) == ({"index_proximal": 0.043}, {}, {})
     self_calibrations.decide(db, later.session, "lengths_and_seats", kept.id)
-    everything = results.wanted(db, later, "m2", {}, "1")
-    known = self_calibrations.known(db, everything.reused)
+    everything = results.find_matching(db, later, "m2", {}, "1")
+    known = self_calibrations.load_prior(db, everything.reused)
     assert known is not None
     np.testing.assert_allclose(known.q_BS["index_proximal"], TURNED)
     assert results.current(later) == [everything]
     self_calibrations.decide(db, later.session, "nothing")
-    assert results.wanted(db, later, "m2", {}, "1").id == before.id
+    assert results.find_matching(db, later, "m2", {}, "1").id == before.id
     assert results.current(later) == [before]
     assert [r.parts for r in later.session.reuses] == [
         "lengths",
@@ -128,7 +128,7 @@ def test_offered_methods_that_begin_with_a_pose_take_it_over_and_no_others() -> 
 def test_of_another_glove_only_lengths_are_offered_and_of_another_hand_nothing(
     db: Session, patient: Patient
 ) -> None:
-    kept = self_calibrations.keep(db, visit(db, patient), found(), "1")
+    kept = self_calibrations.store(db, visit(db, patient), found(), "1")
     other_glove, other_hand = (
         visit(db, patient, glove="g2"),
         visit(db, patient, hand="right", day=3),
@@ -152,8 +152,8 @@ def test_the_newest_is_offered_first_and_one_that_was_withdrawn_not_at_all(
 ) -> None:
     first, second = visit(db, patient), visit(db, patient, day=2)
     old, new = (
-        self_calibrations.keep(db, first, found(), "1"),
-        self_calibrations.keep(db, second, found(), "1"),
+        self_calibrations.store(db, first, found(), "1"),
+        self_calibrations.store(db, second, found(), "1"),
     )
     third = visit(db, patient, day=3)
     assert [o.self_calibration.id for o in self_calibrations.offers(third.session)] == [
@@ -171,22 +171,22 @@ def test_the_same_stretch_is_kept_once_and_what_is_no_self_calibration_is_refuse
 ) -> None:
     file = visit(db, patient)
     assert (
-        self_calibrations.keep(db, file, found(), "1").id
-        == self_calibrations.keep(db, file, found(), "1").id
+        self_calibrations.store(db, file, found(), "1").id
+        == self_calibrations.store(db, file, found(), "1").id
     )
-    assert self_calibrations.keep(db, file, found(onset=50.0), "1").id == 2
+    assert self_calibrations.store(db, file, found(onset=50.0), "1").id == 2
     with pytest.raises(InputError, match="no self-calibration"):
-        self_calibrations.keep(db, file, replace(found(), table={"MeasuredHand": "both"}), "1")
+        self_calibrations.store(db, file, replace(found(), table={"MeasuredHand": "both"}), "1")
     with pytest.raises(InputError, match="no self-calibration"):
-        self_calibrations.of_result(results.wanted(db, file, "m2", {}, "1"))
+        self_calibrations.of_result(results.find_matching(db, file, "m2", {}, "1"))
 
 
 def test_export_audit_and_erasure_include_it(db: Session, store: Store, patient: Patient) -> None:
     (store.folder / "recordings").mkdir(exist_ok=True)
     file = visit(db, patient)
-    kept = self_calibrations.keep(db, file, found(), "1")
+    kept = self_calibrations.store(db, file, found(), "1")
     self_calibrations.decide(db, file.session, "lengths", kept.id)
-    trail = [(f"{line.what} {line.kind}", line.ref, line.patient) for line in audit.lines(db)]
+    trail = [(f"{line.what} {line.kind}", line.ref, line.patient) for line in audit.list_lines(db)]
     assert ("created self_calibration", str(kept.id), patient.id) in trail
     assert ("created reuse", "1", patient.id) in trail
     out = io.BytesIO()

@@ -67,7 +67,7 @@ def test_our_derivative_comes_back_as_it_was(tmp_path: Path) -> None:
     )
     back = opened(tmp_path)
     assert back.trajectory is not None
-    assert (back.hand, back.angles_told, back.trajectory.hand) == ("right", True, "right")
+    assert (back.hand, back.has_angles, back.trajectory.hand) == ("right", True, "right")
     np.testing.assert_array_equal(back.trajectory.t, moved.t)
     np.testing.assert_array_equal(back.trajectory.angles, moved.angles)
     np.testing.assert_array_equal(back.trajectory.tips, moved.tips)
@@ -87,7 +87,7 @@ def test_orientations_give_joint_angles_and_keep_all_three(tmp_path: Path) -> No
     )
     found = opened(tmp_path)
     assert found.trajectory is not None
-    assert not found.angles_told
+    assert not found.has_angles
     np.testing.assert_allclose(found.trajectory.angles[:, JOINT["index_pip"]], angles, atol=1e-12)
     np.testing.assert_allclose(np.diff(found.trajectory.t), 0.02)
 

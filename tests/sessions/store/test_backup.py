@@ -20,7 +20,7 @@ from handscope.sessions.clinic import accounts, audit, notes, patients
 from handscope.sessions.db.tables import Login, Note, Patient, PatientSession, RecordingFile, Result
 from handscope.sessions.files.native import file_checksum
 from handscope.sessions.store import backup, database_dump, erasure
-from handscope.sessions.store.database import FILE, connected, upgrade
+from handscope.sessions.store.database import FILE, connect, upgrade
 from handscope.sessions.store.store import Store, open_store
 from tests import postgres
 
@@ -75,7 +75,7 @@ def filled(store: Store) -> Store:
             (store.folder / "results").mkdir(exist_ok=True)
             (store.folder / f"results/{made.id}.npz").write_bytes(word.encode())
         running = PatientSession(patient_id=1, hand="right")
-        login = Login(token_hash="0" * 64, account=accounts.local(db))
+        login = Login(token_hash="0" * 64, account=accounts.local_account(db))
         db.add_all(
             [RecordingFile(session=running, format="native", file="recordings/runs.mcap"), login]
         )
@@ -87,7 +87,7 @@ def filled(store: Store) -> Store:
 
 def rows(folder: Path, url: str | None = None) -> dict[str, list[Any]]:
     """Every row of every table but logins."""
-    engine, metadata = connected(folder, url), MetaData()
+    engine, metadata = connect(folder, url), MetaData()
     metadata.reflect(engine)
     with engine.connect() as connection:
         found = {
@@ -122,7 +122,7 @@ def test_what_is_restored_is_what_was_backed_up(store: Store, tmp_path: Path) ->
     again = open_store(tmp_path / "new")
     with again.database() as db:
         assert db.scalar(select(Login)) is None
-        assert audit.verified(db).broken == "" and audit.verified(db).lines == len(before["audit"])
+        assert audit.verify(db).broken == "" and audit.verify(db).lines == len(before["audit"])
         assert patients.create(db, "P-4").id == 4, (
             "the number of an erased patient is never given again"
         )
@@ -146,10 +146,10 @@ def test_a_backup_moves_to_postgresql_and_back(store: Store, tmp_path: Path, ser
         moved.close()
     backup.restore(tmp_path / "c.zip", tmp_path / "back")
     with store.database() as db, open_store(tmp_path / "back").database() as other:
-        whole = audit.verified(db)
+        whole = audit.verify(db)
         patients.create(db, "P-4", created=other.get_one(Patient, 4).created)
-        found = audit.verified(
-            other, [(whole.lines, whole.last), backup.audit_head(tmp_path / "b.zip")]
+        found = audit.verify(
+            other, [(whole.lines, whole.last), backup.read_audit_head(tmp_path / "b.zip")]
         )
     assert (found.lines, found.broken) == (whole.lines + 1, "")
     before, after = ({**rows(folder), "audit": []} for folder in (store.folder, tmp_path / "back"))

@@ -86,7 +86,7 @@ def test_nothing_is_left_of_an_erased_patient_and_everything_of_another(store: S
             "note": 1,
         }
         assert [(a.counts, a.ref, a.patient) for a in erasure.erasures(db)] == [(counts, "", None)]
-        assert audit.verified(db).broken == ""
+        assert audit.verify(db).broken == ""
     assert mentions(store, b"movement of Plum-1") == ["2.npz", "Plum-1.mcap"]
 
 
@@ -141,9 +141,7 @@ def test_an_upload_that_a_power_cut_left_without_a_session_is_removed_by_the_nex
 
     def uploaded(name: str) -> Path:
         place = store.incoming / name
-        place.write_bytes(
-            writer.packed(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle"))
-        )
+        place.write_bytes(writer.pack(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle")))
         return place
 
     with store.database() as db:

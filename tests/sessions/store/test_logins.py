@@ -25,9 +25,9 @@ def cheap() -> Iterator[None]:
         patch.setattr(
             accounts, "_hasher", PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
         )
-        accounts._nobodys.cache_clear()
+        accounts._unknown_hash.cache_clear()
         yield
-    accounts._nobodys.cache_clear()
+    accounts._unknown_hash.cache_clear()
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def _forgotten(store: Store, cheap: None) -> None:
 
 def tried(store: Store, name: str, password: str, address: str = "10.0.0.1") -> str | None:
     with store.database() as db:
-        account = logins.by_password(db, name, password, address)
+        account = logins.log_in(db, name, password, address)
         return account.name if account else None
 
 
@@ -65,7 +65,7 @@ def test_a_password_is_kept_as_an_argon2id_hash_alone_made_anew_when_its_paramet
     monkeypatch.setattr(accounts, "_hasher", PasswordHasher())
     assert tried(store, " Anna ", GOOD) == "anna"
     with store.database() as db:
-        anna, ben = (accounts.named(db, name).password or "" for name in ("anna", "ben"))
+        anna, ben = (accounts.find_by_name(db, name).password or "" for name in ("anna", "ben"))
     assert anna.startswith("$argon2id$v=19$m=65536,t=3,p=4$")
     assert ben.startswith("$argon2id$v=19$m=8,t=1,p=1$")
     assert not any(GOOD.encode() in p.read_bytes() for p in store.folder.rglob("*") if p.is_file())
@@ -76,7 +76,7 @@ def test_a_password_is_kept_as_an_argon2id_hash_alone_made_anew_when_its_paramet
 )
 def test_a_password_that_is_easily_guessed_is_refused(store: Store, password: str) -> None:
     with store.database() as db, pytest.raises(InputError):
-        accounts.set_password(db, accounts.named(db, "anna"), password)
+        accounts.set_password(db, accounts.find_by_name(db, "anna"), password)
     assert tried(store, "anna", GOOD) == "anna"
 
 
@@ -124,10 +124,10 @@ def test_a_code_of_an_account_that_is_out_of_use_lets_nobody_in(
 ) -> None:
     token = logins.new_token(store.folder, "ben")
     with store.database() as db:
-        ben = accounts.named(db, "ben")
+        ben = accounts.find_by_name(db, "ben")
         accounts.change(db, ben, disabled=True)
         assert logins.redeem(db, store, token) is None
-        assert accounts.proved(db, "ben", GOOD) is None
+        assert accounts.authenticate(db, "ben", GOOD) is None
         accounts.change(db, ben, disabled=False)
         for name in ("../anna", "gone", "anna\n"):
             assert logins.redeem(db, store, logins.new_token(store.folder, name)) is None
@@ -136,16 +136,16 @@ def test_a_code_of_an_account_that_is_out_of_use_lets_nobody_in(
 def test_a_person_whose_first_login_comes_twice_at_once_has_one_account(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    name = accounts._name
+    name = accounts._checked_name
 
     def meanwhile(word: str) -> str:
-        monkeypatch.setattr(accounts, "_name", name)
+        monkeypatch.setattr(accounts, "_checked_name", name)
         with store.database() as other:
-            accounts.of_subject(other, "issuer 1", "carla", ["clinician"])
+            accounts.get_or_add_subject(other, "issuer 1", "carla", ["clinician"])
         return name(word)
 
-    monkeypatch.setattr(accounts, "_name", meanwhile)
+    monkeypatch.setattr(accounts, "_checked_name", meanwhile)
     with store.database() as db:
-        second = accounts.of_subject(db, "issuer 1", "carla", ["scientist"])
+        second = accounts.get_or_add_subject(db, "issuer 1", "carla", ["scientist"])
         assert second.roles == ["scientist"]
-        assert [a.name for a in accounts.everyone(db) if a.subject] == ["carla"]
+        assert [a.name for a in accounts.list_accounts(db) if a.subject] == ["carla"]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from handscope.estimators.errors import InputError
-from handscope.sessions.store.database import connected
+from handscope.sessions.store.database import connect
 from handscope.sessions.store.store import open_store
 
 
@@ -29,11 +29,11 @@ def test_a_disk_that_takes_nothing_is_named_before_the_database_is_touched(
 
 def test_a_database_of_a_newer_version_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
     open_store(tmp_path).close()
-    with connected(tmp_path).begin() as connection:
+    with connect(tmp_path).begin() as connection:
         connection.exec_driver_sql("UPDATE alembic_version SET version_num = '9999'")
     with pytest.raises(InputError, match="has the schema 9999 of a newer version of Handscope"):
         open_store(tmp_path)
-    with connected(tmp_path).connect() as connection:
+    with connect(tmp_path).connect() as connection:
         assert (
             connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar() == "9999"
         )

@@ -89,10 +89,10 @@ def test_what_is_closed_leaves_the_folder_and_is_read_from_the_storage_as_it_was
     }
     shutil.rmtree(store.folder / "cache")
     other = store_at(store.folder)  # another process: the folder itself knows where its files are
-    assert stored_files.at_hand(other, CLOSED, sha256).read_bytes() == whole
-    assert stored_files.at_hand(other, FIGURES).read_bytes() == b"figures"
-    assert stored_files.at_hand(other, RUNNING) == store.folder / RUNNING
-    assert not stored_files.at_hand(other, "recordings/never.mcap").exists()
+    assert stored_files.fetch_local(other, CLOSED, sha256).read_bytes() == whole
+    assert stored_files.fetch_local(other, FIGURES).read_bytes() == b"figures"
+    assert stored_files.fetch_local(other, RUNNING) == store.folder / RUNNING
+    assert not stored_files.fetch_local(other, "recordings/never.mcap").exists()
     assert stored_files.files_of_result(other, 1) == [FIGURES]
     assert stored_files.move_out(store, ROOM) == Round()
 
@@ -100,7 +100,7 @@ def test_what_is_closed_leaves_the_folder_and_is_read_from_the_storage_as_it_was
 def test_the_cache_lets_go_of_what_was_not_read_for_longest(url: str, tmp_path: Path) -> None:
     store = filled(tmp_path / "data", url)
     stored_files.move_out(store, ROOM)
-    stored_files.at_hand(store, FIGURES)
+    stored_files.fetch_local(store, FIGURES)
     stored_files.move_out(store, 1000)
     assert [p.name for p in (store.folder / "cache").rglob("*") if p.is_file()] == ["1.npz"]
 
@@ -115,7 +115,7 @@ def test_what_comes_back_changed_is_refused(url: str, tmp_path: Path) -> None:
         InputError,
         match="is not what was recorded: its checksum is another; restore it from a backup",
     ):
-        stored_files.at_hand(store, CLOSED, sha256)
+        stored_files.fetch_local(store, CLOSED, sha256)
     assert list(store.incoming.iterdir()) == [] and not (store.folder / "cache" / CLOSED).exists()
 
 
@@ -146,7 +146,7 @@ def test_while_the_storage_is_away_everything_waits_in_the_folder(
         )
         assert lying(store.folder) == before and (store.folder / CLOSED).read_bytes() == whole
         with pytest.raises(UnreachableError, match="try again later"):
-            stored_files.at_hand(store, "results/1.report.npz")
+            stored_files.fetch_local(store, "results/1.report.npz")
         with store.database() as db, pytest.raises(UnreachableError):
             erasure.erase(db, store, 1, "P-1")
         with store.database() as db:

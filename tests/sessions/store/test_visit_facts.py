@@ -49,7 +49,7 @@ def test_a_corrected_date_keeps_what_the_clock_said_and_can_be_put_back(db: Sess
     assert (once.recorded_as, once.date_reason) == (WRONG, "battery of the clock")
     twice = visit_facts.change(db, 1, 2, started=RIGHT, date_reason=" a day off ")
     assert (twice.started, twice.recorded_as, twice.date_reason) == (RIGHT, WRONG, "a day off")
-    assert dates.doubts(twice.patient, [twice], now()) == {1: []}
+    assert dates.find_doubts(twice.patient, [twice], now()) == {1: []}
     back = visit_facts.change(db, 1, 3, started=WRONG)
     assert (back.started, back.recorded_as, back.date_reason) == (WRONG, None, "")
 

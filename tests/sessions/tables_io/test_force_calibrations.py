@@ -14,7 +14,7 @@ from handscope.sessions.files.recorder import Recorder
 from handscope.sessions.tables_io import force_calibrations
 from handscope.sessions.wire import messages as wire
 from handscope.sessions.wire.assembly import Assembler
-from handscope.sessions.wire.force_calibration import ForceTold
+from handscope.sessions.wire.force_calibration import ForceSensorCalibration
 from handscope.sessions.wire.framing import Encoder
 from tests.glove import bursts, frames, identity
 
@@ -49,7 +49,7 @@ def sent(own: bool = False, limit: float = 0.0) -> list[wire.Message]:
     """A strip that corrects nothing and tells nothing, or its own calibration of one sensor."""
     info = wire.StreamInfo(9, 4, 0, (FORCE,), wire.Format.FLOAT32, 12.0, (1.0,), (limit,))
     flash = (
-        [ForceTold(4, 0, 0.02, None, (0.0,) * 3, tuple(map(float, np.eye(3).ravel())))]
+        [ForceSensorCalibration(4, 0, 0.02, None, (0.0,) * 3, tuple(map(float, np.eye(3).ravel())))]
         if own
         else []
     )
@@ -65,7 +65,7 @@ def sent(own: bool = False, limit: float = 0.0) -> list[wire.Message]:
 
 def fed(messages: list[wire.Message], metadata: dict[str, Any], correct: bool = True) -> Block:
     assembler, encoder = (
-        Assembler(correct=correct, kept_forces=force_calibrations.of_recording(metadata)),
+        Assembler(correct=correct, stored_forces=force_calibrations.of_recording(metadata)),
         Encoder(),
     )
     return join([b for f in frames(messages, encoder) for b in assembler.feed(f, 100.0)])
@@ -124,11 +124,11 @@ def test_a_recording_opens_with_the_forces_that_were_shown_and_keeps_what_was_se
 def test_what_the_data_folder_keeps_goes_into_a_recording_without_how_sure_each_number_is(
     tmp_path: Path,
 ) -> None:
-    assert force_calibrations.kept(tmp_path) == {}
+    assert force_calibrations.read_stored(tmp_path) == {}
     place = force_calibrations.path_of(tmp_path, STRIP)
     place.parent.mkdir()
     place.write_text(json.dumps({"ForceSetup": dict.fromkeys(POINTS, setup())}))
-    found = force_calibrations.kept(tmp_path)
+    found = force_calibrations.read_stored(tmp_path)
     assert "left_over" not in found[force_calibrations.SETUPS][f"{STRIP:x}"][POINTS[0]]
     np.testing.assert_allclose(fed(sent(), found).values, FORCES, atol=1e-12)
 
@@ -149,7 +149,7 @@ def test_a_file_that_cannot_be_read_is_named_with_what_to_do(
     with pytest.raises(
         InputError, match=f"f0ce.json cannot be read .*{said}.*calibrate them again or remove it"
     ):
-        force_calibrations.kept(tmp_path)
+        force_calibrations.read_stored(tmp_path)
 
 
 def test_metadata_that_is_no_table_is_refused() -> None:

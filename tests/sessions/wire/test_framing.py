@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from handscope.sessions.wire.framing import LONGEST, Counters, Decoder, Encoder
 from handscope.sessions.wire.messages import Identity, Message, Ping, Samples
-from handscope.sessions.wire.stuffing import unstuffed
+from handscope.sessions.wire.stuffing import unstuff
 from tests.glove import identity
 from tests.sessions.wire.test_messages import ANY
 
@@ -205,9 +205,9 @@ def test_the_same_identity_again_is_no_new_beginning() -> None:
     )
 )
 def test_frames_are_unstuffed_as_the_reference_does(data: bytes) -> None:
-    assert unstuffed(cobs.encode(data)) == data
+    assert unstuff(cobs.encode(data)) == data
     try:
         expected = cobs.decode(data)
     except cobs.DecodeError:
         expected = None
-    assert unstuffed(data) == expected
+    assert unstuff(data) == expected

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from handscope.estimators.data.magnet_declaration import Plate
 from handscope.estimators.data.samples import ACC, GYR, TRACKED_POINTS
 from handscope.sessions.wire import messages as wire
-from handscope.sessions.wire.force_calibration import ForceTold
+from handscope.sessions.wire.force_calibration import ForceSensorCalibration
 from handscope.sessions.wire.messages import BadPayloadError, Format, Message, decode, encode
-from handscope.sessions.wire.sample_values import data_of, fits, values_of
+from handscope.sessions.wire.sample_values import decode_values, encode_values, has_expected_size
 
 BYTE, SHORT, LONG = st.integers(0, 2**8 - 1), st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
 REAL = st.floats(width=32, allow_nan=False, allow_infinity=False)
@@ -57,10 +57,16 @@ def stream_infos(draw: st.DrawFn) -> wire.StreamInfo:
     )
 
 
-def force_told(axes: int) -> st.SearchStrategy[ForceTold]:
+def force_told(axes: int) -> st.SearchStrategy[ForceSensorCalibration]:
     share = st.floats(0, 0.5, width=32)
     return st.builds(
-        ForceTold, BYTE, BYTE, share, st.none() | share, reals(axes), reals(axes * axes)
+        ForceSensorCalibration,
+        BYTE,
+        BYTE,
+        share,
+        st.none() | share,
+        reals(axes),
+        reals(axes * axes),
     )
 
 
@@ -93,7 +99,7 @@ MESSAGES: dict[type, st.SearchStrategy[Message]] = {
     wire.Mark: st.builds(wire.Mark, LONG, LONG, TEXT, PAIRS),
     wire.StripCalibration: CALIBRATIONS,
     Plate: PLATES,
-    ForceTold: st.sampled_from([3, 6]).flatmap(force_told),
+    ForceSensorCalibration: st.sampled_from([3, 6]).flatmap(force_told),
     wire.Identify: st.just(wire.Identify()),
     wire.Configure: st.builds(
         wire.Configure,
@@ -190,8 +196,8 @@ def _info(kind: Format) -> wire.StreamInfo:
 
 
 def _sent(values: np.ndarray, info: wire.StreamInfo) -> np.ndarray:
-    data = data_of(values, info)
-    return values_of([wire.Samples(1, 0, 0, 0, len(values), data)], info, values.shape[1])
+    data = encode_values(values, info)
+    return decode_values([wire.Samples(1, 0, 0, 0, len(values), data)], info, values.shape[1])
 
 
 def test_counts_bring_values_back_to_half_a_count(rng: np.random.Generator) -> None:
@@ -227,18 +233,24 @@ def test_any_bits_make_values(data: bytes) -> None:
         replace(_info(Format.INT16), quantities=(GYR, ACC), scale=(3e38, 1e-45)),
     ):
         count = 1 if info.format is Format.FLOAT32 else 2
-        assert values_of([wire.Samples(1, 0, 0, 0, count, data)], info, 1).shape == (count, 1, 6)
+        assert decode_values([wire.Samples(1, 0, 0, 0, count, data)], info, 1).shape == (
+            count,
+            1,
+            6,
+        )
 
 
 def test_a_signalling_nan_is_a_missing_value() -> None:
     data = np.array([0x7F800001] * 6, "<u4").tobytes()
-    assert np.isnan(values_of([wire.Samples(1, 0, 0, 0, 1, data)], _info(Format.FLOAT32), 1)).all()
+    assert np.isnan(
+        decode_values([wire.Samples(1, 0, 0, 0, 1, data)], _info(Format.FLOAT32), 1)
+    ).all()
 
 
 @pytest.mark.parametrize(("size", "fit"), [(23, False), (24, True), (36, False)])
 def test_bytes_that_are_no_whole_samples_do_not_fit(size: int, fit: bool) -> None:
     assert (
-        fits(
+        has_expected_size(
             wire.Samples(1, 0, 0, 0, 2, bytes(size)),
             replace(_info(Format.INT16), quantities=(GYR, ACC)),
             1,

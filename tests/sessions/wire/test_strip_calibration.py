@@ -12,7 +12,7 @@ from handscope.sessions.files import native
 from handscope.sessions.files.recorder import Recorder
 from handscope.sessions.wire import messages as wire
 from handscope.sessions.wire.assembly import Assembler, correction_of, message_of
-from handscope.sessions.wire.force_calibration import ForceTold
+from handscope.sessions.wire.force_calibration import ForceSensorCalibration
 from handscope.sessions.wire.framing import Encoder
 from tests.estimators.sensors.test_imu_calibration import drawn
 from tests.glove import as_float32, bursts, frames, identity, info, strip
@@ -78,7 +78,7 @@ def fingertips(
     """Two force sensors that send the same twelve samples of everything, calibrated with 3 or 6 axes; the first of 5 at a limit where there is one."""
     worn = wire.Strip(4, True, 7, POINTS, (), raw)
     told = [
-        ForceTold(
+        ForceSensorCalibration(
             4,
             k,
             0.01 * (k + 1),

@@ -25,7 +25,7 @@ def upgrade() -> None:
         sa.column("at", tables.UtcDateTime()),
         sa.column("counts", sa.JSON()),
     )
-    kept = op.get_bind().execute(sa.select(before).order_by(before.c.id)).all()
+    stored_lines = op.get_bind().execute(sa.select(before).order_by(before.c.id)).all()
     op.drop_table("audit")
     audit = op.create_table(
         "audit",
@@ -45,7 +45,9 @@ def upgrade() -> None:
     op.create_index("ix_audit_who", "audit", ["who"])
     op.create_index("ix_audit_patient", "audit", ["patient"])
     previous = "0" * 64
-    for number, (_, at, counts) in enumerate(kept, 1):  # erased patients are all that there was
+    for number, (_, at, counts) in enumerate(
+        stored_lines, 1
+    ):  # erased patients are all that there was
         row = _line(number, at, counts, previous)
         op.get_bind().execute(sa.insert(audit).values(row))
         previous = row["hash"]
@@ -83,11 +85,11 @@ def downgrade() -> None:
         sqlite_autoincrement=True,
     )
     for number, at, counts in erased:
-        told = counts if isinstance(counts, str) else json.dumps(counts)
+        encoded = counts if isinstance(counts, str) else json.dumps(counts)
         statement = sa.text(
             "INSERT INTO audit (id, at, what, counts) VALUES (:id, :at, 'patient erased', :counts)"
         )
-        bind.execute(statement, {"id": number, "at": at, "counts": told})
+        bind.execute(statement, {"id": number, "at": at, "counts": encoded})
 
 
 def _line(number: int, at: datetime, counts: dict[str, Any], previous: str) -> dict[str, Any]:
@@ -101,8 +103,8 @@ def _line(number: int, at: datetime, counts: dict[str, Any], previous: str) -> d
         "patient": None,
     }
     row |= {"counts": counts, "previous": previous}
-    told = {**row, "at": at.astimezone(UTC).isoformat(timespec="microseconds")}
+    content = {**row, "at": at.astimezone(UTC).isoformat(timespec="microseconds")}
     total = hashlib.sha256(
-        json.dumps(told, sort_keys=True, separators=(",", ":")).encode()
+        json.dumps(content, sort_keys=True, separators=(",", ":")).encode()
     ).hexdigest()
     return {**row, "at": at, "hash": total}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from handscope.app.devices.virtual_glove.firmware import Build, Firmware
-from handscope.app.devices.virtual_glove.flash import delivered
+from handscope.app.devices.virtual_glove.flash import factory_flash
 from handscope.app.devices.virtual_glove.wearer import SimulatedPerson, layout
 from handscope.app.protocols import load_steps
 from handscope.estimators.alignment import functional_movements
@@ -63,7 +63,10 @@ def test_a_trunk_and_a_magnet_tell_where_the_hand_reaches_through_the_wire() -> 
     rng = np.random.default_rng(3)
     person = SimulatedPerson("left", sized("left"), layout(("trunk",), 100.0), rng, IDEAL)
     glove = Firmware(
-        person, Build(format=Format.INT16), rng, delivered(person.streams, np.random.default_rng(4))
+        person,
+        Build(format=Format.INT16),
+        rng,
+        factory_flash(person.streams, np.random.default_rng(4)),
     )
     assembler, blocks = Assembler(), list[Block]()
     encoder = Encoder()

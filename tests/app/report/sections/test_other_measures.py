@@ -7,8 +7,8 @@ import pytest
 
 from handscope.app.language import language
 from handscope.app.report.content import Task
-from handscope.app.report.gradings import graded, uninjured
-from handscope.app.report.sections.other_measures import norm_told, other_measures
+from handscope.app.report.gradings import grade_content, uninjured
+from handscope.app.report.sections.other_measures import norm_words, other_measures
 from handscope.app.report.summary import summary
 from handscope.estimators.measures import total_active_motion
 from handscope.estimators.measures.assessment import TaskResult, assess
@@ -181,7 +181,7 @@ def test_a_lift_is_told_in_short(
 
 def test_a_norm_is_told_with_its_source_and_what_nobody_measured_has_none() -> None:
     norm, nothing = (
-        norm_told(what, "", "tapping", language("en"))
+        norm_words(what, "", "tapping", language("en"))
         for what in ("tapping_rate", "nobody_measured_this")
     )
     assert nothing is None
@@ -203,7 +203,9 @@ def test_a_grading_chosen_later_gives_the_words_that_it_would_have_given_first(s
     assert len(words) == 5 and {part: f.category for part, f in later.items()} == words
     assert {f.source for f in later.values()} == {GRADINGS[scheme]}
     (section,) = [
-        s for s in other_measures(graded(report(session()), scheme).tasks, GERMAN) if s["grading"]
+        s
+        for s in other_measures(grade_content(report(session()), scheme).tasks, GERMAN)
+        if s["grading"]
     ]
     assert GERMAN.say(f"grading.{scheme}") in section["task"]
 

@@ -5,8 +5,13 @@ from typing import Any
 
 from handscope.app.language import languages
 from handscope.app.report import FORMS, Style
-from handscope.app.report.sections.self_calibration import found_of, section, told, with_deviation
-from handscope.app.report.stored import packed, unpacked
+from handscope.app.report.sections.self_calibration import (
+    describe,
+    found_calibration,
+    section,
+    with_deviation,
+)
+from handscope.app.report.stored import pack, unpack
 from tests.app.report.simulated_sessions import report
 from tests.sessions.clinic.test_self_calibrations import found
 from tests.simulated import calibrated, pose_and_wiggle
@@ -37,7 +42,7 @@ def kept() -> dict[str, Any]:
 
 
 def test_lengths_places_and_biases_are_told_with_their_standard_deviations() -> None:
-    said = told(kept()["table"], [BENT], ENGLISH)
+    said = describe(kept()["table"], [BENT], ENGLISH)
     assert said["summary"] == "1 of 10 lengths found, the worst of them to 0.20 mm"
     assert ["index proximal", "43.00 ± 0.20", "found by the movement"] in said["lengths"]
     assert ["index middle", "23.7", "from the hand’s measures"] in said["lengths"]
@@ -54,12 +59,12 @@ def test_it_is_kept_with_the_stretch_of_movement_that_told_it() -> None:
         lengths_sd={"index_proximal": 2e-4},
         stretch=(3.5, 43.5),
     )
-    one = found_of(moved, ())
+    one = found_calibration(moved, ())
     assert one is not None and (one.onset, one.end) == (3.5, 43.5)
 
 
 def test_it_is_told_in_german() -> None:
-    said = told(kept()["table"], [BENT], GERMAN)
+    said = describe(kept()["table"], [BENT], GERMAN)
     assert "nur um 7 Grad gebeugt" in said["words"][0]
     assert any(
         row[1:] == ["43,00 ± 0,20", "durch die Bewegung gefunden"] for row in said["lengths"]
@@ -69,7 +74,7 @@ def test_it_is_told_in_german() -> None:
 def test_a_report_of_it_has_a_section_and_one_of_a_pose_has_none() -> None:
     whole = report()
     assert whole.self_calibration is None and section(None, ENGLISH) is None
-    again = unpacked(packed(replace(whole, self_calibration=kept())))
+    again = unpack(pack(replace(whole, self_calibration=kept())))
     assert again is not None and again.self_calibration == kept()
     page = FORMS["html"](again, Style(ENGLISH)).decode()
     assert "Where and how the sensors sit" in page and "43.00 ± 0.20" in page
