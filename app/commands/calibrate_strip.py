@@ -18,7 +18,11 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors import magnetometer_board
 from handscope.estimators.sensors.imu_calibration import CALIBRATED
-from handscope.estimators.sensors.six_position_calibration import Solved, SolveParams, solve
+from handscope.estimators.sensors.six_position_calibration import (
+    SolvedCalibration,
+    SolveParams,
+    solve,
+)
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.tables_io.writing import save_file
@@ -64,9 +68,11 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _solved(recording: LoadedRecording, params: SolveParams) -> tuple[dict[str, Solved], list[str]]:
+def _solved(
+    recording: LoadedRecording, params: SolveParams
+) -> tuple[dict[str, SolvedCalibration], list[str]]:
     """By sensor; and why others could not be solved."""
-    solved: dict[str, Solved] = {}
+    solved: dict[str, SolvedCalibration] = {}
     refused: list[str] = []
     for block in recording.samples.values():
         for k, name in enumerate(block.stream.sensors if block.stream.inertial else ()):
@@ -96,7 +102,7 @@ def _solved(recording: LoadedRecording, params: SolveParams) -> tuple[dict[str, 
         if alone:
             names = [block.stream.sensors[k] for k in alone]
             q_BS = np.array([recording.mounting.get(name, quat.IDENTITY) for name in names])
-            plate = magnetometer_board.calibrated(names, block.of(MAG)[:, alone], q_BS)
+            plate = magnetometer_board.calibrate_board(names, block.of(MAG)[:, alone], q_BS)
             solved |= plate.solved
             refused += plate.refused
             if plate.solved:
@@ -113,7 +119,7 @@ def _magnetometer(recording: LoadedRecording, name: str) -> tuple[Array | None, 
     return None, None
 
 
-def _summary_lines(name: str, s: Solved) -> list[str]:
+def _summary_lines(name: str, s: SolvedCalibration) -> list[str]:
     units = {
         GYR: (180 / np.pi, "deg a turn"),
         ACC: (1.0, "m/s^2 at rest"),
@@ -132,7 +138,7 @@ def _summary_lines(name: str, s: Solved) -> list[str]:
     ]
 
 
-def _table(recording: LoadedRecording, solved: dict[str, Solved]) -> dict[str, Any]:
+def _table(recording: LoadedRecording, solved: dict[str, SolvedCalibration]) -> dict[str, Any]:
     """As docs/calibration.md describes."""
     return {
         "recording": recording.checksum,

@@ -352,7 +352,7 @@ def _load_movement(
             raise InputError(
                 f"{opened.name} tells joint angles; --static-{name} is for markers and orientations"
             )
-        moved = optical_trajectory.aligned(moved, _flat(static, own, other, UP[arguments.up]))
+        moved = optical_trajectory.align(moved, _flat(static, own, other, UP[arguments.up]))
     source = (
         "joint angles"
         if opened.has_angles
@@ -413,7 +413,7 @@ def _first(markers: Markers) -> tuple[float, float]:
 
 
 def _by_markers(name: str, markers: Markers, hand: Hand, pose: FlatPose) -> tuple[Side, Trajectory]:
-    fits = optical_trajectory.clusters(markers, pose)
+    fits = optical_trajectory.find_clusters(markers, pose)
     moved = optical_trajectory.trajectory_of(markers, fits, hand, pose)
     source = f"by markers, flat pose {pose.start:.1f} to {pose.stop:.1f} s"
     return Side(

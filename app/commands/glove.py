@@ -189,7 +189,7 @@ def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
     if arguments.replay:
         recording = formats_recordings.load(arguments.replay, arguments.hand)
         return Playback(
-            replace(recording, samples=saturation.told(recording.samples))
+            replace(recording, samples=saturation.declare_full_scales(recording.samples))
         )  # live then bridges what batch does
     hand: Hand = arguments.hand or "left"
     named = () if arguments.strips == "none" else tuple(arguments.strips.split(","))

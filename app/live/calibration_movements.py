@@ -6,7 +6,7 @@ from dataclasses import replace
 from handscope.app.devices.glove import Glove
 from handscope.app.live.tracking import Tracking
 from handscope.app.live.wizard.machine import Effect
-from handscope.estimators.alignment.functional_movements import Piece
+from handscope.estimators.alignment.functional_movements import CalibrationMovement
 from handscope.estimators.data.samples import Event
 
 
@@ -15,9 +15,9 @@ class CalibrationMovements:
 
     def __init__(self, glove: Glove, tracking: Tracking, number: Callable[[], int]) -> None:
         self._glove, self._tracking, self._number = glove, tracking, number
-        self._measured: dict[str, tuple[str, Event, Piece]] = {}
+        self._measured: dict[str, tuple[str, Event, CalibrationMovement]] = {}
 
-    def measure(self, effect: Effect) -> Piece:
+    def measure(self, effect: Effect) -> CalibrationMovement:
         """Store the movement that just ended as an event, and evaluate it."""
         self._take_back(effect.task, "redone")
         movement_of = self._tracking.measure(effect.task, effect.onset, effect.end)
@@ -48,7 +48,7 @@ class CalibrationMovements:
         """Drop all movements: their strips were read for other fingers."""
         self._measured.clear()
 
-    def movement_of(self, step: str | None) -> Piece | None:
+    def movement_of(self, step: str | None) -> CalibrationMovement | None:
         """The movement of a step of the current calibration; None before it was done."""
         return self._measured[step][2] if step in self._measured else None
 

@@ -17,7 +17,7 @@ from handscope.app.live.readouts.observability_meter import FreeMeter
 from handscope.app.live.tracking import Tracking
 from handscope.app.live.wizard.machine import Effect
 from handscope.app.workers.self_calibration import SelfCalibrationSolver
-from handscope.estimators.data.calibration import Known
+from handscope.estimators.data.calibration import PriorCalibration
 from handscope.estimators.data.samples import Event
 from handscope.sessions.clinic.self_calibrations import ALL, FoundCalibration, select_parts
 from handscope.sessions.files.recording import LoadedRecording
@@ -39,9 +39,9 @@ class FreeMovement:
         self._moving = False
         self.solution: FoundCalibration | None = None
         self._event: tuple[str, Event] | None = None
-        self._used: Known | None = None
+        self._used: PriorCalibration | None = None
 
-    def prior(self, earlier: Known | None, of_glove: str) -> Known | None:
+    def prior(self, earlier: PriorCalibration | None, of_glove: str) -> PriorCalibration | None:
         """The prior of the next pose: the solution accepted here, else the one chosen when the session began."""
         if self._used is None and earlier is not None:
             return prior_for_glove(earlier, of_glove, self.glove_id)
@@ -163,6 +163,6 @@ class FreeMovement:
             self._event = None
 
 
-def prior_for_glove(prior: Known, of_glove: str, glove_id: str) -> Known:
+def prior_for_glove(prior: PriorCalibration, of_glove: str, glove_id: str) -> PriorCalibration:
     """The part of an earlier self-calibration that holds: of another glove only its lengths."""
     return prior.of_hand() if of_glove and glove_id and of_glove != glove_id else prior

@@ -7,7 +7,7 @@ from types import ModuleType
 from typing import Any
 
 from handscope.app.protocols import Protocol
-from handscope.estimators.data.calibration import Known
+from handscope.estimators.data.calibration import PriorCalibration
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.sessions.clinic.self_calibrations import FoundCalibration
@@ -32,7 +32,9 @@ class Setup:
     faults: tuple[str, ...] = ()  # of protocol files; their tasks are not offered
     steps: tuple[Protocol, ...] = ()  # of a functional calibration
     free: Protocol | None = None  # free movement to calibrate from
-    prior: Known | None = None  # what the session takes over of an earlier self-calibration
+    prior: PriorCalibration | None = (
+        None  # what the session takes over of an earlier self-calibration
+    )
     prior_glove: str = ""  # device id of its glove
     store_solution: Callable[[FoundCalibration, str], object] = lambda found, glove: (
         None

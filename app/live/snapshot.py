@@ -14,7 +14,7 @@ from handscope.app.live.wizard import machine as wz
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard
 from handscope.app.live.wizard.snapshot import wizard_snapshot
 from handscope.app.results.quantity_curve import Curve
-from handscope.estimators.alignment.functional_movements import Piece
+from handscope.estimators.alignment.functional_movements import CalibrationMovement
 from handscope.estimators.alignment.quality import JointQuality
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import FORCE, Stream
@@ -61,7 +61,7 @@ class StationView:
     glove: GloveView
     calibration: Calibration | None
     joints: Sequence[JointQuality]  # of that calibration
-    movement: Piece | None  # calibration movement under review
+    movement: CalibrationMovement | None  # calibration movement under review
     self_calibration: Mapping[str, Any] | None  # as FreeMovement gives it
     curve_title: str
     curve_unit: str
@@ -197,7 +197,7 @@ def _joint(j: JointQuality) -> dict[str, Any]:
     }
 
 
-def _quality(movement: Piece | None) -> dict[str, float] | None:
+def _quality(movement: CalibrationMovement | None) -> dict[str, float] | None:
     """What a calibration movement is judged by: deg, deg/s, shares in per cent."""
     if movement is None:
         return None

@@ -444,7 +444,7 @@ class Station:
 
     def _check_sensors(self) -> None:
         """In a thread of its own: find sensors that stood still while others moved."""
-        self.sensor_faults = [f.said for f in self.tracking.faults()]
+        self.sensor_faults = [f.message for f in self.tracking.faults()]
         self._viewers.notify()
 
     def _exchange(self, to: Mapping[str, str]) -> None:

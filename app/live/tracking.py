@@ -24,12 +24,12 @@ from handscope.estimators.alignment import (
     initial_pose,
     mounting_checks,
 )
-from handscope.estimators.alignment.functional_movements import Piece
+from handscope.estimators.alignment.functional_movements import CalibrationMovement
 from handscope.estimators.alignment.initial_pose import Pose
 from handscope.estimators.data import trajectory
-from handscope.estimators.data.calibration import Calibration, Known
+from handscope.estimators.data.calibration import Calibration, PriorCalibration
 from handscope.estimators.data.findings import Finding
-from handscope.estimators.data.samples import Block, join, joined
+from handscope.estimators.data.samples import Block, join, join_consecutive
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
@@ -84,8 +84,10 @@ class Tracking:
         self.calibration: Calibration | None = None
         self.mounting: Mapping[str, Array] = {}
         # by step of a functional calibration; every later pose is combined with them
-        self.movements: Mapping[str, Piece] = {}
-        self.prior: Known | None = None  # an earlier self-calibration, used by every later pose
+        self.movements: Mapping[str, CalibrationMovement] = {}
+        self.prior: PriorCalibration | None = (
+            None  # an earlier self-calibration, used by every later pose
+        )
         self.findings: tuple[Finding, ...] = ()  # of the sensors, from the newest check
         self._segment_flags = np.zeros(len(SEGMENTS), np.uint8)  # until the next calibration
         self._previous: _PreviousCalibration | None = None
@@ -138,7 +140,7 @@ class Tracking:
 
     def guess(self) -> Calibration:
         """Start the method from defaults; every segment is flagged as uncalibrated. InputError without the hand's sensor."""
-        calibration = initial_pose.guessed(
+        calibration = initial_pose.guess_calibration(
             self.params,
             self.hand,
             self.geometry,
@@ -200,7 +202,7 @@ class Tracking:
             )
             self._begin(calibration)
 
-    def measure(self, step: str, onset: float, end: float) -> Piece:
+    def measure(self, step: str, onset: float, end: float) -> CalibrationMovement:
         """Evaluate the calibration movement that just ended; gyroscope biases are those of the pose."""
         bias = self.calibration.gyr_bias if self.calibration else {}
         return functional_movements.measure(
@@ -235,7 +237,7 @@ class Tracking:
         self.findings = tuple(findings)
         return replace(
             calibration,
-            warnings=tuple(dict.fromkeys((*calibration.warnings, *(f.said for f in findings)))),
+            warnings=tuple(dict.fromkeys((*calibration.warnings, *(f.message for f in findings)))),
         )
 
     def restart(self) -> None:
@@ -311,7 +313,7 @@ class Tracking:
         """Release what the method still holds back: no more samples will come."""
         with self._lock:
             if self._state is not None:
-                self._process(joined(self._queue))
+                self._process(join_consecutive(self._queue))
                 self._queue.clear()
                 self._state, rest = self.method.finish(self.params, self._state)
                 rest = self._add_flags(rest)
@@ -330,7 +332,7 @@ class Tracking:
                 self._queue.clear()
             began, computed = time.monotonic(), time.thread_time()
             with self._lock:
-                newest = self._process(joined(waited))
+                newest = self._process(join_consecutive(waited))
             if newest is not None:
                 self._show(newest)
             self.rest = rest_after(time.monotonic() - began, time.thread_time() - computed)

@@ -85,5 +85,9 @@ def _outcome(recording: LoadedRecording, progress: Any) -> tuple[str, Any]:
     except Exception:
         log.exception("self-calibration")
         return "refusal", ENDED
-    found = found_calibration(processed.calibrations[0], processed.told)
-    return ("refusal", "; ".join(processed.told) or ENDED) if found is None else ("solution", found)
+    found = found_calibration(processed.calibrations[0], processed.method_messages)
+    return (
+        ("refusal", "; ".join(processed.method_messages) or ENDED)
+        if found is None
+        else ("solution", found)
+    )

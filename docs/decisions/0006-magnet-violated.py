@@ -109,10 +109,10 @@ def trial(movement: str, seed: int, case: str) -> tuple[float, float, float]:
     turning = magnet.rotate_plate(rng, spot=spot)
     raw = magnet.simulate_magnetic(worn, turning, room, rng, magnet=False)
     spheres = [
-        magnetometer_ellipsoid.fitted(raw[:, k], strength=EARTH) for k in range(raw.shape[1])
+        magnetometer_ellipsoid.fit_ellipsoid(raw[:, k], strength=EARTH) for k in range(raw.shape[1])
     ]
     calibrated = np.stack([s.corrected(raw[:, k]) for k, s in enumerate(spheres)], axis=1)
-    q_bl = magnetometer_ellipsoid.common_axes(calibrated).q_1l
+    q_bl = magnetometer_ellipsoid.find_common_axes(calibrated).q_1l
     dip = magnetometer_ellipsoid.dip(
         calibrated[:, 0], magnet.simulate_inertial(worn, turning, rng)[:, 0, 3:]
     )

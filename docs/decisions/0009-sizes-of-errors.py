@@ -82,7 +82,7 @@ def biases(path: Path) -> tuple[Array, Array]:
     for one in worn:
         n = round(100 * POSE)
         values = np.concatenate([one["gyr"], one["acc"]], axis=1)[:n, None]
-        (still,) = initial_pose.held(
+        (still,) = initial_pose.held_still(
             Block(Stream("imu", ("hand",), (GYR, ACC), 100.0), np.arange(n) / 100, values)
         ).values()
         quality = initial_pose.stillness(still)

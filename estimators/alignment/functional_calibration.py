@@ -14,18 +14,22 @@ from dataclasses import replace
 import numpy as np
 
 from handscope.estimators.alignment import initial_pose, mounting_fit
-from handscope.estimators.alignment.functional_movements import STEPS, FunctionalParams, Piece
-from handscope.estimators.alignment.mounting_fit import Sight
+from handscope.estimators.alignment.functional_movements import (
+    STEPS,
+    CalibrationMovement,
+    FunctionalParams,
+)
+from handscope.estimators.alignment.mounting_fit import GravitySighting
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, side_sign
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.orientation.fusion import upright
+from handscope.estimators.orientation.fusion import make_upright
 
 DEG = np.pi / 180
 Z = np.array([0.0, 0.0, 1.0])
 CONTRADICTION = 15.0 * DEG  # ours
-TOLD = 5.0 * DEG  # sd of a flexion axis; ours: what misaligned sensors leave without calibration
+AXIS_SD = 5.0 * DEG  # sd of a flexion axis; ours: what misaligned sensors leave without calibration
 AXES_FROM = ("flexion_thumb_ip", "flexion_mcp", "flexion_all")  # the later the better
 ALONGSIDE: Mapping[
     str, tuple[str, ...]
@@ -42,7 +46,7 @@ ALONGSIDE: Mapping[
 
 def combine(
     params: FunctionalParams,
-    pieces: Mapping[str, Piece],
+    pieces: Mapping[str, CalibrationMovement],
     pose: Calibration,
     mounting: Mapping[str, Array],
 ) -> Calibration:
@@ -51,16 +55,16 @@ def combine(
     Pieces with problems are left out. A sensor of which no piece tells an axis keeps what the pose says; without any axis the pose's calibration stays.
     """
     good = {step: p for step, p in pieces.items() if not p.problems}
-    seen = _guesses(good, pose)
+    seen = _initial_mountings(good, pose)
     if not seen:
         return pose
     nominal = {
-        s: _wahba([_level(good, pose, s), (_axis_of(pose.q_BS[s]), Z)])
+        s: _wahba([_vertical_pair(good, pose, s), (_axis_of(pose.q_BS[s]), Z)])
         for s in pose.q_GS
         if s not in seen
     }
     movements = [p.movement for p in good.values() if p.movement is not None]
-    sights = _sights(params, good, pose, [*seen, *nominal])
+    sights = _gravity_sightings(params, good, pose, [*seen, *nominal])
     fitted = mounting_fit.fit(
         {**seen, **nominal}, movements, sights, pose.hand, params.soft_tissue * DEG
     )
@@ -68,7 +72,7 @@ def combine(
         s
         for s, q in seen.items()
         if quat.angle(quat.relative(q, fitted.q_BS[s])) > CONTRADICTION
-        or _apart(good, s) > CONTRADICTION
+        or _axis_disagreement(good, s) > CONTRADICTION
     ]
     if (
         far
@@ -77,28 +81,30 @@ def combine(
         fitted = mounting_fit.Fit(
             {**fitted.q_BS, **seen}, unsure, CONTRADICTION**2 * np.eye(3 * len(unsure))
         )
-    told = [
-        s for s in pose.q_GS if s in seen or s == "hand" or (not far and fitted.sd[s][0] < TOLD)
+    determined = [
+        s for s in pose.q_GS if s in seen or s == "hand" or (not far and fitted.sd[s][0] < AXIS_SD)
     ]
-    q_BS, sd = ({s: values[s] for s in told} for values in (fitted.q_BS, fitted.sd))
+    q_BS, sd = ({s: values[s] for s in determined} for values in (fitted.q_BS, fitted.sd))
     quality = {
-        s: replace(q, misalignment=_off(mounting, s, q_BS.get(s), q.misalignment))
+        s: replace(q, misalignment=_mounting_deviation(mounting, s, q_BS.get(s), q.misalignment))
         for s, q in pose.quality.items()
     }
-    said = _said(pose, sd, [s for s in STEPS if s not in good], far)
+    warnings = _warnings(pose, sd, [s for s in STEPS if s not in good], far)
     steps = {step: p.quality for step, p in good.items()}
     source = f"{pose.source} and functional calibration"
     known = replace(
-        seated(pose, q_BS),
+        apply_mounting(pose, q_BS),
         source=source,
         quality=quality,
-        warnings=(*pose.warnings, *said),
+        warnings=(*pose.warnings, *warnings),
         steps=steps,
     )
-    return replace(known, q_BS_sd=sd, q_BS_covariance=fitted.of(told))
+    return replace(known, q_BS_sd=sd, q_BS_covariance=fitted.of(determined))
 
 
-def _guesses(good: Mapping[str, Piece], pose: Calibration) -> dict[str, Array]:
+def _initial_mountings(
+    good: Mapping[str, CalibrationMovement], pose: Calibration
+) -> dict[str, Array]:
     """q_BS (4,) of (2.34) for every segment with a flexion axis of its own or of a neighbour that moved along with it."""
     axes = {s: b.axis for step in AXES_FROM if step in good for s, b in good[step].bent.items()}
     eight = good["figure_eight"].together if "figure_eight" in good else {}
@@ -109,10 +115,14 @@ def _guesses(good: Mapping[str, Piece], pose: Calibration) -> dict[str, Array]:
             axes[segment] = quat.rotate(
                 quat.conjugate(eight[segment].q_ab), on_hand / np.linalg.norm(on_hand)
             )
-    return {s: _wahba([_level(good, pose, s), (z, Z)]) for s, z in axes.items() if s in pose.q_GS}
+    return {
+        s: _wahba([_vertical_pair(good, pose, s), (z, Z)])
+        for s, z in axes.items()
+        if s in pose.q_GS
+    }
 
 
-def _apart(good: Mapping[str, Piece], segment: str) -> float:
+def _axis_disagreement(good: Mapping[str, CalibrationMovement], segment: str) -> float:
     """Largest angle between the segment's axes in different steps."""
     axes = [p.bent[segment].axis for p in good.values() if segment in p.bent]
     return max(
@@ -120,7 +130,9 @@ def _apart(good: Mapping[str, Piece], segment: str) -> float:
     )
 
 
-def _level(good: Mapping[str, Piece], pose: Calibration, segment: str) -> tuple[Array, Array]:
+def _vertical_pair(
+    good: Mapping[str, CalibrationMovement], pose: Calibration, segment: str
+) -> tuple[Array, Array]:
     """Up in the sensor's frame and in the segment's: x in a flat posture; without one as the initial pose has it."""
     flat = "thumb_flat" if segment.startswith("thumb") else "flat_hand"
     if flat in good and segment in good[flat].up:
@@ -135,9 +147,12 @@ def _wahba(pairs: Sequence[tuple[Array, Array]]) -> Array:
     return quat.from_matrix(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt)
 
 
-def _sights(
-    params: FunctionalParams, good: Mapping[str, Piece], pose: Calibration, segments: Sequence[str]
-) -> list[Sight]:
+def _gravity_sightings(
+    params: FunctionalParams,
+    good: Mapping[str, CalibrationMovement],
+    pose: Calibration,
+    segments: Sequence[str],
+) -> list[GravitySighting]:
     """Gravity in the flat postures, level, and in the initial pose, against the hand."""
     sd, found = params.posture_sd * DEG, []
     q_GH = _segment(pose, "hand")
@@ -158,7 +173,7 @@ def _sights(
                 else ("hand", *joints)
             )  # each lies by itself
             found.append(
-                Sight(
+                GravitySighting(
                     segment,
                     flat.up[segment],
                     tuple(f"{flat.step}: {j}" for j in from_table),
@@ -172,29 +187,33 @@ def _sights(
                 quat.relative(q_GH, _segment(pose, segment)),
             )
             found.append(
-                Sight(segment, _up(pose, segment), held, sd, roll, _up(pose, "hand"), q_HB)
+                GravitySighting(
+                    segment, _up(pose, segment), held, sd, roll, _up(pose, "hand"), q_HB
+                )
             )
     return found
 
 
-def seated(pose: Calibration, q_BS: Mapping[str, Array]) -> Calibration:
+def apply_mounting(pose: Calibration, q_BS: Mapping[str, Array]) -> Calibration:
     """The pose seen anew with sensors that sit so: the hand as gravity has it, every segment on it as the pose was asked for."""
     q_GH_full = _segment(pose, "hand")
     ahead = quat.normalize(
-        upright(initial_pose.palm_down(pose.hand), quat.rotate(q_BS["hand"], _up(pose, "hand")))
+        make_upright(
+            initial_pose.palm_down(pose.hand), quat.rotate(q_BS["hand"], _up(pose, "hand"))
+        )
     )
-    q_GS, seats, north = {}, dict(pose.q_BS), dict(pose.north)
+    q_GS, mounting, north = {}, dict(pose.q_BS), dict(pose.north)
     for segment in pose.q_GS:
         q_GB = quat.multiply(ahead, quat.relative(q_GH_full, _segment(pose, segment)))
-        q_GS[segment] = upright(
+        q_GS[segment] = make_upright(
             quat.multiply(q_GB, q_BS.get(segment, pose.q_BS[segment])), _up(pose, segment)
         )
-        seats[segment] = q_BS.get(segment, quat.relative(q_GB, q_GS[segment]))
+        mounting[segment] = q_BS.get(segment, quat.relative(q_GB, q_GS[segment]))
         if segment in north:
             north[segment] -= float(
                 quat.twist(quat.multiply(q_GS[segment], quat.conjugate(pose.q_GS[segment])), 2)
             )
-    return replace(pose, q_GS=q_GS, q_BS=seats, north=north)
+    return replace(pose, q_GS=q_GS, q_BS=mounting, north=north)
 
 
 def _segment(pose: Calibration, segment: str) -> Array:
@@ -211,7 +230,7 @@ def _axis_of(q_BS: Array) -> Array:
     return quat.rotate(quat.conjugate(q_BS), Z)
 
 
-def _off(
+def _mounting_deviation(
     mounting: Mapping[str, Array], segment: str, q_BS: Array | None, otherwise: float
 ) -> float:
     """Between the nominal mounting and this one."""
@@ -222,25 +241,25 @@ def _off(
     )
 
 
-def _said(
+def _warnings(
     pose: Calibration, sd: Mapping[str, Array], missing: Sequence[str], far: Sequence[str]
 ) -> tuple[str, ...]:
     """Which sensors have less than the whole, and for lack of what."""
     others = [s for s in pose.q_GS if s not in sd]
     lacking = f"; steps not done: {', '.join(STEPS[s] for s in missing)}" if missing else ""
-    said = []
+    warnings = []
     if others:
-        said.append(
+        warnings.append(
             f"{', '.join(others)}: no functional calibration, mounting from the initial pose alone{lacking}"
         )
     elif missing:
-        said.append(f"functional calibration{lacking}; what the others tell serves instead")
+        warnings.append(f"functional calibration{lacking}; what the others tell serves instead")
     if far:
-        said.append(
+        warnings.append(
             f"{', '.join(far)}: the steps of the functional calibration contradict each other; repeat them"
         )
-    elif sd["hand"][0] > TOLD:
-        said.append(
+    elif sd["hand"][0] > AXIS_SD:
+        warnings.append(
             "hand: which way its sensor points on the back of the hand is taken from the nominal mounting; do the figure of eight"
         )
-    return tuple(said)
+    return tuple(warnings)

@@ -20,11 +20,11 @@ from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENTS
 from handscope.estimators.numerics.axis_estimation import (
     Bending,
     CommonRotation,
-    bending,
-    common_rotation,
+    fit_bending,
+    fit_common_rotation,
 )
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.sensors.missing_samples import complete
+from handscope.estimators.sensors.missing_samples import is_complete
 
 DEG = np.pi / 180
 RATE = 100.0  # Hz, common time base of a movement
@@ -106,7 +106,7 @@ class FunctionalParams(PoseParams):
 
 
 @dataclass(frozen=True)
-class Piece:
+class CalibrationMovement:
     """One step as it was done."""
 
     step: str
@@ -131,13 +131,13 @@ def measure(
     onset: float,
     end: float,
     bias: Mapping[str, Array],
-) -> Piece:
+) -> CalibrationMovement:
     """What one step tells; `bias`: of the gyroscopes (3,) by segment, from a pose or a still step."""
     window = [b.between(onset, end) for b in blocks if b.stream.inertial]
-    piece = Piece(step, onset, end)
+    piece = CalibrationMovement(step, onset, end)
     if step not in BENT and step != "figure_eight":
-        return _still(params, piece, window)
-    movement = _movement(window, onset, end, bias)
+        return _measure_posture(params, piece, window)
+    movement = _common_rates(window, onset, end, bias)
     piece = replace(piece, movement=movement)
     if len(movement.rate) < 2:
         return replace(
@@ -147,15 +147,17 @@ def measure(
             ),
         )
     return (
-        _together(params, piece, movement)
+        _measure_turning(params, piece, movement)
         if step == "figure_eight"
-        else _bent(params, piece, movement)
+        else _measure_bending(params, piece, movement)
     )
 
 
-def _still(params: FunctionalParams, piece: Piece, window: list[Block]) -> Piece:
+def _measure_posture(
+    params: FunctionalParams, piece: CalibrationMovement, window: list[Block]
+) -> CalibrationMovement:
     """Gravity in each sensor; how still it was, by the limits of the initial pose."""
-    found = {name: s for b in window for name, s in initial_pose.held(b).items()}
+    found = {name: s for b in window for name, s in initial_pose.held_still(b).items()}
     if "hand" not in found:
         return replace(
             piece,
@@ -178,17 +180,21 @@ def _still(params: FunctionalParams, piece: Piece, window: list[Block]) -> Piece
         problems.append(f"{restless} turned at {quality['rate_wander'] / DEG:.1f} deg/s")
     if quality["tilt_change"] > params.pose_tilt * DEG:
         problems.append(f"{tilted} tilted by {quality['tilt_change'] / DEG:.1f} deg")
-    said = tuple(
+    descriptions = tuple(
         f"the {STEPS[piece.step]} at {piece.onset:.1f} s was not still ({p}): lay it down and repeat it"
         for p in problems
     )
-    return replace(piece, up=up, quality=quality, problems=said)
+    return replace(piece, up=up, quality=quality, problems=descriptions)
 
 
-def _bent(params: FunctionalParams, piece: Piece, movement: Movement) -> Piece:
+def _measure_bending(
+    params: FunctionalParams, piece: CalibrationMovement, movement: Movement
+) -> CalibrationMovement:
     """Axes of the segments that bend; the worst of them judges the step."""
     bent = {
-        s: bending(movement.rate[s], movement.dt) for s in BENT[piece.step] if s in movement.rate
+        s: fit_bending(movement.rate[s], movement.dt)
+        for s in BENT[piece.step]
+        if s in movement.rate
     }
     if piece.step == "flexion_all":  # the thumb may take part
         bent = {
@@ -201,7 +207,7 @@ def _bent(params: FunctionalParams, piece: Piece, movement: Movement) -> Piece:
         return replace(
             piece, problems=(f"{what} has no samples of a sensor that bends: record it again",)
         )
-    flat, apart = (
+    flat, irregular = (
         min(bent, key=lambda s: bent[s].planarity),
         max(bent, key=lambda s: bent[s].repeatability),
     )
@@ -210,17 +216,17 @@ def _bent(params: FunctionalParams, piece: Piece, movement: Movement) -> Piece:
         min(bent, key=lambda s: bent[s].repetitions),
     )
     size = max(float(np.sqrt((movement.rate[s] ** 2).sum(axis=1).mean())) for s in bent)
-    moved = (
+    hand_share = (
         float(np.sqrt((movement.rate["hand"] ** 2).sum(axis=1).mean())) / size
         if "hand" in movement.rate
         else 0.0
     )
     quality = {
         "planarity": bent[flat].planarity,
-        "repeatability": bent[apart].repeatability,
+        "repeatability": bent[irregular].repeatability,
         "extent": bent[little].extent,
         "repetitions": float(bent[few].repetitions),
-        "hand_moved": moved,
+        "hand_moved": hand_share,
     }
     problems, again = [], f"{REST[piece.step]} and repeat it"
     if quality["extent"] < params.step_extent * DEG:
@@ -229,9 +235,9 @@ def _bent(params: FunctionalParams, piece: Piece, movement: Movement) -> Piece:
         )
     elif quality["repetitions"] < 2:
         problems.append(f"{what} was done once ({few}): bend and stretch three times")
-    if moved > params.step_hand:
+    if hand_share > params.step_hand:
         problems.append(
-            f"the hand moved with {what} ({100 * moved:.0f} % of the fingers' rate): rest the hand and repeat it"
+            f"the hand moved with {what} ({100 * hand_share:.0f} % of the fingers' rate): rest the hand and repeat it"
         )
     elif quality["planarity"] < params.step_planarity:
         problems.append(
@@ -239,12 +245,14 @@ def _bent(params: FunctionalParams, piece: Piece, movement: Movement) -> Piece:
         )
     elif quality["repeatability"] > params.step_repeatability * DEG:
         problems.append(
-            f"{what} was not the same each time ({apart}: {quality['repeatability'] / DEG:.0f} deg apart): {again}"
+            f"{what} was not the same each time ({irregular}: {quality['repeatability'] / DEG:.0f} deg apart): {again}"
         )
     return replace(piece, bent=bent, quality=quality, problems=tuple(problems))
 
 
-def _together(params: FunctionalParams, piece: Piece, movement: Movement) -> Piece:
+def _measure_turning(
+    params: FunctionalParams, piece: CalibrationMovement, movement: Movement
+) -> CalibrationMovement:
     """How every sensor is turned against the hand's while all move as one body."""
     what = f"the figure of eight at {piece.onset:.1f} s"
     if "hand" not in movement.rate:
@@ -252,7 +260,7 @@ def _together(params: FunctionalParams, piece: Piece, movement: Movement) -> Pie
             piece, problems=(f"{what} has no samples of the hand's sensor: record it again",)
         )
     together = {
-        s: common_rotation(movement.rate["hand"], rate) for s, rate in movement.rate.items()
+        s: fit_common_rotation(movement.rate["hand"], rate) for s, rate in movement.rate.items()
     }
     fingers = [s for s in together if s != "forearm"]
     loose = max(fingers, key=lambda s: together[s].residual)
@@ -266,17 +274,17 @@ def _together(params: FunctionalParams, piece: Piece, movement: Movement) -> Pie
         problems.append(
             f"{loose} moved on the hand in {what} ({100 * quality['residual']:.0f} % of its rate): press the hands together and repeat it"
         )
-    kept = {s: c for s, c in together.items() if c.residual <= params.step_residual}
-    return replace(piece, together=kept, quality=quality, problems=tuple(problems))
+    rigid = {s: c for s, c in together.items() if c.residual <= params.step_residual}
+    return replace(piece, together=rigid, quality=quality, problems=tuple(problems))
 
 
-def _movement(
+def _common_rates(
     window: Sequence[Block], onset: float, end: float, bias: Mapping[str, Array]
 ) -> Movement:
     """Rates of the sensors that hardly miss a sample, on one time base."""
     t, rates = np.arange(onset, end, 1.0 / RATE), {}
     for block in (b for b in window if len(b.t)):
-        whole, gyr = complete(block), block.of(GYR)
+        whole, gyr = is_complete(block), block.of(GYR)
         for k, name in enumerate(block.stream.sensors):
             if name in SEGMENTS and whole[:, k].sum() > max(
                 PRESENT * (end - onset) * block.stream.rate, 10

@@ -23,9 +23,9 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.orientation.fusion import upright
-from handscope.estimators.orientation.resampling import measured_rates
-from handscope.estimators.sensors.missing_samples import complete
+from handscope.estimators.orientation.fusion import make_upright
+from handscope.estimators.orientation.resampling import measure_rates
+from handscope.estimators.sensors.missing_samples import is_complete
 
 RATE_DOUBT = 0.02  # of the rate: the oscillator of a sensor is good for 1 % (MPU-9250 specification, table 3)
 QUARTERS = 4  # pieces a second, of whose means the standard deviation of a mean is told: longer than a period of tremor
@@ -123,10 +123,10 @@ def calibrate(
     pose: Pose,
 ) -> Calibration:
     """Calibrate from the inertial samples of the pose (one block a stream); refuses a pose that is short, incomplete or not still."""
-    window = _stillest(
+    window = _stillest_stretch(
         params, [b.between(pose.onset, pose.end) for b in blocks if b.stream.inertial], pose
     )
-    still = {name: s for b in window for name, s in held(b, params.pose_duration).items()}
+    still = {name: s for b in window for name, s in held_still(b, params.pose_duration).items()}
     if "hand" not in still:
         raise InputError(
             f"the initial pose at {pose.onset:.1f} s has no samples of the hand's sensor; every other segment is measured against it"
@@ -140,12 +140,12 @@ def calibrate(
         for name, q in quality.items()
     }
     start, end = min(b.t[0] for b in window if len(b.t)), max(b.t[-1] for b in window if len(b.t))
-    rates = measured_rates(b.between(pose.onset, pose.end) for b in blocks)
+    rates = measure_rates(b.between(pose.onset, pose.end) for b in blocks)
     warnings = (
         *_warnings(still, mounting, q_GS, pose),
         *rate_warnings(rates, [b.stream for b in blocks]),
     )
-    north = _norths(q_GS, [b.between(start, end) for b in blocks])
+    north = _magnetic_headings(q_GS, [b.between(start, end) for b in blocks])
     source = "initial pose given by the therapist" if pose.passive else "initial pose"
     return Calibration(
         hand,
@@ -179,7 +179,7 @@ def uncalibrated(
     return Calibration(hand, geometry, t, t, {}, nominal, {}, "none")
 
 
-def guessed(
+def guess_calibration(
     params: PoseParams,
     hand: Hand,
     geometry: HandGeometry,
@@ -188,7 +188,7 @@ def guessed(
 ) -> Calibration:
     """Without any pose, for a method that needs one: nominal mounting, gravity of this moment, headings as if every segment pointed as the hand does."""
     window = [b for b in blocks if b.stream.inertial and len(b.t)]
-    still = {name: s for b in window for name, s in held(b).items()}
+    still = {name: s for b in window for name, s in held_still(b).items()}
     if "hand" not in still:
         raise InputError(
             "there are no samples of the hand's sensor; every other segment is measured against it"
@@ -212,7 +212,7 @@ def guessed(
         "none",
         {},
         (UNCALIBRATED,),
-        _norths(q_GS, blocks),
+        _magnetic_headings(q_GS, blocks),
     )
 
 
@@ -226,7 +226,7 @@ def rate_warnings(rates: Mapping[str, float], streams: Sequence[Stream]) -> tupl
     )
 
 
-def _norths(q_GS: Mapping[str, Array], blocks: Sequence[Block]) -> dict[str, float]:
+def _magnetic_headings(q_GS: Mapping[str, Array], blocks: Sequence[Block]) -> dict[str, float]:
     """Heading of magnetic north (rad, from the global y axis towards x) in each magnetometer's mean over the pose."""
     found = {}
     for block in (b for b in blocks if MAG in b.stream.quantities):
@@ -249,7 +249,7 @@ class _Still:
     rate_noise: float | None  # rad/s/sqrt(Hz)
 
 
-def held(block: Block, duration: float = 0.0) -> dict[str, _Still]:
+def held_still(block: Block, duration: float = 0.0) -> dict[str, _Still]:
     """The sensors that gave at least half of the block's samples and of those that `duration` s have."""
     values = np.concatenate([block.of(GYR), block.of(ACC)], axis=-1)
     pieces, least = (
@@ -257,7 +257,7 @@ def held(block: Block, duration: float = 0.0) -> dict[str, _Still]:
         max(2.0, 0.5 * len(block.t), 0.5 * duration * block.stream.rate),
     )
     found = {}
-    whole = complete(block)
+    whole = is_complete(block)
     for k, name in enumerate(block.stream.sensors):
         samples = values[whole[:, k], k]
         if name in SEGMENTS and len(samples) >= least:
@@ -295,7 +295,7 @@ def white_noise(samples: Array, rate: float) -> float | None:
     )
 
 
-def _stillest(params: PoseParams, window: list[Block], pose: Pose) -> list[Block]:
+def _stillest_stretch(params: PoseParams, window: list[Block], pose: Pose) -> list[Block]:
     """The stretch of `pose_duration` in which the gyroscopes vary least; the whole window where it is not longer."""
     longest = max((b.t[-1] - b.t[0] + 1 / b.stream.rate for b in window if len(b.t)), default=0.0)
     if longest < params.pose_duration - 0.05:
@@ -309,7 +309,7 @@ def _stillest(params: PoseParams, window: list[Block], pose: Pose) -> list[Block
     best = float(
         min(
             starts,
-            key=lambda s: _restless(
+            key=lambda s: _unsteadiness(
                 [b.between(s, s + params.pose_duration) for b in window], params.pose_duration
             ),
         )
@@ -317,11 +317,11 @@ def _stillest(params: PoseParams, window: list[Block], pose: Pose) -> list[Block
     return [b.between(best, best + params.pose_duration) for b in window]
 
 
-def _restless(blocks: list[Block], duration: float) -> tuple[int, float]:
+def _unsteadiness(blocks: list[Block], duration: float) -> tuple[int, float]:
     """How many sensors lack more than a tenth of their samples in a stretch, and how much the gyroscopes of the others vary: the least is the best."""
     lacking, spread = 0, 0.0
     for block in blocks:
-        gyr, whole = block.of(GYR), complete(block)
+        gyr, whole = block.of(GYR), is_complete(block)
         for k in range(len(block.stream.sensors)):
             samples = gyr[whole[:, k], k]
             if len(samples) < 0.9 * duration * block.stream.rate:
@@ -373,10 +373,10 @@ def _orient(
     agreeing = (
         [name for name in still if name != "forearm"] if params.alignment == "common" else ["hand"]
     )
-    q_GH = upright(q_GH_guess, _up_in_hand(still, nominal, on_hand, agreeing))
+    q_GH = make_upright(q_GH_guess, _up_in_hand(still, nominal, on_hand, agreeing))
     for name, samples in still.items():
         q_GB = quat.multiply(q_GH, on_hand[name])
-        q_GS[name] = upright(quat.multiply(q_GB, nominal[name]), samples.mean[3:])
+        q_GS[name] = make_upright(quat.multiply(q_GB, nominal[name]), samples.mean[3:])
         q_BS[name] = (
             quat.relative(q_GB, q_GS[name]) if params.alignment != "heading" else nominal[name]
         )
@@ -416,21 +416,21 @@ def _warnings(
     q_GS: Mapping[str, Array],
     pose: Pose,
 ) -> tuple[str, ...]:
-    said = []
+    warnings = []
     for name, samples in still.items():
         g = float(np.linalg.norm(samples.mean[3:]))
         if abs(g - GRAVITY) > 1.0:
-            said.append(
+            warnings.append(
                 f"{name}: the resting accelerometer reads {g:.1f} m/s^2 instead of {GRAVITY:.1f}; check its calibration"
             )
-    return tuple(said)
+    return tuple(warnings)
 
 
-def reoriented(calibration: Calibration, beginning: Sequence[Block]) -> dict[str, Array]:
+def reorient(calibration: Calibration, beginning: Sequence[Block]) -> dict[str, Array]:
     """Orientations of the sensors at another moment (4,) by segment: inclination from these samples, headings as in the calibration's pose."""
-    still = {name: s for b in beginning for name, s in held(b).items()}
+    still = {name: s for b in beginning for name, s in held_still(b).items()}
     return {
-        name: upright(q_GS, still[name].mean[3:])
+        name: make_upright(q_GS, still[name].mean[3:])
         for name, q_GS in calibration.q_GS.items()
         if name in still
     }

@@ -35,12 +35,12 @@ FIRST = 20.0  # s behind the pose that count as the first flexions
 LEAST_BENT = 0.3  # s of bending
 PLANAR = 0.8  # share of the principal axis
 MOVES = 1.0  # rad/s, root mean square of a finger that is told to move
-APART = 0.5  # s between two fingers of a wiggle
+DIFFERENT = 0.5  # s between two fingers of a wiggle
 REMOUNT = "mount it as drawn"
 
 
 @dataclass(frozen=True)
-class _Worn:
+class _WornSensor:
     """One sensor with what it saw."""
 
     nominal: Array  # (4,) q_BS
@@ -68,26 +68,26 @@ def check(
     events: Sequence[Event],
 ) -> list[Finding]:
     """What is turned and what is exchanged."""
-    told = _told(events)
-    until = max([pose.end + FIRST, *(e.end for e in told)])
-    worn = _worn(blocks, mounting, pose, until)
+    tasks = _first_tasks(events)
+    until = max([pose.end + FIRST, *(e.end for e in tasks)])
+    worn = _worn_sensors(blocks, mounting, pose, until)
     if len(worn) < 4 or "hand" not in worn:
         return []
-    up = _agreed({n: w.up_on_hand() for n, w in worn.items() if n not in CHAINS["thumb"]})
-    exchanged = _thumb_exchanged(worn, up) or _finger_exchanged(worn, told)
+    up = _common_direction({n: w.up_on_hand() for n, w in worn.items() if n not in CHAINS["thumb"]})
+    exchanged = _check_thumb_exchange(worn, up) or _check_finger_exchange(worn, tasks)
     spoken = {f.sensor for f in exchanged if f.severity == "fault"}
     return exchanged + [
         f
         for n, w in worn.items()
         if n not in spoken
-        for f in [_turned(n, w, worn, up)]
+        for f in [_check_turn(n, w, worn, up)]
         if f is not None
     ]
 
 
-def _worn(
+def _worn_sensors(
     blocks: Sequence[Block], mounting: Mapping[str, Array], pose: initial_pose.Pose, until: float
-) -> dict[str, _Worn]:
+) -> dict[str, _WornSensor]:
     on_hand, found = initial_pose.segments_in_pose(pose), {}
     for block in (b for b in blocks if b.stream.inertial):
         still, later = block.between(pose.onset, pose.end), block.between(pose.end, until)
@@ -102,24 +102,24 @@ def _worn(
                         np.asarray(mounting.get(name, quat.IDENTITY), dtype=float)
                     )
                     rate = np.nan_to_num(later.of(GYR)[:, k] - mean[block.stream.axes(GYR)])
-                    found[name] = _Worn(
+                    found[name] = _WornSensor(
                         nominal, on_hand[name], acc / np.linalg.norm(acc), later.t, rate
                     )
     return found
 
 
-def _agreed(up: Mapping[str, Array]) -> Array:
+def _common_direction(up: Mapping[str, Array]) -> Array:
     """The direction that most sensors agree on: the one with the least median angle to all."""
     directions = np.array(list(up.values()))
-    apart = np.arccos(np.clip(directions @ directions.T, -1, 1))
-    return np.asarray(directions[int(np.argmin(np.median(apart, axis=1)))])
+    angles = np.arccos(np.clip(directions @ directions.T, -1, 1))
+    return np.asarray(directions[int(np.argmin(np.median(angles, axis=1)))])
 
 
 def _between(a: Array, b: Array) -> float:
     return float(np.arccos(np.clip(a @ b, -1, 1)))
 
 
-def _thumb_exchanged(worn: Mapping[str, _Worn], up: Array) -> list[Finding]:
+def _check_thumb_exchange(worn: Mapping[str, _WornSensor], up: Array) -> list[Finding]:
     """The thumb's strip and a finger's: each misfits in its own place and fits in the other's."""
     thumb = [worn[s] for s in CHAINS["thumb"] if s in worn]
     for finger in FINGERS[1:]:
@@ -138,7 +138,7 @@ def _thumb_exchanged(worn: Mapping[str, _Worn], up: Array) -> list[Finding]:
     return []
 
 
-def _pair(one: str, other: str, why: str, worn: Mapping[str, _Worn]) -> list[Finding]:
+def _pair(one: str, other: str, why: str, worn: Mapping[str, _WornSensor]) -> list[Finding]:
     sentence = f"the strips of {one} and {other} finger seem to be exchanged: {why}".replace(
         "thumb and", "the thumb and the"
     )
@@ -151,19 +151,21 @@ def _pair(one: str, other: str, why: str, worn: Mapping[str, _Worn]) -> list[Fin
     ]
 
 
-def _finger_exchanged(worn: Mapping[str, _Worn], events: Sequence[Event]) -> list[Finding]:
+def _check_finger_exchange(
+    worn: Mapping[str, _WornSensor], events: Sequence[Event]
+) -> list[Finding]:
     """By what the fingers were told to do."""
     for event in events:
         if (
-            found := _against_wiggle(worn, event)
+            found := _check_wiggle(worn, event)
             if _task(event) == "wiggle"
-            else _against_one_finger(worn, event, str(_finger(event)))
+            else _check_one_finger(worn, event, str(_finger(event)))
         ):
             return found
     return []
 
 
-def _told(events: Sequence[Event]) -> list[Event]:
+def _first_tasks(events: Sequence[Event]) -> list[Event]:
     """The first of each task that says which finger moves."""
     first: dict[str, Event] = {}
     for event in sorted(events, key=lambda e: e.onset):
@@ -185,11 +187,11 @@ def _finger(event: Event) -> str | None:
     return named[0] if len(named) == 1 and named[0] != "thumb" else None
 
 
-def _against_wiggle(worn: Mapping[str, _Worn], event: Event) -> list[Finding]:
+def _check_wiggle(worn: Mapping[str, _WornSensor], event: Event) -> list[Finding]:
     """One finger after the other bends, thumb first: two that bend in each other's turn are exchanged."""
-    turn = {f: when for f in FINGERS if (when := _when(worn, f, event)) is not None}
+    turn = {f: when for f in FINGERS if (when := _bending_time(worn, f, event)) is not None}
     came, due = sorted(turn, key=lambda f: turn[f]), [f for f in FINGERS if f in turn]
-    if len(due) < 3 or min(np.diff(sorted(turn.values()))) < APART:
+    if len(due) < 3 or min(np.diff(sorted(turn.values()))) < DIFFERENT:
         return []
     wrong = [f for f, g in zip(due, came) if f != g]
     if len(wrong) == 2:
@@ -213,9 +215,9 @@ def _against_wiggle(worn: Mapping[str, _Worn], event: Event) -> list[Finding]:
     ]
 
 
-def _when(worn: Mapping[str, _Worn], finger: str, event: Event) -> float | None:
+def _bending_time(worn: Mapping[str, _WornSensor], finger: str, event: Event) -> float | None:
     """The middle of the time at which a finger bent, None where it did not or all the time."""
-    bend = _bending(worn, finger)
+    bend = _bending_rate(worn, finger)
     if bend is None:
         return None
     t, speed = bend
@@ -224,10 +226,12 @@ def _when(worn: Mapping[str, _Worn], finger: str, event: Event) -> float | None:
     if weight.sum() < 10 * BENDS**2:
         return None
     middle = float(np.average(t, weights=weight))
-    return middle if np.sqrt(np.average((t - middle) ** 2, weights=weight)) < 2 * APART else None
+    return (
+        middle if np.sqrt(np.average((t - middle) ** 2, weights=weight)) < 2 * DIFFERENT else None
+    )
 
 
-def _bending(worn: Mapping[str, _Worn], finger: str) -> tuple[Array, Array] | None:
+def _bending_rate(worn: Mapping[str, _WornSensor], finger: str) -> tuple[Array, Array] | None:
     """How fast (rad/s) the end of a finger turns against its beginning, whatever their frames."""
     first, last = CHAINS[finger][0], CHAINS[finger][-1]
     if first not in worn or last not in worn or len(worn[first].t) != len(worn[last].t):
@@ -235,7 +239,7 @@ def _bending(worn: Mapping[str, _Worn], finger: str) -> tuple[Array, Array] | No
     return worn[first].t, np.abs(worn[last].size - worn[first].size)
 
 
-def _against_one_finger(worn: Mapping[str, _Worn], event: Event, finger: str) -> list[Finding]:
+def _check_one_finger(worn: Mapping[str, _WornSensor], event: Event, finger: str) -> list[Finding]:
     """One finger moves: another that moves three times as much has its strip."""
     moved = {}
     for other in FINGERS[1:]:
@@ -253,7 +257,9 @@ def _against_one_finger(worn: Mapping[str, _Worn], event: Event, finger: str) ->
     )
 
 
-def _turned(name: str, w: _Worn, worn: Mapping[str, _Worn], up: Array) -> Finding | None:
+def _check_turn(
+    name: str, w: _WornSensor, worn: Mapping[str, _WornSensor], up: Array
+) -> Finding | None:
     """The right-angled turn that explains gravity in the pose and the axis of flexion better than the nominal mounting does."""
     expected, axis = (
         quat.rotate(quat.conjugate(quat.multiply(w.on_hand, w.nominal)), up),
@@ -293,7 +299,7 @@ def _turned(name: str, w: _Worn, worn: Mapping[str, _Worn], up: Array) -> Findin
     return Finding(name, "turned", sentence, fix, "fault")
 
 
-def _flexion_axis(name: str, worn: Mapping[str, _Worn]) -> Array | None:
+def _flexion_axis(name: str, worn: Mapping[str, _WornSensor]) -> Array | None:
     """Axis (3,) about which the sensor turned when its finger first bent, with the sign of flexion; None where nothing bent in a plane.
 
     The thumb's carpometacarpal joint has no fixed axis: only what its two hinges do while its metacarpal rests counts.
@@ -303,7 +309,7 @@ def _flexion_axis(name: str, worn: Mapping[str, _Worn]) -> Array | None:
         finger not in CHAINS
         or name not in CHAINS[finger]
         or name == "thumb_metacarpal"
-        or (bend := _bending(worn, finger)) is None
+        or (bend := _bending_rate(worn, finger)) is None
     ):
         return None
     w, hand, base = worn[name], worn["hand"], worn[CHAINS[finger][0]]

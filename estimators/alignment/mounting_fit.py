@@ -41,7 +41,7 @@ class Movement:
 
 
 @dataclass(frozen=True)
-class Sight:
+class GravitySighting:
     """Gravity seen in a still posture by one sensor."""
 
     segment: str
@@ -73,13 +73,13 @@ class Fit:
 def fit(
     guess: Mapping[str, Array],
     movements: Sequence[Movement],
-    sights: Sequence[Sight],
+    sights: Sequence[GravitySighting],
     hand: Hand,
     soft_tissue: float,
 ) -> Fit:
     """Refine the guesses (4,) by segment; `soft_tissue`: turn of a sensor per turn of its segment."""
     places = {segment: np.arange(3 * k, 3 * k + 3) for k, segment in enumerate(guess)}
-    thin = [_thinned(m, list(guess), soft_tissue) for m in movements]
+    thin = [_thin_out(m, list(guess), soft_tissue) for m in movements]
     joints = [j for j in JOINTS if j.parent in guess and j.child in guess and len(j.dofs) < 3]
     count = 3 * len(guess)
     first = {
@@ -100,7 +100,7 @@ def fit(
             off = quat.log(quat.multiply(q_BS[segment], quat.conjugate(guess[segment])))
             system.add([places[segment]], [np.eye(3)], off, np.full(3, 1.0 / UNKNOWN))
         for sight in looks:
-            _look(
+            _add_sighting(
                 system,
                 sight,
                 q_BS,
@@ -118,7 +118,9 @@ def fit(
             )
         for (m, name), place in first.items():
             joint = next(j for j in joints if j.name == name)
-            _relative(system, thin[m], joint, q_BS, places, place, start[place], soft_tissue)
+            _add_relative_rates(
+                system, thin[m], joint, q_BS, places, place, start[place], soft_tissue
+            )
         step = system.solved()
         q_BS = {
             s: quat.normalize(quat.multiply(quat.exp(step[places[s]]), q)) for s, q in q_BS.items()
@@ -154,7 +156,7 @@ class _System:
 
 
 @dataclass(frozen=True)
-class _Thin:
+class _ThinnedMovement:
     """A movement with fewer samples: rates and how far each sensor has turned since the beginning."""
 
     rate: Mapping[str, Array]  # (n, 3)
@@ -164,13 +166,13 @@ class _Thin:
     ]  # segments that moved themselves; of the others it may have been the skin, which tells nothing of how the sensor sits
 
 
-def _thinned(movement: Movement, segments: Sequence[str], soft_tissue: float) -> _Thin:
+def _thin_out(movement: Movement, segments: Sequence[str], soft_tissue: float) -> _ThinnedMovement:
     every = max(1, round(1.0 / (THINNED * movement.dt)))
     seen = [s for s in segments if s in movement.rate]
     if not seen:
-        return _Thin({}, {}, frozenset())
+        return _ThinnedMovement({}, {}, frozenset())
     rate = {s: _means(movement.rate[s], every) for s in seen}
-    turned = _integrated(np.stack([movement.rate[s] for s in seen], axis=1), movement.dt)[
+    turned = _integrate_rates(np.stack([movement.rate[s] for s in seen], axis=1), movement.dt)[
         every // 2 :: every
     ]
     size = {s: float(np.sqrt((r * r).sum(axis=1).mean())) for s, r in rate.items()}
@@ -183,7 +185,9 @@ def _thinned(movement: Movement, segments: Sequence[str], soft_tissue: float) ->
         * soft_tissue
         * max((size[b] for a, b in pairs if a == s and b in size), default=0.0)
     }
-    return _Thin(rate, {s: turned[: len(rate[s]), k] for k, s in enumerate(seen)}, frozenset(clear))
+    return _ThinnedMovement(
+        rate, {s: turned[: len(rate[s]), k] for k, s in enumerate(seen)}, frozenset(clear)
+    )
 
 
 def _means(rate: Array, every: int) -> Array:
@@ -191,7 +195,7 @@ def _means(rate: Array, every: int) -> Array:
     return np.asarray(rate[: n * every].reshape(n, every, 3).mean(axis=1))
 
 
-def _integrated(rate: Array, dt: float) -> Array:
+def _integrate_rates(rate: Array, dt: float) -> Array:
     """How far each sensor has turned since the beginning (n, sensors, 4), from rates (n, sensors, 3)."""
     q = np.tile(quat.IDENTITY, (*rate.shape[:2], 1))
     turns = quat.exp(0.5 * (rate[1:] + rate[:-1]) * dt)
@@ -200,9 +204,9 @@ def _integrated(rate: Array, dt: float) -> Array:
     return quat.normalize(q)
 
 
-def _look(
+def _add_sighting(
     system: _System,
-    sight: Sight,
+    sight: GravitySighting,
     q_BS: Mapping[str, Array],
     places: Mapping[str, NDArray[np.int_]],
     sign: float,
@@ -240,9 +244,9 @@ def _across(up: Array) -> Array:
     return np.stack([flexed, np.cross(up, flexed)])
 
 
-def _relative(
+def _add_relative_rates(
     system: _System,
-    seen: _Thin,
+    seen: _ThinnedMovement,
     joint: Joint,
     q_BS: Mapping[str, Array],
     places: Mapping[str, NDArray[np.int_]],
@@ -258,8 +262,10 @@ def _relative(
     if joint.parent not in seen.rate or joint.child not in seen.rate:
         return
     w_p, w_c = (quat.rotate(q_BS[s], seen.rate[s]) for s in (joint.parent, joint.child))
-    A_p, A_c = (quat.matrix(_on(q_BS[s], seen.turned[s])) for s in (joint.parent, joint.child))
-    residual, jacobian = forbidden(w_p, w_c, A_p, A_c, start, hinge)
+    A_p, A_c = (
+        quat.matrix(_on_segment(q_BS[s], seen.turned[s])) for s in (joint.parent, joint.child)
+    )
+    residual, jacobian = forbidden_rates(w_p, w_c, A_p, A_c, start, hinge)
     for k, segment in enumerate((joint.child, joint.parent)):
         if segment not in seen.clear:
             jacobian[..., 3 * k : 3 * k + 3] = 0.0
@@ -269,7 +275,7 @@ def _relative(
         system.add([places[joint.child], places[joint.parent], place], [J], r, weight)
 
 
-def forbidden(
+def forbidden_rates(
     w_p: Array, w_c: Array, A_p: Array, A_c: Array, start: Array, hinge: bool
 ) -> tuple[Array, Array]:
     """Relative rates that the joint does not permit (rows, n), and their derivatives (rows, n, 8).
@@ -318,6 +324,6 @@ def forbidden(
     )[None]
 
 
-def _on(q_BS: Array, turned: Array) -> Array:
+def _on_segment(q_BS: Array, turned: Array) -> Array:
     """The sensor's turns as those of its segment."""
     return quat.multiply(quat.multiply(q_BS, turned), quat.conjugate(q_BS))

@@ -28,7 +28,7 @@ class SensorQuality:
 
 
 @dataclass(frozen=True)
-class Known:
+class PriorCalibration:
     """What was found of a hand and a glove before: it holds as long as the glove is not taken off. Everything by segment name."""
 
     hand: Hand
@@ -36,7 +36,7 @@ class Known:
     gyr_bias: Mapping[str, Array]  # (3,) rad/s
     lengths: Mapping[str, float]  # m, of segments that movement told
 
-    def of_hand(self) -> "Known":
+    def of_hand(self) -> "PriorCalibration":
         """What is the hand's alone, and holds whatever glove is worn: its lengths."""
         return replace(self, q_BS={}, gyr_bias={})
 
@@ -71,7 +71,7 @@ class Calibration:
         None  # (3 k, 3 k) rad^2 of all that is in q_BS_sd, in its order: what the movements tell of neighbours errs together
     )
 
-    def told_together(self) -> Array:
+    def mounting_covariance(self) -> Array:
         """Covariance (3 k, 3 k) of the mountings that movements told; each for itself where it is not known how they err together."""
         if self.q_BS_covariance is not None:
             return self.q_BS_covariance

@@ -19,7 +19,7 @@ class Finding:
     spans: tuple[tuple[float, float], ...] = ((-float("inf"), float("inf")),)  # s, when it holds
 
     @property
-    def said(self) -> str:
+    def message(self) -> str:
         return f"{self.sensor}: {self.sentence}; {self.fix}" if self.fix else self.sentence
 
 

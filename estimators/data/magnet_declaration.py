@@ -45,12 +45,12 @@ def plate_from(table: Mapping[str, Any]) -> Plate | None:
 
 def table_of(plate: Plate) -> dict[str, Any]:
     """The inverse of `plate_from`."""
-    told: dict[str, Any] = {
+    table: dict[str, Any] = {
         "places": {name: list(p) for name, p in plate.places.items()},
         "moment": list(plate.moment),
     }
-    told |= {"place": list(plate.place), "earth": plate.earth}
-    return told if plate.dip is None else {**told, "dip": plate.dip}
+    table |= {"place": list(plate.place), "earth": plate.earth}
+    return table if plate.dip is None else {**table, "dip": plate.dip}
 
 
 def _three(value: Any, what: str) -> Place:

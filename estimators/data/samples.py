@@ -14,7 +14,7 @@ from handscope.estimators.data.events import Event as Event
 from handscope.estimators.data.magnet_declaration import Plate
 from handscope.estimators.hand.anatomy import SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.numerics.jit import told_by_row
+from handscope.estimators.numerics.jit import rowwise_bool
 from handscope.estimators.numerics.typing import Array, Bools
 
 GYR, ACC, MAG, FORCE, TORQUE = "gyr", "acc", "mag", "force", "torque"
@@ -80,7 +80,7 @@ class Block:
         limit = self.stream.full_scale.get(quantity)
         if limit is None or quantity not in self.stream.quantities:
             return np.zeros(self.values.shape[:2], dtype=bool)
-        return beyond(self.of(quantity), SATURATION * limit)
+        return exceeds(self.of(quantity), SATURATION * limit)
 
     def between(self, start: float, stop: float) -> "Block":
         """The samples with start <= t < stop."""
@@ -131,13 +131,13 @@ def every(flags: Bools) -> Bools:
     return np.asarray(flags[..., 0] & flags[..., 1] & flags[..., 2])
 
 
-@told_by_row("(v),()->()")
-def beyond(vector: Array, limit: float, told: Bools) -> None:
+@rowwise_bool("(v),()->()")
+def exceeds(vector: Array, limit: float, result: Bools) -> None:
     """Whether one of a vector's components (..., 3) is as large as a limit (...): no for what is missing."""
-    told[0] = abs(vector[0]) >= limit or abs(vector[1]) >= limit or abs(vector[2]) >= limit
+    result[0] = abs(vector[0]) >= limit or abs(vector[1]) >= limit or abs(vector[2]) >= limit
 
 
-beyond_row = beyond.row  # as other kernels call it
+exceeds_row = exceeds.row  # as other kernels call it
 
 
 def join(blocks: list[Block]) -> Block:
@@ -149,7 +149,7 @@ def join(blocks: list[Block]) -> Block:
     )
 
 
-def joined(blocks: Sequence[Block]) -> list[Block]:
+def join_consecutive(blocks: Sequence[Block]) -> list[Block]:
     """Consecutive blocks of the same stream as one; a stream that was described anew in between is another one."""
     runs: list[list[Block]] = []
     newest: dict[str, list[Block]] = {}  # by name

@@ -95,7 +95,7 @@ class Trajectory:
         None  # (n, 5, 3) N, exerted by each fingertip on what it touches, in the global frame; NaN where not measured
     )
     forces_sd: Array | None = None  # (n, 5, 3) N
-    forces_alike_sd: Array | None = (
+    forces_common_sd: Array | None = (
         None  # (n, 5, 3) N, of that what a hold does not average out: zero, scale, orientation
     )
     force_flags: NDArray[np.uint8] | None = None  # (n, 5) ForceFlag bits
@@ -182,7 +182,7 @@ def join(pieces: Iterable[Trajectory], hand: Hand) -> Trajectory:
                 if (values := getattr(piece, name)) is None or (rows and name not in grown):
                     partial.add(name)
                 else:
-                    grown[name] = _appended(grown.get(name), rows, values)
+                    grown[name] = _append(grown.get(name), rows, values)
             rows += len(piece)
     if not rows:
         return empty(hand)
@@ -192,7 +192,7 @@ def join(pieces: Iterable[Trajectory], hand: Hand) -> Trajectory:
     return Trajectory(hand, **values_by_name)  # type: ignore[arg-type]
 
 
-def _appended(grown: Array | None, rows: int, values: Array) -> Array:
+def _append(grown: Array | None, rows: int, values: Array) -> Array:
     """`values` behind the first `rows` rows of an array that owns its memory and grows in place."""
     if grown is None:
         grown = np.empty((0, *values.shape[1:]), values.dtype)

@@ -24,38 +24,44 @@ from handscope.estimators.numerics.typing import Array
 
 
 @inlined
-def seen_row(
+def track_motion_row(
     p: Array,
     span: float,
     acc: Array,
-    told: Array,
+    vector_valid: Array,
     rates: Array,
-    lively: Array,
-    began: Array,
-    lies: Array,
+    mean_square_rate: Array,
+    initial_vertical: Array,
+    current_vertical: Array,
 ) -> None:
-    """Over the time that errors of the vertical stay alike: squared rates (4,) and verticals `lies` (4, 3); `began` (4, 3) is the first, 0 before it."""
+    """Over the time that errors of the vertical stay alike: squared rates (4,) and verticals `current_vertical` (4, 3); `initial_vertical` (4, 3) is the first, 0 before it."""
     weight = span / max(span, p[INCLINATION_TIME])
     for s in range(4):
-        lively[s] += weight * (rates[s] ** 2 - lively[s])
+        mean_square_rate[s] += weight * (rates[s] ** 2 - mean_square_rate[s])
         size = np.sqrt(acc[s, 0] ** 2 + acc[s, 1] ** 2 + acc[s, 2] ** 2)
-        first = began[s, 0] == 0 and began[s, 1] == 0 and began[s, 2] == 0
-        for a in range(3 if told[s] > 0 and size > 0 else 0):
+        first = (
+            initial_vertical[s, 0] == 0
+            and initial_vertical[s, 1] == 0
+            and initial_vertical[s, 2] == 0
+        )
+        for a in range(3 if vector_valid[s] > 0 and size > 0 else 0):
             if first:
-                began[s, a] = lies[s, a] = acc[s, a] / size
+                initial_vertical[s, a] = current_vertical[s, a] = acc[s, a] / size
             else:
-                lies[s, a] += weight * (acc[s, a] / size - lies[s, a])
+                current_vertical[s, a] += weight * (acc[s, a] / size - current_vertical[s, a])
 
 
 @inlined
-def variances_row(p: Array, lively: Array, variance: Array) -> None:
+def inclination_variance_row(p: Array, mean_square_rate: Array, variance: Array) -> None:
     """Of each axis of the vertical in every sensor (4,), rad^2."""
     for s in range(4):
-        variance[s] = p[INCLINATION] ** 2 + p[TURNING] ** 2 * lively[s]
+        variance[s] = p[INCLINATION] ** 2 + p[TURNING] ** 2 * mean_square_rate[s]
 
 
 @inlined
-def by_biases_row(p: Array, q_joint: Array, began: Array, lies: Array, of_joints: Array) -> None:
+def add_accelerometer_biases_row(
+    p: Array, q_joint: Array, initial_vertical: Array, current_vertical: Array, P_joints: Array
+) -> None:
     """Add to the covariance (9, 9) of the joints' errors what accelerometers' biases do to sensors that lie another way than they began.
 
     (u - u_0) x b of the child's sensor, -R_cp of its parent's: neighbours share a sensor.
@@ -70,7 +76,7 @@ def by_biases_row(p: Array, q_joint: Array, began: Array, lies: Array, of_joints
     size = (p[ACC_BIAS] / GRAVITY) ** 2
     for s in range(4):
         for a in range(3):
-            u[a] = lies[s, a] - began[s, a]
+            u[a] = current_vertical[s, a] - initial_vertical[s, a]
         squared = u[0] ** 2 + u[1] ** 2 + u[2] ** 2
         for a in range(3):
             for b in range(3):
@@ -84,4 +90,4 @@ def by_biases_row(p: Array, q_joint: Array, began: Array, lies: Array, of_joints
     spread(G, biases, added)
     for i in range(9):
         for k in range(9):
-            of_joints[i, k] += added[i, k]
+            P_joints[i, k] += added[i, k]

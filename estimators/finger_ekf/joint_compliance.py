@@ -23,35 +23,37 @@ UNLIKELY = 9.0  # times its variance, squared: an angle so far off is less trust
 
 
 @inlined
-def believed_row(p: Array, give: Array, variance: Array) -> None:
-    """Of an angle that is no freedom of each joint (3,), rad^2; `give` (3, 2): weighted sum of what R seemed to be, and of the weights."""
+def compliance_variance_row(p: Array, compliance_stats: Array, variance: Array) -> None:
+    """Of an angle that is no freedom of each joint (3,), rad^2; `compliance_stats` (3, 2): weighted sum of what R seemed to be, and of the weights."""
     usual = p[DIMENSION_NOISE] ** 2
     for j in range(3):
-        variance[j] = max((ASSUMED * usual + give[j, 0]) / (ASSUMED + give[j, 1]), usual)
+        variance[j] = max(
+            (ASSUMED * usual + compliance_stats[j, 0]) / (ASSUMED + compliance_stats[j, 1]), usual
+        )
 
 
 @inlined
-def learnt_row(
+def update_compliance_row(
     p: Array, q_before: Array, q: Array, P: Array, free: Array, variance: Array, span: float,
-    missed: Array, H: Array, noise: Array, give: Array,
+    innovation: Array, H: Array, noise: Array, compliance_stats: Array,
 ) -> None:  # fmt: skip
-    """What rows 9..17 tell of `give`; an angle that is unlikely as far off as it is counts as unsure as that. Rotations between sensors (3, 4) before the
+    """What rows 9..17 tell of `compliance_stats`; an angle that is unlikely as far off as it is counts as unsure as that. Rotations between sensors (3, 4) before the
     window and after it."""
     lasts = max(1.0, p[CORRELATION] / span)
     for j in range(3):
-        alike = abs(
+        cosine = abs(
             q[j, 0] * q_before[j, 0]
             + q[j, 1] * q_before[j, 1]
             + q[j, 2] * q_before[j, 2]
             + q[j, 3] * q_before[j, 3]
         )
-        share = min(1.0 / lasts, 2 * math.acos(min(alike, 1.0)) / ANOTHER)
+        share = min(1.0 / lasts, 2 * math.acos(min(cosine, 1.0)) / ANOTHER)
         for a in range(3):
             row = 9 + 3 * j + a
             if free[j, a] == 0 and np.any(H[row] != 0.0):
                 own = variance_of(H[row], P) + noise[row, row] / lasts - variance[j]
                 weight = share * (variance[j] / (own + variance[j])) ** 2
-                give[j, 0] += weight * (missed[row] ** 2 - own)
-                give[j, 1] += weight
-                if missed[row] ** 2 > UNLIKELY * (own + variance[j]):
-                    noise[row, row] += lasts * (missed[row] ** 2 - own - variance[j])
+                compliance_stats[j, 0] += weight * (innovation[row] ** 2 - own)
+                compliance_stats[j, 1] += weight
+                if innovation[row] ** 2 > UNLIKELY * (own + variance[j]):
+                    noise[row, row] += lasts * (innovation[row] ** 2 - own - variance[j])

@@ -16,7 +16,7 @@ import numpy as np
 
 from handscope.estimators.data.options import option
 from handscope.estimators.finger_ekf.preintegration import MAG_GATE, MAG_NOISE
-from handscope.estimators.finger_ekf.sensor_to_segment import APART
+from handscope.estimators.finger_ekf.sensor_to_segment import FIELD_DIFFERENCE
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.small_matrices import variance_of
@@ -61,7 +61,7 @@ class MagnetometerParams:
     )
 
 
-def numbers(params: MagnetometerParams) -> Array:
+def pack_params(params: MagnetometerParams) -> Array:
     """The options as kernels take them; nothing errs, and nothing is used, where magnetometers are not asked for."""
     return np.array(
         [params.mag_noise, params.mag_error if params.magnetometers else 0.0, params.mag_gate]
@@ -74,24 +74,24 @@ def heading_row(
     q_pc: Array,
     mag: Array,
     up: Array,
-    apart: Array,
+    field_difference: Array,
     P: Array,
-    missed: Array,
+    innovation: Array,
     H: Array,
     noise: Array,
 ) -> bool:
-    """Row 0 of an update: the heading of the tip's field against the hand's, but for what they are `apart` (2,) (uT; the share of looks left out
+    """Row 0 of an update: the heading of the tip's field against the hand's, but for what they are `field_difference` (2,) (uT; the share of looks left out
     while the heading was known); false where it must not be used.
 
     With y the tip's field in the hand's frame, b its horizontal part and u the vertical there, what turns y by d changes that heading by
     (u - (u.y) / |b|^2 b).d: where the field dips steeply, tilts count more than headings.
     """
-    R, q, turned, y = np.empty((3, 3, 3)), q_pc[0].copy(), np.empty(4), np.empty(3)
+    R, q, q_next, y = np.empty((3, 3, 3)), q_pc[0].copy(), np.empty(4), np.empty(3)
     quat.matrix_row(q, y, R[0])
     for j in range(1, 3):
-        quat.multiply_row(q, q_pc[j], turned)
+        quat.multiply_row(q, q_pc[j], q_next)
         for a in range(4):
-            q[a] = turned[a]
+            q[a] = q_next[a]
         quat.matrix_row(q, y, R[j])
     quat.rotate_row(q, mag[1], y)
     u, at_hand, b = up[0], mag[0].copy(), np.empty(3)
@@ -110,18 +110,18 @@ def heading_row(
         at_hand[2] * b[0] - at_hand[0] * b[2]
     )
     across += u[2] * (at_hand[0] * b[1] - at_hand[1] * b[0])
-    missed[0] = apart[0] / size - math.atan2(across, _dot(at_hand, b))
+    innovation[0] = field_difference[0] / size - math.atan2(across, _dot(at_hand, b))
     for j in range(3):
         for a in range(3):
             for c in range(3):
                 H[0, 3 * j + a] += (u[c] - down / (size * size) * b[c]) * R[j, c, a]
     known = variance_of(H[0], P) < KNOWN**2
-    H[0, APART] = -1.0 / size
+    H[0, FIELD_DIFFERENCE] = -1.0 / size
     noise[0, 0] = 2 * (p[MAG_NOISE] / size) ** 2
-    likely = gates and missed[0] ** 2 < UNLIKELY**2 * (variance_of(H[0], P) + noise[0, 0])
+    likely = gates and innovation[0] ** 2 < UNLIKELY**2 * (variance_of(H[0], P) + noise[0, 0])
     if known:
-        apart[1] += ((0.0 if likely else 1.0) - apart[1]) / LOOKS
-    return bool(likely and apart[1] < DISTURBED)
+        field_difference[1] += ((0.0 if likely else 1.0) - field_difference[1]) / LOOKS
+    return bool(likely and field_difference[1] < DISTURBED)
 
 
 @inlined

@@ -149,7 +149,7 @@ class UpdateParams:
 (DIMENSIONS, DIMENSION_NOISE, CORRELATION, REST_RATE, CREEPING, TURNING, ACC_BIAS) = range(8, 15)
 
 
-def numbers(params: UpdateParams) -> Array:
+def pack_params(params: UpdateParams) -> Array:
     """The options in SI units."""
     of_vectors = (
         params.vertical == "fused",
@@ -185,15 +185,15 @@ def vectors_row(
     q_pc: Array,
     acc: Array,
     up: Array,
-    wrong: Array,
+    inclination_variance: Array,
     rates: Array,
-    usable: Array,
+    both_sensors_valid: Array,
     span: float,
-    missed: Array,
+    innovation: Array,
     H: Array,
     noise: Array,
 ) -> None:
-    """Rows 0..8, three a joint: both sensors see the same vector acc (4, 3); `usable` (3,) says where both are measured, `wrong` (4,) rad^2 by how
+    """Rows 0..8, three a joint: both sensors see the same vector acc (4, 3); `both_sensors_valid` (3,) says where both are measured, `inclination_variance` (4,) rad^2 by how
     much each may be off where fusions tell it.
 
     Turns about the vertical are not seen. The slopes are taken at `up` (4, 3), the vertical as it was seen over a long time: about the newest, whose
@@ -206,13 +206,26 @@ def vectors_row(
     for j in range(3):
         quat.matrix_row(q_pc[j], v, R_pc[j])
         if p[FUSED] > 0:
-            used[j], variance[j] = usable[j], GRAVITY**2 * (wrong[j] + wrong[j + 1])
+            used[j], variance[j] = (
+                both_sensors_valid[j],
+                GRAVITY**2 * (inclination_variance[j] + inclination_variance[j + 1]),
+            )
         else:
-            apart, fastest = abs(_norm(acc[j]) - _norm(acc[j + 1])), max(rates[j], rates[j + 1])
-            if usable[j] > 0 and apart < p[ACC_GATE] and fastest < p[RATE_GATE]:  # (2.27), (2.28)
+            magnitude_difference, fastest = (
+                abs(_norm(acc[j]) - _norm(acc[j + 1])),
+                max(rates[j], rates[j + 1]),
+            )
+            if (
+                both_sensors_valid[j] > 0
+                and magnitude_difference < p[ACC_GATE]
+                and fastest < p[RATE_GATE]
+            ):  # (2.27), (2.28)
                 used[j] = 1.0
             variance[j] = (
-                2 * p[ACC_NOISE] ** 2 + p[ACC_ERROR] ** 2 + apart**2 + (p[LEVER] * fastest**2) ** 2
+                2 * p[ACC_NOISE] ** 2
+                + p[ACC_ERROR] ** 2
+                + magnitude_difference**2
+                + (p[LEVER] * fastest**2) ** 2
             )
         for a in range(3):
             noise[3 * j + a, 3 * j + a] = lasts * variance[j]
@@ -221,12 +234,12 @@ def vectors_row(
             vector_jacobian_row(R_pc[j], v, 3 * j, 3 * j, H)
             for a in range(3):
                 r = R_pc[j, a]
-                missed[3 * j + a] = acc[j, a] - (
+                innovation[3 * j + a] = acc[j, a] - (
                     r[0] * acc[j + 1, 0] + r[1] * acc[j + 1, 1] + r[2] * acc[j + 1, 2]
                 )  # (2.25)
     for j in range(2):
         both = (
-            GRAVITY**2 * wrong[j + 1]
+            GRAVITY**2 * inclination_variance[j + 1]
             if p[FUSED] > 0
             else 0.5 * math.sqrt(variance[j] * variance[j + 1])
         )
@@ -251,15 +264,15 @@ def vector_jacobian_row(R_pc: Array, v_c: Array, row: int, column: int, H: Array
 
 
 @inlined
-def settled_row(
-    up: Array, turned: Array, acc: Array, told: Array, span: float, settled: Array
+def smoothed_vertical_row(
+    up: Array, delta_q: Array, acc: Array, vector_valid: Array, span: float, smoothed: Array
 ) -> None:
-    """The vertical (4, 3) over a long time in frames that have turned by `turned` (4, 4), drawn towards what is `told` (4,) now."""
+    """The vertical (4, 3) over a long time in frames that have turned by `delta_q` (4, 4), drawn towards what is `vector_valid` (4,) now."""
     back, carried = np.empty(4), np.empty(3)
     for s in range(4):
-        quat.conjugate_row(turned[s], back)
+        quat.conjugate_row(delta_q[s], back)
         quat.rotate_row(back, up[s], carried)
-        if told[s] > 0:
+        if vector_valid[s] > 0:
             size = _norm(acc[s])
             along = (
                 carried[0] * acc[s, 0] + carried[1] * acc[s, 1] + carried[2] * acc[s, 2]
@@ -271,21 +284,21 @@ def settled_row(
                 carried[a] += weight * (acc[s, a] / size - carried[a])
         size = _norm(carried)
         for a in range(3):
-            settled[s, a] = carried[a] / size if size > 0 else carried[a]
+            smoothed[s, a] = carried[a] / size if size > 0 else carried[a]
 
 
 @inlined
-def joints_row(
+def joint_constraints_row(
     p: Array,
     q: Array,
     A: Array,
     P: Array,
-    give: Array,
+    compliance_variance: Array,
     free: Array,
     limits: Array,
     known: Array,
     span: float,
-    missed: Array,
+    innovation: Array,
     H: Array,
     noise: Array,
 ) -> None:
@@ -305,10 +318,10 @@ def joints_row(
         for a in range(3):
             row, outside = 9 + 3 * j + a, allowed[a] - angles[a]
             variance = (
-                give[j] if free[j, a] == 0 else p[DIMENSION_NOISE] ** 2
+                compliance_variance[j] if free[j, a] == 0 else p[DIMENSION_NOISE] ** 2
             ) + 0.5 * unsure * unsure
             if known[j] > 0 and p[DIMENSIONS] > 0 and (free[j, a] == 0 or outside != 0):
-                missed[row] = outside
+                innovation[row] = outside
                 for k in range(SIZE):
                     H[row, k] = (
                         J[a, 0] * A[3 * j, k]

@@ -42,13 +42,13 @@ def tip_row(q_WH: Array, q_pc: Array, root: Array, offsets: Array, J: Array, bon
 
     What turns a frame by d in itself moves the tip by -[arm]x R d.
     """
-    R, arm, q, turned = np.empty((4, 3, 3)), np.zeros(3), q_WH.copy(), np.empty(4)
+    R, arm, q, q_next = np.empty((4, 3, 3)), np.zeros(3), q_WH.copy(), np.empty(4)
     quat.matrix_row(q, arm, R[3])
     quat.rotate_row(q, root, bones[0])
     for j in range(3):
-        quat.multiply_row(q, q_pc[j], turned)
+        quat.multiply_row(q, q_pc[j], q_next)
         for a in range(4):
-            q[a] = turned[a]
+            q[a] = q_next[a]
         quat.matrix_row(q, arm, R[j])
         quat.rotate_row(q, offsets[j], bones[j + 1])
     for k in range(

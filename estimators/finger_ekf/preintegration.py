@@ -12,7 +12,7 @@ import numpy as np
 
 from handscope.estimators.finger_ekf import sensor_to_segment
 from handscope.estimators.finger_ekf.measurements import ACC_BIAS
-from handscope.estimators.finger_ekf.sensor_to_segment import APART
+from handscope.estimators.finger_ekf.sensor_to_segment import FIELD_DIFFERENCE
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, rowwise
 from handscope.estimators.numerics.kernels import right_jacobian_row
@@ -26,18 +26,18 @@ from handscope.estimators.numerics.typing import Array
 
 
 @rowwise("(n,s,v),(n,s),(n,s),(s,v),(s,q),(s,v,v),(s),(s)->(n,s,q),(s,v,v),(s),(s)")
-def wound(
-    turn: Array, time: Array, missed: Array, bias: Array, turned: Array, by_bias: Array, bias_time: Array, doubt: Array,
-    after: Array, J: Array, timed: Array, doubted: Array,
+def preintegrate(
+    turn: Array, time: Array, added_variance: Array, bias: Array, delta_q: Array, J_bias: Array, bias_time: Array, rotation_variance: Array,
+    after: Array, J: Array, time_new: Array, variance_new: Array,
 ) -> None:  # fmt: skip
     """Turns summed up, T <- T exp(w), and their change by the biases, J <- R(exp(w))' J - J_r(w) dt: Forster et al. 2017, (36)."""
     w, step, q, both = np.empty(3), np.empty(4), np.empty(4), np.empty(4)
     R, Jr, own, back = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    for s in range(turned.shape[0]):
-        put(by_bias[s], own)
-        timed[s], doubted[s] = bias_time[s], doubt[s]
+    for s in range(delta_q.shape[0]):
+        put(J_bias[s], own)
+        time_new[s], variance_new[s] = bias_time[s], rotation_variance[s]
         for a in range(4):
-            q[a] = turned[s, a]
+            q[a] = delta_q[s, a]
         for k in range(turn.shape[0]):
             for a in range(3):
                 w[a] = turn[k, s, a] - bias[s, a] * time[k, s]  # (2.4)
@@ -52,31 +52,31 @@ def wound(
             for a in range(3):
                 for b in range(3):
                     own[a, b] = back[a, b] - Jr[a, b] * time[k, s]
-            timed[s] += time[k, s]
-            doubted[s] += missed[k, s]
+            time_new[s] += time[k, s]
+            variance_new[s] += added_variance[k, s]
         put(own, J[s])
 
 
-wound_row = wound.row  # as other kernels call it
+preintegrate_row = preintegrate.row  # as other kernels call it
 
 
 @rowwise("(p),(s,q)->()")
-def alike(p: Array, T: Array, left: Array) -> None:
+def field_correlation(p: Array, T: Array, left: Array) -> None:
     """How much of what the fields at hand and tip differ by is left after their sensors have turned by T (4, 4): another after a radian or so."""
     w = min(abs(T[0, 0]), abs(T[3, 0]), 1.0)
     left[0] = math.exp(-2 * math.acos(w)) if p[MAG_ERROR] > 0 else 1.0
 
 
-alike_row = alike.row  # as other kernels call it
+field_correlation_row = field_correlation.row  # as other kernels call it
 
 
 @inlined
-def window_row(
+def propagate_row(
     p: Array,
     span: float,
     T: Array,
     J: Array,
-    doubt: Array,
+    rotation_variance: Array,
     q_pc: Array,
     P: Array,
     q: Array,
@@ -95,7 +95,7 @@ def window_row(
         np.empty((3, 3)),
         np.empty(3),
     )
-    sensor_to_segment.carried_row(q_pc, T, q)
+    sensor_to_segment.propagate_joints_row(q_pc, T, q)
     for j in range(3):
         quat.conjugate_row(q[j], back)
         quat.matrix_row(back, row, R_cp)
@@ -112,7 +112,9 @@ def window_row(
     for k in range(12):
         w, x, y, z = T[k // 3, 0], T[k // 3, 1], T[k // 3, 2], T[k // 3, 3]
         angle = 2 * math.atan2(math.sqrt(x * x + y * y + z * z), abs(w))
-        Q[k, k] = p[GYR_NOISE] ** 2 / 2 * span + (p[GYR_SCALE] * angle) ** 2 + doubt[k // 3]
+        Q[k, k] = (
+            p[GYR_NOISE] ** 2 / 2 * span + (p[GYR_SCALE] * angle) ** 2 + rotation_variance[k // 3]
+        )
     spread(G, Q, of_noise)
     product(F, P, across)
     put(P, P_new)
@@ -130,27 +132,29 @@ def window_row(
         P_new[k, k] += p[BIAS_WALK] ** 2 * span
     if p[MAG_ERROR] > 0:
         left = np.empty(1)
-        alike_row(p, T, left)
+        field_correlation_row(p, T, left)
         for k in range(P.shape[0]):
-            P_new[APART, k] *= left[0]
-            P_new[k, APART] *= left[0]
-        P_new[APART, APART] += 2 * p[MAG_ERROR] ** 2 * (1 - left[0] ** 2)
+            P_new[FIELD_DIFFERENCE, k] *= left[0]
+            P_new[k, FIELD_DIFFERENCE] *= left[0]
+        P_new[FIELD_DIFFERENCE, FIELD_DIFFERENCE] += 2 * p[MAG_ERROR] ** 2 * (1 - left[0] ** 2)
 
 
 @rowwise("(p),(),(s,q),(s,v,v),(s),(j,q),(e,e)->(j,q),(e,e)")
-def carried(
+def propagate(
     p: Array,
     span: float,
-    turned: Array,
-    by_bias: Array,
-    doubt: Array,
+    delta_q: Array,
+    J_bias: Array,
+    rotation_variance: Array,
     q_pc: Array,
     P: Array,
     q_new: Array,
     P_new: Array,
 ) -> None:
-    """Over the window of every chain, as `window_row`."""
+    """Over the window of every chain, as `propagate_row`."""
     q, C = np.empty((3, 4)), np.empty(P.shape)
-    window_row(p, span, turned.copy(), by_bias.copy(), doubt, q_pc.copy(), P.copy(), q, C)
+    propagate_row(
+        p, span, delta_q.copy(), J_bias.copy(), rotation_variance, q_pc.copy(), P.copy(), q, C
+    )
     put(q, q_new)
     put(C, P_new)

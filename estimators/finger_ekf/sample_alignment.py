@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
-from handscope.estimators.data.samples import ACC, GYR, MAG, SATURATION, Block, Stream, beyond_row
+from handscope.estimators.data.samples import ACC, GYR, MAG, SATURATION, Block, Stream, exceeds_row
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.finger_ekf.filter import Samples
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
@@ -26,9 +26,9 @@ from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.jit import inlined, rowwise
 from handscope.estimators.numerics.small_matrices import put
 from handscope.estimators.numerics.typing import Array, Bools, Indices
-from handscope.estimators.orientation.fusion import LOST_DOUBT
+from handscope.estimators.orientation.fusion import LOST_VARIANCE
 from handscope.estimators.orientation.resampling import Rows
-from handscope.estimators.sensors.missing_samples import complete_row
+from handscope.estimators.sensors.missing_samples import is_complete_row
 
 MISSING, UNSURE = int(Flag.MISSING), int(Flag.MISSING | Flag.SATURATED)
 _WRIST = [SEGMENT[s] for s in ("forearm", "hand", "hand", "hand")]
@@ -43,7 +43,7 @@ _JOINTS = np.array(
 
 
 @dataclass(frozen=True)
-class Worn:
+class WornSensors:
     """Which of a stream's sensors sit on the hand, and how."""
 
     columns: Indices  # of the stream
@@ -57,7 +57,7 @@ class Waiting:
     """Samples of a stream's sensors on the hand in segment frames, the calibration's biases removed; NaN where not to be used."""
 
     stream: Stream
-    worn: Worn
+    worn: WornSensors
     period: float  # s, between samples as they come
     t: Array  # (n,)
     gyr: Array  # (n, worn, 3) rad/s
@@ -67,14 +67,14 @@ class Waiting:
 
 @dataclass(frozen=True)
 class State:
-    strange: Bools  # (segments,) the pose knows nothing of the sensor, and it has given nothing yet
+    unposed: Bools  # (segments,) the pose knows nothing of the sensor, and it has given nothing yet
     noisy: Array  # (segments,) rad^2/s that its gyroscope's noise turns it by more than the filters assume
     posed: Array  # (segments, 4) q_GB in the pose, NaN where it is not known
     pose_end: float  # s, until when they lie so
     waiting: Mapping[str, Waiting] = field(default_factory=dict)
     t: float = -np.inf  # s, newest row
     q_GB: Array | None = None  # (segments, 4) there
-    doubt: Array | None = None  # (segments,) rad^2 there
+    rotation_variance: Array | None = None  # (segments,) rad^2 there
 
 
 def start(calibration: Calibration, gyr_noise: float) -> State:
@@ -92,21 +92,21 @@ def start(calibration: Calibration, gyr_noise: float) -> State:
     )
 
 
-def taken(state: State, block: Block, calibration: Calibration, q_SB: Array) -> State:
+def buffer_block(state: State, block: Block, calibration: Calibration, q_SB: Array) -> State:
     """Keep a block's samples until their rows come, with their magnetometers' where the block has them."""
     before = state.waiting.get(block.stream.name)
     if before is None or before.stream != block.stream:
-        before = _nothing(block.stream, calibration, q_SB)
+        before = _empty_buffer(block.stream, calibration, q_SB)
     if not len(before.worn.columns):
         return state
-    gyr, acc = _seen(before.worn, block)
+    gyr, acc = _segment_readings(before.worn, block)
     t, gyr, acc = (
         np.concatenate(both) for both in ((before.t, block.t), (before.gyr, gyr), (before.acc, acc))
     )
     mag = (
         before.mag
         if before.mag is None
-        else np.concatenate([before.mag, _fields(before.worn, block)])
+        else np.concatenate([before.mag, _segment_fields(before.worn, block)])
     )
     return replace(
         state,
@@ -117,26 +117,26 @@ def taken(state: State, block: Block, calibration: Calibration, q_SB: Array) -> 
     )
 
 
-def aligned(
+def align_samples(
     state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, max_gap: float
 ) -> tuple[State, Samples]:
     """The filters' samples at the rows, orientations q_GB (n, segments, 4) fused at the same; `instant`: gyroscopes tell the rate at the sample;
     `fused`: the vertical is that of the orientations, else the accelerometers'."""
-    q_first, doubt_first = (
-        (q_GB[0], rows.doubt[0])
-        if state.q_GB is None or state.doubt is None
-        else (state.q_GB, state.doubt)
+    q_first, variance_first = (
+        (q_GB[0], rows.rotation_variance[0])
+        if state.q_GB is None or state.rotation_variance is None
+        else (state.q_GB, state.rotation_variance)
     )
     before = (
         np.concatenate([q_first[None], q_GB[:-1]]),
-        np.concatenate([doubt_first[None], rows.doubt[:-1]]),
+        np.concatenate([variance_first[None], rows.rotation_variance[:-1]]),
     )
     times = np.concatenate([[state.t if math.isfinite(state.t) else rows.t[0]], rows.t])
     dt = times[1:] - times[:-1]
     rate = acc = _UNKNOWN
     for w in state.waiting.values():
         if len(w.t):
-            rate, acc = _placed(
+            rate, acc = _place_readings(
                 w.t,
                 w.gyr,
                 w.acc,
@@ -149,27 +149,37 @@ def aligned(
                 rate,
                 acc,
             )
-    strange, appears = _appearing(state.strange, q_GB)
+    unposed, appears = _appearing_sensors(state.unposed, q_GB)
     numbers, more = (
-        (float(fused), LOST_DOUBT / max(max_gap, 0.01)),
+        (float(fused), LOST_VARIANCE / max(max_gap, 0.01)),
         appears + state.noisy * dt[:, None],
     )
-    turn, bias_time, force, grown, known, q_first = _of_chains(
-        _SENSORS, _JOINTS, *numbers, dt, *before, q_GB, rows.doubt, rows.flags, more, rate, acc
+    turn, bias_time, force, grown, known, q_first = _chain_samples(
+        _SENSORS,
+        _JOINTS,
+        *numbers,
+        dt,
+        *before,
+        q_GB,
+        rows.rotation_variance,
+        rows.flags,
+        more,
+        rate,
+        acc,
     )
     t = float(rows.t[-1])
-    kept = {name: _pruned(w, t) for name, w in state.waiting.items()}
+    pruned = {name: _prune(w, t) for name, w in state.waiting.items()}
     if state.q_GB is None and rows.t[0] <= state.pose_end:
-        q_first[0] = _begun(state.posed, q_GB[0], q_first[0])
+        q_first[0] = _first_rotations(state.posed, q_GB[0], q_first[0])
     after = State(
-        strange,
+        unposed,
         state.noisy,
         state.posed,
         state.pose_end,
-        kept,
+        pruned,
         t,
         q_GB[-1].copy(),
-        rows.doubt[-1].copy(),
+        rows.rotation_variance[-1].copy(),
     )
     return after, Samples(
         rows.t,
@@ -179,18 +189,18 @@ def aligned(
         grown,
         known > 0,
         q_first,
-        _magnetic(state.waiting.values(), rows.t),
+        _chain_fields(state.waiting.values(), rows.t),
     )
 
 
-def _begun(posed: Array, q_GB: Array, q_first: Array) -> Array:
+def _first_rotations(posed: Array, q_GB: Array, q_first: Array) -> Array:
     """Rotations (F, 3, 4) of the joints at the first row: those of the whole pose, where a fusion has no more than its first sample yet."""
     q = np.where(np.isfinite(posed), posed, q_GB)[SENSORS]
     q_pose = quat.relative(q[:, :-1], q[:, 1:])
     return np.asarray(np.where(np.isfinite(q_pose), q_pose, q_first))
 
 
-def _magnetic(waiting: Collection[Waiting], t: Array) -> Array | None:
+def _chain_fields(waiting: Collection[Waiting], t: Array) -> Array | None:
     """Fields (n, F, 2, 3) at the chains' first and last sensors, the newest not after t; NaN where there are none, None where none is asked for."""
     if all(w.mag is None for w in waiting):
         return None
@@ -203,25 +213,25 @@ def _magnetic(waiting: Collection[Waiting], t: Array) -> Array | None:
     return found[:, SENSORS[:, [0, 3]]]
 
 
-def _appearing(strange: Bools, q_GB: Array) -> tuple[Bools, Array]:
+def _appearing_sensors(unposed: Bools, q_GB: Array) -> tuple[Bools, Array]:
     """Which sensors are still to appear of those of which the pose knows nothing, and the variance (n, segments) of one that does."""
-    present = np.isfinite(q_GB[:, strange, 0])
+    present = np.isfinite(q_GB[:, unposed, 0])
     if not present.any():
-        return strange, np.zeros(len(SEGMENTS))
+        return unposed, np.zeros(len(SEGMENTS))
     variance = np.zeros(q_GB.shape[:2])
-    variance[:, strange] = np.where(present & (np.cumsum(present, axis=0) == 1), LOST_DOUBT, 0.0)
-    still = strange.copy()
-    still[strange] = ~present.any(axis=0)
+    variance[:, unposed] = np.where(present & (np.cumsum(present, axis=0) == 1), LOST_VARIANCE, 0.0)
+    still = unposed.copy()
+    still[unposed] = ~present.any(axis=0)
     return still, variance
 
 
-def _nothing(stream: Stream, calibration: Calibration, q_SB: Array) -> Waiting:
+def _empty_buffer(stream: Stream, calibration: Calibration, q_SB: Array) -> Waiting:
     """A stream before its first samples."""
     columns = [k for k, name in enumerate(stream.sensors) if name in SEGMENT]
     names = [stream.sensors[k] for k in columns]
     segments = np.array([SEGMENT[name] for name in names], np.intp)
     bias = np.array([calibration.gyr_bias.get(name, np.zeros(3)) for name in names]).reshape(-1, 3)
-    worn = Worn(np.array(columns, np.intp), segments, bias, quat.conjugate(q_SB[segments]))
+    worn = WornSensors(np.array(columns, np.intp), segments, bias, quat.conjugate(q_SB[segments]))
     nothing = np.empty((0, len(columns), 3))
     period, mag = (
         1.0 / calibration.rates.get(stream.name, stream.rate),
@@ -230,7 +240,7 @@ def _nothing(stream: Stream, calibration: Calibration, q_SB: Array) -> Waiting:
     return Waiting(stream, worn, period, np.empty(0), nothing, nothing, mag)
 
 
-def _seen(worn: Worn, block: Block) -> tuple[Array, Array]:
+def _segment_readings(worn: WornSensors, block: Block) -> tuple[Array, Array]:
     """Rates and specific forces (n, worn, 3) in segment frames; NaN where missing or at the sensor's limit."""
     limits = [SATURATION * block.stream.full_scale.get(quantity, np.inf) for quantity in (GYR, ACC)]
     gyr, acc = _in_segments(
@@ -239,7 +249,7 @@ def _seen(worn: Worn, block: Block) -> tuple[Array, Array]:
     return gyr, acc
 
 
-def _fields(worn: Worn, block: Block) -> Array:
+def _segment_fields(worn: WornSensors, block: Block) -> Array:
     """Magnetic fields (n, worn, 3) in segment frames, uT."""
     return 1e6 * quat.rotate(worn.q_BS, block.of(MAG)[:, worn.columns])
 
@@ -256,19 +266,19 @@ def _in_segments(
     rate: Array,
     force: Array,
 ) -> None:
-    unbiased, whole, told = np.empty(3), np.empty(1, np.bool_), np.empty(1, np.bool_)
+    unbiased, whole, at_limit = np.empty(3), np.empty(1, np.bool_), np.empty(1, np.bool_)
     for w in range(columns.shape[0]):
         c = int(columns[w])
-        complete_row(gyr[c], acc[c], whole)
+        is_complete_row(gyr[c], acc[c], whole)
         for a in range(3):
             unbiased[a] = gyr[c, a] - bias[w, a]
         quat.rotate_row(q_BS[w], unbiased, rate[w])
         quat.rotate_row(q_BS[w], acc[c], force[w])
-        beyond_row(gyr[c], fastest, told)
-        if not whole[0] or told[0]:
+        exceeds_row(gyr[c], fastest, at_limit)
+        if not whole[0] or at_limit[0]:
             rate[w, 0], rate[w, 1], rate[w, 2] = math.nan, math.nan, math.nan
-        beyond_row(acc[c], hardest, told)
-        if not whole[0] or told[0]:
+        exceeds_row(acc[c], hardest, at_limit)
+        if not whole[0] or at_limit[0]:
             force[w, 0], force[w, 1], force[w, 2] = math.nan, math.nan, math.nan
 
 
@@ -282,9 +292,9 @@ def _up_row(q_GB: Array, up: Array) -> None:
 @rowwise(
     "(c,k),(c,j),(),(),(),(s,q),(s),(s,q),(s),(s),(s),(s,v),(s,v)->(c,k,v),(c,k),(c,k,v),(c,k),(c,j),(c,j,q)"
 )
-def _of_chains(
+def _chain_samples(
     sensors: Array, joints: Array, fused: float, silent: float, dt: float,
-    q_before: Array, doubt_before: Array, q_GB: Array, doubt: Array, flags: Array, appears: Array, rate: Array, acc: Array,
+    q_before: Array, variance_before: Array, q_GB: Array, rotation_variance: Array, flags: Array, appears: Array, rate: Array, acc: Array,
     turn: Array, bias_time: Array, force: Array, grown: Array, known: Array, q_first: Array,
 ) -> None:  # fmt: skip
     """What every sensor of every chain turned by: by its own rates where it has them, else by its fusion's orientations, which bridge what is missing.
@@ -295,7 +305,7 @@ def _of_chains(
     timed, more = np.zeros(q_GB.shape[0]), np.empty(q_GB.shape[0])
     for s in range(q_GB.shape[0]):
         present = math.isfinite(q_GB[s, 0])
-        more[s] = max(doubt[s] - doubt_before[s], 0.0)
+        more[s] = max(rotation_variance[s] - variance_before[s], 0.0)
         if math.isfinite(rate[s, 0] + rate[s, 1] + rate[s, 2]):
             timed[s] = dt
             for a in range(3):
@@ -338,7 +348,7 @@ def _of_chains(
 
 
 @rowwise("(m),(m,w,v),(m,w,v),(w),(),(),(),(),(),(s,v),(s,v)->(s,v),(s,v)")
-def _placed(
+def _place_readings(
     known_t: Array, gyr: Array, acc: Array, segments: Array, period: float, instant: float, fused: float, t: float, dt: float,
     rate_before: Array, acc_before: Array, rate: Array, force: Array,
 ) -> None:  # fmt: skip
@@ -368,13 +378,13 @@ def _placed(
             rate[s, 0], rate[s, 1], rate[s, 2] = own[0], own[1], own[2]
 
 
-def _pruned(waiting: Waiting, t: float) -> Waiting:
+def _prune(waiting: Waiting, t: float) -> Waiting:
     """Forget what lies before the last sample not after t."""
     first = max(int(waiting.t.searchsorted(t, side="right")) - 1, 0)
-    kept = (
+    pruned = (
         waiting.t[first:],
         waiting.gyr[first:],
         waiting.acc[first:],
         None if waiting.mag is None else waiting.mag[first:],
     )
-    return Waiting(waiting.stream, waiting.worn, waiting.period, *kept)
+    return Waiting(waiting.stream, waiting.worn, waiting.period, *pruned)

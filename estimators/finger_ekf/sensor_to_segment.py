@@ -21,12 +21,18 @@ from handscope.estimators.numerics.kernels import right_jacobian_row
 from handscope.estimators.numerics.small_matrices import block, product
 from handscope.estimators.numerics.typing import Array, Bools
 
-ANGLES, BIASES, SEATS, SKIN, APART = slice(0, 9), slice(9, 21), slice(21, 33), slice(33, 42), 42
+ANGLES, BIASES, SENSOR_TO_SEGMENT, SOFT_TISSUE, FIELD_DIFFERENCE = (
+    slice(0, 9),
+    slice(9, 21),
+    slice(21, 33),
+    slice(33, 42),
+    42,
+)
 SIZE = 43  # the last: by what the field at the tip differs from the hand's (estimators/finger_ekf/magnetic_heading.py); nothing where it is not asked for
 
 
 @dataclass(frozen=True, kw_only=True)
-class SeatParams:
+class SensorToSegmentParams:
     misalignment: float = option(
         4.5,
         "deg",
@@ -58,14 +64,16 @@ class SeatParams:
 
 
 @dataclass(frozen=True)
-class Seats:
+class SensorToSegmentPrior:
     """What is known of how the sensors of F chains sit before they move."""
 
     covariance: Array  # (F, 12, 12) rad^2, of the four sensors' turns against their segments, about the segments' axes
     aligned: Bools  # (F, 4) the pose has turned its frame until gravity agrees, so it is tilted as the chain's first; else it is as it is
 
 
-def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: Bools, seats: Seats) -> Array:
+def covariance_after_pose(
+    params: SensorToSegmentParams, q_pc: Array, acc: Array, free: Bools, prior: SensorToSegmentPrior
+) -> Array:
     """Covariance (F, 43, 43) of the error states of joints and seats once the pose has told q_pc (F, 3, 4); acc (F, 4, 3) points up in it.
 
     The pose knows the true joints but for what the person misses, and gravity in every sensor; it never sees turns about the vertical. The
@@ -73,15 +81,15 @@ def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: Bools, seats: 
     """
     chains = len(q_pc)
     L = np.zeros((chains, SIZE, 42))
-    missed, seen = np.radians(params.pose_sd), np.radians(params.angle_sd)
-    skin = (
+    pose_error, gravity_error = np.radians(params.pose_sd), np.radians(params.angle_sd)
+    gain_sd = (
         np.radians(params.skin) / (np.pi / 2) / np.sqrt(3) * np.array([np.sqrt(2), 1.0, 1.0])
     )  # of the first joint that of both sensors
-    L[:, 21:33, 0:12] = _root(seats.covariance)
-    L[:, range(33, 42), range(33, 42)] = np.repeat(skin, 3)
+    L[:, 21:33, 0:12] = _root(prior.covariance)
+    L[:, range(33, 42), range(33, 42)] = np.repeat(gain_sd, 3)
     R_cp = quat.matrix(quat.conjugate(q_pc))
     angles = joint_angles.decompose(q_pc)
-    by_skin = angles[..., FLEXION, None, None] * L[:, 33:42].reshape(
+    soft_tissue_turn = angles[..., FLEXION, None, None] * L[:, 33:42].reshape(
         chains, 3, 3, 42
     )  # what turns the sensors already
     for j in range(3):
@@ -90,41 +98,43 @@ def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: Bools, seats: 
         level, place, gravity = np.eye(3) - about, slice(24 + 3 * j, 27 + 3 * j), 12 + 3 * j
         pose, tilt = np.zeros((chains, 3, 42)), np.zeros((chains, 3, 42))
         pose[:, :, 24 + 3 * j : 27 + 3 * j] = (
-            missed * free[:, j, None] * joint_angles.axes(angles[:, j])
+            pose_error * free[:, j, None] * joint_angles.axes(angles[:, j])
         )
         tilt[:, :, gravity : gravity + 3], tilt[:, :, gravity + 3 : gravity + 6] = (
-            -seen * level @ R_cp[:, j],
-            seen * level,
+            -gravity_error * level @ R_cp[:, j],
+            gravity_error * level,
         )
-        parent = L[:, 21 + 3 * j : 24 + 3 * j] - (by_skin[:, j - 1] if j else 0.0)
+        parent = L[:, 21 + 3 * j : 24 + 3 * j] - (soft_tissue_turn[:, j - 1] if j else 0.0)
         asked = (
-            pose + R_cp[:, j] @ parent + by_skin[:, j]
+            pose + R_cp[:, j] @ parent + soft_tissue_turn[:, j]
         )  # dth + m_c: the joint is as asked but for what is missed
-        seat = np.where(
-            seats.aligned[:, j + 1, None, None],
+        q_SB_rows = np.where(
+            prior.aligned[:, j + 1, None, None],
             about @ L[:, place] + level @ (asked - tilt),
             L[:, place],
         )
-        L[:, place] = seat
-        L[:, 3 * j : 3 * j + 3] = tilt + about @ (asked - seat)
+        L[:, place] = q_SB_rows
+        L[:, 3 * j : 3 * j + 3] = tilt + about @ (asked - q_SB_rows)
     return np.asarray(L @ L.transpose(0, 2, 1))
 
 
 @inlined
-def carried_row(q_pc: Array, turned: Array, q_new: Array) -> None:
+def propagate_joints_row(q_pc: Array, delta_q: Array, q_new: Array) -> None:
     """Joint rotations (3, 4) after the four sensors have turned by (4, 4): exp(-w_p dt) q exp(w_c dt). (2.3) with (2.17), exact"""
     back, half = np.empty(4), np.empty(4)
     for j in range(3):
-        quat.conjugate_row(turned[j], back)
+        quat.conjugate_row(delta_q[j], back)
         quat.multiply_row(back, q_pc[j], half)
-        quat.multiply_row(half, turned[j + 1], back)
+        quat.multiply_row(half, delta_q[j + 1], back)
         quat.normalize_row(back, q_new[j])
 
 
 @inlined
-def bent_row(q_pc: Array, seat: Array, skin: Array, q: Array, q_SB: Array, flexion: Array) -> None:
+def joint_rotation_row(
+    q_pc: Array, q_SB: Array, soft_tissue_gain: Array, q: Array, q_SB_bent: Array, flexion: Array
+) -> None:
     """True joints (3, 4), seats of their children as the skin has turned them (3, 4), flexions (3,) that count for the skin."""
-    inverse, half, bent, by_skin, before, turn = (
+    inverse, half, bent, soft_tissue_turn, before, turn = (
         np.empty(4),
         np.empty(4),
         np.empty(4),
@@ -133,83 +143,92 @@ def bent_row(q_pc: Array, seat: Array, skin: Array, q: Array, q_SB: Array, flexi
         np.empty(3),
     )
     for j in range(3):
-        quat.conjugate_row(seat[j], inverse)
+        quat.conjugate_row(q_SB[j], inverse)
         quat.multiply_row(inverse, q_pc[j], half)
-        quat.multiply_row(half, seat[j + 1], bent)  # were it not for the skin
+        quat.multiply_row(half, q_SB[j + 1], bent)  # were it not for the skin
         w, x, y, z = bent[0], bent[1], bent[2], bent[3]
         flexion[j] = math.atan2(
             2 * (w * z - x * y), w * w - x * x + y * y - z * z
         )  # as joint_angles.decompose
         for a in range(3):
-            turn[a] = -flexion[j] * skin[j, a]
-        quat.exp_row(turn, half, by_skin)
-        quat.multiply_row(seat[j + 1], by_skin, q_SB[j])
-        quat.multiply_row(bent, by_skin, half)
+            turn[a] = -flexion[j] * soft_tissue_gain[j, a]
+        quat.exp_row(turn, half, soft_tissue_turn)
+        quat.multiply_row(q_SB[j + 1], soft_tissue_turn, q_SB_bent[j])
+        quat.multiply_row(bent, soft_tissue_turn, half)
         quat.multiply_row(before, half, q[j])
         if j == 0:
             for a in range(4):
                 q[j, a] = half[a]
-        quat.conjugate_row(by_skin, before)
+        quat.conjugate_row(soft_tissue_turn, before)
 
 
 @inlined
-def seated_row(q_pc: Array, seat: Array, skin: Array, q: Array, A: Array) -> None:
+def joint_jacobian_row(
+    q_pc: Array, q_SB: Array, soft_tissue_gain: Array, q: Array, A: Array
+) -> None:
     """True joints q (3, 4) of rotations (3, 4) between sensors, and A (9, 43): how their errors d, q_true = q exp(d), follow from the chain's error
     states; flexion counts as known where it turns the skin."""
-    q_SB, flexion, inverse, turn = np.empty((3, 4)), np.empty(3), np.empty(4), np.empty(3)
+    q_SB_bent, flexion, inverse, turn = np.empty((3, 4)), np.empty(3), np.empty(4), np.empty(3)
     R_cs, R_cp, by_parent = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    of_seat, of_skin = np.empty((3, 3, 3)), np.empty((3, 3, 3))
-    bent_row(q_pc, seat, skin, q, q_SB, flexion)
+    of_q_SB, of_gain = np.empty((3, 3, 3)), np.empty((3, 3, 3))
+    joint_rotation_row(q_pc, q_SB, soft_tissue_gain, q, q_SB_bent, flexion)
     for j in range(3):
         for a in range(3):
-            turn[a] = flexion[j] * skin[j, a]
+            turn[a] = flexion[j] * soft_tissue_gain[j, a]
         quat.exp_row(turn, inverse, inverse)
-        quat.matrix_row(inverse, turn, of_seat[j])
+        quat.matrix_row(inverse, turn, of_q_SB[j])
         for a in range(3):
             turn[a] = -turn[a]
-        right_jacobian_row(turn, of_skin[j])
-        quat.conjugate_row(q_SB[j], inverse)
+        right_jacobian_row(turn, of_gain[j])
+        quat.conjugate_row(q_SB_bent[j], inverse)
         quat.matrix_row(inverse, turn, R_cs)  # sensor to its segment
         quat.conjugate_row(q[j], inverse)
         quat.matrix_row(inverse, turn, R_cp)
         block(1.0, R_cs, 3 * j, 3 * j, A)
-        block(1.0, of_seat[j], 3 * j, 24 + 3 * j, A)
-        block(-flexion[j], of_skin[j], 3 * j, 33 + 3 * j, A)
+        block(1.0, of_q_SB[j], 3 * j, 24 + 3 * j, A)
+        block(-flexion[j], of_gain[j], 3 * j, 33 + 3 * j, A)
         if j == 0:
             block(-1.0, R_cp, 0, 21, A)
         else:
-            product(R_cp, of_seat[j - 1], by_parent)
+            product(R_cp, of_q_SB[j - 1], by_parent)
             block(-1.0, by_parent, 3 * j, 21 + 3 * j, A)
-            product(R_cp, of_skin[j - 1], by_parent)
+            product(R_cp, of_gain[j - 1], by_parent)
             block(flexion[j - 1], by_parent, 3 * j, 30 + 3 * j, A)
 
 
 @inlined
-def joints_row(q_pc: Array, seat: Array, skin: Array, turned: Array, q: Array) -> None:
+def true_joints_row(
+    q_pc: Array, q_SB: Array, soft_tissue_gain: Array, delta_q: Array, q: Array
+) -> None:
     """True joint rotations (3, 4) after the sensors have turned by (4, 4)."""
-    q_now, q_SB, flexion = np.empty((3, 4)), np.empty((3, 4)), np.empty(3)
-    carried_row(q_pc, turned, q_now)
-    bent_row(q_now, seat, skin, q, q_SB, flexion)
+    q_now, q_SB_bent, flexion = np.empty((3, 4)), np.empty((3, 4)), np.empty(3)
+    propagate_joints_row(q_pc, delta_q, q_now)
+    joint_rotation_row(q_now, q_SB, soft_tissue_gain, q, q_SB_bent, flexion)
 
 
 @inlined
-def put_right(
-    q_pc: Array, bias: Array, seat: Array, skin: Array, apart: Array, change: Array
+def inject_error(
+    q_pc: Array,
+    bias: Array,
+    q_SB: Array,
+    soft_tissue_gain: Array,
+    field_difference: Array,
+    dx: Array,
 ) -> None:
     """The errors found are put into the rotations, whose covariance changes by that only in the second order."""
-    d, by, turned = np.empty(3), np.empty(4), np.empty(4)
+    d, q_dx, q_new = np.empty(3), np.empty(4), np.empty(4)
     for i in range(7):
-        q, first = (q_pc[i], 3 * i) if i < 3 else (seat[i - 3], 12 + 3 * i)
+        q, first = (q_pc[i], 3 * i) if i < 3 else (q_SB[i - 3], 12 + 3 * i)
         for a in range(3):
-            d[a] = change[first + a]
-        quat.exp_row(d, by, by)
-        quat.multiply_row(q, by, turned)
-        quat.normalize_row(turned, q)
+            d[a] = dx[first + a]
+        quat.exp_row(d, q_dx, q_dx)
+        quat.multiply_row(q, q_dx, q_new)
+        quat.normalize_row(q_new, q)
     for i in range(12):
-        bias[i // 3, i % 3] += change[9 + i]
+        bias[i // 3, i % 3] += dx[9 + i]
     for i in range(9):
-        skin[i // 3, i % 3] += change[33 + i]
-    apart[0] += change[APART]
+        soft_tissue_gain[i // 3, i % 3] += dx[33 + i]
+    field_difference[0] += dx[FIELD_DIFFERENCE]
 
 
 def _root(covariance: Array) -> Array:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from handscope.estimators.finger_ekf.measurements import CREEPING, REST_RATE
-from handscope.estimators.finger_ekf.sensor_to_segment import SIZE, put_right
+from handscope.estimators.finger_ekf.sensor_to_segment import SIZE, inject_error
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kalman import correct
@@ -24,75 +24,92 @@ UNLIKELY = 9.0  # times its variance, squared: a rate so far from the bias is le
 
 
 @inlined
-def rested_row(
-    p: Array, turned: Array, bias_time: Array, span: float, rates: Array,
-    q: Array, bias: Array, seat: Array, skin: Array, apart: Array, P: Array, rest: Array, crept: Array, rested: Array, creep: Array,
+def zero_rate_update_row(
+    p: Array, delta_q: Array, bias_time: Array, span: float, rates: Array,
+    q: Array, bias: Array, q_SB: Array, soft_tissue_gain: Array, field_difference: Array, P: Array, rest_time: Array, rest_rotation: Array, previous_rest_rate: Array, rest_rate_scatter: Array,
 ) -> None:  # fmt: skip
     """A mean rate over every REST seconds is a measurement of the bias; what is between those of one rest and the next its noise.
 
-    `crept` (4, 3) rad in `rest` (4,) s with the bias in it; `rested` (4, 3) rad/s at the rest before, NaN without; `creep` (2,): half the sum of
+    `rest_rotation` (4, 3) rad in `rest_time` (4,) s with the bias in it; `previous_rest_rate` (4, 3) rad/s at the rest before, NaN without; `rest_rate_scatter` (2,): half the sum of
     squared differences, their number.
     """
     due, some, turn = np.zeros(4), False, np.empty(3)
     for s in range(4):
         still = bias_time[s] > 0 and rates[s] < p[REST_RATE]
-        quat.log_row(turned[s], turn, turn)
-        rest[s] = rest[s] + span if still else 0.0
+        quat.log_row(delta_q[s], turn, turn)
+        rest_time[s] = rest_time[s] + span if still else 0.0
         for a in range(3):
-            crept[s, a] = crept[s, a] + turn[a] + bias[s, a] * bias_time[s] if still else 0.0
-        if rest[s] >= REST - 1e-9:
+            rest_rotation[s, a] = (
+                rest_rotation[s, a] + turn[a] + bias[s, a] * bias_time[s] if still else 0.0
+            )
+        if rest_time[s] >= REST - 1e-9:
             due[s], some = 1.0, True
     if some:
-        missed, H, noise, change = (
+        innovation, H, noise, dx = (
             np.zeros(12),
             np.zeros((12, SIZE)),
             np.zeros((12, 12)),
             np.empty(SIZE),
         )
-        learnt_row(crept, rest, due, rested, creep)
-        resting_row(p, crept, rest, due, bias, P, creep, missed, H, noise)
-        correct(P, missed, H, noise, change)
-        put_right(q, bias, seat, skin, apart, change)
+        update_rest_scatter_row(
+            rest_rotation, rest_time, due, previous_rest_rate, rest_rate_scatter
+        )
+        zero_rate_rows(
+            p, rest_rotation, rest_time, due, bias, P, rest_rate_scatter, innovation, H, noise
+        )
+        correct(P, innovation, H, noise, dx)
+        inject_error(q, bias, q_SB, soft_tissue_gain, field_difference, dx)
         for s in range(4):
             if due[s] > 0:
-                rest[s] = 0.0
+                rest_time[s] = 0.0
                 for a in range(3):
-                    crept[s, a] = 0.0
+                    rest_rotation[s, a] = 0.0
 
 
 @inlined
-def learnt_row(crept: Array, rest: Array, due: Array, rested: Array, creep: Array) -> None:
+def update_rest_scatter_row(
+    rest_rotation: Array,
+    rest_time: Array,
+    due: Array,
+    previous_rest_rate: Array,
+    rest_rate_scatter: Array,
+) -> None:
     """How much the rates of rests differ from those before; of the sensors that are `due` (4,)."""
     for s in range(4):
         for a in range(3 if due[s] > 0 else 0):
-            rate = crept[s, a] / rest[s]
-            if math.isfinite(rested[s, a]):
-                creep[0] += 0.5 * (rate - rested[s, a]) ** 2
-                creep[1] += 1.0
-            rested[s, a] = rate
+            rate = rest_rotation[s, a] / rest_time[s]
+            if math.isfinite(previous_rest_rate[s, a]):
+                rest_rate_scatter[0] += 0.5 * (rate - previous_rest_rate[s, a]) ** 2
+                rest_rate_scatter[1] += 1.0
+            previous_rest_rate[s, a] = rate
 
 
 @inlined
-def resting_row(
+def zero_rate_rows(
     p: Array,
-    crept: Array,
-    rest: Array,
+    rest_rotation: Array,
+    rest_time: Array,
     due: Array,
     bias: Array,
     P: Array,
-    creep: Array,
-    missed: Array,
+    rest_rate_scatter: Array,
+    innovation: Array,
     H: Array,
     noise: Array,
 ) -> None:
-    """Three rows a sensor: what it seemed to turn by, (4, 3) rad in `rest` (4,) s, was its bias; of those that are `due`."""
-    variance = (ASSUMED * p[CREEPING] ** 2 + creep[0]) / (ASSUMED + creep[1])
+    """Three rows a sensor: what it seemed to turn by, (4, 3) rad in `rest_time` (4,) s, was its bias; of those that are `due`."""
+    variance = (ASSUMED * p[CREEPING] ** 2 + rest_rate_scatter[0]) / (
+        ASSUMED + rest_rate_scatter[1]
+    )
     for s in range(4):
         for a in range(3):
             row = 3 * s + a
             noise[row, row] = variance
             if due[s] > 0:
-                missed[row], H[row, 9 + row] = crept[s, a] / rest[s] - bias[s, a], 1.0
+                innovation[row], H[row, 9 + row] = (
+                    rest_rotation[s, a] / rest_time[s] - bias[s, a],
+                    1.0,
+                )
                 known = P[9 + row, 9 + row]
-                if missed[row] ** 2 > UNLIKELY * (variance + known):
-                    noise[row, row] = missed[row] ** 2 - known
+                if innovation[row] ** 2 > UNLIKELY * (variance + known):
+                    noise[row, row] = innovation[row] ** 2 - known

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.options import option
-from handscope.estimators.data.samples import ACC, FORCE, GYR, TORQUE, Block, beyond
+from handscope.estimators.data.samples import ACC, FORCE, GYR, TORQUE, Block, exceeds
 from handscope.estimators.data.trajectory import FORCE_WORDS, ForceFlag, Trajectory
 from handscope.estimators.force import (
     accelerometer_error,
@@ -165,7 +165,7 @@ def attached(
         moved,
         forces=spread.over_fingers(in_global),
         forces_sd=spread.over_fingers(total),
-        forces_alike_sd=spread.over_fingers(alike),
+        forces_common_sd=spread.over_fingers(alike),
         force_flags=spread.over_fingers(flags, 0),
         force_scale_sd=spread.over_fingers(np.tile(scale, (len(moved), 1)))
         if any(s.calibrated for s in sensors)
@@ -360,7 +360,7 @@ def _read(params: ForceParams, block: Block, at: Array) -> _Read:
 def _levelled(params: ForceParams, block: Block) -> tuple[Array, Bools, Array, Zero]:
     """One sensor's readings (n, 1, 3) without those at a limit and those told before, which are at a limit (n,), the noise of one, and what is read of nothing."""
     raw = block.of(FORCE)
-    limited = block.at_limit(FORCE)[:, 0] | stuck(raw[:, 0]) | beyond(raw[:, 0], IMPOSSIBLE)
+    limited = block.at_limit(FORCE)[:, 0] | stuck(raw[:, 0]) | exceeds(raw[:, 0], IMPOSSIBLE)
     values = np.where(limited[:, None, None], np.nan, raw)
     noise = interpolation.noise_of(block.t, values)
     nothing = zero.found(params, block.t, values, noise)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.data.samples import TORQUE, Block, beyond
+from handscope.estimators.data.samples import TORQUE, Block, exceeds
 from handscope.estimators.force import interpolation, zero
 from handscope.estimators.numerics.typing import Array, Bools
 
@@ -45,7 +45,7 @@ def read(
     `limited` (samples,) are at the end of a range, known or not, and tell nothing; `drift` is that of the zero, Nm a root of a second; `free` tells for instants `t` of its forces whether it touched nothing.
     """
     raw = block.of(TORQUE)[:, 0]
-    values = np.where((limited | beyond(raw, IMPOSSIBLE))[:, None], np.nan, raw)
+    values = np.where((limited | exceeds(raw, IMPOSSIBLE))[:, None], np.nan, raw)
     if np.isfinite(values).all(axis=1).sum() < LEAST:
         return None
     noise = max(LEVER * float(interpolation.noise_of(block.t, values[:, None] / LEVER)[0]), 1e-6)
@@ -76,4 +76,4 @@ def twist(forces: Array, torques: Array, torques_sd: Array, normal: Array) -> tu
 
 def impossible(block: Block) -> bool:
     """Whether any torque of a block with one sensor is more than a fingertip exerts."""
-    return bool(beyond(block.of(TORQUE)[:, 0], IMPOSSIBLE).any())
+    return bool(exceeds(block.of(TORQUE)[:, 0], IMPOSSIBLE).any())

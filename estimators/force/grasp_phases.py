@@ -148,7 +148,7 @@ def untold_share(h: Holding, used: Bools) -> float:
 def _holding(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | None) -> Holding:
     rows = [FINGERS.index(f) for f in fingers]
     assert (
-        part.forces is not None and part.forces_sd is not None and part.forces_alike_sd is not None
+        part.forces is not None and part.forces_sd is not None and part.forces_common_sd is not None
     )
     assert part.force_flags is not None and part.lifting is not None
     axis, distance = _between(part, _pads(part, fingers, geometry), part.forces[:, rows], fingers)
@@ -157,7 +157,7 @@ def _holding(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | 
         tuple(fingers),
         part.forces[:, rows],
         part.forces_sd[:, rows],
-        part.forces_alike_sd[:, rows],
+        part.forces_common_sd[:, rows],
         part.lifting,
         axis,
         distance,

@@ -55,7 +55,7 @@ def segments_on(q_GH: Array, q_pc: Array) -> Array:
     q[..., SEGMENT["forearm"], :] = quat.multiply(
         q_GH, quat.conjugate(q_pc[..., JOINT["wrist"], :])
     )
-    q[..., CHAIN_SEGMENTS, :] = _chained(q_GH[..., None, :], q_pc[..., CHAIN_JOINTS, :])
+    q[..., CHAIN_SEGMENTS, :] = _chain(q_GH[..., None, :], q_pc[..., CHAIN_JOINTS, :])
     return q
 
 
@@ -72,10 +72,10 @@ def _places(q_wrist: Array, q_pc: Array, root: Array, offsets: Array, places: Ar
 
 
 @rowwise("(q),(j,q)->(j,q)")
-def _chained(q_GH: Array, q_pc: Array, q: Array) -> None:
+def _chain(q_GH: Array, q_pc: Array, q: Array) -> None:
     quat.multiply_row(q_GH, q_pc[0], q[0])
     for j in range(1, q_pc.shape[0]):
         quat.multiply_row(q[j - 1], q_pc[j], q[j])
 
 
-chained_row, places_row = _chained.row, _places.row  # as other kernels call them
+chain_row, places_row = _chain.row, _places.row  # as other kernels call them

@@ -92,7 +92,7 @@ class HandMeasures:
         None  # which of all these were measured where others were derived before; None: all of them
     )
 
-    def told(self) -> frozenset[str]:
+    def measured_names(self) -> frozenset[str]:
         """What was measured: names of the hand's lengths, fingers whose total is known, segments, joints."""
         if self.measured is not None:
             return self.measured
@@ -172,11 +172,11 @@ def sized(hand: Hand, measures: HandMeasures | None = None) -> HandGeometry:
         _joint_positions(hand, m, lengths["hand"], breadth),
         tissue,
         lengths["hand"],
-        m.told(),
+        m.measured_names(),
     )
 
 
-def with_found(
+def with_lengths(
     geometry: HandGeometry, limb: str, found: Mapping[str, float], off: float = 0.0
 ) -> HandGeometry:
     """The hand with lengths (m) of a finger, or of the forearm, that movement told; the others of it are off by a share.

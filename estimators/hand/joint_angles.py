@@ -53,12 +53,12 @@ def of_segments(q_GS: Array) -> Array:
     return decompose(quat.relative(q_GS[..., PARENTS, :], q_GS[..., CHILDREN, :]))
 
 
-def constrained(angles: Array) -> Array:
+def constrain(angles: Array) -> Array:
     """Zero the angles that are no freedom of their joint and clip the others to the permitted range. Source: Salchow-Hoemmen 2019, 2.4.3."""
-    return _constrained(angles, _FREE, LIMITS)
+    return _constrain(angles, _FREE, LIMITS)
 
 
-def only_freedoms(angles: Array) -> Array:
+def mask_non_freedoms(angles: Array) -> Array:
     """NaN where a joint has no such freedom: what a Trajectory keeps."""
     return np.where(IS_DOF, angles, np.nan)
 
@@ -91,7 +91,7 @@ def _compose(angles: Array, row: Array, q: Array) -> None:
 
 
 @rowwise("(a),(a),(a,b)->(a)")
-def _constrained(angles: Array, free: Array, limits: Array, allowed: Array) -> None:
+def _constrain(angles: Array, free: Array, limits: Array, allowed: Array) -> None:
     for a in range(3):
         if free[a] == 0:
             allowed[a] = angles[a] * 0.0  # NaN stays NaN
@@ -101,8 +101,8 @@ def _constrained(angles: Array, free: Array, limits: Array, allowed: Array) -> N
             allowed[a] = limits[a, 1] if angles[a] > limits[a, 1] else angles[a]
 
 
-decompose_row, compose_row, constrained_row = (
+decompose_row, compose_row, constrain_row = (
     _decompose.row,
     _compose.row,
-    _constrained.row,
+    _constrain.row,
 )  # as other kernels call them

@@ -15,7 +15,7 @@ from handscope.estimators.hand.anatomy import CHILDREN, IS_DOF, JOINT, LIMITS, P
 from handscope.estimators.hand.forward_kinematics import (
     CHAIN_JOINTS,
     CHAIN_SEGMENTS,
-    chained_row,
+    chain_row,
     places_row,
 )
 from handscope.estimators.hand.geometry import HandGeometry
@@ -39,37 +39,37 @@ class Pose:
     tips: Array  # (n, 5, 3) m, in WCS
 
 
-def between(q_GB: Array) -> Array:
+def joint_rotations(q_GB: Array) -> Array:
     """Rotations of the joints (n, joints, 4) between orientations of segments (n, segments, 4)."""
-    return _between(_PARENTS, _CHILDREN, q_GB)
+    return _joint_rotations(_PARENTS, _CHILDREN, q_GB)
 
 
-def posed(q_pc: Array, q_GB: Array, geometry: HandGeometry, constraints: bool) -> Pose:
+def pose_hand(q_pc: Array, q_GB: Array, geometry: HandGeometry, constraints: bool) -> Pose:
     """The hand of joint rotations (n, joints, 4), oriented as told q_GB (n, segments, 4); `constraints`: what joints cannot do is taken away."""
     anatomy = _FREE, LIMITS, _CHAIN_JOINTS, _CHAIN_SEGMENTS
     return Pose(
-        *_posed(
+        *_pose_hand(
             float(constraints), *anatomy, geometry.roots(), geometry.chain_offsets(), q_pc, q_GB
         )
     )
 
 
 @rowwise("(j),(j),(s,q)->(j,q)")
-def _between(parents: Array, children: Array, q_GB: Array, q_pc: Array) -> None:
+def _joint_rotations(parents: Array, children: Array, q_GB: Array, q_pc: Array) -> None:
     for j in range(parents.shape[0]):
         quat.relative_row(q_GB[int(parents[j])], q_GB[int(children[j])], q_pc[j])  # (19)
 
 
 @inlined
-def _where_known(q: Array, to: Array) -> None:
+def _copy_known(q: Array, to: Array) -> None:
     for a in range(4):
         if not math.isnan(q[a]):
             to[a] = q[a]
 
 
 @rowwise("(),(j,a),(j,a,b),(f,k),(f,k),(f,v),(f,k,v),(j,q),(s,q)->(j,a),(j,a),(j,q),(s,q),(f,v)")
-def _posed(
-    constraints: float, free: Array, limits: Array, joints: Array, segments: Array, roots: Array, offsets: Array, q_told: Array, q_GB: Array,
+def _pose_hand(
+    constraints: float, free: Array, limits: Array, joints: Array, segments: Array, roots: Array, offsets: Array, q_measured: Array, q_GB: Array,
     angles: Array, freedoms: Array, q_pc: Array, q_GS: Array, tips: Array,
 ) -> None:  # fmt: skip
     q_wrist, inverse, q_finger, chained, places = (
@@ -79,10 +79,10 @@ def _posed(
         np.empty((3, 4)),
         np.empty((3, 3)),
     )
-    for j in range(q_told.shape[0]):
-        joint_angles.decompose_row(q_told[j], angles[j], angles[j])
+    for j in range(q_measured.shape[0]):
+        joint_angles.decompose_row(q_measured[j], angles[j], angles[j])
         if constraints > 0:
-            joint_angles.constrained_row(angles[j], free[j], limits[j], angles[j])
+            joint_angles.constrain_row(angles[j], free[j], limits[j], angles[j])
         joint_angles.compose_row(angles[j], q_pc[j], q_pc[j])
         for a in range(3):
             freedoms[j, a] = angles[j, a] if free[j, a] > 0 else math.nan
@@ -91,14 +91,14 @@ def _posed(
         q_wrist[a] = q_pc[_WRIST, a] if math.isfinite(q_pc[_WRIST, 0]) else (1.0 if a == 0 else 0.0)
     quat.conjugate_row(q_pc[_WRIST], inverse)
     quat.multiply_row(q_GB[_HAND], inverse, chained[0])
-    _where_known(chained[0], q_GS[_FOREARM])
+    _copy_known(chained[0], q_GS[_FOREARM])
     for f in range(joints.shape[0]):
         for k in range(joints.shape[1]):
             for a in range(4):
                 q_finger[k, a] = q_pc[int(joints[f, k]), a]
-        chained_row(q_GB[_HAND], q_finger, chained)
+        chain_row(q_GB[_HAND], q_finger, chained)
         places_row(q_wrist, q_finger, roots[f], offsets[f], places)
         for k in range(joints.shape[1]):
-            _where_known(chained[k], q_GS[int(segments[f, k])])
+            _copy_known(chained[k], q_GS[int(segments[f, k])])
         for a in range(3):
             tips[f, a] = places[joints.shape[1] - 1, a]

@@ -23,14 +23,14 @@ from handscope.estimators.finger_ekf import output_covariance, sample_alignment
 from handscope.estimators.finger_ekf.filter import FilterParams
 from handscope.estimators.finger_ekf.output_covariance import JOINTS_OF
 from handscope.estimators.finger_ekf.sample_alignment import SENSORS
-from handscope.estimators.finger_ekf.sensor_to_segment import Seats
+from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentPrior
 from handscope.estimators.hand import joint_angles, length_covariance
 from handscope.estimators.hand import pose as hand_pose
 from handscope.estimators.hand.anatomy import FINGERS, JOINTS, SEGMENT, SEGMENTS
 from handscope.estimators.hand.forward_kinematics import CHAIN_SEGMENTS
 from handscope.estimators.hand.pose import Pose
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.jit import rowwise, told_by_row
+from handscope.estimators.numerics.jit import rowwise, rowwise_bool
 from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation import fusion as orientation_fusion
 from handscope.estimators.orientation import resampling
@@ -64,7 +64,7 @@ class Params(FilterParams, orientation_fusion.FusionParams, functional_movements
 
 
 @dataclass(frozen=True)
-class Sure:
+class OutputUncertainty:
     """What holds from one covariance to the next."""
 
     angles_sd: Array  # (joints, 3) rad
@@ -82,7 +82,7 @@ class State:
     rows: resampling.State
     raw: sample_alignment.State  # samples that wait for their rows
     chains: finger_ekf_filter.State
-    sure: Sure
+    uncertainty: OutputUncertainty
     of_lengths: Array  # (5, 6, 6) how the lengths err: length_errors.py
     magnetic: magnetometer_resampling.State | None = None  # None: magnetometers are not asked for
 
@@ -94,17 +94,20 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
         q_SB[SEGMENT[name]] = quat.conjugate(q_BS)
     inertial = [s for s in streams if s.inertial]
     sensors = {
-        s.name: _fused(calibration, _inertial(s) if params.magnetometers else s) for s in inertial
+        s.name: _start_fusion(calibration, _inertial(s) if params.magnetometers else s)
+        for s in inertial
     }
-    magnetic, apart_sd = (
+    magnetic, field_difference_sd = (
         (magnetometer_resampling.start(streams), math.sqrt(2) * params.mag_error)
         if params.magnetometers
         else (None, 0.0)
     )
     chains = finger_ekf_filter.start(
-        _bias_sd(params, calibration)[SENSORS], _seats(params, calibration), apart_sd=apart_sd
+        _bias_sd(params, calibration)[SENSORS],
+        _sensor_to_segment_prior(params, calibration),
+        field_difference_sd=field_difference_sd,
     )
-    sure = Sure(
+    uncertainty = OutputUncertainty(
         np.full((len(JOINTS), 3), np.nan),
         np.full((len(FINGERS), 3), np.nan),
         np.zeros(len(SEGMENTS), bool),
@@ -116,7 +119,7 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
         resampling.start(inertial),
         sample_alignment.start(calibration, math.radians(params.gyr_noise)),
         chains,
-        sure,
+        uncertainty,
         length_covariance.covariance(calibration.geometry, params.length_sd),
         magnetic,
     )
@@ -128,28 +131,30 @@ def _bias_sd(params: Params, calibration: Calibration) -> Array:
     Quarters of a second tell how well their mean is known where each errs for itself; of a hand that sways more slowly the farthest of three one-second
     means does.
     """
-    told = [calibration.quality.get(s) for s in SEGMENTS]
+    qualities = [calibration.quality.get(s) for s in SEGMENTS]
     scatter = [
         max(q.rate_wander / 3.0, q.bias_sd or 0.0) if q else np.radians(params.pose_rate)
-        for q in told
+        for q in qualities
     ]
     return np.asarray(np.hypot(np.radians(params.bias_sd), scatter))
 
 
-def _seats(params: Params, calibration: Calibration) -> Seats:
+def _sensor_to_segment_prior(params: Params, calibration: Calibration) -> SensorToSegmentPrior:
     """How well it is known how each sensor sits: as the movements of a functional calibration told, else as sensors are put on."""
-    told = [SEGMENT[s] for s in calibration.q_BS_sd]
-    covariance = _askew(params, calibration) ** 2 * np.eye(3 * len(SEGMENTS))
-    places = (3 * np.array(told, int)[:, None] + np.arange(3)).ravel()
-    covariance[np.ix_(places, places)] = calibration.told_together()
+    calibrated = [SEGMENT[s] for s in calibration.q_BS_sd]
+    covariance = _misalignment_sd(params, calibration) ** 2 * np.eye(3 * len(SEGMENTS))
+    places = (3 * np.array(calibrated, int)[:, None] + np.arange(3)).ravel()
+    covariance[np.ix_(places, places)] = calibration.mounting_covariance()
     chains = (3 * SENSORS[..., None] + np.arange(3)).reshape(len(SENSORS), 12)
     aligned = np.array(
-        [params.alignment != "heading" and k not in told for k in range(len(SEGMENTS))]
+        [params.alignment != "heading" and k not in calibrated for k in range(len(SEGMENTS))]
     )
-    return Seats(covariance[chains[:, :, None], chains[:, None, :]], aligned[SENSORS])
+    return SensorToSegmentPrior(
+        covariance[chains[:, :, None], chains[:, None, :]], aligned[SENSORS]
+    )
 
 
-def _askew(params: Params, calibration: Calibration) -> float:
+def _misalignment_sd(params: Params, calibration: Calibration) -> float:
     """Standard deviation of a sensor's turn about each axis, rad: as the option says, or as those about the two level axes that the pose has seen."""
     seen = np.array([q.misalignment for q in calibration.quality.values()])
     return max(
@@ -158,7 +163,7 @@ def _askew(params: Params, calibration: Calibration) -> float:
     )
 
 
-def _fused(calibration: Calibration, stream: Stream) -> orientation_fusion.StreamState:
+def _start_fusion(calibration: Calibration, stream: Stream) -> orientation_fusion.StreamState:
     return orientation_fusion.start(
         stream,
         calibration.q_GS,
@@ -187,7 +192,7 @@ def release(params: Params, state: State, patience: float) -> tuple[State, Traje
 def finish(params: Params, state: State) -> tuple[State, Trajectory]:
     """Give out what was held back: nothing more will come."""
     state, pieces = _without_waiting(params, state, -np.inf)
-    sensors, rows, given = resampling.drained(params, state.sensors, state.rows)
+    sensors, rows, given = resampling.drain(params, state.sensors, state.rows)
     state, piece = _hand(params, replace(state, sensors=sensors, rows=rows), given)
     return state, join([*pieces, piece], state.calibration.hand)
 
@@ -216,10 +221,10 @@ def _fuse(params: Params, state: State, blocks: Sequence[Block]) -> tuple[State,
         if (
             fusion is None or fusion.stream != inertial.stream
         ):  # plugged in later, or with another rate or other sensors than before
-            fusion = _fused(state.calibration, inertial.stream)
+            fusion = _start_fusion(state.calibration, inertial.stream)
         fusion, oriented = orientation_fusion.step(params, fusion, inertial)
         rows, given = resampling.step(state.rows, inertial.stream, oriented)
-        raw = sample_alignment.taken(state.raw, block, state.calibration, state.q_SB)
+        raw = sample_alignment.buffer_block(state.raw, block, state.calibration, state.q_SB)
         sensors = {**state.sensors, block.stream.name: fusion}
         state, piece = _hand(params, replace(state, sensors=sensors, rows=rows, raw=raw), given)
         pieces.append(piece)
@@ -236,7 +241,7 @@ def _hand(params: Params, state: State, rows: resampling.Rows) -> tuple[State, T
     if not len(rows.t):
         return state, empty(state.calibration.hand)
     q_GB = quat.multiply(rows.q_GS, state.q_SB)
-    raw, samples = sample_alignment.aligned(
+    raw, samples = sample_alignment.align_samples(
         state.raw,
         rows,
         q_GB,
@@ -244,24 +249,26 @@ def _hand(params: Params, state: State, rows: resampling.Rows) -> tuple[State, T
         params.vertical == "fused",
         params.max_gap,
     )
-    chains, found = finger_ekf_filter.step(params, state.chains, samples)
-    q_pc = _by_joint(JOINTS_OF, found.q_joint, samples.known, np.zeros(len(JOINTS)))
-    pose = hand_pose.posed(q_pc, q_GB, state.calibration.geometry, params.constraints)
-    sure = _sure(params, state, found, pose)
-    newest = found.told.searchsorted(np.arange(len(rows.t)), side="right")
-    lost = sure.lost[newest] & ((rows.flags & LOST) != 0)
-    moved = Trajectory(
+    chains, estimate = finger_ekf_filter.step(params, state.chains, samples)
+    q_pc = _by_joint(JOINTS_OF, estimate.q_joint, samples.known, np.zeros(len(JOINTS)))
+    pose = hand_pose.pose_hand(q_pc, q_GB, state.calibration.geometry, params.constraints)
+    uncertainty = _output_uncertainty(params, state, estimate, pose)
+    newest = estimate.update_rows.searchsorted(np.arange(len(rows.t)), side="right")
+    lost = uncertainty.lost[newest] & ((rows.flags & LOST) != 0)
+    trajectory = Trajectory(
         state.calibration.hand,
         rows.t,
         pose.freedoms,
         pose.q_GS,
         pose.tips,
         (rows.flags & ~LOST) | LOST * lost,
-        np.where(np.isnan(pose.angles), np.nan, sure.angles_sd[newest]),
-        np.where(np.isnan(pose.tips), np.nan, sure.tips_sd[newest]),
+        np.where(np.isnan(pose.angles), np.nan, uncertainty.angles_sd[newest]),
+        np.where(np.isnan(pose.tips), np.nan, uncertainty.tips_sd[newest]),
     )
-    last = Sure(sure.angles_sd[-1], sure.tips_sd[-1], sure.lost[-1])
-    return replace(state, raw=raw, chains=chains, sure=last), moved
+    last = OutputUncertainty(
+        uncertainty.angles_sd[-1], uncertainty.tips_sd[-1], uncertainty.lost[-1]
+    )
+    return replace(state, raw=raw, chains=chains, uncertainty=last), trajectory
 
 
 @rowwise("(c,k),(c,k,q),(c,k),(j)->(j,q)")
@@ -276,17 +283,23 @@ def _by_joint(joints: Array, q_chains: Array, known: Array, row: Array, q_pc: Ar
                 q_pc[int(joints[c, k]), a] = q_chains[c, k, a]
 
 
-def _sure(params: Params, state: State, found: finger_ekf_filter.Estimate, pose: Pose) -> Sure:
+def _output_uncertainty(
+    params: Params, state: State, estimate: finger_ekf_filter.Estimate, pose: Pose
+) -> OutputUncertainty:
     """Standard deviations and lost headings from each covariance on, (u + 1, ...): the first as the step before left them."""
-    before = Sure(state.sure.angles_sd[None], state.sure.tips_sd[None], state.sure.lost[None])
-    if not len(found.told):
-        return before
-    angles, q_pc = pose.angles[found.told], pose.q_pc[found.told]
-    angles_sd, tips_sd, largest = output_covariance.of_hand(
-        angles, q_pc, found.P, state.calibration.geometry, state.of_lengths
+    before = OutputUncertainty(
+        state.uncertainty.angles_sd[None],
+        state.uncertainty.tips_sd[None],
+        state.uncertainty.lost[None],
     )
-    return Sure(
-        np.concatenate([before.angles_sd, joint_angles.only_freedoms(angles_sd)]),
+    if not len(estimate.update_rows):
+        return before
+    angles, q_pc = pose.angles[estimate.update_rows], pose.q_pc[estimate.update_rows]
+    angles_sd, tips_sd, largest = output_covariance.of_hand(
+        angles, q_pc, estimate.P, state.calibration.geometry, state.of_lengths
+    )
+    return OutputUncertainty(
+        np.concatenate([before.angles_sd, joint_angles.mask_non_freedoms(angles_sd)]),
         np.concatenate([before.tips_sd, tips_sd]),
         np.concatenate(
             [
@@ -302,7 +315,7 @@ def _sure(params: Params, state: State, found: finger_ekf_filter.Estimate, pose:
     )
 
 
-@told_by_row("(f,k),(c,k),(),(s)->(s)")
+@rowwise_bool("(f,k),(c,k),(),(s)->(s)")
 def _lost(segments: Array, largest: Array, most: float, row: Array, lost: Bools) -> None:
     """Which segments are not known against the hand, of the largest variances of the chains' joints: an unsure joint stands between them."""
     for f in range(segments.shape[0]):

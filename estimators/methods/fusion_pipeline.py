@@ -105,7 +105,7 @@ def finish(params: Params, state: State) -> tuple[State, Trajectory]:
         magnetic, blocks = magnetometer_resampling.release(state.magnetic, -np.inf)
         state, piece = _fuse(params, replace(state, magnetic=magnetic), blocks)
         pieces.append(piece)
-    sensors, rows, given = resampling.drained(params, state.sensors, state.rows)
+    sensors, rows, given = resampling.drain(params, state.sensors, state.rows)
     state, piece = _hand(params, replace(state, sensors=sensors, rows=rows), given)
     return state, join([*pieces, piece], state.calibration.hand)
 
@@ -143,14 +143,14 @@ def _hand(params: Params, state: State, rows: resampling.Rows) -> tuple[State, T
     q_GB, flags = quat.multiply(rows.q_GS, state.q_SB), rows.flags
     if state.headings is not None:
         headings, q_GB, lost = heading_constraints.step(
-            params, state.headings, rows.t, q_GB, rows.doubt, (rows.flags & UNSURE) == 0
+            params, state.headings, rows.t, q_GB, rows.rotation_variance, (rows.flags & UNSURE) == 0
         )
         state, flags = (
             replace(state, headings=headings),
             (flags & ~np.uint8(Flag.HEADING_LOST)) | np.uint8(Flag.HEADING_LOST) * lost,
         )
-    pose = hand_pose.posed(
-        hand_pose.between(q_GB), q_GB, state.calibration.geometry, params.constraints
+    pose = hand_pose.pose_hand(
+        hand_pose.joint_rotations(q_GB), q_GB, state.calibration.geometry, params.constraints
     )
     q_GS = pose.q_GS if params.constraints else q_GB
     q_GS[:, SEGMENT["forearm"]] = q_GB[:, SEGMENT["forearm"]]

@@ -34,7 +34,7 @@ from handscope.estimators.hand.anatomy import (
     SEGMENTS,
     side_sign,
 )
-from handscope.estimators.hand.geometry import HandGeometry, root_joint, with_found
+from handscope.estimators.hand.geometry import HandGeometry, root_joint, with_lengths
 from handscope.estimators.methods import fusion_pipeline, m2
 from handscope.estimators.numerics import parallel
 from handscope.estimators.numerics import quaternions as quat
@@ -127,7 +127,7 @@ def solve(
         raise InputError(
             "the recording has no inertial sensor on the hand; self-calibration needs it: use m2 with an initial pose"
         )
-    start, stop, said = _stretch(params, recording, blocks)
+    start, stop, messages = _stretch(params, recording, blocks)
     limbs: list[_Limb] = []
     problems: list[str] = []
     for name in (name for name, links in LIMBS.items() if links[0] in worn):
@@ -135,7 +135,7 @@ def solve(
             links, silent = sample_preparation.speaking(
                 blocks, chain([s for s in ("hand", *LIMBS[name]) if s in worn]), start, stop
             )
-            said += self_calibration_messages.silence(
+            messages += self_calibration_messages.silence(
                 name,
                 silent,
                 any(sample_preparation.clipped(blocks, s, start, stop) for s in silent[:1]),
@@ -145,8 +145,8 @@ def solve(
             )
         except InputError as problem:
             problems.append(str(problem))
-    alone = parallel.finished(
-        lambda limb, done: _calibrated(params, recording, limb, done),
+    alone = parallel.run_each(
+        lambda limb, done: _calibrate_limb(params, recording, limb, done),
         limbs,
         lambda share: progress(SHARE * share),
     )
@@ -159,26 +159,28 @@ def solve(
             else "no finger has a sensor on its first phalanx; self-calibration needs hand and phalanges"
         )
     fingers, of_hand = _together(params, recording, fingers, progress)
-    said += [
+    messages += [
         *problems,
         *of_hand,
         *self_calibration_messages.knocked(fingers),
         *(word for finger in fingers for word in self_calibration_messages.told(params, finger)),
     ]
-    calibration = _joined(params, recording, fingers, worn)
+    calibration = _join_fingers(params, recording, fingers, worn)
     tracked = trajectory.join(run(m2, params, [calibration], recording), recording.hand)
-    moved = _with_deviations(params, _with_found(tracked, calibration.geometry, fingers), fingers)
-    return _over_the_wrist(params, moved, calibration.geometry), [calibration], said
+    movement = _with_deviations(
+        params, _with_solution(tracked, calibration.geometry, fingers), fingers
+    )
+    return _over_the_wrist(params, movement, calibration.geometry), [calibration], messages
 
 
 def _stretch(
     params: Params, recording: Recording, blocks: Sequence[Block]
 ) -> tuple[float, float, list[str]]:
     """When the hand moved freely, and what is to be said of it: what an event says, else all; of that the liveliest part."""
-    told = [e for e in recording.events if e.trial_type == "free_movement"]
+    events = [e for e in recording.events if e.trial_type == "free_movement"]
     start, stop = max(b.t[0] for b in blocks), min(b.t[-1] for b in blocks)
-    if told:
-        longest = max(told, key=lambda e: e.duration)
+    if events:
+        longest = max(events, key=lambda e: e.duration)
         start, stop = max(start, longest.onset), min(stop, longest.end)
     self_calibration_messages.require_length(params, stop - start)
     whole, holes = stop - start, sample_preparation.holes(blocks, start, stop)
@@ -198,7 +200,7 @@ class _Limb:
     read: Readings
 
 
-def _calibrated(
+def _calibrate_limb(
     params: Params, recording: Recording, limb: _Limb, progress: Callable[[float], None]
 ) -> Finger:
     noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
@@ -215,10 +217,10 @@ def _calibrated(
         problem,
         guess,
         Limits(),
-        lambda k, cost: _heard(progress, min(0.9, k / 25)),
+        lambda k, cost: _report_progress(progress, min(0.9, k / 25)),
     )
     self_calibration_messages.require_one_minimum(params, limb.name, read, found, float(t[0]))
-    described = _described(
+    described = _describe(
         params,
         recording,
         limb.name,
@@ -238,7 +240,7 @@ def _together(
 ) -> tuple[list[Finger], list[str]]:
     """All fingers, or the only one, as one problem with the hand and its skin; as they were found alone where that does not come to an end."""
     noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
-    *moving, law = _softness(params, alone)
+    *moving, law = _soft_tissue_scales(params, alone)
     turn, slide = (max(params.hand_skin * softness, RIGID) for softness in moving)
     try:
         found = whole_hand_solver.solve(
@@ -250,7 +252,7 @@ def _together(
                 skin_law=law * noise.skin_law,
             ),
             TOGETHER,
-            lambda k, cost: _heard(progress, min(0.95, SHARE + (0.95 - SHARE) * k / 4)),
+            lambda k, cost: _report_progress(progress, min(0.95, SHARE + (0.95 - SHARE) * k / 4)),
         )
     except np.linalg.LinAlgError:
         return alone, [ALONE]
@@ -260,7 +262,7 @@ def _together(
         return alone, [ALONE]
     drawn = zip(*whole_hand_solver.draws(found, DRAWS))
     return [
-        _described(params, recording, f.name, f.t, replace(limb, jolts=f.solution.jolts), draws)
+        _describe(params, recording, f.name, f.t, replace(limb, jolts=f.solution.jolts), draws)
         for f, limb, draws in zip(alone, whole_hand_solver.of_limbs(found), drawn)
     ], [
         word
@@ -269,7 +271,7 @@ def _together(
     ]
 
 
-def _softness(params: Params, alone: Sequence[Finger]) -> tuple[float, float, float]:
+def _soft_tissue_scales(params: Params, alone: Sequence[Finger]) -> tuple[float, float, float]:
     """How far skin turns and slides the fingers' sensors, and how far from proportion, shares of what was believed: what was found and what it may be off by, squared and added,
     is the variance that makes the found most likely (the M step of Dempster, Laird & Rubin 1977); where movement tells nothing it stays 1."""
     turns, slides, laws = [], [], []
@@ -289,7 +291,7 @@ def _softness(params: Params, alone: Sequence[Finger]) -> tuple[float, float, fl
     )
 
 
-def _described(
+def _describe(
     params: Params,
     recording: Recording,
     finger: str,
@@ -298,26 +300,26 @@ def _described(
     draws: Iterable[Unknowns],
 ) -> Finger:
     """What a solution says of a finger."""
-    told = segments.of_solution(found, recording.hand, recording.mounting)
+    described = segments.of_solution(found, recording.hand, recording.mounting)
     sure = monte_carlo.of_finger(
         found,
         draws,
         recording.hand,
         recording.mounting,
         np.radians(params.mounting),
-        lambda drawn, luck: with_found(
+        lambda drawn, luck: with_lengths(
             recording.geometry, finger, drawn.lengths, params.length_guess * luck
         ),
     )
-    return Finger(finger, t, found, told, sure)
+    return Finger(finger, t, found, described, sure)
 
 
-def _heard(progress: Callable[[float], None], share: float) -> bool:
+def _report_progress(progress: Callable[[float], None], share: float) -> bool:
     progress(share)
     return True
 
 
-def _joined(
+def _join_fingers(
     params: Params, recording: Recording, fingers: Sequence[Finger], worn: set[str]
 ) -> Calibration:
     """One calibration of all fingers: they share the hand's orientation, that of the first."""
@@ -337,7 +339,7 @@ def _joined(
             if name != "hand" or finger is first:
                 q_GS[name], bias[name] = quat.multiply(onto, at.q_GS[0, s]), at.bias_gyr[s]
         q_BS |= finger.segments.q_BS
-    geometry = _resized(params, recording.geometry, fingers)
+    geometry = _with_lengths(params, recording.geometry, fingers)
     nearest = sorted(fingers, key=lambda f: float(np.linalg.norm(_end(f, geometry))))
     return replace(
         known,
@@ -348,14 +350,16 @@ def _joined(
         source="self-calibration",
         stretch=(max(float(f.t[0]) for f in fingers), min(float(f.t[-1]) for f in fingers)),
         warnings=(TRIED,),
-        p_BS=_first_of(nearest, lambda f: _placed(params, f, _places(f, geometry))),
+        p_BS=_first_of(nearest, lambda f: _known_places(params, f, _places(f, geometry))),
         acc_bias={
             n: f.solution.at.bias_acc[s]
             for f in reversed(fingers)
             for s, n in enumerate(f.solution.problem.chain.sensors)
         },
         q_BS_sd=_first_of(fingers, lambda f: f.sure.q_BS),
-        p_BS_sd=_first_of(nearest, lambda f: _placed(params, f, _places_sd(params, f, geometry))),
+        p_BS_sd=_first_of(
+            nearest, lambda f: _known_places(params, f, _places_sd(params, f, geometry))
+        ),
         gyr_bias_sd=_first_of(
             fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_gyr)
         ),
@@ -383,7 +387,7 @@ def _bias_sd(finger: Finger, where: slice) -> dict[str, Array]:
     return dict(zip(finger.solution.problem.chain.sensors, sd))
 
 
-def _placed(params: Params, finger: Finger, known: Mapping[str, Array]) -> dict[str, Array]:
+def _known_places(params: Params, finger: Finger, known: Mapping[str, Array]) -> dict[str, Array]:
     """Of the sensors whose places movement told."""
     return {
         s: value for s, value in known.items() if self_calibration_result.placed(params, finger, s)
@@ -423,7 +427,9 @@ def _places_sd(params: Params, finger: Finger, geometry: HandGeometry) -> dict[s
     return {s: sds[s] for s in _places(finger, geometry)}
 
 
-def _resized(params: Params, geometry: HandGeometry, fingers: Sequence[Finger]) -> HandGeometry:
+def _with_lengths(
+    params: Params, geometry: HandGeometry, fingers: Sequence[Finger]
+) -> HandGeometry:
     """With the lengths that movement told."""
     for finger in fingers:
         known = {
@@ -431,11 +437,11 @@ def _resized(params: Params, geometry: HandGeometry, fingers: Sequence[Finger]) 
             for s, v in finger.segments.lengths.items()
             if self_calibration_result.known(params, finger, s)
         }
-        geometry = with_found(geometry, finger.name, known)
+        geometry = with_lengths(geometry, finger.name, known)
     return geometry
 
 
-def _with_found(
+def _with_solution(
     tracked: Trajectory, geometry: HandGeometry, fingers: Sequence[Finger]
 ) -> Trajectory:
     """The tracked movement with the stretch as self-calibration found it, fingers on the hand's tracked orientation."""
@@ -449,29 +455,31 @@ def _with_found(
                 on_hand = quat.relative(finger.segments.q_GB["hand"], q_GB)
                 q_GS[inside, SEGMENT[name]] = quat.multiply(hand, _at(t[inside], finger.t, on_hand))
     angles = tracked.angles.copy()
-    free = joint_angles.constrained(joint_angles.of_segments(q_GS[inside]))
-    angles[inside] = joint_angles.only_freedoms(free)
+    free = joint_angles.constrain(joint_angles.of_segments(q_GS[inside]))
+    angles[inside] = joint_angles.mask_non_freedoms(free)
     tips = tracked.tips.copy()
     tips[inside] = forward_kinematics.tips(joint_angles.compose(free), geometry)
     return replace(tracked, q_GS=q_GS, angles=angles, tips=tips)
 
 
-def _with_deviations(params: Params, moved: Trajectory, fingers: Sequence[Finger]) -> Trajectory:
+def _with_deviations(params: Params, movement: Trajectory, fingers: Sequence[Finger]) -> Trajectory:
     """Standard deviations of the stretch, larger before and after it; fingers that were not calibrated are flagged, nothing is known of them."""
-    angles = np.where(np.isnan(moved.angles), np.nan, UNKNOWN)
-    tips, flags = np.where(np.isnan(moved.tips), np.nan, UNKNOWN_TIP), moved.flags.copy()
-    outside = (moved.t < max(f.t[0] for f in fingers)) | (moved.t > min(f.t[-1] for f in fingers))
+    angles = np.where(np.isnan(movement.angles), np.nan, UNKNOWN)
+    tips, flags = np.where(np.isnan(movement.tips), np.nan, UNKNOWN_TIP), movement.flags.copy()
+    outside = (movement.t < max(f.t[0] for f in fingers)) | (
+        movement.t > min(f.t[-1] for f in fingers)
+    )
     drift = np.where(outside, np.radians(params.tracked), 0.0)
     for finger in fingers:
         knots, sure = finger.t[finger.sure.rows], finger.sure
         for j, a in zip(*np.nonzero(np.isfinite(sure.angles).all(axis=0) & IS_DOF)):
-            angles[:, j, a] = np.hypot(np.interp(moved.t, knots, sure.angles[:, j, a]), drift)
+            angles[:, j, a] = np.hypot(np.interp(movement.t, knots, sure.angles[:, j, a]), drift)
         reach = sum(finger.segments.lengths.values())
         for axis in range(3 if finger.name in CHAINS else 0):
             tips[:, FINGERS.index(finger.name), axis] = np.hypot(
-                np.interp(moved.t, knots, sure.tip[:, axis]), drift * reach
+                np.interp(movement.t, knots, sure.tip[:, axis]), drift * reach
             )
-    lost = outside[:, None] & (moved.flags & np.uint8(Flag.HEADING_LOST) > 0)
+    lost = outside[:, None] & (movement.flags & np.uint8(Flag.HEADING_LOST) > 0)
     angles = np.where(
         (lost[:, PARENTS] | lost[:, CHILDREN])[..., None] & np.isfinite(angles), UNKNOWN, angles
     )
@@ -481,18 +489,18 @@ def _with_deviations(params: Params, moved: Trajectory, fingers: Sequence[Finger
     tips = np.where(on_fingers[..., None] & np.isfinite(tips), UNKNOWN_TIP, tips)
     known = {s for f in fingers for s in f.solution.problem.chain.sensors}
     for name in SEGMENTS:
-        if name not in known and np.isfinite(moved.q_GS[:, SEGMENT[name], 0]).any():
+        if name not in known and np.isfinite(movement.q_GS[:, SEGMENT[name], 0]).any():
             flags[:, SEGMENT[name]] |= np.uint8(Flag.UNCALIBRATED)
-    return replace(moved, angles_sd=angles, tips_sd=tips, flags=flags)
+    return replace(movement, angles_sd=angles, tips_sd=tips, flags=flags)
 
 
-def _over_the_wrist(params: Params, moved: Trajectory, geometry: HandGeometry) -> Trajectory:
+def _over_the_wrist(params: Params, movement: Trajectory, geometry: HandGeometry) -> Trajectory:
     """Tips are told in the wrist's frame: they are as uncertain as its angles, where it is followed, and as the fingers' roots, which no movement tells."""
-    assert moved.angles_sd is not None and moved.tips_sd is not None
-    angles, tips = np.where(IS_DOF, moved.angles, 0.0), moved.tips_sd
+    assert movement.angles_sd is not None and movement.tips_sd is not None
+    angles, tips = np.where(IS_DOF, movement.angles, 0.0), movement.tips_sd
     for axis in (FLEXION, DEVIATION):
         turned = angles.copy()
-        turned[:, JOINT["wrist"], axis] += moved.angles_sd[:, JOINT["wrist"], axis]
+        turned[:, JOINT["wrist"], axis] += movement.angles_sd[:, JOINT["wrist"], axis]
         here, there = (
             forward_kinematics.tips(joint_angles.compose(a), geometry) for a in (angles, turned)
         )
@@ -500,7 +508,8 @@ def _over_the_wrist(params: Params, moved: Trajectory, geometry: HandGeometry) -
     turn = quat.matrix(joint_angles.compose(np.nan_to_num(angles[:, JOINT["wrist"]])))
     of_roots = length_covariance.covariance(geometry, params.length_guess)[:, :3, :3]
     return replace(
-        moved, tips_sd=np.hypot(tips, np.sqrt(np.einsum("nij,fjk,nik->nfi", turn, of_roots, turn)))
+        movement,
+        tips_sd=np.hypot(tips, np.sqrt(np.einsum("nij,fjk,nik->nfi", turn, of_roots, turn))),
     )
 
 

@@ -18,7 +18,7 @@ from handscope.estimators.data.samples import Block, Stream
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand import pose as hand_pose
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINT, SEGMENT
-from handscope.estimators.hand.geometry import with_found
+from handscope.estimators.hand.geometry import with_lengths
 from handscope.estimators.methods import ekf
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -91,7 +91,7 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
 def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
     """Advance by one block of any length, 0 included; blocks of streams that the method does not use change nothing."""
     after, rows = ekf.step(params, state.filter, block)
-    return _advanced(
+    return _advance(
         params,
         replace(state, filter=after, readings=streaming_samples.taken(state.readings, block)),
         rows,
@@ -101,23 +101,23 @@ def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]
 def release(params: Params, state: State, patience: float) -> tuple[State, Trajectory]:
     """For a live view: give out what is older than `patience` s without waiting for a strip that is silent."""
     after, rows = ekf.release(params, state.filter, patience)
-    return _advanced(params, replace(state, filter=after), rows)
+    return _advance(params, replace(state, filter=after), rows)
 
 
 def finish(params: Params, state: State) -> tuple[State, Trajectory]:
     """Give out what was held back: nothing more will come."""
     after, rows = ekf.finish(params, state.filter)
-    state, given = _advanced(params, replace(state, filter=after), rows)
+    state, given = _advance(params, replace(state, filter=after), rows)
     left = streaming_samples.ready(state.readings, state.reached)
     if left >= LEAST:
         state = _nodes(params, state, left)
-    last = _given_out(params, state, state.rows)
+    last = _give_out(params, state, state.rows)
     return replace(state, rows=trajectory.empty(state.rows.hand)), trajectory.join(
         [given, last], state.rows.hand
     )
 
 
-def _advanced(params: Params, state: State, rows: Trajectory) -> tuple[State, Trajectory]:
+def _advance(params: Params, state: State, rows: Trajectory) -> tuple[State, Trajectory]:
     """Take what the filter made of new samples; windows go on as soon as there are nodes enough."""
     hand, given = state.rows.hand, []
     if not np.isfinite(
@@ -128,16 +128,16 @@ def _advanced(params: Params, state: State, rows: Trajectory) -> tuple[State, Tr
         state = replace(
             state, rows=trajectory.join([state.rows, rows], hand), reached=float(rows.t[-1])
         )
-    while streaming_samples.ready((state := _resumed(state)).readings, state.reached) >= NODES:
+    while streaming_samples.ready((state := _resume(state)).readings, state.reached) >= NODES:
         state = _nodes(params, state, NODES)
         newest = state.readings.taken - 2
         known = float(state.readings.instants(newest, newest + 1)[0]) - params.lag
-        given.append(_given_out(params, state, state.rows.between(-np.inf, known)))
+        given.append(_give_out(params, state, state.rows.between(-np.inf, known)))
         state = replace(state, rows=state.rows.between(known, np.inf))
     return state, trajectory.join(given, hand)
 
 
-def _resumed(state: State) -> State:
+def _resume(state: State) -> State:
     """Where nothing came for long, windows begin again behind it."""
     readings = (
         streaming_samples.resumed(state.readings, float(state.rows.t[0]))
@@ -174,7 +174,7 @@ def _nodes(params: Params, state: State, count: int) -> State:
     return replace(state, readings=readings, fingers=fingers)
 
 
-def _given_out(params: Params, state: State, rows: Trajectory) -> Trajectory:
+def _give_out(params: Params, state: State, rows: Trajectory) -> Trajectory:
     """The filter's rows with the fingers as their windows have them; a finger that has none is as the filter has it, and as sure."""
     if not len(rows):
         return rows
@@ -196,11 +196,11 @@ def _given_out(params: Params, state: State, rows: Trajectory) -> Trajectory:
             q_GB[inside, SEGMENT[name]] = quat.multiply(q_GB[inside, SEGMENT["hand"]], on_hand)
         joints, k = np.array([JOINT[j] for j in finger.chain.joints]), FINGERS.index(finger.name)
         angles_sd[inside[:, None], joints] = finger.sure.angles[joints]
-        geometry = with_found(geometry, finger.name, finger.lengths)
+        geometry = with_lengths(geometry, finger.name, finger.lengths)
         reach = geometry.palm_length + sum(geometry.lengths[s] for s in CHAINS[finger.name])
         wrist = np.nanmax(np.nan_to_num(angles_sd[inside, JOINT["wrist"]]), axis=1, keepdims=True)
         tips_sd[inside, k] = np.hypot(finger.sure.tip, wrist * reach)
-    pose = hand_pose.posed(hand_pose.between(q_GB), q_GB, geometry, params.constraints)
+    pose = hand_pose.pose_hand(hand_pose.joint_rotations(q_GB), q_GB, geometry, params.constraints)
     unknown, nowhere = np.isnan(pose.freedoms), np.isnan(pose.tips)
     return replace(
         rows,

@@ -49,7 +49,7 @@ def principal_axis(rate: Array) -> Array:
     return axis
 
 
-def bending(rate: Array, dt: float) -> Bending:
+def fit_bending(rate: Array, dt: float) -> Bending:
     """The flexion that began near straight: from there a joint bends further than it stretches."""
     axis = principal_axis(rate)
     angle = _integral(rate @ axis, dt)
@@ -57,19 +57,19 @@ def bending(rate: Array, dt: float) -> Bending:
         axis, angle = -axis, -angle
     edges = _edges(angle)
     single = [principal_axis(rate[a:b]) for a, b in zip(edges, edges[1:])]
-    apart = [float(np.arccos(min(1.0, abs(float(s @ axis))))) for s in single]
+    deviations = [float(np.arccos(min(1.0, abs(float(s @ axis))))) for s in single]
     total = float((rate * rate).sum())
     planarity = float(((rate @ axis) ** 2).sum()) / total if total else 0.0
     return Bending(
         axis,
         planarity,
         len(single),
-        max(apart, default=0.0) if len(single) > 1 else 0.0,
+        max(deviations, default=0.0) if len(single) > 1 else 0.0,
         float(np.ptp(angle)),
     )
 
 
-def common_rotation(rate_a: Array, rate_b: Array, offset: float = 0.0) -> CommonRotation:
+def fit_common_rotation(rate_a: Array, rate_b: Array, offset: float = 0.0) -> CommonRotation:
     """The rotation that takes the rates (n, 3) of b to those of a, least squares."""
     U, _, Vt = np.linalg.svd(rate_a.T @ rate_b)
     R_ab = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
@@ -102,7 +102,7 @@ def of_two_clocks(
     before, here, after = misfit[k - 1 : k + 2]
     curvature = before - 2 * here + after
     offset = float(lags[k] + (0.5 * (before - after) / curvature * dt if curvature > 0 else 0.0))
-    return common_rotation(_at(grid, t_a, rate_a), _at(grid - offset, t_b, rate_b), offset)
+    return fit_common_rotation(_at(grid, t_a, rate_a), _at(grid - offset, t_b, rate_b), offset)
 
 
 def _integral(rate: Array, dt: float) -> Array:

@@ -14,7 +14,7 @@ from handscope.estimators.numerics.typing import Array, Bools
 FREQUENCY = 3.0  # Hz, ours: fast finger movements
 
 
-def bridge(t: Array, values: Array, known: Bools) -> Array:
+def bridge_gaps(t: Array, values: Array, known: Bools) -> Array:
     """Values (n, axes) with the rows that are not `known` (n,) filled in wherever there are known ones on both sides; t (n,) in s."""
     row = np.arange(len(t))
     before = np.maximum.accumulate(np.where(known, row, -1))
@@ -38,7 +38,7 @@ def bridge(t: Array, values: Array, known: Bools) -> Array:
     return filled
 
 
-def missed(t: Array, gyr: Array, known: Bools) -> Array:
+def missed_variance(t: Array, gyr: Array, known: Bools) -> Array:
     """Variance (n,) in rad^2, at the first row of each gap, of the angle that bridging it may have missed; zero elsewhere."""
     found = np.zeros(len(t))
     edges = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]]).astype(int)))

@@ -26,7 +26,7 @@ class Compiled(Protocol):
     def __call__(self, *arrays: Any) -> NDArray[np.float64]: ...
 
 
-class Told(Protocol):
+class RowPredicate(Protocol):
     """The same that says yes or no."""
 
     row: Callable[..., None]
@@ -49,7 +49,7 @@ def rowwise(layout: str) -> Callable[[Callable[..., None]], Compiled]:
     return lambda kernel: _over_rows(kernel, layout, float64)
 
 
-def told_by_row(layout: str) -> Callable[[Callable[..., None]], Told]:
+def rowwise_bool(layout: str) -> Callable[[Callable[..., None]], RowPredicate]:
     """As `rowwise`, of a kernel that says yes or no."""
     return lambda kernel: _over_rows(kernel, layout, boolean)
 

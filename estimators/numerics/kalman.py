@@ -15,16 +15,18 @@ from handscope.estimators.numerics.typing import Array
 
 
 @inlined
-def correct(P: Array, missed: Array, H: Array, noise: Array, change: Array) -> float:
+def correct(P: Array, innovation: Array, H: Array, noise: Array, dx: Array) -> float:
     """The update of P and of the means."""
     W = np.empty(H.shape)
-    total: float = explained(P, missed, H, noise, W, change)
-    reduced(P, W)
+    total: float = innovation_gain(P, innovation, H, noise, W, dx)
+    downdate_covariance(P, W)
     return total
 
 
 @inlined
-def explained(P: Array, missed: Array, H: Array, noise: Array, W: Array, change: Array) -> float:
+def innovation_gain(
+    P: Array, innovation: Array, H: Array, noise: Array, W: Array, dx: Array
+) -> float:
     """The change of the means alone. With S = H P H' + noise = L L', W = L^-1 H P (m, e), filled, and y = L^-1 missed the gain K gives K missed = W' y and
     K H P = W' W.
 
@@ -52,7 +54,7 @@ def explained(P: Array, missed: Array, H: Array, noise: Array, W: Array, change:
             if n == m:
                 break
     for k in range(e):
-        change[k] = 0.0
+        dx[k] = 0.0
     for i in range(n):
         for j in range(i + 1):
             s = noise[used[i], used[j]]
@@ -63,7 +65,7 @@ def explained(P: Array, missed: Array, H: Array, noise: Array, W: Array, change:
             L[i, j] = math.sqrt(s) if i == j else s / L[j, j]
     total = 0.0
     for i in range(n):
-        y[i] = missed[used[i]]
+        y[i] = innovation[used[i]]
         for j in range(i):
             if L[i, j] != 0.0:
                 y[i] -= L[i, j] * y[j]
@@ -73,12 +75,12 @@ def explained(P: Array, missed: Array, H: Array, noise: Array, W: Array, change:
         total += y[i] * y[i]
         for k in range(e):
             W[i, k] /= L[i, i]
-            change[k] += W[i, k] * y[i]
+            dx[k] += W[i, k] * y[i]
     return total
 
 
 @inlined
-def reduced(P: Array, W: Array) -> None:
+def downdate_covariance(P: Array, W: Array) -> None:
     """P - W' W in place, by its lower half."""
     m, e = W.shape
     for i in range(m):

@@ -36,7 +36,7 @@ def threads() -> Iterator[Each]:
         yield each
 
 
-def finished(
+def run_each(
     work: Callable[[A, Callable[[float], None]], B],
     pieces: Sequence[A],
     progress: Callable[[float], None],

@@ -69,9 +69,9 @@ def about(axis: int, theta: Any) -> Array:
     return q
 
 
-def headed(q_GS: Array, theta: Any) -> Array:
+def turn_heading(q_GS: Array, theta: Any) -> Array:
     """Turn q_GS (..., 4) by theta (...) rad about the global vertical: about(2, theta) times q_GS, at half its cost."""
-    return _headed(q_GS, theta)
+    return _turn_heading(q_GS, theta)
 
 
 def twist(q: Array, axis: int) -> Array:
@@ -203,7 +203,7 @@ def _angle(q: Array, size: Array) -> None:
 
 
 @rowwise("(q),()->(q)")
-def _headed(q: Array, theta: float, turned: Array) -> None:
+def _turn_heading(q: Array, theta: float, turned: Array) -> None:
     c, s = math.cos(0.5 * theta), math.sin(0.5 * theta)
     turned[0], turned[1] = c * q[0] - s * q[3], c * q[1] - s * q[2]
     turned[2], turned[3] = c * q[2] + s * q[1], c * q[3] + s * q[0]

@@ -96,7 +96,7 @@ def cholesky(S: Array, L: Array) -> bool:
 
 
 @inlined
-def lowered(L: Array, B: Array) -> None:
+def solve_lower(L: Array, B: Array) -> None:
     """L^-1 B in place, of a lower triangular L."""
     for i in range(len(L)):
         for k in range(i):
@@ -107,7 +107,7 @@ def lowered(L: Array, B: Array) -> None:
 
 
 @inlined
-def raised(L: Array, B: Array) -> None:
+def solve_upper(L: Array, B: Array) -> None:
     """L'^-1 B in place."""
     for i in range(len(L) - 1, -1, -1):
         for k in range(i + 1, len(L)):

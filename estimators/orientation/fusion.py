@@ -19,16 +19,21 @@ from vqf import VQF
 from handscope.estimators.data.samples import MAG, Block, Stream, every
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.gap_interpolation import bridge, missed
+from handscope.estimators.numerics.gap_interpolation import bridge_gaps, missed_variance
 from handscope.estimators.numerics.typing import Array, Bools
+from handscope.estimators.orientation.fusion_state import JointState, SensorState
 from handscope.estimators.orientation.fusion_state import Oriented as Oriented
-from handscope.estimators.orientation.fusion_state import SensorState, Together
 from handscope.estimators.orientation.fusion_state import StreamState as StreamState
-from handscope.estimators.orientation.vqf_bank import Filters, Kept, begun, updated
+from handscope.estimators.orientation.vqf_bank import (
+    FilterBank,
+    FilterCache,
+    start_filter,
+    update_filter,
+)
 from handscope.estimators.orientation.vqf_bank import FusionParams as FusionParams
-from handscope.estimators.sensors.missing_samples import looked_at, with_missing_instants
+from handscope.estimators.sensors.missing_samples import check_samples, insert_missing_instants
 
-LOST_DOUBT = (
+LOST_VARIANCE = (
     np.radians(60.0) ** 2
 )  # rad^2, ours: what a hand may have turned while a sensor was silent
 
@@ -55,11 +60,17 @@ def start(
 
 def step(params: FusionParams, state: StreamState, block: Block) -> tuple[StreamState, Oriented]:
     """Advance by one block; samples behind an open gap are held until it closes or grows longer than `max_gap`."""
-    block, sampled = with_missing_instants(block, state.t, state.period, params.max_gap)
-    block, sampled = _with_held(state, block, sampled)
-    whole, limit = looked_at(block)
+    block, sampled = insert_missing_instants(block, state.t, state.period, params.max_gap)
+    block, sampled = _prepend_held(state, block, sampled)
+    whole, limit = check_samples(block)
     return _advance(
-        params, state, block, sampled, whole, limit, _settled(params, state, block.t, whole)
+        params,
+        state,
+        block,
+        sampled,
+        whole,
+        limit,
+        _count_processable(params, state, block.t, whole),
     )
 
 
@@ -70,8 +81,8 @@ def finish(params: FusionParams, state: StreamState) -> tuple[StreamState, Orien
         np.empty(0),
         np.empty((0, len(state.stream.sensors), 3 * len(state.stream.quantities))),
     )
-    held, sampled = _with_held(state, nothing, np.empty(0, bool))
-    whole, limit = looked_at(held)
+    held, sampled = _prepend_held(state, nothing, np.empty(0, bool))
+    whole, limit = check_samples(held)
     return _advance(params, state, held, sampled, whole, limit, len(held.t))
 
 
@@ -90,54 +101,56 @@ def _advance(
         Block(block.stream, block.t[count:], block.values[count:]),
     )
     fused = state.fused
-    if count and isinstance(fused, Together) and whole[:count].all():  # what is almost always so
-        fused, q_GS = _go_on(params, fused, state.period, settled)
+    if count and isinstance(fused, JointState) and whole[:count].all():  # what is almost always so
+        fused, q_GS = _run_together(params, fused, state.period, settled)
         flags = np.uint8(Flag.SATURATED) * limit[:count] | fused.headless
-        doubt = np.repeat(fused.doubt[None], count, axis=0)
+        rotation_variance = np.repeat(fused.rotation_variance[None], count, axis=0)
     else:
         flags = (
             np.uint8(Flag.SATURATED) * limit[:count]
             | np.uint8(Flag.MISSING) * ~(whole | limit)[:count]
         )
-        vqf, sensors, q_GS, doubt = (
-            begun(params, state.period),
+        vqf, sensors, q_GS, rotation_variance = (
+            start_filter(params, state.period),
             [],
             np.empty((count, whole.shape[1], 4)),
             np.empty((count, whole.shape[1])),
         )
         for k, sensor in enumerate(state.sensors):
-            after, q_GS[:, k], more, doubt[:, k] = _fuse(
+            after, q_GS[:, k], more, rotation_variance[:, k] = _fuse(
                 params, sensor, vqf, block, whole[:, k], k, count
             )
             flags[:, k] |= more
             sensors.append(after)
-        fused = _joined(params, state.period, tuple(sensors), block.values)
+        fused = _join_sensors(params, state.period, tuple(sensors), block.values)
     newest = float(block.t[-1]) if len(block.t) else state.t
     after_all = StreamState(
         state.stream, fused, state.period, newest, held if len(held.t) else None, sampled[count:]
     )
-    return after_all, Oriented(settled.t, q_GS, flags, doubt, sampled[:count])
+    return after_all, Oriented(settled.t, q_GS, flags, rotation_variance, sampled[:count])
 
 
-def _joined(
+def _join_sensors(
     params: FusionParams, period: float, sensors: tuple[SensorState, ...], samples: Array
-) -> tuple[SensorState, ...] | Together:
+) -> tuple[SensorState, ...] | JointState:
     """The sensors together where all go on, and from gyroscope and accelerometer alone."""
-    if not sensors or not all(s.goes_on and not _has_north(s, samples) for s in sensors):
+    if not sensors or not all(s.is_running and not _has_north(s, samples) for s in sensors):
         return sensors
-    filters = Filters(
+    filters = FilterBank(
         params,
         period,
-        tuple(Kept(s.filter_state, 0) for s in sensors if s.filter_state is not None),
+        tuple(FilterCache(s.filter_state, 0) for s in sensors if s.filter_state is not None),
     )
-    bias, headless, doubt, last, q_GS = (
+    bias, headless, rotation_variance, last, q_GS = (
         np.array([getattr(s, n) for s in sensors])
-        for n in ("bias", "headless", "doubt", "last", "q_GS")
+        for n in ("bias", "headless", "rotation_variance", "last", "q_GS")
     )
-    return Together(sensors, bias, headless, doubt, filters, last, sensors[0].last_t, q_GS)
+    return JointState(
+        sensors, bias, headless, rotation_variance, filters, last, sensors[0].last_t, q_GS
+    )
 
 
-def _with_held(state: StreamState, block: Block, sampled: Bools) -> tuple[Block, Bools]:
+def _prepend_held(state: StreamState, block: Block, sampled: Bools) -> tuple[Block, Bools]:
     if state.held is None:
         return block, sampled
     t, values = (
@@ -147,7 +160,7 @@ def _with_held(state: StreamState, block: Block, sampled: Bools) -> tuple[Block,
     return Block(block.stream, t, values), np.concatenate([state.held_sampled, sampled])
 
 
-def _settled(params: FusionParams, state: StreamState, t: Array, whole: Bools) -> int:
+def _count_processable(params: FusionParams, state: StreamState, t: Array, whole: Bools) -> int:
     """How many rows can be processed: all before the first gap that is still open and may yet be bridged, cutting no other such gap."""
     count = len(t)
     if whole.all():
@@ -197,16 +210,28 @@ def _fuse(
     count: int,
 ) -> tuple[SensorState, Array, NDArray[np.uint8], Array]:
     """Over the first `count` rows bridge short gaps, run the filter over what is known, hold the orientation where nothing is."""
-    q_GS, flags, doubt = np.full((count, 4), np.nan), np.zeros(count, np.uint8), np.empty(count)
-    for first, last, known in _stretches(params, sensor, block.t[:count], whole[:count]):
+    q_GS, flags, rotation_variance = (
+        np.full((count, 4), np.nan),
+        np.zeros(count, np.uint8),
+        np.empty(count),
+    )
+    for first, last, known in _known_stretches(params, sensor, block.t[:count], whole[:count]):
         if known:
             late = (
                 sensor.start is not None
                 and sensor.filter_state is None
                 and block.t[first] - sensor.known_until > params.max_gap
             )
-            sensor = replace(sensor, lost=True, doubt=sensor.doubt + LOST_DOUBT) if late else sensor
-            filled, doubt[first:last] = _bridged(sensor, block, k, whole, first, last)
+            sensor = (
+                replace(
+                    sensor, lost=True, rotation_variance=sensor.rotation_variance + LOST_VARIANCE
+                )
+                if late
+                else sensor
+            )
+            filled, rotation_variance[first:last] = _bridge_gaps(
+                sensor, block, k, whole, first, last
+            )
             sensor, q_GS[first:last], disturbed = _filter(
                 params, sensor, vqf, block, filled, first, last
             )
@@ -219,17 +244,20 @@ def _fuse(
                 np.where(fresh, np.uint8(0), sensor.headless) | np.uint8(Flag.MAGNETIC) * disturbed
             )
             known_now = (
-                float(doubt[last - 1]),
+                float(rotation_variance[last - 1]),
                 bool(sensor.lost and not fresh[-1]),
-                bool(sensor.northed or fresh[-1]),
+                bool(sensor.has_north or fresh[-1]),
             )
             if known_now != (
-                sensor.doubt,
+                sensor.rotation_variance,
                 sensor.lost,
-                sensor.northed,
+                sensor.has_north,
             ):  # rarely: a copy of all fields costs as much as the filter's step
                 sensor = replace(
-                    sensor, doubt=known_now[0], lost=known_now[1], northed=known_now[2]
+                    sensor,
+                    rotation_variance=known_now[0],
+                    lost=known_now[1],
+                    has_north=known_now[2],
                 )
         else:
             begins = not sensor.absent and sensor.q_GS is not None
@@ -237,12 +265,12 @@ def _fuse(
                 sensor,
                 absent=True,
                 lost=sensor.lost or sensor.q_GS is not None,
-                doubt=sensor.doubt + (LOST_DOUBT if begins else 0.0),
+                rotation_variance=sensor.rotation_variance + (LOST_VARIANCE if begins else 0.0),
             )
-            doubt[first:last] = sensor.doubt
+            rotation_variance[first:last] = sensor.rotation_variance
             q_GS[first:last] = sensor.q_GS if sensor.q_GS is not None else np.nan
             flags[first:last] = sensor.headless
-    return sensor, q_GS, flags, doubt
+    return sensor, q_GS, flags, rotation_variance
 
 
 def _from_first(flags: Bools) -> Bools:
@@ -255,7 +283,7 @@ def _has_north(sensor: SensorState, samples: Array) -> bool:
     return samples.shape[-1] > 6 and (sensor.start is None or sensor.north is not None)
 
 
-def _stretches(
+def _known_stretches(
     params: FusionParams, sensor: SensorState, t: Array, whole: Bools
 ) -> list[tuple[int, int, bool]]:
     """Cut rows into (first, last, known): known rows are complete or lie in a gap that is bridged."""
@@ -270,52 +298,62 @@ def _stretches(
     return [(int(a), int(b), bool(known[a])) for a, b in itertools.pairwise(cuts) if b > a]
 
 
-def _bridged(
+def _bridge_gaps(
     sensor: SensorState, block: Block, k: int, whole: Bools, first: int, last: int
 ) -> tuple[Array, Array]:
     """Rows first..last of sensor k with gaps filled in, and the variance (rows,) of the heading that gaps have cost so far."""
     inside = block.values[first:last, k, : 9 if MAG in block.stream.quantities else 6]
     if whole[first:last].all():
-        return inside, np.full(last - first, sensor.doubt)
+        return inside, np.full(last - first, sensor.rotation_variance)
     rows = slice(first, last + 1)  # one row behind tells the slope
     t = np.concatenate([[sensor.previous_t, sensor.last_t], block.t[rows]])
     values = np.concatenate(
-        [[_or_nan(sensor.previous)], [_or_nan(sensor.last)], block.values[rows, k, :6]]
+        [
+            [_nan_if_missing(sensor.previous)],
+            [_nan_if_missing(sensor.last)],
+            block.values[rows, k, :6],
+        ]
     )
     known = np.concatenate(
         [[sensor.previous is not None, sensor.last is not None and not sensor.absent], whole[rows]]
     )
-    filled = bridge(t, values, known)
-    steps = missed(t[1:], values[1:, :3] - sensor.bias, known[1:])[1 : 1 + last - first]
-    doubt = np.cumsum(np.concatenate([[sensor.doubt], steps]))[1:]
-    return np.concatenate([filled[2 : 2 + last - first], inside[:, 6:]], axis=-1), doubt
+    filled = bridge_gaps(t, values, known)
+    steps = missed_variance(t[1:], values[1:, :3] - sensor.bias, known[1:])[1 : 1 + last - first]
+    rotation_variance = np.cumsum(np.concatenate([[sensor.rotation_variance], steps]))[1:]
+    return np.concatenate([filled[2 : 2 + last - first], inside[:, 6:]], axis=-1), rotation_variance
 
 
-def _or_nan(sample: Array | None) -> Array:
+def _nan_if_missing(sample: Array | None) -> Array:
     return np.full(6, np.nan) if sample is None else sample
 
 
-def _go_on(
-    params: FusionParams, before: Together, period: float, block: Block
-) -> tuple[Together, Array]:
+def _run_together(
+    params: FusionParams, before: JointState, period: float, block: Block
+) -> tuple[JointState, Array]:
     """All sensors over complete samples, orientations (n, sensors, 4): what is alike of all is done at once."""
     samples, t = np.ascontiguousarray(block.values[..., :6].swapaxes(0, 1)), block.t
     rates = samples[..., :3]
     if params.gyr_reading != "mean":
-        rates = _midway(before.last[:, None, :3], rates)
+        rates = _midway_rates(before.last[:, None, :3], rates)
     gyr, acc = rates - before.bias[:, None], samples[..., 3:].copy()
     filters = before.filters
     if filters.params is not params:  # saved and loaded, or other options from here on
-        filters = Filters(params, period, tuple(Kept(state, 0) for state in filters.states()))
-    filters, q_GS = filters.gone_on(gyr, acc)
+        filters = FilterBank(
+            params, period, tuple(FilterCache(state, 0) for state in filters.states())
+        )
+    filters, q_GS = filters.advance(gyr, acc)
     previous, previous_t = (
         (samples[:, -2].copy(), float(t[-2])) if len(t) > 1 else (before.last, before.last_t)
     )
     newest = filters, samples[:, -1].copy(), float(t[-1]), q_GS[-1].copy(), previous, previous_t
-    return Together(before.begun, before.bias, before.headless, before.doubt, *newest), q_GS
+    return JointState(
+        before.initial, before.bias, before.headless, before.rotation_variance, *newest
+    ), q_GS
 
 
-def _after(sensor: SensorState, vqf: VQF, t: Array, samples: Array, q_GS: Array) -> SensorState:
+def _next_state(
+    sensor: SensorState, vqf: VQF, t: Array, samples: Array, q_GS: Array
+) -> SensorState:
     """A sensor behind samples (n, 6 or more) at t (n,), its newest orientation q_GS (4,)."""
     before = samples[-2, :6].copy() if len(t) > 1 else None if sensor.absent else sensor.last
     before_t, last, last_t = (
@@ -337,9 +375,9 @@ def _after(sensor: SensorState, vqf: VQF, t: Array, samples: Array, q_GS: Array)
         before,
         before_t,
         q_GS.copy(),
-        sensor.doubt,
+        sensor.rotation_variance,
         sensor.lost,
-        sensor.northed,
+        sensor.has_north,
         absent=False,
     )
 
@@ -354,29 +392,29 @@ def _filter(
     last: int,
 ) -> tuple[SensorState, Array, Bools]:
     """Orientations (n, 4) of rows first..last, and where the magnetometer saw another field than the one learnt (n,)."""
-    if not sensor.goes_on:
+    if not sensor.is_running:
         vqf.resetState()
     vqf.state = (
-        sensor.filter_state if sensor.goes_on else _filter_start(vqf.state, sensor, samples[0])
+        sensor.filter_state if sensor.is_running else _filter_start(vqf.state, sensor, samples[0])
     )
     rates = samples[:, :3]
     if params.gyr_reading != "mean":
-        rates = _midway(
+        rates = _midway_rates(
             rates[:1] if sensor.absent or sensor.last is None else sensor.last[None, :3], rates
         )
     gyr, acc = np.ascontiguousarray(rates - sensor.bias), np.ascontiguousarray(samples[:, 3:6])
     if _has_north(sensor, samples):
-        q_GS, disturbed = _with_north(vqf, sensor, gyr, acc, samples[:, 6:])
+        q_GS, disturbed = _filter_with_magnetometer(vqf, sensor, gyr, acc, samples[:, 6:])
     else:
-        q_GS, disturbed = updated(vqf, gyr, acc), np.zeros(last - first, bool)
+        q_GS, disturbed = update_filter(vqf, gyr, acc), np.zeros(last - first, bool)
     return (
-        _after(sensor, vqf, block.t[first:last], samples, q_GS[-1]),
+        _next_state(sensor, vqf, block.t[first:last], samples, q_GS[-1]),
         q_GS,
         disturbed & params.mag_rejection,
     )
 
 
-def _with_north(
+def _filter_with_magnetometer(
     vqf: VQF, sensor: SensorState, gyr: Array, acc: Array, mag: Array
 ) -> tuple[Array, Bools]:
     """Orientations (n, 4) with the heading that the magnetometer keeps; where its samples are missing the gyroscope carries it on.
@@ -399,13 +437,15 @@ def _with_north(
         else:
             delta = vqf.state["delta"]
             pieces.append(
-                quat.headed(vqf.updateBatch(gyr[first:last], acc[first:last])["quat6D"], delta)
+                quat.turn_heading(
+                    vqf.updateBatch(gyr[first:last], acc[first:last])["quat6D"], delta
+                )
             )
     q_GS = np.concatenate(pieces)
-    return (q_GS if sensor.north is None else quat.headed(q_GS, -sensor.north)), disturbed
+    return (q_GS if sensor.north is None else quat.turn_heading(q_GS, -sensor.north)), disturbed
 
 
-def _midway(before: Array, gyr: Array) -> Array:
+def _midway_rates(before: Array, gyr: Array) -> Array:
     """Rates (..., n, 3) halfway between a sample and the one before, that of the first (..., 1, 3): the filter turns by rate times period, and a rate at
     its instant would run half a period ahead (1.7 deg in fast tapping at 100 Hz, halfway 0.1)."""
     return np.asarray(0.5 * (gyr + np.concatenate([before, gyr[..., :-1, :]], axis=-2)))
@@ -419,18 +459,18 @@ def _filter_start(
         q = (
             sensor.start
             if sensor.start is not None
-            else upright(np.array([1.0, 0, 0, 0]), sample[3:6])
+            else make_upright(np.array([1.0, 0, 0, 0]), sample[3:6])
         )
         return {**fresh, "accQuat": [float(x) for x in q], "delta": sensor.north or 0.0}
     assert sensor.q_GS is not None
-    kept = {name: sensor.filter_state[name] for name in ("bias", "biasP", "delta")}
-    q_6D = quat.headed(
-        sensor.q_GS, (sensor.north or 0.0) - kept["delta"]
+    preserved = {name: sensor.filter_state[name] for name in ("bias", "biasP", "delta")}
+    q_6D = quat.turn_heading(
+        sensor.q_GS, (sensor.north or 0.0) - preserved["delta"]
     )  # before the magnetometer's turn
-    return {**fresh, **kept, "accQuat": [float(x) for x in upright(q_6D, sample[3:6])]}
+    return {**fresh, **preserved, "accQuat": [float(x) for x in make_upright(q_6D, sample[3:6])]}
 
 
-def upright(q_GS: Array, acc: Array) -> Array:
+def make_upright(q_GS: Array, acc: Array) -> Array:
     """Turn an orientation (4,) the shortest way so that the specific force acc (3,) of a resting sensor points up."""
     up = quat.rotate(q_GS, acc / np.linalg.norm(acc))
     tilt = np.array([1.0 + up[2], up[1], -up[0], 0.0])

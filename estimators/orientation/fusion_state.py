@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from handscope.estimators.data.samples import Block, Stream
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.numerics.typing import Array, Bools
-from handscope.estimators.orientation.vqf_bank import Filters
+from handscope.estimators.orientation.vqf_bank import FilterBank
 
 LOST, NEVER_KNOWN = int(Flag.HEADING_LOST), int(Flag.UNCALIBRATED)
 
@@ -37,13 +37,13 @@ class SensorState:
     previous: Array | None = None  # (6,) the one before, where nothing is missing between them
     previous_t: float = -np.inf
     q_GS: Array | None = None  # (4,) newest orientation
-    doubt: float = 0.0  # rad^2, variance of the heading that gaps have cost so far
+    rotation_variance: float = 0.0  # rad^2, variance of the heading that gaps have cost so far
     lost: bool = False  # a gap was too long; true until the next calibration or magnetometer sample
-    northed: bool = False  # a magnetometer has given the heading
+    has_north: bool = False  # a magnetometer has given the heading
     absent: bool = True  # at this moment there is nothing to bridge from
 
     @property
-    def goes_on(self) -> bool:
+    def is_running(self) -> bool:
         """Whether the filter runs and nothing has been missed that it could not bridge."""
         return self.filter_state is not None and not self.absent
 
@@ -52,19 +52,19 @@ class SensorState:
         """Flags of a heading that is lost or was never known."""
         return np.uint8(
             (LOST if self.lost else 0)
-            | (NEVER_KNOWN if self.start is None and not self.northed else 0)
+            | (NEVER_KNOWN if self.start is None and not self.has_north else 0)
         )
 
 
 @dataclass(frozen=True)
-class Together:
+class JointState:
     """All sensors of a stream whose filters go on without magnetometers: what changes from sample to sample, and what is prepared once."""
 
-    begun: tuple[SensorState, ...]  # as they were when this began
+    initial: tuple[SensorState, ...]  # as they were when this began
     bias: Array  # (sensors, 3)
     headless: NDArray[np.uint8]  # (sensors,)
-    doubt: Array  # (sensors,)
-    filters: Filters
+    rotation_variance: Array  # (sensors,)
+    filters: FilterBank
     last: Array  # (sensors, 6)
     last_t: float
     q_GS: Array  # (sensors, 4)
@@ -74,8 +74,8 @@ class Together:
     def each(self) -> tuple[SensorState, ...]:
         """The sensors as they are now."""
         if self.previous is None:
-            return self.begun
-        newest = zip(self.begun, self.filters.states(), self.last, self.previous, self.q_GS)
+            return self.initial
+        newest = zip(self.initial, self.filters.states(), self.last, self.previous, self.q_GS)
         return tuple(
             replace(
                 s,
@@ -93,7 +93,7 @@ class Together:
 @dataclass(frozen=True)
 class StreamState:
     stream: Stream
-    fused: tuple[SensorState, ...] | Together
+    fused: tuple[SensorState, ...] | JointState
     period: float  # s, between samples as they come
     t: float = -np.inf  # newest sample seen
     held: Block | None = None  # samples that wait until a gap at their end is over
@@ -101,7 +101,7 @@ class StreamState:
 
     @property
     def sensors(self) -> tuple[SensorState, ...]:
-        return self.fused.each() if isinstance(self.fused, Together) else self.fused
+        return self.fused.each() if isinstance(self.fused, JointState) else self.fused
 
 
 @dataclass(frozen=True)
@@ -111,5 +111,7 @@ class Oriented:
     t: Array  # (n,)
     q_GS: Array  # (n, sensors, 4)
     flags: NDArray[np.uint8]  # (n, sensors)
-    doubt: Array  # (n, sensors) rad^2, variance of the heading that gaps have cost so far
+    rotation_variance: (
+        Array  # (n, sensors) rad^2, variance of the heading that gaps have cost so far
+    )
     sampled: Bools  # (n,) false at instants where the recording has no sample

@@ -28,7 +28,7 @@ from handscope.estimators.hand.anatomy import (
     SEGMENTS,
 )
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.jit import rowwise, told_by_row
+from handscope.estimators.numerics.jit import rowwise, rowwise_bool
 from handscope.estimators.numerics.typing import Array, Bools
 
 DEG = np.pi / 180
@@ -84,7 +84,7 @@ class State:
 
     delta: Array  # (joints,) rad, heading by which the child is turned further on its parent
     variance: Array  # (joints,) rad^2
-    doubt: Array  # (segments,) rad^2, heading lost by each sensor so far
+    gap_variance: Array  # (segments,) rad^2, heading lost by each sensor so far
     known: Bools  # (joints,) a functional calibration tells how both sensors sit
     t: float = -np.inf  # s, newest look
 
@@ -100,54 +100,57 @@ def step(
     state: State,
     t: Array,
     q_GB: Array,
-    doubt: Array,
+    gap_variance: Array,
     usable: Bools,
 ) -> tuple[State, Array, Bools]:
     """Corrected orientations (n, segments, 4) of orientations q_GB (n, segments, 4) and cumulative heading variances (n, segments) in rad^2,
     and which of their headings are lost (n, segments), none where there is no orientation; joints are looked at where both segments are `usable` (n, segments)."""
-    looks = _looks(state.t, t)
+    looks = _update_rows(state.t, t)
     states = [state]
     for row in looks:
         states.append(
-            _looked(params, states[-1], float(t[row]), q_GB[row], doubt[row], usable[row])
+            _update(params, states[-1], float(t[row]), q_GB[row], gap_variance[row], usable[row])
         )
     newest = np.searchsorted(
         looks, np.arange(len(t)), side="right"
     )  # the look that counts in each row
     deltas = np.array([s.delta for s in states])
-    corrected = quat.headed(q_GB, _by_segment(deltas)[newest]) if deltas.any() else q_GB
+    corrected = quat.turn_heading(q_GB, _by_segment(deltas)[newest]) if deltas.any() else q_GB
     return (
         states[-1],
         corrected,
-        _lost(params, states, newest, doubt) & np.isfinite(q_GB).all(axis=-1),
+        _lost(params, states, newest, gap_variance) & np.isfinite(q_GB).all(axis=-1),
     )
 
 
 def _lost(
-    params: HeadingParams, states: list[State], newest: NDArray[np.int_], doubt: Array
+    params: HeadingParams, states: list[State], newest: NDArray[np.int_], gap_variance: Array
 ) -> Bools:
     """Which headings (n, segments) are not known: by the look before, or because of a gap since."""
     variance, before = (
-        np.array([getattr(s, name) for s in states])[newest] for name in ("variance", "doubt")
+        np.array([getattr(s, name) for s in states])[newest]
+        for name in ("variance", "gap_variance")
     )
-    return _unknown(_PARENTS, _CHILDREN, (params.heading_known * DEG) ** 2, variance, before, doubt)
+    return _is_lost(
+        _PARENTS, _CHILDREN, (params.heading_known * DEG) ** 2, variance, before, gap_variance
+    )
 
 
-@told_by_row("(j),(j),(),(j),(s),(s)->(s)")
-def _unknown(
+@rowwise_bool("(j),(j),(),(j),(s),(s)->(s)")
+def _is_lost(
     parents: Array,
     children: Array,
     most: float,
     variance: Array,
-    doubt_before: Array,
-    doubt: Array,
+    gap_variance_before: Array,
+    gap_variance: Array,
     lost: Bools,
 ) -> None:
     for j in range(parents.shape[0]):
         parent, child = int(parents[j]), int(children[j])
         at_parent, at_child = (
-            doubt[parent] - doubt_before[parent],
-            doubt[child] - doubt_before[child],
+            gap_variance[parent] - gap_variance_before[parent],
+            gap_variance[child] - gap_variance_before[child],
         )
         unsure = variance[j] + max(at_parent, 0.0) + max(at_child, 0.0) > most
         if child == _HAND:
@@ -156,34 +159,34 @@ def _unknown(
             lost[child] = lost[parent] or unsure
 
 
-def _looks(t_last: float, t: Array) -> NDArray[np.int_]:
+def _update_rows(t_last: float, t: Array) -> NDArray[np.int_]:
     """Rows at which the joints are looked at: the first in each stretch of UPDATE, wherever the blocks are cut."""
     slot = np.floor(t / UPDATE + 1e-9)
     before = np.concatenate([[np.floor(t_last / UPDATE + 1e-9)], slot[:-1]])
     return np.flatnonzero(slot > before)
 
 
-def _looked(
+def _update(
     params: HeadingParams,
     state: State,
     t: float,
     q_GB: Array,
-    doubt: Array,
+    gap_variance: Array,
     usable: Bools,
 ) -> State:
     """One Kalman step of every joint at orientations q_GB (segments, 4)."""
     seconds = t - state.t if np.isfinite(state.t) else 0.0
-    more = np.maximum(doubt - state.doubt, 0.0)
+    more = np.maximum(gap_variance - state.gap_variance, 0.0)
     walked = state.variance + (params.heading_walk * DEG) ** 2 * seconds
     slow = np.minimum(
         walked, np.maximum(state.variance, 0.99 * (params.heading_known * DEG) ** 2)
     )  # only a gap loses a heading
     predicted = slow + more[PARENTS] + more[CHILDREN]
-    doubt = np.maximum(doubt, state.doubt)
+    gap_variance = np.maximum(gap_variance, state.gap_variance)
     play = (np.where(state.known, params.joint_play_known, params.joint_play) * DEG) ** 2
     if (predicted <= play).all():  # the joints know no better
-        return State(state.delta, predicted, doubt, state.known, t)
-    miss, slope = _told(state.delta, np.where(usable[:, None], q_GB, np.nan))
+        return State(state.delta, predicted, gap_variance, state.known, t)
+    miss, slope = _constraint_residuals(state.delta, np.where(usable[:, None], q_GB, np.nan))
     sharpness = (slope * slope).sum(axis=-1)
     learnt = predicted / (1.0 + predicted * sharpness * UPDATE / (play * params.joint_play_time))
     variance = np.maximum(
@@ -193,17 +196,17 @@ def _looked(
         sharpness > 0, sharpness, 1.0
     )
     delta = state.delta + np.where(predicted > variance, gain * (slope * miss).sum(axis=-1), 0.0)
-    return State(delta, variance, doubt, state.known, t)
+    return State(delta, variance, gap_variance, state.known, t)
 
 
-def _told(delta: Array, q_GB: Array) -> tuple[Array, Array]:
+def _constraint_residuals(delta: Array, q_GB: Array) -> tuple[Array, Array]:
     """What the joints say: how far each angle (joints, 3) is from what is possible, and how it changes with the child's heading; zero where nothing."""
-    parent, child = q_GB[PARENTS], quat.headed(q_GB[CHILDREN], delta)
+    parent, child = q_GB[PARENTS], quat.turn_heading(q_GB[CHILDREN], delta)
     angles = joint_angles.decompose(quat.relative(parent, child))
     miss = np.minimum(np.maximum(angles, LIMITS[..., 0]), LIMITS[..., 1]) - angles
-    told = np.isfinite(miss) & (~IS_DOF | (miss != 0))
+    residual = np.isfinite(miss) & (~IS_DOF | (miss != 0))
     slopes = _slopes(angles, quat.rotate(quat.conjugate(parent), VERTICAL))
-    return np.where(told, miss, 0.0), np.where(told, slopes, 0.0)
+    return np.where(residual, miss, 0.0), np.where(residual, slopes, 0.0)
 
 
 def _slopes(angles: Array, up: Array) -> Array:
@@ -224,11 +227,13 @@ def _slopes(angles: Array, up: Array) -> Array:
 
 def _by_segment(by_joint: Array) -> Array:
     """Sums (n, segments) of a joint's values (n, joints) over the joints between a segment and the hand; the forearm's is the wrist's, turned round."""
-    return _summed(_PARENTS, _CHILDREN, by_joint, _SEGMENTS)
+    return _sum_over_segments(_PARENTS, _CHILDREN, by_joint, _SEGMENTS)
 
 
 @rowwise("(j),(j),(j),(s)->(s)")
-def _summed(parents: Array, children: Array, by_joint: Array, row: Array, sums: Array) -> None:
+def _sum_over_segments(
+    parents: Array, children: Array, by_joint: Array, row: Array, sums: Array
+) -> None:
     for j in range(parents.shape[0]):
         parent, child = int(parents[j]), int(children[j])
         if child == _HAND:

@@ -54,7 +54,7 @@ class Rows:
     t: Array  # (n,)
     q_GS: Array  # (n, segments, 4), NaN where no sensor
     flags: NDArray[np.uint8]  # (n, segments)
-    doubt: (
+    rotation_variance: (
         Array  # (n, segments) rad^2, variance of the heading that gaps have cost each sensor so far
     )
 
@@ -63,7 +63,7 @@ def start(streams: Iterable[Stream]) -> State:
     """Begin with the inertial streams of a recording; the fastest makes the rows, with the hand's sensor where rates are equal."""
     inertial = [s for s in streams if s.inertial and set(s.sensors) & set(SEGMENTS)]
     return State(
-        _reference(inertial), {s.name: Waiting(s, _nothing(len(s.sensors))) for s in inertial}
+        _reference(inertial), {s.name: Waiting(s, _empty_waiting(len(s.sensors))) for s in inertial}
     )
 
 
@@ -92,7 +92,7 @@ def finish(state: State) -> tuple[State, Rows]:
     return _give(state, 0.0)
 
 
-def drained(
+def drain(
     params: orientation_fusion.FusionParams,
     fusions: Mapping[str, orientation_fusion.StreamState],
     state: State,
@@ -107,7 +107,7 @@ def drained(
     return after, state, join([*last, given])
 
 
-def measured_rates(blocks: Iterable[Block]) -> dict[str, float]:
+def measure_rates(blocks: Iterable[Block]) -> dict[str, float]:
     """Rates (Hz) by stream at which samples come, where they differ from the named ones by more than NOTICED; one block a stream, at least a second.
 
     A line through the samples' times against their numbers: jitter hardly turns it, and missing samples are counted by the named period where a step is longer than jitter makes it.
@@ -124,7 +124,7 @@ def measured_rates(blocks: Iterable[Block]) -> dict[str, float]:
     return found
 
 
-def even_times(block: Block) -> Array:
+def fit_times(block: Block) -> Array:
     """Times (n,) s of a block's samples on the line through their stamps."""
     numbers = _numbers(block)
     begun, period = np.polynomial.polynomial.polyfit(numbers, block.t - block.t[0], 1)
@@ -136,11 +136,11 @@ def _numbers(block: Block) -> Array:
     steps = np.diff(block.t) * block.stream.rate
     numbers = np.arange(len(block.t), dtype=float)
     if 0.8 < np.median(steps) < 1.25:
-        numbers[1:] += np.cumsum(_left_out(steps))
+        numbers[1:] += np.cumsum(_count_missing(steps))
     return numbers
 
 
-def _left_out(steps: Array) -> Array:
+def _count_missing(steps: Array) -> Array:
     """Samples missing before each step's end, of steps (n,) in periods."""
     scatter = float(
         np.median(steps) - np.quantile(steps, 0.16)
@@ -175,13 +175,13 @@ def _give(state: State, patience: float) -> tuple[State, Rows]:
     )
     for waiting in state.waiting.values():
         _place(rows, waiting)
-    kept = {name: _prune(w, reached) for name, w in state.waiting.items()}
-    return replace(state, waiting=kept, t=max(state.t, reached)), rows
+    pruned = {name: _prune(w, reached) for name, w in state.waiting.items()}
+    return replace(state, waiting=pruned, t=max(state.t, reached)), rows
 
 
 def _place(rows: Rows, waiting: Waiting) -> None:
     """Write the stream's segments into the rows, interpolated between the samples around each instant; outside them another stream goes first."""
-    count, sensors, segments = _worn(waiting.stream.sensors)
+    count, sensors, segments = _sensors_on_hand(waiting.stream.sensors)
     data, t = waiting.data, rows.t
     if not count or not len(t) or not len(data.t):
         return
@@ -194,7 +194,7 @@ def _place(rows: Rows, waiting: Waiting) -> None:
             data.q_GS[own, sensors],
             data.flags[own, sensors],
         )
-        rows.doubt[:, segments] = data.doubt[own, sensors]
+        rows.rotation_variance[:, segments] = data.rotation_variance[own, sensors]
         return
     after = np.minimum(np.searchsorted(data.t, t), len(data.t) - 1)
     before = np.where(data.t[after] == t, after, np.maximum(after - 1, 0))
@@ -217,19 +217,19 @@ def _place(rows: Rows, waiting: Waiting) -> None:
     )
     rows.q_GS[:, segments] = np.where(elsewhere[..., None], rows.q_GS[:, segments], q_GS)
     rows.flags[:, segments] = np.where(elsewhere, rows.flags[:, segments], flags)
-    rows.doubt[:, segments] = np.where(
-        elsewhere, rows.doubt[:, segments], data.doubt[after][:, sensors]
+    rows.rotation_variance[:, segments] = np.where(
+        elsewhere, rows.rotation_variance[:, segments], data.rotation_variance[after][:, sensors]
     )
 
 
 @cache
-def _worn(sensors: tuple[str, ...]) -> tuple[int, Places, Places]:
+def _sensors_on_hand(sensors: tuple[str, ...]) -> tuple[int, Places, Places]:
     """How many of a stream's sensors sit on the hand, which they are, and on which segments."""
     columns = [k for k, name in enumerate(sensors) if name in SEGMENT]
-    return len(columns), _places(columns), _places([SEGMENT[sensors[k]] for k in columns])
+    return len(columns), _as_slice(columns), _as_slice([SEGMENT[sensors[k]] for k in columns])
 
 
-def _places(numbers: list[int]) -> Places:
+def _as_slice(numbers: list[int]) -> Places:
     """What numpy is to be asked for: neighbours as a slice, which it gives without copying."""
     first = numbers[0] if numbers else 0
     return (
@@ -249,7 +249,7 @@ def _no_rows() -> Rows:
     )
 
 
-def _nothing(sensors: int) -> Oriented:
+def _empty_waiting(sensors: int) -> Oriented:
     return Oriented(
         np.empty(0),
         np.empty((0, sensors, 4)),
@@ -260,14 +260,16 @@ def _nothing(sensors: int) -> Oriented:
 
 
 def _append(a: Oriented, b: Oriented) -> Oriented:
-    return Oriented(*(np.concatenate(both) for both in zip(_of(a), _of(b))))
+    return Oriented(*(np.concatenate(both) for both in zip(_as_tuple(a), _as_tuple(b))))
 
 
 def _prune(waiting: Waiting, t: float) -> Waiting:
     """Forget what lies before the last sample not after t."""
     first = max(bisect_right(waiting.data.t, t) - 1, 0)
-    return Waiting(waiting.stream, Oriented(*(values[first:] for values in _of(waiting.data))))
+    return Waiting(
+        waiting.stream, Oriented(*(values[first:] for values in _as_tuple(waiting.data)))
+    )
 
 
-def _of(data: Oriented) -> tuple[Any, ...]:
-    return data.t, data.q_GS, data.flags, data.doubt, data.sampled
+def _as_tuple(data: Oriented) -> tuple[Any, ...]:
+    return data.t, data.q_GS, data.flags, data.rotation_variance, data.sampled

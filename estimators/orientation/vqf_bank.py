@@ -88,7 +88,7 @@ class FusionParams:
     )
 
 
-def begun(params: FusionParams, period: float) -> VQF:
+def start_filter(params: FusionParams, period: float) -> VQF:
     """The library's filter before its first sample; samples come every `period` s."""
     return VQF(
         period,
@@ -103,7 +103,7 @@ def begun(params: FusionParams, period: float) -> VQF:
     )
 
 
-def updated(vqf: VQF, gyr: Array, acc: Array) -> Array:
+def update_filter(vqf: VQF, gyr: Array, acc: Array) -> Array:
     """Orientations (n, 4) by gyroscope and accelerometer, (n, 3) each; the library's call for many samples costs a single one three times as much."""
     if len(gyr) == 1:
         vqf.update(gyr[0], acc[0])
@@ -112,7 +112,7 @@ def updated(vqf: VQF, gyr: Array, acc: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Kept:
+class FilterCache:
     """What a filter knew behind a block."""
 
     state: Mapping[str, Any]
@@ -120,7 +120,7 @@ class Kept:
 
 
 @dataclass(frozen=True)
-class Filters:
+class FilterBank:
     """Filters of sensors that go on together: each as it was some blocks ago, and the blocks since.
 
     `standing` holds at most one set of the library's own filters, which stand behind the newest block: whoever goes on first takes them,
@@ -129,7 +129,7 @@ class Filters:
 
     params: FusionParams
     period: float  # s
-    kept: tuple[Kept, ...]
+    caches: tuple[FilterCache, ...]
     since: tuple[
         tuple[Array, Array], ...
     ] = ()  # rates and specific forces (sensors, n, 3) of the newest blocks
@@ -143,39 +143,43 @@ class Filters:
         """What each filter knows now."""
         filters = self._again()
         return tuple(
-            f.state if kept.count < self.count else kept.state
-            for f, kept in zip(filters, self.kept)
+            f.state if caches.count < self.count else caches.state
+            for f, caches in zip(filters, self.caches)
         )
 
-    def gone_on(self, gyr: Array, acc: Array) -> tuple["Filters", Array]:
+    def advance(self, gyr: Array, acc: Array) -> tuple["FilterBank", Array]:
         """Behind one more block, (sensors, n, 3) each, and the orientations (n, sensors, 4) at its samples."""
         try:
             filters = self.standing.pop()
         except IndexError:
             filters = self._again()
-        q_GS, count, kept = np.empty((gyr.shape[1], len(gyr), 4)), self.count + 1, list(self.kept)
+        q_GS, count, caches = (
+            np.empty((gyr.shape[1], len(gyr), 4)),
+            self.count + 1,
+            list(self.caches),
+        )
         for k, one in enumerate(filters):
-            q_GS[:, k] = updated(one, gyr[k], acc[k])
+            q_GS[:, k] = update_filter(one, gyr[k], acc[k])
         for k in self._read_next(gyr.shape[1]):
-            kept[k] = Kept(filters[k].state, count)
-        remembered = count - min(k.count for k in kept)
+            caches[k] = FilterCache(filters[k].state, count)
+        remembered = count - min(k.count for k in caches)
         since = (*self.since, (gyr, acc))[len(self.since) + 1 - remembered :]
-        return Filters(self.params, self.period, tuple(kept), since, count, [filters]), q_GS
+        return FilterBank(self.params, self.period, tuple(caches), since, count, [filters]), q_GS
 
     def _read_next(self, samples: int) -> Sequence[int]:
         """The sensors whose filters are read behind a block: one a sample, in turn."""
-        sensors = len(self.kept)
+        sensors = len(self.caches)
         if samples >= sensors:
             return range(sensors)
-        return sorted(range(sensors), key=lambda k: self.kept[k].count)[:samples]
+        return sorted(range(sensors), key=lambda k: self.caches[k].count)[:samples]
 
     def _again(self) -> list[VQF]:
         """Other filters that stand behind the newest block."""
         filters = []
-        for k, kept in enumerate(self.kept):
-            one = begun(self.params, self.period)
-            one.state = kept.state
-            for gyr, acc in self.since[len(self.since) - (self.count - kept.count) :]:
-                updated(one, gyr[k], acc[k])
+        for k, caches in enumerate(self.caches):
+            one = start_filter(self.params, self.period)
+            one.state = caches.state
+            for gyr, acc in self.since[len(self.since) - (self.count - caches.count) :]:
+                update_filter(one, gyr[k], acc[k])
             filters.append(one)
         return filters

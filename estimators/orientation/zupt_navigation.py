@@ -19,7 +19,7 @@ from handscope.estimators.data.samples import ACC, GYR, MAG, Block
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array, Bools
-from handscope.estimators.orientation.fusion import upright
+from handscope.estimators.orientation.fusion import make_upright
 from handscope.estimators.sensors.zero_velocity_detector import likelihood_ratio
 
 P, V, TH, BG, BA = (slice(3 * k, 3 * k + 3) for k in range(5))
@@ -230,7 +230,7 @@ def _advance(params: HandFilterParams, state: State, whole: bool) -> tuple[State
         if last > first:
             state, piece = _window(params, state, t[first:last], samples[first:last])
             pieces.append(piece)
-    return replace(state, waiting=samples[edges[-1] :], waiting_t=t[edges[-1] :]), _joined(
+    return replace(state, waiting=samples[edges[-1] :], waiting_t=t[edges[-1] :]), _join(
         pieces
     ) if pieces else NOTHING
 
@@ -240,12 +240,12 @@ def _window(
 ) -> tuple[State, HandPath]:
     """One window of samples: integrate, then correct where the hand stands still."""
     if state.q_GH is None:
-        state = replace(state, q_GH=upright(np.array([1.0, 0, 0, 0]), samples[0, 3:]))
+        state = replace(state, q_GH=make_upright(np.array([1.0, 0, 0, 0]), samples[0, 3:]))
     fresh = not np.isfinite(state.t)
     dt = np.diff(t, prepend=t[0] if fresh else state.t)
     if dt[0] > params.max_gap:
-        state, dt[0] = _forgotten(state), 0.0
-    q_GH, p, v, covariance = _integrated(params, state, dt, samples)
+        state, dt[0] = _reset_position(state), 0.0
+    q_GH, p, v, covariance = _integrate(params, state, dt, samples)
     length = max(2, round(params.still_window / max(float(np.median(dt)), 1e-4)))
     recent = np.concatenate([state.recent, samples])[-length:]
     after = replace(
@@ -261,15 +261,15 @@ def _window(
         )
         < 1.0
     )
-    after = _stood(params, after) if still else after
+    after = _zero_velocity_update(params, after) if still else after
     if params.magnetometer and after.mag is not None and after.north is not None:
-        after = _northed(params, after)
+        after = _heading_update(params, after)
     p[-1], v[-1], q_GH[-1] = after.p, after.v, after.q_GH
     sd = np.tile(np.sqrt(np.maximum(np.diag(after.covariance)[P], 0.0)), (len(t), 1))
     return after, HandPath(t, p, v, q_GH, sd, np.full(len(t), still))
 
 
-def _integrated(
+def _integrate(
     params: HandFilterParams, state: State, dt: Array, samples: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Orientation, place and velocity at every sample and the covariance at the last. (2.33)"""
@@ -279,27 +279,29 @@ def _integrated(
         before = state.recent[-1:, :3] if len(state.recent) else rates[:1]
         rates = 0.5 * (rates + np.concatenate([before, rates[:-1]]))
     q_GH = quat.normalize(
-        quat.multiply(state.q_GH, _chained(quat.exp((rates - state.bias[:3]) * dt[:, None])))
+        quat.multiply(
+            state.q_GH, _cumulative_products(quat.exp((rates - state.bias[:3]) * dt[:, None]))
+        )
     )
     force = quat.rotate(q_GH, samples[:, 3:] - state.bias[3:])
-    v = state.v + _summed(_between(force) - UP, dt)
-    p = state.p + _summed(_between(v, state.v[None]), dt)
-    covariance = _carried(params, state.covariance, dt, quat.matrix(q_GH), force)
+    v = state.v + _integral(_between(force) - UP, dt)
+    p = state.p + _integral(_between(v, state.v[None]), dt)
+    covariance = _propagate_covariance(params, state.covariance, dt, quat.matrix(q_GH), force)
     return q_GH, p, v, covariance
 
 
-def _carried(
+def _propagate_covariance(
     params: HandFilterParams, covariance: Array, dt: Array, R: Array, force: Array
 ) -> Array:
     """The covariance after samples of orientation R (n, 3, 3) and force (n, 3) in the global frame: derivatives summed as the values are."""
     T, F, Q = float(dt.sum()), np.eye(15), np.zeros((15, 15))
-    turned = _summed(R, dt)  # dth = -turned db_g
+    turned = _integral(R, dt)  # dth = -turned db_g
     pushed = np.concatenate(
         [-quat.skew(force), quat.skew(force) @ turned, -R], axis=2
     )  # of the force by dth, db_g, db_a
-    faster = _summed(_between(pushed), dt)
+    faster = _integral(_between(pushed), dt)
     F[P, V], F[TH, BG] = T * np.eye(3), -turned[-1]
-    F[V, 6:], F[P, 6:] = faster[-1], _summed(_between(faster, np.zeros_like(faster[:1])), dt)[-1]
+    F[V, 6:], F[P, 6:] = faster[-1], _integral(_between(faster, np.zeros_like(faster[:1])), dt)[-1]
     acc = params.acc_noise**2 * np.eye(3)
     Q[V, V], Q[P, P], Q[P, V], Q[V, P] = T * acc, T**3 / 3 * acc, T**2 / 2 * acc, T**2 / 2 * acc
     Q[TH, TH], Q[BG, BG] = (
@@ -309,7 +311,7 @@ def _carried(
     return F @ covariance @ F.T + Q
 
 
-def _chained(turns: Array) -> Array:
+def _cumulative_products(turns: Array) -> Array:
     """Products of the first 1, 2, ..., n turns (n, 4), by doubling."""
     q, reach = turns.copy(), 1
     while reach < len(q):
@@ -325,12 +327,12 @@ def _between(values: Array, first: Array | None = None) -> Array:
     )
 
 
-def _summed(values: Array, dt: Array) -> Array:
+def _integral(values: Array, dt: Array) -> Array:
     """Running integral (n, ...)."""
     return np.asarray(np.cumsum(values * dt.reshape(-1, *(1,) * (values.ndim - 1)), axis=0))
 
 
-def _stood(params: HandFilterParams, state: State) -> State:
+def _zero_velocity_update(params: HandFilterParams, state: State) -> State:
     """Velocity and angular rate are zero, the accelerometer reads gravity."""
     assert state.q_GH is not None
     R = quat.matrix(state.q_GH)
@@ -345,10 +347,10 @@ def _stood(params: HandFilterParams, state: State) -> State:
     sd = np.repeat(
         [params.still_speed, 0.25 * params.still_gyr * DEG * share, params.still_acc * share], 3
     )
-    return _corrected(state, H, r, sd)
+    return _correct(state, H, r, sd)
 
 
-def _northed(params: HandFilterParams, state: State) -> State:
+def _heading_update(params: HandFilterParams, state: State) -> State:
     """The horizontal field points to where it pointed in the pose."""
     assert state.q_GH is not None and state.mag is not None and state.north is not None
     x, y, _ = quat.rotate(state.q_GH, state.mag)
@@ -357,12 +359,12 @@ def _northed(params: HandFilterParams, state: State) -> State:
     ) - np.pi  # turned clockwise, seen from above
     H = np.zeros((1, 15))
     H[0, 8] = 1.0
-    return _corrected(
+    return _correct(
         state, H, np.array([off]), np.array([params.north_sd * DEG / np.sqrt(params.update)])
     )
 
 
-def _corrected(state: State, H: Array, r: Array, sd: Array) -> State:
+def _correct(state: State, H: Array, r: Array, sd: Array) -> State:
     """One Kalman update with measurement residuals r and noise sd; the covariance in Joseph's form."""
     assert state.q_GH is not None
     C = state.covariance
@@ -378,7 +380,7 @@ def _corrected(state: State, H: Array, r: Array, sd: Array) -> State:
     )
 
 
-def _forgotten(state: State) -> State:
+def _reset_position(state: State) -> State:
     """After a gap: where it is and how fast is not known, it counts as at rest until it is seen."""
     C = state.covariance.copy()
     C[:6] = C[:, :6] = 0.0
@@ -387,7 +389,7 @@ def _forgotten(state: State) -> State:
     return replace(state, v=np.zeros(3), covariance=C, recent=state.recent[:0])
 
 
-def _joined(pieces: list[HandPath]) -> HandPath:
+def _join(pieces: list[HandPath]) -> HandPath:
     return HandPath(
         *(np.concatenate([getattr(p, f.name) for p in pieces]) for f in fields(HandPath))
     )

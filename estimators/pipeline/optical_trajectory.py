@@ -73,7 +73,7 @@ class Cluster:
     rest: Array  # (k, 3) m, mean places in the flat pose
     q: Array  # (n, 4) turn from the flat pose
     p: Array  # (n, 3) m, the centre of the cluster
-    apart: Array  # (n, k) m between a marker and where the rigid body has it
+    residuals: Array  # (n, k) m between a marker and where the rigid body has it
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def trajectory_of(
         np.full((n, len(FINGERS), 3), np.nan),
     )
     if fits:
-        q_GH = _lying(fits, hand, pose.up)
+        q_GH = _hand_in_pose(fits, hand, pose.up)
         for segment, fit in fits.items():
             q_GS[:, SEGMENT[segment]] = quat.multiply(
                 fit.q, quat.multiply(q_GH, _in_pose(segment, pose.thumb_cmc))
@@ -119,10 +119,10 @@ def trajectory_of(
     return Trajectory(hand, markers.t, angles, q_GS, places, np.zeros((n, len(SEGMENTS)), np.uint8))
 
 
-def aligned(moved: Trajectory, pose: FlatPose) -> Trajectory:
+def align(movement: Trajectory, pose: FlatPose) -> Trajectory:
     """The movement with every segment lying on the hand in the flat pose as it should: for orientations of bodies that sit anyhow; `pose.up` is not used."""
-    still = moved.between(pose.start, pose.stop).q_GS
-    q_GS, hand = moved.q_GS.copy(), _mean(still[:, SEGMENT["hand"]])
+    still = movement.between(pose.start, pose.stop).q_GS
+    q_GS, hand = movement.q_GS.copy(), _mean(still[:, SEGMENT["hand"]])
     if hand is None:
         raise InputError(
             f"the hand's orientation is not known between {pose.start:g} and {pose.stop:g} s; name another still stretch with --static"
@@ -131,10 +131,10 @@ def aligned(moved: Trajectory, pose: FlatPose) -> Trajectory:
         if (q_GB := _mean(still[:, k])) is not None:
             q_BS = quat.relative(q_GB, quat.multiply(hand, _in_pose(segment, pose.thumb_cmc)))
             q_GS[:, k] = quat.multiply(q_GS[:, k], q_BS)
-    return replace(moved, q_GS=q_GS, angles=joint_angles.of_segments(q_GS))
+    return replace(movement, q_GS=q_GS, angles=joint_angles.of_segments(q_GS))
 
 
-def clusters(markers: Markers, pose: FlatPose) -> dict[str, Cluster]:
+def find_clusters(markers: Markers, pose: FlatPose) -> dict[str, Cluster]:
     """Rigid fits by segment, of those with three markers that do not lie on a line."""
     still = (markers.t >= pose.start) & (markers.t <= pose.stop)
     found: dict[str, list[int]] = {}
@@ -152,9 +152,9 @@ def rigidity(fits: Mapping[str, Cluster], markers: Markers) -> list[Rigidity]:
     """Relative marker movement of every segment and its angle. Source: Kortier, thesis 3.2.5."""
     found = []
     for segment, fit in fits.items():
-        if not np.isfinite(fit.apart).any():
+        if not np.isfinite(fit.residuals).any():
             continue
-        seen = np.isfinite(fit.apart[:, :3]).all(axis=1)
+        seen = np.isfinite(fit.residuals[:, :3]).all(axis=1)
         angle = np.full(2, np.nan)
         if seen.any():
             actual = _axes(markers.places[seen][:, fit.columns[:3]])
@@ -164,8 +164,8 @@ def rigidity(fits: Mapping[str, Cluster], markers: Markers) -> list[Rigidity]:
         found.append(
             Rigidity(
                 segment,
-                float(np.nanmean(fit.apart)),
-                float(np.nanmax(fit.apart)),
+                float(np.nanmean(fit.residuals)),
+                float(np.nanmax(fit.residuals)),
                 float(angle[0]),
                 float(angle[1]),
             )
@@ -192,14 +192,14 @@ def _cluster(segment: str, markers: Markers, columns: tuple[int, ...], still: Bo
         raise InputError(
             f"the markers of {segment} lie on a line: its turn about that line cannot be told; place one of them beside it"
         )
-    q, p, apart = _fitted(rest, places)
-    return Cluster(columns, rest, q, p, apart)
+    q, p, residuals = _fit_rigid(rest, places)
+    return Cluster(columns, rest, q, p, residuals)
 
 
-def _fitted(rest: Array, places: Array) -> tuple[Array, Array, Array]:
+def _fit_rigid(rest: Array, places: Array) -> tuple[Array, Array, Array]:
     """Turns (n, 4), centres (n, 3) and misfits (n, k); NaN where fewer than three markers are seen. One pass for each set of visible markers."""
     n, k = places.shape[:2]
-    q, p, apart = np.full((n, 4), np.nan), np.full((n, 3), np.nan), np.full((n, k), np.nan)
+    q, p, residuals = np.full((n, 4), np.nan), np.full((n, 3), np.nan), np.full((n, k), np.nan)
     seen: Bools = np.asarray(np.isfinite(places).all(axis=2))
     sets = seen @ (1 << np.arange(k))  # a number for each set of visible markers
     for visible in np.unique(sets):
@@ -220,8 +220,8 @@ def _fitted(rest: Array, places: Array) -> tuple[Array, Array, Array]:
         rigid = np.einsum("nij,kj->nki", R, here - centre_0) + centre[:, None]
         misfit = np.full((rows.sum(), k), np.nan)
         misfit[:, pattern] = np.linalg.norm(there - rigid, axis=-1)
-        apart[rows] = misfit
-    return q, p, apart
+        residuals[rows] = misfit
+    return q, p, residuals
 
 
 def _quaternion(R: Array) -> Array:
@@ -247,7 +247,7 @@ def _quaternion(R: Array) -> Array:
     return np.asarray(q * np.where(q[:, :1] < 0, -1.0, 1.0))
 
 
-def _lying(fits: Mapping[str, Cluster], hand: Hand, up: Array) -> Array:
+def _hand_in_pose(fits: Mapping[str, Cluster], hand: Hand, up: Array) -> Array:
     """The hand's orientation q_GH (4,) in the flat pose: dorsal is up, distal along the fingers."""
     along, roots = np.zeros(3), []
     for finger in FINGERS[1:]:

@@ -13,9 +13,9 @@ from handscope.estimators.alignment import (
     initial_pose,
     mounting_checks,
 )
-from handscope.estimators.alignment.functional_movements import STEPS, Piece
+from handscope.estimators.alignment.functional_movements import STEPS, CalibrationMovement
 from handscope.estimators.data import trajectory
-from handscope.estimators.data.calibration import Calibration, Known
+from handscope.estimators.data.calibration import Calibration, PriorCalibration
 from handscope.estimators.data.findings import Finding, whole_streams
 from handscope.estimators.data.samples import MAG, Block, Event, Recording, join
 from handscope.estimators.data.trajectory import FLAG_WORDS, Flag, Trajectory
@@ -24,7 +24,7 @@ from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.force import fingertip_forces
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
 from handscope.estimators.magnet.pipeline import hand_position
-from handscope.estimators.orientation.resampling import measured_rates
+from handscope.estimators.orientation.resampling import measure_rates
 from handscope.estimators.pipeline.run import run
 from handscope.estimators.sensors import fault_detection, saturation
 
@@ -41,7 +41,7 @@ class Processed:
     calibrations: tuple[Calibration, ...]
     warnings: tuple[str, ...]
     findings: tuple[Finding, ...] = ()  # faults of sensors; their segments are flagged
-    told: tuple[
+    method_messages: tuple[
         str, ...
     ] = ()  # of the warnings those of the method or of calibrating, in their order
     suspicions: tuple[
@@ -55,18 +55,18 @@ def process(
     recording: Recording,
     calibration_recording: Recording | None = None,
     progress: Callable[[float], None] = lambda share: None,
-    known: Known | None = None,
+    known: PriorCalibration | None = None,
 ) -> Processed:
     """Run a method over a recording; `progress` hears the share done, 0 to 1; `known`: from an earlier self-calibration.
 
     InputError where the recording cannot be calibrated.
     """
     _require_magnetometers(params, recording)
-    told_scales = _limits_known(recording)
-    if scales := saturation.found(whole_of(recording)):
-        recording = saturation.Scaled(recording, scales)
+    scales_declared = _limits_known(recording)
+    if scales := saturation.find_full_scales(whole_of(recording)):
+        recording = saturation.WithFullScales(recording, scales)
     if hasattr(method, "solve"):
-        moved, calibrations, warnings = method.solve(params, recording, progress)
+        movement, calibrations, warnings = method.solve(params, recording, progress)
     else:
         calibrations, warnings = (
             calibrate(params, recording, calibration_recording)
@@ -75,37 +75,47 @@ def process(
         )
         if known is not None:
             calibrations = [with_known(c, known) for c in calibrations]
-        moved = trajectory.join(
-            _heard(run(method, params, calibrations, recording), _span(recording), progress),
+        movement = trajectory.join(
+            _with_progress(
+                run(method, params, calibrations, recording), _span(recording), progress
+            ),
             recording.hand,
         )
     findings = findings_of(recording, calibrations)
     if method.NEEDS_POSE:
-        flag_guesses(moved, calibrations)
+        flag_guesses(movement, calibrations)
     flag_faults(
-        moved, findings, [c.t for c in calibrations], getattr(params, "MAGNETOMETER", False)
+        movement, findings, [c.t for c in calibrations], getattr(params, "MAGNETOMETER", False)
     )
-    moved, of_forces = fingertip_forces.attached(
-        fingertip_forces.ForceParams(), moved, whole_of(recording), recording.mounting, calibrations
+    movement, of_forces = fingertip_forces.attached(
+        fingertip_forces.ForceParams(),
+        movement,
+        whole_of(recording),
+        recording.mounting,
+        calibrations,
     )
-    moved, of_place = hand_position.add_hand_position(
-        hand_position.PlaceParams(), moved, whole_of(recording), recording.plate, recording.mounting
+    movement, of_place = hand_position.add_hand_position(
+        hand_position.PlaceParams(),
+        movement,
+        whole_of(recording),
+        recording.plate,
+        recording.mounting,
     )
-    told = [f.said for f in findings if f.kind != "saturated" or not told_scales]
-    said = [
+    fault_messages = [f.message for f in findings if f.kind != "saturated" or not scales_declared]
+    messages = [
         *recording.warnings,
         *warnings,
         *(w for c in calibrations for w in c.warnings),
-        *told,
-        *_flag_warnings(moved),
+        *fault_messages,
+        *_flag_warnings(movement),
     ]
-    said += [*of_forces, *of_place]
+    messages += [*of_forces, *of_place]
     return Processed(
-        moved, tuple(calibrations), tuple(dict.fromkeys(said)), findings, tuple(warnings)
+        movement, tuple(calibrations), tuple(dict.fromkeys(messages)), findings, tuple(warnings)
     )
 
 
-def with_known(pose: Calibration, known: Known) -> Calibration:
+def with_known(pose: Calibration, known: PriorCalibration) -> Calibration:
     """The pose of a hand whose lengths, or also whose sensors' seats, were found before; the pose tells the rest. InputError for another hand."""
     if pose.hand != known.hand:
         raise InputError(
@@ -115,10 +125,10 @@ def with_known(pose: Calibration, known: Known) -> Calibration:
         raise InputError(
             f"{WITHOUT_POSE}: the calibration tells how sensors sit, not where they point; record 3 s of the pose first"
         )
-    seats = {s: q for s, q in known.q_BS.items() if s in pose.q_BS}
-    seated = (
-        functional_calibration.seated(pose, {"hand": pose.q_BS["hand"]} | seats)
-        if seats and "hand" in pose.q_BS
+    mounting = {s: q for s, q in known.q_BS.items() if s in pose.q_BS}
+    mounted = (
+        functional_calibration.apply_mounting(pose, {"hand": pose.q_BS["hand"]} | mounting)
+        if mounting and "hand" in pose.q_BS
         else pose
     )
     measured = pose.geometry.measured | set(known.lengths)
@@ -126,10 +136,10 @@ def with_known(pose: Calibration, known: Known) -> Calibration:
         pose.geometry, lengths={**pose.geometry.lengths, **known.lengths}, measured=measured
     )
     return replace(
-        seated,
+        mounted,
         geometry=geometry,
         gyr_bias={**known.gyr_bias, **pose.gyr_bias},
-        source=f"{pose.source}, {'seats and lengths' if seats else 'lengths'} from self-calibration",
+        source=f"{pose.source}, {'seats and lengths' if mounting else 'lengths'} from self-calibration",
     )
 
 
@@ -162,7 +172,7 @@ def findings_of(recording: Recording, calibrations: Sequence[Calibration]) -> tu
 
 def whole_of(recording: Recording) -> list[Block]:
     """One block a stream; a recording that has them so is not copied."""
-    if isinstance(recording, saturation.Scaled):
+    if isinstance(recording, saturation.WithFullScales):
         return [recording.scaled(b) for b in whole_of(recording.recording)]
     streams = getattr(recording, "samples", None)
     return [
@@ -173,7 +183,7 @@ def whole_of(recording: Recording) -> list[Block]:
 
 
 def flag_faults(
-    moved: Trajectory, findings: Sequence[Finding], poses: Sequence[float], magnetometer: bool
+    movement: Trajectory, findings: Sequence[Finding], poses: Sequence[float], magnetometer: bool
 ) -> None:
     """Mark the segments of faulty sensors, of magnetometers only where the method uses them; clipping by the flag that it has.
 
@@ -193,24 +203,24 @@ def flag_faults(
             and (finding.kind != "magnetometer" or magnetometer)
         ):
             for start, stop in finding.spans:
-                _mark(moved, finding.sensor, start, stop, flag)
+                _mark(movement, finding.sensor, start, stop, flag)
                 if finding.kind in ("dead_axis", "stuck"):
                     later = min((t for t in poses if t > start), default=np.inf)
                     _mark(
-                        moved,
+                        movement,
                         finding.sensor,
                         *((start, later) if start >= poses[0] else (-np.inf, min(stop, poses[0]))),
                         Flag.HEADING_LOST,
                     )
 
 
-def flag_guesses(moved: Trajectory, calibrations: Sequence[Calibration]) -> None:
+def flag_guesses(movement: Trajectory, calibrations: Sequence[Calibration]) -> None:
     """Mark what rests on defaults instead of a calibration."""
     ends = [*(c.t for c in calibrations[1:]), np.inf]
     for calibration, end in zip(calibrations, ends):
         for segment in calibration.q_BS if calibration.source == "none" else ():
             _mark(
-                moved,
+                movement,
                 segment,
                 -np.inf if calibration is calibrations[0] else calibration.t,
                 end,
@@ -218,9 +228,9 @@ def flag_guesses(moved: Trajectory, calibrations: Sequence[Calibration]) -> None
             )
 
 
-def _mark(moved: Trajectory, segment: str, start: float, stop: float, flag: Flag) -> None:
-    first, last = np.searchsorted(moved.t, [start - 1e-9, stop + 1e-9])
-    moved.flags[first:last, SEGMENT[segment]] |= np.uint8(flag)
+def _mark(movement: Trajectory, segment: str, start: float, stop: float, flag: Flag) -> None:
+    first, last = np.searchsorted(movement.t, [start - 1e-9, stop + 1e-9])
+    movement.flags[first:last, SEGMENT[segment]] |= np.uint8(flag)
 
 
 def _limits_known(recording: Recording) -> bool:
@@ -228,7 +238,7 @@ def _limits_known(recording: Recording) -> bool:
     return all(s.full_scale for s in recording.streams if s.inertial)
 
 
-def _heard(
+def _with_progress(
     pieces: Iterator[Trajectory], span: tuple[float, float], progress: Callable[[float], None]
 ) -> Iterator[Trajectory]:
     for piece in pieces:
@@ -254,7 +264,7 @@ def calibrate(
         pieces, spoilt = functional_pieces(params, recording, found)
         return _functional(params, recording, pieces, found), [
             *refused,
-            *_flat_hand_told(recording),
+            *_flat_hand_warning(recording),
             *spoilt,
         ]
     if other is None and (defaults := _defaults(params, recording)):
@@ -270,7 +280,7 @@ def calibrate(
             f"the calibration recording is of the {other.hand} hand, the recording of the {recording.hand} one"
         )
     borrowed, more = calibrate(params, other)
-    return _borrowed(recording, borrowed[-1], found), refused + more
+    return _borrow(recording, borrowed[-1], found), refused + more
 
 
 def _defaults(params: Any, recording: Recording) -> Calibration | None:
@@ -281,7 +291,7 @@ def _defaults(params: Any, recording: Recording) -> Calibration | None:
         if e.trial_type == "annotation" and e.details.get("calibration") == "none"
     ):
         window = _window(recording, event.onset, event.end)
-        return initial_pose.guessed(
+        return initial_pose.guess_calibration(
             params, recording.hand, recording.geometry, recording.mounting, window
         )
     return None
@@ -289,12 +299,12 @@ def _defaults(params: Any, recording: Recording) -> Calibration | None:
 
 def functional_pieces(
     params: Any, recording: Recording, poses: Sequence[Calibration]
-) -> tuple[dict[str, Piece], list[str]]:
+) -> tuple[dict[str, CalibrationMovement], list[str]]:
     """Of each functional step among the events the last one that was done well; sentences of the steps that never were."""
     if not getattr(params, "functional", False) or params.alignment == "heading":
         return {}, []
-    good: dict[str, Piece] = {}
-    spoilt: dict[str, Piece] = {}
+    good: dict[str, CalibrationMovement] = {}
+    spoilt: dict[str, CalibrationMovement] = {}
     for event in sorted(
         (e for e in recording.events if e.trial_type in STEPS), key=lambda e: e.onset
     ):
@@ -314,7 +324,10 @@ def functional_pieces(
 
 
 def _functional(
-    params: Any, recording: Recording, pieces: Mapping[str, Piece], poses: list[Calibration]
+    params: Any,
+    recording: Recording,
+    pieces: Mapping[str, CalibrationMovement],
+    poses: list[Calibration],
 ) -> list[Calibration]:
     """The poses' calibrations with what the pieces tell of the sensors' mounting."""
     return (
@@ -324,7 +337,7 @@ def _functional(
     )
 
 
-def _flat_hand_told(recording: Recording) -> list[str]:
+def _flat_hand_warning(recording: Recording) -> list[str]:
     if all(e.trial_type == "flat_hand" for e in _poses(recording.events)):
         return [
             "the recording has no initial_pose event: its flat hand serves as that, the thumb aligned with the fingers where its angles are not told"
@@ -335,7 +348,7 @@ def _flat_hand_told(recording: Recording) -> list[str]:
 def _without_pose(recording: Recording) -> tuple[list[Calibration], list[str]]:
     sensors = [s for stream in recording.streams if stream.inertial for s in stream.sensors]
     start, beginning = _beginning(recording)
-    rates = measured_rates(beginning)
+    rates = measure_rates(beginning)
     known = initial_pose.uncalibrated(
         recording.hand, recording.geometry, recording.mounting, sensors, start
     )
@@ -387,12 +400,12 @@ def _beginning(recording: Recording) -> tuple[float, list[Block]]:
     return start, [b for b in _window(recording, start, start + BEGINNING) if b.stream.inertial]
 
 
-def _borrowed(
-    recording: Recording, other: Calibration, own: list[Calibration]
-) -> list[Calibration]:
+def _borrow(recording: Recording, other: Calibration, own: list[Calibration]) -> list[Calibration]:
     """The other recording's mounting and biases; headings from this recording's own poses, or from assuming that it begins in the pose."""
     if own:
-        seated = [functional_calibration.seated(c, other.q_BS) if other.steps else c for c in own]
+        mounted = [
+            functional_calibration.apply_mounting(c, other.q_BS) if other.steps else c for c in own
+        ]
         return [
             replace(
                 c,
@@ -403,12 +416,12 @@ def _borrowed(
                 gyr_bias={**other.gyr_bias, **c.gyr_bias},
                 source="initial pose, mounting from another recording",
             )
-            for c in seated
+            for c in mounted
         ]
     start, beginning = _beginning(recording)
     q_GS, rates = (
-        initial_pose.reoriented(other, [b.between(start, start + 0.5) for b in beginning]),
-        measured_rates(beginning),
+        initial_pose.reorient(other, [b.between(start, start + 0.5) for b in beginning]),
+        measure_rates(beginning),
     )
     warning = (
         f"{WITHOUT_POSE}: headings assume that it begins in the pose of the calibration recording"
@@ -436,17 +449,21 @@ def _span(recording: Recording) -> tuple[float, float]:
     return min(s for s, _ in spans), max(e for _, e in spans)
 
 
-def _flag_warnings(moved: Trajectory) -> list[str]:
+def _flag_warnings(movement: Trajectory) -> list[str]:
     """One sentence for all segments of which the same is to be said."""
-    alike: dict[str, list[str]] = {}
-    present = int(np.bitwise_or.reduce(moved.flags, axis=None))
+    segments_by_warning: dict[str, list[str]] = {}
+    present = int(np.bitwise_or.reduce(movement.flags, axis=None))
     for flag, what in FLAG_WORDS.items():
         shares = (
-            ((moved.flags & flag) != 0).mean(axis=0) if present & flag else np.zeros(len(SEGMENTS))
+            ((movement.flags & flag) != 0).mean(axis=0)
+            if present & flag
+            else np.zeros(len(SEGMENTS))
         )
         for segment, share in zip(SEGMENTS, shares):
             if share >= WORTH_SAYING:
-                alike.setdefault(f"{what} in {100 * share:.1f} % of the samples", []).append(
-                    segment
-                )
-    return [f"{', '.join(segments)}: {said}" for said, segments in alike.items()]
+                segments_by_warning.setdefault(
+                    f"{what} in {100 * share:.1f} % of the samples", []
+                ).append(segment)
+    return [
+        f"{', '.join(segments)}: {warning}" for warning, segments in segments_by_warning.items()
+    ]

@@ -26,7 +26,7 @@ def unknowns(chain: Chain, noise: Noise, readings: Readings, flexing: Array) -> 
     far, near = np.zeros((len(chain.joints), 3)), np.zeros((len(chain.joints), 3))
     for k, (i, j) in enumerate(zip(chain.parents, chain.children)):
         _, heading, far[k], near[k] = met(noise, readings, q_GS, int(i), int(j), flexing)
-        q_GS[:, j] = quat.headed(q_GS[:, j], heading)
+        q_GS[:, j] = quat.turn_heading(q_GS[:, j], heading)
     pairs = [
         common_axis(q_GS[:, chain.parents[k]], q_GS[:, chain.children[k]]) for k in chain.hinges
     ]

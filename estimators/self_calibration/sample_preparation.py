@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handscope.estimators.data.samples import ACC, GYR, SATURATION, Block, beyond, every
+from handscope.estimators.data.samples import ACC, GYR, SATURATION, Block, every, exceeds
 from handscope.estimators.numerics.typing import Array, Bools
-from handscope.estimators.orientation.resampling import even_times
+from handscope.estimators.orientation.resampling import fit_times
 from handscope.estimators.self_calibration.problem import Chain, Readings, chain
 from handscope.estimators.sensors import saturation
 
@@ -64,7 +64,7 @@ def evened(block: Block) -> Block:
     """The same samples at even times where the stamps scatter (a host's, a radio's) and the rates say that the samples do not: between their neighbours they lie better there."""
     if len(block.t) < LINED:
         return block
-    even = even_times(block)
+    even = fit_times(block)
     rates = block.of(GYR).reshape(len(block.t), -1)
     off = [float(np.nansum(_beside_neighbours(t, rates) ** 2)) for t in (block.t, even)]
     return replace(block, t=even) if (np.diff(even) > 0).all() and off[1] < off[0] else block
@@ -118,7 +118,7 @@ def clipped(blocks: Sequence[Block], sensor: str, start: float, stop: float) -> 
 def _sound(block: Block, k: int, quantity: str) -> Bools:
     """Which samples (n,) of a sensor are whole and not at its limit: each sensor's own, where the stream does not tell one."""
     values = block.of(quantity)[:, k : k + 1]
-    clipped = beyond(values, SATURATION * saturation.limits(block, quantity)[k : k + 1])[:, 0]
+    clipped = exceeds(values, SATURATION * saturation.find_limits(block, quantity)[k : k + 1])[:, 0]
     return np.asarray(every(np.isfinite(values[:, 0])) & ~clipped)
 
 

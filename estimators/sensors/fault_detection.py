@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from handscope.estimators.data.findings import Finding
-from handscope.estimators.data.samples import ACC, GYR, MAG, SATURATION, Block, beyond
+from handscope.estimators.data.samples import ACC, GYR, MAG, SATURATION, Block, exceeds
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.intervals import find_runs
 from handscope.estimators.numerics.typing import Array
@@ -34,15 +34,21 @@ def check(blocks: Sequence[Block], rest: tuple[float, float]) -> list[Finding]:
     found = stuck_axes.check(blocks)
     frozen = {f.sensor for f in found if f.kind == "stuck"}
     found += [
-        f for b in blocks for q in (GYR, ACC) if q in b.stream.quantities for f in _clipped(b, q)
+        f
+        for b in blocks
+        for q in (GYR, ACC)
+        if q in b.stream.quantities
+        for f in _find_saturation(b, q)
     ]
-    return found + [f for b in blocks for f in _at_rest(b.between(*rest)) if f.sensor not in frozen]
+    return found + [
+        f for b in blocks for f in _check_at_rest(b.between(*rest)) if f.sensor not in frozen
+    ]
 
 
-def _clipped(block: Block, quantity: str) -> list[Finding]:
+def _find_saturation(block: Block, quantity: str) -> list[Finding]:
     """Sensors at their limit, by the known full scale or, without one, by largest readings that repeat."""
-    limit = saturation.limits(block, quantity)
-    hit, found = beyond(block.of(quantity), SATURATION * limit), []
+    limit = saturation.find_limits(block, quantity)
+    hit, found = exceeds(block.of(quantity), SATURATION * limit), []
     for k, sensor in enumerate(block.stream.sensors):
         if hit[:, k].any():
             spans = tuple(
@@ -62,7 +68,7 @@ def _clipped(block: Block, quantity: str) -> list[Finding]:
     return found
 
 
-def _at_rest(block: Block) -> list[Finding]:
+def _check_at_rest(block: Block) -> list[Finding]:
     found = []
     for k, sensor in enumerate(block.stream.sensors):
         for quantity in (q for q in block.stream.quantities if q in WORDS):
@@ -75,7 +81,7 @@ def _at_rest(block: Block) -> list[Finding]:
     return found
 
 
-def _gravity(sensor: str, mean: Array) -> Finding | None:
+def _check_gravity(sensor: str, mean: Array) -> Finding | None:
     g = float(np.linalg.norm(mean))
     if abs(g - GRAVITY) <= GRAVITY_DOUBT:
         return None
@@ -89,7 +95,7 @@ def _gravity(sensor: str, mean: Array) -> Finding | None:
     )
 
 
-def _bias(sensor: str, mean: Array) -> Finding | None:
+def _check_bias(sensor: str, mean: Array) -> Finding | None:
     rate = float(np.degrees(np.linalg.norm(mean)))
     if rate <= BIAS_DOUBT:
         return None
@@ -103,7 +109,7 @@ def _bias(sensor: str, mean: Array) -> Finding | None:
     )
 
 
-def _field(sensor: str, mean: Array) -> Finding | None:
+def _check_field(sensor: str, mean: Array) -> Finding | None:
     size = float(np.linalg.norm(mean))
     if FIELD[0] <= size <= FIELD[1]:
         return None
@@ -117,4 +123,4 @@ def _field(sensor: str, mean: Array) -> Finding | None:
     )
 
 
-_RESTING = {GYR: _bias, ACC: _gravity, MAG: _field}
+_RESTING = {GYR: _check_bias, ACC: _check_gravity, MAG: _check_field}

@@ -67,10 +67,10 @@ def apply(
     calibrations: Sequence[ImuCalibration], quantities: Sequence[str], values: Array
 ) -> Array:
     """Corrected values (..., sensors, 3 * quantities) by one calibration a sensor."""
-    return corrected(correction(calibrations, quantities), values)
+    return correct(correction(calibrations, quantities), values)
 
 
-def corrected(by: Correction, values: Array) -> Array:
+def correct(by: Correction, values: Array) -> Array:
     """Corrected values (..., sensors, 3 * quantities), each sample by itself; a missing axis leaves its whole sample missing.
 
     Three exact zeros of an accelerometer stay what they are: a sensor that does not answer.
@@ -78,13 +78,13 @@ def corrected(by: Correction, values: Array) -> Array:
     reading = values.reshape(*values.shape[:-1], values.shape[-1] // 3, 3)
     assert reading.shape[-3:] == by.bias.shape
     with np.errstate(over="ignore"):
-        return np.asarray(_corrected(reading, by.matrix, by.bias, by.known, by.acc)).reshape(
+        return np.asarray(_correct(reading, by.matrix, by.bias, by.known, by.acc)).reshape(
             values.shape
         )
 
 
 @rowwise("(a),(a,a),(a),(),()->(a)")
-def _corrected(
+def _correct(
     reading: Array, matrix: Array, bias: Array, known: float, acc: float, made: Array
 ) -> None:
     """One reading; `known` and `acc` are 1 where the sensor's calibration tells the quantity, and where it is specific force."""
@@ -96,7 +96,7 @@ def _corrected(
             made[axis] = value if math.isfinite(value) else math.nan
 
 
-def after(first: ImuCalibration, second: ImuCalibration) -> ImuCalibration:
+def compose(first: ImuCalibration, second: ImuCalibration) -> ImuCalibration:
     """One calibration that does what `first` and then `second` do."""
     matrix, bias = {}, {}
     for quantity in CALIBRATED:
@@ -105,7 +105,9 @@ def after(first: ImuCalibration, second: ImuCalibration) -> ImuCalibration:
     return ImuCalibration(matrix, bias)
 
 
-def reach(calibrations: Sequence[ImuCalibration], quantity: str, full_scale: float) -> float:
+def saturation_level(
+    calibrations: Sequence[ImuCalibration], quantity: str, full_scale: float
+) -> float:
     """Least size that a corrected axis can have while the sensor is at its limit: what then counts as full scale."""
     return min((_least(*c.of(quantity), full_scale) for c in calibrations), default=full_scale)
 

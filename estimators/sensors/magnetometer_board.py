@@ -17,12 +17,12 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.imu_calibration import ImuCalibration
 from handscope.estimators.sensors.magnetometer_ellipsoid import (
-    Sphere,
-    common_axes,
-    fitted,
-    not_on_the_plate,
+    EllipsoidCalibration,
+    find_common_axes,
+    find_outsiders,
+    fit_ellipsoid,
 )
-from handscope.estimators.sensors.six_position_calibration import Solved
+from handscope.estimators.sensors.six_position_calibration import SolvedCalibration
 
 AGAINST_GRAVITY = (
     "how the magnetometers are turned against gravity: no inertial sensor was beside them"
@@ -30,25 +30,25 @@ AGAINST_GRAVITY = (
 
 
 @dataclass(frozen=True)
-class Calibrated:
+class BoardCalibration:
     """What turning a plate told."""
 
-    solved: Mapping[str, Solved]  # by magnetometer
+    solved: Mapping[str, SolvedCalibration]  # by magnetometer
     refused: Sequence[str]
     strength: float  # T, of the field as all of them now read it; NaN where none was solved
 
 
-def calibrated(names: Sequence[str], mag: Array, q_BS: Array) -> Calibrated:
+def calibrate_board(names: Sequence[str], mag: Array, q_BS: Array) -> BoardCalibration:
     """q_BS (magnetometers, 4) takes vectors from each magnetometer's axes to the plate's, as nominally mounted."""
-    spheres: dict[str, Sphere] = {}
+    spheres: dict[str, EllipsoidCalibration] = {}
     refused = []
     for k, name in enumerate(names):
         try:
-            spheres[name] = fitted(mag[:, k], name)
+            spheres[name] = fit_ellipsoid(mag[:, k], name)
         except InputError as problem:
             refused.append(str(problem))
     if not spheres:
-        return Calibrated({}, refused, float("nan"))
+        return BoardCalibration({}, refused, float("nan"))
     strength = float(np.mean([s.strength for s in spheres.values()]))
     rows = [list(names).index(name) for name in spheres]
     nominal = q_BS[rows]
@@ -57,21 +57,21 @@ def calibrated(names: Sequence[str], mag: Array, q_BS: Array) -> Calibrated:
         [share[name] * s.corrected(mag[:, k]) for k, (name, s) in zip(rows, spheres.items())],
         axis=1,
     )
-    common = common_axes(quat.rotate(nominal, own))
-    apart = not_on_the_plate(tuple(spheres), common)
+    common = find_common_axes(quat.rotate(nominal, own))
+    outsiders = find_outsiders(tuple(spheres), common)
     R = quat.matrix(quat.multiply(quat.conjugate(nominal), quat.multiply(common.q_1l, nominal)))
     solved = {
-        name: _solved(s, share[name], sign * turn)
+        name: _turn_sphere(s, share[name], sign * turn)
         for (name, s), sign, turn in zip(spheres.items(), common.signs, R)
-        if name not in apart
+        if name not in outsiders
     }
-    return Calibrated(solved, [*refused, *apart.values()], strength)
+    return BoardCalibration(solved, [*refused, *outsiders.values()], strength)
 
 
-def _solved(s: Sphere, share: float, turn: Array) -> Solved:
+def _turn_sphere(s: EllipsoidCalibration, share: float, turn: Array) -> SolvedCalibration:
     """With the matrix (3, 3) of the sphere turned, and mirrored where the magnetometer is, so that all of the plate agree."""
     calibration = ImuCalibration({MAG: share * turn @ s.matrix}, {MAG: s.bias})
-    return Solved(
+    return SolvedCalibration(
         calibration,
         {MAG: share * s.matrix_sd},
         {MAG: s.bias_sd},

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from handscope.estimators.data.samples import MAG
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.axis_estimation import common_rotation
+from handscope.estimators.numerics.axis_estimation import fit_common_rotation
 from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.sensors.imu_calibration import ImuCalibration
 
@@ -26,12 +26,12 @@ MOST = 4000  # readings that are fitted: more are thinned out evenly
 SEEN = 0.05  # largest standard deviation of an entry of the matrix and of the bias as a share of the field that counts as observed
 HOMOGENEOUS = 0.05  # of the field: more left on the sphere is no homogeneous field, or no magnetometer in order
 MIRRORED = 0.5  # of what is left over: so much less tells that an axis points the other way
-APART = 0.1  # of the field: more left of a magnetometer against the first is no common plate
+MISALIGNED = 0.1  # of the field: more left of a magnetometer against the first is no common plate
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # of a symmetric matrix
 
 
 @dataclass(frozen=True)
-class Sphere:
+class EllipsoidCalibration:
     """One magnetometer's calibration with what is known of it."""
 
     matrix: Array  # (3, 3) symmetric
@@ -53,7 +53,7 @@ class Sphere:
 
 
 @dataclass(frozen=True)
-class Common:
+class CommonAxes:
     """How the axes of magnetometers on one plate are turned against the first one's."""
 
     q_1l: Array  # (magnetometers, 4) into the first one's axes, of readings that are turned round where mirrored
@@ -66,7 +66,9 @@ class Common:
         return np.where(self.mirrored, -1.0, 1.0)
 
 
-def fitted(mag: Array, name: str = "the magnetometer", strength: float | None = None) -> Sphere:
+def fit_ellipsoid(
+    mag: Array, name: str = "the magnetometer", strength: float | None = None
+) -> EllipsoidCalibration:
     """Calibrate one magnetometer from readings (n, 3); `strength` T of the field, if it is known. InputError says what was missing."""
     readings = mag[np.isfinite(mag).all(axis=-1)]
     if len(readings) < FEWEST:
@@ -80,7 +82,7 @@ def fitted(mag: Array, name: str = "the magnetometer", strength: float | None = 
         raise InputError(f"{name}: all readings are the same; it does not answer or was not moved.")
     z = (y - middle) / size
     begin = _quadric(z, name)
-    found = least_squares(_off, begin, jac=_slopes, args=(z,), method="lm")  # type: ignore[call-overload]
+    found = least_squares(_residuals, begin, jac=_residual_jacobian, args=(z,), method="lm")  # type: ignore[call-overload]
     noise = float(np.sqrt(2 * found.cost / (len(z) - 9)))
     s, V = np.linalg.svd(np.asarray(found.jac), full_matrices=False)[1:]
     sd = noise * np.sqrt((V.T**2 / np.maximum(s, 1e-12) ** 2).sum(axis=1))
@@ -97,7 +99,7 @@ def fitted(mag: Array, name: str = "the magnetometer", strength: float | None = 
         )
     scale = radius / size
     raw = np.linalg.norm(y, axis=1)
-    return Sphere(
+    return EllipsoidCalibration(
         scale * A,
         middle + size * found.x[6:],
         radius,
@@ -108,28 +110,28 @@ def fitted(mag: Array, name: str = "the magnetometer", strength: float | None = 
     )
 
 
-def common_axes(mag: Array) -> Common:
+def find_common_axes(mag: Array) -> CommonAxes:
     """Of corrected readings (n, magnetometers, 3): all are on one rigid plate that is turned in a homogeneous field, no magnet near."""
     good, many = np.isfinite(mag).all(axis=(-1, -2)), mag.shape[1]
     q_1l, mirrored, left = np.tile(quat.IDENTITY, (many, 1)), np.zeros(many, bool), np.zeros(many)
     for k in range(1, many):
         as_is, flipped = (
-            common_rotation(mag[good, 0], sign * mag[good, k]) for sign in (1.0, -1.0)
+            fit_common_rotation(mag[good, 0], sign * mag[good, k]) for sign in (1.0, -1.0)
         )
         mirrored[k] = flipped.residual < MIRRORED * as_is.residual
         found = flipped if mirrored[k] else as_is
         q_1l[k], left[k] = found.q_ab, found.residual
-    return Common(
+    return CommonAxes(
         q_1l, ~mirrored if mirrored.mean() > 0.5 else mirrored, left
     )  # the first may be the odd one
 
 
-def not_on_the_plate(names: Sequence[str], common: Common) -> dict[str, str]:
+def find_outsiders(names: Sequence[str], common: CommonAxes) -> dict[str, str]:
     """Magnetometers that did not see the first one's field turn, with a sentence for each."""
     return {
         name: f"{name} and {names[0]} did not see the same field turn: {100 * left:.0f} % are left. Are they on one rigid board, and are their times the same?"
         for name, left in zip(names, common.left)
-        if left > APART
+        if left > MISALIGNED
     }
 
 
@@ -141,11 +143,11 @@ def dip(mag: Array, acc: Array) -> float:
     return float(np.arcsin(np.clip(np.median(down), -1.0, 1.0)))
 
 
-def _off(x: Array, z: Array) -> Array:
+def _residuals(x: Array, z: Array) -> Array:
     return np.asarray(np.linalg.norm((z - x[6:]) @ _symmetric(x[:6]), axis=1) - 1.0)
 
 
-def _slopes(x: Array, z: Array) -> Array:
+def _residual_jacobian(x: Array, z: Array) -> Array:
     """d|v|/dx with v = A (z - b), u = v / |v|."""
     A, d = _symmetric(x[:6]), z - x[6:]
     v = d @ A

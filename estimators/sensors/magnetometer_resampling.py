@@ -31,8 +31,8 @@ class State:
 
 def start(streams: tuple[Stream, ...]) -> State:
     """Which magnetic stream serves which sensor; a stream that has all three quantities serves itself."""
-    apart = [s for s in streams if MAG in s.quantities and not s.inertial]
-    serving = {sensor: (s.name, k) for s in apart for k, sensor in enumerate(s.sensors)}
+    separate = [s for s in streams if MAG in s.quantities and not s.inertial]
+    serving = {sensor: (s.name, k) for s in separate for k, sensor in enumerate(s.sensors)}
     return State(serving, given={s.name: -np.inf for s in streams if s.inertial})
 
 
@@ -73,25 +73,23 @@ def _give(state: State, names: set[str], anyway: float = -np.inf) -> tuple[State
     for name in sorted(names):
         block = waiting.pop(name)
         count = int(
-            np.searchsorted(block.t, max(_reached(state, block.stream), anyway), side="right")
+            np.searchsorted(block.t, max(_known_until(state, block.stream), anyway), side="right")
         )
         if count < len(block.t):
             waiting[name] = Block(block.stream, block.t[count:], block.values[count:])
         if count:
             given.append(
-                _with_magnetometer(
-                    state, Block(block.stream, block.t[:count], block.values[:count])
-                )
+                _add_magnetometer(state, Block(block.stream, block.t[:count], block.values[:count]))
             )
             newest[name] = float(block.t[count - 1])
     needed = min(newest.values(), default=-np.inf)
     magnetic = {
-        n: _pruned(b, max(needed, float(b.t[-1]) - MOST_KEPT)) for n, b in state.magnetic.items()
+        n: _prune(b, max(needed, float(b.t[-1]) - MOST_KEPT)) for n, b in state.magnetic.items()
     }
     return replace(state, waiting=waiting, magnetic=magnetic, given=newest), given
 
 
-def _reached(state: State, stream: Stream) -> float:
+def _known_until(state: State, stream: Stream) -> float:
     """Up to when the magnetometers of a stream's sensors are known."""
     if MAG in stream.quantities:
         return float("inf")
@@ -102,17 +100,17 @@ def _reached(state: State, stream: Stream) -> float:
     )
 
 
-def _with_magnetometer(state: State, block: Block) -> Block:
+def _add_magnetometer(state: State, block: Block) -> Block:
     stream = joined_stream(block.stream)
     parts = [
         block.of(GYR),
         block.of(ACC),
-        block.of(MAG) if MAG in block.stream.quantities else _held(state, block),
+        block.of(MAG) if MAG in block.stream.quantities else _newest_samples(state, block),
     ]
     return Block(stream, block.t, np.concatenate(parts, axis=-1))
 
 
-def _held(state: State, block: Block) -> Array:
+def _newest_samples(state: State, block: Block) -> Array:
     """The newest magnetometer sample of each sensor at each instant (n, sensors, 3)."""
     held = np.full((len(block.t), len(block.stream.sensors), 3), np.nan)
     served: dict[str, list[tuple[int, int]]] = {}
@@ -133,7 +131,7 @@ def _held(state: State, block: Block) -> Array:
     return held
 
 
-def _pruned(block: Block, t: float) -> Block:
+def _prune(block: Block, t: float) -> Block:
     """Forget what lies before the last sample not after t."""
     first = max(int(np.searchsorted(block.t, t, side="right")) - 1, 0)
     return Block(block.stream, block.t[first:], block.values[first:])

@@ -32,7 +32,7 @@ SLOW, PLATEAUS = (
 )  # rad/s: a gyroscope clips below LEAST, too, where so many rows of equal largest readings say so
 
 
-def limits(block: Block, quantity: str) -> Array:
+def find_limits(block: Block, quantity: str) -> Array:
     """Where each sensor clips (sensors,): its known full scale, a value that its readings repeat, or inf."""
     if quantity in block.stream.full_scale:
         return np.full(len(block.stream.sensors), block.stream.full_scale[quantity])
@@ -54,12 +54,12 @@ def limits(block: Block, quantity: str) -> Array:
     return np.asarray(np.where(clips, largest, np.inf).min(axis=1))
 
 
-def found(blocks: Iterable[Block]) -> dict[str, dict[str, float]]:
+def find_full_scales(blocks: Iterable[Block]) -> dict[str, dict[str, float]]:
     """Full scales by stream and quantity that are not told but seen: where one of its sensors clips and none reads more."""
     seen: dict[str, dict[str, float]] = {}
     for block in (b for b in blocks if b.stream.inertial):
         for quantity in (q for q in (GYR, ACC) if q not in block.stream.full_scale):
-            limit, values = limits(block, quantity).min(initial=np.inf), block.of(quantity)
+            limit, values = find_limits(block, quantity).min(initial=np.inf), block.of(quantity)
             if (
                 np.isfinite(limit)
                 and np.max(np.abs(values), initial=0.0, where=np.isfinite(values))
@@ -69,18 +69,18 @@ def found(blocks: Iterable[Block]) -> dict[str, dict[str, float]]:
     return seen
 
 
-def told(samples: Mapping[str, Block]) -> dict[str, Block]:
+def declare_full_scales(samples: Mapping[str, Block]) -> dict[str, Block]:
     """The same samples by stream, their streams telling the full scales that were found."""
-    scales = found(samples.values())
-    return {n: replace(b, stream=_telling(b.stream, scales)) for n, b in samples.items()}
+    scales = find_full_scales(samples.values())
+    return {n: replace(b, stream=_declare(b.stream, scales)) for n, b in samples.items()}
 
 
-def _telling(stream: Stream, scales: Mapping[str, Mapping[str, float]]) -> Stream:
+def _declare(stream: Stream, scales: Mapping[str, Mapping[str, float]]) -> Stream:
     return replace(stream, full_scale={**stream.full_scale, **scales.get(stream.name, {})})
 
 
 @dataclass(frozen=True)
-class Scaled:
+class WithFullScales:
     """A recording whose streams tell the full scales that were found."""
 
     recording: Recording
@@ -100,7 +100,7 @@ class Scaled:
 
     @property
     def streams(self) -> tuple[Stream, ...]:
-        return tuple(_telling(s, self.scales) for s in self.recording.streams)
+        return tuple(_declare(s, self.scales) for s in self.recording.streams)
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -119,4 +119,4 @@ class Scaled:
 
     def scaled(self, block: Block) -> Block:
         """The same samples of a stream that tells its full scales."""
-        return replace(block, stream=_telling(block.stream, self.scales))
+        return replace(block, stream=_declare(block.stream, self.scales))

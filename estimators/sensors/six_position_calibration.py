@@ -25,10 +25,10 @@ from handscope.estimators.sensors.imu_calibration import ImuCalibration
 from handscope.estimators.sensors.static_segments import (
     Rest,
     RestParams,
-    find,
+    distinct_positions,
+    find_rests,
+    find_turns,
     missing_positions,
-    positions,
-    turns,
 )
 
 LOWER = (
@@ -59,7 +59,7 @@ class SolveParams(RestParams):
 
 
 @dataclass(frozen=True)
-class Solved:
+class SolvedCalibration:
     """A calibration with what is known of it."""
 
     calibration: ImuCalibration
@@ -89,16 +89,16 @@ def solve(
     acc: Array,
     t_mag: Array | None = None,
     mag: Array | None = None,
-) -> Solved:
+) -> SolvedCalibration:
     """Calibrate one sensor from its samples (n, 3); InputError names the position or turn that is missing."""
-    rests = find(params, t, gyr, acc) if len(t) > 2 else []
-    found = positions(rests)
+    rests = find_rests(params, t, gyr, acc) if len(t) > 2 else []
+    found = distinct_positions(rests)
     _require_positions(name, found)
     unobserved: list[str] = []
     M_a, b_a, sd_a, acc_left = _accelerometer(params, rests, len(found), unobserved)
     up = [v / np.linalg.norm(v) for v in (M_a @ (r.acc - b_a) for r in rests)]
     b_g, bias_sd = _gyroscope_bias(rests)
-    ways = turns(params, t, gyr, rests)
+    ways = find_turns(params, t, gyr, rests)
     M_g, sd_g, gyr_left = _gyroscope(name, t, gyr - b_g, rests, up, ways, unobserved)
     matrix, bias = {GYR: M_g, ACC: M_a}, {GYR: b_g, ACC: b_a}
     matrix_sd, bias_sds = {GYR: sd_g, ACC: sd_a[0]}, {GYR: bias_sd, ACC: sd_a[1]}
@@ -109,7 +109,7 @@ def solve(
             unobserved.append(fitted)
         else:
             matrix[MAG], bias[MAG], (matrix_sd[MAG], bias_sds[MAG]), residuals[MAG] = fitted
-    return Solved(
+    return SolvedCalibration(
         ImuCalibration(matrix, bias),
         matrix_sd,
         bias_sds,
@@ -148,11 +148,11 @@ def _accelerometer(
         entries = LOWER[:3]
         fit = _norm_fit(mean, sd, params.gravity, entries)
     n = len(entries)
-    M_sd = _symmetric(fit.sd[:n], entries, 0.0) + np.where(
+    M_sd = _symmetric_matrix(fit.sd[:n], entries, 0.0) + np.where(
         np.eye(3) > 0, 0.0, np.inf if n == 3 else 0.0
     )
     return (
-        _symmetric(fit.x[:n], entries, 0.0),
+        _symmetric_matrix(fit.x[:n], entries, 0.0),
         fit.x[n:],
         (M_sd, fit.sd[n:]),
         (fit.before, fit.after),
@@ -165,17 +165,17 @@ def _norm_fit(y: Array, sd: Array, g: float, entries: tuple[tuple[int, int], ...
 
     def left(x: Array) -> Array:
         return np.asarray(
-            (np.linalg.norm((y - x[n:]) @ _symmetric(x[:n], entries, 0.0), axis=1) - g) / sd
+            (np.linalg.norm((y - x[n:]) @ _symmetric_matrix(x[:n], entries, 0.0), axis=1) - g) / sd
         )
 
     def slope(x: Array) -> Array:  # d|v|/dx with v = M (y - b), u = v / |v|
-        M, d = _symmetric(x[:n], entries, 0.0), y - x[n:]
+        M, d = _symmetric_matrix(x[:n], entries, 0.0), y - x[n:]
         v = d @ M
         u = v / np.linalg.norm(v, axis=1, keepdims=True)
         by_entry = [u[:, i] * d[:, j] + (u[:, j] * d[:, i] if i != j else 0.0) for i, j in entries]
         return np.asarray(np.column_stack([*by_entry, -u @ M]) / sd[:, None])
 
-    return _fitted(left, begin, slope, lambda x: float(np.sqrt(np.mean((left(x) * sd) ** 2))))
+    return _fit(left, begin, slope, lambda x: float(np.sqrt(np.mean((left(x) * sd) ** 2))))
 
 
 def _gyroscope_bias(rests: list[Rest]) -> tuple[Array, Array]:
@@ -228,13 +228,13 @@ def _turn_fit(
         return M
 
     def left(x: Array) -> Array:
-        q = _chained(quat.exp(steps @ entries(x, np.eye(3)).T))
+        q = _product(quat.exp(steps @ entries(x, np.eye(3)).T))
         return np.asarray(((quat.rotate(quat.conjugate(q), start) - end) / sd[:, None]).ravel())
 
     def miss(x: Array) -> float:
         return float(np.sqrt(((left(x).reshape(-1, 3) * sd[:, None]) ** 2).sum(axis=1).mean()))
 
-    fit = _fitted(left, np.eye(3)[free], "2-point", miss)
+    fit = _fit(left, np.eye(3)[free], "2-point", miss)
     return fit, entries(fit.x, np.eye(3)), entries(fit.sd, np.full((3, 3), np.inf))
 
 
@@ -261,7 +261,7 @@ def _steps(t: Array, rate: Array, ways: list[tuple[int, int]]) -> tuple[Array, l
     return steps, dt
 
 
-def _chained(q: Array) -> Array:
+def _product(q: Array) -> Array:
     """Product along the second axis of (ways, n, 4), by halves."""
     while q.shape[1] > 1:
         if q.shape[1] % 2:
@@ -313,10 +313,10 @@ def _dip_fit(y: Array, mean: Array, up: Array, sd: float, mean_sd: Array) -> _Fi
     begin = np.concatenate(
         [np.eye(3).ravel(), np.zeros(3), [float((up * mean).sum(axis=1).mean())]]
     )
-    return _fitted(left, begin, "2-point", lambda x: float(np.sqrt(np.mean(strength(x) ** 2))))
+    return _fit(left, begin, "2-point", lambda x: float(np.sqrt(np.mean(strength(x) ** 2))))
 
 
-def _fitted(
+def _fit(
     left: Callable[[Array], Array], begin: Array, slope: Any, rms: Callable[[Array], float]
 ) -> _Fit:
     """Least squares of whitened residuals; standard deviations from their curvature, larger where the residuals are larger than told."""
@@ -331,7 +331,7 @@ def _fitted(
     return _Fit(found.x, sd, rms(begin), rms(found.x))
 
 
-def _symmetric(values: Array, entries: tuple[tuple[int, int], ...], rest: float) -> Array:
+def _symmetric_matrix(values: Array, entries: tuple[tuple[int, int], ...], rest: float) -> Array:
     M = np.full((3, 3), rest)
     for (i, j), value in zip(entries, values):
         M[i, j] = M[j, i] = value

@@ -71,7 +71,7 @@ class Rest:
         return np.asarray(self.acc / np.linalg.norm(self.acc))
 
 
-def find(params: RestParams, t: Array, gyr: Array, acc: Array) -> list[Rest]:
+def find_rests(params: RestParams, t: Array, gyr: Array, acc: Array) -> list[Rest]:
     """Stretches at rest in order of time."""
     rate = (len(t) - 1) / (t[-1] - t[0])
     window = max(3, round(params.window * rate))
@@ -90,7 +90,7 @@ def find(params: RestParams, t: Array, gyr: Array, acc: Array) -> list[Rest]:
     return [r for r in found if np.linalg.norm(r.gyr - middle) < ODD_RATE]
 
 
-def positions(rests: list[Rest]) -> list[Array]:
+def distinct_positions(rests: list[Rest]) -> list[Array]:
     """Distinct directions (3,) of the reading at rest."""
     kept: list[Array] = []
     for rest in rests:
@@ -109,7 +109,9 @@ def missing_positions(found: list[Array]) -> list[str]:
     return [name for name, axis in wanted.items() if not any(axis @ up > 0.5 for up in found)]
 
 
-def turns(params: RestParams, t: Array, gyr: Array, rests: list[Rest]) -> list[tuple[int, int]]:
+def find_turns(
+    params: RestParams, t: Array, gyr: Array, rests: list[Rest]
+) -> list[tuple[int, int]]:
     """Pairs (k, k + 1) of stretches with an unbroken and not too long way between them that changes the position."""
     step = float(np.median(np.diff(t)))
     kept = []

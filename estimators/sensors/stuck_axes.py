@@ -35,7 +35,7 @@ CHECK = "check its plug and cable, or change the strip"
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _AxisExtents:
     """One quantity of one sensor, second by second."""
 
     dead: Bools  # (seconds, 3) directions without extent, least first
@@ -58,13 +58,13 @@ def check(blocks: Sequence[Block]) -> list[Finding]:
         for b in blocks
         for q in b.stream.quantities
         if q in WORDS
-        for s, own in zip(b.stream.sensors, _seen(b, q, edges))
+        for s, own in zip(b.stream.sensors, _measure_extents(b, q, edges))
     }
     moves = {
         s: moved
         for b in blocks
         if GYR in b.stream.quantities
-        for s, moved in zip(b.stream.sensors, _moves(b, edges).T)
+        for s, moved in zip(b.stream.sensors, _moving_seconds(b, edges).T)
     }
     inertial = [s for (_, q), s in seen.items() if q != MAG]
     if (
@@ -75,21 +75,21 @@ def check(blocks: Sequence[Block]) -> list[Finding]:
     found = []
     for (sensor, quantity), own in seen.items():
         if own.dead.any():
-            others = _others(sensor, quantity, seen)
+            others = _others_move(sensor, quantity, seen)
             near = [
                 m
                 for s, m in moves.items()
                 if sensor in ("hand", "forearm") or _finger(s) == _finger(sensor)
             ]
             moved = np.any(near, axis=0) if near else np.ones(len(edges) - 1, bool)
-            found += _standing(sensor, quantity, own, others, moved, edges)
-    return _merged(found)
+            found += _standing_findings(sensor, quantity, own, others, moved, edges)
+    return _merge(found)
 
 
-def _seen(block: Block, quantity: str, edges: Array) -> list[_Seen]:
+def _measure_extents(block: Block, quantity: str, edges: Array) -> list[_AxisExtents]:
     """Extent of every sensor's steps from sample to sample in each second."""
     first = np.searchsorted(block.t, edges)
-    covariance = _by_second(_of_steps, block, quantity, first, (3, 3))
+    covariance = _by_second(_step_covariance, block, quantity, first, (3, 3))
     enough = np.diff(first) >= max(3.0, 0.5 * WINDOW * block.stream.rate)
     known = enough[:, None] & np.isfinite(covariance).all(axis=(-2, -1))
     covariance[~known] = 0.0
@@ -102,10 +102,10 @@ def _seen(block: Block, quantity: str, edges: Array) -> list[_Seen]:
         extent, directions = np.linalg.eigh(covariance[suspect])
         dead[suspect] = np.sqrt(np.maximum(extent, 0.0)) < STILL[quantity]
         axis[suspect] = np.abs(directions).argmax(axis=1)
-    return [_Seen(dead[:, k], axis[:, k], known[:, k]) for k in range(known.shape[1])]
+    return [_AxisExtents(dead[:, k], axis[:, k], known[:, k]) for k in range(known.shape[1])]
 
 
-def _moves(block: Block, edges: Array) -> Bools:
+def _moving_seconds(block: Block, edges: Array) -> Bools:
     """Seconds (seconds, sensors) in which each sensor turned."""
     return _by_second(_mean_square, block, GYR, np.searchsorted(block.t, edges), ()) > MOVES**2
 
@@ -123,7 +123,7 @@ def _by_second(
 
 
 @rowwise("(n,v)->(v,v)")
-def _of_steps(values: Array, covariance: Array) -> None:
+def _step_covariance(values: Array, covariance: Array) -> None:
     """Covariance (3, 3) of the steps between samples (n, 3)."""
     total, step = np.zeros((3, 3)), np.empty(3)
     for k in range(1, len(values)):
@@ -162,33 +162,33 @@ def _share(dead: Sequence[Bools], known: Sequence[Bools]) -> Array:
     )
 
 
-def _others(sensor: str, quantity: str, seen: Mapping[tuple[str, str], _Seen]) -> Bools:
+def _others_move(sensor: str, quantity: str, seen: Mapping[tuple[str, str], _AxisExtents]) -> Bools:
     """Seconds in which the same quantity of other fingers changes; where no other has it, seconds in which this one's other axes do."""
-    apart = [
+    others = [
         s for (name, q), s in seen.items() if q == quantity and _finger(name) != _finger(sensor)
     ]
-    if apart:
-        return 1.0 - _share([s.dead for s in apart], [s.known for s in apart]) >= OTHERS
+    if others:
+        return 1.0 - _share([s.dead for s in others], [s.known for s in others]) >= OTHERS
     return np.asarray(seen[sensor, quantity].dead.sum(axis=1) < 3)
 
 
-def _standing(
+def _standing_findings(
     sensor: str,
     quantity: str,
-    own: _Seen,
+    own: _AxisExtents,
     others: Bools,
-    moved: Bools,
+    moving: Bools,
     edges: Array,
 ) -> list[Finding]:
-    kept, axes = np.zeros(len(others), bool), ""
+    stuck_seconds, axes = np.zeros(len(others), bool), ""
     for axis in range(3):
         still = (own.dead & (own.axis == axis)).any(axis=1) & others
         for a, b in find_runs(still):
-            if moved[a:b].any():
-                kept[a:b], axes = True, axes + ("" if "xyz"[axis] in axes else "xyz"[axis])
-    if not kept.any():
+            if moving[a:b].any():
+                stuck_seconds[a:b], axes = True, axes + ("" if "xyz"[axis] in axes else "xyz"[axis])
+    if not stuck_seconds.any():
         return []
-    spans = tuple((float(edges[a]), float(edges[b])) for a, b in find_runs(kept))
+    spans = tuple((float(edges[a]), float(edges[b])) for a, b in find_runs(stuck_seconds))
     when = f"for {sum(e - s for s, e in spans):.0f} s, from {spans[0][0]:.0f} s on"
     if len(axes) == 3:
         kind, what = "stuck", f"its {WORDS[quantity]} gave one and the same reading {when}"
@@ -199,7 +199,7 @@ def _standing(
     return [Finding(sensor, kind, what, CHECK, "fault", spans)]  # type: ignore[arg-type]
 
 
-def _merged(found: list[Finding]) -> list[Finding]:
+def _merge(found: list[Finding]) -> list[Finding]:
     """Gyroscope and accelerometer that stand still together are one finding."""
     stuck = {(f.sensor, WORDS[GYR] in f.sentence): f for f in found if f.kind == "stuck"}
     both = {s for s, gyr in stuck if gyr and (s, False) in stuck}

@@ -105,7 +105,7 @@ def truth(kinematics: Kinematics, hand: Hand) -> Trajectory:
     return Trajectory(
         hand,
         k.t,
-        joint_angles.only_freedoms(k.angles),
+        joint_angles.mask_non_freedoms(k.angles),
         k.q_GB,
         k.tips,
         np.zeros((len(k.t), len(SEGMENTS)), np.uint8),

@@ -11,7 +11,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from handscope.estimators.data.calibration import Known
+from handscope.estimators.data.calibration import PriorCalibration
 from handscope.estimators.errors import InputError
 from handscope.sessions.db.tables import (
     Patient,
@@ -190,14 +190,14 @@ def decisions(db: Session) -> dict[int, Reuse]:
     return {reuse.session_id: reuse for reuse in db.scalars(select(Reuse).order_by(Reuse.id))}
 
 
-def load_prior(db: Session, reused: Mapping[str, Any]) -> Known | None:
+def load_prior(db: Session, reused: Mapping[str, Any]) -> PriorCalibration | None:
     """What a result takes over, for the method; None: nothing."""
     return (
         select_parts(get(db, reused["self_calibration"]).found, reused["parts"]) if reused else None
     )
 
 
-def select_parts(found: Mapping[str, Any], parts: str) -> Known:
+def select_parts(found: Mapping[str, Any], parts: str) -> PriorCalibration:
     """Lengths alone, or also seats and biases."""
     everything = calibration_result.parse(dict(found))
     return everything if parts == ALL else everything.of_hand()

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from handscope.estimators.data.calibration import Known
+from handscope.estimators.data.calibration import PriorCalibration
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS, SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
@@ -17,7 +17,7 @@ OBSERVED_SD = np.radians(
 )  # largest standard deviation of a seat that movement told; the others rest on the nominal mounting
 
 
-def read(path: Path) -> Known:
+def read(path: Path) -> PriorCalibration:
     """InputError where the file is no calibration that a method found."""
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
@@ -35,7 +35,7 @@ def read(path: Path) -> Known:
         ) from None
 
 
-def parse(table: dict[str, Any]) -> Known:
+def parse(table: dict[str, Any]) -> PriorCalibration:
     """What movement told, of the table that `derivative.calibration_table` makes; KeyError, TypeError or ValueError where it is none."""
     if table["MeasuredHand"] not in HANDS:
         raise ValueError(table["MeasuredHand"])
@@ -50,7 +50,7 @@ def parse(table: dict[str, Any]) -> Known:
     biases = {s: _numbers(b, 3) for s, b in table["gyr_bias"].items()}
     if unknown := (set(lengths) | set(mountings) | set(biases)) - set(SEGMENTS):
         raise ValueError(unknown)
-    return Known(table["MeasuredHand"], mountings, biases, lengths)
+    return PriorCalibration(table["MeasuredHand"], mountings, biases, lengths)
 
 
 def _is_observed(mounting: dict[str, Any]) -> bool:

@@ -334,7 +334,7 @@ class Assembler:
                 name += f"_slot{info.slot}"
             calibrations = [correction_of(m) for m in messages]
             scales = {
-                q: imu_calibration.reach(calibrations, q, f)
+                q: imu_calibration.saturation_level(calibrations, q, f)
                 for q, f in zip(info.quantities, info.full_scale)
                 if f > 0
             }
@@ -469,7 +469,7 @@ class Assembler:
             fresh = np.concatenate([np.arange(len(b.t)) >= b.stale for b in bursts])
             t, values = t[fresh], values[fresh]
         if reading.correction is not None:
-            values = imu_calibration.corrected(reading.correction, values)
+            values = imu_calibration.correct(reading.correction, values)
         if reading.forces and reading.raw:
             values = force_calibration.correct_forces(
                 values, reading.info.quantities, reading.info.full_scale, reading.forces

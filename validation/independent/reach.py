@@ -213,7 +213,7 @@ def _calibrated(
     recording = formats_recordings.load(folder, correct=False)
     block = next(b for b in recording.samples.values() if MAG in b.stream.quantities)
     mounting = np.array([recording.mounting[name] for name in block.stream.sensors])
-    found = magnetometer_board.calibrated(block.stream.sensors, block.of(MAG), mounting)
+    found = magnetometer_board.calibrate_board(block.stream.sensors, block.of(MAG), mounting)
     assert not found.refused, found.refused
     return {
         name: (s.calibration.matrix[MAG], s.calibration.bias[MAG])

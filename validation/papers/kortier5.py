@@ -80,9 +80,11 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
     worn = magnet.draw_worn(rng, places=magnet.PLATE[:count])
     turning = magnet.rotate_plate(rng, spot=SPOT)
     raw = magnet.simulate_magnetic(worn, turning, room, rng, magnet=False)
-    spheres = [magnetometer_ellipsoid.fitted(raw[:, k], strength=EARTH) for k in range(count)]
+    spheres = [
+        magnetometer_ellipsoid.fit_ellipsoid(raw[:, k], strength=EARTH) for k in range(count)
+    ]
     calibrated = _corrected(spheres, raw)
-    q_bl = magnetometer_ellipsoid.common_axes(calibrated).q_1l
+    q_bl = magnetometer_ellipsoid.find_common_axes(calibrated).q_1l
     dip = magnetometer_ellipsoid.dip(
         calibrated[:, 0], magnet.simulate_inertial(worn, turning, rng)[:, 0, 3:]
     )
@@ -149,7 +151,7 @@ def _honesty(label: str, track: Track, m: Motion, q_gb: Array, late: Bools) -> d
     return {f"{what}{label}": float((error[late] ** 2).mean()) for what, error in errors.items()}
 
 
-def _corrected(spheres: Sequence[magnetometer_ellipsoid.Sphere], raw: Array) -> Array:
+def _corrected(spheres: Sequence[magnetometer_ellipsoid.EllipsoidCalibration], raw: Array) -> Array:
     return np.stack([s.corrected(raw[:, k]) for k, s in enumerate(spheres)], axis=1)
 
 

@@ -25,7 +25,7 @@ ACROSS, ALONG, ABOVE = 2, 1, 0  # axes of a segment: sideways, along the bone, o
 
 def stored_form(processed: Processed) -> dict[str, Any] | None:
     """What a result keeps of a self-calibration; None where the method found none."""
-    found = found_calibration(processed.calibrations[0], processed.told)
+    found = found_calibration(processed.calibrations[0], processed.method_messages)
     return (
         None
         if found is None

@@ -18,7 +18,7 @@ from handscope.estimators.data.samples import ACC, GYR, Block
 from handscope.estimators.hand.anatomy import SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.sensors.missing_samples import complete
+from handscope.estimators.sensors.missing_samples import is_complete
 
 RATE = 100.0  # Hz, of the common time base
 LENGTH = 1.0  # s, of a window
@@ -95,7 +95,7 @@ def _sampled(
     block: Block, k: int, t: Array, bias: Array | None
 ) -> tuple[Array, Array, Array, Array]:
     """Rates, their derivatives, specific forces (n, 3), and where samples are near (n,)."""
-    good = complete(block)[:, k] & ~block.at_limit(GYR)[:, k] & ~block.at_limit(ACC)[:, k]
+    good = is_complete(block)[:, k] & ~block.at_limit(GYR)[:, k] & ~block.at_limit(ACC)[:, k]
     good &= np.concatenate([[True], np.diff(block.t) > 0])
     if good.sum() < 10:
         return (*np.zeros((3, len(t), 3)), np.zeros(len(t)))

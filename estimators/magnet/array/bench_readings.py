@@ -29,10 +29,10 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.intervals import find_runs
 from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.sensors.magnetometer_ellipsoid import (
-    Sphere,
-    common_axes,
-    fitted,
-    not_on_the_plate,
+    EllipsoidCalibration,
+    find_common_axes,
+    find_outsiders,
+    fit_ellipsoid,
 )
 
 UNITS = {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7}
@@ -49,8 +49,8 @@ MIN_REPEATS = 3  # equal extreme readings in a row are a limit
 class RotationCalibration:
     """Calibrations of all magnetometers of one board."""
 
-    ellipsoids: tuple[Sphere, ...]
-    is_mirrored: Bools  # (magnetometers,) left-handed against the first
+    ellipsoids: tuple[EllipsoidCalibration, ...]
+    is_mirrored: Bools  # (magnetometers,) axes are left-handed against the first one's
     q_bl: Array  # (magnetometers, 4) to the first one's axes
     residual_rms: (
         Array  # (magnetometers,) T, against the mean of all: calibration and room together
@@ -164,13 +164,12 @@ def find_fitting_units(strength: float, unit: str | float) -> list[str]:
 def calibrate_by_rotation(
     mag: Array, names: Sequence[str], earth: float | None
 ) -> RotationCalibration:
-    """Calibrate all magnetometers from readings in T of the board rotated by hand; InputError names
-    the one that cannot be."""
-    ellipsoids = tuple(fitted(mag[:, k], name, earth) for k, name in enumerate(names))
+    """Calibrate all magnetometers from readings in T while the whole board was turned by hand; InputError names the one that cannot be."""
+    ellipsoids = tuple(fit_ellipsoid(mag[:, k], name, earth) for k, name in enumerate(names))
     own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(ellipsoids)], axis=1)
     if earth is None:  # all saw the same field: the first one's strength holds
         ellipsoids = tuple(
-            fitted(mag[:, k], name, ellipsoids[0].strength) for k, name in enumerate(names)
+            fit_ellipsoid(mag[:, k], name, ellipsoids[0].strength) for k, name in enumerate(names)
         )
         own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(ellipsoids)], axis=1)
     is_complete = np.isfinite(own).all(axis=(1, 2))
@@ -178,8 +177,8 @@ def calibrate_by_rotation(
         raise InputError(
             "The magnetometers hardly ever answered together while the board was turned: check their clocks and cables."
         )
-    common = common_axes(own)
-    for message in not_on_the_plate(names, common).values():
+    common = find_common_axes(own)
+    for message in find_outsiders(names, common).values():
         raise InputError(message)
     common_readings = quat.rotate(common.q_1l, common.signs[:, None] * own)[is_complete]
     deviation = common_readings - common_readings.mean(axis=1, keepdims=True)

@@ -18,10 +18,10 @@ from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.small_matrices import (
     cholesky,
     clear,
-    lowered,
     product,
     put,
-    raised,
+    solve_lower,
+    solve_upper,
     spread,
 )
 from handscope.estimators.numerics.typing import Array
@@ -58,7 +58,7 @@ def split_covariance(P: Array, own: Array, lasting: Array) -> None:
     L, W = np.empty((many, many)), np.empty((many, OWN))
     put(P[OWN:, :OWN], W)
     if cholesky(P[OWN:, OWN:], L):
-        lowered(L, W)
+        solve_lower(L, W)
     else:
         clear(W)
     gram_matrix(W, lasting)
@@ -102,9 +102,9 @@ def store_prediction(
         decouple_sample(trace, n, own)
         return
     product(F, own, W)
-    lowered(L, W)
+    solve_lower(L, W)
     gram_matrix(W, WW)
-    raised(L, W)
+    solve_upper(L, W)
     for i in range(OWN):
         for j in range(OWN):
             trace.gain[n, i, j] = W[j, i]

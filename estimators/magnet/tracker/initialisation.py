@@ -23,7 +23,7 @@ from handscope.estimators.magnet.tracker.options import (
 from handscope.estimators.magnet.tracker.state import B_, OWN, P_, TH, THG, V_, VB, XB, XGB, XM, XQ
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.orientation.fusion import upright
+from handscope.estimators.orientation.fusion import make_upright
 
 ROOM_VARIATION = 1e-6  # T by which the field of a room differs from the earth's
 MIN_LEVEL_SHARE = 0.5  # horizontal share of the moment that observes heading
@@ -56,14 +56,14 @@ def initial_state(
     headings from the field and, if it is near, from the magnet."""
     near = _locate_magnet(params, setup, mag) if near is None else near
     B_b = mag_b.mean(axis=0) if near is None else near[2]
-    q_gb = upright(quat.IDENTITY, sample[3:6])
+    q_gb = make_upright(quat.IDENTITY, sample[3:6])
     B_g = quat.rotate(q_gb, B_b)
     north = np.arctan2(B_g[0], B_g[1])
-    q_gb = quat.headed(q_gb, north)
+    q_gb = quat.turn_heading(q_gb, north)
     level = np.array([0.0, np.hypot(B_g[0], B_g[1]), B_g[2]])
     if setup.dip is not None:
         level = setup.earth * np.array([0.0, np.cos(setup.dip), -np.sin(setup.dip)])
-    q_gt = upright(
+    q_gt = make_upright(
         quat.IDENTITY if setup.q_bt is None else quat.multiply(q_gb, setup.q_bt), sample[9:12]
     )
     turn, lost = 0.0, setup.q_bt is None
@@ -73,7 +73,7 @@ def initial_state(
             min(np.hypot(*m_g[:2]), np.hypot(*seen[:2])) < MIN_LEVEL_SHARE * setup.magnet.size
         )  # a vertical moment has no heading
         turn = 0.0 if lost else np.arctan2(seen[1], seen[0]) - np.arctan2(m_g[1], m_g[0])
-    q_bt = quat.multiply(quat.conjugate(q_gb), quat.headed(q_gt, turn))
+    q_bt = quat.multiply(quat.conjugate(q_gb), quat.turn_heading(q_gt, turn))
     p = workspace_centre(setup) if near is None else near[0] - quat.rotate(q_bt, setup.magnet.place)
     x = np.concatenate(
         [p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(9), declared_values(setup)]

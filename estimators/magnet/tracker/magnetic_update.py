@@ -39,7 +39,7 @@ from handscope.estimators.magnet.tracker.state import (
 )
 from handscope.estimators.numerics.constants import MU0_4PI
 from handscope.estimators.numerics.jit import inlined
-from handscope.estimators.numerics.kalman import explained, reduced
+from handscope.estimators.numerics.kalman import downdate_covariance, innovation_gain
 from handscope.estimators.numerics.kernels import (
     multiply_matrices,
     multiply_transposed,
@@ -274,10 +274,10 @@ def iterated_update(
         compute_innovations(
             s, inject_error(x, SHARE * dx), kinematics, mag, variance_scale, H, unused, noise
         )
-        cost = explained(P, innovation, H, noise, W, new)
+        cost = innovation_gain(P, innovation, H, noise, W, new)
         if damped_step(dx, new, iteration == ITERATIONS - 1) < NEAR:
             break
-    reduced(C, W)
+    downdate_covariance(C, W)
     return dx, C, cost
 
 
@@ -295,7 +295,7 @@ def global_update(
     Jacobian is taken at the solution."""
     W, C = np.empty((3 * len(mag), len(P))), P.copy()
     dx, cost = gauss_newton_from(s, x, P, kinematics, start, mag, variance_scale, W)
-    reduced(C, W)
+    downdate_covariance(C, W)
     return dx, C, cost
 
 
@@ -322,7 +322,7 @@ def gauss_newton_from(
         for row in range(rows):
             for j in range(size):
                 innovation[row] += H[row, j] * dx[j]
-        cost = explained(P, innovation, H, noise, W, new)
+        cost = innovation_gain(P, innovation, H, noise, W, new)
         if damped_step(dx, new, iteration == ITERATIONS - 1) < NEAR:
             break
     return dx, cost

@@ -61,7 +61,7 @@ from handscope.estimators.magnet.tracker.state import (
 )
 from handscope.estimators.numerics.constants import MU0_4PI
 from handscope.estimators.numerics.jit import inlined, looped
-from handscope.estimators.numerics.kalman import correct, explained
+from handscope.estimators.numerics.kalman import correct, innovation_gain
 from handscope.estimators.numerics.kernels import multiply_matrices, rotation_matrix, skew
 from handscope.estimators.numerics.small_matrices import block, put, spread
 from handscope.estimators.numerics.typing import Array
@@ -109,7 +109,7 @@ def compute_nis(s: NoiseModel, x: Array, P: Array, kinematics: Array, mag: Array
     compute_innovations(
         s, x, kinematics, mag, 1.0 + linearisation_variance(x, P) / s.mag**2, H, innovation, noise
     )
-    out: float = explained(
+    out: float = innovation_gain(
         P, innovation, H, noise, np.empty((rows, len(P))), np.empty(len(P))
     ) / count_axes(mag)
     return out

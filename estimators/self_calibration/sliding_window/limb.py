@@ -13,7 +13,7 @@ import numpy as np
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.hand import forward_kinematics, joint_angles
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, IS_DOF, JOINT, SEGMENT, SEGMENTS
-from handscope.estimators.hand.geometry import with_found
+from handscope.estimators.hand.geometry import with_lengths
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import segments
@@ -317,7 +317,7 @@ def _moved(
     for name, of_segment in on_hand.items():
         q[SEGMENT[name]] = of_segment[0]
     angles = np.where(IS_DOF, joint_angles.of_segments(q), 0.0)
-    geometry = with_found(
+    geometry = with_lengths(
         setting.calibration.geometry, finger.name, lengths, setting.length_guess * luck
     )
     return angles, forward_kinematics.tips(joint_angles.compose(angles), geometry)[

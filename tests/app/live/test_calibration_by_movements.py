@@ -18,7 +18,7 @@ from handscope.app.live.wizard.machine import (
 )
 from handscope.app.live.wizard.snapshot import wizard_snapshot
 from handscope.app.protocols import load_steps
-from handscope.estimators.alignment.functional_movements import STEPS, Piece
+from handscope.estimators.alignment.functional_movements import STEPS, CalibrationMovement
 from handscope.estimators.data.samples import Event
 from handscope.estimators.simulation.movements import functional_calibration
 from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
@@ -165,7 +165,7 @@ def test_a_step_is_kept_under_its_own_name_until_it_is_taken_back(
     kept: dict[str, Event] = {}
     monkeypatch.setattr(station.glove, "keep_event", kept.__setitem__)
     monkeypatch.setattr(station.glove, "send", lambda cue: None)
-    piece = Piece("flexion_mcp", 53.0, 62.0)
+    piece = CalibrationMovement("flexion_mcp", 53.0, 62.0)
     monkeypatch.setattr(station.tracking, "measure", lambda step, onset, end: piece)
     station._wizard, status, effects = done(calibrating(task="flexion_mcp"), READY)
     station._carry_out(effects, status)

@@ -13,7 +13,7 @@ from handscope.app.live.wizard.snapshot import wizard_snapshot
 from handscope.app.protocols import load_free
 from handscope.app.workers import self_calibration
 from handscope.app.workers.self_calibration import SelfCalibrationSolver
-from handscope.estimators.data.calibration import Known
+from handscope.estimators.data.calibration import PriorCalibration
 from handscope.estimators.data.samples import Event
 from handscope.sessions.clinic.self_calibrations import FoundCalibration
 from handscope.sessions.files.recording import LoadedRecording
@@ -111,14 +111,14 @@ def test_the_ghost_shows_what_to_do_until_it_is_done() -> None:
 
 
 def test_only_lengths_of_another_glove_are_taken_over() -> None:
-    known = Known(
+    known = PriorCalibration(
         "left", {"hand": np.array([1.0, 0, 0, 0])}, {"hand": np.zeros(3)}, {"index_proximal": 0.04}
     )
     assert free_movement.prior_for_glove(known, "g1", "g1") is known
     assert (
         free_movement.prior_for_glove(known, "g1", "") is known
     )  # a glove that does not say its number
-    assert free_movement.prior_for_glove(known, "g1", "g2") == Known(
+    assert free_movement.prior_for_glove(known, "g1", "g2") == PriorCalibration(
         "left", {}, {}, {"index_proximal": 0.04}
     )
 

@@ -15,7 +15,7 @@ from handscope.app.live.tracking import LONGEST_REST, QUEUE, Tracking, rest_afte
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.alignment.functional_movements import STEPS
 from handscope.estimators.data import trajectory
-from handscope.estimators.data.samples import Block, Event, joined
+from handscope.estimators.data.samples import Block, Event, join_consecutive
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENT
@@ -398,7 +398,7 @@ def test_blocks_of_a_stream_that_was_described_anew_are_not_laid_together() -> N
     parts = [before.between(k, k + 1.0) for k in range(4)]
     anew = replace(before.stream, sensors=before.stream.sensors[:2])
     parts[2:] = [Block(anew, b.t, b.values[:, :2]) for b in parts[2:]]
-    first, second = joined(parts)
+    first, second = join_consecutive(parts)
     assert (first.stream, second.stream) == (before.stream, anew)
     np.testing.assert_array_equal(np.concatenate([first.t, second.t]), before.between(0.0, 4.0).t)
 

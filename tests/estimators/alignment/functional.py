@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from handscope.estimators.alignment.functional_movements import Piece
+from handscope.estimators.alignment.functional_movements import CalibrationMovement
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.methods import m2
@@ -63,7 +63,7 @@ def posed(recording: Simulated) -> Calibration:
     return calibration
 
 
-def pieces(recording: Simulated, params: m2.Params | None = None) -> dict[str, Piece]:
+def pieces(recording: Simulated, params: m2.Params | None = None) -> dict[str, CalibrationMovement]:
     return pipeline_process.functional_pieces(params or m2.Params(), recording, [posed(recording)])[
         0
     ]

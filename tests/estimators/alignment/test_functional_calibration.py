@@ -242,7 +242,7 @@ def test_magnetic_north_turns_with_the_headings() -> None:
         return float(np.arctan2(x, y))
 
     pose = replace(pose, north={s: north(pose, s) for s in pose.q_GS})
-    found = functional_calibration.seated(pose, _combined(done("left")).q_BS)
+    found = functional_calibration.apply_mounting(pose, _combined(done("left")).q_BS)
     for segment in found.q_GS:
         assert np.isclose(np.cos(found.north[segment] - north(found, segment)), 1.0, atol=1e-9)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from handscope.estimators.alignment import functional_movements
-from handscope.estimators.alignment.functional_movements import STEPS, Piece
+from handscope.estimators.alignment.functional_movements import STEPS, CalibrationMovement
 from handscope.estimators.data.samples import Block
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import m2
@@ -21,7 +21,7 @@ from tests.simulated import DEG
 PARAMS = m2.Params()
 
 
-def measured(performance: Performance, change: "object" = None) -> Piece:
+def measured(performance: Performance, change: "object" = None) -> CalibrationMovement:
     """The one step of a performance."""
     rng = np.random.default_rng(9)
     made: Simulated = performed([performance], "left", sized("left"), rng, ANYHOW)
@@ -57,7 +57,7 @@ def test_an_ordinary_step_has_no_problem(step: str, hand: "object") -> None:
     assert piece.quality
 
 
-def _one(piece: Piece) -> str:
+def _one(piece: CalibrationMovement) -> str:
     (problem,) = piece.problems
     return problem
 

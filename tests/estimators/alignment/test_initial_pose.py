@@ -237,7 +237,7 @@ def test_another_recordings_headings_are_taken_over_with_this_ones_inclination()
     recording = pose_and_wiggle("left")
     found = calibrated(recording)
     beginning = [b.between(STILL.onset, STILL.onset + 0.5) for b in recording.samples.values()]
-    for segment, q_GS in initial_pose.reoriented(found, beginning).items():
+    for segment, q_GS in initial_pose.reorient(found, beginning).items():
         assert quat.angle(quat.relative(found.q_GS[segment], q_GS)) < 1e-6
     assert GYR in beginning[0].stream.quantities
 

@@ -20,13 +20,13 @@ def test_derivatives_of_what_a_joint_forbids(hinge: bool) -> None:
 
     def at(small: np.ndarray) -> np.ndarray:
         c, p = (quat.matrix(quat.exp(small[k : k + 3])) for k in (0, 3))
-        return mounting_fit.forbidden(
+        return mounting_fit.forbidden_rates(
             w_p @ p.T, w_c @ c.T, p @ A_p @ p.T, c @ A_c @ c.T, start + small[6:], hinge
         )[0]
 
     numeric = np.stack([(at(h) - at(-h)) / 2e-6 for h in 1e-6 * np.eye(8)], axis=-1)
     np.testing.assert_allclose(
-        mounting_fit.forbidden(w_p, w_c, A_p, A_c, start, hinge)[1], numeric, atol=1e-7
+        mounting_fit.forbidden_rates(w_p, w_c, A_p, A_c, start, hinge)[1], numeric, atol=1e-7
     )
 
 
@@ -48,13 +48,15 @@ def test_standard_deviations_are_honest() -> None:
         squared += [(errors[s] / sd) ** 2 for s, sd in found.q_BS_sd.items()]
         told, all_errors = list(found.q_BS_sd), np.concatenate([errors[s] for s in found.q_BS_sd])
         together.append(
-            all_errors @ np.linalg.solve(found.told_together(), all_errors) / len(all_errors)
+            all_errors @ np.linalg.solve(found.mounting_covariance(), all_errors) / len(all_errors)
         )
         for joint in JOINTS:
             child, parent = (3 * told.index(s) + 2 for s in (joint.child, joint.parent))
             between = np.zeros(len(all_errors))
             between[child], between[parent] = 1.0, -1.0
-            bends.append((between @ all_errors) ** 2 / (between @ found.told_together() @ between))
+            bends.append(
+                (between @ all_errors) ** 2 / (between @ found.mounting_covariance() @ between)
+            )
     mean = np.mean(squared, axis=0)
     assert (mean > 0.2).all()
     assert (mean < 1.5).all()

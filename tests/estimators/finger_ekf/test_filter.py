@@ -11,7 +11,7 @@ from handscope.estimators.finger_ekf import filter as finger_ekf_filter
 from handscope.estimators.finger_ekf import measurements as finger_ekf_measurements
 from handscope.estimators.finger_ekf import sensor_to_segment
 from handscope.estimators.finger_ekf.filter import FilterParams, Samples, State
-from handscope.estimators.finger_ekf.sensor_to_segment import Seats
+from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentPrior
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -45,48 +45,52 @@ def _random(rng: np.random.Generator, *shape: int) -> Array:
 
 
 @dataclass(frozen=True)
-class _Seated:
+class _Jacobian:
     q: Array  # (F, 3, 4)
     A: Array  # (F, 9, 43)
 
 
-def _seated(q_pc: Array, seat: Array, skin: Array) -> _Seated:
-    found = _Seated(np.empty(q_pc.shape), np.zeros((len(q_pc), 9, sensor_to_segment.SIZE)))
-    for each in zip(q_pc, seat, skin, found.q, found.A):
-        sensor_to_segment.seated_row(*each)
+def _joint_jacobian(q_pc: Array, q_SB: Array, soft_tissue_gain: Array) -> _Jacobian:
+    found = _Jacobian(np.empty(q_pc.shape), np.zeros((len(q_pc), 9, sensor_to_segment.SIZE)))
+    for each in zip(q_pc, q_SB, soft_tissue_gain, found.q, found.A):
+        sensor_to_segment.joint_jacobian_row(*each)
     return found
 
 
 def _bent_chain(rng: np.random.Generator) -> tuple[Array, Array]:
     """Seats 8 deg askew and rotations between sensors of a chain that is bent in all its joints."""
-    seat = quat.exp(8 * DEG * rng.normal(size=(1, 4, 3)))
+    q_SB = quat.exp(8 * DEG * rng.normal(size=(1, 4, 3)))
     q = joint_angles.compose(rng.uniform(-0.3, 1.0, (1, 3, 3)))
-    return seat, quat.multiply(quat.multiply(seat[:, :3], q), quat.conjugate(seat[:, 1:]))
+    return q_SB, quat.multiply(quat.multiply(q_SB[:, :3], q), quat.conjugate(q_SB[:, 1:]))
 
 
 def test_the_errors_of_true_joints_follow_from_all_error_states_as_the_derivative_says(
     rng: np.random.Generator,
 ) -> None:
     """Skin that turns in proportion to flexion, whose own error counts for nothing in it: a part in fifty."""
-    seat, q_pc = _bent_chain(rng)
-    skin = 0.02 * rng.normal(size=(1, 3, 3))
-    at = _seated(q_pc, seat, skin)
+    q_SB, q_pc = _bent_chain(rng)
+    soft_tissue_gain = 0.02 * rng.normal(size=(1, 3, 3))
+    at = _joint_jacobian(q_pc, q_SB, soft_tissue_gain)
 
     def found(x: Array) -> Array:
         parts = (
             quat.multiply(q_pc, quat.exp(x[:9].reshape(1, 3, 3))),
-            quat.multiply(seat, quat.exp(x[21:33].reshape(1, 4, 3))),
+            quat.multiply(q_SB, quat.exp(x[21:33].reshape(1, 4, 3))),
         )
         return quat.log(
-            quat.relative(at.q, _seated(*parts, skin + x[33:42].reshape(1, 3, 3)).q)
+            quat.relative(
+                at.q, _joint_jacobian(*parts, soft_tissue_gain + x[33:42].reshape(1, 3, 3)).q
+            )
         ).ravel()
 
     numeric = _derivative(found, sensor_to_segment.SIZE)
     np.testing.assert_allclose(
-        at.A[0][:, sensor_to_segment.SKIN], numeric[:, sensor_to_segment.SKIN], atol=1e-7
+        at.A[0][:, sensor_to_segment.SOFT_TISSUE],
+        numeric[:, sensor_to_segment.SOFT_TISSUE],
+        atol=1e-7,
     )
     np.testing.assert_allclose(at.A[0], numeric, atol=0.06)
-    at = _seated(q_pc, seat, skin := np.zeros((1, 3, 3)))
+    at = _joint_jacobian(q_pc, q_SB, soft_tissue_gain := np.zeros((1, 3, 3)))
     without = np.delete(np.arange(sensor_to_segment.SIZE), np.arange(33, 42))
     np.testing.assert_allclose(
         at.A[0][:, without], _derivative(found, sensor_to_segment.SIZE)[:, without], atol=1e-7
@@ -98,7 +102,7 @@ def test_true_joints_of_sensors_that_sit_straight_are_the_rotations_between_them
 ) -> None:
     q_pc, straight = _random(rng, 5, 3), np.tile(quat.IDENTITY, (5, 4, 1))
     np.testing.assert_allclose(
-        np.abs((_seated(q_pc, straight, np.zeros((5, 3, 3))).q * q_pc).sum(axis=-1)),
+        np.abs((_joint_jacobian(q_pc, straight, np.zeros((5, 3, 3))).q * q_pc).sum(axis=-1)),
         1.0,
         atol=1e-12,
     )
@@ -113,7 +117,7 @@ def test_skin_turns_the_child_s_sensor_by_its_share_of_the_flexion() -> None:
     q = quat.about(2, flexion)
     q_BS = np.concatenate([[quat.IDENTITY], quat.exp(flexion[:, None] * k)])
     q_pc = quat.multiply(quat.multiply(quat.conjugate(q_BS[:3]), q), q_BS[1:])
-    found = _seated(q_pc[None], np.tile(quat.IDENTITY, (1, 4, 1)), k[None]).q[0]
+    found = _joint_jacobian(q_pc[None], np.tile(quat.IDENTITY, (1, 4, 1)), k[None]).q[0]
     assert (
         quat.angle(quat.relative(q, found)).max() < 0.1 * DEG
     )  # from which flexion, is of the second order
@@ -139,19 +143,19 @@ def test_vector_and_angle_jacobians_are_derivatives(rng: np.random.Generator) ->
 
 @dataclass(frozen=True)
 class _Rows:
-    missed: Array  # (F, M)
+    innovation: Array  # (F, M)
     H: Array  # (F, M, 42)
     noise: Array  # (F, M, M)
 
 
-def _told(seated: _Seated) -> _Rows:
+def _constrain(jacobian: _Jacobian) -> _Rows:
     """What index fingers cannot do, three rows a joint."""
     rows = _Rows(
-        np.zeros((len(seated.q), 18)),
-        np.zeros((len(seated.q), 18, sensor_to_segment.SIZE)),
-        np.zeros((len(seated.q), 18, 18)),
+        np.zeros((len(jacobian.q), 18)),
+        np.zeros((len(jacobian.q), 18, sensor_to_segment.SIZE)),
+        np.zeros((len(jacobian.q), 18, 18)),
     )
-    for each in zip(seated.q, seated.A, rows.missed, rows.H, rows.noise):
+    for each in zip(jacobian.q, jacobian.A, rows.innovation, rows.H, rows.noise):
         given = (
             np.eye(sensor_to_segment.SIZE),
             np.full(3, (2 * DEG) ** 2),
@@ -160,29 +164,31 @@ def _told(seated: _Seated) -> _Rows:
             np.ones(3),
             0.2,
         )
-        finger_ekf_measurements.joints_row(
-            finger_ekf_measurements.numbers(FilterParams()), *each[:2], *given, *each[2:]
+        finger_ekf_measurements.joint_constraints_row(
+            finger_ekf_measurements.pack_params(FilterParams()), *each[:2], *given, *each[2:]
         )
-    return _Rows(rows.missed[:, 9:], rows.H[:, 9:], rows.noise[:, 9:, 9:])
+    return _Rows(rows.innovation[:, 9:], rows.H[:, 9:], rows.noise[:, 9:, 9:])
 
 
 def test_what_joints_cannot_do_misses_what_the_derivative_says(rng: np.random.Generator) -> None:
     """A chain near what it may be: every angle that is no freedom, by all error states."""
-    seat, _ = _bent_chain(rng)
+    q_SB, _ = _bent_chain(rng)
     q = joint_angles.compose(np.array([[[0.8, 0.1, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 0.0]]]))
-    q_pc = quat.multiply(quat.multiply(seat[:, :3], q), quat.conjugate(seat[:, 1:]))
+    q_pc = quat.multiply(quat.multiply(q_SB[:, :3], q), quat.conjugate(q_SB[:, 1:]))
     no_skin = np.zeros((1, 3, 3))
 
     def missed(x: Array) -> Array:
         parts = (
             quat.multiply(q_pc, quat.exp(x[:9].reshape(1, 3, 3))),
-            quat.multiply(seat, quat.exp(x[21:33].reshape(1, 4, 3))),
+            quat.multiply(q_SB, quat.exp(x[21:33].reshape(1, 4, 3))),
         )
-        return np.asarray(_told(_seated(*parts, no_skin + x[33:42].reshape(1, 3, 3))).missed[0])
+        return np.asarray(
+            _constrain(_joint_jacobian(*parts, no_skin + x[33:42].reshape(1, 3, 3))).innovation[0]
+        )
 
-    rows = _told(_seated(q_pc, seat, no_skin))
+    rows = _constrain(_joint_jacobian(q_pc, q_SB, no_skin))
     np.testing.assert_allclose(rows.H[0], -_derivative(missed, sensor_to_segment.SIZE), atol=1e-7)
-    np.testing.assert_allclose(rows.missed, 0.0, atol=1e-12)
+    np.testing.assert_allclose(rows.innovation, 0.0, atol=1e-12)
 
 
 def test_a_hinge_tells_nothing_of_its_flexion_however_askew_it_seems(
@@ -190,7 +196,7 @@ def test_a_hinge_tells_nothing_of_its_flexion_however_askew_it_seems(
 ) -> None:
     angles = rng.uniform(-0.3, 0.3, (4, 3, 3)) + [0.5, 0.0, 0.0]
     straight = np.tile(quat.IDENTITY, (4, 4, 1))
-    H = _told(_seated(joint_angles.compose(angles), straight, np.zeros((4, 3, 3)))).H
+    H = _constrain(_joint_jacobian(joint_angles.compose(angles), straight, np.zeros((4, 3, 3)))).H
     np.testing.assert_allclose(H[:, 3:, 5], 0.0, atol=1e-15)  # PIP, about its own z
     np.testing.assert_allclose(H[:, 6:, 8], 0.0, atol=1e-15)  # DIP
 
@@ -200,8 +206,8 @@ def test_only_a_flexion_beyond_its_range_is_told() -> None:
         np.tile(quat.IDENTITY, (2, 4, 1)),
         np.array([[0.5, 1.0, 0.5], [0.5, 2.3, 0.5]]),
     )
-    rows = _told(_seated(quat.about(2, flexion), straight, np.zeros((2, 3, 3))))
-    np.testing.assert_allclose(rows.missed[:, 3], [0.0, 120 * DEG - 2.3], atol=1e-12)
+    rows = _constrain(_joint_jacobian(quat.about(2, flexion), straight, np.zeros((2, 3, 3))))
+    np.testing.assert_allclose(rows.innovation[:, 3], [0.0, 120 * DEG - 2.3], atol=1e-12)
     assert rows.H[0, 3].any() == np.False_
     assert rows.H[1, 3, 5] == pytest.approx(1.0)
 
@@ -225,7 +231,7 @@ def test_the_gates_leave_out_accelerometers_that_disagree_or_turn_fast() -> None
             H[case],
             np.zeros((18, 18)),
         )
-        finger_ekf_measurements.vectors_row(finger_ekf_measurements.numbers(params), *given)
+        finger_ekf_measurements.vectors_row(finger_ekf_measurements.pack_params(params), *given)
     used = np.abs(H[:, :9]).reshape(3, 3, 3, -1).sum(axis=(2, 3)) > 0
     np.testing.assert_array_equal(
         used, [[True, True, True], [True, False, False], [False, False, True]]
@@ -252,20 +258,20 @@ def test_a_pose_leaves_joints_to_what_is_missed_and_seats_alike_but_about_the_ve
     turn = quat.exp(
         np.cross(seen, seen[:, :1])
     )  # small: each sensor's frame is turned until it sees up where the hand's sees it
-    seat = quat.multiply(turn, q_nominal)
+    q_SB = quat.multiply(turn, q_nominal)
     q_pc = quat.relative(
         quat.multiply(q_HS, quat.conjugate(turn))[:, :3],
         quat.multiply(q_HS, quat.conjugate(turn))[:, 1:],
     )
     errors = np.concatenate(
-        [quat.log(q_pc).reshape(trials, 9), quat.log(seat).reshape(trials, 12)], axis=1
+        [quat.log(q_pc).reshape(trials, 9), quat.log(q_SB).reshape(trials, 12)], axis=1
     )
-    P = sensor_to_segment.after_pose(
+    P = sensor_to_segment.covariance_after_pose(
         params,
         np.tile(quat.IDENTITY, (1, 3, 1)),
         np.tile(9.81 * up, (1, 4, 1)),
         FREE_INDEX[None],
-        _seats(params),
+        _prior(params),
     )[0]
     kept = np.r_[0:9, 21:33]
     np.testing.assert_allclose(np.cov(errors.T) / DEG**2, P[np.ix_(kept, kept)] / DEG**2, atol=0.06)
@@ -277,10 +283,10 @@ def test_a_pose_leaves_each_freedom_of_a_thumb_held_aside_to_what_is_missed() ->
     angles = np.array([[[30.0, -45.0, 60.0], [0, 0, 0], [0, 0, 0]]]) * DEG
     q_pc = joint_angles.compose(angles)
     up = quat.rotate(quat.conjugate(_chained(q_pc)), np.array([1.0, 0.0, 0.0]))
-    P = sensor_to_segment.after_pose(
-        params, q_pc, up, finger_ekf_measurements.IS_FREE[:1], _seats(params)
+    P = sensor_to_segment.covariance_after_pose(
+        params, q_pc, up, finger_ekf_measurements.IS_FREE[:1], _prior(params)
     )[0]
-    A = _seated(q_pc, np.tile(quat.IDENTITY, (1, 4, 1)), np.zeros((1, 3, 3))).A[0]
+    A = _joint_jacobian(q_pc, np.tile(quat.IDENTITY, (1, 4, 1)), np.zeros((1, 3, 3))).A[0]
     J = finger_ekf_measurements.angle_jacobian(angles[0, 0])
     of_angles = J @ (A @ P @ A.T)[:3, :3] @ J.T
     np.testing.assert_allclose(np.sqrt(np.diag(of_angles)) / DEG, 1.45, rtol=1e-3)
@@ -332,12 +338,12 @@ def _index(params: FilterParams, trials: int = 1) -> State:
     """Index fingers that start."""
     bias_sd = np.full((trials, 4), params.bias_sd * DEG)
     free, limits = (np.broadcast_to(x, (trials, *x.shape)) for x in (FREE_INDEX, LIMITS_INDEX))
-    return finger_ekf_filter.start(bias_sd, _seats(params, trials), free, limits)
+    return finger_ekf_filter.start(bias_sd, _prior(params, trials), free, limits)
 
 
-def _seats(params: FilterParams, trials: int = 1) -> Seats:
+def _prior(params: FilterParams, trials: int = 1) -> SensorToSegmentPrior:
     """Sensors put on somehow, their frames aligned by the pose."""
-    return Seats(
+    return SensorToSegmentPrior(
         np.tile((params.misalignment * DEG) ** 2 * np.eye(12), (trials, 1, 1)),
         np.ones((trials, 4), bool),
     )
@@ -500,22 +506,26 @@ def test_missing_samples_cost_certainty_and_leave_no_nan() -> None:
     samples, q_true, _, _ = _finger_trials(np.random.default_rng(3), WHITE, 5, 4.0)
     params = FilterParams()
     gap = (samples.t > 2.0) & (samples.t < 3.0)
-    acc, turn, doubt, bias_time = (
+    acc, turn, rotation_variance, bias_time = (
         samples.acc.copy(),
         samples.turn.copy(),
-        samples.doubt.copy(),
+        samples.rotation_variance.copy(),
         samples.bias_time.copy(),
     )
     acc[gap, :, 2], turn[gap, :, 2], bias_time[gap, :, 2] = np.nan, 0.0, 0.0
-    doubt[gap, :, 2] = (60 * DEG) ** 2 * 0.005 / 0.25
-    holed = replace(samples, acc=acc, turn=turn, doubt=doubt, bias_time=bias_time)
+    rotation_variance[gap, :, 2] = (60 * DEG) ** 2 * 0.005 / 0.25
+    holed = replace(
+        samples, acc=acc, turn=turn, rotation_variance=rotation_variance, bias_time=bias_time
+    )
     (_, whole), (state, found) = (
         finger_ekf_filter.step(params, _index(params, 5), s) for s in (samples, holed)
     )
     assert np.isfinite(found.q_joint).all()
     assert np.isfinite(state.P).all()
     k = int(np.flatnonzero(gap)[-1])
-    at, at_whole = (int(np.searchsorted(f.told, k, side="right")) - 1 for f in (found, whole))
+    at, at_whole = (
+        int(np.searchsorted(f.update_rows, k, side="right")) - 1 for f in (found, whole)
+    )
     sd = np.sqrt(np.trace(found.P[at, :, 3:6, 3:6], axis1=1, axis2=2))
     assert (sd > 20 * DEG).all()
     assert (quat.angle(quat.relative(found.q_joint[k, :, 1], q_true[k, :, 1])) < 3 * sd).all()
@@ -530,14 +540,16 @@ def test_missing_samples_cost_certainty_and_leave_no_nan() -> None:
 def test_what_may_have_been_missed_is_told_at_once() -> None:
     """Between two updates a sensor is bridged: from that sample on the joint is less sure, not from the next update."""
     samples, _, _, _ = _finger_trials(np.random.default_rng(5), WHITE, 2, 2.0)
-    row, doubt = 215, samples.doubt.copy()
-    doubt[row, 0, 2] = (5 * DEG) ** 2
+    row, rotation_variance = 215, samples.rotation_variance.copy()
+    rotation_variance[row, 0, 2] = (5 * DEG) ** 2
     params = replace(
         WHITE, dimensions=False
     )  # turns about the vertical are then told by nothing else
-    _, found = finger_ekf_filter.step(params, _index(params, 2), replace(samples, doubt=doubt))
-    assert row in found.told
-    at = int(np.searchsorted(found.told, row))
+    _, found = finger_ekf_filter.step(
+        params, _index(params, 2), replace(samples, rotation_variance=rotation_variance)
+    )
+    assert row in found.update_rows
+    at = int(np.searchsorted(found.update_rows, row))
     sd = np.sqrt(np.trace(found.P[at - 1 : at + 1, 0, 3:6, 3:6], axis1=1, axis2=2))
     assert sd[1] > sd[0] + 2 * DEG
 
@@ -548,7 +560,7 @@ def test_samples_may_be_cut_anywhere(where: list[int]) -> None:
     samples.known[:250, 2, 1] = False  # a sensor that is plugged in later
     state = _index(WHITE, 5)
     whole_state, whole = finger_ekf_filter.step(WHITE, state, samples)
-    pieces, told = [], []
+    pieces, update_rows = [], []
     for a, b in zip([0, *where], [*where, len(samples)]):
         state, piece = finger_ekf_filter.step(
             WHITE,
@@ -558,8 +570,8 @@ def test_samples_may_be_cut_anywhere(where: list[int]) -> None:
             ),
         )
         pieces.append(piece)
-        told.append(piece.told + a)
+        update_rows.append(piece.update_rows + a)
     np.testing.assert_array_equal(np.concatenate([p.q_joint for p in pieces]), whole.q_joint)
     np.testing.assert_array_equal(np.concatenate([p.P for p in pieces]), whole.P)
-    np.testing.assert_array_equal(np.concatenate(told), whole.told)
+    np.testing.assert_array_equal(np.concatenate(update_rows), whole.update_rows)
     np.testing.assert_array_equal(state.P, whole_state.P)

@@ -10,7 +10,7 @@ from handscope.estimators.data.samples import MAG, Block, Stream
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.finger_ekf import filter as finger_ekf_filter
 from handscope.estimators.finger_ekf import magnetic_heading, preintegration
-from handscope.estimators.finger_ekf.sensor_to_segment import APART, SIZE
+from handscope.estimators.finger_ekf.sensor_to_segment import FIELD_DIFFERENCE, SIZE
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import IS_DOF, JOINT, SEGMENT
 from handscope.estimators.methods import ekf
@@ -26,7 +26,7 @@ from tests.simulated import DEG, assert_same, calibrated, cut, in_strips, with_s
 
 WITHOUT = ekf.Params(gyr_reading="instant")
 WITH = replace(WITHOUT, magnetometers=True)
-NUMBERS = finger_ekf_filter._numbers(WITH)
+NUMBERS = finger_ekf_filter._pack_params(WITH)
 
 
 def _tracked(recording: Simulated, params: ekf.Params) -> Trajectory:
@@ -36,11 +36,11 @@ def _tracked(recording: Simulated, params: ekf.Params) -> Trajectory:
 
 
 def _look(q_pc: Array, mag: Array, up: Array, sd: float = 1.0) -> tuple[bool, float, Array]:
-    missed, H, noise = np.zeros(1), np.zeros((1, SIZE)), np.zeros((1, 1))
+    innovation, H, noise = np.zeros(1), np.zeros((1, SIZE)), np.zeros((1, 1))
     used = magnetic_heading.heading_row(
-        NUMBERS, q_pc, mag, up, np.zeros(2), sd**2 * np.eye(SIZE), missed, H, noise
+        NUMBERS, q_pc, mag, up, np.zeros(2), sd**2 * np.eye(SIZE), innovation, H, noise
     )
-    return used, missed[0], H[0]
+    return used, innovation[0], H[0]
 
 
 def _posed(rng: np.random.Generator) -> tuple[Array, Array, Array]:
@@ -221,12 +221,12 @@ def test_what_fields_differ_by_is_forgotten_over_a_turn() -> None:
         np.tile(quat.exp(np.array([0.0, 2.0, 0.0])), (4, 1)),
     )
     P = np.zeros((SIZE, SIZE))
-    P[APART, APART] = 0.25
+    P[FIELD_DIFFERENCE, FIELD_DIFFERENCE] = 0.25
     for T, expected in (
         (still, 0.25),
         (turned, np.exp(-4) * 0.25 + 2 * WITH.mag_error**2 * (1 - np.exp(-4))),
     ):
-        _, after = preintegration.carried(
+        _, after = preintegration.propagate(
             NUMBERS, 0.0, T, np.zeros((4, 3, 3)), np.zeros(4), np.tile(quat.IDENTITY, (3, 1)), P
         )
-        assert after[APART, APART] == pytest.approx(expected)
+        assert after[FIELD_DIFFERENCE, FIELD_DIFFERENCE] == pytest.approx(expected)

@@ -11,7 +11,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
-NUMBERS = finger_ekf_measurements.numbers(UpdateParams())
+NUMBERS = finger_ekf_measurements.pack_params(UpdateParams())
 
 
 @pytest.mark.parametrize("density", [0.01, 0.04])
@@ -35,19 +35,34 @@ def test_too_few_samples_tell_no_noise(rng: np.random.Generator) -> None:
 
 def _rests(rates: Array, biases_known: float = 0.01 * DEG) -> Array:
     """Noise (12, 12) that the last of rests counts with; rates (rests, 4, 3) rad/s that sensors of bias 0 show."""
-    rested, creep, P = np.full((4, 3), np.nan), np.zeros(2), biases_known**2 * np.eye(43)
+    previous_rest_rate, rest_rate_scatter, P = (
+        np.full((4, 3), np.nan),
+        np.zeros(2),
+        biases_known**2 * np.eye(43),
+    )
     for rate in rates:
-        rest, missed, H, noise = (
+        rest_time, innovation, H, noise = (
             np.full(4, 1.5),
             np.zeros(12),
             np.zeros((12, 43)),
             np.zeros((12, 12)),
         )
-        zero_rate_update.learnt_row(rate * 1.5, rest, np.ones(4), rested, creep)
-        zero_rate_update.resting_row(
-            NUMBERS, rate * 1.5, rest, np.ones(4), np.zeros((4, 3)), P, creep, missed, H, noise
+        zero_rate_update.update_rest_scatter_row(
+            rate * 1.5, rest_time, np.ones(4), previous_rest_rate, rest_rate_scatter
         )
-    np.testing.assert_allclose(missed, rate.ravel(), atol=1e-15)
+        zero_rate_update.zero_rate_rows(
+            NUMBERS,
+            rate * 1.5,
+            rest_time,
+            np.ones(4),
+            np.zeros((4, 3)),
+            P,
+            rest_rate_scatter,
+            innovation,
+            H,
+            noise,
+        )
+    np.testing.assert_allclose(innovation, rate.ravel(), atol=1e-15)
     return noise
 
 
@@ -74,30 +89,34 @@ def test_creeping_that_goes_on_alike_is_not_taken_for_a_bias() -> None:
 def _learnt(seemed: Array, known: float, turned: float) -> Array:
     """How much each joint is believed to give (3,), deg, after windows of 0.2 s in which axes of hinges seemed off by (windows, 3 joints, 2) deg, where the
     filter knows them to `known` deg and they turn by `turned` rad in each."""
-    give, variance, free = np.zeros((3, 2)), np.empty(3), np.tile([1.0, 0.0, 0.0], (3, 1))
-    P, H, missed = (known * DEG) ** 2 * np.eye(43), np.zeros((18, 43)), np.zeros(18)
+    compliance_stats, variance, free = (
+        np.zeros((3, 2)),
+        np.empty(3),
+        np.tile([1.0, 0.0, 0.0], (3, 1)),
+    )
+    P, H, innovation = (known * DEG) ** 2 * np.eye(43), np.zeros((18, 43)), np.zeros(18)
     rows = 9 + 3 * np.arange(3)[:, None] + [1, 2]
     H[rows.ravel(), range(6)] = 1.0
     before, after = np.tile(quat.IDENTITY, (3, 1)), quat.about(2, np.full(3, turned))
     for one in seemed:
-        joint_compliance.believed_row(NUMBERS, give, variance)
-        missed[rows], noise = (
+        joint_compliance.compliance_variance_row(NUMBERS, compliance_stats, variance)
+        innovation[rows], noise = (
             one * DEG,
             np.diag(np.repeat([0.0, 5.0], 9) * np.repeat(np.append(np.ones(3), variance), 3)),
         )
-        joint_compliance.learnt_row(
-            NUMBERS, before, after, P, free, variance, 0.2, missed, H, noise, give
+        joint_compliance.update_compliance_row(
+            NUMBERS, before, after, P, free, variance, 0.2, innovation, H, noise, compliance_stats
         )
-    joint_compliance.believed_row(NUMBERS, give, variance)
+    joint_compliance.compliance_variance_row(NUMBERS, compliance_stats, variance)
     return np.sqrt(variance) / DEG
 
 
 @pytest.mark.parametrize(("gives", "believed"), [(0.6, 2.0), (6.0, 6.0)])
 def test_that_a_joint_gives_more_than_is_believed_is_learnt_while_it_moves(
-    gives: float, believed: float, rng: np.random.Generator
+    joint_compliance_deg: float, believed: float, rng: np.random.Generator
 ) -> None:
     """Beside errors of the filter's own as large as it says."""
-    seemed = np.hypot(gives, 0.5) * rng.normal(size=(2000, 3, 2))
+    seemed = np.hypot(joint_compliance_deg, 0.5) * rng.normal(size=(2000, 3, 2))
     np.testing.assert_allclose(_learnt(seemed, 0.5, 0.3), believed, rtol=0.2)
 
 
@@ -117,8 +136,8 @@ def test_what_the_filter_does_not_know_itself_is_not_taken_for_give(
 
 
 def test_a_vertical_is_the_less_sure_the_faster_the_sensor_has_turned() -> None:
-    variance, lively = np.empty(4), np.array([0.0, 100.0, 400.0, 50.0]) ** 2 * DEG**2
-    inclination_noise.variances_row(NUMBERS, lively, variance)
+    variance, mean_square_rate = np.empty(4), np.array([0.0, 100.0, 400.0, 50.0]) ** 2 * DEG**2
+    inclination_noise.inclination_variance_row(NUMBERS, mean_square_rate, variance)
     np.testing.assert_allclose(
         np.sqrt(variance) / DEG, np.hypot(0.18, 0.0016 * np.array([0, 100, 400, 50])), rtol=1e-9
     )
@@ -128,12 +147,18 @@ def test_biases_of_accelerometers_count_as_drawn_ones_err_and_not_where_sensors_
     rng: np.random.Generator,
 ) -> None:
     """Each sensor's own turn (u - u_0) x b / g, minus its parent's as the joint's child sees it."""
-    began, q = np.tile([1.0, 0.0, 0.0], (4, 1)), quat.normalize(rng.normal(size=(3, 4)))
-    lies = quat.rotate(quat.normalize(rng.normal(size=(4, 4))), began)
+    initial_vertical, q = np.tile([1.0, 0.0, 0.0], (4, 1)), quat.normalize(rng.normal(size=(3, 4)))
+    current_vertical = quat.rotate(quat.normalize(rng.normal(size=(4, 4))), initial_vertical)
     found, nothing = np.zeros((9, 9)), np.zeros((9, 9))
-    inclination_noise.by_biases_row(NUMBERS, q, began, lies, found)
-    inclination_noise.by_biases_row(NUMBERS, q, began, began, nothing)
+    inclination_noise.add_accelerometer_biases_row(
+        NUMBERS, q, initial_vertical, current_vertical, found
+    )
+    inclination_noise.add_accelerometer_biases_row(
+        NUMBERS, q, initial_vertical, initial_vertical, nothing
+    )
     assert not nothing.any()
-    turned = np.cross(lies - began, 0.05 / 9.80665 * rng.normal(size=(20000, 4, 3)))
+    turned = np.cross(
+        current_vertical - initial_vertical, 0.05 / 9.80665 * rng.normal(size=(20000, 4, 3))
+    )
     errors = (turned[:, 1:] - quat.rotate(quat.conjugate(q), turned[:, :3])).reshape(-1, 9)
     np.testing.assert_allclose(found, errors.T @ errors / len(errors), atol=0.04 * found.max())

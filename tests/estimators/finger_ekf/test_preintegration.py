@@ -15,10 +15,10 @@ def _derivative(f: Callable[[Array], Array], size: int, step: float = 1e-6) -> A
     return np.stack([(f(e) - f(-e)) / (2 * step) for e in step * np.eye(size)], axis=-1)
 
 
-def _ended(q_pc: Array, turned: Array) -> Array:
+def _ended(q_pc: Array, delta_q: Array) -> Array:
     """Rotations between sensors (..., 3, 4) once those have turned by (..., 4, 4)."""
     return quat.multiply(
-        quat.multiply(quat.conjugate(turned[..., :3, :]), q_pc), turned[..., 1:, :]
+        quat.multiply(quat.conjugate(delta_q[..., :3, :]), q_pc), delta_q[..., 1:, :]
     )
 
 
@@ -32,12 +32,14 @@ def _window(rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
     )
 
 
-def _wound(turns: Array, bias: Array, times: Array) -> tuple[Array, Array]:
+def _preintegrated(turns: Array, bias: Array, times: Array) -> tuple[Array, Array]:
     """What the sensors turned by over the window (4, 4), and its change by the biases (4, 3, 3)."""
     nothing = np.tile(quat.IDENTITY, (4, 1)), np.zeros((4, 3, 3)), np.zeros(4), np.zeros(4)
-    after, by_bias, timed, _ = preintegration.wound(turns, times, np.zeros((10, 4)), bias, *nothing)
+    after, J_bias, timed, _ = preintegration.preintegrate(
+        turns, times, np.zeros((10, 4)), bias, *nothing
+    )
     np.testing.assert_allclose(timed, times.sum(axis=0))
-    return after[-1], by_bias
+    return after[-1], J_bias
 
 
 def test_the_covariance_goes_along_by_the_derivative_of_the_two_sided_update(
@@ -45,21 +47,23 @@ def test_the_covariance_goes_along_by_the_derivative_of_the_two_sided_update(
 ) -> None:
     """21 errors put in before, 9 read off behind; what is correlated with all 21 then shows their transition F."""
     q_pc, turns, bias, times = _window(rng)
-    turned, by_bias = _wound(turns, bias, times)
+    delta_q, J_bias = _preintegrated(turns, bias, times)
     P = np.zeros((43, 43))
     P[:21, 21:42] = P[21:42, :21] = np.eye(21)
-    q_new, P_new = preintegration.carried(np.zeros(21), 0.2, turned, by_bias, np.zeros(4), q_pc, P)
+    q_new, P_new = preintegration.propagate(
+        np.zeros(21), 0.2, delta_q, J_bias, np.zeros(4), q_pc, P
+    )
 
     def ended(errors: Array) -> Array:
         q = quat.multiply(q_pc, quat.exp(errors[:9].reshape(3, 3)))
         return quat.log(
             quat.relative(
-                q_new, _ended(q, _wound(turns, bias + errors[9:].reshape(4, 3), times)[0])
+                q_new, _ended(q, _preintegrated(turns, bias + errors[9:].reshape(4, 3), times)[0])
             )
         ).ravel()
 
     np.testing.assert_allclose(P_new[:9, 21:42], _derivative(ended, 21), atol=1e-7)
-    np.testing.assert_allclose(q_new, _ended(q_pc, turned), atol=1e-14)
+    np.testing.assert_allclose(q_new, _ended(q_pc, delta_q), atol=1e-14)
 
 
 @pytest.mark.parametrize("sensor", range(4))
@@ -67,15 +71,15 @@ def test_what_a_sensor_may_have_missed_enters_as_the_derivative_says(
     sensor: int, rng: np.random.Generator
 ) -> None:
     q_pc, turns, bias, times = _window(rng)
-    turned, by_bias = _wound(turns, bias, times)
-    doubt = np.where(np.arange(4) == sensor, 1.0, 0.0)
-    q_new, P_new = preintegration.carried(
-        np.zeros(21), 0.2, turned, by_bias, doubt, q_pc, np.zeros((43, 43))
+    delta_q, J_bias = _preintegrated(turns, bias, times)
+    rotation_variance = np.where(np.arange(4) == sensor, 1.0, 0.0)
+    q_new, P_new = preintegration.propagate(
+        np.zeros(21), 0.2, delta_q, J_bias, rotation_variance, q_pc, np.zeros((43, 43))
     )
 
     def ended(error: Array) -> Array:
-        wrong = turned.copy()
-        wrong[sensor] = quat.multiply(turned[sensor], quat.exp(error))
+        wrong = delta_q.copy()
+        wrong[sensor] = quat.multiply(delta_q[sensor], quat.exp(error))
         return quat.log(quat.relative(q_new, _ended(q_pc, wrong))).ravel()
 
     G = _derivative(ended, 3)

@@ -115,9 +115,9 @@ def test_angles_of_segments_are_those_between_neighbours(rng: np.random.Generato
 @given(arrays(float, (len(JOINTS), 3), elements=st.floats(-np.pi, np.pi)))
 def test_constrained_angles_are_freedoms_within_their_limits(angles: np.ndarray) -> None:
     angles[JOINT["wrist"]] = np.nan
-    kept = joint_angles.constrained(angles)
+    kept = joint_angles.constrain(angles)
     assert np.isnan(kept[JOINT["wrist"]]).all()
-    np.testing.assert_array_equal(np.isnan(joint_angles.only_freedoms(kept))[1:], ~IS_DOF[1:])
+    np.testing.assert_array_equal(np.isnan(joint_angles.mask_non_freedoms(kept))[1:], ~IS_DOF[1:])
     others = np.arange(len(JOINTS)) != JOINT["wrist"]
     assert (kept[others] >= LIMITS[others, :, 0]).all()
     assert (kept[others] <= LIMITS[others, :, 1]).all()

@@ -69,7 +69,7 @@ def test_palm_up_and_palm_down_are_told_from_gravity_on_either_hand(hand: Hand) 
     ways = []
     for way in (-1.0, 1.0):  # about the long axis; one of the two turns the thumb up first
         q_GS = np.full((300, len(SEGMENTS), 4), np.nan)
-        q_GS[:, SEGMENT["hand"]] = quat.headed(
+        q_GS[:, SEGMENT["hand"]] = quat.turn_heading(
             quat.multiply(level, quat.exp(way * turned[:, None] * np.array([0.0, 1.0, 0.0]))), 0.7
         )
         f = by_name(

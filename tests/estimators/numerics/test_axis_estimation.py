@@ -5,8 +5,8 @@ import pytest
 
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.axis_estimation import (
-    bending,
-    common_rotation,
+    fit_bending,
+    fit_common_rotation,
     of_two_clocks,
     principal_axis,
 )
@@ -34,7 +34,7 @@ def whirled(t: Array) -> Array:
 
 
 def test_the_axis_of_flexion_is_found_with_its_sign_and_its_three_repetitions() -> None:
-    found = bending(flexed(np.random.default_rng(1)), DT)
+    found = fit_bending(flexed(np.random.default_rng(1)), DT)
     assert np.arccos(found.axis @ AXIS) < 0.2 * DEG
     assert found.repetitions == 3
     assert found.extent == pytest.approx(70 * DEG, abs=1 * DEG)
@@ -46,7 +46,7 @@ def test_a_sensor_put_on_the_other_way_round_sees_the_opposite_axis_and_still_fl
     None
 ):
     turned = quat.about(0, np.pi)
-    found = bending(quat.rotate(turned, flexed(np.random.default_rng(1))), DT)
+    found = fit_bending(quat.rotate(turned, flexed(np.random.default_rng(1))), DT)
     assert np.arccos(found.axis @ quat.rotate(turned, AXIS)) < 0.2 * DEG
 
 
@@ -59,13 +59,13 @@ def test_a_knock_against_the_table_does_not_turn_the_axis() -> None:
 
 
 def test_what_is_not_in_one_plane_says_so() -> None:
-    assert bending(flexed(np.random.default_rng(3), sway=1.0), DT).planarity < 0.85
+    assert fit_bending(flexed(np.random.default_rng(3), sway=1.0), DT).planarity < 0.85
 
 
 def test_repetitions_about_different_axes_are_not_alike() -> None:
     rate = flexed(np.random.default_rng(4))
     rate[600:] = quat.rotate(quat.exp(np.array([0.0, 0.4, 0.0])), rate[600:])
-    assert bending(rate, DT).repeatability > 8 * DEG
+    assert fit_bending(rate, DT).repeatability > 8 * DEG
 
 
 def test_two_sensors_on_one_body_are_related_by_their_rates() -> None:
@@ -73,7 +73,7 @@ def test_two_sensors_on_one_body_are_related_by_their_rates() -> None:
     q_ab = quat.exp(np.array([0.4, -1.9, 0.8]))
     rate_b = whirled(T)
     rate_a = quat.rotate(q_ab, rate_b) + rng.normal(scale=0.02, size=rate_b.shape)
-    found = common_rotation(rate_a, rate_b)
+    found = fit_common_rotation(rate_a, rate_b)
     assert quat.angle(quat.relative(q_ab, found.q_ab)) < 0.3 * DEG
     assert 0.01 < found.residual < 0.05
     assert found.spread > 0.5
@@ -83,7 +83,7 @@ def test_a_turn_about_one_axis_only_shows_as_little_spread() -> None:
     rate = np.outer(np.sin(2 * T), AXIS) + np.random.default_rng(6).normal(
         scale=0.01, size=(len(T), 3)
     )
-    assert common_rotation(rate, rate).spread < 0.05
+    assert fit_common_rotation(rate, rate).spread < 0.05
 
 
 @pytest.mark.parametrize("offset", [-0.237, 0.0, 0.1234])

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handscope.estimators.numerics.gap_interpolation import FREQUENCY, bridge, missed
+from handscope.estimators.numerics.gap_interpolation import FREQUENCY, bridge_gaps, missed_variance
 
 
 def _known(n: int, first: int, length: int) -> np.ndarray:
@@ -22,7 +22,7 @@ def test_a_parabola_s_neighbours_and_a_straight_line_are_kept_exactly(
     values = np.stack([line[0] + line[1] * t, line[2] + line[3] * t], axis=-1)
     known = _known(40, first, length)
     np.testing.assert_allclose(
-        bridge(t, np.where(known[:, None], values, np.nan), known), values, atol=1e-12
+        bridge_gaps(t, np.where(known[:, None], values, np.nan), known), values, atol=1e-12
     )
 
 
@@ -30,7 +30,7 @@ def test_a_movement_of_two_hertz_is_followed_through_a_tenth_of_a_second() -> No
     t = np.arange(100) / 100
     values = np.sin(2 * np.pi * 2 * t)[:, None]
     known = _known(100, 40, 10)
-    filled = bridge(t, np.where(known[:, None], values, np.nan), known)
+    filled = bridge_gaps(t, np.where(known[:, None], values, np.nan), known)
     straight = np.interp(t, t[known], values[known, 0])
     assert np.abs(filled - values).max() < 0.2 * np.abs(straight - values[:, 0]).max()
 
@@ -38,7 +38,7 @@ def test_a_movement_of_two_hertz_is_followed_through_a_tenth_of_a_second() -> No
 def test_what_lies_before_the_first_or_behind_the_last_sample_stays_unknown() -> None:
     t = np.arange(10) / 100
     known = np.array([0, 0, 1, 1, 0, 1, 1, 1, 0, 0], bool)
-    filled = bridge(t, np.where(known, 1.0, np.nan)[:, None], known)
+    filled = bridge_gaps(t, np.where(known, 1.0, np.nan)[:, None], known)
     np.testing.assert_array_equal(np.isnan(filled[:, 0]), [True, True, *[False] * 6, True, True])
 
 
@@ -47,7 +47,7 @@ def test_without_a_second_sample_at_one_side_the_gap_s_own_slope_serves(where: i
     t = np.arange(10) / 100
     values, known = (t**2)[:, None], _known(10, where, 1)
     np.testing.assert_allclose(
-        bridge(t, np.where(known[:, None], values, np.nan), known), values, atol=1e-4
+        bridge_gaps(t, np.where(known[:, None], values, np.nan), known), values, atol=1e-4
     )
 
 
@@ -56,8 +56,8 @@ def test_the_doubt_of_a_gap_covers_what_a_movement_of_that_frequency_hides() -> 
     rate = 5.0 * np.sin(2 * np.pi * FREQUENCY * t)
     for first in range(20, 320, 7):
         known = _known(400, first, 40)
-        filled = bridge(t, np.where(known, rate, np.nan)[:, None], known)[:, 0]
+        filled = bridge_gaps(t, np.where(known, rate, np.nan)[:, None], known)[:, 0]
         lost = abs(np.sum(filled - rate) / 400)
         gyr = np.where(known, 5.0, np.nan)[:, None] * np.array([1.0, 0, 0])
-        assert lost <= np.sqrt(missed(t, gyr, known).max())
-        assert np.flatnonzero(missed(t, gyr, known)).tolist() == [first]
+        assert lost <= np.sqrt(missed_variance(t, gyr, known).max())
+        assert np.flatnonzero(missed_variance(t, gyr, known)).tolist() == [first]

@@ -14,7 +14,7 @@ def _covariance(rng: np.random.Generator, size: int) -> Array:
 def test_a_correction_is_the_textbook_s_and_keeps_the_covariance_symmetric_to_the_last_bit(
     rng: np.random.Generator,
 ) -> None:
-    before, H, noise, missed, change = (
+    before, H, noise, innovation, change = (
         _covariance(rng, 7),
         rng.normal(size=(4, 7)),
         _covariance(rng, 4),
@@ -22,9 +22,9 @@ def test_a_correction_is_the_textbook_s_and_keeps_the_covariance_symmetric_to_th
         np.empty(7),
     )
     after = before.copy()
-    kalman.correct(after, missed, H, noise, change)
+    kalman.correct(after, innovation, H, noise, change)
     K = before @ H.T @ np.linalg.inv(H @ before @ H.T + noise)
-    np.testing.assert_allclose(change, K @ missed, atol=1e-12)
+    np.testing.assert_allclose(change, K @ innovation, atol=1e-12)
     np.testing.assert_allclose(after, (np.eye(7) - K @ H) @ before, atol=1e-11)
     np.testing.assert_array_equal(after, after.T)
 

@@ -40,7 +40,7 @@ def test_a_piece_that_is_refused_costs_no_other() -> None:
             raise InputError("two is refused")
         return piece
 
-    first, refused, last = parallel.finished(work, [1, 2, 3], lambda share: None)
+    first, refused, last = parallel.run_each(work, [1, 2, 3], lambda share: None)
     assert (first, last) == (1, 3)
     assert isinstance(refused, InputError) and str(refused) == "two is refused"
 
@@ -53,7 +53,7 @@ def test_how_far_all_are_is_heard_in_the_callers_thread() -> None:
         if share == 0.75:  # one is done, the other half
             events[0].set()
 
-    assert parallel.finished(_patient, events, progress) == ["done", "done"]
+    assert parallel.run_each(_patient, events, progress) == ["done", "done"]
     assert heard[-1][0] >= 0.75 and {thread for _, thread in heard} == {threading.current_thread()}
 
 
@@ -62,7 +62,7 @@ def test_when_the_time_is_over_what_is_done_stays_and_the_rest_is_refused() -> N
         if share >= 1 / 3:
             raise InputError("the time is over")
 
-    done, *late = parallel.finished(
+    done, *late = parallel.run_each(
         _patient, [*_set(1), threading.Event(), threading.Event()], progress
     )
     assert done == "done"
@@ -74,7 +74,7 @@ def test_what_else_ends_the_progress_ends_all_and_is_raised() -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        parallel.finished(_patient, [threading.Event(), threading.Event()], progress)
+        parallel.run_each(_patient, [threading.Event(), threading.Event()], progress)
 
 
 def test_an_error_of_one_piece_is_raised() -> None:
@@ -82,4 +82,4 @@ def test_an_error_of_one_piece_is_raised() -> None:
         return 1 // piece
 
     with pytest.raises(ZeroDivisionError):
-        parallel.finished(work, [0, 1], lambda share: None)
+        parallel.run_each(work, [0, 1], lambda share: None)

@@ -147,7 +147,7 @@ def test_a_twist_is_the_turn_about_the_axis(axis: int, theta: float, swing: floa
 @given(rotations(1), st.floats(-7, 7))
 def test_headed_turns_about_the_vertical(q: tuple[np.ndarray, ...], theta: float) -> None:
     np.testing.assert_allclose(
-        quat.headed(q[0], theta), quat.multiply(quat.about(2, theta), q[0]), atol=ROUNDING
+        quat.turn_heading(q[0], theta), quat.multiply(quat.about(2, theta), q[0]), atol=ROUNDING
     )
 
 
@@ -199,7 +199,7 @@ def _functions() -> dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]]:
         "log": lambda a, b: quat.log(a),
         "angle": lambda a, b: quat.angle(a),
         "about": lambda a, b: quat.about(1, a[:, 0] * 3),
-        "headed": lambda a, b: quat.headed(a, b[:, 0]),
+        "headed": lambda a, b: quat.turn_heading(a, b[:, 0]),
         "twist": lambda a, b: quat.twist(a, 2),
         "slerp": lambda a, b: quat.slerp(a, b, np.abs(a[:, 0])),
         "matrix": lambda a, b: quat.matrix(a),

@@ -269,17 +269,17 @@ def test_upright_turns_the_specific_force_upwards_and_keeps_the_heading_where_it
 ) -> None:
     q_GS = quat.multiply(quat.about(2, 0.7), quat.about(0, 0.2))
     up = quat.rotate(
-        orientation_fusion.upright(q_GS, np.array(acc)), np.array(acc) / np.linalg.norm(acc)
+        orientation_fusion.make_upright(q_GS, np.array(acc)), np.array(acc) / np.linalg.norm(acc)
     )
     np.testing.assert_allclose(up, [0, 0, 1], atol=1e-7)
 
 
 def test_a_sensor_upside_down_is_turned_over() -> None:
-    q = orientation_fusion.upright(quat.IDENTITY, np.array([0, 0, -9.81]))
+    q = orientation_fusion.make_upright(quat.IDENTITY, np.array([0, 0, -9.81]))
     np.testing.assert_allclose(quat.rotate(q, np.array([0, 0, -1.0])), [0, 0, 1], atol=1e-15)
 
 
 def test_upright_leaves_an_orientation_that_is_right_already() -> None:
     q_GS = quat.multiply(quat.about(2, 0.7), quat.about(0, 0.2))
     acc = quat.rotate(quat.conjugate(q_GS), np.array([0, 0, 9.81]))
-    np.testing.assert_allclose(orientation_fusion.upright(q_GS, acc), q_GS, atol=1e-15)
+    np.testing.assert_allclose(orientation_fusion.make_upright(q_GS, acc), q_GS, atol=1e-15)

@@ -179,7 +179,7 @@ def test_the_rate_at_which_samples_come_is_measured_in_spite_of_jitter_and_loss(
     kept = rng.random(1000) > 0.05 if share < 1.25 else np.ones(1000, bool)
     t = np.sort(t[kept] + rng.uniform(-5e-4, 5e-4, kept.sum()))
     stream = Stream("imu", ("hand",), (GYR, ACC), 100.0)
-    found = resampling.measured_rates([Block(stream, t, np.zeros((len(t), 1, 6)))])
+    found = resampling.measure_rates([Block(stream, t, np.zeros((len(t), 1, 6)))])
     assert found["imu"] == pytest.approx(100.0 * share, rel=2e-4)
 
 
@@ -187,7 +187,7 @@ def test_stamps_that_scatter_by_a_fifth_of_a_period_hide_no_rate() -> None:
     """Scatter as of a host's stamps was counted as samples left out: 97 Hz came out as 99."""
     t = np.sort(np.arange(4000) / 97.0 + 2e-3 * np.random.default_rng(3).normal(size=4000))
     stream = Stream("imu", ("hand",), (GYR, ACC), 100.0)
-    assert resampling.measured_rates([Block(stream, t, np.zeros((4000, 1, 6)))])[
+    assert resampling.measure_rates([Block(stream, t, np.zeros((4000, 1, 6)))])[
         "imu"
     ] == pytest.approx(97.0, rel=1e-3)
 
@@ -195,4 +195,4 @@ def test_stamps_that_scatter_by_a_fifth_of_a_period_hide_no_rate() -> None:
 def test_a_rate_that_is_what_it_says_is_left_alone() -> None:
     t = 7.0 + np.arange(300) / 100.0 + np.random.default_rng(3).uniform(-5e-4, 5e-4, 300)
     stream = Stream("imu", ("hand",), (GYR, ACC), 100.0)
-    assert resampling.measured_rates([Block(stream, t, np.zeros((300, 1, 6)))]) == {}
+    assert resampling.measure_rates([Block(stream, t, np.zeros((300, 1, 6)))]) == {}

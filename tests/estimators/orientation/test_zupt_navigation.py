@@ -192,7 +192,7 @@ def test_the_transition_is_the_derivative_of_the_integration() -> None:
             state.waiting,
             state.waiting_t,
         )
-        q, p, v, _ = zupt_navigation._integrated(PARAMS, off, dt, samples)
+        q, p, v, _ = zupt_navigation._integrate(PARAMS, off, dt, samples)
         return np.concatenate([p[-1], v[-1], q[-1]])
 
     q_0 = moved(np.zeros(15))[6:]
@@ -212,7 +212,7 @@ def test_the_transition_is_the_derivative_of_the_integration() -> None:
     noiseless = HandFilterParams(
         gyr_reading="instant", acc_noise=0.0, gyr_noise=1e-6, gyr_bias_walk=0.0
     )
-    FFt = zupt_navigation._integrated(noiseless, still, dt, samples)[3]
+    FFt = zupt_navigation._integrate(noiseless, still, dt, samples)[3]
     F = np.empty((15, 15))
     for k in range(15):
         step = 1e-5

@@ -86,7 +86,7 @@ def _straight(q_GH: np.ndarray, side: float) -> np.ndarray:
 
 def tracked(markers: Markers, hand: Hand = "left", pose: FlatPose = FLAT) -> np.ndarray:
     return optical_trajectory.trajectory_of(
-        markers, optical_trajectory.clusters(markers, pose), hand, pose
+        markers, optical_trajectory.find_clusters(markers, pose), hand, pose
     ).angles
 
 
@@ -174,7 +174,9 @@ def test_rigid_markers_do_not_move_and_a_slipping_one_does() -> None:
     markers, _ = marked()
     still = {
         r.segment: r
-        for r in optical_trajectory.rigidity(optical_trajectory.clusters(markers, FLAT), markers)
+        for r in optical_trajectory.rigidity(
+            optical_trajectory.find_clusters(markers, FLAT), markers
+        )
     }
     assert max(r.movement_max for r in still.values()) < 1e-12
     assert max(r.angle_max for r in still.values()) < 1e-6
@@ -191,7 +193,9 @@ def test_rigid_markers_do_not_move_and_a_slipping_one_does() -> None:
     slipping.places[600:, k] += 0.006 * away[600:]
     moved = {
         r.segment: r
-        for r in optical_trajectory.rigidity(optical_trajectory.clusters(slipping, FLAT), slipping)
+        for r in optical_trajectory.rigidity(
+            optical_trajectory.find_clusters(slipping, FLAT), slipping
+        )
     }
     rows = slipping.places[600:][:, hand]
     fit = [
@@ -232,7 +236,9 @@ def test_real_markers_on_the_back_of_a_hand_are_rigid_within_half_a_millimetre()
     )
     start = float(real.t[int(np.nanargmin(_restless(real.back)))])
     (hand,) = optical_trajectory.rigidity(
-        optical_trajectory.clusters(markers, FlatPose(start, start + 0.18, FLAT.up, np.zeros(3))),
+        optical_trajectory.find_clusters(
+            markers, FlatPose(start, start + 0.18, FLAT.up, np.zeros(3))
+        ),
         markers,
     )
     assert 1e-5 < hand.movement_mean < 0.2e-3
@@ -255,7 +261,7 @@ def test_tips_are_told_by_their_markers_and_their_distance_needs_no_hand() -> No
     )
     for few in (more, Markers(T, more.names[-2:], more.places[:, -2:])):
         moved = optical_trajectory.trajectory_of(
-            few, optical_trajectory.clusters(few, FLAT), "left", FLAT
+            few, optical_trajectory.find_clusters(few, FLAT), "left", FLAT
         )
         np.testing.assert_allclose(tip_distance(moved), tip[:, 0], atol=1e-9)
         assert np.isnan(moved.tips[:, FINGERS.index("little")]).all()
@@ -266,7 +272,7 @@ def test_orientations_of_bodies_that_sit_anyhow_are_aligned_in_the_flat_pose() -
     markers, angles = marked(thumb=thumb)
     pose = FlatPose(0.0, 2.0, FLAT.up, thumb)
     moved = optical_trajectory.trajectory_of(
-        markers, optical_trajectory.clusters(markers, pose), "left", pose
+        markers, optical_trajectory.find_clusters(markers, pose), "left", pose
     )
     rng = np.random.default_rng(2)
     askew = moved.q_GS.copy()
@@ -274,7 +280,7 @@ def test_orientations_of_bodies_that_sit_anyhow_are_aligned_in_the_flat_pose() -
         if k != SEGMENT["hand"]:
             askew[:, k] = quat.multiply(askew[:, k], quat.normalize(rng.normal(size=4)))
     moved.q_GS[:] = askew
-    np.testing.assert_allclose(optical_trajectory.aligned(moved, pose).angles, angles, atol=1e-9)
+    np.testing.assert_allclose(optical_trajectory.align(moved, pose).angles, angles, atol=1e-9)
 
 
 @pytest.mark.parametrize(

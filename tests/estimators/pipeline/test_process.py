@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handscope.estimators.data.calibration import Known
+from handscope.estimators.data.calibration import PriorCalibration
 from handscope.estimators.data.samples import Block, Event
 from handscope.estimators.errors import InputError
 from handscope.estimators.methods import m2
@@ -113,7 +113,9 @@ def test_seats_and_lengths_found_before_serve_a_pose() -> None:
     told = ("index_proximal", "index_middle")
     seats = {s: worn.sensors.q_BS[worn.sensors.segments.index(s)] for s in told}
     longer = {s: 1.1 * worn.geometry.lengths[s] for s in told}
-    done = process(m2, PARAMS, worn, known=Known("left", seats, {}, longer)).calibrations[0]
+    done = process(
+        m2, PARAMS, worn, known=PriorCalibration("left", seats, {}, longer)
+    ).calibrations[0]
     for s in told:
         assert quat.angle(quat.relative(done.q_BS[s], seats[s])) < 1e-9
         assert done.geometry.lengths[s] == longer[s]
@@ -123,4 +125,4 @@ def test_seats_and_lengths_found_before_serve_a_pose() -> None:
 
 def test_what_was_found_of_the_other_hand_is_refused() -> None:
     with pytest.raises(InputError, match="of the right hand, the recording of the left"):
-        process(m2, PARAMS, pose_and_wiggle("left"), known=Known("right", {}, {}, {}))
+        process(m2, PARAMS, pose_and_wiggle("left"), known=PriorCalibration("right", {}, {}, {}))

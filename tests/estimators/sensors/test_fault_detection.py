@@ -288,7 +288,7 @@ def test_a_faulty_sensors_segment_is_flagged_and_told_and_no_other() -> None:
     recording = turned(made("rom_fist"), "ring_middle", quat.about(2, QUARTER))
     done = process(m2, m2.Params(), recording)
     assert [f.kind for f in done.findings] == ["turned"]
-    assert done.findings[0].said in done.warnings
+    assert done.findings[0].message in done.warnings
     assert "ring_middle: faulty sensor in 100.0 % of the samples" in done.warnings
     flagged = ((done.trajectory.flags & Flag.FAULTY) != 0).all(axis=0)
     assert list(np.flatnonzero(flagged)) == [SEGMENT["ring_middle"]]

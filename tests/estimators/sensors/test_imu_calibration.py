@@ -14,16 +14,20 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.imu_calibration import (
     CALIBRATED,
     ImuCalibration,
-    after,
     apply,
-    reach,
+    compose,
+    saturation_level,
 )
-from handscope.estimators.sensors.six_position_calibration import Solved, SolveParams, solve
+from handscope.estimators.sensors.six_position_calibration import (
+    SolvedCalibration,
+    SolveParams,
+    solve,
+)
 from handscope.estimators.sensors.static_segments import (
     RestParams,
-    find,
+    distinct_positions,
+    find_rests,
     missing_positions,
-    positions,
 )
 from handscope.estimators.simulation.sensors import IDEAL
 from tests.laid_down import SIX, Readings, laid_down, many_positions
@@ -42,7 +46,7 @@ def drawn(seed: int, share: float = 0.05) -> ImuCalibration:
     return ImuCalibration(matrix, {q: rng.normal(size=3) for q in CALIBRATED})
 
 
-def solved(r: Readings, params: SolveParams = PARAMS) -> Solved:
+def solved(r: Readings, params: SolveParams = PARAMS) -> SolvedCalibration:
     return solve(params, "index_distal", r.t, r.gyr, r.acc, r.t, r.mag)
 
 
@@ -74,7 +78,7 @@ def test_two_calibrations_in_turn_are_one(seed: int) -> None:
         np.random.default_rng([seed, 5]).normal(size=(5, 1, 9)),
     )
     np.testing.assert_allclose(
-        apply([after(first, second)], CALIBRATED, values),
+        apply([compose(first, second)], CALIBRATED, values),
         apply([second], CALIBRATED, apply([first], CALIBRATED, values)),
         atol=1e-12,
     )
@@ -101,8 +105,8 @@ def test_a_reading_at_the_sensors_limit_reaches_the_corrected_limit(seed: int) -
     read = rng.uniform(-40, 40, (50, 1, 3))
     read[:, 0, seed % 3] = 40.0 * rng.choice([-1, 1], 50)
     corrected = apply([c], (GYR,), read)
-    assert (np.abs(corrected).max(axis=-1) >= reach([c], GYR, 40.0) - 1e-9).all()
-    assert reach([ImuCalibration()], GYR, 40.0) == 40.0
+    assert (np.abs(corrected).max(axis=-1) >= saturation_level([c], GYR, 40.0) - 1e-9).all()
+    assert saturation_level([ImuCalibration()], GYR, 40.0) == 40.0
 
 
 def test_without_noise_the_errors_are_recovered() -> None:
@@ -213,11 +217,11 @@ def test_an_octahedron_of_positions_in_any_direction_misses_none() -> None:
 
 def test_rests_are_found_where_they_were_and_the_turns_are_not() -> None:
     r = laid_down(many_positions(5), 5, rest=3.0, turn=2.0)
-    rests = find(RestParams(), r.t, r.gyr, r.acc)
+    rests = find_rests(RestParams(), r.t, r.gyr, r.acc)
     assert len(rests) == 14
     for k, rest in enumerate(rests):
         assert (
             5.0 * k - 0.01 <= r.t[rest.first] < r.t[rest.last - 1] <= 5.0 * k + 3.3
         )  # the turns begin and end slowly
-    assert len(positions(rests)) <= 14
-    assert find(RestParams(), r.t, np.full_like(r.gyr, np.nan), r.acc) == []
+    assert len(distinct_positions(rests)) <= 14
+    assert find_rests(RestParams(), r.t, np.full_like(r.gyr, np.nan), r.acc) == []

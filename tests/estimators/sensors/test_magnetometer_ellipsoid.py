@@ -38,7 +38,7 @@ def test_hard_and_soft_iron_are_found_with_honest_standard_deviations() -> None:
         rng = np.random.default_rng(seed)
         soft, hard = _iron(rng)
         readings = _turned(400, rng) @ soft + hard + NOISE * rng.normal(size=(400, 3))
-        found = sphere.fitted(readings, strength=STRENGTH)
+        found = sphere.fit_ellipsoid(readings, strength=STRENGTH)
         true = np.linalg.inv(soft)
         entries = np.triu_indices(3)
         squares += [
@@ -56,14 +56,18 @@ def test_slopes_of_the_sphere_are_differences() -> None:
     rng = np.random.default_rng(5)
     x, z, h = np.array([1.0, 0.9, 1.1, *0.1 * rng.normal(size=6)]), rng.normal(size=(8, 3)), 1e-6
     numeric = np.stack(
-        [(sphere._off(x + d, z) - sphere._off(x - d, z)) / (2 * h) for d in h * np.eye(9)], axis=1
+        [
+            (sphere._residuals(x + d, z) - sphere._residuals(x - d, z)) / (2 * h)
+            for d in h * np.eye(9)
+        ],
+        axis=1,
     )
-    np.testing.assert_allclose(sphere._slopes(x, z), numeric, atol=1e-8)
+    np.testing.assert_allclose(sphere._residual_jacobian(x, z), numeric, atol=1e-8)
 
 
 def test_a_field_of_unknown_strength_keeps_the_readings_own() -> None:
     rng = np.random.default_rng(1)
-    found = sphere.fitted(_turned(300, rng) * 1.02 + 5e-6)
+    found = sphere.fit_ellipsoid(_turned(300, rng) * 1.02 + 5e-6)
     assert found.strength == pytest.approx(1.02 * STRENGTH, rel=1e-4)
     np.testing.assert_allclose(found.matrix, np.eye(3), atol=1e-4)
     np.testing.assert_allclose(found.bias, 5e-6, atol=1e-9)
@@ -74,14 +78,14 @@ def test_a_plate_shares_its_axes() -> None:
     field, q_1l = _turned(500, rng), quat.exp(np.array([[0, 0, 0], [0.1, -0.2, 0.4], [0, 1.5, 0]]))
     mag = quat.rotate(quat.conjugate(q_1l), field[:, None]) + NOISE * rng.normal(size=(500, 3, 3))
     mag[:, 2] = mag[:, 2, [1, 0, 2]]  # as a chip does whose x and y are exchanged
-    found = sphere.common_axes(mag)
+    found = sphere.find_common_axes(mag)
     np.testing.assert_array_equal(found.mirrored, [False, False, True])
     seen = quat.rotate(found.q_1l, found.signs[:, None] * mag)
     assert np.degrees(quat.angle(quat.relative(q_1l[:2], found.q_1l[:2]))).max() < 0.05
     assert np.abs(seen - seen[:, :1]).max() < 8 * NOISE and found.left.max() < 0.02
-    assert not sphere.not_on_the_plate("abc", found)
+    assert not sphere.find_outsiders("abc", found)
     mag[:, 1] = np.roll(mag[:, 1], 40, axis=0)
-    assert list(sphere.not_on_the_plate("abc", sphere.common_axes(mag))) == ["b"]
+    assert list(sphere.find_outsiders("abc", sphere.find_common_axes(mag))) == ["b"]
 
 
 def test_magnetometers_of_a_plate_agree_once_it_was_turned_and_one_that_is_silent_is_named() -> (
@@ -99,7 +103,7 @@ def test_magnetometers_of_a_plate_agree_once_it_was_turned_and_one_that_is_silen
     mag[:, 1] = mag[:, 1, [1, 0, 2]]
     names = ("a", "b", "c", "d", "e")
     silent = np.full_like(mag[:, :1], np.nan)
-    told = plate.calibrated(names, np.concatenate([mag, silent], axis=1), nominal)
+    told = plate.calibrate_board(names, np.concatenate([mag, silent], axis=1), nominal)
     found = told.solved
     assert tuple(found) == names[:4]
     assert [said.split(":")[0] for said in told.refused] == ["e"]
@@ -147,7 +151,7 @@ def test_the_dip_is_told_by_an_accelerometer_beside() -> None:
 )
 def test_what_cannot_be_calibrated_is_refused(readings, says) -> None:
     with pytest.raises(InputError, match=says):
-        sphere.fitted(readings(np.random.default_rng(3)))
+        sphere.fit_ellipsoid(readings(np.random.default_rng(3)))
 
 
 @pytest.mark.skipif(not BROAD.is_dir(), reason="the BROAD trials are not here (HANDSCOPE_BROAD)")
@@ -155,9 +159,9 @@ def test_a_real_magnetometer_with_iron_added_is_brought_back() -> None:
     """A real board turned by hand (Laidig et al. 2021); iron put on its readings must not change what is left."""
     trial = loadmat(BROAD / "06_undisturbed_fast_rotation_A.mat")
     mag = 1e-6 * trial["imu_mag"][::10]
-    found = sphere.fitted(mag)
+    found = sphere.fit_ellipsoid(mag)
     assert found.after <= found.before and found.after < 0.04
     soft, hard = _iron(np.random.default_rng(4))
-    again = sphere.fitted(mag @ soft + hard)
+    again = sphere.fit_ellipsoid(mag @ soft + hard)
     assert again.after == pytest.approx(found.after, rel=0.02)
     assert again.before > 3 * again.after

@@ -33,20 +33,22 @@ def _swinging(peak: float) -> np.ndarray:
 def test_equal_largest_readings_in_a_row_are_a_limit(limit: float) -> None:
     block = _block(_swinging(1.5 * limit))
     clipped = replace(block, values=np.clip(block.values, -np.radians(limit), np.radians(limit)))
-    assert saturation.found([clipped]) == {"imu": {GYR: pytest.approx(np.radians(limit))}}
-    np.testing.assert_allclose(saturation.limits(clipped, GYR), [np.inf, np.radians(limit)])
+    assert saturation.find_full_scales([clipped]) == {
+        "imu": {GYR: pytest.approx(np.radians(limit))}
+    }
+    np.testing.assert_allclose(saturation.find_limits(clipped, GYR), [np.inf, np.radians(limit)])
 
 
 def test_single_clipped_peaks_are_a_limit_near_a_usual_full_scale_only() -> None:
     for peak, seen in ((2000.0, True), (1700.0, False)):
         block = _block(_swinging(0.8 * peak))
         block.values[[50, 150, 250], 1, 0] = np.radians(peak)
-        assert bool(saturation.found([block])) is seen
+        assert bool(saturation.find_full_scales([block])) is seen
 
 
 def test_what_does_not_clip_has_no_limit() -> None:
-    assert saturation.found([_block(_swinging(1990.0))]) == {}
-    assert np.isinf(saturation.limits(_block(_swinging(1990.0)), ACC)).all()
+    assert saturation.find_full_scales([_block(_swinging(1990.0))]) == {}
+    assert np.isinf(saturation.find_limits(_block(_swinging(1990.0)), ACC)).all()
 
 
 def test_clipped_rates_are_bridged_as_if_the_full_scale_had_been_told() -> None:
@@ -81,6 +83,6 @@ def test_samples_tell_what_was_found_and_keep_what_they_told() -> None:
         values=np.clip(block.values, -np.radians(500.0), np.radians(500.0)),
         stream=replace(STREAM, full_scale={ACC: 78.0}),
     )
-    (told,) = saturation.told({"imu": clipped}).values()
+    (told,) = saturation.declare_full_scales({"imu": clipped}).values()
     assert told.stream.full_scale == {ACC: 78.0, GYR: pytest.approx(np.radians(500.0))}
     assert told.at_limit(GYR)[:, 1].mean() > 0.3

@@ -28,7 +28,9 @@ MM = 1e3
 
 
 @cache
-def _worn(seed: int) -> tuple[sim.Worn, tuple[magnetometer_ellipsoid.Sphere, ...], Array, float]:
+def _worn(
+    seed: int,
+) -> tuple[sim.Worn, tuple[magnetometer_ellipsoid.EllipsoidCalibration, ...], Array, float]:
     """A plate with its magnetometers calibrated as a user does: turned through all directions, the magnet away."""
     rng = np.random.default_rng([seed, 1])
     w, room = sim.draw_worn(rng), homogeneous()
@@ -38,18 +40,19 @@ def _worn(seed: int) -> tuple[sim.Worn, tuple[magnetometer_ellipsoid.Sphere, ...
         sim.simulate_inertial(w, m, rng)[:, 0, 3:],
     )
     fits = tuple(
-        magnetometer_ellipsoid.fitted(raw[:, k], strength=EARTH) for k in range(len(w.places))
+        magnetometer_ellipsoid.fit_ellipsoid(raw[:, k], strength=EARTH)
+        for k in range(len(w.places))
     )
     mag = _corrected(fits, raw)
     return (
         w,
         fits,
-        magnetometer_ellipsoid.common_axes(mag).q_1l,
+        magnetometer_ellipsoid.find_common_axes(mag).q_1l,
         magnetometer_ellipsoid.dip(mag[:, 0], acc),
     )
 
 
-def _corrected(fits: tuple[magnetometer_ellipsoid.Sphere, ...], raw: Array) -> Array:
+def _corrected(fits: tuple[magnetometer_ellipsoid.EllipsoidCalibration, ...], raw: Array) -> Array:
     return np.stack([f.corrected(raw[:, k]) for k, f in enumerate(fits)], axis=1)
 
 
