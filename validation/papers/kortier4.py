@@ -23,11 +23,11 @@ from handscope.estimators.self_calibration import (
 from handscope.estimators.self_calibration.problem import (
     Noise,
     Z,
-    chain,
-    columns,
-    mounted,
-    posed,
-    resized,
+    axis_in_sensors,
+    build_chain,
+    build_problem,
+    parameter_columns,
+    with_noise,
 )
 from handscope.estimators.self_calibration.segments import Segments
 from handscope.estimators.self_calibration.solver import Solution
@@ -41,7 +41,7 @@ from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.finding import Finding, Row, Table, Verdict, spread
 
 DURATION, TRIALS = 40.0, 15
-HINGED = chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
+HINGED = build_chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
 WHITE = replace(
     IDEAL,
     gyr_noise=SensorErrors().gyr_noise,
@@ -99,12 +99,14 @@ def measure(trial: Trial) -> Found:
         np.random.default_rng([trial.seed, 4]), CONDITIONS[trial.condition], duration=DURATION
     )
     began = time.process_time()
-    _, read = sample_preparation.readings(list(made.blocks()), HINGED.sensors, 0.0, DURATION)
-    guess = self_calibration_initialisation.unknowns(
-        HINGED, Noise(), read, mounted(HINGED, made.mounting, Z)
+    _, read = sample_preparation.prepare_readings(
+        list(made.blocks()), HINGED.sensors, 0.0, DURATION
     )
-    found = solver.learnt(
-        posed(HINGED, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess
+    guess = self_calibration_initialisation.initial_unknowns(
+        HINGED, Noise(), read, axis_in_sensors(HINGED, made.mounting, Z)
+    )
+    found = solver.solve_with_noise(
+        build_problem(HINGED, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess
     )
     seconds = time.process_time() - began
     told = segments.of_solution(found, made.hand, made.mounting)
@@ -154,16 +156,18 @@ def _bound(found: Solution) -> dict[str, float]:
         acc=WHITE.acc_noise * GRAVITY * half_band,
         hinge=posterior.LEAST_HINGE,
     )
-    problem, c = resized(found.problem, noise), columns(found.problem.chain)
-    normal = solver.built(problem, found.at)[0]
+    problem, c = with_noise(found.problem, noise), parameter_columns(found.problem.chain)
+    normal = solver.build_normal_equations(problem, found.at)[0]
     kept = np.concatenate(
         [np.arange(c.scale_gyr.start), np.arange(c.axis_far.start, c.skin_turn.start)]
     )
-    _, _, information = normal_equations.eliminated(
+    _, _, information = normal_equations.eliminate_trajectory(
         replace(normal, B=normal.B[:, :, kept], C=normal.C[np.ix_(kept, kept)], c=normal.c[kept])
     )
-    least = normal_equations.inverse(information)
-    told = residuals.sizing(replace(problem, length=np.full(len(SEGMENTS), HINGES)), found.at)
+    least = normal_equations.invert(information)
+    told = residuals.length_priors(
+        replace(problem, length=np.full(len(SEGMENTS), HINGES)), found.at
+    )
     slopes = {SEGMENTS[t.sensor].removeprefix("index_"): t.by_parameters[0, kept] for t in told}
     return {
         name: float(100 / HINGES * np.sqrt(slope @ least @ slope)) for name, slope in slopes.items()

@@ -19,10 +19,10 @@ from handscope.estimators.self_calibration.problem import (
     Chain,
     Noise,
     Z,
-    chain,
-    columns,
-    mounted,
-    posed,
+    axis_in_sensors,
+    build_chain,
+    build_problem,
+    parameter_columns,
 )
 from handscope.estimators.self_calibration.solver import Solution
 from handscope.estimators.simulation import artificial_finger
@@ -66,7 +66,7 @@ MOVEMENTS: Mapping[str, Movement] = {
     "all joints, turns and travels": Movement(JOINTS, True, True),
     "the same, three times slower": Movement(JOINTS, True, True, 3.0),
 }
-FINGERS: Mapping[str, Chain] = {"artificial finger": HINGED, "human finger": chain(SEGMENTS)}
+FINGERS: Mapping[str, Chain] = {"artificial finger": HINGED, "human finger": build_chain(SEGMENTS)}
 UPWARD, ALONG = (
     np.array([0.0, 0.0, 1.0]),
     np.array([0.0, 1.0, 0.0]),
@@ -109,12 +109,12 @@ def measure(trial: Trial) -> Found:
     """One recording, calibrated from a cold start."""
     links, rng = FINGERS[trial.finger], np.random.default_rng([trial.seed, 6])
     made, true = _recorded(trial, rng)
-    _, read = sample_preparation.readings(list(made.blocks()), links.sensors, 0.0, DURATION)
-    guess = self_calibration_initialisation.unknowns(
-        links, Noise(), read, mounted(links, made.mounting, Z)
+    _, read = sample_preparation.prepare_readings(list(made.blocks()), links.sensors, 0.0, DURATION)
+    guess = self_calibration_initialisation.initial_unknowns(
+        links, Noise(), read, axis_in_sensors(links, made.mounting, Z)
     )
-    found = solver.learnt(
-        posed(links, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess
+    found = solver.solve_with_noise(
+        build_problem(links, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess
     )
     told = list(_told(found, made, true))
     sd = {name: _rms([s for n, s, _ in told if n == name]) for name in GOOD}
@@ -177,7 +177,7 @@ def _told(
         )
     at, c, worn, covariance = (
         found.at,
-        columns(found.problem.chain),
+        parameter_columns(found.problem.chain),
         made.sensors,
         found.factor.covariance,
     )
