@@ -16,8 +16,8 @@ from handscope.estimators.data.options import option
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.force import grasp_phases, identification, load_exchange
 from handscope.estimators.force.contact import ContactParams
-from handscope.estimators.force.grasp_phases import UNREAD, UNSURE, Holding
-from handscope.estimators.force.identification import Running
+from handscope.estimators.force.grasp_phases import UNREAD, UNSURE, GraspPhase
+from handscope.estimators.force.identification import RunningEstimate
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds, worse
 from handscope.estimators.measures.plot_data import Curve, Shown
@@ -107,13 +107,13 @@ class Params(ContactParams):
 class Lifted:
     """One lift."""
 
-    held: Holding
+    held: GraspPhase
     off: Bools  # (n,) instants at which the object is off the table
     mass: float  # kg; NaN where it cannot be told
     mass_sd: float
     slips: Array  # s
     reason: str
-    running: Running | None = None  # the mass as it stood while the object was held up
+    running: RunningEstimate | None = None  # the mass as it stood while the object was held up
 
 
 @dataclass(frozen=True)
@@ -139,9 +139,9 @@ def measure(
 ) -> Lift:
     """Every lift of the stretch."""
     part = within(trajectory, onset, end)
-    if not grasp_phases.measured(part):
+    if not grasp_phases.measured_fingers(part):
         return Lift(False, (), 0, "poor", NONE)
-    found = grasp_phases.holdings(params, part)
+    found = grasp_phases.find_grasp_phases(params, part)
     lifts = [made for h in found if (made := _lifted(params, h)) is not None]
     if not lifts:
         return Lift(
@@ -154,7 +154,7 @@ def measure(
     return Lift(True, tuple(lifts), len(found), *worse(*told))  # type: ignore[arg-type]
 
 
-def _lifted(params: Params, h: Holding) -> Lifted | None:
+def _lifted(params: Params, h: GraspPhase) -> Lifted | None:
     """What one grasp tells; None where nothing leaves the table."""
     if len(h.t) < 8 or not np.isfinite(h.height).all() or h.height.max() < params.lifted:
         return None
@@ -213,10 +213,10 @@ class Weighed:
     supported: float  # by how many of its standard deviations a constant support differs from zero
     changed: float  # and what the mass gains or loses meanwhile
     weight: Array  # (used,) N
-    running: Running
+    running: RunningEstimate
 
 
-def mass_of(params: Params, h: Holding, used: Bools) -> Weighed:
+def mass_of(params: Params, h: GraspPhase, used: Bools) -> Weighed:
     """The mass from all samples at once and as it stood after each of them. (6.5), (6.8)
 
     What carries part of the object leaves m g - support while it rests and m (g + a) - support while it does not: the slope of the load over the
@@ -224,9 +224,9 @@ def mass_of(params: Params, h: Holding, used: Bools) -> Weighed:
     """
     net, s, up = h.net[used], h.lifting[used], h.up[used]
     unknown = np.full(int(used.sum()), QUIET)
-    fit = identification.fitted(net, s[..., None], unknown)
+    fit = identification.fit_least_squares(net, s[..., None], unknown)
     of_axes = (
-        (h.alike_sd[used] ** 2).mean(axis=0).sum(axis=0)
+        (h.common_sd[used] ** 2).mean(axis=0).sum(axis=0)
     )  # N^2: inclination, zero and scale are the same in all samples
     across = net - (net * up).sum(axis=1, keepdims=True) * up
     unexplained = max(
@@ -235,7 +235,7 @@ def mass_of(params: Params, h: Holding, used: Bools) -> Weighed:
     along = (s * up).sum(axis=1)
     since = (h.t[used] - h.t[used].mean()) / np.ptp(h.t[used])
     both, growing = (
-        identification.fitted(
+        identification.fit_least_squares(
             h.load[used][:, None], np.stack([along, other], axis=-1)[:, None], unknown
         )
         for other in (np.ones(len(s)), along * since)
@@ -244,12 +244,12 @@ def mass_of(params: Params, h: Holding, used: Bools) -> Weighed:
     gained = growing.theta[1] if changed > params.perhaps else 0.0
     supported = abs(both.theta[1]) / float(np.hypot(both.sd[1], np.sqrt(of_axes[2])))
     carried = both.theta[1] if supported > params.perhaps else 0.0
-    untold = grasp_phases.untold_share(h, used) * fit.theta[0]
+    untold = grasp_phases.unobserved_share(h, used) * fit.theta[0]
     common = float(
         np.sqrt((of_axes[2] + unexplained + carried**2) / GRAVITY**2 + untold**2 + gained**2 / 12)
     )  # any of those it had
     each = float(np.sqrt((fit.residuals**2).mean() * len(s) / fit.independent))
-    running = identification.followed(
+    running = identification.track_first_parameter(
         h.t[used],
         net,
         s[..., None],
@@ -264,7 +264,7 @@ def mass_of(params: Params, h: Holding, used: Bools) -> Weighed:
     )
 
 
-def _slips(params: Params, h: Holding, used: Bools, weight: Array) -> Array:
+def _slips(params: Params, h: GraspPhase, used: Bools, weight: Array) -> Array:
     """When (s) the load leaves what the mass explains, N (used,), for a short while."""
     off = np.abs(h.load[used] - weight) > max(params.slip * float(np.median(weight)), 0.3)
     starts = np.flatnonzero(np.diff(np.concatenate([[False], off]).astype(int)) == 1)
@@ -310,9 +310,9 @@ def _mean(
 def _values(one: Lifted) -> dict[str, tuple[float, float]]:
     """The figures of one lift, each with the standard deviation that the instrument leaves."""
     h, off = one.held, one.off
-    sd = np.sqrt((h.alike_sd[off] ** 2).mean(axis=0))  # (S, 3)
+    sd = np.sqrt((h.common_sd[off] ** 2).mean(axis=0))  # (S, 3)
     grip, load, t = float(h.grip[off].mean()), float(h.load[off].mean()), h.t
-    untold = grasp_phases.untold_share(
+    untold = grasp_phases.unobserved_share(
         h, off
     )  # of the push, and perhaps of the load: one side of the grip lacks it
     grip_sd = float(np.hypot(0.5 * np.sqrt((sd**2).sum() / 3), 0.5 * untold * grip))
@@ -322,7 +322,7 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
     up = off & (np.arange(len(t)) <= int(np.argmax(h.height)))
     work = lifting_work(h, up)
     turned, turned_sd = (
-        float(load_exchange.work(t[up], v[up])[-1]) if v is not None else np.nan
+        float(load_exchange.integrate_power(t[up], v[up])[-1]) if v is not None else np.nan
         for v in (h.turning, h.turning_sd)
     )  # a zero errs all the way
     height, height_sd = float(h.height.max()), HEIGHT_ERROR * (t[-1] - t[0]) ** 2
@@ -355,13 +355,13 @@ def _unread(one: Lifted) -> bool:
     return bool((one.held.flags[one.off] & UNREAD).any())
 
 
-def lifting_work(h: Holding, up: Bools) -> float:
+def lifting_work(h: GraspPhase, up: Bools) -> float:
     """J that the forces do on the object at the instants `up`: the integral of F'v, F the sum of the fingertips' forces and v the object's velocity."""
     if h.velocity is None or not up.any():
         return float("nan")
     return float(
-        load_exchange.work(
-            h.t[up], load_exchange.power(h.net[up][:, None], h.velocity[up][:, None])
+        load_exchange.integrate_power(
+            h.t[up], load_exchange.exchange_power(h.net[up][:, None], h.velocity[up][:, None])
         )[-1]
     )
 
@@ -391,13 +391,13 @@ def shown(r: Lift) -> Shown:
     )
 
 
-def twist_curves(each: Sequence[Holding]) -> tuple[Curve, ...]:
+def twist_curves(each: Sequence[GraspPhase]) -> tuple[Curve, ...]:
     """Torque about the normal of each fingertip with its standard deviation to either side, one grasp behind the other; of sensors with six axes."""
     told = [h for h in each if h.twist is not None and h.twist_sd is not None]
     curves: list[Curve] = []
     for k, finger in enumerate(told[0].fingers if told else ()):
         running = [
-            Running(h.t, h.twist[:, k], h.twist_sd[:, k])
+            RunningEstimate(h.t, h.twist[:, k], h.twist_sd[:, k])
             for h in told
             if h.twist is not None and h.twist_sd is not None
         ]
@@ -406,7 +406,9 @@ def twist_curves(each: Sequence[Holding]) -> tuple[Curve, ...]:
     return tuple(curves)
 
 
-def running_curves(name: str, unit: str, each: Sequence[Running | None]) -> tuple[Curve, ...]:
+def running_curves(
+    name: str, unit: str, each: Sequence[RunningEstimate | None]
+) -> tuple[Curve, ...]:
     """A running estimate and its standard deviation to either side, one stretch behind the other; none where there is none."""
     told = [one for one in each if one is not None]
     if not told:

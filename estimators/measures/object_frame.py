@@ -12,14 +12,14 @@ import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.force import grasp_phases
-from handscope.estimators.force.grasp_phases import UNSURE, Holding
-from handscope.estimators.force.identification import Running
+from handscope.estimators.force.grasp_phases import UNSURE, GraspPhase
+from handscope.estimators.force.identification import RunningEstimate
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import lift, squeeze
 from handscope.estimators.measures.signals import LEAST, even
 
 
-def mass(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:
+def mass(trajectory: Trajectory, geometry: HandGeometry) -> RunningEstimate | None:
     """kg, of what was lifted last."""
     params = lift.Params()
     h = _newest(trajectory, geometry)
@@ -44,7 +44,7 @@ def mass(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:
     return lift.mass_of(params, h, used).running
 
 
-def stiffness(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:
+def stiffness(trajectory: Trajectory, geometry: HandGeometry) -> RunningEstimate | None:
     """N/m, of what was squeezed last."""
     params = squeeze.Params()
     h = _newest(trajectory, geometry)
@@ -64,23 +64,23 @@ def stiffness(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:
         force.t,
         force.values,
         distance.values,
-        grasp_phases.untold_share(h, used),
+        grasp_phases.unobserved_share(h, used),
         bent,
     )
 
 
 SO_FAR: Mapping[
-    str, tuple[str, Callable[[Trajectory, HandGeometry], Running | None]]
+    str, tuple[str, Callable[[Trajectory, HandGeometry], RunningEstimate | None]]
 ] = {  # by measure: what is told of it
     "lift": ("mass", mass),
     "squeeze": ("stiffness", stiffness),
 }
 
 
-def _newest(trajectory: Trajectory, geometry: HandGeometry) -> Holding | None:
-    found = grasp_phases.holdings(lift.Params(), trajectory, geometry)
+def _newest(trajectory: Trajectory, geometry: HandGeometry) -> GraspPhase | None:
+    found = grasp_phases.find_grasp_phases(lift.Params(), trajectory, geometry)
     return found[-1] if found and len(found[-1].t) >= LEAST else None
 
 
-def _unsure(h: Holding, used: np.ndarray) -> bool:
+def _unsure(h: GraspPhase, used: np.ndarray) -> bool:
     return bool(np.bitwise_or.reduce(h.flags[used], axis=None) & UNSURE)

@@ -23,8 +23,8 @@ from handscope.estimators.force import (
 )
 from handscope.estimators.force.contact import ContactParams
 from handscope.estimators.force.frequency_response import Conditions, Response
-from handscope.estimators.force.grasp_phases import UNREAD, UNSURE, Holding
-from handscope.estimators.force.identification import Fit, Running
+from handscope.estimators.force.grasp_phases import UNREAD, UNSURE, GraspPhase
+from handscope.estimators.force.identification import Fit, RunningEstimate
 from handscope.estimators.hand.anatomy import FINGER_JOINTS, JOINT, LIMITS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds, worse
@@ -155,7 +155,7 @@ class Params(ContactParams):
 class Squeezed:
     """One grasp with squeezes, on an even time base."""
 
-    held: Holding
+    held: GraspPhase
     t: Array  # (n,) s
     force: Array  # (n,) N
     distance: Array  # (n,) m
@@ -166,7 +166,7 @@ class Squeezed:
     fit: Fit | None  # of K N/m, K p0 N and D N s/m; None where it cannot be told
     conditions: Conditions | None
     reason: str
-    running: Running | None = None  # the stiffness as it stood after each sample
+    running: RunningEstimate | None = None  # the stiffness as it stood after each sample
     untold: float = (
         0.0  # share of the push that is left along it: a finger that is not measured may take it
     )
@@ -197,7 +197,7 @@ def measure(
 ) -> Squeeze:
     """Every grasp of the stretch in which something was squeezed."""
     part = within(trajectory, onset, end)
-    fingers = grasp_phases.measured(part)
+    fingers = grasp_phases.measured_fingers(part)
     if not fingers:
         return Squeeze(params, False, (), "poor", NONE)
     if "thumb" not in fingers or len(fingers) < 2:
@@ -208,7 +208,7 @@ def measure(
             "poor",
             "squeezing needs force sensors on the thumb and another finger",
         )
-    held = grasp_phases.holdings(params, part, geometry)
+    held = grasp_phases.find_grasp_phases(params, part, geometry)
     params = knowing(params, held[0]) if held else params
     further = any(_at_an_end(part, h) for h in held)
     params = replace(params, gain_sd=max(params.gain_sd, params.further)) if further else params
@@ -222,12 +222,12 @@ def measure(
     return Squeeze(params, True, tuple(found), *worse(*told))  # type: ignore[arg-type]
 
 
-def knowing(params: Params, h: Holding) -> Params:
+def knowing(params: Params, h: GraspPhase) -> Params:
     """With the forces' scale as well known as the sensors' calibrations say, where they say it."""
     return params if h.squeeze_scale_sd is None else replace(params, scale_sd=h.squeeze_scale_sd)
 
 
-def _at_an_end(part: Trajectory, h: Holding) -> bool:
+def _at_an_end(part: Trajectory, h: GraspPhase) -> bool:
     """Whether a joint of the fingers that hold it stays at an end of its range for a while."""
     rows = [JOINT[name] for finger in h.fingers for name in FINGER_JOINTS[finger]]
     angles, limits = part.between(h.t[0], h.t[-1]).angles[:, rows], LIMITS[rows]
@@ -236,7 +236,7 @@ def _at_an_end(part: Trajectory, h: Holding) -> bool:
     return bool((ends.mean(axis=0) > 0.1).any())
 
 
-def _squeezed(params: Params, h: Holding) -> Squeezed | None:
+def _squeezed(params: Params, h: GraspPhase) -> Squeezed | None:
     """What one grasp tells; None where nothing changes in it."""
     inside = (h.t > h.t[0] + params.margin) & (h.t < h.t[-1] - params.margin)
     known = inside & np.isfinite(h.squeeze) & np.isfinite(h.distance)
@@ -255,17 +255,17 @@ def _squeezed(params: Params, h: Holding) -> Squeezed | None:
     valleys = [int(a) + int(np.argmin(x[a:b])) for a, b in zip(top, top[1:])]
     edges = [0, *valleys, len(t) - 1]
     depths = np.array([max(p[edges[k]], p[edges[k + 1]]) - p[a] for k, a in enumerate(top)])
-    watts = load_exchange.power(x[:, None, None], -np.gradient(p, t)[:, None, None])
-    total = load_exchange.work(t, watts)
+    watts = load_exchange.exchange_power(x[:, None, None], -np.gradient(p, t)[:, None, None])
+    total = load_exchange.integrate_power(t, watts)
     half = 0.5 * float(np.median(np.diff(t[top]))) if len(top) > 1 else 1.0
     told = (t >= t[top[0]] - half) & (t <= t[top[-1]] + half)  # where the force changes
     bends = bent(t[told], x[told], p[told])
-    answer = frequency_response.response(
+    answer = frequency_response.estimate_response(
         t[told], x[told], -p[told]
     )  # the push moves the pads towards each other
     fit, conditions, reasons = _identified(params, h, inside, answer, t[told], x[told], p[told])
     reasons += [BENT] if fit and bends > params.bent else []
-    untold = grasp_phases.untold_share(h, known)
+    untold = grasp_phases.unobserved_share(h, known)
     followed = running(params, t[told], x[told], p[told], untold, bends) if fit else None
     works = total[top] - total[np.array(edges[:-1])]
     return Squeezed(
@@ -288,15 +288,21 @@ def _squeezed(params: Params, h: Holding) -> Squeezed | None:
 
 
 def _identified(
-    params: Params, h: Holding, inside: np.ndarray, answer: Response, t: Array, x: Array, p: Array
+    params: Params,
+    h: GraspPhase,
+    inside: np.ndarray,
+    answer: Response,
+    t: Array,
+    x: Array,
+    p: Array,
 ) -> tuple[Fit | None, Conditions | None, list[str]]:
     """Stiffness and damping (6.6) where the data bear them, and what there is to be said."""
     reasons = [r for r in [h.flagged(inside)] if r]
     doubtful = bool(np.bitwise_or.reduce(h.flags[inside], axis=None) & UNSURE)
     if np.ptp(p) < params.least_depth:
         return None, None, [*reasons, "the fingertips came no nearer: what is held is rigid"]
-    told = frequency_response.conditions(answer)
-    fit = identification.fitted(x[:, None], _spring(t, p), np.full(len(t), NOISE))
+    told = frequency_response.check_conditions(answer)
+    fit = identification.fit_least_squares(x[:, None], _spring(t, p), np.full(len(t), NOISE))
     explained = 1 - float((fit.residuals**2).sum() / ((x - x.mean()) ** 2).sum())
     if explained < 0.7 or fit.theta[0] <= 0:
         return (
@@ -322,18 +328,18 @@ def bent(t: Array, x: Array, p: Array) -> float:
         return 0.0
     u = (p - p.mean()) / np.ptp(p)
     parabola = np.concatenate([_spring(t, u), (u**2)[:, None, None]], axis=2)
-    theta = identification.fitted(x[:, None], parabola, np.full(len(t), NOISE)).theta
+    theta = identification.fit_least_squares(x[:, None], parabola, np.full(len(t), NOISE)).theta
     return float(abs(2 * theta[3]) / max(abs(theta[0]), 1e-9))
 
 
 def running(
     params: Params, t: Array, x: Array, p: Array, untold: float = 0.0, bends: float = 0.0
-) -> Running:
+) -> RunningEstimate:
     """The stiffness as it stood after each sample of force x (n,) N and distance p (n,) m on an even grid."""
-    fit = identification.fitted(x[:, None], _spring(t, p), np.full(len(t), NOISE))
+    fit = identification.fit_least_squares(x[:, None], _spring(t, p), np.full(len(t), NOISE))
     each = NOISE * float(np.sqrt(len(t) / fit.independent))
     alike = _alike(params, untold, bends)
-    return identification.followed(
+    return identification.track_first_parameter(
         t, x[:, None], _spring(t, p), each, USUAL, params.memory, lambda K: alike * np.abs(K)
     )
 

@@ -81,7 +81,7 @@ def process(
     flag_faults(
         moved, findings, [c.t for c in calibrations], getattr(params, "MAGNETOMETER", False)
     )
-    moved, of_forces = fingertip_forces.attached(
+    moved, of_forces = fingertip_forces.attach_forces(
         fingertip_forces.ForceParams(), moved, _whole(recording), recording.mounting, calibrations
     )
     moved, of_place = hand_position.add_hand_position(
