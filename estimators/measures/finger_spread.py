@@ -14,12 +14,12 @@ from handscope.estimators.measures.figure import Kind, kinds
 from handscope.estimators.measures.sustained_angles import (
     Angle,
     Params,
-    Reached,
+    SustainedAngle,
     figures,
     joint_angle,
     shown,
 )
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
 
 TITLE = "Finger spread"
 SOURCE = "Chatzioglou 2024 (Anat Cell Biol 57:172)"
@@ -60,7 +60,7 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
-) -> list[Reached]:
+    asked: TaskRequest = UNKNOWN,
+) -> list[SustainedAngle]:
     """Of the fingers that were measured."""
-    return sustained_angles.reached(params.hold, trajectory, onset, end, angles)
+    return sustained_angles.largest_sustained(params.hold, trajectory, onset, end, angles)

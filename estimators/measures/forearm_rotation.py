@@ -13,8 +13,14 @@ from handscope.estimators.hand.anatomy import SEGMENT, side_sign
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import sustained_angles
 from handscope.estimators.measures.figure import Kind, kinds
-from handscope.estimators.measures.sustained_angles import Angle, Params, Reached, figures, shown
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.sustained_angles import (
+    Angle,
+    Params,
+    SustainedAngle,
+    figures,
+    shown,
+)
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
@@ -64,7 +70,7 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
-) -> list[Reached]:
+    asked: TaskRequest = UNKNOWN,
+) -> list[SustainedAngle]:
     """Of the hand, where it was measured."""
-    return sustained_angles.reached(params.hold, trajectory, onset, end, angles)
+    return sustained_angles.largest_sustained(params.hold, trajectory, onset, end, angles)

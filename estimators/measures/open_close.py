@@ -19,12 +19,12 @@ from handscope.estimators.hand.anatomy import (
 )
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import cycle_measure
-from handscope.estimators.measures.cycle_measure import Repeated, Words
+from handscope.estimators.measures.cycle_measure import CycleResult, Words
 from handscope.estimators.measures.cycles import Params
 from handscope.estimators.measures.figure import Figure, grade_of
-from handscope.estimators.measures.plot_data import Shown
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
-from handscope.estimators.measures.time_window import within
+from handscope.estimators.measures.plot_data import PlotData
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.time_window import task_samples
 from handscope.estimators.numerics.typing import Array
 
 TITLE = "Opening and closing the hand"
@@ -45,10 +45,10 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
-) -> Repeated:
+    asked: TaskRequest = UNKNOWN,
+) -> CycleResult:
     """Fists within [onset, end], of the fingers all of whose joints are measured."""
-    part = within(trajectory, onset - MARGIN, end + MARGIN)
+    part = task_samples(trajectory, onset - MARGIN, end + MARGIN)
     joints = {f: [JOINT[j] for j in FINGER_JOINTS[f]] for f in FINGERS[1:]}
     measured = (
         [
@@ -60,7 +60,7 @@ def measure(
         else []
     )
     if not measured:
-        return Repeated(params, None, (), None, "poor", "no finger measured")
+        return CycleResult(params, None, (), None, "poor", "no finger measured")
     segments = [SEGMENT["hand"], *(SEGMENT[s] for f in measured for s in CHAINS[f])]
     inside = (part.t >= onset) & (part.t <= end)
     flexion = np.mean([part.angles[:, joints[f], FLEXION].sum(axis=1) for f in measured], axis=0)
@@ -70,23 +70,23 @@ def measure(
             (part.angles_sd[:, joints[f], FLEXION] ** 2).sum(axis=1).mean() for f in measured
         )
         sd = float(np.sqrt(squares)) / len(measured)
-    return cycle_measure.measured(
+    return cycle_measure.measure_cycles(
         params, part.t, -flexion, (onset, end), grade_of(part.flags[inside][:, segments]), sd
     )
 
 
 def of_flexion(
     t: Array, flexion: Array, params: Params | None = None, sd: float | None = None
-) -> Repeated:
+) -> CycleResult:
     """Fists in a flexion (n,) in rad at times t (n,) s."""
-    return cycle_measure.of_array(params or Params(), t, -np.asarray(flexion, float), sd)
+    return cycle_measure.measure_array(params or Params(), t, -np.asarray(flexion, float), sd)
 
 
-def figures(trial: Repeated) -> list[Figure]:
+def figures(trial: CycleResult) -> list[Figure]:
     """The flat list of figures."""
-    return cycle_measure.figures_of(WORDS, trial)
+    return cycle_measure.list_figures(WORDS, trial)
 
 
-def shown(trial: Repeated) -> Shown:
+def shown(trial: CycleResult) -> PlotData:
     """How far the hand is open, and the amplitude of every opening."""
-    return cycle_measure.shown_of(WORDS, trial)
+    return cycle_measure.plot_cycles(WORDS, trial)

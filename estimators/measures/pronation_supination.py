@@ -9,13 +9,13 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import cycle_measure
-from handscope.estimators.measures.cycle_measure import Repeated, Words
+from handscope.estimators.measures.cycle_measure import CycleResult, Words
 from handscope.estimators.measures.cycles import Params
 from handscope.estimators.measures.figure import Figure, grade_of
 from handscope.estimators.measures.forearm_rotation import INCLINATION, palm_turn
-from handscope.estimators.measures.plot_data import Shown
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
-from handscope.estimators.measures.time_window import within
+from handscope.estimators.measures.plot_data import PlotData
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.time_window import task_samples
 from handscope.estimators.numerics.typing import Array
 
 TITLE = "Turning the palm up and down"
@@ -36,31 +36,31 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
-) -> Repeated:
+    asked: TaskRequest = UNKNOWN,
+) -> CycleResult:
     """Turns within [onset, end]."""
-    part = within(trajectory, onset - MARGIN, end + MARGIN)
+    part = task_samples(trajectory, onset - MARGIN, end + MARGIN)
     if not len(part):
-        return Repeated(params, None, (), None, "poor", "no samples")
+        return CycleResult(params, None, (), None, "poor", "no samples")
     inside = (part.t >= onset) & (part.t <= end)
     graded = grade_of(part.flags[inside][:, [SEGMENT["hand"]]])
-    return cycle_measure.measured(
+    return cycle_measure.measure_cycles(
         params, part.t, palm_turn(part), (onset, end), graded, INCLINATION
     )
 
 
 def of_turn(
     t: Array, turn: Array, params: Params | None = None, sd: float | None = None
-) -> Repeated:
+) -> CycleResult:
     """Turns in an angle (n,) in rad at times t (n,) s, smallest with the palm down."""
-    return cycle_measure.of_array(params or Params(), t, turn, sd)
+    return cycle_measure.measure_array(params or Params(), t, turn, sd)
 
 
-def figures(trial: Repeated) -> list[Figure]:
+def figures(trial: CycleResult) -> list[Figure]:
     """The flat list of figures."""
-    return cycle_measure.figures_of(WORDS, trial)
+    return cycle_measure.list_figures(WORDS, trial)
 
 
-def shown(trial: Repeated) -> Shown:
+def shown(trial: CycleResult) -> PlotData:
     """Which way the palm faces, and the amplitude of every turn."""
-    return cycle_measure.shown_of(WORDS, trial)
+    return cycle_measure.plot_cycles(WORDS, trial)

@@ -14,12 +14,12 @@ from handscope.estimators.measures.figure import Kind, kinds
 from handscope.estimators.measures.sustained_angles import (
     Angle,
     Params,
-    Reached,
+    SustainedAngle,
     figures,
     joint_angle,
     shown,
 )
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
 
 TITLE = "Thumb abduction"
 SOURCE = "of the metacarpal, as the Pollexograph-metacarpal (de Kraker 2009, J Hand Surg Am 34:523)"
@@ -75,7 +75,7 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
-) -> list[Reached]:
+    asked: TaskRequest = UNKNOWN,
+) -> list[SustainedAngle]:
     """Of the thumb, where it was measured."""
-    return sustained_angles.reached(params.hold, trajectory, onset, end, angles)
+    return sustained_angles.largest_sustained(params.hold, trajectory, onset, end, angles)

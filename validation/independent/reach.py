@@ -20,7 +20,7 @@ from handscope.estimators.data.trajectory import PlaceFlag, Trajectory
 from handscope.estimators.magnet.pipeline import hand_position
 from handscope.estimators.magnet.pipeline.hand_position import PlaceParams
 from handscope.estimators.measures import reach
-from handscope.estimators.measures.task_request import Asked, Mark
+from handscope.estimators.measures.task_request import Mark, TaskRequest
 from handscope.estimators.methods import METHODS
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
@@ -174,7 +174,7 @@ def _measured(moved: Trajectory, true: Array) -> dict[str, float]:
     for way in (replace(moved, place_flags=known), replace(moved, place=true, place_flags=known)):
         found = reach.figures(
             reach.measure(
-                reach.Params(), way, FIRST, float(way.t[-1]), None, Asked("reach", {}, marks)
+                reach.Params(), way, FIRST, float(way.t[-1]), None, TaskRequest("reach", {}, marks)
             )
         )
         means.append({f.what: f.value for f in found})

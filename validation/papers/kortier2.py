@@ -13,7 +13,7 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import FINGERS, FLEXION, JOINT, SEGMENTS
 from handscope.estimators.measures.repeatability import held_angles
-from handscope.estimators.measures.repeatability import spread as repeated
+from handscope.estimators.measures.repeatability import posture_spread as repeated
 from handscope.estimators.methods import METHODS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array

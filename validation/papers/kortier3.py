@@ -12,7 +12,7 @@ from handscope.estimators.measures.comparison import (
     Agreement,
     agreements,
     gyroscope_consistency,
-    paired,
+    pair_quantities,
 )
 from handscope.estimators.methods import METHODS
 from handscope.estimators.pipeline.process import process
@@ -81,7 +81,7 @@ def _figures(made: Simulated, method: str) -> dict[str, float]:
     parts = [
         (str(e.details["task_name"]), e.onset, e.end) for e in made.events if e.trial_type == "task"
     ]
-    found = agreements(paired(made.truth, moved, 0.0), parts)
+    found = agreements(pair_quantities(made.truth, moved, 0.0), parts)
     figures = {}
     for group, (where, angles) in GROUPS.items():
         main = [a for a in found if a.task in TASKS[where] and a.name in angles and a.rom_a > MOVES]

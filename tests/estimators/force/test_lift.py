@@ -189,8 +189,8 @@ def held_up(
 def test_what_else_carries_the_object_shows_where_the_load_does_not_follow_the_acceleration() -> (
     None
 ):
-    def weighed(h: GraspPhase) -> lift.Weighed:
-        return lift.mass_of(lift.Params(), h, np.ones(len(h.t), bool))
+    def weighed(h: GraspPhase) -> lift.MassEstimate:
+        return lift.estimate_mass(lift.Params(), h, np.ones(len(h.t), bool))
 
     alone, shared, hidden = (
         weighed(held_up(0.0, 1.0)),
@@ -213,7 +213,7 @@ def test_what_else_carries_the_object_shows_where_the_load_does_not_follow_the_a
 def test_what_is_added_while_it_is_held_up_shows_as_a_mass_that_grows() -> None:
     p = lift.Params()
     same, more, much, less = (
-        lift.mass_of(p, h, np.ones(len(h.t), bool))
+        lift.estimate_mass(p, h, np.ones(len(h.t), bool))
         for h in (held_up(0.0, 0.3, poured=kg) for kg in (0.0, 0.008, 0.06, -0.06))
     )
     assert same.changed < p.perhaps < more.changed < p.constant < min(much.changed, less.changed)
@@ -387,15 +387,15 @@ def test_while_it_is_held_up_the_mass_is_told_so_far_and_its_curve_ends_where_th
     (made, _), moved = heavy(), heavy_moved().trajectory
     event = next(e for e in made.events if e.trial_type == "task")
     assert (
-        object_frame.mass(moved.between(0.0, event.onset + 0.8), made.geometry) is None
+        object_frame.lifted_mass(moved.between(0.0, event.onset + 0.8), made.geometry) is None
     )  # still on the table
-    so_far = object_frame.mass(moved.between(0.0, event.onset + 3.8), made.geometry)
+    so_far = object_frame.lifted_mass(moved.between(0.0, event.onset + 3.8), made.geometry)
     assert so_far is not None
     assert so_far.t[-1] == pytest.approx(event.onset + 3.8, abs=0.05)
     assert so_far.value[-1] == pytest.approx(0.44, abs=2.5 * so_far.sd[-1])
     assert so_far.sd[-1] < 0.08
     for later in (6.4, 6.8, 7.2):  # on its way down, back on the table, let go
-        told = object_frame.mass(moved.between(0.0, event.onset + later), made.geometry)
+        told = object_frame.lifted_mass(moved.between(0.0, event.onset + later), made.geometry)
         assert told is not None and told.value[-1] == pytest.approx(0.44, abs=2.5 * told.sd[-1]), (
             later
         )

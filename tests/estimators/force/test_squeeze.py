@@ -58,7 +58,9 @@ def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
         assert all(
             np.isfinite(one.value) for one in f.values()
         )  # a spring answers as far as it is pushed: that is no figure that lacks
-    so_far = object_frame.stiffness(moved.between(0.0, made.events[-1].onset + 7.0), made.geometry)
+    so_far = object_frame.squeezed_stiffness(
+        moved.between(0.0, made.events[-1].onset + 7.0), made.geometry
+    )
     assert so_far is not None and so_far.value[-1] == pytest.approx(600.0, abs=2.5 * so_far.sd[-1])
     assert so_far.sd[-1] < 120.0
     assert np.mean(off) < 0.08
