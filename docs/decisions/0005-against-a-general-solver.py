@@ -35,7 +35,7 @@ LINKED = build_chain(artificial_finger.SEGMENTS, hinges=("index_mcp", "index_pip
 def compared(duration: float) -> str:
     """One finger of so many seconds, both solvers from the same start to the same relations (the joints' bending as at the start)."""
     errors = replace(IDEAL, gyr_noise=0.01, acc_noise=300e-6, gyr_bias=0.5, acc_bias=0.05)
-    made = artificial_finger.recorded(np.random.default_rng(0), errors, duration=duration)
+    made = artificial_finger.record_trial(np.random.default_rng(0), errors, duration=duration)
     block = made.samples["imu"]
     sure = np.ones(block.values.shape[:2])
     read = Readings(1 / block.stream.rate, block.of("gyr"), block.of("acc"), sure, sure)

@@ -32,7 +32,7 @@ SPREAD = 0.06  # of the lengths about those of an average hand of the person's s
 def compared(seed: int) -> str:
     """One person, all errors of sensors and skin; lengths are given as an average hand's."""
     true = _person(seed)
-    made = free_movement.recorded(
+    made = free_movement.record_trial(
         np.random.default_rng(seed), SensorErrors(), "left", true, sized("left"), duration=DURATION
     )
     began = time.process_time()

@@ -22,7 +22,7 @@ from handscope.estimators.simulation import magnet
 from handscope.estimators.simulation.force_sensors import ForceErrors
 from handscope.estimators.simulation.magnetic_field import EARTH, homogeneous
 from handscope.estimators.simulation.movements import object_dynamics, task_performance
-from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
+from handscope.estimators.simulation.scenario import ForceGlove, Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import PRESETS
 from handscope.validation.benchmarks import Metric
 
@@ -77,7 +77,7 @@ def _held() -> list[Metric]:
     ]
     found = []
     for rate in (12.0, 100.0):
-        made = performed(
+        made = simulate_performances(
             done,
             "left",
             model,

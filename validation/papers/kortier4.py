@@ -95,7 +95,7 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 
 def measure(trial: Trial) -> Found:
     """One recording, calibrated from a cold start."""
-    made = artificial_finger.recorded(
+    made = artificial_finger.record_trial(
         np.random.default_rng([trial.seed, 4]), CONDITIONS[trial.condition], duration=DURATION
     )
     began = time.process_time()
@@ -194,7 +194,7 @@ def _true_distance(made: Simulated) -> Array:
     """From the first to the last sensor (n,), straight places on the true segments, m: a slide of the skin is an error."""
     q = [made.truth.q_GS[:, SEGMENT[s]] for s in SEGMENTS]
     bone = side_sign(made.hand) * np.array([0.0, HINGES, 0.0])
-    geometry = artificial_finger.printed(made.hand)
+    geometry = artificial_finger.printed_geometry(made.hand)
     knuckle = np.array(geometry.joint_positions["index_mcp"]) - np.array(
         geometry.joint_positions["middle_mcp"]
     )

@@ -15,7 +15,7 @@ from handscope.estimators.simulation.movements import (
     object_dynamics,
     task_performance,
 )
-from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
+from handscope.estimators.simulation.scenario import ForceGlove, Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import PRESETS
 from handscope.validation.papers import published
 from handscope.validation.reproduce import Wanted
@@ -74,9 +74,10 @@ def _made(trial: Trial, rate: float) -> tuple[Simulated, np.ndarray]:
     of_person, of_sensors, of_pose, of_motion = np.random.default_rng(
         [trial.seed, OBJECTS.index(trial.held), 6]
     ).spawn(4)
-    somebody = person.drawn("left", of_person)
+    somebody = person.draw_person("left", of_person)
     pose = task_performance.initial_pose(
-        somebody.true, taken=functional_calibration.missed(task_performance.flat(), POSE, of_pose)
+        somebody.true,
+        taken=functional_calibration.miss_posture(task_performance.flat(), POSE, of_pose),
     )
     if trial.held in MASSES:
         done = object_dynamics.lift(
@@ -85,19 +86,21 @@ def _made(trial: Trial, rate: float) -> tuple[Simulated, np.ndarray]:
     else:
         done = object_dynamics.squeeze(somebody.true, of_motion, stiffness=SPRING)
     glove = ForceGlove(rate=rate, errors=ForceErrors())
-    made = performed(
+    made = simulate_performances(
         [pose, done],
         "left",
         somebody.true,
         of_sensors,
         PRESETS["LSM330DLC/HMC5983"],
-        known=somebody.told,
+        known=somebody.declared,
         force=glove,
     )
     t = made.truth.t - pose.motion.duration
     assert done.forces is not None
     forces = np.zeros((len(t), 5, 3))
-    forces[t >= 0] = done.forces(kinematics.of_motion(done.motion, somebody.true, t[t >= 0]))
+    forces[t >= 0] = done.forces(
+        kinematics.compute_kinematics(done.motion, somebody.true, t[t >= 0])
+    )
     return made, forces
 
 

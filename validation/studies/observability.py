@@ -26,11 +26,15 @@ from handscope.estimators.self_calibration.problem import (
 )
 from handscope.estimators.self_calibration.solver import Solution
 from handscope.estimators.simulation import artificial_finger
-from handscope.estimators.simulation.artificial_finger import RESTING, SEGMENTS, wandering
-from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, sampled
+from handscope.estimators.simulation.artificial_finger import (
+    RESTING,
+    SEGMENTS,
+    smooth_random_course,
+)
+from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, interpolate_postures
 from handscope.estimators.simulation.movements.task_performance import Performance
-from handscope.estimators.simulation.person import drawn
-from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.person import draw_person
+from handscope.estimators.simulation.scenario import Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import SensorSet
 from handscope.validation.papers.kortier4 import CONDITIONS, HINGED, MM
 from handscope.validation.reproduce import Wanted
@@ -133,13 +137,19 @@ def _recorded(trial: Trial, rng: np.random.Generator) -> tuple[Simulated, HandGe
         CONDITIONS["skin motion"],
     )
     if trial.finger == "human finger":
-        person = drawn("left", rng)
-        return performed(
-            [Performance(motion, ())], "left", person.true, rng, errors, SEGMENTS, known=person.told
+        person = draw_person("left", rng)
+        return simulate_performances(
+            [Performance(motion, ())],
+            "left",
+            person.true,
+            rng,
+            errors,
+            SEGMENTS,
+            known=person.declared,
         ), person.true
-    return artificial_finger.recorded(
+    return artificial_finger.record_trial(
         rng, errors, motion=motion, duration=DURATION
-    ), artificial_finger.printed("left")
+    ), artificial_finger.printed_geometry("left")
 
 
 def moved(rng: np.random.Generator, movement: Movement, sideways: bool) -> Motion:
@@ -147,7 +157,12 @@ def moved(rng: np.random.Generator, movement: Movement, sideways: bool) -> Motio
     t = np.arange(0.0, DURATION + 1e-9, STEP)
     moving = np.clip(np.minimum(t - RESTING, DURATION - RESTING - t), 0.0, 1.0)
     x = np.zeros((len(t), SIZE))
-    pulled = 2 * np.pi * np.cumsum(STEP * (1.0 + 0.25 * wandering(rng, t, 2.0))) / movement.slower
+    pulled = (
+        2
+        * np.pi
+        * np.cumsum(STEP * (1.0 + 0.25 * smooth_random_course(rng, t, 2.0)))
+        / movement.slower
+    )
     for k, joint in enumerate(JOINTS):
         swing = 0.5 - 0.5 * np.cos(pulled - k) if joint in movement.joints else 0.3
         x[:, COORDINATES[f"{joint}_flexion"]] = moving * np.radians(REACH[joint]) * swing
@@ -159,9 +174,9 @@ def moved(rng: np.random.Generator, movement: Movement, sideways: bool) -> Motio
     ):
         for name in names:
             x[:, COORDINATES[name]] = (
-                wanted * moving * reach * wandering(rng, t, slowest * movement.slower)
+                wanted * moving * reach * smooth_random_course(rng, t, slowest * movement.slower)
             )
-    return sampled(t, x)
+    return interpolate_postures(t, x)
 
 
 def _told(

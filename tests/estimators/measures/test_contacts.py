@@ -9,7 +9,7 @@ from handscope.estimators.measures.contacts import error_statistics, parse_conta
 from handscope.estimators.measures.task_request import Mark, TaskRequest
 from handscope.estimators.simulation.movements import static_hold
 from handscope.estimators.simulation.movements.task_performance import initial_pose
-from handscope.estimators.simulation.scenario import performed
+from handscope.estimators.simulation.scenario import simulate_performances
 from handscope.estimators.simulation.sensors import IDEAL
 from tests.estimators.measures.trajectories import by_name, made
 
@@ -25,7 +25,7 @@ from tests.estimators.measures.trajectories import by_name, made
 def test_what_is_truly_held_has_no_error(name: str, perform: object, pairs: list[str]) -> None:
     geometry = sized("right")
     done = perform(geometry, np.random.default_rng(2), sway=0.0)  # type: ignore[operator]
-    recording = performed(
+    recording = simulate_performances(
         [initial_pose(geometry), done], "right", geometry, np.random.default_rng(1), IDEAL
     )
     task = next(e for e in recording.events if e.trial_type == "task")

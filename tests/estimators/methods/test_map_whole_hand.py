@@ -50,7 +50,7 @@ def _recorded() -> tuple[Simulated, HandGeometry]:
         for s, length in average.lengths.items()
     }
     true = replace(average, lengths=grown)
-    return free_movement.recorded(
+    return free_movement.record_trial(
         np.random.default_rng(11), SensorErrors(), "left", true, average, WORN, DURATION
     ), true
 

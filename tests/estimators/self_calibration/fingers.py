@@ -45,20 +45,20 @@ HINGED: Chain = build_chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_d
 
 @cache
 def recorded(seed: int, duration: float, skin: bool = False) -> Simulated:
-    return artificial_finger.recorded(
+    return artificial_finger.record_trial(
         np.random.default_rng(seed), SKIN if skin else WHITE, duration=duration
     )
 
 
 def stiffened(seed: int, duration: float, held: Mapping[str, float]) -> Simulated:
     """A finger of which some coordinates stay, deg or m."""
-    motion = artificial_finger.moved(np.random.default_rng(seed), duration)
+    motion = artificial_finger.random_motion(np.random.default_rng(seed), duration)
     courses = motion.spline.c.copy()
     for name, value in held.items():
         courses[:, :, COORDINATES[name]] = 0.0
         courses[-1, :, COORDINATES[name]] = value if name.startswith("wrist") else np.radians(value)
     still = replace(motion, spline=type(motion.spline)(courses, motion.spline.x))
-    return artificial_finger.recorded(
+    return artificial_finger.record_trial(
         np.random.default_rng(seed), SKIN, duration=duration, motion=still
     )
 

@@ -168,7 +168,7 @@ def test_sensors_of_the_same_rate_turn_exactly() -> None:
 def test_the_truth_leaves_almost_nothing(skin: bool) -> None:
     """A finger without noise: what second differences do not describe is far below an accelerometer's noise (0.02 m/s^2); of skin nothing is left."""
     errors = replace(IDEAL, skin_angle=2.0, skin_shift=1.0) if skin else IDEAL
-    recording = artificial_finger.recorded(np.random.default_rng(0), errors, duration=10.0)
+    recording = artificial_finger.record_trial(np.random.default_rng(0), errors, duration=10.0)
     read, at, bends = readings(recording), *_truth(recording)
     problem = replace(
         build_problem(HINGED, Noise(acc=1.0), read, at.q_GS[0], recording.hand, recording.mounting),
@@ -221,7 +221,7 @@ def _truth(recording: Simulated) -> tuple[Unknowns, Array]:
             quat.exp(truth.angles[:, JOINT["middle_mcp"], FLEXION, None] * worn.skin_turn[0]),
             worn.q_BS[0],
         )
-    geometry = artificial_finger.printed(hand)
+    geometry = artificial_finger.printed_geometry(hand)
     bone = side_sign(hand) * np.array([0.0, artificial_finger.HINGES, 0.0])
     knuckle = np.array(geometry.joint_positions["index_mcp"]) - np.array(
         geometry.joint_positions["middle_mcp"]

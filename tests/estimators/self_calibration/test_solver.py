@@ -38,7 +38,7 @@ def test_a_finger_is_measured_from_a_cold_start(solved: Solution) -> None:
 
 def test_scale_and_cross_axis_errors_are_found_and_what_they_leave_is_told() -> None:
     """Readings that are off by some thousandths: without the matrices among the unknowns lengths were off by 4 % of 20 s, five times what was told."""
-    made = artificial_finger.recorded(
+    made = artificial_finger.record_trial(
         np.random.default_rng(5),
         replace(WHITE, gyr_scale=0.004, acc_scale=0.004, cross_axis=0.004),
         duration=DURATION,
