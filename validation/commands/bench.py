@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
             (json.dumps({**machine, "benchmarks": figures}, indent=2) + "\n").encode(),
             arguments.json,
         )
-    worse = gate.worse(allowed, found)
+    worse = gate.find_regressions(allowed, found)
     for sentence in worse:
         say(f"WORSE: {sentence}")
     return 1 if worse else 0

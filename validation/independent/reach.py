@@ -131,11 +131,11 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
     true = (Q_BS * R_b.inv()).apply(p_t - p_b)
     off = moved.place - true
     wrong, sd = MM * np.linalg.norm(off, axis=1), MM * np.linalg.norm(moved.place_sd, axis=1)
-    late, told = moved.t > FIRST, moved.place_flags == 0
-    both = late & told
+    late, reported = moved.t > FIRST, moved.place_flags == 0
+    both = late & reported
     relative, trunk = _turned(t, q_bt, q_gb, motion, room)
     return {
-        "told": 100 * float(told[late].mean()),
+        "told": 100 * float(reported[late].mean()),
         "doubtful": 100 * float((moved.place_flags[late] & PlaceFlag.DOUBTFUL != 0).mean()),
         "unsaid": 100 * float((both & (wrong > UNTOLD[0]) & (wrong > UNTOLD[1] * sd))[late].mean()),
         **(

@@ -109,16 +109,16 @@ def measure(trial: Trial) -> Found:
         build_problem(HINGED, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess
     )
     seconds = time.process_time() - began
-    told = segments.of_solution(found, made.hand, made.mounting)
+    solved = segments.of_solution(found, made.hand, made.mounting)
     at = found.at
     distances = np.linalg.norm(np.concatenate([at.far[:1], at.near]), axis=1)
     percent = {
         f"distance, {p}": 100 * (d / true - 1) for p, d, true in zip(PLACES, distances, DISTANCES)
     }
-    lengths = {s.removeprefix("index_"): told.lengths[s] for s in SEGMENTS[1:3]}
+    lengths = {s.removeprefix("index_"): solved.lengths[s] for s in SEGMENTS[1:3]}
     percent |= {f"length, {name}": 100 * (length / HINGES - 1) for name, length in lengths.items()}
     sds = {
-        name: (length - HINGES) / told.lengths_sd[f"index_{name}"]
+        name: (length - HINGES) / solved.lengths_sd[f"index_{name}"]
         for name, length in lengths.items()
     }
     true_bias = made.sensors.bias[:, :3]
@@ -131,7 +131,7 @@ def measure(trial: Trial) -> Found:
         bound,
         bias,
         _acc_bias(made, found),
-        _seats(made, told),
+        _mounting_error(made, solved),
         _tip(made, found),
         seconds,
     )
@@ -165,18 +165,20 @@ def _bound(found: Solution) -> dict[str, float]:
         replace(normal, B=normal.B[:, :, kept], C=normal.C[np.ix_(kept, kept)], c=normal.c[kept])
     )
     least = normal_equations.invert(information)
-    told = residuals.length_priors(
+    solved = residuals.length_priors(
         replace(problem, length=np.full(len(SEGMENTS), HINGES)), found.at
     )
-    slopes = {SEGMENTS[t.sensor].removeprefix("index_"): t.by_parameters[0, kept] for t in told}
+    slopes = {SEGMENTS[t.sensor].removeprefix("index_"): t.by_parameters[0, kept] for t in solved}
     return {
         name: float(100 / HINGES * np.sqrt(slope @ least @ slope)) for name, slope in slopes.items()
     }
 
 
-def _seats(made: Simulated, told: Segments) -> float:
+def _mounting_error(made: Simulated, solved: Segments) -> float:
     """Error of the sensors whose whole orientation movement tells, deg; truth of the straight finger."""
-    off = [quat.angle(quat.relative(made.sensors.q_BS[k], told.q_BS[SEGMENTS[k]])) for k in (1, 2)]
+    off = [
+        quat.angle(quat.relative(made.sensors.q_BS[k], solved.q_BS[SEGMENTS[k]])) for k in (1, 2)
+    ]
     return float(DEG * max(off))
 
 
@@ -317,7 +319,7 @@ def _against_the_bound(white: Sequence[Found]) -> Sequence[str]:
     """What of white noise's target any estimator could reach."""
     bounds = {name: np.array([f.bound[name] for f in white]) for name in white[0].bound}
     within = {name: 2 * ndtr(CLOSE / bound) - 1 for name, bound in bounds.items()}
-    said = [
+    remarks = [
         f"white noise: the Cramér-Rao bound of the length of the {name} phalanx is {np.sqrt(np.mean(bound**2)):.2f} % (RMS over the trials), our error"
         f" {np.sqrt(np.mean([f.percent[f'length, {name}'] ** 2 for f in white])):.2f} %; an unbiased estimator that attains it is within {CLOSE:g} % in"
         f" {100 * within[name].mean():.0f} % of trials, ours was in {100 * np.mean([abs(f.percent[f'length, {name}']) < CLOSE for f in white]):.0f} %."
@@ -325,7 +327,7 @@ def _against_the_bound(white: Sequence[Found]) -> Sequence[str]:
     ]
     every = 100 * float(np.prod([share.prod() for share in within.values()]))
     return [
-        *said,
+        *remarks,
         f"white noise: such an estimator would keep all lengths of these {len(white)} trials within {CLOSE:g} % with a probability of about {every:.0f} %.",
     ]
 

@@ -54,15 +54,15 @@ def _figures(trial: Trial, rate: float) -> dict[str, float]:
     event = next(e for e in made.events if e.trial_type == "task")
     if trial.held in MASSES:
         lifted = lift.measure(lift.Params(), moved, event.onset, event.end, made.geometry)
-        told, true = {f.name: f for f in lift.figures(lifted)}["lift_mass"], MASSES[trial.held]
+        figure, true = {f.name: f for f in lift.figures(lifted)}["lift_mass"], MASSES[trial.held]
     else:
         squeezed = squeeze.measure(squeeze.Params(), moved, event.onset, event.end, made.geometry)
-        told, true = {f.name: f for f in squeeze.figures(squeezed)}["squeeze_stiffness"], SPRING
+        figure, true = {f.name: f for f in squeeze.figures(squeezed)}["squeeze_stiffness"], SPRING
     assert moved.forces is not None
     off = (moved.forces - forces)[:, :2]
     return {
-        "error": 100 * abs(told.value / true - 1),
-        "honesty": ((told.value - true) / told.sd) ** 2 if told.sd else float("nan"),
+        "error": 100 * abs(figure.value / true - 1),
+        "honesty": ((figure.value - true) / figure.sd) ** 2 if figure.sd else float("nan"),
         "force": float(
             np.sqrt(np.nanmean((off**2).sum(axis=2)[(np.abs(forces[:, 0]) > 0.05).any(axis=1)]))
         ),
@@ -165,11 +165,11 @@ def _columns(results: Sequence[tuple[Trial, Found]], held: str, figure: str) -> 
 
 
 def _setting() -> tuple[str, ...]:
-    said = ", ".join(
+    published_text = ", ".join(
         f"{held} {mean} ± {sd} %" for held, (mean, sd) in published.KORTIER_OBJECTS.items()
     )
     return (
-        f"Beside ours: Kortier, thesis ch. 6, one subject, ten trials of each object: {said}; its abstract says 16.3 ± 12.6 % of the spring.",
+        f"Beside ours: Kortier, thesis ch. 6, one subject, ten trials of each object: {published_text}; its abstract says 16.3 ± 12.6 % of the spring.",
         "Every trial is another person, glove and movement; method m2, no magnetometers, an initial pose of which every freedom is missed by up to "
         "2.5 deg; LSM330DLC sensors. Force sensors: noise 0.05 N, a zero of 0.2 N that walks by 0.02 N/sqrt(s), scale 2 %, cross-axis 1 %, turned on the cuff by 1 deg an axis.",
         "Cylinders of 6 cm lifted by 0.5 m and held for 3 s; a spring of 4 cm compressed eight times by about 11 mm.",

@@ -228,11 +228,11 @@ def _remarks(rows: Sequence[Row]) -> tuple[str, ...]:
     )
     first, minutes = rows[0], [row for row in rows if row.name.startswith("minute")]
     last = minutes[-1]
-    said = (
+    remarks = (
         f"{c}: {first.ours[c].mean:.2f} in the first minute, {last.ours[c].mean:.2f} in {last.name}."
         for c in first.ours
     )
-    return (*said, why, rest)
+    return (*remarks, why, rest)
 
 
 def _setting(wanted: Wanted) -> tuple[str, ...]:

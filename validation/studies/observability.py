@@ -120,9 +120,9 @@ def measure(trial: Trial) -> Found:
     found = solver.solve_with_noise(
         build_problem(links, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess
     )
-    told = list(_told(found, made, true))
-    sd = {name: _rms([s for n, s, _ in told if n == name]) for name in GOOD}
-    error = {name: _rms([e for n, _, e in told if n == name]) for name in GOOD}
+    estimates = list(_estimates_and_errors(found, made, true))
+    sd = {name: _rms([s for n, s, _ in estimates if n == name]) for name in GOOD}
+    error = {name: _rms([e for n, _, e in estimates if n == name]) for name in GOOD}
     return Found(found.outcome == "converged", sd, error)
 
 
@@ -133,7 +133,7 @@ def _rms(values: Sequence[float]) -> float:
 def _recorded(trial: Trial, rng: np.random.Generator) -> tuple[Simulated, HandGeometry]:
     """The movement of the printed finger, or of somebody's index finger; its true geometry."""
     motion, errors = (
-        moved(rng, MOVEMENTS[trial.movement], trial.finger == "human finger"),
+        make_motion(rng, MOVEMENTS[trial.movement], trial.finger == "human finger"),
         CONDITIONS["skin motion"],
     )
     if trial.finger == "human finger":
@@ -152,7 +152,7 @@ def _recorded(trial: Trial, rng: np.random.Generator) -> tuple[Simulated, HandGe
     ), artificial_finger.printed_geometry("left")
 
 
-def moved(rng: np.random.Generator, movement: Movement, sideways: bool) -> Motion:
+def make_motion(rng: np.random.Generator, movement: Movement, sideways: bool) -> Motion:
     """Rest, the movement, rest; a joint that does not move is a little bent."""
     t = np.arange(0.0, DURATION + 1e-9, STEP)
     moving = np.clip(np.minimum(t - RESTING, DURATION - RESTING - t), 0.0, 1.0)
@@ -179,7 +179,7 @@ def moved(rng: np.random.Generator, movement: Movement, sideways: bool) -> Motio
     return interpolate_postures(t, x)
 
 
-def _told(
+def _estimates_and_errors(
     found: Solution, made: Simulated, true: HandGeometry
 ) -> Iterator[tuple[str, float, float]]:
     """What of GOOD, its standard deviation and its error, in its unit; a quantity that is told several times comes as often."""
