@@ -237,7 +237,7 @@ def _with_torques(
     spread: _FingerColumns,
     blocks: Sequence[Block],
     sensors: Sequence[Sensor],
-    read: "list[_Read]",
+    read: "list[_SensorForce]",
     q_GF: Array,
     covariance: Array,
 ) -> tuple[Trajectory, list[str]]:
@@ -376,12 +376,12 @@ def _subtract_zero(params: ForceParams, block: Block) -> tuple[Array, Bools, Arr
     values = np.where(limited[:, None, None], np.nan, raw)
     noise = interpolation.reading_noise(block.t, values)
     nothing = zero.estimate_zero(params, block.t, values, noise)
-    is_repeated = (
+    repeats = (
         is_repeated(raw[:, 0])
         & ~limited
         & (np.linalg.norm((raw - nothing.level)[:, 0], axis=1) > params.grasp)
     )
-    return np.where(is_repeated[:, None, None], np.nan, values), limited, noise, nothing
+    return np.where(repeats[:, None, None], np.nan, values), limited, noise, nothing
 
 
 def _is_near_limited(t: Array, limited: Bools, at: Array) -> Bools:

@@ -135,7 +135,7 @@ def track_first_parameter(
     memory: float,
     common_sd: Callable[[Array], Array],
 ) -> RunningEstimate:
-    """The first parameter by recursive least squares; `sd` counts samples that err alike as one, `alike` (of values) is what errs the same in all of them."""
+    """The first parameter by recursive least squares; `sd` counts samples that err alike as one, `correlated` (of values) is what errs the same in all of them."""
     _, track, spread = run_recursive(initial_state(size), t, y, H, np.full(len(t), sd), memory)
     value = track[:, 0]
     total = np.hypot(spread[:, 0], common_sd(value))

@@ -68,7 +68,7 @@ def log_dimensionless_jerk(
 
 
 def movement_units(speed: Array, rate: float, rise: float, least_interval: float) -> int:
-    """How often a speed grows by more than `rise` (its unit) to a peak that comes at least `apart` s after the one before."""
+    """How often a speed grows by more than `rise` (its unit) to a peak that comes at least `least_interval` s after the one before."""
     v = _check_movement(speed, rate)
     counted: list[int] = []
     for peak in find_peaks(v)[0].tolist():

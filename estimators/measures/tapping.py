@@ -54,7 +54,7 @@ __all__ = [
     "Params",
     "Tapping",
     "applies",
-    "closings",
+    "find_closings",
     "figures",
     "measure",
     "of_angle",

@@ -110,7 +110,7 @@ def require_one_minimum(
 ) -> None:
     """InputError where a gyroscope was at its limit or knocked too often, a sensor slipped, or the solver did not come to an end: what was found then is of no hand.
 
-    `begun` (s): of the readings' first sample.
+    `start_time` (s): of the readings' first sample.
     """
     if solution.outcome != "converged":
         _require_calm(finger, solution, start_time)

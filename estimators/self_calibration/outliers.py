@@ -86,7 +86,7 @@ def turn_noise_factors(
 def list_outliers(
     detection: ImpactDetection, base: Problem, at: Unknowns, off: Array
 ) -> tuple[Outlier, ...]:
-    """By sensor, at the minimum; `off` (n, S) as of `looked`, with errors of accelerations as they are where nothing is knocked."""
+    """By sensor, at the minimum; `off` (n, S) as of `detect_outliers`, with errors of accelerations as they are where nothing is knocked."""
     usual = np.median(off, axis=0) / MEDIAN_OF_THREE
     outliers = []
     for first, stop in find_runs(detection.suspect):

@@ -156,7 +156,7 @@ def joint_acceleration_terms(problem: Problem, at: Unknowns, start: int, stop: i
 
 
 def joint_acceleration_residuals(problem: Problem, at: Unknowns, start: int, stop: int) -> Array:
-    """The residuals (T, 3 J) of `meeting` alone."""
+    """The residuals (T, 3 J) of `joint_acceleration_terms` alone."""
     chain, start, stop = problem.chain, max(start, 1), min(stop, len(problem) - 1)
     R, f = (
         quat.matrix(at.q_GS[start - 1 : stop + 1]),
@@ -284,7 +284,7 @@ def hinge_terms(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
 def mean_acceleration_terms(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     """(4.15): the root's acceleration is zero on average; this is what tells the vertical, and how large the world is: by gravity.
 
-    Its size grows with the accelerometers' common scale, as noise does in `meeting`: a small world would look like one that stays.
+    Its size grows with the accelerometers' common scale, as noise does in `joint_acceleration_terms`: a small world would look like one that stays.
     """
     c, S = parameter_columns(problem.chain), len(problem.chain.sensors)
     stop = min(stop, len(problem))

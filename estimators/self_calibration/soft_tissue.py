@@ -29,7 +29,7 @@ def tissue_response(bent: Array, law: Array) -> Array:
 
 
 def tissue_response_derivatives(bent: Array, law: Array) -> tuple[Array, Array]:
-    """The derivatives (..., J) of `followed` by the bending and by the law."""
+    """The derivatives (..., J) of `tissue_response` by the bending and by the law."""
     return 1 + 2 * law * bent / QUARTER, bent**2 / QUARTER
 
 
@@ -45,12 +45,12 @@ def place_in_sensor(skin: SensorDisplacement, place: Array) -> Array:
 
 
 def place_by_turn(skin: SensorDisplacement, place: Array) -> Array:
-    """The derivative (..., 3, 3) of `seen` by the turn of a joint that is bent by 1."""
+    """The derivative (..., 3, 3) of `place_in_sensor` by the turn of a joint that is bent by 1."""
     return np.asarray(skin.back @ quat.skew(place - skin.slide) @ right_jacobian(-skin.turn))
 
 
 def place_by_flexion(skin: SensorDisplacement, turn: Array, slide: Array, place: Array) -> Array:
-    """The derivative (..., 3) of `seen` by how far the only joint is bent that turns the sensor by `turn` (3,) rad/rad and slides it by `slide` (3,) m/rad."""
+    """The derivative (..., 3) of `place_in_sensor` by how far the only joint is bent that turns the sensor by `turn` (3,) rad/rad and slides it by `slide` (3,) m/rad."""
     return -np.asarray(
         np.einsum("...ij,...j->...i", skin.back, np.cross(turn, place - skin.slide) + slide)
     )

@@ -102,7 +102,7 @@ def join_motions(*motions: Motion) -> Motion:
 def continue_through(
     state: tuple[Array, Array, Array], points: Sequence[tuple[float, Array]], t: float
 ) -> Motion:
-    """Go on from coordinates with their first and second derivatives (each (54,)) at time t, then through `points` as `through` does."""
+    """Go on from coordinates with their first and second derivatives (each (54,)) at time t, then through `points` as `move_through` does."""
     times = np.array([t, *(time for time, _ in points)])
     still = [np.stack([p, np.zeros(SIZE), np.zeros(SIZE)]) for _, p in points]
     return Motion(

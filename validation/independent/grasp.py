@@ -109,7 +109,7 @@ class ReportedFigure:
     value: float
     sd: float
     true: float
-    output: bool  # something
+    has_reason: bool  # something
 
     @property
     def known(self) -> bool:
@@ -118,7 +118,9 @@ class ReportedFigure:
     @property
     def surely_wrong(self) -> bool:
         off = abs(self.value - self.true)
-        return self.known and not self.said and off > WRONG * self.true and off > SURE * self.sd
+        return (
+            self.known and not self.has_reason and off > WRONG * self.true and off > SURE * self.sd
+        )
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
@@ -248,7 +250,7 @@ def _figures(
 ) -> dict[str, Spread]:
     """By column; no errors where nothing is told."""
     figures = {
-        columns[0]: share([one.said for one in each]),
+        columns[0]: share([one.has_reason for one in each]),
         columns[1]: share([one.known for one in each]),
     }
     if relative:

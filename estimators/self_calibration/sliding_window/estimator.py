@@ -39,7 +39,7 @@ EVERY_SAMPLE = (
     residuals.joint_acceleration_terms,
     residuals.hinge_terms,
     residuals.mean_acceleration_terms,
-)  # how it begins is told by `Past`
+)  # how it begins is told by `MarginalPrior`
 SHARED = 2  # samples of the window that those that left have touched: a joint's meeting spans three
 TAIL = 3  # last readings that are needed again: two samples of the window and the one ahead of it, without which the last turn is not known
 POSE_SD = 1e-3  # rad: what the first sample may have turned from the pose; the hand is held still

@@ -27,7 +27,7 @@ DOUBTED = 3.0  # times what noise makes up is taken off: it may be that much lar
 
 
 def correct_covariance(problem: Problem, at: Unknowns, factor: Factor, spurious: Array) -> Factor:
-    """The factor with a covariance as sure as movement makes it; `made_up` (P, P) of `apparent`."""
+    """The factor with a covariance as sure as movement makes it; `spurious` (P, P) of `spurious_information`."""
     slopes = residuals.prior_residuals(problem, at)[1]
     covariance = without_noise(
         factor.covariance, spurious, slopes.T @ slopes, arm_directions(problem, at)
@@ -94,7 +94,7 @@ def arm_directions(problem: Problem, at: Unknowns) -> Array:
 
 
 def without_noise(covariance: Array, spurious: Array, before: Array, arms: Array) -> Array:
-    """Covariance (P, P) less what noise made up of its information, with how far noise pulls `arms` (m, P); never less sure than `before` (P, P)."""
+    """Covariance (P, P) less what noise made up of its information, with how far noise pulls `arm_directions` (m, P); never less sure than `before` (P, P)."""
     root = np.linalg.cholesky(before)
     off = np.linalg.solve(
         root,

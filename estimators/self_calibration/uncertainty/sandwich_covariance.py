@@ -34,7 +34,7 @@ Placed = tuple[
 
 
 def widen_covariance(corrected: Array, pulls: Array, covariance: Array) -> Array:
-    """The covariance `told` (P, P), in every direction at least what pulls (m, P) vary by; `covariance` (P, P) is that of the normal equations."""
+    """The covariance `corrected` (P, P), in every direction at least what pulls (m, P) vary by; `covariance` (P, P) is that of the normal equations."""
     root = np.linalg.cholesky(corrected)
     off = np.linalg.solve(root, covariance @ pulls.T)
     size, directions = np.linalg.eigh(off @ off.T)
@@ -48,7 +48,7 @@ def squared_pulls(pulls: Array, covariance: Array) -> Array:
 
 
 def worst_joint(chain: Chain, squares: Array) -> tuple[int, float]:
-    """The joint whose own parameters are pulled most, and the mean over all of a limb; `found` (P,) of `sizes`."""
+    """The joint whose own parameters are pulled most, and the mean over all of a limb; `squares` (P,) of `squared_pulls`."""
     c, joints = parameter_columns(chain), len(chain.joints)
     own = sum(
         squares[where].reshape(joints, -1).sum(axis=1)

@@ -178,7 +178,7 @@ def _residuals_only(
 def _joint_residuals(
     quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int, stop: int
 ) -> tuple[Array, Array]:
-    """Residuals (T, J, 3) of `_meeting`; the part of them that the skin makes."""
+    """Residuals (T, J, 3) of `_joint_terms`; the part of them that the skin makes."""
     first, stop, root = (
         max(start, 1),
         min(stop, len(quiet) - 1),

@@ -18,7 +18,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import DOF_NAMES, FINGERS, HANDS, IS_DOF, JOINT, LIMITS
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures import MEASURES, repetitions
-from handscope.estimators.measures.forearm_rotation import palm_turn
+from handscope.estimators.measures.sustained_angle_measures import palm_turn
 from handscope.estimators.simulation import kinematics
 from handscope.estimators.simulation.motion import COORDINATES
 from handscope.estimators.simulation.movements import task_performance
