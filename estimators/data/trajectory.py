@@ -93,7 +93,7 @@ class Trajectory:
         None  # (n, 5, 3) N, exerted by each fingertip on what it touches, in the global frame; NaN where not measured
     )
     forces_sd: Array | None = None  # (n, 5, 3) N
-    forces_alike_sd: Array | None = (
+    forces_common_sd: Array | None = (
         None  # (n, 5, 3) N, of that what a hold does not average out: zero, scale, orientation
     )
     force_flags: NDArray[np.uint8] | None = None  # (n, 5) ForceFlag bits

@@ -167,7 +167,7 @@ def attach_forces(
         trajectory,
         forces=spread.over_fingers(in_global),
         forces_sd=spread.over_fingers(total),
-        forces_alike_sd=spread.over_fingers(common_sd),
+        forces_common_sd=spread.over_fingers(common_sd),
         force_flags=spread.over_fingers(flags, 0),
         force_scale_sd=spread.over_fingers(np.tile(scale, (len(trajectory), 1)))
         if any(s.calibrated for s in sensors)

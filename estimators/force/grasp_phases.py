@@ -150,7 +150,7 @@ def _grasp_phase(
 ) -> GraspPhase:
     rows = [FINGERS.index(f) for f in fingers]
     assert (
-        part.forces is not None and part.forces_sd is not None and part.forces_alike_sd is not None
+        part.forces is not None and part.forces_sd is not None and part.forces_common_sd is not None
     )
     assert part.force_flags is not None and part.lifting is not None
     axis, distance = _line_between_pads(
@@ -161,7 +161,7 @@ def _grasp_phase(
         tuple(fingers),
         part.forces[:, rows],
         part.forces_sd[:, rows],
-        part.forces_alike_sd[:, rows],
+        part.forces_common_sd[:, rows],
         part.lifting,
         axis,
         distance,

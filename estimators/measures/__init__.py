@@ -4,7 +4,7 @@ A new measure is a file beside this and a line in the table (docs/measures.md ha
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 from handscope.estimators.measures import (
     circles,
@@ -56,7 +56,7 @@ MEASURES: dict[str, Measure] = {
     "finger_spread": FINGER_SPREAD,
     "forearm_rotation": FOREARM_ROTATION,
     "kapandji": kapandji,
-    "tapping": tapping,
+    "tapping": cast(Measure, tapping),  # mypy does not see that it imports Params
     "open_close": OPEN_CLOSE,
     "pronation_supination": PRONATION_SUPINATION,
     "circles": circles,

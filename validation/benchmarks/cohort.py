@@ -57,5 +57,5 @@ def _seconds(paths: list[Path], out: Path, workers: int) -> float:
     outcomes = cohort.all_of(works, workers, None, lambda share: None)
     took = time.perf_counter() - began
     if failed := [outcome for outcome in outcomes if outcome.state != "done"]:
-        raise RuntimeError(f"{failed[0].name}: {failed[0].said}")
+        raise RuntimeError(f"{failed[0].name}: {failed[0].message}")
     return took

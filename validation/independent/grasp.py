@@ -109,7 +109,7 @@ class ReportedFigure:
     value: float
     sd: float
     true: float
-    has_reason: bool  # something
+    has_reason: bool  # the program gives a reason to doubt it
 
     @property
     def known(self) -> bool:

@@ -238,10 +238,10 @@ def _recorded(
         ],
         axis=1,
     )
-    places = {name: list(p) for name, p in zip(NAMES, worn.told_places)}
+    places = {name: list(p) for name, p in zip(NAMES, worn.declared_places)}
     setup = {
         "places": places,
-        "moment": list(worn.told_moment),
+        "moment": list(worn.declared_moment),
         "place": list(world.ON_HAND),
         "earth": strength,
     }

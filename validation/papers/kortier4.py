@@ -80,7 +80,7 @@ class Found:
     ]  # %, the least standard deviation of a length; nothing but white noise: empty elsewhere
     gyr_bias: float  # % of all axes, RMS error of RMS bias
     acc_bias: float  # % the same of the phalanges' accelerometers, against the board's along the hinges' axes
-    seats: float  # deg, of proximal and middle sensor, the larger
+    mounting_error: float  # deg, of proximal and middle sensor, the larger
     tip: float  # mm, RMS error of the distance from the board's to the last sensor
     seconds: float  # of the processor
 
@@ -235,7 +235,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
                 float(np.hypot(*published.KORTIER_FINGER["gyr bias"])),
             ),
             ("accelerometers' biases against the board's, RMS error, %", "acc_bias", 0.0),
-            ("sensors' orientation, proximal and middle, deg", "seats", 0.0),
+            ("sensors' orientation, proximal and middle, deg", "mounting_error", 0.0),
             ("distance from the board's to the last sensor, RMS error, mm", "tip", 0.0),
             ("processor's time, s", "seconds", 0.0),
         )
@@ -265,7 +265,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         Verdict("skin motion: largest standard deviation of one", sds, 4.0, "%", target),
         Verdict(
             "skin motion: largest error of a sensor's orientation",
-            max(f.seats for f in skin),
+            max(f.mounting_error for f in skin),
             2.0,
             "deg",
             target,

@@ -87,13 +87,13 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
         calibrated[:, 0], magnet.simulate_inertial(worn, turning, rng)[:, 0, 3:]
     )
     m = magnet.simulate_condition(trial.movement, rng, spot=SPOT)
-    published_row = quat.multiply(m.q_bt[0], quat.exp(START / np.sqrt(3) * rng.normal(size=3)))
+    q_declared = quat.multiply(m.q_bt[0], quat.exp(START / np.sqrt(3) * rng.normal(size=3)))
     array, carried = (
         magnet_setup.make_constellation(worn.declared_places, q_bl),
         magnet_setup.make_magnet(worn.declared_moment, worn.declared_lever),
     )
     setup = Setup(
-        array, carried, EARTH, dip, array.places[0] + FRONT if count == 1 else None, published_row
+        array, carried, EARTH, dip, array.places[0] + FRONT if count == 1 else None, q_declared
     )
 
     def read(m: Motion) -> Readings:

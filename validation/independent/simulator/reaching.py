@@ -93,8 +93,8 @@ class Worn:
     late: float  # s
     moment: Array  # (3,) A m^2, hand's sensor
     lever: Array  # (3,) m
-    told_places: Array
-    told_moment: Array
+    declared_places: Array
+    declared_moment: Array
 
 
 @dataclass(frozen=True)
