@@ -31,7 +31,7 @@ def compile_all() -> None:
     process(
         map_method,
         map_method.Params(),
-        artificial_finger.recorded(np.random.default_rng(0), SensorErrors(), duration=10.0),
+        artificial_finger.record_trial(np.random.default_rng(0), SensorErrors(), duration=10.0),
     )
     setup, readings = _simulate_magnet()
     magnet_smoother.smooth(MagnetParams(), magnet_tracker.start(setup), readings)

@@ -75,7 +75,7 @@ def laid_down(
     q_GS = _orientations(positions, t, rest, turn)
     gyr = _rates(positions, t, rest, turn)
     up, field = (quat.rotate(quat.conjugate(q_GS), v) for v in (np.array([0, 0, GRAVITY]), FIELD))
-    drawn = sensors.mounted(("hand",), sized("left"), errors, rng)
+    drawn = sensors.mount_sensors(("hand",), sized("left"), errors, rng)
     matrix = {q: drawn.matrix[k, 0] for k, q in enumerate((GYR, ACC, MAG))}
     bias = {q: drawn.bias[0, 3 * k : 3 * k + 3] for k, q in enumerate((GYR, ACC, MAG))}
     noise = {

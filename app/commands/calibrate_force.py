@@ -12,7 +12,7 @@ from handscope.app.devices import force_strip
 from handscope.app.options import help_text, parse, with_options
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.sensor import AXES, Solved, SolveParams, solve
-from handscope.estimators.force.setup import ForceSetup, table_of
+from handscope.estimators.force.setup import ForceSetup, setup_to_table
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.numerics.typing import Array
 from handscope.sessions.formats.load_table import LoadTable, load_table
@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     for line in _summary_lines(table, solved):
         say(line)
     turn = solved.turn_sd if table.by_accelerometer else None
-    entry = table_of(
+    entry = setup_to_table(
         ForceSetup(solved.calibration.scale_sd, table.channels, solved.calibration, turn)
     ) | _known(table, solved)
     if out:

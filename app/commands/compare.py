@@ -136,9 +136,9 @@ def run(arguments: argparse.Namespace) -> int:
     lag, how = _lag(a, b, arguments)
     centres = _wrists(a, b, arguments)
     b = _on_clock(b, lag)
-    pairs = comparison.paired(a.trajectory, b.trajectory, 0.0)
+    pairs = comparison.pair_quantities(a.trajectory, b.trajectory, 0.0)
     span = (float(a.trajectory.t[0]), float(a.trajectory.t[-1]))
-    parts = comparison.stretches(a.events, b.events, 0.0, span)
+    parts = comparison.list_stretches(a.events, b.events, 0.0, span)
     found = comparison.agreements(pairs, parts)
     if not found:
         raise InputError(
@@ -214,7 +214,7 @@ def _tips(
     """How far the tips are apart, in A's frame or, where only B's is the wrist's, in B's."""
     t, on_a = a.trajectory.t, a.trajectory.tips
     flat = b.trajectory.tips.reshape(len(b.trajectory), -1)
-    on_b = synchronisation.interpolated(synchronisation.Signal(b.trajectory.t, flat), t).reshape(
+    on_b = synchronisation.interpolate(synchronisation.Signal(b.trajectory.t, flat), t).reshape(
         on_a.shape
     )
     frame: Frame = "wrist"
@@ -225,7 +225,7 @@ def _tips(
             if name in centres and (a.in_wrist or b.in_wrist)
             else "best fit"
         )
-        brought = tip_errors.brought(
+        brought = tip_errors.transform_places(
             brought, to, centres.get(name) if frame != "best fit" else None
         )
         on_a, on_b = (brought, to) if name == "a" else (to, brought)
@@ -435,7 +435,7 @@ def _stretch(words: str, name: str, option: str) -> tuple[float, float]:
 def _lag(
     a: ComparedMovement, b: ComparedMovement, arguments: argparse.Namespace
 ) -> tuple[Lag, str]:
-    names, on_a, on_b = comparison.shared(a.trajectory, b.trajectory)
+    names, on_a, on_b = comparison.shared_names(a.trajectory, b.trajectory)
     if not names:
         raise InputError(
             f"{a.side.name} and {b.side.name} have no joint in common; choose recordings that measured the same fingers"

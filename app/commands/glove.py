@@ -20,7 +20,7 @@ from handscope.app.devices.virtual_glove.flash import Flash, factory_flash, requ
 from handscope.app.devices.virtual_glove.wearer import Playback, SimulatedPerson, Wearer, layout
 from handscope.estimators.data.samples import GYR
 from handscope.estimators.errors import InputError
-from handscope.estimators.force.setup import ForceSetup, setups_from
+from handscope.estimators.force.setup import ForceSetup, parse_setups
 from handscope.estimators.hand.anatomy import FINGERS, HANDS, Hand
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.sensors import saturation
@@ -231,7 +231,7 @@ def _forces(path: Path, wearer: Wearer) -> dict[str, ForceSetup]:
     """By point, of the force sensors that are worn."""
     try:
         table = json.loads(path.read_text("utf-8"))["ForceSetup"]
-        forces = setups_from(table)
+        forces = parse_setups(table)
     except OSError as problem:
         raise InputError(f"{path} cannot be read: {problem.strerror}") from problem
     except (ValueError, KeyError, TypeError, AttributeError) as problem:

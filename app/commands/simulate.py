@@ -12,7 +12,7 @@ from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
 from handscope.estimators.hand.geometry import sized
-from handscope.estimators.simulation.experiments import EXPERIMENTS, recorded
+from handscope.estimators.simulation.experiments import EXPERIMENTS, record_experiment
 from handscope.estimators.simulation.magnetic_field import MagneticField, homogeneous, office
 from handscope.estimators.simulation.movements import (
     functional_calibration,
@@ -22,8 +22,13 @@ from handscope.estimators.simulation.movements import (
     task_performance,
 )
 from handscope.estimators.simulation.movements.task_performance import Performance
-from handscope.estimators.simulation.person import Person, drawn
-from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed, simulate
+from handscope.estimators.simulation.person import Person, draw_person
+from handscope.estimators.simulation.scenario import (
+    ForceGlove,
+    Simulated,
+    simulate,
+    simulate_performances,
+)
 from handscope.estimators.simulation.sensors import PRESET_SOURCES, PRESETS, SensorErrors
 from handscope.estimators.simulation.transmission import LINKS
 from handscope.estimators.simulation.trunk import TrunkGlove
@@ -154,7 +159,7 @@ def _made(arguments: argparse.Namespace) -> Simulated:
         return _captured(arguments, rng, errors, field)
     if arguments.task in EXPERIMENTS and arguments.task not in task_performance.TASKS:
         experiment, rate = EXPERIMENTS[arguments.task], arguments.rate
-        return recorded(
+        return record_experiment(
             experiment,
             rng,
             errors,
@@ -196,7 +201,7 @@ def _with_trunk(
     """A task by the average hand that carries a magnet, with magnetometers on the trunk."""
     hand = sized(arguments.hand)
     done = [task_performance.initial_pose(hand), task_performance.TASKS[arguments.task](hand)]
-    return performed(
+    return simulate_performances(
         done,
         arguments.hand,
         hand,
@@ -216,10 +221,10 @@ def _functional(
 ) -> Simulated:
     """Somebody does the initial pose, the steps of a functional calibration and moves freely; --pose-error is of every posture held."""
     of_person, of_motion, of_sensors = rng.spawn(3)
-    person = drawn(arguments.hand, of_person)
+    person = draw_person(arguments.hand, of_person)
     pose = task_performance.initial_pose(
         person.true,
-        taken=functional_calibration.missed(
+        taken=functional_calibration.miss_posture(
             task_performance.flat(), arguments.pose_error, of_motion
         ),
     )
@@ -244,10 +249,12 @@ def _held(
 ) -> Simulated:
     """Somebody lifts a mass or squeezes a spring."""
     of_person, of_motion, of_pose, of_sensors = rng.spawn(4)
-    person = drawn(arguments.hand, of_person)
+    person = draw_person(arguments.hand, of_person)
     pose = task_performance.initial_pose(
         person.true,
-        taken=functional_calibration.missed(task_performance.flat(), arguments.pose_error, of_pose),
+        taken=functional_calibration.miss_posture(
+            task_performance.flat(), arguments.pose_error, of_pose
+        ),
     )
     done = [pose, object_dynamics.TASKS[arguments.task](person.true, of_motion)]
     return _performed(
@@ -265,7 +272,7 @@ def _performed(
     force: ForceGlove | None = None,
 ) -> Simulated:
     """What somebody does one after the other, over the link that was asked for."""
-    return performed(
+    return simulate_performances(
         done,
         arguments.hand,
         person.true,
@@ -274,7 +281,7 @@ def _performed(
         rate=arguments.rate,
         forearm_rate=None if arguments.link == "wired" else FOREARM_RATE,
         field=field,
-        known=person.told,
+        known=person.declared,
         link=LINKS[arguments.link],
         force=force,
     )
@@ -292,11 +299,11 @@ def _captured(
             "captured needs the markers; name a Qualisys export with --markers FILE.tsv"
         )
     markers = read_markers(arguments.markers)
-    fit = optical_capture.fitted(markers, arguments.hand)
+    fit = optical_capture.fit_markers(markers, arguments.hand)
     done = optical_capture.performance(fit, "captured", float(markers.t[0]), float(markers.t[-1]))
     say(f"markers followed within {1e3 * np.sqrt(np.nanmean(fit.misfit**2)):.1f} mm RMS")
     pose = task_performance.initial_pose(fit.geometry)
-    return performed(
+    return simulate_performances(
         [pose, done],
         arguments.hand,
         fit.geometry,

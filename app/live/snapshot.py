@@ -231,7 +231,7 @@ def _numbers(view: StationView) -> list[dict[str, Any]]:
     if w.protocol.group in UNCOUNTED:
         return [*([dict(view.task_number)] if view.task_number else []), *extremes]
     if view.curve_quantity == "aperture":
-        taps = len(tapping.closings(tapping.Params(), t, values * 1e-3)) - 1
+        taps = len(tapping.find_closings(tapping.Params(), t, values * 1e-3)) - 1
         return [_number("taps", float(max(0, taps)), ""), *extremes]
     return [_number("repetitions", float(repetitions.count(values, LEAST)), ""), *extremes]
 

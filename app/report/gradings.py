@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from handscope.app.report.content import Content, Task
 from handscope.estimators.hand.anatomy import FINGERS
-from handscope.estimators.measures.total_active_motion import GRADINGS, regraded
+from handscope.estimators.measures.total_active_motion import GRADINGS, regrade
 from handscope.sessions.clinic.visit_history import Course
 
 MEASURE = "total_active_motion"
@@ -25,7 +25,7 @@ def grade_tasks(tasks: Sequence[Task], scheme: str, other: dict[str, float]) -> 
     return tuple(
         replace(
             t,
-            result=replace(t.result, figures=regraded(t.result.figures, scheme, other)),
+            result=replace(t.result, figures=regrade(t.result.figures, scheme, other)),
             grading=scheme,
         )
         if t.result.measure == MEASURE

@@ -54,7 +54,7 @@ STORED_TYPES: Mapping[str, type] = {
                 cycles.Cycles,
                 cycles.Stops,
                 cycles.Params,
-                plot_data.Shown,
+                plot_data.PlotData,
                 plot_data.Curve,
             ),
             *(SensorQuality, Description),

@@ -30,7 +30,7 @@ from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.measures.accuracy import accuracy_of
 from handscope.estimators.measures.assessment import TaskResult, assess
 from handscope.estimators.measures.excursions import repetitions
-from handscope.estimators.measures.plot_data import Shown, thinned
+from handscope.estimators.measures.plot_data import PlotData, thin_curves
 from handscope.estimators.measures.tapping import Tapping
 from handscope.estimators.methods import ALL_METHODS
 from handscope.estimators.numerics.typing import Array
@@ -335,9 +335,9 @@ def _task(t: TaskResult) -> dict[str, Any]:
     return payload
 
 
-def _shown(shown: Shown) -> dict[str, Any]:
+def _shown(shown: PlotData) -> dict[str, Any]:
     """Curves, thinned, and marks as plain data; NaN becomes None."""
-    curves = thinned(shown.curves, CURVE_POINTS)
+    curves = thin_curves(shown.curves, CURVE_POINTS)
     payload = [
         {
             "name": c.name,

@@ -9,7 +9,7 @@ import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import ANGLES, FINGERS, JOINT
-from handscope.estimators.measures.forearm_rotation import palm_turn
+from handscope.estimators.measures.sustained_angle_measures import palm_turn
 from handscope.estimators.numerics.typing import Array
 
 LENGTH = 20.0  # s stored for viewers

@@ -17,38 +17,40 @@ from handscope.estimators.self_calibration.problem import (
     Readings,
     Unknowns,
     Z,
-    bent,
-    chain,
-    columns,
-    mounted,
-    moved,
-    posed,
+    apply_increment,
+    axis_in_sensors,
+    build_chain,
+    build_problem,
+    parameter_columns,
     tangents,
-    tilted,
+    tilt_axes,
+    with_flexion,
 )
 from handscope.estimators.simulation import artificial_finger
 from handscope.estimators.simulation.sensors import IDEAL
 
-LINKED = chain(artificial_finger.SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
+LINKED = build_chain(artificial_finger.SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
 
 
 def compared(duration: float) -> str:
     """One finger of so many seconds, both solvers from the same start to the same relations (the joints' bending as at the start)."""
     errors = replace(IDEAL, gyr_noise=0.01, acc_noise=300e-6, gyr_bias=0.5, acc_bias=0.05)
-    made = artificial_finger.recorded(np.random.default_rng(0), errors, duration=duration)
+    made = artificial_finger.record_trial(np.random.default_rng(0), errors, duration=duration)
     block = made.samples["imu"]
     sure = np.ones(block.values.shape[:2])
     read = Readings(1 / block.stream.rate, block.of("gyr"), block.of("acc"), sure, sure)
-    guess = self_calibration_initialisation.unknowns(
-        LINKED, Noise(), read, mounted(LINKED, made.mounting, Z)
+    guess = self_calibration_initialisation.initial_unknowns(
+        LINKED, Noise(), read, axis_in_sensors(LINKED, made.mounting, Z)
     )
-    problem = bent(posed(LINKED, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess)
+    problem = with_flexion(
+        build_problem(LINKED, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess
+    )
     began = time.process_time()
     ours = solver.solve(problem, guess)
     us = time.process_time() - began
     general, n = (
         replace(ours.problem),
-        len(problem) * 3 * len(LINKED.sensors) + columns(LINKED).count,
+        len(problem) * 3 * len(LINKED.sensors) + parameter_columns(LINKED).count,
     )
     return (
         f"{duration:g} s, {n} unknowns: ours {us:.1f} s, {len(ours.costs) - 1} steps, cost {solver.cost(general, ours.at):.4f}; "
@@ -61,7 +63,7 @@ def _general(problem: Problem, here: Unknowns, ours: Unknowns) -> str:
     began = time.process_time()
     theirs = least_squares(
         lambda x: _rows(problem, _at(problem, here, x)),
-        np.zeros(len(problem) * 3 * len(LINKED.sensors) + columns(LINKED).count),
+        np.zeros(len(problem) * 3 * len(LINKED.sensors) + parameter_columns(LINKED).count),
         lambda x: _slopes(problem, here, x),
         method="trf",
         x_scale="jac",
@@ -82,18 +84,18 @@ def _general(problem: Problem, here: Unknowns, ours: Unknowns) -> str:
 
 def _at(problem: Problem, here: Unknowns, x: Array) -> Unknowns:
     n = len(problem) * 3 * len(LINKED.sensors)
-    return moved(here, LINKED, x[:n].reshape(len(problem), -1, 3), x[n:])
+    return apply_increment(here, LINKED, x[:n].reshape(len(problem), -1, 3), x[n:])
 
 
 def _rows(problem: Problem, at: Unknowns) -> Array:
     parts = [kind(problem, at, 0, len(problem)).r.ravel() for kind in residuals.EVERY_SAMPLE]
-    return np.concatenate([*parts, residuals.priors(problem, at)[0]])
+    return np.concatenate([*parts, residuals.prior_residuals(problem, at)[0]])
 
 
 def _slopes(problem: Problem, here: Unknowns, x: Array) -> csr_array:
     """Derivatives by the increment from `here`, sparse; what an increment of a rotation or a direction does where it is large is part of it."""
     at, S = _at(problem, here, x), len(LINKED.sensors)
-    e, n, P = 3 * S, len(problem) * 3 * S, columns(LINKED).count
+    e, n, P = 3 * S, len(problem) * 3 * S, parameter_columns(LINKED).count
     turning = soft_tissue.right_jacobian(x[:n].reshape(len(problem), S, 3))
     of_parameters = _of_axes(here, x[n:])
     rows, cols, values, first = [], [], [], 0
@@ -119,7 +121,7 @@ def _slopes(problem: Problem, here: Unknowns, x: Array) -> csr_array:
             whole @ of_parameters,
         )
         first += T * m
-    J = residuals.priors(problem, at)[1] @ of_parameters
+    J = residuals.prior_residuals(problem, at)[1] @ of_parameters
     _put(
         rows,
         cols,
@@ -146,15 +148,15 @@ def _put(
 
 def _of_axes(here: Unknowns, x: Array) -> Array:
     """What an increment of the parameters is in the tangents of the place that it leads to (P, P)."""
-    c, whole = columns(LINKED), np.eye(len(x))
+    c, whole = parameter_columns(LINKED), np.eye(len(x))
     for where, axes in ((c.axis_far, here.axis_far), (c.axis_near, here.axis_near)):
         by = x[where].reshape(-1, 2)
-        frame = tangents(tilted(axes, by))
+        frame = tangents(tilt_axes(axes, by))
         for k in range(2):
             d = np.zeros_like(by)
             d[:, k] = 1e-6
             slope = np.einsum(
-                "mij,mi->mj", frame, (tilted(axes, by + d) - tilted(axes, by - d)) / 2e-6
+                "mij,mi->mj", frame, (tilt_axes(axes, by + d) - tilt_axes(axes, by - d)) / 2e-6
             )
             for h in range(len(by)):
                 whole[where.start + 2 * h : where.start + 2 * h + 2, where.start + 2 * h + k] = (

@@ -19,7 +19,7 @@ from handscope.estimators.methods import map as method
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.self_calibration.problem import columns
+from handscope.estimators.self_calibration.problem import parameter_columns
 from handscope.sessions.files.recording import LoadedRecording
 
 DURATION, RATE, STEP = (
@@ -254,7 +254,7 @@ def solved(recording: LoadedRecording) -> list[method.Finger]:
 def errors(finger: method.Finger, true: Truth) -> dict[str, list[tuple[float, float]]]:
     """Error and standard deviation by what they are of."""
     at, links, told = finger.solution.at, finger.solution.problem.chain, finger.segments
-    c, covariance = columns(links), finger.solution.factor.covariance
+    c, covariance = parameter_columns(links), finger.solution.factor.covariance
     found: dict[str, list[tuple[float, float]]] = {}
     for k, (s, length) in enumerate(told.lengths.items()):
         found.setdefault("length, next" if k else "length, first phalanx", []).append(

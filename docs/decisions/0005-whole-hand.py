@@ -11,7 +11,14 @@ from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.hand.geometry import HandGeometry, HandMeasures, sized
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
 from handscope.estimators.self_calibration import sample_preparation, segments, solver
-from handscope.estimators.self_calibration.problem import Noise, Z, chain, measured, mounted, posed
+from handscope.estimators.self_calibration.problem import (
+    Noise,
+    Z,
+    axis_in_sensors,
+    build_chain,
+    build_problem,
+    with_lengths,
+)
 from handscope.estimators.self_calibration.solver import Limits, Solution
 from handscope.estimators.self_calibration.whole_hand import solver as whole_hand_solver
 from handscope.estimators.simulation.movements import free_movement
@@ -25,7 +32,7 @@ SPREAD = 0.06  # of the lengths about those of an average hand of the person's s
 def compared(seed: int) -> str:
     """One person, all errors of sensors and skin; lengths are given as an average hand's."""
     true = _person(seed)
-    made = free_movement.recorded(
+    made = free_movement.record_trial(
         np.random.default_rng(seed), SensorErrors(), "left", true, sized("left"), duration=DURATION
     )
     began = time.process_time()
@@ -35,7 +42,7 @@ def compared(seed: int) -> str:
     took = time.process_time() - between
     return (
         f"seed {seed}: alone {_errors(made, true, alone)}, {between - began:.0f} s;"
-        f" together ({together.outcome}) {_errors(made, true, whole_hand_solver.of_limbs(together))}, {took:.0f} s more"
+        f" together ({together.outcome}) {_errors(made, true, whole_hand_solver.split_limbs(together))}, {took:.0f} s more"
     )
 
 
@@ -49,14 +56,15 @@ def _person(seed: int) -> HandGeometry:
 
 
 def _alone(made: Simulated, finger: str) -> Solution:
-    links = chain(("hand", *CHAINS[finger]))
-    _, read = sample_preparation.readings(list(made.blocks()), links.sensors, 0.0, DURATION)
-    guess = self_calibration_initialisation.unknowns(
-        links, Noise(), read, mounted(links, made.mounting, Z)
+    links = build_chain(("hand", *CHAINS[finger]))
+    _, read = sample_preparation.prepare_readings(list(made.blocks()), links.sensors, 0.0, DURATION)
+    guess = self_calibration_initialisation.initial_unknowns(
+        links, Noise(), read, axis_in_sensors(links, made.mounting, Z)
     )
-    return solver.learnt(
-        measured(
-            posed(links, Noise(), read, guess.q_GS[0], "left", made.mounting), made.geometry.lengths
+    return solver.solve_with_noise(
+        with_lengths(
+            build_problem(links, Noise(), read, guess.q_GS[0], "left", made.mounting),
+            made.geometry.lengths,
         ),
         guess,
     )

@@ -19,7 +19,7 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.methods import ALL_METHODS
 from handscope.estimators.pipeline.process import calibrate, process
 from handscope.estimators.simulation.experiments import EXPERIMENTS
-from handscope.estimators.simulation.person import drawn
+from handscope.estimators.simulation.person import draw_person
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.validation.benchmarks.map_live import errors
 from handscope.validation.reproduce.experiments import Trial, performed
@@ -79,7 +79,7 @@ def _true(trial: Trial) -> HandGeometry:
     of_person = np.random.default_rng(
         [trial.seed, list(EXPERIMENTS).index(trial.experiment)]
     ).spawn(2)[1]
-    return drawn("left", of_person.spawn(5)[0]).true
+    return draw_person("left", of_person.spawn(5)[0]).true
 
 
 def _off(found: Mapping[str, float], true: HandGeometry, which: Sequence[str]) -> float:

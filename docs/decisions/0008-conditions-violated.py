@@ -27,7 +27,7 @@ from handscope.estimators.simulation.movements import (
     task_performance,
 )
 from handscope.estimators.simulation.movements.object_dynamics import NO_MISHAP, Mishap
-from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
+from handscope.estimators.simulation.scenario import ForceGlove, Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import PRESETS
 
 POSE = 2.5  # deg by which every freedom of the initial pose may be missed
@@ -74,9 +74,10 @@ CONDITIONS = {
 def performed_by(seed: int, what: str, condition: Condition) -> tuple[Simulated, float]:
     """Somebody with a hand of their own lifts or squeezes; with the true mass or stiffness."""
     of_person, of_pose, of_motion, of_sensors = np.random.default_rng([seed, 7]).spawn(4)
-    somebody = person.drawn("left", of_person)
+    somebody = person.draw_person("left", of_person)
     pose = task_performance.initial_pose(
-        somebody.true, taken=functional_calibration.missed(task_performance.flat(), POSE, of_pose)
+        somebody.true,
+        taken=functional_calibration.miss_posture(task_performance.flat(), POSE, of_pose),
     )
     if what == "lift":
         true = MASSES[seed % 2]
@@ -88,8 +89,14 @@ def performed_by(seed: int, what: str, condition: Condition) -> tuple[Simulated,
         )
     glove = ForceGlove(errors=condition.errors)
     preset = PRESETS["LSM330DLC/HMC5983"]
-    made = performed(
-        [pose, task], "left", somebody.true, of_sensors, preset, known=somebody.told, force=glove
+    made = simulate_performances(
+        [pose, task],
+        "left",
+        somebody.true,
+        of_sensors,
+        preset,
+        known=somebody.declared,
+        force=glove,
     )
     block = made.samples["force"]
     onset = next(e.onset for e in made.events if e.trial_type == "task")

@@ -16,7 +16,7 @@ from handscope.estimators.methods import ekf
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import experiments
-from handscope.estimators.simulation.experiments import judged, recorded
+from handscope.estimators.simulation.experiments import judged_samples, record_experiment
 from handscope.estimators.simulation.motion import Motion
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.scenario import Simulated
@@ -76,7 +76,7 @@ def made(seed: int, size_deg: float, follows: bool) -> Simulated:
 
     wandering = experiment if follows else replace(experiment, perform=perform)
     give_deg = size_deg if follows else 0.0
-    return recorded(
+    return record_experiment(
         wandering,
         np.random.default_rng([seed, 3]),
         SensorErrors(),
@@ -102,7 +102,7 @@ def judge(recording: Simulated, learning: bool) -> tuple[float, float, float]:
     moved = process(ekf, ekf.Params(), recording).trajectory
     finger_ekf_filter.start = start
     assert moved.angles_sd is not None and moved.tips_sd is not None
-    where = judged(recording)
+    where = judged_samples(recording)
     angles, tips = (
         (getattr(moved, what) - getattr(recording.truth, what))[where]
         for what in ("angles", "tips")

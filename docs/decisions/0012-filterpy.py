@@ -57,8 +57,8 @@ def least_squares() -> None:
         return np.asarray(kf.x[:, 0])
 
     def ours() -> Array:
-        begun = identification.begun(np.ones(2))
-        return identification.run(begun, t, y, H, np.full(N, NOISE), MEMORY)[0].theta
+        begun = identification.initial_state(np.ones(2))
+        return identification.run_recursive(begun, t, y, H, np.full(N, NOISE), MEMORY)[0].theta
 
     say(f"recursive least squares: filterpy {theirs()}, ours {ours()}")
     say(f"  {microseconds(theirs, N):.0f} us a sample, ours {microseconds(ours, N):.0f} us")

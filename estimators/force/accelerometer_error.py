@@ -20,15 +20,15 @@ LIKELY = 2.0  # sensors at rest that the prior counts as; ours
 WINDOW = 1.0  # s
 SETTLED = 0.1  # m/s^2, standard deviation of the size within a window: ours
 RATE = np.radians(3.0)  # rad/s, and of the angular rate: ours
-APART = np.cos(np.radians(45.0))  # inclinations further apart tell another axis; ours
+DISTINCT = np.cos(np.radians(45.0))  # inclinations further apart tell another axis; ours
 GLOVE = {"hand", *(segment for chain in CHAINS.values() for segment in chain)}
 
 
-def shown(likely: float, blocks: Sequence[Block]) -> float:
+def error_sd_at_rest(likely: float, blocks: Sequence[Block]) -> float:
     """The standard deviation of an axis, m/s^2."""
     missed = np.concatenate(
         [
-            _beside(b, k)
+            _gravity_residuals(b, k)
             for b in blocks
             if b.stream.inertial
             for k, s in enumerate(b.stream.sensors)
@@ -39,7 +39,7 @@ def shown(likely: float, blocks: Sequence[Block]) -> float:
     return float(np.sqrt((LIKELY * likely**2 + missed @ missed) / (LIKELY + len(missed))))
 
 
-def _beside(block: Block, k: int) -> Array:
+def _gravity_residuals(block: Block, k: int) -> Array:
     """What the k-th sensor reads beside gravity at rest (m,) m/s^2, in each inclination once."""
     acc, gyr = block.of(ACC)[:, k], block.of(GYR)[:, k]
     known = every(np.isfinite(acc)) & every(np.isfinite(gyr))
@@ -50,10 +50,10 @@ def _beside(block: Block, k: int) -> Array:
     )
     found: list[tuple[Array, list[float]]] = []  # an inclination, and what was read in it
     for a, b in zip(starts, starts[1:]):
-        if b - a > 3 and known[a:b].all() and _rests(acc[a:b], gyr[a:b]):
+        if b - a > 3 and known[a:b].all() and _find_rests(acc[a:b], gyr[a:b]):
             mean = acc[a:b].mean(axis=0)
             size = float(np.linalg.norm(mean))
-            near = next((sizes for along, sizes in found if along @ mean > APART * size), None)
+            near = next((sizes for along, sizes in found if along @ mean > DISTINCT * size), None)
             if near is None:
                 found.append((mean / size, [size]))
             else:
@@ -61,7 +61,7 @@ def _beside(block: Block, k: int) -> Array:
     return np.array([np.mean(sizes) - GRAVITY for _, sizes in found])
 
 
-def _rests(acc: Array, gyr: Array) -> bool:
+def _find_rests(acc: Array, gyr: Array) -> bool:
     return (
         float(np.linalg.norm(acc, axis=1).std()) < SETTLED
         and float(np.linalg.norm(gyr.std(axis=0))) < RATE

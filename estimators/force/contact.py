@@ -42,12 +42,14 @@ class Grasp:
     end: float  # s
 
 
-def grasps(params: ContactParams, t: Array, sizes: Array, thumb: int | None = None) -> list[Grasp]:
+def find_grasps(
+    params: ContactParams, t: Array, sizes: Array, thumb: int | None = None
+) -> list[Grasp]:
     """Every stretch in which the fingertips hold something, in order; `thumb` is the column of whoever the others push against."""
     total = np.nansum(sizes, axis=1)
-    stretches = _stretches(params, t, total)
+    stretches = _find_stretches(params, t, total)
     if thumb is not None and sizes.shape[1] > 1:
-        opposed = _stretches(
+        opposed = _find_stretches(
             params,
             t,
             2
@@ -62,13 +64,13 @@ def grasps(params: ContactParams, t: Array, sizes: Array, thumb: int | None = No
     return [g for g in stretches if g.end - g.onset >= params.shortest]
 
 
-def _stretches(params: ContactParams, t: Array, total: Array) -> list[Grasp]:
+def _find_stretches(params: ContactParams, t: Array, total: Array) -> list[Grasp]:
     """Where the signal is above the thresholds, over short pauses, however short."""
     found: list[Grasp] = []
     for first, stop in find_runs(_with_hysteresis(total, params.grasp, params.release)):
         onset, end = (
-            _crossing(t, total, first, params.release),
-            _crossing(t, total, stop, params.release),
+            _crossing_time(t, total, first, params.release),
+            _crossing_time(t, total, stop, params.release),
         )
         if found and onset - found[-1].end < params.pause:
             onset = found.pop().onset
@@ -76,12 +78,12 @@ def _stretches(params: ContactParams, t: Array, total: Array) -> list[Grasp]:
     return found
 
 
-def thumb_among(fingers: Sequence[str]) -> int | None:
+def thumb_column(fingers: Sequence[str]) -> int | None:
     """The column of the thumb, None where it has no sensor."""
     return fingers.index("thumb") if "thumb" in fingers else None
 
 
-def inside(t: Array, found: list[Grasp]) -> Bools:
+def is_inside(t: Array, found: list[Grasp]) -> Bools:
     """Which instants (n,) lie within a grasp."""
     return (
         np.asarray(np.any([(t >= g.onset) & (t <= g.end) for g in found], axis=0))
@@ -98,7 +100,7 @@ def _with_hysteresis(total: Array, high: float, low: float) -> Bools:
     return held
 
 
-def _crossing(t: Array, total: Array, k: int, level: float) -> float:
+def _crossing_time(t: Array, total: Array, k: int, level: float) -> float:
     """Between samples k - 1 and k the signal crosses the level: when."""
     if not 0 < k < len(t) or total[k] == total[k - 1]:
         return float(t[min(max(k, 0), len(t) - 1)])

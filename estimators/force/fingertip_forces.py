@@ -28,7 +28,7 @@ from handscope.estimators.force import (
     zero,
 )
 from handscope.estimators.force.contact import ContactParams, Grasp
-from handscope.estimators.force.sensor import old, stuck
+from handscope.estimators.force.sensor import is_repeated, is_stuck
 from handscope.estimators.force.tip_orientation import TipParams, Tips
 from handscope.estimators.force.zero import Zero, ZeroParams
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
@@ -86,37 +86,39 @@ class Sensor:
         return bool(self.block.stream.scale_sd)
 
 
-def attached(
+def attach_forces(
     params: ForceParams,
-    moved: Trajectory,
+    trajectory: Trajectory,
     blocks: Sequence[Block],
     mounting: Mapping[str, Array],
     calibrations: Sequence[Calibration],
 ) -> tuple[Trajectory, list[str]]:
     """The trajectory with the forces of its fingertips, and sentences of what is to be known; as it was where there are none."""
     sensors = _sensors(blocks)
-    if not sensors or not len(moved):
-        return moved, [f"{', '.join(untold)}: {UNUSED}"] if len(moved) and (
+    if not sensors or not len(trajectory):
+        return trajectory, [f"{', '.join(untold)}: {UNUSED}"] if len(trajectory) and (
             untold := _torque_blocks(blocks)
         ) else []
     fingers = [s.finger for s in sensors]
     rows = [FINGERS.index(f) for f in fingers]
-    read = [_read(params, s.block, moved.t) for s in sensors]
+    read = [_read(params, s.block, trajectory.t) for s in sensors]
     force, sd, zero_sd, flags = (
         np.stack([getattr(r, name) for r in read], axis=1)
         for name in ("force", "sd", "zero_sd", "flags")
     )
     scale = _scales(params, sensors)
-    acc_error = accelerometer_error.shown(params.acc_error, blocks)
+    acc_error = accelerometer_error.error_sd_at_rest(params.acc_error, blocks)
     aligning = replace(
         params,
         force_scale=float(np.sqrt((scale**2).mean())),
         cuff_sd=_cuff_sd(params, sensors),
         acc_error=acc_error,
     )
-    q_GF, acc, gyr = _cuffs(moved, blocks, _seated(mounting, blocks), calibrations, fingers)
-    found = contact.grasps(
-        params, moved.t, np.linalg.norm(force, axis=2), contact.thumb_among(fingers)
+    q_GF, acc, gyr = _cuff_states(
+        trajectory, blocks, _apply_calibrated_axes(mounting, blocks), calibrations, fingers
+    )
+    found = contact.find_grasps(
+        params, trajectory.t, np.linalg.norm(force, axis=2), contact.thumb_column(fingers)
     )
     unknown = (aligning.tip_sd**2 + aligning.cuff_sd**2) * DEG**2
     turn, inertial, covariance = (
@@ -125,26 +127,26 @@ def attached(
     )
     known = np.asarray(np.isfinite(q_GF).all(axis=2))
     for grasp, following in zip(found, [*found[1:], None]):
-        a, b = np.searchsorted(moved.t, [grasp.onset, grasp.end])
-        flags[a:b, _left_reading(params, sensors, read, moved.t, grasp, following)] |= np.uint8(
-            ForceFlag.DRIFT
+        a, b = np.searchsorted(trajectory.t, [grasp.onset, grasp.end])
+        flags[a:b, _find_unreleased(params, sensors, read, trajectory.t, grasp, following)] |= (
+            np.uint8(ForceFlag.DRIFT)
         )
         here = np.flatnonzero(known[a:b].all(axis=0))
         if b - a > 3 and len(here) >= 2:
-            told = tip_orientation.corrected(
-                aligning, Tips(moved.t[a:b], *(v[a:b, here] for v in (q_GF, force, acc, gyr)))
+            correction = tip_orientation.correct_orientations(
+                aligning, Tips(trajectory.t[a:b], *(v[a:b, here] for v in (q_GF, force, acc, gyr)))
             )
             for j, s in enumerate(here):
-                turn[a:b, s], inertial[a:b, s] = told.turn[:, j], told.inertial[:, j]
-                covariance[a:b, s] = told.covariance[:, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3]
-            if np.nanmedian(told.unbalanced) > params.doubt:
+                turn[a:b, s], inertial[a:b, s] = correction.turn[:, j], correction.inertial[:, j]
+                covariance[a:b, s] = correction.covariance[:, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3]
+            if np.nanmedian(correction.unbalanced) > params.doubt:
                 flags[a:b, here] |= np.uint8(ForceFlag.UNBALANCED)
             pushed, specific = (
                 quat.rotate(quat.multiply(quat.exp(by), q_GF[a:b, here]), v[a:b, here])
-                for by, v in ((told.turn, force), (told.inertial, acc))
+                for by, v in ((correction.turn, force), (correction.inertial, acc))
             )
-            rest, rest_sd = force_balance.rest_along_push(
-                pushed, specific, told.covariance, sd[a:b, here], scale[here]
+            rest, rest_sd = force_balance.residual_along_push(
+                pushed, specific, correction.covariance, sd[a:b, here], scale[here]
             )
             if abs(rest) > params.shared * rest_sd:
                 flags[a:b, here] |= np.uint8(ForceFlag.SHARED)
@@ -153,41 +155,41 @@ def attached(
     own, in_global = quat.rotate(q_inertial, acc), quat.rotate(q, force)
     skew = quat.skew(in_global)
     turned = np.einsum("nsij,nsjk,nsik->nsi", skew, covariance, skew)
-    alike, total = (
+    common_sd, total = (
         np.sqrt(own_sd[..., None] ** 2 + (scale[:, None] * in_global) ** 2 + turned)
         for own_sd in (zero_sd, sd)
     )
-    spread = _Spread(len(moved), rows)
+    spread = _FingerColumns(len(trajectory), rows)
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(own).all(axis=2, keepdims=True)
         lifting = np.where(seen, own, 0.0).sum(axis=1) / seen.sum(axis=1)
     felt = replace(
-        moved,
+        trajectory,
         forces=spread.over_fingers(in_global),
         forces_sd=spread.over_fingers(total),
-        forces_common_sd=spread.over_fingers(alike),
+        forces_common_sd=spread.over_fingers(common_sd),
         force_flags=spread.over_fingers(flags, 0),
-        force_scale_sd=spread.over_fingers(np.tile(scale, (len(moved), 1)))
+        force_scale_sd=spread.over_fingers(np.tile(scale, (len(trajectory), 1)))
         if any(s.calibrated for s in sensors)
         else None,
         lifting=lifting,
     )
     twisted, doubts = _with_torques(params, felt, spread, blocks, sensors, read, q, covariance)
-    return twisted, [*_said(fingers, flags, moved.t, found), *doubts]
+    return twisted, [*_describe_doubts(fingers, flags, trajectory.t, found), *doubts]
 
 
-def zeros(params: ForceParams, blocks: Sequence[Block]) -> dict[str, Array]:
+def estimate_zeros(params: ForceParams, blocks: Sequence[Block]) -> dict[str, Array]:
     """By finger what its sensor reads of nothing at its newest sample, N (3,) in the sensor's frame."""
     found = {}
     for sensor in _sensors(blocks):
-        *_, nothing = _levelled(params, sensor.block)
+        *_, nothing = _subtract_zero(params, sensor.block)
         found[sensor.finger] = nothing.level[-1, 0]
     return found
 
 
-def newest(
+def newest_forces(
     zeros: Mapping[str, Array],
-    moved: Trajectory,
+    trajectory: Trajectory,
     blocks: Sequence[Block],
     mounting: Mapping[str, Array],
     calibrations: Sequence[Calibration],
@@ -196,21 +198,27 @@ def newest(
 
     For the eye: at once and without what a grasp tells of the tips' orientations.
     """
-    fingers, told = list(zeros), np.full((len(FINGERS), 3), np.nan)
-    q_GF, _, _ = _cuffs(
-        moved.between(moved.t[-1], np.inf), (), _seated(mounting, blocks), calibrations, fingers
+    fingers, global_forces = list(zeros), np.full((len(FINGERS), 3), np.nan)
+    q_GF, _, _ = _cuff_states(
+        trajectory.between(trajectory.t[-1], np.inf),
+        (),
+        _apply_calibrated_axes(mounting, blocks),
+        calibrations,
+        fingers,
     )
     for block in blocks:
         for k, point in enumerate(block.stream.sensors if FORCE in block.stream.quantities else ()):
             if (finger := point.removesuffix("_tip_force")) in zeros:
                 force = block.of(FORCE)[-1, k] - zeros[finger]
                 if np.isfinite(force).all():  # infinite: a raw channel at its limit
-                    told[FINGERS.index(finger)] = quat.rotate(q_GF[0, fingers.index(finger)], force)
-    return told
+                    global_forces[FINGERS.index(finger)] = quat.rotate(
+                        q_GF[0, fingers.index(finger)], force
+                    )
+    return global_forces
 
 
 @dataclass(frozen=True)
-class _Spread:
+class _FingerColumns:
     """From the fingers with a sensor to all five."""
 
     n: int
@@ -226,37 +234,39 @@ class _Spread:
 def _with_torques(
     params: ForceParams,
     felt: Trajectory,
-    spread: _Spread,
+    spread: _FingerColumns,
     blocks: Sequence[Block],
     sensors: Sequence[Sensor],
-    read: "list[_Read]",
+    read: "list[_SensorForce]",
     q_GF: Array,
     covariance: Array,
 ) -> tuple[Trajectory, list[str]]:
     """The trajectory with the torques of sensors with six axes, and what is to be known of them; as it was where there are none."""
-    told, doubts = _torque_blocks(blocks), []
+    torque_blocks, doubts = _torque_blocks(blocks), []
     values, sd = (
         np.full((len(felt), len(sensors), 3), np.nan),
         np.full((len(felt), len(sensors)), np.nan),
     )
     for s, sensor in enumerate(sensors):
-        if (block := told.pop(sensor.finger, None)) is not None:
-            if fingertip_torques.impossible(block):
+        if (block := torque_blocks.pop(sensor.finger, None)) is not None:
+            if fingertip_torques.is_impossible(block):
                 doubts.append(
                     f"{sensor.finger}: torques that no fingertip exerts were left out; check their unit"
                 )
             raw = block.of(TORQUE)[:, 0]
-            limited = block.at_limit(TORQUE)[:, 0] | stuck(raw / fingertip_torques.LEVER)
-            torque = fingertip_torques.read(
+            limited = block.at_limit(TORQUE)[:, 0] | is_stuck(raw / fingertip_torques.LEVER)
+            torque = fingertip_torques.read_torques(
                 block, limited, params.torque_drift, sensor.block.t, read[s].free, felt.t
             )
             if torque is not None:
                 values[:, s], sd[:, s] = (
-                    np.where(_around(block.t, limited, felt.t)[:, None], np.nan, torque.values),
+                    np.where(
+                        _is_near_limited(block.t, limited, felt.t)[:, None], np.nan, torque.values
+                    ),
                     torque.sd,
                 )
-    if told:
-        doubts.append(f"{', '.join(told)}: {UNUSED}")
+    if torque_blocks:
+        doubts.append(f"{', '.join(torque_blocks)}: {UNUSED}")
     if not np.isfinite(values).any():
         return felt, doubts
     in_global = quat.rotate(q_GF, values)
@@ -276,7 +286,7 @@ def _torque_blocks(blocks: Sequence[Block]) -> dict[str, Block]:
     for block in blocks:
         if TORQUE in block.stream.quantities:
             for k, point in enumerate(block.stream.sensors):
-                own, finger = _alone(block, k), point.removesuffix("_tip_force")
+                own, finger = _select_sensor(block, k), point.removesuffix("_tip_force")
                 if (
                     finger in FINGERS
                     and np.isfinite(own.of(TORQUE)).any()
@@ -286,12 +296,12 @@ def _torque_blocks(blocks: Sequence[Block]) -> dict[str, Block]:
     return {f: found[f] for f in FINGERS if f in found}
 
 
-def _alone(block: Block, k: int) -> Block:
+def _select_sensor(block: Block, k: int) -> Block:
     """The block with its k-th sensor alone."""
     point = block.stream.sensors[k]
     scale, turn = (
-        {point: told[point]} if point in told else {}
-        for told in (block.stream.scale_sd, block.stream.turn_sd)
+        {point: declared[point]} if point in declared else {}
+        for declared in (block.stream.scale_sd, block.stream.turn_sd)
     )
     return replace(
         block,
@@ -317,7 +327,7 @@ def _cuff_sd(params: ForceParams, sensors: Sequence[Sensor]) -> float:
 
 
 @dataclass(frozen=True)
-class _Read:
+class _SensorForce:
     force: Array  # (n, 3) N, without the zero
     sd: Array  # (n,)
     zero_sd: Array  # (n,) of it that of the zero
@@ -331,7 +341,7 @@ def _sensors(blocks: Sequence[Block]) -> list[Sensor]:
     for block in blocks:
         if FORCE in block.stream.quantities:
             for k, point in enumerate(block.stream.sensors):
-                own, finger = _alone(block, k), point.removesuffix("_tip_force")
+                own, finger = _select_sensor(block, k), point.removesuffix("_tip_force")
                 longer = finger not in found or len(found[finger].block.t) < len(block.t)
                 if (
                     finger in FINGERS
@@ -342,37 +352,39 @@ def _sensors(blocks: Sequence[Block]) -> list[Sensor]:
     return [found[f] for f in FINGERS if f in found]
 
 
-def _read(params: ForceParams, block: Block, at: Array) -> _Read:
+def _read(params: ForceParams, block: Block, at: Array) -> _SensorForce:
     """One sensor's force at the instants of the trajectory."""
-    values, limited, noise, nothing = _levelled(params, block)
-    told = interpolation.brought(block.t, values - nothing.level, noise, at)
+    values, limited, noise, nothing = _subtract_zero(params, block)
+    interpolated = interpolation.interpolate(block.t, values - nothing.level, noise, at)
     near = np.clip(np.searchsorted(block.t, at), 0, len(block.t) - 1)
     flags = np.zeros(len(at), np.uint8)
-    flags[told.distance[:, 0] > params.bridged] |= np.uint8(ForceFlag.MISSING)
-    flags[_around(block.t, limited, at)] |= np.uint8(ForceFlag.SATURATED)
+    flags[interpolated.distance[:, 0] > params.bridged] |= np.uint8(ForceFlag.MISSING)
+    flags[_is_near_limited(block.t, limited, at)] |= np.uint8(ForceFlag.SATURATED)
     flags[nothing.jump[near, 0] > params.doubt] |= np.uint8(ForceFlag.DRIFT)
-    lost = told.distance[:, 0] > LOST
-    force = np.where(lost[:, None], np.nan, told.values[:, 0])
+    lost = interpolated.distance[:, 0] > LOST
+    force = np.where(lost[:, None], np.nan, interpolated.values[:, 0])
     zero_sd = nothing.sd[near, 0]
-    return _Read(force, np.hypot(told.sd[:, 0], zero_sd), zero_sd, flags, nothing.free[:, 0])
+    return _SensorForce(
+        force, np.hypot(interpolated.sd[:, 0], zero_sd), zero_sd, flags, nothing.free[:, 0]
+    )
 
 
-def _levelled(params: ForceParams, block: Block) -> tuple[Array, Bools, Array, Zero]:
+def _subtract_zero(params: ForceParams, block: Block) -> tuple[Array, Bools, Array, Zero]:
     """One sensor's readings (n, 1, 3) without those at a limit and those told before, which are at a limit (n,), the noise of one, and what is read of nothing."""
     raw = block.of(FORCE)
-    limited = block.at_limit(FORCE)[:, 0] | stuck(raw[:, 0]) | exceeds(raw[:, 0], IMPOSSIBLE)
+    limited = block.at_limit(FORCE)[:, 0] | is_stuck(raw[:, 0]) | exceeds(raw[:, 0], IMPOSSIBLE)
     values = np.where(limited[:, None, None], np.nan, raw)
-    noise = interpolation.noise_of(block.t, values)
-    nothing = zero.found(params, block.t, values, noise)
-    told_again = (
-        old(raw[:, 0])
+    noise = interpolation.reading_noise(block.t, values)
+    nothing = zero.estimate_zero(params, block.t, values, noise)
+    repeats = (
+        is_repeated(raw[:, 0])
         & ~limited
         & (np.linalg.norm((raw - nothing.level)[:, 0], axis=1) > params.grasp)
     )
-    return np.where(told_again[:, None, None], np.nan, values), limited, noise, nothing
+    return np.where(repeats[:, None, None], np.nan, values), limited, noise, nothing
 
 
-def _around(t: Array, limited: Bools, at: Array) -> Bools:
+def _is_near_limited(t: Array, limited: Bools, at: Array) -> Bools:
     """Which instants lie between samples of which one is limited."""
     if not limited.any() or len(t) < 2:
         return np.zeros(len(at), bool)
@@ -380,10 +392,10 @@ def _around(t: Array, limited: Bools, at: Array) -> Bools:
     return np.asarray(limited[k] | limited[k - 1])
 
 
-def _left_reading(
+def _find_unreleased(
     params: ForceParams,
     sensors: Sequence[Sensor],
-    read: Sequence[_Read],
+    read: Sequence[_SensorForce],
     at: Array,
     grasp: Grasp,
     following: Grasp | None,
@@ -405,7 +417,9 @@ def _left_reading(
     return np.asarray((shares == 0) & (shares.max() > 0.5) & (np.array(left) > params.doubt))
 
 
-def _seated(mounting: Mapping[str, Array], blocks: Sequence[Block]) -> dict[str, Array]:
+def _apply_calibrated_axes(
+    mounting: Mapping[str, Array], blocks: Sequence[Block]
+) -> dict[str, Array]:
     """The mountings, with force sensors that were calibrated in the axes of their cuff's inertial sensor mounted as that is."""
     points = [point for block in blocks for point in block.stream.turn_sd]
     return {
@@ -416,15 +430,15 @@ def _seated(mounting: Mapping[str, Array], blocks: Sequence[Block]) -> dict[str,
     }
 
 
-def _cuffs(
-    moved: Trajectory,
+def _cuff_states(
+    trajectory: Trajectory,
     blocks: Sequence[Block],
     mounting: Mapping[str, Array],
     calibrations: Sequence[Calibration],
     fingers: Sequence[str],
 ) -> tuple[Array, Array, Array]:
     """Of every cuff its orientation (n, S, 4), specific force and angular rate (n, S, 3) in the force sensor's frame."""
-    n, S = len(moved), len(fingers)
+    n, S = len(trajectory), len(fingers)
     q_GF, acc, gyr = np.empty((n, S, 4)), np.full((n, S, 3), np.nan), np.full((n, S, 3), np.nan)
     for s, finger in enumerate(fingers):
         segment = CHAINS[finger][-1]
@@ -432,19 +446,20 @@ def _cuffs(
         q_IF = quat.multiply(
             quat.conjugate(nominal), mounting.get(f"{finger}_tip_force", quat.IDENTITY)
         )
-        q_BI = _calibrated(moved.t, segment, nominal, calibrations)
-        q_GF[:, s] = quat.multiply(moved.q_GS[:, SEGMENT[segment]], quat.multiply(q_BI, q_IF))
+        q_BI = _mounting_over_time(trajectory.t, segment, nominal, calibrations)
+        q_GF[:, s] = quat.multiply(trajectory.q_GS[:, SEGMENT[segment]], quat.multiply(q_BI, q_IF))
         for block in blocks:
             if block.stream.inertial and segment in block.stream.sensors and len(block.t) > 1:
                 k = block.stream.sensors.index(segment)
                 for out, quantity in ((acc, ACC), (gyr, GYR)):
                     out[:, s] = quat.rotate(
-                        quat.conjugate(q_IF), _at(block.t, block.of(quantity)[:, k], moved.t)
+                        quat.conjugate(q_IF),
+                        _interpolate(block.t, block.of(quantity)[:, k], trajectory.t),
                     )
     return q_GF, acc, gyr
 
 
-def _calibrated(
+def _mounting_over_time(
     t: Array, segment: str, nominal: Array, calibrations: Sequence[Calibration]
 ) -> Array:
     """How the inertial sensor sits on its segment (n, 4): as the calibration of the time found it."""
@@ -456,16 +471,16 @@ def _calibrated(
     return q_BI
 
 
-def _at(t: Array, values: Array, at: Array) -> Array:
+def _interpolate(t: Array, values: Array, at: Array) -> Array:
     """Vectors (n, 3) between their samples by straight lines; NaN outside and beside missing ones."""
     return np.stack([np.interp(at, t, v, left=np.nan, right=np.nan) for v in values.T], axis=1)
 
 
-def _said(
+def _describe_doubts(
     fingers: Sequence[str], flags: NDArray[np.uint8], t: Array, found: list[Grasp]
 ) -> list[str]:
     """One sentence for each kind of doubt within the grasps."""
-    held = contact.inside(t, found)
+    held = contact.is_inside(t, found)
     sentences = []
     for flag, words in FORCE_WORDS.items():
         concerned = [

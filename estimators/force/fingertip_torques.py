@@ -32,7 +32,7 @@ class Torque:
     sd: Array  # (n,) Nm, of each axis
 
 
-def read(
+def read_torques(
     block: Block,
     limited: Bools,
     drift: float,
@@ -48,21 +48,25 @@ def read(
     values = np.where((limited | exceeds(raw, IMPOSSIBLE))[:, None], np.nan, raw)
     if np.isfinite(values).all(axis=1).sum() < LEAST:
         return None
-    noise = max(LEVER * float(interpolation.noise_of(block.t, values[:, None] / LEVER)[0]), 1e-6)
+    noise = max(
+        LEVER * float(interpolation.reading_noise(block.t, values[:, None] / LEVER)[0]), 1e-6
+    )
     near = np.clip(np.searchsorted(t, block.t), 0, len(t) - 1)
-    level, level_sd = zero.known_from(block.t, values, free[near], noise, drift)
-    told = interpolation.brought(
+    level, level_sd = zero.zero_from_others(block.t, values, free[near], noise, drift)
+    interpolated = interpolation.interpolate(
         block.t, (values - level)[:, None] / LEVER, np.array([noise / LEVER]), at
     )
     then = np.clip(np.searchsorted(block.t, at), 0, len(block.t) - 1)
-    lost = told.distance[:, 0] > BRIDGED
+    lost = interpolated.distance[:, 0] > BRIDGED
     return Torque(
-        np.where(lost[:, None], np.nan, LEVER * told.values[:, 0]),
-        np.hypot(LEVER * told.sd[:, 0], level_sd[then]),
+        np.where(lost[:, None], np.nan, LEVER * interpolated.values[:, 0]),
+        np.hypot(LEVER * interpolated.sd[:, 0], level_sd[then]),
     )
 
 
-def twist(forces: Array, torques: Array, torques_sd: Array, normal: Array) -> tuple[Array, Array]:
+def fingertip_twist(
+    forces: Array, torques: Array, torques_sd: Array, normal: Array
+) -> tuple[Array, Array]:
     """Torque m (...) Nm about the normal (..., 3) of the place that is touched, wherever that is, and its standard deviation; NaN of who hardly pushes.
 
     Forces (..., 3) N, torques and their standard deviations (..., 3) Nm in one frame with the normal, which points out of the pad.
@@ -74,6 +78,6 @@ def twist(forces: Array, torques: Array, torques_sd: Array, normal: Array) -> tu
     ) / pushes
 
 
-def impossible(block: Block) -> bool:
+def is_impossible(block: Block) -> bool:
     """Whether any torque of a block with one sensor is more than a fingertip exerts."""
     return bool(exceeds(block.of(TORQUE)[:, 0], IMPOSSIBLE).any())

@@ -17,7 +17,7 @@ from handscope.estimators.numerics.typing import Array
 LEAST = 0.5  # N: who pushes less tells nothing
 
 
-def rest_along_push(
+def residual_along_push(
     force: Array, acc: Array, covariance: Array, sd: Array, scale: float | Array
 ) -> tuple[float, float]:
     """Mean of the net force along the horizontal part of the push, and its standard deviation, N; NaN where nobody pushes against another."""

@@ -65,7 +65,7 @@ class Conditions:
     @property
     def reasons(self) -> tuple[str, ...]:
         """What is not borne out, in words."""
-        said = (
+        reasons_by_condition = (
             (self.independent, "the movement is not explained by the measured force alone"),
             (self.wide, "the force did not change fast enough to show how the object answers"),
             (
@@ -73,10 +73,10 @@ class Conditions:
                 "energy came out of what should be passive: something else moved it, or the forces are told later than the movement",
             ),
         )
-        return tuple(words for held, words in said if held is False)
+        return tuple(words for held, words in reasons_by_condition if held is False)
 
 
-def response(t: Array, u: Array, y: Array, length: float = 3.0) -> Response:
+def estimate_response(t: Array, u: Array, y: Array, length: float = 3.0) -> Response:
     """By Welch's method with segments of `length` s that overlap by half; (6.16)."""
     rate = (len(t) - 1) / float(t[-1] - t[0])
     n = min(len(t), round(length * rate))
@@ -93,7 +93,7 @@ def response(t: Array, u: Array, y: Array, length: float = 3.0) -> Response:
     return Response(frequency, P, sd, coherence, power, segments)
 
 
-def conditions(r: Response) -> Conditions:
+def check_conditions(r: Response) -> Conditions:
     """The two conditions of 6.5.1 on the data."""
     excited = r.excited
     total = np.cumsum(r.power[1:])
@@ -115,7 +115,7 @@ def conditions(r: Response) -> Conditions:
     fallen = np.flatnonzero(size < size[:1] / np.sqrt(2))
     load_bandwidth = float(f[fallen[0]]) if len(fallen) else float("inf")
     wide = None if not np.isfinite(load_bandwidth) else force_bandwidth >= load_bandwidth
-    lag, random = _lag(r, seen)
+    lag, random = _estimate_lag(r, seen)
     back = bool(lag + 2 * random + TIMING < 0)
     passive = not back if seen.any() else None
     return Conditions(
@@ -130,7 +130,7 @@ def conditions(r: Response) -> Conditions:
     )
 
 
-def _lag(r: Response, seen: Bools) -> tuple[float, float]:
+def _estimate_lag(r: Response, seen: Bools) -> tuple[float, float]:
     """By how much the movement lags, s, and the random part of its standard deviation: energy a cycle that goes into the load is -Im P times the force's power."""
     if not seen.any():
         return float("nan"), float("nan")

@@ -25,14 +25,14 @@ from handscope.estimators.numerics.typing import Array, Bools
 
 
 @dataclass(frozen=True)
-class Holding:
+class GraspPhase:
     """One grasp: n instants from touch to release."""
 
     t: Array  # (n,) s
     fingers: tuple[str, ...]  # with a force sensor, in the order of the hand
     forces: Array  # (n, S, 3) N, in the global frame
     sd: Array  # (n, S, 3) N
-    alike_sd: Array  # (n, S, 3) N, of that what a hold does not average out
+    common_sd: Array  # (n, S, 3) N, of that what a hold does not average out
     lifting: Array  # (n, 3) m/s^2, specific force g + a
     axis: Array  # (n, 3) unit vector from the other fingers towards the thumb, in the global frame; NaN without a thumb
     distance: Array  # (n,) m between the pads, along it
@@ -117,26 +117,26 @@ UNSURE = int(
 )
 
 
-def measured(trajectory: Trajectory) -> tuple[str, ...]:
+def measured_fingers(trajectory: Trajectory) -> tuple[str, ...]:
     """The fingers whose forces are known at any time."""
     if trajectory.forces is None or not len(trajectory):
         return ()
     return tuple(f for k, f in enumerate(FINGERS) if np.isfinite(trajectory.forces[:, k]).any())
 
 
-def holdings(
+def find_grasp_phases(
     params: ContactParams, trajectory: Trajectory, geometry: HandGeometry | None = None
-) -> list[Holding]:
+) -> list[GraspPhase]:
     """Every grasp of the stretch, in order; with a geometry places are those of the pads, without those of the bones' ends."""
-    fingers = measured(trajectory)
+    fingers = measured_fingers(trajectory)
     if not fingers or trajectory.forces is None:
         return []
     sizes = np.linalg.norm(trajectory.forces[:, [FINGERS.index(f) for f in fingers]], axis=2)
-    found = contact.grasps(params, trajectory.t, sizes, contact.thumb_among(fingers))
-    return [_holding(trajectory.between(g.onset, g.end), fingers, geometry) for g in found]
+    found = contact.find_grasps(params, trajectory.t, sizes, contact.thumb_column(fingers))
+    return [_grasp_phase(trajectory.between(g.onset, g.end), fingers, geometry) for g in found]
 
 
-def untold_share(h: Holding, used: Bools) -> float:
+def unobserved_share(h: GraspPhase, used: Bools) -> float:
     """What is left along the push over the push: as much of it, and perhaps of the load, a finger that is not measured takes."""
     up, axis = h.up[used], h.axis[used]
     level = axis - (axis * up).sum(axis=1, keepdims=True) * up
@@ -145,14 +145,18 @@ def untold_share(h: Holding, used: Bools) -> float:
     return float(abs(rest.mean()) / h.grip[used].mean()) if np.isfinite(rest).all() else 0.0
 
 
-def _holding(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | None) -> Holding:
+def _grasp_phase(
+    part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | None
+) -> GraspPhase:
     rows = [FINGERS.index(f) for f in fingers]
     assert (
         part.forces is not None and part.forces_sd is not None and part.forces_common_sd is not None
     )
     assert part.force_flags is not None and part.lifting is not None
-    axis, distance = _between(part, _pads(part, fingers, geometry), part.forces[:, rows], fingers)
-    return Holding(
+    axis, distance = _line_between_pads(
+        part, _contact_points(part, fingers, geometry), part.forces[:, rows], fingers
+    )
+    return GraspPhase(
         part.t,
         tuple(fingers),
         part.forces[:, rows],
@@ -161,11 +165,15 @@ def _holding(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | 
         part.lifting,
         axis,
         distance,
-        *_risen(part.t, part.lifting[:, 2] - GRAVITY),
+        *_integrate_between_rests(part.t, part.lifting[:, 2] - GRAVITY),
         part.force_flags[:, rows],
-        *_turning(part, fingers),
+        *_torque_power(part, fingers),
         np.stack(
-            [_risen(part.t, a)[0] for a in (part.lifting - np.array([0.0, 0.0, GRAVITY])).T], axis=1
+            [
+                _integrate_between_rests(part.t, a)[0]
+                for a in (part.lifting - np.array([0.0, 0.0, GRAVITY])).T
+            ],
+            axis=1,
         ),
         *_twist(part, fingers),
         part.force_scale_sd[:, rows].mean(axis=0)
@@ -174,7 +182,7 @@ def _holding(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | 
     )
 
 
-def _turning(part: Trajectory, fingers: Sequence[str]) -> tuple[Array | None, Array | None]:
+def _torque_power(part: Trajectory, fingers: Sequence[str]) -> tuple[Array | None, Array | None]:
     """(n,) W of the torques of all fingertips that hold it, which turn with their distal phalanges, and its standard deviation (n,)."""
     rows = [FINGERS.index(f) for f in fingers]
     if (
@@ -190,7 +198,7 @@ def _turning(part: Trajectory, fingers: Sequence[str]) -> tuple[Array | None, Ar
         / (part.t[2:] - part.t[:-2])[:, None, None]
     )
     rates = np.concatenate([step[:1], step, step[-1:]])
-    return load_exchange.turning(part.torques[:, rows], rates), np.sqrt(
+    return load_exchange.rotational_power(part.torques[:, rows], rates), np.sqrt(
         ((part.torques_sd[:, rows] * rates) ** 2).sum(axis=(1, 2))
     )
 
@@ -209,12 +217,14 @@ def _twist(part: Trajectory, fingers: Sequence[str]) -> tuple[Array | None, Arra
         [1.0 if part.hand == "right" else -1.0, 0.0, 0.0]
     )  # of every segment: docs/conventions.md
     normal = quat.rotate(part.q_GS[:, [SEGMENT[CHAINS[f][-1]] for f in fingers]], palmar)
-    return fingertip_torques.twist(
+    return fingertip_torques.fingertip_twist(
         part.forces[:, rows], part.torques[:, rows], part.torques_sd[:, rows], normal
     )
 
 
-def _pads(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | None) -> Array:
+def _contact_points(
+    part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | None
+) -> Array:
     """Where the fingers touch (n, S, 3) in the wrist frame."""
     if geometry is None:
         return part.tips[:, [FINGERS.index(f) for f in fingers]]
@@ -223,7 +233,7 @@ def _pads(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | Non
     )
 
 
-def _between(
+def _line_between_pads(
     part: Trajectory, pads: Array, forces: Array, fingers: Sequence[str]
 ) -> tuple[Array, Array]:
     """The line from the other fingers to the thumb in the global frame, and how far apart they are along it.
@@ -233,7 +243,7 @@ def _between(
     if "thumb" not in fingers or len(fingers) < 2:
         return np.full((len(part), 3), np.nan), np.full(len(part), np.nan)
     k = fingers.index("thumb")
-    apart = pads[:, k] - np.delete(pads, k, axis=1).mean(axis=1)
+    offset = pads[:, k] - np.delete(pads, k, axis=1).mean(axis=1)
     q_GW = part.q_GS[:, SEGMENT["forearm"]]
     q_GW = np.where(
         np.isfinite(q_GW), q_GW, part.q_GS[:, SEGMENT["hand"]]
@@ -243,18 +253,18 @@ def _between(
     )
     line = np.nansum(push, axis=0)
     line = line / max(float(np.linalg.norm(line)), 1e-9)
-    return quat.rotate(q_GW, line), np.asarray(apart @ line)
+    return quat.rotate(q_GW, line), np.asarray(offset @ line)
 
 
-def _risen(t: Array, acceleration: Array) -> tuple[Array, Array]:
+def _integrate_between_rests(t: Array, acceleration: Array) -> tuple[Array, Array]:
     """Speed and way (n,) of an acceleration between two instants of rest."""
     if len(t) < 3 or not np.isfinite(acceleration).all():
         return np.full(len(t), np.nan), np.full(len(t), np.nan)
-    speed = _summed(acceleration, t)
+    speed = _cumulative_integral(acceleration, t)
     speed -= speed[-1] * (t - t[0]) / (t[-1] - t[0])
-    return speed, _summed(speed, t)
+    return speed, _cumulative_integral(speed, t)
 
 
-def _summed(values: Array, t: Array) -> Array:
+def _cumulative_integral(values: Array, t: Array) -> Array:
     """The integral (n,) from the first instant on, by trapezoids."""
     return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(t))])

@@ -32,7 +32,7 @@ class Fit:
         return np.sqrt(np.diag(self.covariance))
 
 
-def fitted(y: Array, H: Array, sd: Array) -> Fit:
+def fit_least_squares(y: Array, H: Array, sd: Array) -> Fit:
     """All samples at once (6.8); needs more equations than parameters and H of full rank."""
     n, m, p = H.shape
     weight = 1 / sd[:, None, None]
@@ -42,11 +42,13 @@ def fitted(y: Array, H: Array, sd: Array) -> Fit:
     left = y - H @ theta
     scaled = left / sd[:, None]
     variance = max(1.0, float((scaled**2).sum() / max(n * m - p, 1)))
-    alike = max(_alike(scaled[:, k]) for k in range(m))
-    return Fit(theta, np.asarray(np.linalg.inv(N) * variance * alike, float), left, n / alike)
+    correlated = max(_correlated_samples(scaled[:, k]) for k in range(m))
+    return Fit(
+        theta, np.asarray(np.linalg.inv(N) * variance * correlated, float), left, n / correlated
+    )
 
 
-def _alike(r: Array) -> float:
+def _correlated_samples(r: Array) -> float:
     """How many samples in a row err alike: the sum of the autocorrelation until it first vanishes."""
     r = r - r.mean()
     power = float(r @ r)
@@ -60,37 +62,37 @@ def _alike(r: Array) -> float:
 
 
 @dataclass(frozen=True)
-class Recursive:
+class RecursiveLeastSquares:
     """Recursive least squares: everything that the next sample needs."""
 
     theta: Array  # (p,)
     P: Array  # (p, p) covariance where the samples' standard deviations are right
     most: Array  # (p,) variances beyond which nothing more is forgotten
-    surprise: float = 1.0  # mean of the squared innovation in its standard deviation, over as long as is remembered
+    nis: float = 1.0  # mean of the squared innovation in its standard deviation, over as long as is remembered
     t: float = -np.inf
 
     @property
     def sd(self) -> Array:
         """As large as the surprise says."""
-        return np.sqrt(np.diag(self.P) * max(1.0, self.surprise))
+        return np.sqrt(np.diag(self.P) * max(1.0, self.nis))
 
 
-def begun(size: Array) -> Recursive:
+def initial_state(size: Array) -> RecursiveLeastSquares:
     """Nothing known; `size` (p,) is how large the parameters may be."""
     prior = VAGUE * np.asarray(size, float) ** 2
-    return Recursive(np.zeros(len(size)), np.diag(prior), prior)
+    return RecursiveLeastSquares(np.zeros(len(size)), np.diag(prior), prior)
 
 
-def step(
-    state: Recursive, t: float, y: Array, H: Array, sd: float, memory: float = np.inf
-) -> Recursive:
+def update(
+    state: RecursiveLeastSquares, t: float, y: Array, H: Array, sd: float, memory: float = np.inf
+) -> RecursiveLeastSquares:
     """One sample y (m,), H (m, p): what is `memory` s old counts for 1/e."""
     keep = float(np.exp(-(t - state.t) / memory)) if np.isfinite(state.t) else 1.0
     P = (
         state.P / keep if (np.diag(state.P) <= keep * state.most).all() else state.P
     )  # what no sample tells is forgotten only so far
     S = H @ P @ H.T + sd**2 * np.eye(len(y))
-    missed = y - H @ state.theta
+    innovation = y - H @ state.theta
     gain = np.linalg.solve(S, H @ P).T
     left = np.eye(len(P)) - gain @ H
     P = (
@@ -98,25 +100,25 @@ def step(
     )  # Joseph's form: from a prior this vague the plain one ends below zero
     P = 0.5 * (P + P.T)
     share = 1 - keep if np.isfinite(memory) else 0.05
-    surprise = state.surprise + max(share, 0.02) * (
-        float(missed @ np.linalg.solve(S, missed)) / len(y) - state.surprise
+    nis = state.nis + max(share, 0.02) * (
+        float(innovation @ np.linalg.solve(S, innovation)) / len(y) - state.nis
     )
-    return replace(state, theta=state.theta + gain @ missed, P=P, surprise=surprise, t=t)
+    return replace(state, theta=state.theta + gain @ innovation, P=P, nis=nis, t=t)
 
 
-def run(
-    state: Recursive, t: Array, y: Array, H: Array, sd: Array, memory: float = np.inf
-) -> tuple[Recursive, Array, Array]:
+def run_recursive(
+    state: RecursiveLeastSquares, t: Array, y: Array, H: Array, sd: Array, memory: float = np.inf
+) -> tuple[RecursiveLeastSquares, Array, Array]:
     """Samples in a row: the state behind them, theta and its standard deviations (n, p) after each; cut anywhere, the same."""
     track, spread = np.empty((len(t), len(state.theta))), np.empty((len(t), len(state.theta)))
     for k in range(len(t)):
-        state = step(state, float(t[k]), y[k], H[k], float(sd[k]), memory)
+        state = update(state, float(t[k]), y[k], H[k], float(sd[k]), memory)
         track[k], spread[k] = state.theta, state.sd
     return state, track, spread
 
 
 @dataclass(frozen=True)
-class Running:
+class RunningEstimate:
     """One parameter as it stood after each of n samples; NaN where nothing was known yet."""
 
     t: Array  # (n,) s
@@ -124,18 +126,18 @@ class Running:
     sd: Array  # (n,)
 
 
-def followed(
+def track_first_parameter(
     t: Array,
     y: Array,
     H: Array,
     sd: float,
     size: Array,
     memory: float,
-    alike: Callable[[Array], Array],
-) -> Running:
-    """The first parameter by recursive least squares; `sd` counts samples that err alike as one, `alike` (of values) is what errs the same in all of them."""
-    _, track, spread = run(begun(size), t, y, H, np.full(len(t), sd), memory)
+    common_sd: Callable[[Array], Array],
+) -> RunningEstimate:
+    """The first parameter by recursive least squares; `sd` counts samples that err alike as one, `correlated` (of values) is what errs the same in all of them."""
+    _, track, spread = run_recursive(initial_state(size), t, y, H, np.full(len(t), sd), memory)
     value = track[:, 0]
-    total = np.hypot(spread[:, 0], alike(value))
+    total = np.hypot(spread[:, 0], common_sd(value))
     known = total < KNOWN * np.abs(value)
-    return Running(t, np.where(known, value, np.nan), np.where(known, total, np.nan))
+    return RunningEstimate(t, np.where(known, value, np.nan), np.where(known, total, np.nan))

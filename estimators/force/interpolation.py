@@ -25,7 +25,7 @@ class Interpolated:
     distance: Array  # (m, S) s to the nearest sample used
 
 
-def noise_of(t: Array, y: Array) -> Array:
+def reading_noise(t: Array, y: Array) -> Array:
     """Standard deviation (S,) of the noise of single readings (n, S, 3), from the calm half of their third differences."""
     third = np.diff(y, n=3, axis=0)
     return np.array([_spread(third[:, s]) for s in range(y.shape[1])])
@@ -41,18 +41,21 @@ def _spread(third: Array) -> float:
     return float(np.median(quiet[-1]) / 0.6745 / np.sqrt(20.0))
 
 
-def brought(t: Array, y: Array, noise: Array, at: Array) -> Interpolated:
+def interpolate(t: Array, y: Array, noise: Array, at: Array) -> Interpolated:
     """The signal at the instants `at`, from all samples before and behind; held outside them, ever less sure."""
-    sensors = [_one(t, y[:, s], max(float(noise[s]) ** 2, 1e-8), at) for s in range(y.shape[1])]
+    sensors = [
+        _interpolate_sensor(t, y[:, s], max(float(noise[s]) ** 2, 1e-8), at)
+        for s in range(y.shape[1])
+    ]
     return Interpolated(*(np.stack([part[k] for part in sensors], axis=1) for k in range(3)))
 
 
-def _one(t: Array, y: Array, noise: float, at: Array) -> tuple[Array, Array, Array]:
+def _interpolate_sensor(t: Array, y: Array, noise: float, at: Array) -> tuple[Array, Array, Array]:
     known = np.isfinite(y).all(axis=1)
     t, y = t[known], y[known]
     if len(t) < 4:
         return np.full((len(at), 3), np.nan), np.full(len(at), np.nan), np.full(len(at), np.inf)
-    x, P, joint = _smoothed(t, y, noise, wander := _wander(t, y, noise))
+    x, P, joint = _smooth(t, y, noise, rate_walk := _rate_walk(t, y, noise))
     k = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
     h, s = np.diff(t)[k], np.clip(at - t[k], 0.0, np.diff(t)[k])
     beyond = np.abs(at - np.clip(at, t[0], t[-1]))
@@ -64,16 +67,16 @@ def _one(t: Array, y: Array, noise: float, at: Array) -> tuple[Array, Array, Arr
     ends = np.concatenate([x[k], x[k + 1]], axis=-1)  # (m, 3, 4): value and rate at both ends
     covariance = np.block([[P[k], joint[k]], [joint[k].transpose(0, 2, 1), P[k + 1]]])
     variance = (
-        np.einsum("mi,mij,mj->m", H, covariance, H) + wander[k] * (s * (h - s) / h) ** 3 / 3
+        np.einsum("mi,mij,mj->m", H, covariance, H) + rate_walk[k] * (s * (h - s) / h) ** 3 / 3
     )  # of the bridge between two samples
     distance = np.minimum(np.abs(at - t[k]), np.abs(t[k + 1] - at))
     variance += (
-        wander.mean() * beyond**3 / 3 + (ends[..., 1::2] ** 2).mean(axis=(1, 2)) * beyond**2
+        rate_walk.mean() * beyond**3 / 3 + (ends[..., 1::2] ** 2).mean(axis=(1, 2)) * beyond**2
     )  # held while the rate goes on
     return np.einsum("mai,mi->ma", ends, H), np.sqrt(np.maximum(variance, 0.0)), distance
 
 
-def _wander(t: Array, y: Array, noise: float) -> Array:
+def _rate_walk(t: Array, y: Array, noise: float) -> Array:
     """Variance a second by which the rate of change wanders, in each interval (n - 1,): of second differences near by, less their noise."""
     h = np.diff(t)
     bend = np.diff(np.diff(y, axis=0) / h[:, None], axis=0)
@@ -86,7 +89,7 @@ def _wander(t: Array, y: Array, noise: float) -> Array:
     return np.concatenate([near[:1], 0.5 * (near[:-1] + near[1:]), near[-1:]])
 
 
-def _smoothed(t: Array, y: Array, noise: float, wander: Array) -> tuple[Array, Array, Array]:
+def _smooth(t: Array, y: Array, noise: float, rate_walk: Array) -> tuple[Array, Array, Array]:
     """Value and rate (n, 3, 2), their covariance (n, 2, 2), and that of neighbours (n - 1, 2, 2)."""
     n = len(t)
     x, foretold, gains = np.empty((n, 3, 2)), np.empty((n, 3, 2)), np.empty((n, 2, 2))
@@ -96,7 +99,7 @@ def _smoothed(t: Array, y: Array, noise: float, wander: Array) -> tuple[Array, A
     )  # of symmetric matrices: value, both, rate. numbers take half the time of matrices
     value, rate, (p, b, r) = y[0], np.zeros(3), (noise, 0.0, 1e4)
     x[0], P[0] = np.stack([value, rate], axis=1), (p, b, r)
-    for k, h, q, row in zip(range(1, n), np.diff(t).tolist(), wander.tolist(), y[1:]):
+    for k, h, q, row in zip(range(1, n), np.diff(t).tolist(), rate_walk.tolist(), y[1:]):
         value = value + h * rate
         foretold[k, :, 0], foretold[k, :, 1] = value, rate
         c, d = p + h * b, b + h * r  # of F P, F = [[1, h], [0, 1]]

@@ -12,21 +12,21 @@ import numpy as np
 from handscope.estimators.numerics.typing import Array
 
 
-def power(
+def exchange_power(
     forces: Array, velocities: Array, torques: Array | None = None, rates: Array | None = None
 ) -> Array:
     """Summed over the fingertips; without torques that of the forces alone."""
     total = (forces * velocities).sum(axis=(1, 2))
     return np.asarray(
-        total if torques is None or rates is None else total + turning(torques, rates)
+        total if torques is None or rates is None else total + rotational_power(torques, rates)
     )
 
 
-def turning(torques: Array, rates: Array) -> Array:
+def rotational_power(torques: Array, rates: Array) -> Array:
     """The part M'w of the torques alone, summed over the fingertips."""
     return np.asarray((torques * rates).sum(axis=(1, 2)))
 
 
-def work(t: Array, watts: Array) -> Array:
+def integrate_power(t: Array, watts: Array) -> Array:
     """By trapezoids."""
     return np.concatenate([[0.0], np.cumsum(0.5 * (watts[1:] + watts[:-1]) * np.diff(t))])

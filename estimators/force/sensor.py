@@ -86,7 +86,7 @@ class ForceCalibration:
 
     def clipped(self, raw: Array) -> Bools:
         """Which readings (n,) have a channel at the end of what it ever reads: mixed with the others it could not be told any more."""
-        return stuck(raw * np.linalg.norm(self.matrix[:3], axis=0))
+        return is_stuck(raw * np.linalg.norm(self.matrix[:3], axis=0))
 
 
 @dataclass(frozen=True)
@@ -113,10 +113,10 @@ def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = 
     _require(raw[rows], loads[rows])
     left_out: list[int] = []
     while len(left_out) < most and len(
-        strange := _strangers(params.chance, raw[rows], loads[rows])
+        strange := _outlying_rows(params.chance, raw[rows], loads[rows])
     ):
         if len(strange) > 1:
-            both = _named(sorted(int(row) for row in rows[strange[:2]]), names)
+            both = _describe_rows(sorted(int(row) for row in rows[strange[:2]]), names)
             raise InputError(
                 f"{both} of the table contradict each other; look at both, directions and signs first"
             )
@@ -124,9 +124,9 @@ def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = 
         if len(left_out) > 1 and len(rows) + len(left_out) - 1 < m + 1 + SPARE * (
             len(left_out) + 1
         ):
-            said = _named(sorted(left_out), names)
+            left_out_rows = _describe_rows(sorted(left_out), names)
             raise InputError(
-                f"{said} of the table do not belong to the others, and those are too few to tell; look at them, or add loads"
+                f"{left_out_rows} of the table do not belong to the others, and those are too few to tell; look at them, or add loads"
             )
         rows = np.delete(rows, strange[0])
         _require(raw[rows], loads[rows])
@@ -147,13 +147,13 @@ def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = 
     )  # dM = -M dC' M
     offset_sd = np.sqrt(unknown[m, m] * (missed**2).sum(axis=0) / free)
     left = np.asarray(np.sqrt(np.diag(left_over)))
-    missed_share = _missed(loads, left, unknown[:m, :m])
+    missed_share = _scale_sd(loads, left, unknown[:m, :m])
     each = missed_share / np.sqrt(
         3.0
     )  # of the matrix's nine entries, alike: the force's own direction takes one of each row
     scale = float(np.hypot(each, params.load_error))
     turn = float(
-        np.hypot(_turned(loads, params.level * np.pi / 180), each / np.sqrt(2.0))
+        np.hypot(_turn_by_bias(loads, params.level * np.pi / 180), each / np.sqrt(2.0))
     )  # the halves that turn
     if (whole := float(np.hypot(missed_share, params.load_error))) > params.worst:
         raise InputError(
@@ -175,11 +175,11 @@ def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = 
     )
 
 
-def _named(rows: Sequence[int], names: Sequence[str]) -> str:
+def _describe_rows(rows: Sequence[int], names: Sequence[str]) -> str:
     return " and ".join(names[row] if names else f"load {1 + row}" for row in rows)
 
 
-def stuck(values: Array) -> Bools:
+def is_stuck(values: Array) -> Bools:
     """Readings (n,) of axes (n, a) N with an axis at the end of what it ever reads, several times in a row: clipped by a limit that nobody told.
 
     Not where a sensor repeats itself anyhow (coarse counts, no noise), and not near its level at rest.
@@ -190,7 +190,9 @@ def stuck(values: Array) -> Bools:
         if len(known) < 8 or (np.diff(known) == 0).mean() > REPEATED:
             continue
         between = (known > known.min()) & (known < known.max())
-        longest = max(STUCK, 1 + _by_luck((np.diff(known) == 0) & between[1:], between[1:]))
+        longest = max(
+            STUCK, 1 + _longest_repeat_by_chance((np.diff(known) == 0) & between[1:], between[1:])
+        )
         for end in (known.min(), known.max()):
             if abs(end - np.median(known)) > FAR:
                 for first, stop in find_runs(axis == end):
@@ -198,7 +200,7 @@ def stuck(values: Array) -> Bools:
     return found
 
 
-def old(values: Array) -> Bools:
+def is_repeated(values: Array) -> Bools:
     """Readings (n,) of axes (n, a) N that repeat the one before in every axis more often in a row than luck makes them: no new ones.
 
     Not of a sensor whose counts are so coarse that axes stay as they are or readings come back while others change.
@@ -215,13 +217,13 @@ def old(values: Array) -> Bools:
     stretches = find_runs(again)
     first = np.zeros(len(values), bool)
     first[[a for a, _ in stretches]] = True
-    longest = max(STUCK, 1 + _by_luck(first, ~again | first))
+    longest = max(STUCK, 1 + _longest_repeat_by_chance(first, ~again | first))
     for a, stop in stretches:
         found[a:stop] = stop - a >= longest
     return found
 
 
-def _by_luck(again: Bools, among: Bools) -> int:
+def _longest_repeat_by_chance(again: Bools, among: Bools) -> int:
     """How often in a row readings repeat themselves by luck, once in a recording of a hundred, where among so many so many do."""
     share, n = float(again.sum() / max(among.sum(), 1)), len(again)
     return (
@@ -268,7 +270,7 @@ def _require(raw: Array, loads: Array) -> None:
         )
 
 
-def _strangers(chance: float, raw: Array, loads: Array) -> NDArray[np.int_]:
+def _outlying_rows(chance: float, raw: Array, loads: Array) -> NDArray[np.int_]:
     """The rows without which each channel's sum of squares falls by more than luck explains, the strangest first; of several each alone would do it.
 
     Of two rows with loads that are much alike one that is wrong draws the other's residual along. That goes as soon as the strangest one is away: a row
@@ -292,11 +294,11 @@ def _strangers(chance: float, raw: Array, loads: Array) -> NDArray[np.int_]:
     order = np.argsort(luck)
     strange = order[luck[order] < chance]
     more = stats.f.logsf(rest[strange] / rest[order[0]], n - 1 - p, n - 1 - p)
-    alike = n * stats.chi2.sf(-2 * more.sum(axis=1), 2 * raw.shape[1]) >= chance
-    return np.asarray(strange[alike])
+    is_equally_likely = n * stats.chi2.sf(-2 * more.sum(axis=1), 2 * raw.shape[1]) >= chance
+    return np.asarray(strange[is_equally_likely])
 
 
-def _missed(loads: Array, left: Array, unknown: Array) -> float:
+def _scale_sd(loads: Array, left: Array, unknown: Array) -> float:
     """Share by which a force may be wrong where the loads are right: the fit's at such loads, and what it leaves of the forces."""
     size = float(np.sqrt((loads[:, :3] ** 2).sum(axis=1).mean()))
     noise = float(np.sqrt((left[:3] ** 2).sum()))
@@ -304,7 +306,7 @@ def _missed(loads: Array, left: Array, unknown: Array) -> float:
     return float(np.hypot(noise * of_fit / size, noise / size))
 
 
-def _turned(loads: Array, level: float) -> float:
+def _turn_by_bias(loads: Array, level: float) -> float:
     """By how much, rad about each axis, an accelerometer's bias that tilts directions by `level` turns all loads together: opposite ones cancel it."""
     force = loads[:, :3]
     size = np.linalg.norm(force, axis=1, keepdims=True)

@@ -39,65 +39,65 @@ class ForceSetup:
         return 3 if self.calibration is None else len(self.calibration.matrix)
 
 
-def setups_from(table: Mapping[str, Any]) -> dict[str, ForceSetup]:
+def parse_setups(table: Mapping[str, Any]) -> dict[str, ForceSetup]:
     """By tracked point; InputError where it cannot be read."""
-    return {point: _setup_from(point, told) for point, told in table.items()}
+    return {point: _parse_setup(point, declared) for point, declared in table.items()}
 
 
-def table_of(setup: ForceSetup) -> dict[str, Any]:
+def setup_to_table(setup: ForceSetup) -> dict[str, Any]:
     """The inverse, of one point."""
     known = {"scale_sd": setup.scale_sd} | (
         {} if setup.turn_sd is None else {"turn_sd": setup.turn_sd}
     )
     if setup.calibration is None:
         return known
-    told: dict[str, Any] = {
+    declared: dict[str, Any] = {
         "channels": [{"name": c.name, "units": c.units} for c in setup.channels]
     }
-    told |= {
+    declared |= {
         "matrix": setup.calibration.matrix.tolist(),
         "offset": setup.calibration.offset.tolist(),
     }
-    return told | known
+    return declared | known
 
 
-def _setup_from(point: str, told: Any) -> ForceSetup:
+def _parse_setup(point: str, declared: Any) -> ForceSetup:
     if point not in FORCE_POINTS:
         raise InputError(
             f"ForceSetup names {point}; force sensors are at {', '.join(FORCE_POINTS)}"
         )
-    if not isinstance(told, Mapping):
+    if not isinstance(declared, Mapping):
         raise InputError(
             f"ForceSetup of {point} is no object; `handscope calibrate-force` writes one"
         )
-    scale = _numbers(point, "scale_sd", told.get("scale_sd"), ())
+    scale = _parse_numbers(point, "scale_sd", declared.get("scale_sd"), ())
     if not 0 <= scale < 1:
         raise InputError(
             f"ForceSetup of {point}: scale_sd is {scale:g}; it is a share between 0 and 1"
         )
     turn = (
-        float(_numbers(point, "turn_sd", told["turn_sd"], ()))
-        if told.get("turn_sd") is not None
+        float(_parse_numbers(point, "turn_sd", declared["turn_sd"], ()))
+        if declared.get("turn_sd") is not None
         else None
     )
     if turn is not None and not 0 <= turn < 1:
         raise InputError(
             f"ForceSetup of {point}: turn_sd is {turn:g}; it is an angle between 0 and 1 rad"
         )
-    if "matrix" not in told:
+    if "matrix" not in declared:
         return ForceSetup(float(scale), turn_sd=turn)
-    channels = _channels(point, told.get("channels"))
-    offset = _numbers(point, "offset", told.get("offset"), (len(channels),))
-    rows = 6 if isinstance(told["matrix"], Sequence) and len(told["matrix"]) == 6 else 3
-    matrix = _numbers(point, "matrix", told["matrix"], (rows, len(channels)))
+    channels = _parse_channels(point, declared.get("channels"))
+    offset = _parse_numbers(point, "offset", declared.get("offset"), (len(channels),))
+    rows = 6 if isinstance(declared["matrix"], Sequence) and len(declared["matrix"]) == 6 else 3
+    matrix = _parse_numbers(point, "matrix", declared["matrix"], (rows, len(channels)))
     return ForceSetup(float(scale), channels, ForceCalibration(matrix, offset, float(scale)), turn)
 
 
-def _channels(point: str, told: Any) -> tuple[Channel, ...]:
-    fits = isinstance(told, Sequence) and all(
-        isinstance(c, Mapping) and {"name", "units"} <= c.keys() for c in told
+def _parse_channels(point: str, declared: Any) -> tuple[Channel, ...]:
+    fits = isinstance(declared, Sequence) and all(
+        isinstance(c, Mapping) and {"name", "units"} <= c.keys() for c in declared
     )
-    channels = tuple(Channel(str(c["name"]), str(c["units"])) for c in told) if fits else ()
+    channels = tuple(Channel(str(c["name"]), str(c["units"])) for c in declared) if fits else ()
     if not channels or len({c.name for c in channels}) < len(channels):
         raise InputError(
             f"ForceSetup of {point}: channels are objects with name and units, each channel once"
@@ -105,14 +105,14 @@ def _channels(point: str, told: Any) -> tuple[Channel, ...]:
     return channels
 
 
-def _numbers(point: str, what: str, told: Any, shape: tuple[int, ...]) -> Array:
+def _parse_numbers(point: str, what: str, declared: Any, shape: tuple[int, ...]) -> Array:
     try:
-        found = np.asarray(told, dtype=float)
+        numbers = np.asarray(declared, dtype=float)
     except (TypeError, ValueError):
-        found = np.full(shape, np.nan)
-    if found.shape != shape or not np.isfinite(found).all():
+        numbers = np.full(shape, np.nan)
+    if numbers.shape != shape or not np.isfinite(numbers).all():
         how = " by ".join(str(n) for n in shape) or "one"
         raise InputError(
             f"ForceSetup of {point}: {what} is not {how} finite numbers; `handscope calibrate-force` writes it"
         )
-    return found
+    return numbers

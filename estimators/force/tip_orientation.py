@@ -85,7 +85,7 @@ class TipParams:
 
 
 @dataclass(frozen=True)
-class Turned:
+class OrientationCorrection:
     turn: Array  # (n, S, 3) rad, of the force sensors
     covariance: Array  # (n, 3S, 3S) of it
     inertial: Array  # (n, S, 3) rad, of the inertial sensors on the same cuffs
@@ -103,10 +103,10 @@ class Tips:
     gyr: Array  # (n, S, 3) rad/s
 
 
-def corrected(params: TipParams, tips: Tips) -> Turned:
+def correct_orientations(params: TipParams, tips: Tips) -> OrientationCorrection:
     """The turns of one grasp."""
     S = tips.force.shape[1]
-    rows = _rows(tips.t, params.update)
+    rows = _update_rows(tips.t, params.update)
     walk = np.repeat([(params.tip_walk * DEG) ** 2, 0.0], 3 * S)
     x, P = (
         np.zeros(6 * S),
@@ -129,25 +129,27 @@ def corrected(params: TipParams, tips: Tips) -> Turned:
         G = np.linalg.lstsq(ahead[j + 1], covariances[j], rcond=None)[0].T
         states[j] = states[j] + G @ (states[j + 1] - states[j])
         covariances[j] = covariances[j] + G @ (covariances[j + 1] - ahead[j + 1]) @ G.T
-    return _told(tips, rows, np.array(states), np.array(covariances), params)
+    return _interpolate_states(tips, rows, np.array(states), np.array(covariances), params)
 
 
-def _told(
+def _interpolate_states(
     tips: Tips, rows: NDArray[np.int_], states: Array, covariances: Array, params: TipParams
-) -> Turned:
+) -> OrientationCorrection:
     """From the rows at which something was corrected to all instants."""
     n, S = tips.force.shape[:2]
     x = np.stack([np.interp(tips.t, tips.t[rows], s) for s in states.T], axis=1)
     inertial, cuff = x[:, : 3 * S].reshape(n, S, 3), x[:, 3 * S :].reshape(n, S, 3)
     q = quat.multiply(quat.exp(inertial), tips.q_GF)
     turn = quat.log(quat.multiply(quat.multiply(q, quat.exp(cuff)), quat.conjugate(tips.q_GF)))
-    whole = np.concatenate([np.tile(np.eye(3 * S), (n, 1, 1)), _in_global(q)], axis=2)
+    whole = np.concatenate([np.tile(np.eye(3 * S), (n, 1, 1)), _turns_in_global(q)], axis=2)
     nearest = np.searchsorted(rows, np.arange(n)).clip(0, len(rows) - 1)
     covariance = whole @ covariances[nearest] @ whole.transpose(0, 2, 1)
-    return Turned(turn, covariance, inertial, _unbalanced(params, tips, turn, covariance))
+    return OrientationCorrection(
+        turn, covariance, inertial, _unbalanced_force(params, tips, turn, covariance)
+    )
 
 
-def _in_global(q: Array) -> Array:
+def _turns_in_global(q: Array) -> Array:
     """Turns of S tips' own frames, one after the other, in the global one: (..., S, 4) -> (..., 3S, 3S)."""
     S = q.shape[-2]
     R, turned = quat.matrix(q), np.zeros((*q.shape[:-2], 3 * S, 3 * S))
@@ -168,7 +170,7 @@ def _measurements(
         quat.rotate(q, tips.gyr[k]),
         quat.rotate(q, quat.rotate(quat.exp(cuff), tips.force[k])),
     )
-    alike = params.alike / params.update
+    samples = params.alike / params.update
     own = np.flatnonzero(every(np.isfinite(acc)) & every(np.isfinite(gyr)))
     size, rate = np.linalg.norm(acc, axis=1), np.linalg.norm(gyr, axis=1)
     for s in (int(one) for one in own):
@@ -176,8 +178,8 @@ def _measurements(
             used.append(
                 (
                     np.array([0.0, 0.0, size[s]]) - acc[s],
-                    _turning(S, {s: acc[s]}),
-                    np.eye(3) * params.acc_error**2 * alike,
+                    _sum_jacobian(S, {s: acc[s]}),
+                    np.eye(3) * params.acc_error**2 * samples,
                 )
             )
     if (
@@ -192,15 +194,15 @@ def _measurements(
             used.append(
                 (
                     acc[0] - acc[s],
-                    _turning(S, {s: acc[s], 0: -acc[0]}),
-                    np.eye(3) * ((2 * params.acc_error**2) * alike + lever**2),
+                    _sum_jacobian(S, {s: acc[s], 0: -acc[0]}),
+                    np.eye(3) * ((2 * params.acc_error**2) * samples + lever**2),
                 )
             )
             used.append(
                 (
                     gyr[0] - gyr[s],
-                    _turning(S, {s: gyr[s], 0: -gyr[0]}),
-                    np.eye(3) * (0.5 * params.together_rate * DEG) ** 2 * alike,
+                    _sum_jacobian(S, {s: gyr[s], 0: -gyr[0]}),
+                    np.eye(3) * (0.5 * params.together_rate * DEG) ** 2 * samples,
                 )
             )
     used = [
@@ -208,23 +210,23 @@ def _measurements(
     ]  # the cuff turns what the force sensor reads alone
     if len(own) and np.isfinite(force).all():
         up = acc[own].mean(axis=0)
-        across = _across(up)
+        across = _horizontal_axes(up)
         noise = S * params.force_noise**2 + params.force_scale**2 * float((force**2).sum())
-        H = across @ _turning(S, {s: force[s] for s in range(S)})
+        H = across @ _sum_jacobian(S, {s: force[s] for s in range(S)})
         tilted = H.copy()  # the vertical is the tips' own: it turns with them
         for s in (int(one) for one in own):
             tilted[:, 3 * s : 3 * s + 3] += np.cross(across, force.sum(axis=0)) / len(own)
         used.append(
             (
                 -across @ force.sum(axis=0),
-                np.hstack([tilted, H @ _in_global(q)]),
-                np.eye(2) * noise * alike,
+                np.hstack([tilted, H @ _turns_in_global(q)]),
+                np.eye(2) * noise * samples,
             )
         )
     return used
 
 
-def _turning(S: int, vectors: dict[int, Array]) -> Array:
+def _sum_jacobian(S: int, vectors: dict[int, Array]) -> Array:
     """How the sum of global vectors (3,) of some tips changes with their turns: (3, 3S); a turn d adds d x v."""
     H = np.zeros((3, 3 * S))
     for s, v in vectors.items():
@@ -232,7 +234,7 @@ def _turning(S: int, vectors: dict[int, Array]) -> Array:
     return H
 
 
-def _across(up: Array) -> Array:
+def _horizontal_axes(up: Array) -> Array:
     """Two unit vectors (2, 3) at right angles to `up`."""
     e = up / np.linalg.norm(up)
     first = np.cross(e, np.eye(3)[np.argmin(np.abs(e))])
@@ -240,7 +242,7 @@ def _across(up: Array) -> Array:
     return np.stack([first, np.cross(e, first)])
 
 
-def _unbalanced(params: TipParams, tips: Tips, turn: Array, covariance: Array) -> Array:
+def _unbalanced_force(params: TipParams, tips: Tips, turn: Array, covariance: Array) -> Array:
     """The net force across the specific force (n,), in standard deviations of what forces and turns may be wrong by."""
     S = tips.force.shape[1]
     q = quat.multiply(quat.exp(turn), tips.q_GF)
@@ -263,6 +265,6 @@ def _unbalanced(params: TipParams, tips: Tips, turn: Array, covariance: Array) -
     return np.asarray(np.linalg.norm(net, axis=1) / np.sqrt(variance))
 
 
-def _rows(t: Array, update: float) -> NDArray[np.int_]:
+def _update_rows(t: Array, update: float) -> NDArray[np.int_]:
     """The rows at which something is corrected: one in each stretch of `update` s."""
     return np.unique(np.searchsorted(t, np.arange(t[0], t[-1] + 1e-9, update)).clip(0, len(t) - 1))

@@ -59,7 +59,7 @@ class Zero:
     drift: Array  # (S,) N/sqrt(s) by which each zero was taken to walk
 
 
-def found(params: ZeroParams, t: Array, readings: Array, noise: Array) -> Zero:
+def estimate_zero(params: ZeroParams, t: Array, readings: Array, noise: Array) -> Zero:
     """The zero of every sensor; `noise` (S,) N is that of one reading."""
     n, sensors = readings.shape[:2]
     each = [_free_and_walk(params, t, readings[:, s], float(noise[s])) for s in range(sensors)]
@@ -67,30 +67,33 @@ def found(params: ZeroParams, t: Array, readings: Array, noise: Array) -> Zero:
     level, variance, jump = np.empty_like(readings), np.empty((n, sensors)), np.zeros((n, sensors))
     for s in range(sensors):
         of_one, walk = max(float(noise[s]), 1e-3) ** 2, float(drift[s]) ** 2
-        level[:, s], variance[:, s] = _smoothed(t, readings[:, s], free[:, s], of_one, walk)
+        level[:, s], variance[:, s] = _smooth_zero(t, readings[:, s], free[:, s], of_one, walk)
         of = (t, readings[:, s], free[:, s], of_one)
         for first, stop in find_runs(~free[:, s]):
             if first > 0 and stop < n:
-                seemed = _jump(*of, walk, first, stop)
+                seemed = _zero_jump(*of, walk, first, stop)
                 jump[first:stop, s] = (
-                    seemed if walk >= params.drift**2 else _jump(*of, params.drift**2, first, stop)
+                    seemed
+                    if walk >= params.drift**2
+                    else _zero_jump(*of, params.drift**2, first, stop)
                 )
                 variance[first:stop, s] *= max(1.0, seemed**2)
     return Zero(level, np.sqrt(variance), free, jump, drift)
 
 
-def _jump(
+def _zero_jump(
     t: Array, y: Array, free: Bools, noise: float, drift: float, first: int, stop: int
 ) -> float:
     """How far the zeros before and behind the readings [first, stop) differ, in standard deviations of a walk with this variance a second."""
     before, behind = (
-        _smoothed(t[k], y[k], free[k], noise, drift) for k in (slice(0, first), slice(stop, len(t)))
+        _smooth_zero(t[k], y[k], free[k], noise, drift)
+        for k in (slice(0, first), slice(stop, len(t)))
     )
     off = float(((before[0][-1] - behind[0][0]) ** 2).mean())
     return float(np.sqrt(off / (before[1][-1] + behind[1][0] + drift * (t[stop - 1] - t[first]))))
 
 
-def known_from(
+def zero_from_others(
     t: Array, readings: Array, free: Bools, noise: float, drift: float
 ) -> tuple[Array, Array]:
     """Zero (n, 3) and its standard deviation (n,) of other readings (n, 3) of the same sensor, where it is known when it was free (n,).
@@ -98,8 +101,8 @@ def known_from(
     `noise` is that of one reading, `drift` that of the zero in the same unit a root of a second; more or less where the free sensor shows it.
     """
     used = free & every(np.isfinite(readings))
-    level, variance = _smoothed(
-        t, readings, used, noise**2, _walk(t, readings, used, noise, drift) ** 2
+    level, variance = _smooth_zero(
+        t, readings, used, noise**2, _estimate_walk(t, readings, used, noise, drift) ** 2
     )
     return level, np.sqrt(variance)
 
@@ -109,7 +112,7 @@ def _free_and_walk(params: ZeroParams, t: Array, y: Array, noise: float) -> tupl
     drift = params.drift
     for _ in range(ROUNDS):
         free = _free(params, t, y, noise, drift)
-        seen = _walk(t, y, free, noise, params.drift)
+        seen = _estimate_walk(t, y, free, noise, params.drift)
         if seen <= 1.1 * drift:
             break
         drift = seen
@@ -131,9 +134,9 @@ def _free(params: ZeroParams, t: Array, y: Array, noise: float, drift: float) ->
         len(t),
     )
     if many > 1:
-        y, noise = _evened(y, known, many), noise / np.sqrt(many)
+        y, noise = _moving_mean(y, known, many), noise / np.sqrt(many)
     gate = max(params.least, SURE * noise)
-    level = _resting(y[known], gate)
+    level = _resting_level(y[known], gate)
     start = int(np.flatnonzero(known)[np.argmin(np.linalg.norm(y[known] - level, axis=1))])
     for order in (range(start, len(t)), range(start - 1, -1, -1)):
         here, since = level.copy(), t[start]
@@ -149,7 +152,7 @@ def _free(params: ZeroParams, t: Array, y: Array, noise: float, drift: float) ->
     return np.asarray(binary_erosion(free | ~known, np.ones(wide, bool), border_value=1) & known)
 
 
-def _evened(y: Array, known: Bools, many: int) -> Array:
+def _moving_mean(y: Array, known: Bools, many: int) -> Array:
     """Means (n, 3) of so many readings around each, of those that are known; NaN where it is not."""
     around = np.ones(many)
     sums = np.stack(
@@ -160,7 +163,7 @@ def _evened(y: Array, known: Bools, many: int) -> Array:
     )
 
 
-def _walk(t: Array, y: Array, free: Bools, noise: float, likely: float) -> float:
+def _estimate_walk(t: Array, y: Array, free: Bools, noise: float, likely: float) -> float:
     """How fast the zero walks, in the readings' unit a root of a second: root of the mean square of what the free readings leave likely.
 
     Each stretch by itself tells by what its readings surprise a Kalman filter, one for each walk of a grid; what is `likely` where there is none.
@@ -170,25 +173,28 @@ def _walk(t: Array, y: Array, free: Bools, noise: float, likely: float) -> float
         -0.5 * (np.log(WALKS) / FACTOR + FACTOR) ** 2
     )  # its mean square is that of what is likely
     for first, stop in find_runs(free):
-        chances += _likelihood(
+        chances += _log_likelihood(
             *_means(t[first:stop], y[first:stop]), max(noise, 1e-3 * likely) ** 2, walks**2
         )
     weights = np.exp(chances - chances.max())
     return float(np.sqrt(weights @ walks**2 / weights.sum()))
 
 
-def _likelihood(t: Array, y: Array, counts: Array, noise: float, walks: Array) -> Array:
+def _log_likelihood(t: Array, y: Array, counts: Array, noise: float, walks: Array) -> Array:
     """Logarithm (m,) of how likely means (n, 3) of so many readings (n,) with this variance are of a zero that walks by variances (m,) a second."""
-    told = np.zeros(len(walks))
+    log_likelihood = np.zeros(len(walks))
     if not len(t):
-        return told
+        return log_likelihood
     level, variance = np.tile(y[0], (len(walks), 1)), np.full(len(walks), noise / counts[0])
     for seen, dt, of_one in zip(y[1:], np.diff(t).tolist(), (noise / counts[1:]).tolist()):
         variance = variance + walks * dt
-        missed, whole = seen - level, variance + of_one
-        told -= 0.5 * (3 * np.log(whole) + (missed**2).sum(axis=1) / whole)
-        level, variance = level + (variance / whole)[:, None] * missed, variance * of_one / whole
-    return told
+        innovation, whole = seen - level, variance + of_one
+        log_likelihood -= 0.5 * (3 * np.log(whole) + (innovation**2).sum(axis=1) / whole)
+        level, variance = (
+            level + (variance / whole)[:, None] * innovation,
+            variance * of_one / whole,
+        )
+    return log_likelihood
 
 
 def _means(t: Array, y: Array) -> tuple[Array, Array, Array]:
@@ -202,14 +208,16 @@ def _means(t: Array, y: Array) -> tuple[Array, Array, Array]:
     return np.add.reduceat(t, starts) / counts, np.add.reduceat(y, starts) / counts[:, None], counts
 
 
-def _resting(y: Array, gate: float) -> Array:
+def _resting_level(y: Array, gate: float) -> Array:
     """The level (3,) at which a sensor is most often: what has most readings within the gate."""
     thin = y[:: max(1, len(y) // 400)]
     near = (np.linalg.norm(thin[:, None] - thin[None], axis=-1) < gate).sum(axis=1)
     return np.asarray(thin[np.argmax(near)])
 
 
-def _smoothed(t: Array, y: Array, used: Bools, noise: float, drift: float) -> tuple[Array, Array]:
+def _smooth_zero(
+    t: Array, y: Array, used: Bools, noise: float, drift: float
+) -> tuple[Array, Array]:
     """Zero (n, 3) and variance (n,) of a random walk seen where it is used."""
     n = len(t)
     x, p, ahead = np.zeros((n, 3)), [0.0] * n, [0.0] * n  # ahead: variance foretold

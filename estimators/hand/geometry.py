@@ -176,7 +176,7 @@ def sized(hand: Hand, measures: HandMeasures | None = None) -> HandGeometry:
     )
 
 
-def with_lengths(
+def with_finger_lengths(
     geometry: HandGeometry, limb: str, found: Mapping[str, float], off: float = 0.0
 ) -> HandGeometry:
     """The hand with lengths (m) of a finger, or of the forearm, that movement told; the others of it are off by a share.

@@ -10,8 +10,8 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import MEASURES
 from handscope.estimators.measures.accuracy import DEFAULT, Accuracy, with_sd
 from handscope.estimators.measures.figure import Figure
-from handscope.estimators.measures.plot_data import NOTHING, Shown
-from handscope.estimators.measures.task_request import Asked, asked_of
+from handscope.estimators.measures.plot_data import NOTHING, PlotData
+from handscope.estimators.measures.task_request import TaskRequest, parse_request
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class TaskResult:
     end: float  # s
     details: Any  # what the measure's `measure` gave
     figures: tuple[Figure, ...]
-    shown: Shown = NOTHING  # what to draw of it
+    shown: PlotData = NOTHING  # what to draw of it
     sd_basis: str = ""  # where the figures' standard deviations come from
 
 
@@ -39,9 +39,9 @@ def assess(
 
     A task with the detail `excluded` is left out, and of a task the stretches (start, stop) s in its detail `left_out` and its pauses.
     """
-    told = [e for e in events if e.trial_type == "task"]
-    tasks = [e for e in told if not e.details.get("excluded")]
-    if not told and len(trajectory):
+    declared = [e for e in events if e.trial_type == "task"]
+    tasks = [e for e in declared if not e.details.get("excluded")]
+    if not declared and len(trajectory):
         tasks = [
             Event(
                 float(trajectory.t[0]),
@@ -53,9 +53,9 @@ def assess(
     known, basis = with_sd(trajectory, accuracy)
     results = []
     for event in tasks:
-        asked = asked_of(event, events)
+        asked = parse_request(event, events)
         counted = known.without([*event.details.get("left_out", ()), *asked.pauses])
-        for name in measures_of(asked):
+        for name in requested_measures(asked):
             module = MEASURES[name]
             params = (options or {}).get(name) or module.Params()
             details = module.measure(params, counted, event.onset, event.end, geometry, asked)
@@ -75,7 +75,7 @@ def assess(
     return results
 
 
-def measures_of(asked: Asked) -> list[str]:
+def requested_measures(asked: TaskRequest) -> list[str]:
     """The measures that the event's `measures` name (a list, or words); without that, those that apply to a task of that name."""
     named = asked.details.get("measures")
     if named is None:

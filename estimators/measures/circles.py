@@ -16,10 +16,10 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import DEVIATION, FLEXION, JOINT, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, grade_of, kinds
-from handscope.estimators.measures.plot_data import Curve, Shown
-from handscope.estimators.measures.signals import even
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
-from handscope.estimators.measures.time_window import within
+from handscope.estimators.measures.plot_data import Curve, PlotData
+from handscope.estimators.measures.signals import resample_even
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.time_window import task_samples
 from handscope.estimators.numerics.typing import Array
 
 TITLE = "Circles with the index finger"
@@ -76,10 +76,10 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
+    asked: TaskRequest = UNKNOWN,
 ) -> Circles:
     """Of the index finger's MCP joint."""
-    part = within(trajectory, onset, end)
+    part = task_samples(trajectory, onset, end)
     angles = part.angles[:, JOINT[PART]]
     if len(part) < 3 or np.isfinite(angles[:, [FLEXION, DEVIATION]]).all(axis=1).sum() < 3:
         return _nothing("the index finger was not measured")
@@ -102,7 +102,7 @@ def of_angles(
 ) -> Circles:
     """Circles in two angles (n,) in rad at times t (n,) s."""
     params = params or Params()
-    signals = [even(t, a, lowpass=params.lowpass) for a in (flexion, deviation)]
+    signals = [resample_even(t, a, lowpass=params.lowpass) for a in (flexion, deviation)]
     n = min(len(s.t) for s in signals)
     xy = np.array([s.values[:n] - s.values[:n].mean() for s in signals])
     sizes, axes = np.linalg.eigh(np.cov(xy))
@@ -133,7 +133,7 @@ def of_angles(
 
 def figures(c: Circles) -> list[Figure]:
     """The flat list of figures; both half axes have an angle's error at either end, independent."""
-    told, axis_sd = (c.grade, c.reason), None if c.sd is None else c.sd / np.sqrt(2.0)
+    graded, axis_sd = (c.grade, c.reason), None if c.sd is None else c.sd / np.sqrt(2.0)
     round_sd = (
         None
         if axis_sd is None or not c.long > 0
@@ -151,12 +151,12 @@ def figures(c: Circles) -> list[Figure]:
         "circles_roundness": (c.short / c.long if c.long > 0 else np.nan, round_sd),
         "circles_scatter_share": (c.scatter, scatter_sd),
     }
-    return [KINDS[what].of(value, sd, *told, PART) for what, (value, sd) in rows.items()]
+    return [KINDS[what].of(value, sd, *graded, PART) for what, (value, sd) in rows.items()]
 
 
-def shown(c: Circles) -> Shown:
+def shown(c: Circles) -> PlotData:
     """Both angles over time."""
-    return Shown(c.curves)
+    return PlotData(c.curves)
 
 
 def _nothing(reason: str) -> Circles:

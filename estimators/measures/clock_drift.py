@@ -19,11 +19,11 @@ from handscope.estimators.measures.synchronisation import (
     Drift,
     Lag,
     Signal,
-    interpolated,
-    pooled,
+    interpolate,
+    pooled_correlation,
     rate_of,
-    smoothed,
-    synchronised,
+    smooth_both,
+    synchronise,
     variance,
 )
 from handscope.estimators.numerics.typing import Array
@@ -51,11 +51,11 @@ def synchronised_clocks(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
     Hours with a drift fit nowhere as a whole: then the busiest minutes are looked for, and followed from there.
     """
     try:
-        return with_drift(a, b, synchronised(a, b, longest))
+        return with_drift(a, b, synchronise(a, b, longest))
     except InputError:
-        for part in _busiest(a):
+        for part in _busiest_parts(a):
             try:
-                found = with_drift(a, b, synchronised(part, b, longest), float(part.t.mean()))
+                found = with_drift(a, b, synchronise(part, b, longest), float(part.t.mean()))
             except InputError:
                 continue
             if found.rate:
@@ -65,48 +65,48 @@ def synchronised_clocks(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
 
 def with_drift(a: Signal, b: Signal, lag: Lag, around: float | None = None) -> Lag:
     """The lag with the drift that was found, if any; `around`: A's time where the lag is known to hold, else the middle of the movement."""
-    a = _between(a, *_shared(a, b, lag))
+    a = _cut(a, *_common_stretch(a, b, lag))
     if len(a.t) < 2 or (span := float(a.t[-1] - a.t[0])) < LEAST * SHORTEST:
         return lag
     moving = variance(a.values) > 1e-4 * variance(a.values).max()
     a, b = Signal(a.t, a.values[:, moving]), Signal(b.t, b.values[:, moving])
     samples_a, samples_b = a, b
-    a, b = smoothed(a, b)
+    a, b = smooth_both(a, b)
     edges = np.linspace(a.t[0], a.t[-1], int(min(WINDOWS, span // SHORTEST)) + 1)
-    parts = [_between(a, first, last) for first, last in zip(edges[:-1], edges[1:])]
-    middles, lags, weights = _followed(parts, b, lag, around)
+    parts = [_cut(a, first, last) for first, last in zip(edges[:-1], edges[1:])]
+    middles, lags, weights = _track_windows(parts, b, lag, around)
     if len(lags) < LEAST:
         return lag
-    start, slope, sd = _line(middles - a.t[0], lags, weights)
+    start, slope, sd = _fit_line(middles - a.t[0], lags, weights)
     limit = float(student.ppf(1 - CHANCE / 2, len(lags) - 2)) * sd
     applied = abs(slope) > limit and abs(slope) * span > MATTERS
     drift = Drift(-slope, sd, len(lags), applied)
     if not applied:
         return replace(lag, drift=drift)
     found = replace(lag, seconds=start, at=float(a.t[0]), drift=drift)
-    better = pooled(a.values, interpolated(b, found.on_b(a.t)))
-    if better < pooled(
-        a.values, interpolated(b, a.t - lag.seconds)
+    better = pooled_correlation(a.values, interpolate(b, found.on_b(a.t)))
+    if better < pooled_correlation(
+        a.values, interpolate(b, a.t - lag.seconds)
     ):  # the windows have followed something else
         return replace(lag, drift=replace(drift, applied=False))
     return replace(
         found,
-        correlation=pooled(samples_a.values, interpolated(samples_b, found.on_b(a.t))),
+        correlation=pooled_correlation(samples_a.values, interpolate(samples_b, found.on_b(a.t))),
         overlap=span,
     )
 
 
-def _busiest(a: Signal) -> list[Signal]:
+def _busiest_parts(a: Signal) -> list[Signal]:
     """The stretches of PART s in which most moves, of a signal that is longer than two of them."""
     count = int((a.t[-1] - a.t[0]) // PART)
     edges = np.linspace(a.t[0], a.t[-1], count + 1) if count > 1 else np.zeros(0)
-    parts = [_between(a, first, last) for first, last in zip(edges[:-1], edges[1:])]
+    parts = [_cut(a, first, last) for first, last in zip(edges[:-1], edges[1:])]
     return sorted(
         (p for p in parts if len(p.t) > 2), key=lambda p: -float(variance(p.values).sum())
     )[:TRIED]
 
 
-def _followed(
+def _track_windows(
     parts: list[Signal], b: Signal, lag: Lag, around: float | None
 ) -> tuple[Array, Array, Array]:
     """Middle, lag and weight of every window that tells something: from the middle of the movement outwards, each looking near its neighbour."""
@@ -130,7 +130,7 @@ def _followed(
             if len(part.t) < 3 or power[k] <= MOVING * power.mean():
                 continue
             middle = float(part.t.mean())
-            seconds, r = _locally(
+            seconds, r = _local_lag(
                 part, b, near, reach if t_near is None else MOST * abs(middle - t_near)
             )
             if r < FITTING:
@@ -141,17 +141,17 @@ def _followed(
                 seconds,
                 _bandwidth(part) ** 2 * len(part.t) * min(r * r / max(1 - r * r, 1e-9), 1e4),
             )
-    told = np.array([found[k] for k in sorted(found)]).reshape(-1, 3)
-    return told[:, 0], told[:, 1], told[:, 2]
+    rows = np.array([found[k] for k in sorted(found)]).reshape(-1, 3)
+    return rows[:, 0], rows[:, 1], rows[:, 2]
 
 
-def _locally(part: Signal, b: Signal, near: float, reach: float) -> tuple[float, float]:
+def _local_lag(part: Signal, b: Signal, near: float, reach: float) -> tuple[float, float]:
     """Lag and correlation of one window within `reach` of a lag."""
     reach += STEP
-    b = _between(b, part.t[0] - near - reach - 1.0, part.t[-1] - near + reach + 1.0)
+    b = _cut(b, part.t[0] - near - reach - 1.0, part.t[-1] - near + reach + 1.0)
 
     def misfit(seconds: float) -> float:
-        r = pooled(part.values, interpolated(b, part.t - seconds))
+        r = pooled_correlation(part.values, interpolate(b, part.t - seconds))
         return -r if np.isfinite(r) else 1.0
 
     if len(b.t) < 4:
@@ -164,7 +164,7 @@ def _locally(part: Signal, b: Signal, near: float, reach: float) -> tuple[float,
     return float(found.x), -float(found.fun)
 
 
-def _line(t: Array, lags: Array, weights: Array) -> tuple[float, float, float]:
+def _fit_line(t: Array, lags: Array, weights: Array) -> tuple[float, float, float]:
     """Value at 0, slope and its standard deviation."""
     robust = np.ones(len(t))
     for _ in range(30):
@@ -182,14 +182,14 @@ def _line(t: Array, lags: Array, weights: Array) -> tuple[float, float, float]:
     return float(mean - slope * middle), slope, sd
 
 
-def _shared(a: Signal, b: Signal, lag: Lag) -> tuple[float, float]:
+def _common_stretch(a: Signal, b: Signal, lag: Lag) -> tuple[float, float]:
     """What both show, on A's clock."""
     return max(float(a.t[0]), float(b.t[0]) + lag.seconds), min(
         float(a.t[-1]), float(b.t[-1]) + lag.seconds
     )
 
 
-def _between(signal: Signal, start: float, stop: float) -> Signal:
+def _cut(signal: Signal, start: float, stop: float) -> Signal:
     first, last = np.searchsorted(signal.t, [start, np.nextafter(stop, np.inf)])
     return Signal(signal.t[first:last], signal.values[first:last])
 

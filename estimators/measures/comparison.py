@@ -16,7 +16,7 @@ import numpy as np
 from handscope.estimators.data.samples import GYR, Block, Event
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand.anatomy import ANGLES, FINGERS, JOINTS, SEGMENT
-from handscope.estimators.measures.synchronisation import Signal, interpolated
+from handscope.estimators.measures.synchronisation import Signal, interpolate
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
@@ -96,7 +96,7 @@ class Consistency:
         return self.drms / self.largest if self.largest > TURNED else np.nan
 
 
-def shared(a: Trajectory, b: Trajectory) -> tuple[list[str], Signal, Signal]:
+def shared_names(a: Trajectory, b: Trajectory) -> tuple[list[str], Signal, Signal]:
     """Names and values of the angles that both hold anywhere; the distance of thumb and index tip where they share no angle."""
     angles_a, angles_b = _known_angles(a), _known_angles(b)
     columns = [
@@ -113,9 +113,9 @@ def shared(a: Trajectory, b: Trajectory) -> tuple[list[str], Signal, Signal]:
     return ([TIPS] if all(np.isfinite(s.values).any() for s in tips) else []), tips[0], tips[1]
 
 
-def paired(a: Trajectory, b: Trajectory, lag: float) -> list[Pair]:
+def pair_quantities(a: Trajectory, b: Trajectory, lag: float) -> list[Pair]:
     """All that both hold, B brought to A's samples by splines; t_A = t_B + lag."""
-    names, on_a, on_b = shared(a, b)
+    names, on_a, on_b = shared_names(a, b)
     if not names:
         return []
     angles = [] if names == [TIPS] else _pairs(names, "rad", on_a, on_b, lag)
@@ -127,7 +127,7 @@ def paired(a: Trajectory, b: Trajectory, lag: float) -> list[Pair]:
     )
 
 
-def stretches(
+def list_stretches(
     a: Sequence[Event], b: Sequence[Event], lag: float, span: tuple[float, float]
 ) -> list[tuple[str, float, float]]:
     """Name, onset and end on A's clock of the whole recording and of each task: those of A, or of B where A tells none."""
@@ -150,26 +150,30 @@ def agreements(pairs: Sequence[Pair], parts: Sequence[tuple[str, float, float]])
     return found
 
 
-def tip_distance(moved: Trajectory) -> Array:
+def tip_distance(trajectory: Trajectory) -> Array:
     """Distance (n,) m between the tips of thumb and index: the amplitude of tapping."""
     return np.asarray(
         np.linalg.norm(
-            moved.tips[:, FINGERS.index("thumb")] - moved.tips[:, FINGERS.index("index")], axis=-1
+            trajectory.tips[:, FINGERS.index("thumb")] - trajectory.tips[:, FINGERS.index("index")],
+            axis=-1,
         )
     )
 
 
 def gyroscope_consistency(
-    moved: Trajectory, blocks: Iterable[Block], biases: Mapping[str, Array], means: bool = False
+    trajectory: Trajectory,
+    blocks: Iterable[Block],
+    biases: Mapping[str, Array],
+    means: bool = False,
 ) -> list[Consistency]:
     """Angular velocity from q_GS against the gyroscopes, segment by segment; `means`: a gyroscope's sample is the mean rate since the one before.
 
     Source: Kortier, thesis 3.2.5: dRMS of the norm against the largest angular velocity measured.
     """
-    if len(moved) < 2:
+    if len(trajectory) < 2:
         return []
-    dt = np.diff(moved.t)
-    middle = moved.t[:-1] + 0.5 * dt
+    dt = np.diff(trajectory.t)
+    middle = trajectory.t[:-1] + 0.5 * dt
     found = []
     for block in blocks:
         if GYR not in block.stream.quantities or len(block.t) < 2:
@@ -178,37 +182,37 @@ def gyroscope_consistency(
         for k, segment in enumerate(block.stream.sensors):
             if segment not in SEGMENT:
                 continue
-            q_GS = moved.q_GS[:, SEGMENT[segment]]
+            q_GS = trajectory.q_GS[:, SEGMENT[segment]]
             estimated = np.linalg.norm(quat.log(quat.relative(q_GS[:-1], q_GS[1:])), axis=-1) / dt
             gyr = block.of(GYR)[:, k] - biases.get(segment, np.zeros(3))
             norm = np.linalg.norm(
                 [np.interp(middle, t, w, left=np.nan, right=np.nan) for w in gyr.T], axis=0
             )
-            apart = estimated - norm
-            if np.isfinite(apart).any():
+            difference = estimated - norm
+            if np.isfinite(difference).any():
                 found.append(
                     Consistency(
                         segment,
-                        float(np.sqrt(np.nanmean(apart**2))),
+                        float(np.sqrt(np.nanmean(difference**2))),
                         float(np.nanmax(np.linalg.norm(gyr, axis=-1))),
                     )
                 )
     return found
 
 
-def _known_angles(moved: Trajectory) -> Array:
+def _known_angles(trajectory: Trajectory) -> Array:
     """Angles (n, joints, 3), NaN where a segment's flags say that the instrument does not know them."""
-    unknown = (moved.flags & UNKNOWN) != 0
+    unknown = (trajectory.flags & UNKNOWN) != 0
     of_joint = np.stack(
         [unknown[:, SEGMENT[j.parent]] | unknown[:, SEGMENT[j.child]] for j in JOINTS], axis=-1
     )
-    return np.where(of_joint[..., None], np.nan, moved.angles)
+    return np.where(of_joint[..., None], np.nan, trajectory.angles)
 
 
 def _pairs(
     names: Sequence[str], unit: Literal["rad", "m"], a: Signal, b: Signal, lag: float
 ) -> list[Pair]:
-    values = interpolated(b, a.t - lag)
+    values = interpolate(b, a.t - lag)
     return [
         Pair(name, unit, a.t, a.values[:, k], values[:, k])
         for k, name in enumerate(names)

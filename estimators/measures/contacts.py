@@ -16,8 +16,8 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Grade
-from handscope.estimators.measures.task_request import Asked
-from handscope.estimators.measures.time_window import graded
+from handscope.estimators.measures.task_request import TaskRequest
+from handscope.estimators.measures.time_window import grade_window
 from handscope.estimators.numerics.typing import Array
 
 SALCHOW = "Salchow-Hoemmen 2019, (30), (31) and Table 5"
@@ -37,7 +37,7 @@ class Contact:
 
 
 @dataclass(frozen=True)
-class Touched:
+class ContactDistance:
     """One pair over a task; without a geometry the points are the ends of the bones."""
 
     contact: Contact
@@ -49,10 +49,10 @@ class Touched:
     reason: str
 
 
-def contacts_of(asked: Asked) -> list[Contact]:
+def parse_contacts(asked: TaskRequest) -> list[Contact]:
     """What the task's details say; none where they say nothing that can be read."""
     words = str(asked.details.get("contacts") or "").split()
-    millimetres = [_number(v) for v in str(asked.details.get("distances_mm") or "").split()]
+    millimetres = [_parse_number(v) for v in str(asked.details.get("distances_mm") or "").split()]
     found = []
     for k, word in enumerate(words):
         ends = [tuple(end.split("_")) for end in word.split("-")]
@@ -63,7 +63,9 @@ def contacts_of(asked: Asked) -> list[Contact]:
     return found
 
 
-def touched(contact: Contact, part: Trajectory, geometry: HandGeometry | None) -> Touched:
+def contact_distance(
+    contact: Contact, part: Trajectory, geometry: HandGeometry | None
+) -> ContactDistance:
     """The distance of a pair over the task."""
     fingers = (contact.a[0], contact.b[0])
     segments = [SEGMENT["hand"], *(SEGMENT[s] for f in fingers for s in CHAINS[f])]
@@ -74,8 +76,8 @@ def touched(contact: Contact, part: Trajectory, geometry: HandGeometry | None) -
             contact_points_of(part, geometry, f, p, FINGERTIPS[f])
             for f, p in (contact.a, contact.b)
         ]
-    apart = points[0] - points[1]
-    distance = np.sqrt((apart**2).sum(axis=-1))
+    offset = points[0] - points[1]
+    distance = np.sqrt((offset**2).sum(axis=-1))
     sd = None
     if part.tips_sd is not None and len(part):
         both = np.sqrt(
@@ -83,7 +85,7 @@ def touched(contact: Contact, part: Trajectory, geometry: HandGeometry | None) -
         )  # of each coordinate, both fingers
         sd = float(np.nanmean(both)) if np.isfinite(both).any() else None
     if np.isfinite(distance).sum() < 3:
-        return Touched(
+        return ContactDistance(
             contact,
             part.t,
             distance,
@@ -92,10 +94,12 @@ def touched(contact: Contact, part: Trajectory, geometry: HandGeometry | None) -
             "poor",
             f"{' or '.join(fingers)} not measured",
         )
-    return Touched(contact, part.t, distance, sd, geometry is not None, *graded(part, segments))
+    return ContactDistance(
+        contact, part.t, distance, sd, geometry is not None, *grade_window(part, segments)
+    )
 
 
-def errors(distance: Array, true: float) -> Mapping[str, float]:
+def error_statistics(distance: Array, true: float) -> Mapping[str, float]:
     """Mean, standard deviation and root mean square of a distance's errors (n,), m; NaN left out."""
     off = np.asarray(distance, float) - true
     off = off[np.isfinite(off)]
@@ -108,7 +112,7 @@ def errors(distance: Array, true: float) -> Mapping[str, float]:
     }
 
 
-def _number(text: str) -> float | None:
+def _parse_number(text: str) -> float | None:
     try:
         value = float(text)
     except ValueError:

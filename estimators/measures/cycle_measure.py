@@ -14,7 +14,7 @@ from handscope.estimators.measures import cycle_figures, cycles
 from handscope.estimators.measures.cycle_figures import size_kinds, stop_kinds, time_kinds
 from handscope.estimators.measures.cycles import Cycles, Params, Stops
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
-from handscope.estimators.measures.plot_data import Curve, Shown
+from handscope.estimators.measures.plot_data import Curve, PlotData
 from handscope.estimators.numerics.typing import Array
 
 STILL = (
@@ -46,7 +46,7 @@ class Words:
 
 
 @dataclass(frozen=True)
-class Repeated:
+class CycleResult:
     """One trial."""
 
     params: Params
@@ -57,32 +57,32 @@ class Repeated:
     reason: str
 
 
-def measured(
+def measure_cycles(
     params: Params,
     t: Array,
     angle: Array,
     within: tuple[float, float],
     graded: tuple[Grade, str],
     sd: float | None = None,
-) -> Repeated:
+) -> CycleResult:
     """Cycles within [onset, end] of an angle (n,) in rad."""
     if np.isfinite(angle).sum() < 3:
-        return Repeated(params, None, (), None, "poor", "not measured")
-    c = cycles.found(params, t, angle, params.smallest_turn, within)
+        return CycleResult(params, None, (), None, "poor", "not measured")
+    c = cycles.find_cycles(params, t, angle, params.smallest_turn, within)
     if not c.count:
-        return Repeated(params, c, (), sd, "poor", "no complete movement found")
+        return CycleResult(params, c, (), sd, "poor", "no complete movement found")
     moving = (float(c.closings[0]), min(within[1], float(c.t[-1])))
-    stops = tuple(cycles.stops(params, t, angle, moving, share) for share in STILL)
-    return Repeated(params, c, stops, sd, *cycles.said_of(c, graded))
+    stops = tuple(cycles.find_stops(params, t, angle, moving, share) for share in STILL)
+    return CycleResult(params, c, stops, sd, *cycles.grade_cycles(c, graded))
 
 
-def of_array(params: Params, t: Array, angle: Array, sd: float | None) -> Repeated:
+def measure_array(params: Params, t: Array, angle: Array, sd: float | None) -> CycleResult:
     """The same of plain arrays, the whole of them; InputError where they are no signal."""
     cycles.require_fast(params, t, angle)
-    return measured(params, t, angle, (-np.inf, np.inf), ("good", ""), sd)
+    return measure_cycles(params, t, angle, (-np.inf, np.inf), ("good", ""), sd)
 
 
-def figures_of(words: Words, r: Repeated) -> list[Figure]:
+def list_figures(words: Words, r: CycleResult) -> list[Figure]:
     """The flat list of figures."""
     graded = (r.grade, r.reason)
     if r.cycles is None or not r.cycles.count:
@@ -98,10 +98,10 @@ def figures_of(words: Words, r: Repeated) -> list[Figure]:
     return made + cycle_figures.stop_figures(r.params, words.stops(), words.prefix, r.stops, graded)
 
 
-def shown_of(words: Words, r: Repeated) -> Shown:
+def plot_cycles(words: Words, r: CycleResult) -> PlotData:
     """The angle over time with closings and freezes, and the amplitude of every cycle."""
     if r.cycles is None:
-        return Shown()
+        return PlotData()
     c = r.cycles
     curves = (
         Curve(f"{words.prefix}_angle", "rad", c.t, c.opening),
@@ -110,4 +110,4 @@ def shown_of(words: Words, r: Repeated) -> Shown:
     marks = {"closing": c.closings} | (
         {"freeze": r.stops[0].lasting(r.params.freeze)} if r.stops else {}
     )
-    return Shown(curves, marks)
+    return PlotData(curves, marks)

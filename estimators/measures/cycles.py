@@ -15,7 +15,7 @@ from scipy.signal import find_peaks
 from handscope.estimators.data.options import option
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures.figure import Grade, worse
-from handscope.estimators.measures.signals import Even, checked, even, stretches
+from handscope.estimators.measures.signals import Even, check_signal, resample_even, stretches
 from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
@@ -127,7 +127,7 @@ class Stops:
         return self.onsets[self.durations >= least - 1e-9]
 
 
-def found(
+def find_cycles(
     params: Params,
     t: Array,
     opening: Array,
@@ -135,43 +135,43 @@ def found(
     within: tuple[float, float] = (-np.inf, np.inf),
 ) -> Cycles:
     """The complete cycles between two instants, looked for in the whole signal."""
-    signal = even(t, opening, params.max_gap, params.lowpass)
-    closed, counts = _closed(params, signal, smallest, within), []
+    signal = resample_even(t, opening, params.max_gap, params.lowpass)
+    closed, counts = _closings_within(params, signal, smallest, within), []
     for share in (0.8, 1.2):
-        looser = _closed(
+        looser = _closings_within(
             replace(params, prominence=min(1.0, share * params.prominence)),
             signal,
             smallest,
             within,
         )
-        counts.append(len(_complete(signal, looser)))
+        counts.append(len(_complete_cycles(signal, looser)))
     small = len(
-        _complete(
+        _complete_cycles(
             signal,
-            _closed(
+            _closings_within(
                 replace(params, prominence=SMALL * params.prominence), signal, smallest, within
             ),
         )
     )
-    made = at(params, signal, closed)
+    made = cycles_between(params, signal, closed)
     return replace(
         made, count_sd=0.5 * abs(counts[0] - counts[1]), smaller=max(0, small - made.count)
     )
 
 
-def said_of(c: Cycles, told: tuple[Grade, str]) -> tuple[Grade, str]:
+def grade_cycles(c: Cycles, graded: tuple[Grade, str]) -> tuple[Grade, str]:
     """Grade and reason of a trial, with what its cycles leave out."""
     if c.count and c.smaller > OVERLOOKED * c.count:
         return worse(
-            told,
+            graded,
             ("fair", f"{c.smaller} movements of less than a quarter of the range are not counted"),
         )
-    return told
+    return graded
 
 
 def require_fast(params: Params, t: Array, values: Array) -> None:
     """InputError where an array is sampled too slowly for the shortest cycle: most often milliseconds, or the numbers of samples, given for seconds."""
-    t, values = checked(t, values)
+    t, values = check_signal(t, values)
     period = float(np.median(np.diff(t)))
     if period > params.cycle_min:
         raise InputError(
@@ -179,11 +179,11 @@ def require_fast(params: Params, t: Array, values: Array) -> None:
         )
 
 
-def at(params: Params, signal: Even, closed: np.ndarray) -> Cycles:
+def cycles_between(params: Params, signal: Even, closed: np.ndarray) -> Cycles:
     """The cycles between closings (indices) that are known already."""
-    pairs = _complete(signal, closed)
+    pairs = _complete_cycles(signal, closed)
     amplitudes, opening, closing = (
-        np.array([_cycle(signal, a, b) for a, b in pairs]).reshape(-1, 3).T
+        np.array([_describe_cycle(signal, a, b) for a, b in pairs]).reshape(-1, 3).T
     )
     onsets, ends = (signal.t[[pair[k] for pair in pairs]] for k in (0, 1))
     return Cycles(
@@ -199,22 +199,24 @@ def at(params: Params, signal: Even, closed: np.ndarray) -> Cycles:
     )
 
 
-def closings(params: Params, signal: Even, smallest: float) -> np.ndarray:
+def find_closings(params: Params, signal: Even, smallest: float) -> np.ndarray:
     """Indices of the samples at which a cycle begins or ends."""
     low, high = np.percentile(signal.values[signal.known], [5, 95])
     if high - low < smallest:
         return np.empty(0, int)
-    apart = max(1, round(params.cycle_min / signal.period))
+    least_samples = max(1, round(params.cycle_min / signal.period))
     return np.asarray(
-        find_peaks(-signal.values, prominence=params.prominence * (high - low), distance=apart)[0]
+        find_peaks(
+            -signal.values, prominence=params.prominence * (high - low), distance=least_samples
+        )[0]
     )
 
 
-def stops(
+def find_stops(
     params: Params, t: Array, angle: Array, within: tuple[float, float], share: float = 1.0
 ) -> Stops:
     """Where an angle (rad) changes by at most a share of `still_speed` for `interruption` or longer, between two instants."""
-    signal = even(t, angle, params.max_gap, params.lowpass)
+    signal = resample_even(t, angle, params.max_gap, params.lowpass)
     slow = (
         (np.abs(signal.slope()) <= share * params.still_speed)
         & signal.known
@@ -226,24 +228,24 @@ def stops(
     return Stops(long[:, 0], long[:, 1])
 
 
-def _closed(
+def _closings_within(
     params: Params, signal: Even, smallest: float, within: tuple[float, float]
 ) -> np.ndarray:
-    closed = closings(params, signal, smallest)
+    closed = find_closings(params, signal, smallest)
     t = signal.t[closed]
     return np.asarray(
         closed[(t >= within[0] - params.cycle_min) & (t <= within[1] + params.cycle_min)]
     )
 
 
-def _complete(signal: Even, closed: np.ndarray) -> list[tuple[int, int]]:
+def _complete_cycles(signal: Even, closed: np.ndarray) -> list[tuple[int, int]]:
     """Neighbouring closings without a hole between them."""
     return [
         (int(a), int(b)) for a, b in zip(closed[:-1], closed[1:]) if signal.known[a : b + 1].all()
     ]
 
 
-def _cycle(signal: Even, a: int, b: int) -> tuple[float, float, float]:
+def _describe_cycle(signal: Even, a: int, b: int) -> tuple[float, float, float]:
     """Amplitude, opening and closing speed of one cycle, linear drift removed."""
     opening = signal.values[a : b + 1]
     level = opening - np.linspace(opening[0], opening[-1], len(opening))

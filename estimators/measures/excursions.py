@@ -16,7 +16,7 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.measures.cycles import Cycles
 from handscope.estimators.measures.repetitions import HIGH, LOW
-from handscope.estimators.measures.time_window import within
+from handscope.estimators.measures.time_window import task_samples
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
@@ -35,11 +35,11 @@ def repetitions(
     for found in (getattr(d, "cycles", None) for d in details):
         if isinstance(found, Cycles):
             return [(float(a), float(b)) for a, b in zip(found.onsets, found.ends)]
-    part = within(trajectory, onset, end)
-    return excursions(part.t, _away(part)) if len(part) > 3 else []
+    part = task_samples(trajectory, onset, end)
+    return find_excursions(part.t, _distance_from_start(part)) if len(part) > 3 else []
 
 
-def excursions(t: Array, away: Array) -> list[Span]:
+def find_excursions(t: Array, away: Array) -> list[Span]:
     """Spans of a distance (n,) that is small at rest."""
     known = np.isfinite(away)
     if known.sum() < 3:
@@ -56,19 +56,19 @@ def excursions(t: Array, away: Array) -> list[Span]:
     )  # stays on one side, samples between the thresholds left out
     rests = [(float(t[r[0]]), float(t[r[-1]])) for r in runs if sides[r[0]] < 0]
     return [
-        _span(rests, float(t[r[0]]), float(t[r[-1]]), (float(t[0]), float(t[-1])))
+        _excursion_span(rests, float(t[r[0]]), float(t[r[-1]]), (float(t[0]), float(t[-1])))
         for r in runs
         if sides[r[0]] > 0
     ]
 
 
-def _span(rests: list[Span], start: float, stop: float, ends: Span) -> Span:
+def _excursion_span(rests: list[Span], start: float, stop: float, ends: Span) -> Span:
     """From the middle of the rest before to the middle of the rest after, or the task's ends."""
     before, after = [r for r in rests if r[1] < start], [r for r in rests if r[0] > stop]
     return sum(before[-1]) / 2 if before else ends[0], sum(after[0]) / 2 if after else ends[1]
 
 
-def _away(part: Trajectory) -> Array:
+def _distance_from_start(part: Trajectory) -> Array:
     """Distance (n,) from the posture at the beginning, each angle as a share of its own range; without a unit, NaN where nothing moves."""
     up = quat.rotate(quat.conjugate(part.q_GS[:, SEGMENT["hand"]]), UP)
     columns = np.column_stack(
@@ -81,7 +81,7 @@ def _away(part: Trajectory) -> Array:
     moving = ranges > max(LEAST, SMALL * float(ranges.max()))
     if not moving.any():
         return np.full(len(part), np.nan)
-    apart = columns[:, moving] - np.nanmedian(
+    difference = columns[:, moving] - np.nanmedian(
         columns[part.t <= part.t[0] + BEGIN][:, moving], axis=0
     )
-    return np.asarray(np.sqrt(np.nansum((apart / ranges[moving]) ** 2, axis=1)))
+    return np.asarray(np.sqrt(np.nansum((difference / ranges[moving]) ** 2, axis=1)))

@@ -18,9 +18,9 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, FLEXION, JOINT, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, grade_of, kinds
-from handscope.estimators.measures.plot_data import Curve, Shown
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
-from handscope.estimators.measures.time_window import within
+from handscope.estimators.measures.plot_data import Curve, PlotData
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.time_window import task_samples
 from handscope.estimators.measures.total_active_motion import TAM_JOINTS
 from handscope.estimators.numerics.typing import Array
 
@@ -66,7 +66,7 @@ class Params:
 
 
 @dataclass(frozen=True)
-class Alone:
+class FingerIndependence:
     """One finger asked for."""
 
     finger: str
@@ -92,10 +92,10 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
-) -> list[Alone]:
+    asked: TaskRequest = UNKNOWN,
+) -> list[FingerIndependence]:
     """Every finger asked for; its rounds together. Without a word of which, the finger that bent furthest."""
-    part = within(trajectory, onset, end)
+    part = task_samples(trajectory, onset, end)
     joints = {f: [JOINT[j] for j in TAM_JOINTS[f]] for f in FINGERS}
     sums = {f: part.angles[:, joints[f], FLEXION].sum(axis=1) for f in FINGERS} if len(part) else {}
     sums = {f: s for f, s in sums.items() if np.isfinite(s).sum() >= 3}
@@ -138,7 +138,7 @@ def of_sums(
     sd: float | None = None,
     t: Array | None = None,
     graded: tuple[Grade, str] = ("good", ""),
-) -> Alone:
+) -> FingerIndependence:
     """A finger asked for, from the summed flexions (n,) in rad of all fingers, by finger."""
     params = params or Params()
     if finger not in sums or len({len(s) for s in sums.values()}) != 1 or len(sums) < 2:
@@ -152,7 +152,7 @@ def of_sums(
     own = kept[finger] - kept[finger].min() if known.any() else np.zeros(0)
     extent = float(np.ptp(own)) if len(own) else 0.0
     if extent < params.smallest:
-        return Alone(
+        return FingerIndependence(
             finger,
             others,
             extent,
@@ -178,7 +178,7 @@ def of_sums(
     here = FINGERS.index(finger)
     neighbours = [f for f in others if abs(FINGERS.index(f) - here) == 1]
     enslaving = {f: float(np.ptp(kept[f])) / extent for f in neighbours}
-    return Alone(
+    return FingerIndependence(
         finger,
         others,
         extent,
@@ -192,25 +192,25 @@ def of_sums(
     )
 
 
-def figures(found: list[Alone]) -> list[Figure]:
+def figures(found: list[FingerIndependence]) -> list[Figure]:
     """The flat list of figures; an enslaving is named after both fingers, the one asked for first."""
     made = []
     for a in found:
-        told = (a.grade, a.reason)
+        graded = (a.grade, a.reason)
         range_sd = None if a.sd is None else float(np.sqrt(2.0) * a.sd)
         share_sd = None if range_sd is None or not a.sum_range else range_sd / a.sum_range
-        made.append(KINDS["sum_range"].of(a.sum_range, range_sd, *told, a.finger))
-        made.append(KINDS["individuation_index"].of(a.index, a.index_sd, *told, a.finger))
-        made.append(KINDS["independent_share"].of(a.independent, share_sd, *told, a.finger))
+        made.append(KINDS["sum_range"].of(a.sum_range, range_sd, *graded, a.finger))
+        made.append(KINDS["individuation_index"].of(a.index, a.index_sd, *graded, a.finger))
+        made.append(KINDS["independent_share"].of(a.independent, share_sd, *graded, a.finger))
         for other, share in a.enslaving.items():
             sd = None if share_sd is None else float(share_sd * np.hypot(1.0, share))
-            made.append(KINDS["enslaving_share"].of(share, sd, *told, f"{a.finger}_{other}"))
+            made.append(KINDS["enslaving_share"].of(share, sd, *graded, f"{a.finger}_{other}"))
     return made
 
 
-def shown(found: list[Alone]) -> Shown:
+def shown(found: list[FingerIndependence]) -> PlotData:
     """The summed flexions of all fingers, round by round."""
-    return Shown(
+    return PlotData(
         tuple(
             c
             for a in found

@@ -29,9 +29,15 @@ from handscope.estimators.hand.anatomy import (
 )
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
-from handscope.estimators.measures.plot_data import Curve, Shown
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
-from handscope.estimators.measures.time_window import graded, held, usable_in, window_of, within
+from handscope.estimators.measures.plot_data import Curve, PlotData
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.time_window import (
+    grade_window,
+    running_median,
+    task_samples,
+    usable_samples,
+    window_length,
+)
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
@@ -114,18 +120,18 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
+    asked: TaskRequest = UNKNOWN,
 ) -> Opposition:
     """The places reached; each is looked for where it was called, if it was."""
-    part = within(trajectory, onset, end)
+    part = task_samples(trajectory, onset, end)
     if geometry is None or len(part) < 3:
         return _nothing("the hand's geometry is not known" if len(part) else "no samples")
-    window = window_of(part.t, params.hold)
+    window = window_length(part.t, params.hold)
     gaps, needed = (
         distances(part.angles, geometry),
         [SEGMENT["hand"], *(SEGMENT[s] for s in CHAINS["thumb"])],
     )
-    usable, found = usable_in(part, needed), {}
+    usable, found = usable_samples(part, needed), {}
     for k in range(1, PLACES + 1):
         called = [(m.onset, m.end) for m in asked.marks if m.phase == f"position_{k}"]
         inside = (
@@ -133,17 +139,17 @@ def measure(
             if called
             else np.ones(len(part), bool)
         )
-        kept = held(np.where(inside, gaps[:, k - 1], np.nan), usable, window)
+        kept = running_median(np.where(inside, gaps[:, k - 1], np.nan), usable, window)
         if kept is not None:
             found[k] = float(np.nanmin(kept))
     if not found:
         return _nothing("the thumb, or the fingers it is to reach, were not measured")
-    grade, reason = graded(part, needed)
+    grade, reason = grade_window(part, needed)
     score, crawling = score_of(found, params.tolerance)
     bounds = [score_of(found, share * params.tolerance)[0] for share in (0.8, 1.2)]
-    said = "; ".join(filter(None, [reason, ESTIMATED, CRAWLING if crawling else ""]))
+    reasons = "; ".join(filter(None, [reason, ESTIMATED, CRAWLING if crawling else ""]))
     cmc = part.angles[:, JOINT["thumb_cmc"]]
-    turned = [held(cmc[:, a], usable, window) for a in (FLEXION, PRONATION)]
+    turned = [running_median(cmc[:, a], usable, window) for a in (FLEXION, PRONATION)]
     abduction, pronation = (float(np.nanmax(v)) if v is not None else np.nan for v in turned)
     sd = (
         None
@@ -166,7 +172,7 @@ def measure(
         pronation,
         angle_sd,
         fair,
-        said,
+        reasons,
         curves,
     )
 
@@ -238,19 +244,19 @@ def landmarks(angles: Array, geometry: HandGeometry) -> Array:
 
 def figures(o: Opposition) -> list[Figure]:
     """The flat list of figures; a distance's part is its place."""
-    told = (o.grade, o.reason)
-    made = [KINDS["kapandji_score"].of(o.score, o.score_sd, *told)]
+    graded = (o.grade, o.reason)
+    made = [KINDS["kapandji_score"].of(o.score, o.score_sd, *graded)]
     made += [
-        KINDS["kapandji_distance"].of(d, o.sd, *told, f"position_{k}")
+        KINDS["kapandji_distance"].of(d, o.sd, *graded, f"position_{k}")
         for k, d in o.distances.items()
     ]
-    made.append(KINDS["opposition_abduction"].of(o.abduction, o.angle_sd, *told))
-    return [*made, KINDS["opposition_pronation"].of(o.pronation, o.angle_sd, *told)]
+    made.append(KINDS["opposition_abduction"].of(o.abduction, o.angle_sd, *graded))
+    return [*made, KINDS["opposition_pronation"].of(o.pronation, o.angle_sd, *graded)]
 
 
-def shown(o: Opposition) -> Shown:
+def shown(o: Opposition) -> PlotData:
     """The distances to all places over time."""
-    return Shown(o.curves)
+    return PlotData(o.curves)
 
 
 def _orientation(q_pc: Array, finger: str, joints: int) -> Array:

@@ -16,13 +16,13 @@ from handscope.estimators.data.options import option
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.force import grasp_phases, identification, load_exchange
 from handscope.estimators.force.contact import ContactParams
-from handscope.estimators.force.grasp_phases import UNREAD, UNSURE, Holding
-from handscope.estimators.force.identification import Running
+from handscope.estimators.force.grasp_phases import UNREAD, UNSURE, GraspPhase
+from handscope.estimators.force.identification import RunningEstimate
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds, worse
-from handscope.estimators.measures.plot_data import Curve, Shown
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
-from handscope.estimators.measures.time_window import within
+from handscope.estimators.measures.plot_data import Curve, PlotData
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.time_window import task_samples
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array, Bools
 
@@ -104,22 +104,22 @@ class Params(ContactParams):
 
 
 @dataclass(frozen=True)
-class Lifted:
+class LiftedObject:
     """One lift."""
 
-    held: Holding
+    held: GraspPhase
     off: Bools  # (n,) instants at which the object is off the table
     mass: float  # kg; NaN where it cannot be told
     mass_sd: float
     slips: Array  # s
     reason: str
-    running: Running | None = None  # the mass as it stood while the object was held up
+    running: RunningEstimate | None = None  # the mass as it stood while the object was held up
 
 
 @dataclass(frozen=True)
 class Lift:
     measured: bool
-    lifts: tuple[Lifted, ...]
+    lifts: tuple[LiftedObject, ...]
     grasps: int
     grade: Grade
     reason: str
@@ -135,26 +135,26 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
+    asked: TaskRequest = UNKNOWN,
 ) -> Lift:
     """Every lift of the stretch."""
-    part = within(trajectory, onset, end)
-    if not grasp_phases.measured(part):
+    part = task_samples(trajectory, onset, end)
+    if not grasp_phases.measured_fingers(part):
         return Lift(False, (), 0, "poor", NONE)
-    found = grasp_phases.holdings(params, part)
-    lifts = [made for h in found if (made := _lifted(params, h)) is not None]
+    found = grasp_phases.find_grasp_phases(params, part)
+    lifts = [made for h in found if (made := _measure_lift(params, h)) is not None]
     if not lifts:
         return Lift(
             True, (), len(found), "poor", "nothing was lifted" if found else "nothing was held"
         )
-    told = [
+    grades = [
         ("good" if not one.reason else "fair" if np.isfinite(one.mass) else "poor", one.reason)
         for one in lifts
     ]
-    return Lift(True, tuple(lifts), len(found), *worse(*told))  # type: ignore[arg-type]
+    return Lift(True, tuple(lifts), len(found), *worse(*grades))  # type: ignore[arg-type]
 
 
-def _lifted(params: Params, h: Holding) -> Lifted | None:
+def _measure_lift(params: Params, h: GraspPhase) -> LiftedObject | None:
     """What one grasp tells; None where nothing leaves the table."""
     if len(h.t) < 8 or not np.isfinite(h.height).all() or h.height.max() < params.lifted:
         return None
@@ -165,7 +165,7 @@ def _lifted(params: Params, h: Holding) -> Lifted | None:
         (h.t >= first + params.margin) & (h.t <= last - params.margin),
     )
     if sure.sum() < 8 or not np.isfinite(h.forces[sure]).all():
-        return Lifted(
+        return LiftedObject(
             h,
             off,
             np.nan,
@@ -173,8 +173,8 @@ def _lifted(params: Params, h: Holding) -> Lifted | None:
             np.empty(0),
             h.flagged(off) or "the force was not known while the object was held up",
         )
-    weighed = mass_of(params, h, sure)
-    slips = _slips(params, h, sure, weighed.weight)
+    weighed = estimate_mass(params, h, sure)
+    slips = _find_slips(params, h, sure, weighed.weight)
     reasons = [h.flagged(sure)] + (["the object slipped"] if len(slips) else [])
     doubtful = bool(
         h.flags[sure].any() and (np.bitwise_or.reduce(h.flags[sure], axis=None) & UNSURE)
@@ -203,20 +203,22 @@ def _lifted(params: Params, h: Holding) -> Lifted | None:
         )
         doubtful = True
     mass, running = (np.nan, None) if doubtful else (weighed.mass, weighed.running)
-    return Lifted(h, off, mass, weighed.sd, slips, "; ".join(r for r in reasons if r), running)
+    return LiftedObject(
+        h, off, mass, weighed.sd, slips, "; ".join(r for r in reasons if r), running
+    )
 
 
 @dataclass(frozen=True)
-class Weighed:
+class MassEstimate:
     mass: float  # kg
     sd: float
     supported: float  # by how many of its standard deviations a constant support differs from zero
     changed: float  # and what the mass gains or loses meanwhile
     weight: Array  # (used,) N
-    running: Running
+    running: RunningEstimate
 
 
-def mass_of(params: Params, h: Holding, used: Bools) -> Weighed:
+def estimate_mass(params: Params, h: GraspPhase, used: Bools) -> MassEstimate:
     """The mass from all samples at once and as it stood after each of them. (6.5), (6.8)
 
     What carries part of the object leaves m g - support while it rests and m (g + a) - support while it does not: the slope of the load over the
@@ -224,9 +226,9 @@ def mass_of(params: Params, h: Holding, used: Bools) -> Weighed:
     """
     net, s, up = h.net[used], h.lifting[used], h.up[used]
     unknown = np.full(int(used.sum()), QUIET)
-    fit = identification.fitted(net, s[..., None], unknown)
+    fit = identification.fit_least_squares(net, s[..., None], unknown)
     of_axes = (
-        (h.alike_sd[used] ** 2).mean(axis=0).sum(axis=0)
+        (h.common_sd[used] ** 2).mean(axis=0).sum(axis=0)
     )  # N^2: inclination, zero and scale are the same in all samples
     across = net - (net * up).sum(axis=1, keepdims=True) * up
     unexplained = max(
@@ -235,7 +237,7 @@ def mass_of(params: Params, h: Holding, used: Bools) -> Weighed:
     along = (s * up).sum(axis=1)
     since = (h.t[used] - h.t[used].mean()) / np.ptp(h.t[used])
     both, growing = (
-        identification.fitted(
+        identification.fit_least_squares(
             h.load[used][:, None], np.stack([along, other], axis=-1)[:, None], unknown
         )
         for other in (np.ones(len(s)), along * since)
@@ -244,12 +246,14 @@ def mass_of(params: Params, h: Holding, used: Bools) -> Weighed:
     gained = growing.theta[1] if changed > params.perhaps else 0.0
     supported = abs(both.theta[1]) / float(np.hypot(both.sd[1], np.sqrt(of_axes[2])))
     carried = both.theta[1] if supported > params.perhaps else 0.0
-    untold = grasp_phases.untold_share(h, used) * fit.theta[0]
+    unobserved = grasp_phases.unobserved_share(h, used) * fit.theta[0]
     common = float(
-        np.sqrt((of_axes[2] + unexplained + carried**2) / GRAVITY**2 + untold**2 + gained**2 / 12)
+        np.sqrt(
+            (of_axes[2] + unexplained + carried**2) / GRAVITY**2 + unobserved**2 + gained**2 / 12
+        )
     )  # any of those it had
     each = float(np.sqrt((fit.residuals**2).mean() * len(s) / fit.independent))
-    running = identification.followed(
+    running = identification.track_first_parameter(
         h.t[used],
         net,
         s[..., None],
@@ -259,12 +263,12 @@ def mass_of(params: Params, h: Holding, used: Bools) -> Weighed:
         lambda mass: np.full(len(mass), common),
     )
     weight = (fit.theta[0] + gained * since) * np.linalg.norm(s, axis=1)
-    return Weighed(
+    return MassEstimate(
         float(fit.theta[0]), float(np.hypot(fit.sd[0], common)), supported, changed, weight, running
     )
 
 
-def _slips(params: Params, h: Holding, used: Bools, weight: Array) -> Array:
+def _find_slips(params: Params, h: GraspPhase, used: Bools, weight: Array) -> Array:
     """When (s) the load leaves what the mass explains, N (used,), for a short while."""
     off = np.abs(h.load[used] - weight) > max(params.slip * float(np.median(weight)), 0.3)
     starts = np.flatnonzero(np.diff(np.concatenate([[False], off]).astype(int)) == 1)
@@ -279,56 +283,59 @@ def figures(r: Lift) -> list[Figure]:
             for what, kind in KINDS.items()
             if what not in ("force_share", "lift_work_turning")
         ]
-    told = (r.grade, r.reason)
-    made = [KINDS["lift_count"].of(float(len(r.lifts)), 0.0, *told)]
+    graded = (r.grade, r.reason)
+    made = [KINDS["lift_count"].of(float(len(r.lifts)), 0.0, *graded)]
     each = [_values(one) for one in r.lifts]
     turning = any(one.held.turning is not None for one in r.lifts)
     for what, kind in KINDS.items():
         if what not in ("lift_count", "force_share") and (turning or what != "lift_work_turning"):
-            made.append(_mean(kind, [e[what] for e in each], told))
+            made.append(_mean(kind, [e[what] for e in each], graded))
     for k, finger in enumerate(r.lifts[0].held.fingers if r.lifts else ()):
         shares = [
-            (np.nan if _unread(one) else float(one.held.shares[one.off, k].mean()), 0.03)
+            (
+                np.nan if _has_missing_forces(one) else float(one.held.shares[one.off, k].mean()),
+                0.03,
+            )
             for one in r.lifts
         ]
-        made.append(_mean(KINDS["force_share"], shares, told, finger))
+        made.append(_mean(KINDS["force_share"], shares, graded, finger))
     return made
 
 
 def _mean(
-    kind: Kind, each: list[tuple[float, float]], told: tuple[Grade, str], part: str = ""
+    kind: Kind, each: list[tuple[float, float]], graded: tuple[Grade, str], part: str = ""
 ) -> Figure:
     known = np.array([e for e in each if np.isfinite(e[0])]).reshape(-1, 2)
     if not len(known):
-        return kind.of(np.nan, None, *told, part)
+        return kind.of(np.nan, None, *graded, part)
     scatter = float(known[:, 0].std(ddof=1) / np.sqrt(len(known))) if len(known) > 1 else 0.0
     return kind.of(
-        float(known[:, 0].mean()), float(np.hypot(scatter, known[:, 1].mean())), *told, part
+        float(known[:, 0].mean()), float(np.hypot(scatter, known[:, 1].mean())), *graded, part
     )
 
 
-def _values(one: Lifted) -> dict[str, tuple[float, float]]:
+def _values(one: LiftedObject) -> dict[str, tuple[float, float]]:
     """The figures of one lift, each with the standard deviation that the instrument leaves."""
     h, off = one.held, one.off
-    sd = np.sqrt((h.alike_sd[off] ** 2).mean(axis=0))  # (S, 3)
+    sd = np.sqrt((h.common_sd[off] ** 2).mean(axis=0))  # (S, 3)
     grip, load, t = float(h.grip[off].mean()), float(h.load[off].mean()), h.t
-    untold = grasp_phases.untold_share(
+    unobserved = grasp_phases.unobserved_share(
         h, off
     )  # of the push, and perhaps of the load: one side of the grip lacks it
-    grip_sd = float(np.hypot(0.5 * np.sqrt((sd**2).sum() / 3), 0.5 * untold * grip))
-    load_sd = float(np.hypot(np.sqrt((sd[:, 2] ** 2).sum()), untold * load))
+    grip_sd = float(np.hypot(0.5 * np.sqrt((sd**2).sum() / 3), 0.5 * unobserved * grip))
+    load_sd = float(np.hypot(np.sqrt((sd[:, 2] ** 2).sum()), unobserved * load))
     first, last = t[off][0], t[off][-1]
     rise = np.gradient(h.grip, t)
     up = off & (np.arange(len(t)) <= int(np.argmax(h.height)))
     work = lifting_work(h, up)
     turned, turned_sd = (
-        float(load_exchange.work(t[up], v[up])[-1]) if v is not None else np.nan
+        float(load_exchange.integrate_power(t[up], v[up])[-1]) if v is not None else np.nan
         for v in (h.turning, h.turning_sd)
     )  # a zero errs all the way
     height, height_sd = float(h.height.max()), HEIGHT_ERROR * (t[-1] - t[0]) ** 2
     if np.isnan(one.mass):  # the sum of the forces is not known: nor is what it did
         load = work = np.nan
-    if _unread(one):
+    if _has_missing_forces(one):
         grip, rise = np.nan, np.full(1, np.nan)
     top = grip if np.isnan(grip) else float(h.grip.max())
     return {
@@ -350,26 +357,26 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
     }
 
 
-def _unread(one: Lifted) -> bool:
+def _has_missing_forces(one: LiftedObject) -> bool:
     """Whether forces are missing while the object is off the table."""
     return bool((one.held.flags[one.off] & UNREAD).any())
 
 
-def lifting_work(h: Holding, up: Bools) -> float:
+def lifting_work(h: GraspPhase, up: Bools) -> float:
     """J that the forces do on the object at the instants `up`: the integral of F'v, F the sum of the fingertips' forces and v the object's velocity."""
     if h.velocity is None or not up.any():
         return float("nan")
     return float(
-        load_exchange.work(
-            h.t[up], load_exchange.power(h.net[up][:, None], h.velocity[up][:, None])
+        load_exchange.integrate_power(
+            h.t[up], load_exchange.exchange_power(h.net[up][:, None], h.velocity[up][:, None])
         )[-1]
     )
 
 
-def shown(r: Lift) -> Shown:
+def shown(r: Lift) -> PlotData:
     """Grip and load of the lifts, with when the object left the table, was back, and slipped."""
     if not r.lifts:
-        return Shown()
+        return PlotData()
     t, grip, load = (
         np.concatenate([np.append(v, np.nan) for v in vs])
         for vs in zip(*((o.held.t, o.held.grip, o.held.load) for o in r.lifts))
@@ -381,7 +388,7 @@ def shown(r: Lift) -> Shown:
         "slip": np.concatenate([o.slips for o in r.lifts]),
     }
     curves = Curve("grip_force", "N", t, grip), Curve("load_force", "N", t, load)
-    return Shown(
+    return PlotData(
         (
             *curves,
             *twist_curves([o.held for o in r.lifts]),
@@ -391,14 +398,14 @@ def shown(r: Lift) -> Shown:
     )
 
 
-def twist_curves(each: Sequence[Holding]) -> tuple[Curve, ...]:
+def twist_curves(each: Sequence[GraspPhase]) -> tuple[Curve, ...]:
     """Torque about the normal of each fingertip with its standard deviation to either side, one grasp behind the other; of sensors with six axes."""
-    told = [h for h in each if h.twist is not None and h.twist_sd is not None]
+    with_twist = [h for h in each if h.twist is not None and h.twist_sd is not None]
     curves: list[Curve] = []
-    for k, finger in enumerate(told[0].fingers if told else ()):
+    for k, finger in enumerate(with_twist[0].fingers if with_twist else ()):
         running = [
-            Running(h.t, h.twist[:, k], h.twist_sd[:, k])
-            for h in told
+            RunningEstimate(h.t, h.twist[:, k], h.twist_sd[:, k])
+            for h in with_twist
             if h.twist is not None and h.twist_sd is not None
         ]
         if any(np.isfinite(one.value).any() for one in running):
@@ -406,14 +413,16 @@ def twist_curves(each: Sequence[Holding]) -> tuple[Curve, ...]:
     return tuple(curves)
 
 
-def running_curves(name: str, unit: str, each: Sequence[Running | None]) -> tuple[Curve, ...]:
+def running_curves(
+    name: str, unit: str, each: Sequence[RunningEstimate | None]
+) -> tuple[Curve, ...]:
     """A running estimate and its standard deviation to either side, one stretch behind the other; none where there is none."""
-    told = [one for one in each if one is not None]
-    if not told:
+    known = [one for one in each if one is not None]
+    if not known:
         return ()
-    t = np.concatenate([np.append(one.t, one.t[-1]) for one in told])
+    t = np.concatenate([np.append(one.t, one.t[-1]) for one in known])
     value, sd = (
-        np.concatenate([np.append(getattr(one, what), np.nan) for one in told])
+        np.concatenate([np.append(getattr(one, what), np.nan) for one in known])
         for what in ("value", "sd")
     )
     return tuple(

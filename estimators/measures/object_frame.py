@@ -12,17 +12,17 @@ import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.force import grasp_phases
-from handscope.estimators.force.grasp_phases import UNSURE, Holding
-from handscope.estimators.force.identification import Running
+from handscope.estimators.force.grasp_phases import UNSURE, GraspPhase
+from handscope.estimators.force.identification import RunningEstimate
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import lift, squeeze
-from handscope.estimators.measures.signals import LEAST, even
+from handscope.estimators.measures.signals import LEAST, resample_even
 
 
-def mass(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:
+def lifted_mass(trajectory: Trajectory, geometry: HandGeometry) -> RunningEstimate | None:
     """kg, of what was lifted last."""
     params = lift.Params()
-    h = _newest(trajectory, geometry)
+    h = _newest_grasp(trajectory, geometry)
     moving = (
         np.flatnonzero(np.abs(h.speed) > params.moving)
         if h is not None and np.isfinite(h.speed).all()
@@ -39,48 +39,48 @@ def mass(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:
         & (h.t <= last)
         & np.isfinite(h.forces).all(axis=(1, 2))
     )
-    if used.sum() < LEAST or _unsure(h, used) or h.height[used].max() < params.lifted:
+    if used.sum() < LEAST or _is_unsure(h, used) or h.height[used].max() < params.lifted:
         return None
-    return lift.mass_of(params, h, used).running
+    return lift.estimate_mass(params, h, used).running
 
 
-def stiffness(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:
+def squeezed_stiffness(trajectory: Trajectory, geometry: HandGeometry) -> RunningEstimate | None:
     """N/m, of what was squeezed last."""
     params = squeeze.Params()
-    h = _newest(trajectory, geometry)
+    h = _newest_grasp(trajectory, geometry)
     if h is None or "thumb" not in h.fingers or len(h.fingers) < 2:
         return None
     used = (h.t > h.t[0] + params.margin) & np.isfinite(h.squeeze) & np.isfinite(h.distance)
-    if used.sum() < 2 * LEAST or _unsure(h, used):
+    if used.sum() < 2 * LEAST or _is_unsure(h, used):
         return None
     force, distance = (
-        even(h.t[used], v[used], lowpass=params.lowpass) for v in (h.squeeze, h.distance)
+        resample_even(h.t[used], v[used], lowpass=params.lowpass) for v in (h.squeeze, h.distance)
     )
     if np.ptp(force.values) < params.least_force or np.ptp(distance.values) < params.least_depth:
         return None
-    bent = squeeze.bent(force.t, force.values, distance.values)
-    return squeeze.running(
-        squeeze.knowing(params, h),
+    bent = squeeze.stiffness_change(force.t, force.values, distance.values)
+    return squeeze.running_stiffness(
+        squeeze.with_calibrated_scale(params, h),
         force.t,
         force.values,
         distance.values,
-        grasp_phases.untold_share(h, used),
+        grasp_phases.unobserved_share(h, used),
         bent,
     )
 
 
 SO_FAR: Mapping[
-    str, tuple[str, Callable[[Trajectory, HandGeometry], Running | None]]
+    str, tuple[str, Callable[[Trajectory, HandGeometry], RunningEstimate | None]]
 ] = {  # by measure: what is told of it
-    "lift": ("mass", mass),
-    "squeeze": ("stiffness", stiffness),
+    "lift": ("mass", lifted_mass),
+    "squeeze": ("stiffness", squeezed_stiffness),
 }
 
 
-def _newest(trajectory: Trajectory, geometry: HandGeometry) -> Holding | None:
-    found = grasp_phases.holdings(lift.Params(), trajectory, geometry)
+def _newest_grasp(trajectory: Trajectory, geometry: HandGeometry) -> GraspPhase | None:
+    found = grasp_phases.find_grasp_phases(lift.Params(), trajectory, geometry)
     return found[-1] if found and len(found[-1].t) >= LEAST else None
 
 
-def _unsure(h: Holding, used: np.ndarray) -> bool:
+def _is_unsure(h: GraspPhase, used: np.ndarray) -> bool:
     return bool(np.bitwise_or.reduce(h.flags[used], axis=None) & UNSURE)

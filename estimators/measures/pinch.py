@@ -15,12 +15,22 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import CHAINS, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import cycles
-from handscope.estimators.measures.contacts import Contact, Touched, contacts_of, touched
+from handscope.estimators.measures.contacts import (
+    Contact,
+    ContactDistance,
+    contact_distance,
+    parse_contacts,
+)
 from handscope.estimators.measures.figure import Figure, Kind, kinds
-from handscope.estimators.measures.plot_data import Curve, Shown
-from handscope.estimators.measures.signals import even
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
-from handscope.estimators.measures.time_window import held, usable_in, window_of, within
+from handscope.estimators.measures.plot_data import Curve, PlotData
+from handscope.estimators.measures.signals import resample_even
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.time_window import (
+    running_median,
+    task_samples,
+    usable_samples,
+    window_length,
+)
 
 TITLE = "Pinch"
 KORTIER = "Kortier, thesis 2.3.2"
@@ -64,10 +74,10 @@ class Params:
 
 
 @dataclass(frozen=True)
-class Pinched:
+class PinchDistance:
     """One pair of fingertips."""
 
-    touched: Touched
+    touched: ContactDistance
     smallest: float  # m
     largest: float
     closed: float  # m, mean of the pinches
@@ -84,59 +94,63 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
-) -> list[Pinched]:
+    asked: TaskRequest = UNKNOWN,
+) -> list[PinchDistance]:
     """Of every pair that the task names."""
-    part = within(trajectory, onset, end)
+    part = task_samples(trajectory, onset, end)
     return (
         [
-            _pinched(params, part, touched(c, part, geometry))
-            for c in contacts_of(asked) or [TIP_TO_TIP]
+            _measure_pinch(params, part, contact_distance(c, part, geometry))
+            for c in parse_contacts(asked) or [TIP_TO_TIP]
         ]
         if len(part) >= 3
         else []
     )
 
 
-def figures(found: list[Pinched]) -> list[Figure]:
+def figures(found: list[PinchDistance]) -> list[Figure]:
     """The flat list of figures."""
     made = []
     for p in found:
-        told = (p.touched.grade, p.touched.reason)
+        graded = (p.touched.grade, p.touched.reason)
         part, sd, count = p.touched.contact.part, p.touched.sd, len(p.closings)
         rows = {
             "pinch_distance_min": p.smallest,
             "pinch_distance_closed": p.closed,
             "pinch_aperture_max": p.largest,
         }
-        made += [KINDS[what].of(value, sd, *told, part) for what, value in rows.items()]
+        made += [KINDS[what].of(value, sd, *graded, part) for what, value in rows.items()]
         made.append(
             KINDS["pinch_count"].of(
-                float(count) if np.isfinite(p.smallest) else np.nan, 0.0, *told, part
+                float(count) if np.isfinite(p.smallest) else np.nan, 0.0, *graded, part
             )
         )
     return made
 
 
-def shown(found: list[Pinched]) -> Shown:
+def shown(found: list[PinchDistance]) -> PlotData:
     """The distances over time with the pinches."""
     curves = tuple(
         Curve(f"{p.touched.contact.part}_distance", "m", p.touched.t, p.touched.distance)
         for p in found
     )
-    return Shown(curves, {"closing": np.concatenate([p.closings for p in found])} if found else {})
+    return PlotData(
+        curves, {"closing": np.concatenate([p.closings for p in found])} if found else {}
+    )
 
 
-def _pinched(params: Params, part: Trajectory, pair: Touched) -> Pinched:
+def _measure_pinch(params: Params, part: Trajectory, pair: ContactDistance) -> PinchDistance:
     segments = [
         SEGMENT["hand"],
         *(SEGMENT[s] for f in (pair.contact.a[0], pair.contact.b[0]) for s in CHAINS[f]),
     ]
-    kept = held(pair.distance, usable_in(part, segments), window_of(part.t, params.hold))
+    kept = running_median(
+        pair.distance, usable_samples(part, segments), window_length(part.t, params.hold)
+    )
     if kept is None:
-        return Pinched(pair, np.nan, np.nan, np.nan, np.empty(0))
+        return PinchDistance(pair, np.nan, np.nan, np.nan, np.empty(0))
     looked = cycles.Params()
-    signal = even(part.t, pair.distance, looked.max_gap, looked.lowpass)
-    at = cycles.closings(looked, signal, looked.smallest)
+    signal = resample_even(part.t, pair.distance, looked.max_gap, looked.lowpass)
+    at = cycles.find_closings(looked, signal, looked.smallest)
     closed = float(signal.values[at].mean()) if len(at) else float("nan")
-    return Pinched(pair, float(np.nanmin(kept)), float(np.nanmax(kept)), closed, signal.t[at])
+    return PinchDistance(pair, float(np.nanmin(kept)), float(np.nanmax(kept)), closed, signal.t[at])

@@ -21,45 +21,45 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Shown:
+class PlotData:
     curves: tuple[Curve, ...] = ()
     marks: Mapping[str, Array] = field(
         default_factory=dict
     )  # s of the recording by the key of their words: closing, freeze, ...
 
 
-NOTHING = Shown()
+NOTHING = PlotData()
 
 
-def thinned(curves: Sequence[Curve], most: int) -> tuple[Curve, ...]:
+def thin_curves(curves: Sequence[Curve], most: int) -> tuple[Curve, ...]:
     """Each at most about `most` points; of every stretch left out its smallest and largest value stay, so that no peak is lost. Curves over the same x keep one."""
-    alike: list[list[int]] = []
+    groups: list[list[int]] = []
     for k, curve in enumerate(curves):
         group = next(
             (
                 g
-                for g in alike
+                for g in groups
                 if curve.x_unit == curves[g[0]].x_unit and np.array_equal(curve.x, curves[g[0]].x)
             ),
             None,
         )
         if group is None:
-            alike.append([k])
+            groups.append([k])
         else:
             group.append(k)
-    kept = {
+    rows_kept = {
         k: rows
-        for group in alike
-        for rows in [_kept([curves[k].y for k in group], most)]
+        for group in groups
+        for rows in [_rows_to_keep([curves[k].y for k in group], most)]
         for k in group
     }
     return tuple(
-        c if kept[k] is None else replace(c, x=c.x[kept[k]], y=c.y[kept[k]])
+        c if rows_kept[k] is None else replace(c, x=c.x[rows_kept[k]], y=c.y[rows_kept[k]])
         for k, c in enumerate(curves)
     )
 
 
-def _kept(values: Sequence[Array], most: int) -> NDArray[np.int_] | None:
+def _rows_to_keep(values: Sequence[Array], most: int) -> NDArray[np.int_] | None:
     """The rows that stay of curves (n,) over one x; None where all do."""
     n = len(values[0])
     if n <= most:

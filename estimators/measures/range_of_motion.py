@@ -15,9 +15,14 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import ANGLES, JOINTS, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, grade_of, kinds
-from handscope.estimators.measures.plot_data import NOTHING, Shown
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
-from handscope.estimators.measures.time_window import held, usable_in, window_of, within
+from handscope.estimators.measures.plot_data import NOTHING, PlotData
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.time_window import (
+    running_median,
+    task_samples,
+    usable_samples,
+    window_length,
+)
 
 TITLE = "Range of motion"
 SOURCE = "ours after VA worksheet DVBCHTF1: extremes of the running median"
@@ -79,19 +84,19 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
+    asked: TaskRequest = UNKNOWN,
 ) -> list[Range]:
     """Ranges within [onset, end] of all joints that were measured there; unusable samples are left out of the extremes."""
-    part = within(trajectory, onset, end)
+    part = task_samples(trajectory, onset, end)
     if len(part) < 3:
         return []
-    window = window_of(part.t, params.hold)
+    window = window_length(part.t, params.hold)
     found = []
     for j, joint in enumerate(JOINTS):
         segments = [SEGMENT[joint.parent], SEGMENT[joint.child]]
-        flags, usable = part.flags[:, segments], usable_in(part, segments)
+        flags, usable = part.flags[:, segments], usable_samples(part, segments)
         for a in joint.dofs:
-            kept = held(part.angles[:, j, a], usable, window)
+            kept = running_median(part.angles[:, j, a], usable, window)
             if kept is None:
                 continue
             high, low = int(np.nanargmax(kept)), int(np.nanargmin(kept))
@@ -123,6 +128,6 @@ def figures(ranges: list[Range]) -> list[Figure]:
     return made
 
 
-def shown(ranges: list[Range]) -> Shown:
+def shown(ranges: list[Range]) -> PlotData:
     """Nothing: a page has the angles themselves."""
     return NOTHING

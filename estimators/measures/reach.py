@@ -19,13 +19,13 @@ from handscope.estimators.hand.anatomy import FINGERS, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import reach_place
 from handscope.estimators.measures.figure import Figure, Grade, Kind, grade_of, kinds, worse
-from handscope.estimators.measures.plot_data import Curve, Shown
-from handscope.estimators.measures.reach_place import PlaceMeasure, Where
-from handscope.estimators.measures.signals import Even, even, turning
+from handscope.estimators.measures.plot_data import Curve, PlotData
+from handscope.estimators.measures.reach_place import PlaceMeasure, ReachPlaces
+from handscope.estimators.measures.signals import Even, angular_rates, resample_even
 from handscope.estimators.measures.smoothness import log_dimensionless_jerk, sparc
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
-from handscope.estimators.measures.time_window import within
-from handscope.estimators.measures.trunk_displacement import height_told
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.time_window import task_samples
+from handscope.estimators.measures.trunk_displacement import declared_height
 from handscope.estimators.numerics.typing import Array
 
 TITLE = "Reach"
@@ -113,7 +113,7 @@ class Params(PlaceMeasure):
 
 
 @dataclass(frozen=True)
-class Way:
+class SingleReach:
     """One reach."""
 
     onset: float  # s
@@ -123,7 +123,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Reach:
-    ways: tuple[Way, ...]
+    reaches: tuple[SingleReach, ...]
     relative_sd: float  # of an angular speed
     aperture_sd: float | None  # m
     turned: bool  # whether speed is the hand's angular speed, else that of the fingertips against the wrist
@@ -131,7 +131,7 @@ class Reach:
     reason: str
     t: Array
     speed: Array  # (n,) rad/s, or m/s
-    where: Where | None = None  # what a magnet tells of the hand's place
+    where: ReachPlaces | None = None  # what a magnet tells of the hand's place
 
 
 def applies(task_name: str) -> bool:
@@ -144,26 +144,28 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
+    asked: TaskRequest = UNKNOWN,
 ) -> Reach:
     """Every reach that was called."""
-    part, none = within(trajectory, onset, end), np.empty(0)
+    part, none = task_samples(trajectory, onset, end), np.empty(0)
     q = part.q_GS[:, SEGMENT["hand"]]
     if len(part) < 3 or np.isfinite(q).all(axis=1).sum() < 3:
         return Reach((), 0.0, None, True, "poor", "the hand was not measured", none, none)
-    signal = even(part.t, np.linalg.norm(turning(part.t, q), axis=1), lowpass=params.lowpass)
+    signal = resample_even(
+        part.t, np.linalg.norm(angular_rates(part.t, q), axis=1), lowpass=params.lowpass
+    )
     tips = part.tips[:, [FINGERS.index("thumb"), FINGERS.index("index")]]
-    apart = tips[:, 0] - tips[:, 1]
-    aperture = np.interp(signal.t, part.t, np.sqrt((apart**2).sum(axis=-1)))
+    offset = tips[:, 0] - tips[:, 1]
+    aperture = np.interp(signal.t, part.t, np.sqrt((offset**2).sum(axis=-1)))
     spans = [(m.onset, m.end) for m in asked.marks if m.phase == "reach"] or [(onset, end)]
-    ways, turned = _ways(params, signal, aperture, spans, params.smallest), True
-    if not ways and np.isfinite(tips).all(axis=(1, 2)).sum() >= 3:
+    reaches, turned = _find_reaches(params, signal, aperture, spans, params.smallest), True
+    if not reaches and np.isfinite(tips).all(axis=(1, 2)).sum() >= 3:
         speed = np.linalg.norm(np.gradient(tips.mean(axis=1), part.t, axis=0), axis=1)
-        signal, turned = even(part.t, speed, lowpass=params.lowpass), False
-        ways = _ways(
+        signal, turned = resample_even(part.t, speed, lowpass=params.lowpass), False
+        reaches = _find_reaches(
             params,
             signal,
-            np.interp(signal.t, part.t, np.sqrt((apart**2).sum(axis=-1))),
+            np.interp(signal.t, part.t, np.sqrt((offset**2).sum(axis=-1))),
             spans,
             params.smallest_tips,
         )
@@ -175,47 +177,47 @@ def measure(
             .mean(axis=-1)
         )
         sd = float(np.nanmean(both)) if np.isfinite(both).any() else None
-    told: tuple[Grade, str] = ("poor", "no reach found: the hand hardly moved")
-    if ways:
-        told = grade_of(part.flags[:, [SEGMENT["hand"]]])
-        told = told if turned else worse(told, ("fair", FINGERTIPS))
-    where = reach_place.places(
+    graded: tuple[Grade, str] = ("poor", "no reach found: the hand hardly moved")
+    if reaches:
+        graded = grade_of(part.flags[:, [SEGMENT["hand"]]])
+        graded = graded if turned else worse(graded, ("fair", FINGERTIPS))
+    where = reach_place.measure_places(
         params,
         part,
         spans,
-        lambda t, speed, smallest: _found(of_speed(params, t, speed, None, smallest)),
-        height_told(asked.details),
+        lambda t, speed, smallest: _as_stretch(of_speed(params, t, speed, None, smallest)),
+        declared_height(asked.details),
     )
     return Reach(
-        tuple(ways), 0.01, sd, turned, *told, signal.t, signal.values, where
+        tuple(reaches), 0.01, sd, turned, *graded, signal.t, signal.values, where
     )  # 1 %: a gyroscope's scale
 
 
-def _found(way: Way | None) -> reach_place.Found | None:
-    return None if way is None else (way.onset, way.end, way.values)
+def _as_stretch(reach: SingleReach | None) -> reach_place.Found | None:
+    return None if reach is None else (reach.onset, reach.end, reach.values)
 
 
-def _ways(
+def _find_reaches(
     params: Params,
     signal: Even,
     aperture: Array,
     spans: Sequence[tuple[float, float]],
     smallest: float,
-) -> list[Way]:
-    ways = []
+) -> list[SingleReach]:
+    reaches = []
     for a, b in spans:
         inside = (signal.t >= a) & (signal.t <= b)
         if inside.sum() >= 8 and signal.known[inside].all():
-            way = of_speed(
+            reach = of_speed(
                 params, signal.t[inside], signal.values[inside], aperture[inside], smallest
             )
-            ways += [way] if way else []
-    return ways
+            reaches += [reach] if reach else []
+    return reaches
 
 
 def of_speed(
     params: Params, t: Array, speed: Array, aperture: Array | None = None, smallest: float = 0.0
-) -> Way | None:
+) -> SingleReach | None:
     """One reach in a speed (n,) on an even grid t (n,) s; None where nothing moved."""
     peak = int(np.argmax(speed))
     least = params.threshold * speed[peak]
@@ -227,15 +229,15 @@ def of_speed(
     b = peak + int(after[0]) if len(after) else len(t) - 1
     if b - a < 8:
         return None
-    period, way = float(t[1] - t[0]), speed[a : b + 1]
+    period, profile = float(t[1] - t[0]), speed[a : b + 1]
     time = float(t[b] - t[a])
     values = {
         "time": time,
         "peak_speed": float(speed[peak]),
         "peak_share": float((t[peak] - t[a]) / time),
-        "path": float(way.sum() * period),
-        "sparc": sparc(way, 1 / period, params.highest),
-        "ldlj": log_dimensionless_jerk(way, 1 / period),
+        "path": float(profile.sum() * period),
+        "sparc": sparc(profile, 1 / period, params.highest),
+        "ldlj": log_dimensionless_jerk(profile, 1 / period),
     }
     if aperture is not None and np.isfinite(aperture[a : b + 1]).all():
         widest = a + int(np.argmax(aperture[a : b + 1]))
@@ -243,20 +245,20 @@ def of_speed(
             "aperture_max": float(aperture[widest]),
             "aperture_share": float((t[widest] - t[a]) / time),
         }
-    return Way(float(t[a]), float(t[b]), values)
+    return SingleReach(float(t[a]), float(t[b]), values)
 
 
 def figures(r: Reach) -> list[Figure]:
     """The flat list of figures: means over the reaches, with the standard error of their scatter and the instrument's."""
-    told, made = (
+    graded, made = (
         (r.grade, r.reason),
-        [OWN["reach_count"].of(float(len(r.ways)), 0.0, r.grade, r.reason)],
+        [OWN["reach_count"].of(float(len(r.reaches)), 0.0, r.grade, r.reason)],
     )
     for kind in list(OWN.values())[1:]:
         each = np.array(
             [
                 w.values[what]
-                for w in r.ways
+                for w in r.reaches
                 if (what := kind.what.removeprefix("reach_")) in w.values
             ]
         )
@@ -271,20 +273,20 @@ def figures(r: Reach) -> list[Figure]:
         )
         scatter = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 1 else None
         sd = None if scatter is None and not own else float(np.hypot(scatter or 0.0, own or 0.0))
-        made.append(kind.of(mean, sd, *told))
+        made.append(kind.of(mean, sd, *graded))
     of_place = reach_place.figures(r.where)
     return (
         [*made, *of_place] if r.where is None else [made[0], *of_place, *made[1:]]
     )  # metres first, where there are any
 
 
-def shown(r: Reach) -> Shown:
+def shown(r: Reach) -> PlotData:
     """The hand's angular speed with the beginnings and ends of the reaches."""
     if not len(r.t):
-        return Shown()
+        return PlotData()
     marks = {
-        "movement_start": np.array([w.onset for w in r.ways]),
-        "movement_end": np.array([w.end for w in r.ways]),
+        "movement_start": np.array([w.onset for w in r.reaches]),
+        "movement_end": np.array([w.end for w in r.reaches]),
     }
     curve = (
         Curve("hand_speed", "rad/s", r.t, r.speed)
@@ -292,9 +294,9 @@ def shown(r: Reach) -> Shown:
         else Curve("fingertip_speed", "m/s", r.t, r.speed)
     )
     if r.where is None:
-        return Shown((curve,), marks)
+        return PlotData((curve,), marks)
     of_trunk = (
         Curve("hand_distance", "m", r.where.t, r.where.distance),
         Curve("trunk_forward", "m", r.where.t, r.where.forward),
     )
-    return Shown((curve, *of_trunk), marks)
+    return PlotData((curve, *of_trunk), marks)

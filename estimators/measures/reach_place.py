@@ -18,7 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 from handscope.estimators.data.options import option
 from handscope.estimators.data.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
 from handscope.estimators.measures.figure import TRUSTED, USABLE, Figure, Grade, Kind, kinds, worse
-from handscope.estimators.measures.signals import even
+from handscope.estimators.measures.signals import resample_even
 from handscope.estimators.measures.smoothness import movement_units
 from handscope.estimators.measures.trunk_displacement import TrunkParams, displacement
 from handscope.estimators.numerics import quaternions as quat
@@ -87,7 +87,7 @@ class PlaceMeasure(TrunkParams):
 
 
 @dataclass(frozen=True)
-class Single:
+class ReachPlace:
     """Places of one reach."""
 
     onset: float  # s
@@ -97,10 +97,10 @@ class Single:
 
 
 @dataclass(frozen=True)
-class Where:
+class ReachPlaces:
     """What the places of a task tell."""
 
-    ways: tuple[Single, ...]
+    ways: tuple[ReachPlace, ...]
     whole: Mapping[
         str, tuple[float, float | None]
     ]  # farthest, volume, signal with the instrument's standard deviation
@@ -118,13 +118,13 @@ Found = tuple[
 OfSpeed = Callable[[Array, Array, float], Found | None]
 
 
-def places(
+def measure_places(
     params: PlaceMeasure,
     part: Trajectory,
     spans: Sequence[tuple[float, float]],
     of_speed: OfSpeed,
     height: float | None = None,
-) -> Where | None:
+) -> ReachPlaces | None:
     """What the places say of every stretch that was called; None where there is no magnet.
 
     `of_speed` finds one reach in a speed; `height` of the trunk's sensor above the hips, m, where it was measured, NaN where what was told is none.
@@ -138,11 +138,11 @@ def places(
     ):
         return None
     good = ((part.place_flags & UNKNOWN) == 0) & np.isfinite(part.place).all(axis=1)
-    grade, reason = _graded(part)
+    grade, reason = _grade_places(part)
     distance = np.where(good, np.linalg.norm(part.place, axis=1), np.nan)
-    forward = _forward(params, part, spans, height)
+    forward = _forward_displacement(params, part, spans, height)
     if grade == "poor" or good.sum() < FEWEST:
-        return Where(
+        return ReachPlaces(
             (),
             {},
             "poor",
@@ -151,20 +151,22 @@ def places(
             distance,
             forward,
         )
-    ways = [w for a, b in spans if (w := _way(params, part, good, a, b, of_speed, height))]
-    return Where(
-        tuple(ways),
-        _whole(part, good),
+    measured = [
+        w for a, b in spans if (w := _measure_place(params, part, good, a, b, of_speed, height))
+    ]
+    return ReachPlaces(
+        tuple(measured),
+        _whole_reach(part, good),
         grade,
         reason,
         part.t,
         distance,
         forward,
-        _height(params, height),
+        _describe_height(params, height),
     )
 
 
-def figures(where: Where | None) -> list[Figure]:
+def figures(where: ReachPlaces | None) -> list[Figure]:
     """Means over the reaches with the standard error of their scatter and the instrument's; NaN with the reason where not measured."""
     made = []
     for what, kind in ((k.what.removeprefix("reach_"), k) for k in KINDS.values()):
@@ -180,7 +182,7 @@ def figures(where: Where | None) -> list[Figure]:
                 continue
             each = np.array([w.values[what] for w in where.ways if np.isfinite(w.values[what])])
             own = [w.own_sd[what] for w in where.ways if what in w.own_sd]
-            grade, reason = _told(where, bool(len(each)))
+            grade, reason = _grade(where, bool(len(each)))
             reason = "; ".join(
                 r
                 for r in (reason, where.height if what == "trunk_forward" and len(each) else "")
@@ -191,18 +193,18 @@ def figures(where: Where | None) -> list[Figure]:
             )
         else:
             value, sd = where.whole.get(what, (np.nan, None))
-            made.append(kind.of(value, sd, *_told(where, bool(np.isfinite(value)))))
+            made.append(kind.of(value, sd, *_grade(where, bool(np.isfinite(value)))))
     return made
 
 
-def _height(params: PlaceMeasure, told: float | None) -> str:
+def _describe_height(params: PlaceMeasure, height: float | None) -> str:
     """With which height the trunk's displacement was reckoned."""
-    if told is None:
+    if height is None:
         return f"the height of the trunk's sensor above the hips was not measured: {1e3 * params.trunk_height:.0f} mm were taken"
-    return f"reckoned with the trunk's sensor {1e3 * told:.0f} mm above the hips, as measured"
+    return f"reckoned with the trunk's sensor {1e3 * height:.0f} mm above the hips, as measured"
 
 
-def _told(where: Where, known: bool) -> tuple[Grade, str]:
+def _grade(where: ReachPlaces, known: bool) -> tuple[Grade, str]:
     return (
         (where.grade, where.reason)
         if known or where.reason
@@ -221,23 +223,23 @@ def _sd(each: Array, own: Sequence[float]) -> float | None:
     )
 
 
-def _graded(part: Trajectory) -> tuple[Grade, str]:
+def _grade_places(part: Trajectory) -> tuple[Grade, str]:
     """How far the places can be trusted: where a fifth of them cannot, none is told."""
     assert part.place_flags is not None
-    told: list[tuple[Grade, str]] = [("good", "")]
+    grades: list[tuple[Grade, str]] = [("good", "")]
     for flag, words in PLACE_WORDS.items():
         share = float(((part.place_flags & flag) != 0).mean())
         if share > 0.005:
-            told.append(
+            grades.append(
                 (
                     "good" if share <= TRUSTED else "fair" if share <= USABLE else "poor",
                     f"{words} in {100 * share:.0f} % of the samples",
                 )
             )
-    return worse(*told)
+    return worse(*grades)
 
 
-def _way(
+def _measure_place(
     params: PlaceMeasure,
     part: Trajectory,
     good: Array,
@@ -245,7 +247,7 @@ def _way(
     end: float,
     of_speed: OfSpeed,
     height: float | None,
-) -> Single | None:
+) -> ReachPlace | None:
     """One reach; None where nothing moved or its place is not known throughout."""
     assert (
         part.place is not None
@@ -257,13 +259,13 @@ def _way(
     if inside.sum() < FEWEST or not good[inside].all():
         return None
     t = part.t[inside]
-    axes = [even(t, v, lowpass=params.smoothed) for v in part.place[inside].T]
+    axes = [resample_even(t, v, lowpass=params.smoothed) for v in part.place[inside].T]
     place, grid = np.stack([a.values for a in axes], axis=1), axes[0].t
     speed = np.linalg.norm(np.stack([a.slope() for a in axes], axis=1), axis=1)
     found = of_speed(grid, speed, params.smallest_way)
     if found is None:
         return None
-    a, b, told = found
+    a, b, profile = found
     first, last = np.searchsorted(grid, [a - 1e-9, b - 1e-9])
     k = np.flatnonzero(inside)
     here, there = (
@@ -275,16 +277,16 @@ def _way(
     toward = across / max(distance, 1e-9)
     sd = float(np.sqrt(((toward * part.place_sd[[here, there]]) ** 2).sum()))
     rows = slice(here, there + 1)
-    lean, turn, turned = _trunk(part, rows)
+    lean, turn, turned = _trunk_change(part, rows)
     carried = displacement(params, part.q_trunk[rows], part.q_trunk_sd[rows], height)
     share = sd / max(distance, 1e-9)
     values = {
         "distance": distance,
-        "way": told["path"],
-        "straightness": told["path"] / max(distance, 1e-9),
-        "hand_speed": told["peak_speed"],
-        "hand_sparc": told["sparc"],
-        "hand_ldlj": told["ldlj"],
+        "way": profile["path"],
+        "straightness": profile["path"] / max(distance, 1e-9),
+        "hand_speed": profile["peak_speed"],
+        "hand_sparc": profile["sparc"],
+        "hand_ldlj": profile["ldlj"],
         "hand_units": float(
             movement_units(
                 speed[first : last + 1], 1.0 / axes[0].period, params.unit_rise, params.unit_apart
@@ -296,16 +298,16 @@ def _way(
     }
     own = {
         "distance": sd,
-        "way": share * told["path"],
-        "hand_speed": share * told["peak_speed"],
+        "way": share * profile["path"],
+        "hand_speed": share * profile["peak_speed"],
         "trunk_lean": turned,
         "trunk_turn": turned,
         "trunk_forward": float(carried.sd[-1]),
     }
-    return Single(a, b, values, own)
+    return ReachPlace(a, b, values, own)
 
 
-def _forward(
+def _forward_displacement(
     params: PlaceMeasure,
     part: Trajectory,
     spans: Sequence[tuple[float, float]],
@@ -325,7 +327,7 @@ def _forward(
     return forward
 
 
-def _trunk(part: Trajectory, rows: slice) -> tuple[float, float, float]:
+def _trunk_change(part: Trajectory, rows: slice) -> tuple[float, float, float]:
     """Largest change of inclination and of heading from the first of the rows, and the standard deviation of either, rad."""
     assert part.q_trunk is not None and part.q_trunk_sd is not None
     q = part.q_trunk[rows]
@@ -336,24 +338,24 @@ def _trunk(part: Trajectory, rows: slice) -> tuple[float, float, float]:
     return float(np.nanmax(lean)), float(np.nanmax(turn)), sd
 
 
-def _whole(part: Trajectory, good: Array) -> dict[str, tuple[float, float | None]]:
+def _whole_reach(part: Trajectory, good: Array) -> dict[str, tuple[float, float | None]]:
     assert part.place is not None and part.place_sd is not None
     place, sd = part.place[good], part.place_sd[good]
     distance = np.linalg.norm(place, axis=1)
     k = int(distance.argmax())
-    told: dict[str, tuple[float, float | None]] = {
+    changes: dict[str, tuple[float, float | None]] = {
         "farthest": (
             float(distance[k]),
             float(np.sqrt(((place[k] / distance[k] * sd[k]) ** 2).sum())),
         ),
-        "volume": volume(place, sd),
+        "volume": hull_volume(place, sd),
     }
     if part.signal is not None and np.isfinite(part.signal).any():
-        told["signal"] = float(np.nanmedian(part.signal)), None
-    return told
+        changes["signal"] = float(np.nanmedian(part.signal)), None
+    return changes
 
 
-def volume(place: Array, sd: Array) -> tuple[float, float | None]:
+def hull_volume(place: Array, sd: Array) -> tuple[float, float | None]:
     """Volume m^3 of the convex hull of places (n, 3) m with standard deviations (n, 3) m, and its own; NaN of what lies in a plane."""
     try:
         hull = ConvexHull(place)

@@ -97,7 +97,7 @@ def held_angles(
     return found
 
 
-def spread(held: Array, names: Sequence[str] = DOF_NAMES) -> Spread:
+def posture_spread(held: Array, names: Sequence[str] = DOF_NAMES) -> Spread:
     """Range and SD within each trial from held angles (trials, holds, angles)."""
     if held.ndim != 3 or held.shape[1] < 2 or held.shape[2] != len(names):
         raise InputError(
@@ -147,7 +147,7 @@ def reliability(values: Array) -> Reliability:
     )
 
 
-def within(groups: Sequence[Sequence[float]]) -> Within | None:
+def within_groups(groups: Sequence[Sequence[float]]) -> Within | None:
     """The pooled standard deviation within groups (Bland & Altman 1996, BMJ 312:1654); of equal groups it is `reliability`'s SEM for agreement.
 
     A group of one tells nothing and is left out; None where none is left.

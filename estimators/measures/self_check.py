@@ -15,18 +15,18 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.contacts import (
     SALCHOW,
     Contact,
-    Touched,
-    contacts_of,
-    errors,
-    touched,
+    ContactDistance,
+    contact_distance,
+    error_statistics,
+    parse_contacts,
 )
 from handscope.estimators.measures.figure import Figure, Kind, kinds
-from handscope.estimators.measures.plot_data import Curve, Shown
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
-from handscope.estimators.measures.time_window import within
+from handscope.estimators.measures.plot_data import Curve, PlotData
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.time_window import task_samples
 
 TITLE = "Accuracy self-check"
-UNTOLD = "the task does not say which points are how far apart"
+UNDECLARED = "the task does not say which points are how far apart"
 REACTION = (1.0, 0.5)  # s after a word to close, and before the next, that are not judged: ours
 HELD = {  # Table 5; the bottoms of the block are ours (estimators/simulation/movements/static_hold.py)
     "p1": (Contact(("thumb", "bottom"), ("index", "bottom"), 0.030),),
@@ -66,10 +66,10 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
-) -> list[Touched]:
+    asked: TaskRequest = UNKNOWN,
+) -> list[ContactDistance]:
     """Every pair whose true distance is known: from the task's details, else from its name (P1 to P4); only while `closed`, where that is marked."""
-    part = within(trajectory, onset, end)
+    part = task_samples(trajectory, onset, end)
     shut = [
         (m.onset + REACTION[0], m.end - REACTION[1]) for m in asked.marks if m.phase == "closed"
     ]
@@ -81,17 +81,17 @@ def measure(
             ]
         )
     named = next((pairs for name, pairs in HELD.items() if name in words_of(asked.task)), ())
-    pairs = [c for c in contacts_of(asked) if c.distance is not None] or list(named)
-    return [touched(c, part, geometry) for c in pairs]
+    pairs = [c for c in parse_contacts(asked) if c.distance is not None] or list(named)
+    return [contact_distance(c, part, geometry) for c in pairs]
 
 
-def figures(found: list[Touched]) -> list[Figure]:
+def figures(found: list[ContactDistance]) -> list[Figure]:
     """The flat list of figures; the standard deviation of a distance's error is what the glove itself expects to be off."""
-    made = [] if found else [k.of(np.nan, None, "poor", UNTOLD) for k in KINDS.values()]
+    made = [] if found else [k.of(np.nan, None, "poor", UNDECLARED) for k in KINDS.values()]
     for r in found:
         assert r.contact.distance is not None
-        off = errors(r.distance, r.contact.distance)
-        told = (
+        off = error_statistics(r.distance, r.contact.distance)
+        graded = (
             r.grade,
             r.reason
             if r.on_skin
@@ -102,13 +102,13 @@ def figures(found: list[Touched]) -> list[Figure]:
             ),
         )
         for what in ("mean", "sd", "rmse"):
-            made.append(KINDS[f"contact_error_{what}"].of(off[what], r.sd, *told, r.contact.part))
+            made.append(KINDS[f"contact_error_{what}"].of(off[what], r.sd, *graded, r.contact.part))
     return made
 
 
-def shown(found: list[Touched]) -> Shown:
+def shown(found: list[ContactDistance]) -> PlotData:
     """The distances over time."""
-    return Shown(
+    return PlotData(
         tuple(
             Curve(f"{r.contact.part}_distance", "m", r.t, r.distance)
             for r in found

@@ -42,9 +42,9 @@ class Even:
         return np.gradient(self.values, self.period)
 
 
-def even(t: Array, values: Array, max_gap: float = 0.1, lowpass: float = 0.0) -> Even:
+def resample_even(t: Array, values: Array, max_gap: float = 0.1, lowpass: float = 0.0) -> Even:
     """The signal on an even grid. InputError where times or values cannot be a signal."""
-    t, values = checked(t, values)
+    t, values = check_signal(t, values)
     used = np.isfinite(values)
     at, found = t[used], values[used]
     period = max(
@@ -61,7 +61,7 @@ def even(t: Array, values: Array, max_gap: float = 0.1, lowpass: float = 0.0) ->
     return Even(grid, np.asarray(level), ~holes, period)
 
 
-def checked(t: Array, values: Array) -> tuple[Array, Array]:
+def check_signal(t: Array, values: Array) -> tuple[Array, Array]:
     """Times and values as float arrays of one dimension; InputError in words where they are no signal."""
     try:
         t, values = np.asarray(t, float), np.asarray(values, float)
@@ -92,7 +92,7 @@ def stretches(inside: np.ndarray) -> list[tuple[int, int]]:
     return [(int(k[0]), int(k[-1])) for k in (np.flatnonzero(named == i + 1) for i in range(count))]
 
 
-def turning(t: Array, q_GS: Array) -> Array:
+def angular_rates(t: Array, q_GS: Array) -> Array:
     """Angular rates (n, 3), rad/s, in the turning frame, of orientations (n, 4) at times t (n,): NaN where a neighbour is unknown."""
     between = quat.log(quat.relative(q_GS[:-1], q_GS[1:])) / np.diff(t)[:, None]
     return np.concatenate([between[:1], 0.5 * (between[:-1] + between[1:]), between[-1:]])

@@ -23,7 +23,7 @@ def sparc(
     speed: Array, rate: float, highest: float = 10.0, least: float = 0.05, padding: int = 4
 ) -> float:
     """Spectral arc length of a speed profile: `highest` frequency in Hz, `least` share of the spectrum's maximum that counts."""
-    v = _checked(speed, rate)
+    v = _check_movement(speed, rate)
     n = int(2 ** (np.ceil(np.log2(len(v))) + padding))
     f = np.arange(0, rate, rate / n)[:n]
     spectrum = np.abs(np.fft.fft(v, n))[: len(f)]
@@ -45,7 +45,7 @@ def dimensionless_jerk(
     """-(T^p / peak^2) times the integral of jerk squared; p is 3 of a speed, 1 of an acceleration, -1 of a jerk."""
     if kind not in POWERS:
         raise InputError(f"there is no kind of movement {kind!r}; kinds are {', '.join(POWERS)}")
-    v = _checked(movement, rate)
+    v = _check_movement(movement, rate)
     dt, peak = 1.0 / rate, float(np.abs(v).max())
     if not peak > 0:
         return float("nan")
@@ -67,18 +67,20 @@ def log_dimensionless_jerk(
     return -float(np.log(size)) if size > 0 else float("nan")
 
 
-def movement_units(speed: Array, rate: float, rise: float, apart: float) -> int:
-    """How often a speed grows by more than `rise` (its unit) to a peak that comes at least `apart` s after the one before."""
-    v = _checked(speed, rate)
+def movement_units(speed: Array, rate: float, rise: float, least_interval: float) -> int:
+    """How often a speed grows by more than `rise` (its unit) to a peak that comes at least `least_interval` s after the one before."""
+    v = _check_movement(speed, rate)
     counted: list[int] = []
     for peak in find_peaks(v)[0].tolist():
         since = counted[-1] if counted else 0
-        if v[peak] - v[since:peak].min() > rise and (not counted or peak - since >= apart * rate):
+        if v[peak] - v[since:peak].min() > rise and (
+            not counted or peak - since >= least_interval * rate
+        ):
             counted.append(peak)
     return len(counted)
 
 
-def _checked(movement: Array, rate: float) -> Array:
+def _check_movement(movement: Array, rate: float) -> Array:
     v = np.asarray(movement, float)
     if v.ndim != 1 or len(v) < 3:
         raise InputError(

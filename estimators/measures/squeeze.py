@@ -23,22 +23,22 @@ from handscope.estimators.force import (
 )
 from handscope.estimators.force.contact import ContactParams
 from handscope.estimators.force.frequency_response import Conditions, Response
-from handscope.estimators.force.grasp_phases import UNREAD, UNSURE, Holding
-from handscope.estimators.force.identification import Fit, Running
+from handscope.estimators.force.grasp_phases import UNREAD, UNSURE, GraspPhase
+from handscope.estimators.force.identification import Fit, RunningEstimate
 from handscope.estimators.hand.anatomy import FINGER_JOINTS, JOINT, LIMITS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds, worse
 from handscope.estimators.measures.lift import KORTIER, NONE, running_curves, twist_curves
-from handscope.estimators.measures.plot_data import Curve, Shown
-from handscope.estimators.measures.signals import even
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
-from handscope.estimators.measures.time_window import within
+from handscope.estimators.measures.plot_data import Curve, PlotData
+from handscope.estimators.measures.signals import resample_even
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.time_window import task_samples
 from handscope.estimators.numerics.typing import Array
 
 TITLE = "Squeeze"
 NOISE = 0.1  # N
 BAND = 1.96  # standard deviations to either side: 95 %
-HOLDS, FAILS, OPEN, UNTOLD = (
+HOLDS, FAILS, OPEN, UNKNOWN_WORD = (
     "holds",
     "fails",
     "nothing speaks against it",
@@ -152,10 +152,10 @@ class Params(ContactParams):
 
 
 @dataclass(frozen=True)
-class Squeezed:
+class SqueezeGrasp:
     """One grasp with squeezes, on an even time base."""
 
-    held: Holding
+    held: GraspPhase
     t: Array  # (n,) s
     force: Array  # (n,) N
     distance: Array  # (n,) m
@@ -166,8 +166,8 @@ class Squeezed:
     fit: Fit | None  # of K N/m, K p0 N and D N s/m; None where it cannot be told
     conditions: Conditions | None
     reason: str
-    running: Running | None = None  # the stiffness as it stood after each sample
-    untold: float = (
+    running: RunningEstimate | None = None  # the stiffness as it stood after each sample
+    unobserved: float = (
         0.0  # share of the push that is left along it: a finger that is not measured may take it
     )
     bent: float = 0.0  # share by which the stiffness changes over the range of the distance
@@ -178,7 +178,7 @@ class Squeezed:
 class Squeeze:
     params: Params
     measured: bool
-    grasps: tuple[Squeezed, ...]
+    grasps: tuple[SqueezeGrasp, ...]
     grade: Grade
     reason: str
 
@@ -193,11 +193,11 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
+    asked: TaskRequest = UNKNOWN,
 ) -> Squeeze:
     """Every grasp of the stretch in which something was squeezed."""
-    part = within(trajectory, onset, end)
-    fingers = grasp_phases.measured(part)
+    part = task_samples(trajectory, onset, end)
+    fingers = grasp_phases.measured_fingers(part)
     if not fingers:
         return Squeeze(params, False, (), "poor", NONE)
     if "thumb" not in fingers or len(fingers) < 2:
@@ -208,26 +208,26 @@ def measure(
             "poor",
             "squeezing needs force sensors on the thumb and another finger",
         )
-    held = grasp_phases.holdings(params, part, geometry)
-    params = knowing(params, held[0]) if held else params
-    further = any(_at_an_end(part, h) for h in held)
+    held = grasp_phases.find_grasp_phases(params, part, geometry)
+    params = with_calibrated_scale(params, held[0]) if held else params
+    further = any(_is_at_joint_limit(part, h) for h in held)
     params = replace(params, gain_sd=max(params.gain_sd, params.further)) if further else params
-    found = [made for h in held if (made := _squeezed(params, h)) is not None]
+    found = [made for h in held if (made := _measure_grasp(params, h)) is not None]
     if not found:
         return Squeeze(params, True, (), "poor", "nothing was squeezed")
-    told = [
+    grades = [
         ("good" if not one.reason else "fair" if one.fit else "poor", one.reason) for one in found
     ]
-    told += [("fair", FURTHER)] if further else []
-    return Squeeze(params, True, tuple(found), *worse(*told))  # type: ignore[arg-type]
+    grades += [("fair", FURTHER)] if further else []
+    return Squeeze(params, True, tuple(found), *worse(*grades))  # type: ignore[arg-type]
 
 
-def knowing(params: Params, h: Holding) -> Params:
+def with_calibrated_scale(params: Params, h: GraspPhase) -> Params:
     """With the forces' scale as well known as the sensors' calibrations say, where they say it."""
     return params if h.squeeze_scale_sd is None else replace(params, scale_sd=h.squeeze_scale_sd)
 
 
-def _at_an_end(part: Trajectory, h: Holding) -> bool:
+def _is_at_joint_limit(part: Trajectory, h: GraspPhase) -> bool:
     """Whether a joint of the fingers that hold it stays at an end of its range for a while."""
     rows = [JOINT[name] for finger in h.fingers for name in FINGER_JOINTS[finger]]
     angles, limits = part.between(h.t[0], h.t[-1]).angles[:, rows], LIMITS[rows]
@@ -236,14 +236,14 @@ def _at_an_end(part: Trajectory, h: Holding) -> bool:
     return bool((ends.mean(axis=0) > 0.1).any())
 
 
-def _squeezed(params: Params, h: Holding) -> Squeezed | None:
+def _measure_grasp(params: Params, h: GraspPhase) -> SqueezeGrasp | None:
     """What one grasp tells; None where nothing changes in it."""
     inside = (h.t > h.t[0] + params.margin) & (h.t < h.t[-1] - params.margin)
     known = inside & np.isfinite(h.squeeze) & np.isfinite(h.distance)
     if known.sum() < 32:
         return None
     force, distance = (
-        even(h.t[known], v[known], lowpass=params.lowpass) for v in (h.squeeze, h.distance)
+        resample_even(h.t[known], v[known], lowpass=params.lowpass) for v in (h.squeeze, h.distance)
     )
     extent = float(np.ptp(force.values))
     if extent < params.least_force:
@@ -255,20 +255,26 @@ def _squeezed(params: Params, h: Holding) -> Squeezed | None:
     valleys = [int(a) + int(np.argmin(x[a:b])) for a, b in zip(top, top[1:])]
     edges = [0, *valleys, len(t) - 1]
     depths = np.array([max(p[edges[k]], p[edges[k + 1]]) - p[a] for k, a in enumerate(top)])
-    watts = load_exchange.power(x[:, None, None], -np.gradient(p, t)[:, None, None])
-    total = load_exchange.work(t, watts)
+    watts = load_exchange.exchange_power(x[:, None, None], -np.gradient(p, t)[:, None, None])
+    total = load_exchange.integrate_power(t, watts)
     half = 0.5 * float(np.median(np.diff(t[top]))) if len(top) > 1 else 1.0
-    told = (t >= t[top[0]] - half) & (t <= t[top[-1]] + half)  # where the force changes
-    bends = bent(t[told], x[told], p[told])
-    answer = frequency_response.response(
-        t[told], x[told], -p[told]
+    observed = (t >= t[top[0]] - half) & (t <= t[top[-1]] + half)  # where the force changes
+    bends = stiffness_change(t[observed], x[observed], p[observed])
+    answer = frequency_response.estimate_response(
+        t[observed], x[observed], -p[observed]
     )  # the push moves the pads towards each other
-    fit, conditions, reasons = _identified(params, h, inside, answer, t[told], x[told], p[told])
+    fit, conditions, reasons = _identify(
+        params, h, inside, answer, t[observed], x[observed], p[observed]
+    )
     reasons += [BENT] if fit and bends > params.bent else []
-    untold = grasp_phases.untold_share(h, known)
-    followed = running(params, t[told], x[told], p[told], untold, bends) if fit else None
+    unobserved = grasp_phases.unobserved_share(h, known)
+    estimates = (
+        running_stiffness(params, t[observed], x[observed], p[observed], unobserved, bends)
+        if fit
+        else None
+    )
     works = total[top] - total[np.array(edges[:-1])]
-    return Squeezed(
+    return SqueezeGrasp(
         h,
         t,
         x,
@@ -280,81 +286,93 @@ def _squeezed(params: Params, h: Holding) -> Squeezed | None:
         fit,
         conditions,
         "; ".join(reasons),
-        followed,
-        untold,
+        estimates,
+        unobserved,
         bends,
         answer,
     )
 
 
-def _identified(
-    params: Params, h: Holding, inside: np.ndarray, answer: Response, t: Array, x: Array, p: Array
+def _identify(
+    params: Params,
+    h: GraspPhase,
+    inside: np.ndarray,
+    answer: Response,
+    t: Array,
+    x: Array,
+    p: Array,
 ) -> tuple[Fit | None, Conditions | None, list[str]]:
     """Stiffness and damping (6.6) where the data bear them, and what there is to be said."""
     reasons = [r for r in [h.flagged(inside)] if r]
     doubtful = bool(np.bitwise_or.reduce(h.flags[inside], axis=None) & UNSURE)
     if np.ptp(p) < params.least_depth:
         return None, None, [*reasons, "the fingertips came no nearer: what is held is rigid"]
-    told = frequency_response.conditions(answer)
-    fit = identification.fitted(x[:, None], _spring(t, p), np.full(len(t), NOISE))
+    checked = frequency_response.check_conditions(answer)
+    fit = identification.fit_least_squares(x[:, None], _spring_rows(t, p), np.full(len(t), NOISE))
     explained = 1 - float((fit.residuals**2).sum() / ((x - x.mean()) ** 2).sum())
     if explained < 0.7 or fit.theta[0] <= 0:
         return (
             None,
-            told,
+            checked,
             [
                 *reasons,
-                *told.reasons,
+                *checked.reasons,
                 "force and distance do not go together as those of a spring do",
             ],
         )
-    return (None if doubtful else fit), told, [*reasons, *told.reasons]
+    return (None if doubtful else fit), checked, [*reasons, *checked.reasons]
 
 
-def _spring(t: Array, p: Array) -> Array:
+def _spring_rows(t: Array, p: Array) -> Array:
     """H (n, 1, 3) of stiffness, force at no distance, and damping. (6.6)"""
     return np.stack([-p, np.ones(len(p)), -np.gradient(p, t)], axis=-1)[:, None]
 
 
-def bent(t: Array, x: Array, p: Array) -> float:
+def stiffness_change(t: Array, x: Array, p: Array) -> float:
     """By what share of itself the stiffness changes over the range of the distance p (n,): that of a parabola in place of the straight line."""
     if np.ptp(p) <= 0:
         return 0.0
     u = (p - p.mean()) / np.ptp(p)
-    parabola = np.concatenate([_spring(t, u), (u**2)[:, None, None]], axis=2)
-    theta = identification.fitted(x[:, None], parabola, np.full(len(t), NOISE)).theta
+    parabola = np.concatenate([_spring_rows(t, u), (u**2)[:, None, None]], axis=2)
+    theta = identification.fit_least_squares(x[:, None], parabola, np.full(len(t), NOISE)).theta
     return float(abs(2 * theta[3]) / max(abs(theta[0]), 1e-9))
 
 
-def running(
-    params: Params, t: Array, x: Array, p: Array, untold: float = 0.0, bends: float = 0.0
-) -> Running:
+def running_stiffness(
+    params: Params, t: Array, x: Array, p: Array, unobserved: float = 0.0, bends: float = 0.0
+) -> RunningEstimate:
     """The stiffness as it stood after each sample of force x (n,) N and distance p (n,) m on an even grid."""
-    fit = identification.fitted(x[:, None], _spring(t, p), np.full(len(t), NOISE))
+    fit = identification.fit_least_squares(x[:, None], _spring_rows(t, p), np.full(len(t), NOISE))
     each = NOISE * float(np.sqrt(len(t) / fit.independent))
-    alike = _alike(params, untold, bends)
-    return identification.followed(
-        t, x[:, None], _spring(t, p), each, USUAL, params.memory, lambda K: alike * np.abs(K)
+    common_share = _common_share(params, unobserved, bends)
+    return identification.track_first_parameter(
+        t,
+        x[:, None],
+        _spring_rows(t, p),
+        each,
+        USUAL,
+        params.memory,
+        lambda K: common_share * np.abs(K),
     )
 
 
-def _alike(params: Params, untold: float, bends: float) -> float:
+def _common_share(params: Params, unobserved: float, bends: float) -> float:
     """By what share force over distance may be wrong in all samples alike.
 
     The push is the mean of both sides, one of which lacks what is untold; a stiffness that changes is any of those within its range.
     """
     bends = bends if bends > params.bent else 0.0
     return float(
-        np.sqrt(params.gain_sd**2 + params.scale_sd**2 + (untold / 2) ** 2 + bends**2 / 12)
+        np.sqrt(params.gain_sd**2 + params.scale_sd**2 + (unobserved / 2) ** 2 + bends**2 / 12)
     )
 
 
 def figures(r: Squeeze) -> list[Figure]:
     """Over all squeezes of the task."""
-    told = (r.grade, r.reason)
+    graded = (r.grade, r.reason)
     if not r.grasps:
         return [
-            kind.of(0.0 if r.measured and what == "squeeze_count" else np.nan, 0.0, *told)
+            kind.of(0.0 if r.measured and what == "squeeze_count" else np.nan, 0.0, *graded)
             for what, kind in KINDS.items()
             if what
             not in (
@@ -380,48 +398,48 @@ def figures(r: Squeeze) -> list[Figure]:
     )  # the tops of the force are not known
     if unread:
         tops, spread = np.full(len(tops), np.nan), np.nan
-    if unread or _gives_back(r):
+    if unread or _returns_energy(r):
         works = np.full(len(tops), np.nan)
     gain, lacking = (
         r.params.gain_sd,
-        max(one.untold for one in r.grasps) / 2,
+        max(one.unobserved for one in r.grasps) / 2,
     )  # of the push, where one side lacks what is untold
     answers = [one.conditions for one in r.grasps if one.conditions]
     made = [
-        KINDS["squeeze_count"].of(float(len(tops)), 0.0, *told),
-        KINDS["squeeze_force"].of(float(tops.mean()), float(np.linalg.norm([spread / root, sd, lacking * tops.mean()])), *told),
-        KINDS["squeeze_force_cv"].of(spread / float(tops.mean()) if len(tops) > 1 else np.nan, 1 / np.sqrt(2 * max(len(tops) - 1, 1)) * spread / float(tops.mean()), *told),
-        KINDS["squeeze_rate"].of(gaps / sum(spans) if gaps else np.nan, 0.1 / max(sum(spans), 0.1) * (gaps / max(sum(spans), 0.1)), *told),
-        KINDS["squeeze_depth"].of(float(depths.mean()), float(np.hypot(depths.std() / root, gain * depths.mean())), *told),
+        KINDS["squeeze_count"].of(float(len(tops)), 0.0, *graded),
+        KINDS["squeeze_force"].of(float(tops.mean()), float(np.linalg.norm([spread / root, sd, lacking * tops.mean()])), *graded),
+        KINDS["squeeze_force_cv"].of(spread / float(tops.mean()) if len(tops) > 1 else np.nan, 1 / np.sqrt(2 * max(len(tops) - 1, 1)) * spread / float(tops.mean()), *graded),
+        KINDS["squeeze_rate"].of(gaps / sum(spans) if gaps else np.nan, 0.1 / max(sum(spans), 0.1) * (gaps / max(sum(spans), 0.1)), *graded),
+        KINDS["squeeze_depth"].of(float(depths.mean()), float(np.hypot(depths.std() / root, gain * depths.mean())), *graded),
         *_parameters(r),
-        KINDS["squeeze_work"].of(float(works.mean()), float(np.hypot(works.std() / root, np.linalg.norm([gain, r.params.scale_sd, lacking]) * works.mean())), *told),
-        *_borne_out(answers, told),
+        KINDS["squeeze_work"].of(float(works.mean()), float(np.hypot(works.std() / root, np.linalg.norm([gain, r.params.scale_sd, lacking]) * works.mean())), *graded),
+        *_condition_figures(answers, graded),
     ]  # fmt: skip
     for k, finger in enumerate(r.grasps[0].held.fingers):
         share = np.nan if unread else np.mean([one.held.shares[:, k].mean() for one in r.grasps])
-        made.append(KINDS["squeeze_share"].of(float(share), 0.03, *told, finger))
+        made.append(KINDS["squeeze_share"].of(float(share), 0.03, *graded, finger))
     return made
 
 
-def _gives_back(r: Squeeze) -> bool:
+def _returns_energy(r: Squeeze) -> bool:
     """Whether energy seems to come out of what is held: neither damping nor work can be told."""
     return any(one.conditions is not None and one.conditions.passive is False for one in r.grasps)
 
 
-def _borne_out(answers: Sequence[Conditions], told: tuple[Grade, str]) -> list[Figure]:
+def _condition_figures(answers: Sequence[Conditions], graded: tuple[Grade, str]) -> list[Figure]:
     """The conditions of 6.5.1: what decides each, and as its category whether it holds. How far up force and answer reach is told where that was
     seen: an answer that goes on as far as the force does is no fault."""
-    short = (told[0], TOO_SHORT) if any(np.isnan(c.coherence) for c in answers) else told
+    short = (graded[0], TOO_SHORT) if any(np.isnan(c.coherence) for c in answers) else graded
     coherence, lag, lag_sd, force, load = (
-        _seen([getattr(c, name) for c in answers])
+        _mean_seen([getattr(c, name) for c in answers])
         for name in ("coherence", "lag", "lag_sd", "force_bandwidth", "load_bandwidth")
     )
     independent, wide, passive = (
         _all(getattr(c, name) for c in answers) for name in ("independent", "wide", "passive")
     )
     bandwidths = [
-        KINDS["squeeze_force_bandwidth"].of(force, None, *told, category=_word(wide, HOLDS)),
-        KINDS["squeeze_object_bandwidth"].of(load, None, *told),
+        KINDS["squeeze_force_bandwidth"].of(force, None, *graded, category=_word(wide, HOLDS)),
+        KINDS["squeeze_object_bandwidth"].of(load, None, *graded),
     ]
     return [
         KINDS["squeeze_coherence"].of(coherence, None, *short, category=_word(independent, OPEN)),
@@ -439,10 +457,10 @@ def _all(each: Iterable[bool | None]) -> bool | None:
 
 
 def _word(borne_out: bool | None, so: str) -> str:
-    return UNTOLD if borne_out is None else so if borne_out else FAILS
+    return UNKNOWN_WORD if borne_out is None else so if borne_out else FAILS
 
 
-def _seen(each: Sequence[float]) -> float:
+def _mean_seen(each: Sequence[float]) -> float:
     """The mean of what was seen in all grasps; NaN where it was not."""
     return float(np.mean(each)) if each and np.isfinite(each).all() else float("nan")
 
@@ -456,39 +474,42 @@ def _parameters(r: Squeeze) -> list[Figure]:
     weights = np.array([1 / f.sd[[0, 2]] ** 2 for f in fits])
     values = (weights * np.array([f.theta[[0, 2]] for f in fits])).sum(axis=0) / weights.sum(axis=0)
     scatter = 1 / np.sqrt(weights.sum(axis=0))
-    alike = max(_alike(r.params, one.untold, one.bent) for one in r.grasps if one.fit)
-    sd = np.hypot(
-        scatter, [alike * values[0], np.hypot(alike * values[1], r.params.timing * values[0])]
+    common_share = max(
+        _common_share(r.params, one.unobserved, one.bent) for one in r.grasps if one.fit
     )
-    if _gives_back(r):
+    sd = np.hypot(
+        scatter,
+        [common_share * values[0], np.hypot(common_share * values[1], r.params.timing * values[0])],
+    )
+    if _returns_energy(r):
         values[1] = np.nan
     return [kind.of(float(v), float(s), r.grade, r.reason) for kind, v, s in zip(K, values, sd)]
 
 
-def shown(r: Squeeze) -> Shown:
+def shown(r: Squeeze) -> PlotData:
     """Force and distance over time with the squeezes, and how the object answers to each frequency."""
     if not r.grasps:
-        return Shown()
+        return PlotData()
     one = max(r.grasps, key=lambda g: len(g.t))
     curves = [
         Curve("squeeze_force", "N", one.t, one.force),
         Curve("squeeze_distance", "m", one.t, one.distance),
     ]
     curves += [
-        *_over_distance(one),
+        *_force_over_distance(one),
         *twist_curves([one.held]),
         *running_curves("stiffness", "N/m", [one.running]),
     ]
     if one.conditions is not None and one.answer is not None:
-        curves += _answer_curves(one.answer, _alike(r.params, one.untold, one.bent))
-    return Shown(tuple(curves), {"squeeze": np.concatenate([g.peaks for g in r.grasps])})
+        curves += _answer_curves(one.answer, _common_share(r.params, one.unobserved, one.bent))
+    return PlotData(tuple(curves), {"squeeze": np.concatenate([g.peaks for g in r.grasps])})
 
 
-def _answer_curves(answer: Response, alike: float) -> list[Curve]:
+def _answer_curves(answer: Response, common_share: float) -> list[Curve]:
     """Size, phase and coherence where the force changes; the first two with the band in which they lie nineteen times of twenty, scales and timing in it."""
     seen = answer.excited
     f, size, phase = answer.frequency[seen], np.abs(answer.P[seen]), answer.phase[seen]
-    size_sd, phase_sd = np.hypot(answer.sd[seen], alike * size), answer.phase_sd[seen]
+    size_sd, phase_sd = np.hypot(answer.sd[seen], common_share * size), answer.phase_sd[seen]
     return [
         Curve("squeeze_response", "m/N", f, size, "Hz"),
         Curve("squeeze_response_low", "m/N", f, np.maximum(size - BAND * size_sd, 0.0), "Hz"),
@@ -500,7 +521,7 @@ def _answer_curves(answer: Response, alike: float) -> list[Curve]:
     ]
 
 
-def _over_distance(one: Squeezed) -> list[Curve]:
+def _force_over_distance(one: SqueezeGrasp) -> list[Curve]:
     """The force over the distance, in the order of the distance, and the spring that was fitted to it."""
     order = np.argsort(one.distance)
     x, force = one.distance[order], one.force[order]

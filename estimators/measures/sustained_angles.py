@@ -14,8 +14,14 @@ from handscope.estimators.data.options import option
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import JOINT, JOINTS, SEGMENT
 from handscope.estimators.measures.figure import Figure, Grade, Kind
-from handscope.estimators.measures.plot_data import Curve, Shown
-from handscope.estimators.measures.time_window import graded, held, usable_in, window_of, within
+from handscope.estimators.measures.plot_data import Curve, PlotData
+from handscope.estimators.measures.time_window import (
+    grade_window,
+    running_median,
+    task_samples,
+    usable_samples,
+    window_length,
+)
 from handscope.estimators.numerics.typing import Array
 
 SEGMENTS_OF = {j.name: [SEGMENT[j.parent], SEGMENT[j.child]] for j in JOINTS}
@@ -32,7 +38,7 @@ class Params:
 
 
 @dataclass(frozen=True)
-class Reached:
+class SustainedAngle:
     """One angle's largest value; NaN where it could not be measured."""
 
     kind: Kind
@@ -76,48 +82,50 @@ def joint_angle(
     )
 
 
-def reached(
+def largest_sustained(
     hold: float,
     trajectory: Trajectory,
     onset: float,
     end: float,
     angles: Callable[[Trajectory], list[Angle]],
-) -> list[Reached]:
+) -> list[SustainedAngle]:
     """The largest held value of every angle that `angles` makes of the task's samples."""
-    part = within(trajectory, onset, end)
+    part = task_samples(trajectory, onset, end)
     if len(part) < 3:
         return []
-    window, found = window_of(part.t, hold), []
+    window, found = window_length(part.t, hold), []
     for a in angles(part):
-        kept = held(a.values, usable_in(part, a.segments), window)
+        kept = running_median(a.values, usable_samples(part, a.segments), window)
         if kept is None:
             if np.isfinite(part.q_GS[:, a.segments]).any():
                 found.append(
-                    Reached(a.kind, a.part, np.nan, np.nan, None, "poor", "no usable samples")
+                    SustainedAngle(
+                        a.kind, a.part, np.nan, np.nan, None, "poor", "no usable samples"
+                    )
                 )
             continue
         at = int(np.nanargmax(kept))
         sd = None if a.sd is None else float(a.sd[at])
         curve = Curve(f"{a.part}_{a.kind.what}" if a.part else a.kind.what, "rad", part.t, a.values)
         found.append(
-            Reached(
+            SustainedAngle(
                 a.kind,
                 a.part,
                 float(kept[at]),
                 float(part.t[at]),
                 sd,
-                *graded(part, a.segments),
+                *grade_window(part, a.segments),
                 curve,
             )
         )
     return found
 
 
-def figures(found: Sequence[Reached]) -> list[Figure]:
+def figures(found: Sequence[SustainedAngle]) -> list[Figure]:
     """The flat list of figures."""
     return [r.kind.of(r.value, r.sd, r.grade, r.reason, r.part) for r in found]
 
 
-def shown(found: Sequence[Reached]) -> Shown:
+def shown(found: Sequence[SustainedAngle]) -> PlotData:
     """The angles over time."""
-    return Shown(tuple(r.curve for r in found if r.curve is not None))
+    return PlotData(tuple(r.curve for r in found if r.curve is not None))

@@ -73,10 +73,10 @@ class Lag:
         return np.asarray((t_b + self.seconds + self.rate * self.at) / (1.0 + self.rate))
 
 
-def synchronised(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
+def synchronise(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
     """The lag of at most `longest` s either way at which B fits A best; InputError where none convinces."""
     rate = min(GRID, max(rate_of(a), rate_of(b)))
-    on_a, on_b = _on_grid(a, rate), _on_grid(b, rate)
+    on_a, on_b = _resample(a, rate), _resample(b, rate)
     for name, signal in (("A", on_a), ("B", on_b)):
         if not variance(signal.values).sum() > 1e-12:
             raise InputError(
@@ -89,10 +89,10 @@ def synchronised(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
             f"the recordings overlap nowhere by {100 * LEAST_OVERLAP:.0f} % of the shorter one with movement in both"
             f"{f' at lags up to {longest:g} s' if np.isfinite(longest) else ''}; choose two recordings of one movement"
         )
-    best, rival = _chosen(lags, np.where(usable, r, -np.inf), overlap)
-    found = _refined(a, b, float(lags[best]), 1.0 / rate)
+    best, rival = _choose_peak(lags, np.where(usable, r, -np.inf), overlap)
+    found = _refine(a, b, float(lags[best]), 1.0 / rate)
     needed = np.clip(
-        _by_chance(on_a, on_b, float(overlap[best]), rate), LEAST_CORRELATION, CONVINCING
+        _chance_correlation(on_a, on_b, float(overlap[best]), rate), LEAST_CORRELATION, CONVINCING
     )
     if found.correlation < needed:
         raise InputError(
@@ -104,16 +104,18 @@ def synchronised(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
 
 def fit_at(a: Signal, b: Signal, seconds: float) -> Lag:
     """The lag that is given, with the correlation there; InputError where the recordings do not overlap."""
-    shifted = interpolated(b, a.t - seconds)
+    shifted = interpolate(b, a.t - seconds)
     both = np.isfinite(a.values) & np.isfinite(shifted)
     if both.any(axis=1).sum() < 3:
         raise InputError(
             f"the recordings do not overlap at a lag of {seconds:g} s; choose two recordings of one movement or another lag"
         )
-    return Lag(seconds, pooled(a.values, shifted), float(both.any(axis=1).sum() / rate_of(a)))
+    return Lag(
+        seconds, pooled_correlation(a.values, shifted), float(both.any(axis=1).sum() / rate_of(a))
+    )
 
 
-def interpolated(signal: Signal, at: Array) -> Array:
+def interpolate(signal: Signal, at: Array) -> Array:
     """Values (m, channels) at instants `at`: cubic through the four samples around, linear where an outer one is not known.
 
     NaN outside, where one of the two neighbours is not known, and in gaps; a sample's own instant gives that sample.
@@ -148,12 +150,12 @@ def rate_of(signal: Signal) -> float:
     return float(1.0 / np.median(np.diff(signal.t))) if len(signal.t) > 1 else GRID
 
 
-def _on_grid(signal: Signal, rate: float) -> Signal:
+def _resample(signal: Signal, rate: float) -> Signal:
     t = (
         signal.t[0]
         + np.arange(int(np.floor((signal.t[-1] - signal.t[0]) * rate + 1e-6)) + 1) / rate
     )
-    return Signal(t, interpolated(signal, t))
+    return Signal(t, interpolate(signal, t))
 
 
 def variance(values: Array) -> Array:
@@ -208,7 +210,7 @@ def _spectra(
     return rfft(known.astype(float), size), rfft(centred, size), rfft(centred**2, size)
 
 
-def _chosen(lags: Array, r: Array, overlap: Array) -> tuple[int, float | None]:
+def _choose_peak(lags: Array, r: Array, overlap: Array) -> tuple[int, float | None]:
     """Index of the peak to take, and the lag of the best other one that fits as well, if any."""
     inner = np.flatnonzero((r[1:-1] >= r[:-2]) & (r[1:-1] > r[2:]) & np.isfinite(r[1:-1])) + 1
     peaks = np.unique(np.append(inner, np.argmax(r)))
@@ -231,13 +233,13 @@ def _vertex(r: Array, k: int) -> float:
     )
 
 
-def smoothed(a: Signal, b: Signal) -> tuple[Signal, Signal]:
+def smooth_both(a: Signal, b: Signal) -> tuple[Signal, Signal]:
     """Both through the same low-pass, NaN where they were: between samples noise is averaged, and its lower variance draws a lag to half a sample."""
     sd = max(SMOOTHING, 1.0 / rate_of(a), 1.0 / rate_of(b))
-    return _smoothed(a, sd), _smoothed(b, sd)
+    return _smooth(a, sd), _smooth(b, sd)
 
 
-def _smoothed(signal: Signal, sd: float) -> Signal:
+def _smooth(signal: Signal, sd: float) -> Signal:
     samples = sd * rate_of(signal)
     reach = int(np.ceil(3 * samples))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / samples) ** 2)
@@ -247,25 +249,25 @@ def _smoothed(signal: Signal, sd: float) -> Signal:
     return Signal(signal.t, np.where(known, sums / np.where(known, share, 1.0), np.nan))
 
 
-def _refined(a: Signal, b: Signal, lag: float, step: float) -> Lag:
+def _refine(a: Signal, b: Signal, lag: float, step: float) -> Lag:
     """The lag within a grid step either way at which B, interpolated, fits A's samples best, and the correlation of the samples there."""
     moving = (
         variance(a.values) > 1e-4 * variance(a.values).max()
     )  # the others tell nothing and cost as much
-    soft_a, soft_b = smoothed(Signal(a.t, a.values[:, moving]), Signal(b.t, b.values[:, moving]))
+    soft_a, soft_b = smooth_both(Signal(a.t, a.values[:, moving]), Signal(b.t, b.values[:, moving]))
     thin = max(1, round(rate_of(a) * step))
     at, x = soft_a.t[::thin], soft_a.values[::thin]
     found = minimize_scalar(
-        lambda s: -pooled(x, interpolated(soft_b, at - s)),
+        lambda s: -pooled_correlation(x, interpolate(soft_b, at - s)),
         bounds=(lag - step, lag + step),
         method="bounded",
         options={"xatol": 1e-6},
     )
     s = float(found.x)
-    return Lag(s, pooled(a.values, interpolated(b, a.t - s)), np.nan)
+    return Lag(s, pooled_correlation(a.values, interpolate(b, a.t - s)), np.nan)
 
 
-def pooled(x: Array, y: Array) -> float:
+def pooled_correlation(x: Array, y: Array) -> float:
     """Correlation over all channels together, each about its own mean."""
     both = np.isfinite(x) & np.isfinite(y)
     n = np.maximum(both.sum(axis=0), 1)
@@ -275,7 +277,7 @@ def pooled(x: Array, y: Array) -> float:
     return float((x * y).sum() / np.sqrt(power)) if power > 0 else np.nan
 
 
-def _by_chance(a: Signal, b: Signal, overlap: float, rate: float) -> float:
+def _chance_correlation(a: Signal, b: Signal, overlap: float, rate: float) -> float:
     """Correlation that the best of all lags reaches with another movement of the same bandwidth: Fisher's z of as many values as are independent."""
     bandwidth = min(_bandwidth(a, rate), _bandwidth(b, rate))
     independent = max(2 * bandwidth * overlap - 3, 1.0)

@@ -28,9 +28,9 @@ from handscope.estimators.measures import cycle_figures, cycles
 from handscope.estimators.measures.cycle_figures import size_kinds, stop_kinds, time_kinds
 from handscope.estimators.measures.cycles import Cycles, Params, Stops
 from handscope.estimators.measures.figure import Figure, Grade, grade_of, kinds
-from handscope.estimators.measures.plot_data import Curve, Shown
-from handscope.estimators.measures.signals import Even, even, turning
-from handscope.estimators.measures.task_request import UNKNOWN, Asked
+from handscope.estimators.measures.plot_data import Curve, PlotData
+from handscope.estimators.measures.signals import Even, angular_rates, resample_even
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
@@ -54,7 +54,7 @@ __all__ = [
     "Params",
     "Tapping",
     "applies",
-    "closings",
+    "find_closings",
     "figures",
     "measure",
     "of_angle",
@@ -115,38 +115,40 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
+    asked: TaskRequest = UNKNOWN,
 ) -> Tapping:
     """Taps within [onset, end]."""
     part = trajectory.between(onset - MARGIN, end + MARGIN)
     tips = part.tips[:, [FINGERS.index("thumb"), FINGERS.index("index")]]
-    apart = tips[:, 0] - tips[:, 1]
-    distance = np.sqrt((apart**2).sum(axis=-1))
+    offset = tips[:, 0] - tips[:, 1]
+    distance = np.sqrt((offset**2).sum(axis=-1))
     segments = [SEGMENT[s] for f in ("thumb", "index") for s in CHAINS[f]]
     inside = (part.t >= onset) & (part.t <= end)
     grade = grade_of(part.flags[inside][:, segments])
     if np.isfinite(distance).sum() < 3:
         return _nothing(params, part.t[inside], distance[inside], NOT_MEASURED)
-    signal = even(part.t, distance, params.max_gap, params.lowpass)
-    taps = cycles.found(params, part.t, distance, params.smallest, (onset, end))
+    signal = resample_even(part.t, distance, params.max_gap, params.lowpass)
+    taps = cycles.find_cycles(params, part.t, distance, params.smallest, (onset, end))
     if not taps.count:
         return _nothing(params, part.t[inside], distance[inside], NO_TAP)
-    turned = _turned(params, part, signal)
+    turned = _relative_turn(params, part, signal)
     turns = (
-        cycles.at(params, turned, np.searchsorted(signal.t, taps.closings - 0.5 * signal.period))
+        cycles.cycles_between(
+            params, turned, np.searchsorted(signal.t, taps.closings - 0.5 * signal.period)
+        )
         if turned is not None
         else None
     )
-    seen = _from_the_wrist(tips)
+    seen = _angle_from_wrist(tips)
     stops = (
         tuple(
-            cycles.stops(params, part.t, seen, (float(taps.closings[0]), end), share)
+            cycles.find_stops(params, part.t, seen, (float(taps.closings[0]), end), share)
             for share in STILL
         )
         if np.isfinite(seen).sum() >= 3
         else ()
     )
-    return _trial(
+    return _make_trial(
         params,
         part.t[inside],
         distance[inside],
@@ -154,7 +156,7 @@ def measure(
         turns,
         stops,
         grade,
-        _distance_sd(part, apart),
+        _distance_sd(part, offset),
         _angle_sd(part),
     )
 
@@ -165,7 +167,7 @@ def of_distance(
     """Taps in a distance (n,) in m between thumb and index finger at times t (n,) s; `sd` is that of its error."""
     cycles.require_fast(params or Params(), t, distance)
     _require_unit(distance, LONGEST, "distance", "metres")
-    return _of_signal(params or Params(), t, distance, "m", sd)
+    return _measure_signal(params or Params(), t, distance, "m", sd)
 
 
 def of_angle(
@@ -174,7 +176,7 @@ def of_angle(
     """Taps in an opening angle (n,) in rad: of a camera, the angle thumb tip - wrist - index tip."""
     cycles.require_fast(params or Params(), t, angle)
     _require_unit(angle, WIDEST, "angle", "radians")
-    return _of_signal(params or Params(), t, angle, "rad", sd)
+    return _measure_signal(params or Params(), t, angle, "rad", sd)
 
 
 def of_rates(
@@ -184,7 +186,7 @@ def of_rates(
     params = params or Params()
     opening = opening_of_rates(params, t, thumb, index)
     cycles.require_fast(params, opening.t, opening.values)
-    return _of_signal(
+    return _measure_signal(
         replace(params, lowpass=0.0), opening.t, opening.gapped, "rad", sd
     )  # the rates were filtered
 
@@ -239,11 +241,11 @@ def figures(tapping: Tapping) -> list[Figure]:
     return made
 
 
-def shown(tapping: Tapping) -> Shown:
+def shown(tapping: Tapping) -> PlotData:
     """The opening over time with closings and freezes, and the amplitude of every tap."""
     c = tapping.cycles
     if c is None or not len(tapping.t):
-        return Shown()
+        return PlotData()
     number = np.arange(1.0, c.count + 1)
     unit, name = ("m", "tapping_distance") if tapping.taps else ("rad", "tapping_opening")
     curves = [
@@ -257,20 +259,22 @@ def shown(tapping: Tapping) -> Shown:
     marks = {"closing": tapping.closings}
     if tapping.stops:
         marks["freeze"] = tapping.stops[0].lasting(tapping.params.freeze)
-    return Shown(tuple(curves), marks)
+    return PlotData(tuple(curves), marks)
 
 
-def closings(params: Params, t: Array, distance: Array) -> np.ndarray:
+def find_closings(params: Params, t: Array, distance: Array) -> np.ndarray:
     """Indices of the samples of an even signal at which the fingers close: minima of a distance (n,) in m."""
     period = float(np.median(np.diff(t)))
-    return cycles.closings(
+    return cycles.find_closings(
         params, Even(t, distance, np.isfinite(distance), period), params.smallest
     )
 
 
-def _of_signal(params: Params, t: Array, values: Array, unit: str, sd: float | None) -> Tapping:
+def _measure_signal(
+    params: Params, t: Array, values: Array, unit: str, sd: float | None
+) -> Tapping:
     distance = unit == "m"
-    c = cycles.found(params, t, values, params.smallest if distance else params.smallest_turn)
+    c = cycles.find_cycles(params, t, values, params.smallest if distance else params.smallest_turn)
     lost = c.lost / max(len(c.t) * c.period, 1e-9)
     grade: tuple[Grade, str] = (
         ("good", "")
@@ -279,12 +283,14 @@ def _of_signal(params: Params, t: Array, values: Array, unit: str, sd: float | N
     )
     tapped = (float(c.closings[0]), float(c.closings[-1])) if c.count else (0.0, 0.0)
     stops = (
-        () if distance else tuple(cycles.stops(params, t, values, tapped, share) for share in STILL)
+        ()
+        if distance
+        else tuple(cycles.find_stops(params, t, values, tapped, share) for share in STILL)
     )
     grade = ("poor", "; ".join(filter(None, [NO_TAP, grade[1]]))) if not c.count else grade
     samples = np.asarray(t, float)
     drawn = np.asarray(values, float) if distance else np.full(len(samples), np.nan)
-    return _trial(
+    return _make_trial(
         params,
         samples,
         drawn,
@@ -306,7 +312,7 @@ def _require_unit(values: Array, most: float, what: str, unit: str) -> None:
         )
 
 
-def _trial(
+def _make_trial(
     params: Params,
     t: Array,
     distance: Array,
@@ -319,7 +325,7 @@ def _trial(
 ) -> Tapping:
     c = taps or turns
     assert c is not None
-    graded = cycles.said_of(c, graded)
+    graded = cycles.grade_cycles(c, graded)
     slope, ratio = cycle_figures.decrement(params, c.amplitudes)
     each = (c.closings, c.amplitudes, c.opening_speeds, c.closing_speeds, slope, ratio)
     return Tapping(t, distance, *each, *graded, params, taps, turns, stops, distance_sd, angle_sd)
@@ -328,10 +334,10 @@ def _trial(
 def _nothing(params: Params, t: Array, distance: Array, reason: str) -> Tapping:
     none = np.empty(0)
     empty = Cycles(none, none, none, none, none, none, none, none)
-    return _trial(params, t, distance, empty, empty, (), ("poor", reason))
+    return _make_trial(params, t, distance, empty, empty, (), ("poor", reason))
 
 
-def _turned(params: Params, part: Trajectory, signal: Even) -> Even | None:
+def _relative_turn(params: Params, part: Trajectory, signal: Even) -> Even | None:
     """How far the last phalanges have turned apart, on the distance's time base and in its sense; None where they are not measured."""
     q_GH = part.q_GS[:, SEGMENT["hand"]]
     rates = []
@@ -340,7 +346,7 @@ def _turned(params: Params, part: Trajectory, signal: Even) -> Even | None:
         q_HS = quat.relative(q_GH, q) if np.isfinite(q_GH).all() else q
         if not np.isfinite(q_HS).all() or len(q_HS) < 3 or not (np.abs(q_HS).sum(axis=1) > 0).all():
             return None
-        rates.append(turning(part.t, q_HS))
+        rates.append(angular_rates(part.t, q_HS))
     angle = opening_of_rates(params, part.t, *rates)
     values = np.interp(signal.t, angle.t, angle.values)
     sense = 1.0 if np.gradient(values) @ np.gradient(signal.values) >= 0 else -1.0
@@ -352,7 +358,7 @@ def _about_principal(params: Params, t: Array, rate: Array, known: np.ndarray) -
     if rate.ndim == 2 and known.any():
         spread = rate[known] - rate[known].mean(axis=0)
         rate = rate @ np.linalg.svd(spread, full_matrices=False)[2][0]
-    return even(t, np.where(known, rate, np.nan), params.max_gap, params.lowpass)
+    return resample_even(t, np.where(known, rate, np.nan), params.max_gap, params.lowpass)
 
 
 def _impact_sign(rate: Array) -> float:
@@ -361,21 +367,21 @@ def _impact_sign(rate: Array) -> float:
     return 1.0 if ((jerk - jerk.mean()) ** 3).mean() >= 0 else -1.0
 
 
-def _from_the_wrist(tips: Array) -> Array:
+def _angle_from_wrist(tips: Array) -> Array:
     """Angle (n,) between the directions to thumb and index tip (n, 2, 3), seen from the wrist, rad."""
     across = np.linalg.norm(np.cross(tips[:, 0], tips[:, 1]), axis=-1)
     return np.asarray(np.arctan2(across, (tips[:, 0] * tips[:, 1]).sum(axis=-1)))
 
 
-def _distance_sd(part: Trajectory, apart: Array) -> float | None:
+def _distance_sd(part: Trajectory, offset: Array) -> float | None:
     """Of the distance, from both tips' standard deviations along the line between them, rms over the trial; their errors count as independent."""
     if part.tips_sd is None:
         return None
     both = (part.tips_sd[:, [FINGERS.index("thumb"), FINGERS.index("index")]] ** 2).sum(axis=1)
-    size = (apart**2).sum(axis=-1)
+    size = (offset**2).sum(axis=-1)
     known = np.isfinite(size) & (size > 0)
     return (
-        float(np.sqrt(np.nanmean((apart[known] ** 2 * both[known]).sum(axis=-1) / size[known])))
+        float(np.sqrt(np.nanmean((offset[known] ** 2 * both[known]).sum(axis=-1) / size[known])))
         if known.any()
         else None
     )

@@ -22,7 +22,7 @@ class Mark:
 
 
 @dataclass(frozen=True)
-class Asked:
+class TaskRequest:
     task: str = ""
     details: Mapping[str, Any] = field(default_factory=dict)  # of the task's event
     marks: tuple[Mark, ...] = ()
@@ -34,21 +34,25 @@ class Asked:
 
     def fingers(self) -> tuple[str, ...]:
         """The fingers that the details or the task's name say, in the order of the hand; none where neither does."""
-        said = self.details.get("fingers", self.details.get("finger"))
+        fingers_text = self.details.get("fingers", self.details.get("finger"))
         names = (
-            words_of(" ".join(said) if isinstance(said, list | tuple) else str(said))
-            if said
+            words_of(
+                " ".join(fingers_text)
+                if isinstance(fingers_text, list | tuple)
+                else str(fingers_text)
+            )
+            if fingers_text
             else words_of(self.task)
         )
         return tuple(f for f in FINGERS if f in names)
 
 
-UNKNOWN = Asked()
+UNKNOWN = TaskRequest()
 
 
-def asked_of(event: Event, events: Sequence[Event]) -> Asked:
+def parse_request(event: Event, events: Sequence[Event]) -> TaskRequest:
     """What a task's event and the annotations within it say."""
-    return Asked(
+    return TaskRequest(
         str(event.details.get("task_name", "task")), event.details, tuple(_marks(event, events))
     )
 

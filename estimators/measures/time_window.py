@@ -14,12 +14,12 @@ from handscope.estimators.numerics.typing import Array
 UNUSABLE = np.uint8(Flag.HEADING_LOST | Flag.MISSING | Flag.SATURATED | Flag.FAULTY)
 
 
-def window_of(t: Array, hold: float) -> int:
+def window_length(t: Array, hold: float) -> int:
     """Samples of the running median: odd."""
     return max(1, round(hold / float(np.median(np.diff(t))))) | 1
 
 
-def held(values: Array, usable: np.ndarray, window: int) -> Array | None:
+def running_median(values: Array, usable: np.ndarray, window: int) -> Array | None:
     """The running median over usable samples, NaN where the window is not full; None where there are too few."""
     good = np.flatnonzero(usable & np.isfinite(values))
     if len(good) < window:
@@ -30,16 +30,16 @@ def held(values: Array, usable: np.ndarray, window: int) -> Array | None:
     return median
 
 
-def usable_in(part: Trajectory, segments: list[int]) -> np.ndarray:
+def usable_samples(part: Trajectory, segments: list[int]) -> np.ndarray:
     """Which samples (n,) of these segments may be used."""
     return np.asarray(((part.flags[:, segments] & UNUSABLE) == 0).all(axis=1))
 
 
-def within(trajectory: Trajectory, onset: float, end: float) -> Trajectory:
+def task_samples(trajectory: Trajectory, onset: float, end: float) -> Trajectory:
     """The samples of a task, its last one too."""
     return trajectory.between(onset, float(np.nextafter(end, np.inf)))
 
 
-def graded(part: Trajectory, segments: list[int]) -> tuple[Grade, str]:
+def grade_window(part: Trajectory, segments: list[int]) -> tuple[Grade, str]:
     """Grade and reason of what rests on these segments."""
     return grade_of(part.flags[:, segments])

@@ -41,18 +41,18 @@ def tip_errors(a: Array, b: Array) -> list[TipError]:
     """Of places (n, fingers, 3) in one frame."""
     found = []
     for k, finger in enumerate(FINGERS):
-        apart = b[:, k] - a[:, k]
-        apart = apart[np.isfinite(apart).all(axis=1)]
-        if len(apart) >= 2:
-            error = np.linalg.norm(apart, axis=1)  # (30)
+        difference = b[:, k] - a[:, k]
+        difference = difference[np.isfinite(difference).all(axis=1)]
+        if len(difference) >= 2:
+            error = np.linalg.norm(difference, axis=1)  # (30)
             rmse, parts = (
                 float(np.sqrt((error**2).mean())),
-                np.sqrt((apart**2).mean(axis=0)),
+                np.sqrt((difference**2).mean(axis=0)),
             )  # (31)
             found.append(
                 TipError(
                     finger,
-                    len(apart),
+                    len(difference),
                     float(error.mean()),
                     float(error.std(ddof=1)),
                     rmse,
@@ -63,7 +63,7 @@ def tip_errors(a: Array, b: Array) -> list[TipError]:
     return found
 
 
-def brought(b: Array, a: Array, centre: Array | None = None) -> Array:
+def transform_places(b: Array, a: Array, centre: Array | None = None) -> Array:
     """Places b (n, fingers, 3) in a's frame, about b's wrist `centre` (3,) if known (29), else shifted to fit as well."""
     known = np.isfinite(a).all(axis=-1) & np.isfinite(b).all(axis=-1)
     if known.sum() < 3:

@@ -25,9 +25,15 @@ from handscope.estimators.hand.anatomy import (
 )
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
-from handscope.estimators.measures.plot_data import NOTHING, Shown
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
-from handscope.estimators.measures.time_window import graded, held, usable_in, window_of, within
+from handscope.estimators.measures.plot_data import NOTHING, PlotData
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.time_window import (
+    grade_window,
+    running_median,
+    task_samples,
+    usable_samples,
+    window_length,
+)
 
 TITLE = "Total active motion"
 DEG = np.pi / 180
@@ -108,7 +114,7 @@ class Params:
 
 
 @dataclass(frozen=True)
-class Motion:
+class FingerMotion:
     """One finger; angles in rad by joint, in the order of TAM_JOINTS."""
 
     finger: str
@@ -169,24 +175,24 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
-) -> list[Motion]:
+    asked: TaskRequest = UNKNOWN,
+) -> list[FingerMotion]:
     """Every finger whose joints were all measured."""
-    part = within(trajectory, onset, end)
+    part = task_samples(trajectory, onset, end)
     if len(part) < 3:
         return []
-    window, found = window_of(part.t, params.hold), []
+    window, found = window_length(part.t, params.hold), []
     for finger in FINGERS:
         joints = [JOINT[j] for j in TAM_JOINTS[finger]]
         segments = [
             SEGMENT[s] for s in (CHAINS[finger] if finger == "thumb" else ("hand", *CHAINS[finger]))
         ]
         angles = part.angles[:, joints, FLEXION]
-        total = held(angles.sum(axis=1), usable_in(part, segments), window)
+        total = running_median(angles.sum(axis=1), usable_samples(part, segments), window)
         if total is None:
             continue
         fist, stretch = int(np.nanargmax(total)), int(np.nanargmin(total))
-        kept = [held(a, usable_in(part, segments), window) for a in angles.T]
+        kept = [running_median(a, usable_samples(part, segments), window) for a in angles.T]
         bent, straight = (
             {j: float(k[i]) for j, k in zip(TAM_JOINTS[finger], kept) if k is not None}
             for i in (fist, stretch)
@@ -194,64 +200,74 @@ def measure(
         sds = _sds(part, finger, fist), _sds(part, finger, stretch)
         when = float(part.t[fist]), float(part.t[stretch])
         found.append(
-            Motion(finger, bent, straight, *sds, *when, *graded(part, segments), params.grading)
+            FingerMotion(
+                finger, bent, straight, *sds, *when, *grade_window(part, segments), params.grading
+            )
         )
     return found
 
 
-def figures(motions: list[Motion]) -> list[Figure]:
+def figures(motions: list[FingerMotion]) -> list[Figure]:
     """The flat list of figures."""
     made = []
     for m in motions:
-        norm, sd, told = NORM[m.finger], m.sd, (m.grade, m.reason)
-        made.append(KINDS["taf"].of(m.taf, m.taf_sd, *told, m.finger))
-        made.append(KINDS["tam"].of(m.tam, sd, *told, m.finger))
+        norm, sd, graded = NORM[m.finger], m.sd, (m.grade, m.reason)
+        made.append(KINDS["taf"].of(m.taf, m.taf_sd, *graded, m.finger))
+        made.append(KINDS["tam"].of(m.tam, sd, *graded, m.finger))
         share_sd = None if sd is None else sd / norm
         made.append(
-            KINDS["tam_share"].of(m.tam / norm, share_sd, *told, m.finger, graded_as(m.scheme, m))
+            KINDS["tam_share"].of(
+                m.tam / norm, share_sd, *graded, m.finger, grade_with_scheme(m.scheme, m)
+            )
         )
         for joint in m.flexions:
             made.append(
                 KINDS["composite_flexion"].of(
-                    m.flexions[joint], m.flexion_sd.get(joint), *told, joint
+                    m.flexions[joint], m.flexion_sd.get(joint), *graded, joint
                 )
             )
         for joint, left in m.extensions.items():
             sd_left = m.extension_sd.get(joint)
-            made.append(KINDS["extension_deficit"].of(max(0.0, left), sd_left, *told, joint))
-            made.append(KINDS["hyperextension"].of(max(0.0, -left), sd_left, *told, joint))
+            made.append(KINDS["extension_deficit"].of(max(0.0, left), sd_left, *graded, joint))
+            made.append(KINDS["hyperextension"].of(max(0.0, -left), sd_left, *graded, joint))
     return made
 
 
-def shown(motions: list[Motion]) -> Shown:
+def shown(motions: list[FingerMotion]) -> PlotData:
     """Nothing: a page has the angles themselves."""
     return NOTHING
 
 
-def graded_as(scheme: str, m: Motion, other_hand: float | None = None) -> str:
+def grade_with_scheme(scheme: str, m: FingerMotion, other_hand: float | None = None) -> str:
     """What a scheme calls a finger's motion; `other_hand` is the TAM of the uninjured one, rad. "" where the scheme does not cover the finger."""
     degrees, share = round(m.tam / DEG), round(100 * m.tam / (other_hand or NORM[m.finger]))
     match scheme:
         case "assh":  # > 50 fair, < 50 poor: 50 itself stands in neither
             return GRADES[0 if share >= 100 else 1 if share > 75 else 2 if share > 50 else 3]
         case "eatonhand":
-            return _banded(share, (85, 70, 50))
+            return _grade_by_bands(share, (85, 70, 50))
         case "eatonhand_degrees":
-            return _banded(degrees, (119, 98, 70) if m.finger == "thumb" else (220, 180, 130))
+            return _grade_by_bands(
+                degrees, (119, 98, 70) if m.finger == "thumb" else (220, 180, 130)
+            )
         case "strickland":
-            return "" if m.finger == "thumb" else _banded(round(100 * strickland(m)), (85, 70, 50))
+            return (
+                ""
+                if m.finger == "thumb"
+                else _grade_by_bands(round(100 * strickland(m)), (85, 70, 50))
+            )
         case "burn":
             return (
                 ""
                 if m.finger == "thumb"
                 else "normal"
                 if degrees >= 260
-                else _banded(degrees, (220, 180, 180))
+                else _grade_by_bands(degrees, (220, 180, 180))
             )
     raise InputError(f"there is no grading {scheme!r}; gradings are {', '.join(GRADINGS)}")
 
 
-def regraded(
+def regrade(
     figures: Sequence[Figure], scheme: str, other_hand: Mapping[str, float] | None = None
 ) -> tuple[Figure, ...]:
     """Kept figures of a task with the words of a scheme, its source, and shares of the uninjured hand's TAM (rad, by finger) where that is given."""
@@ -259,36 +275,40 @@ def regraded(
         raise InputError(f"there is no grading {scheme!r}; gradings are {', '.join(GRADINGS)}")
     angles = {(f.what, f.part): f.value for f in figures}
     return tuple(
-        _regraded(f, scheme, angles, (other_hand or {}).get(f.part)) if f.what == "tam_share" else f
+        _regrade_share(f, scheme, angles, (other_hand or {}).get(f.part))
+        if f.what == "tam_share"
+        else f
         for f in figures
     )
 
 
-def _regraded(
+def _regrade_share(
     share: Figure, scheme: str, angles: Mapping[tuple[str, str], float], other_hand: float | None
 ) -> Figure:
     joints = [j for j in TAM_JOINTS[share.part] if ("composite_flexion", j) in angles]
     extensions = {j: angles["extension_deficit", j] - angles["hyperextension", j] for j in joints}
     bent = {j: angles["composite_flexion", j] for j in joints}
-    m = Motion(share.part, bent, extensions, {}, {}, 0.0, 0.0, share.grade, share.reason, scheme)
+    m = FingerMotion(
+        share.part, bent, extensions, {}, {}, 0.0, 0.0, share.grade, share.reason, scheme
+    )
     scale = NORM[share.part] / (other_hand or NORM[share.part])
     sd = None if share.sd is None else share.sd * scale
     return replace(
         share,
         value=share.value * scale,
         sd=sd,
-        category=graded_as(scheme, m, other_hand),
+        category=grade_with_scheme(scheme, m, other_hand),
         source=GRADINGS[scheme],
     )
 
 
-def strickland(m: Motion) -> float:
+def strickland(m: FingerMotion) -> float:
     """PIP and DIP flexion less their deficits, as a share of 175 deg."""
     ends = [j for j in m.flexions if j.endswith(("_pip", "_dip"))]
     return float(sum(m.flexions[j] - m.deficits[j] for j in ends) / (175 * DEG))
 
 
-def _banded(value: float, bands: tuple[float, float, float]) -> str:
+def _grade_by_bands(value: float, bands: tuple[float, float, float]) -> str:
     return next((grade for grade, least in zip(GRADES, bands) if value >= least), "poor")
 
 

@@ -19,10 +19,10 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, grade_of, kinds
-from handscope.estimators.measures.plot_data import Curve, Shown
-from handscope.estimators.measures.signals import even, turning
-from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
-from handscope.estimators.measures.time_window import within
+from handscope.estimators.measures.plot_data import Curve, PlotData
+from handscope.estimators.measures.signals import angular_rates, resample_even
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.time_window import task_samples
 from handscope.estimators.numerics.typing import Array
 
 TITLE = "Tremor"
@@ -129,15 +129,15 @@ def measure(
     onset: float,
     end: float,
     geometry: HandGeometry | None = None,
-    asked: Asked = UNKNOWN,
+    asked: TaskRequest = UNKNOWN,
 ) -> list[Tremor]:
     """Of the hand and of every last phalanx that was measured."""
-    part, found = within(trajectory, onset, end), []
+    part, found = task_samples(trajectory, onset, end), []
     for name, segment in PARTS.items():
         q = part.q_GS[:, SEGMENT[segment]]
         if len(part) >= 3 and np.isfinite(q).all(axis=1).sum() >= 3:
             graded = grade_of(part.flags[:, [SEGMENT[segment]]])
-            found.append(_of(params, name, part.t, turning(part.t, q), graded))
+            found.append(_measure_segment(params, name, part.t, angular_rates(part.t, q), graded))
     return found
 
 
@@ -149,7 +149,7 @@ def of_rates(t: Array, rates: Array, params: Params | None = None, part: str = "
         raise InputError(
             f"rates of the shape {np.shape(rates)} do not go with {np.size(t)} times; give (n, 3) or (n,) of them"
         )
-    return _of(params or Params(), part, np.asarray(t, float), w, ("good", ""))
+    return _measure_segment(params or Params(), part, np.asarray(t, float), w, ("good", ""))
 
 
 def figures(found: list[Tremor]) -> list[Figure]:
@@ -157,7 +157,7 @@ def figures(found: list[Tremor]) -> list[Figure]:
     made = []
     for r in found:
         seen = np.isfinite(r.frequency)
-        told = (r.grade, r.reason)
+        graded = (r.grade, r.reason)
         log = np.log10(r.amplitude / DEG) if seen and r.amplitude > 0 else np.nan
         share_sd = (
             float(np.sqrt(max(r.time_share * (1 - r.time_share), 0.25 / r.windows) / r.windows))
@@ -176,13 +176,13 @@ def figures(found: list[Tremor]) -> list[Figure]:
             "tremor_time_share": (r.time_share, share_sd),
             "tremor_band_quotient": (r.band_ratio, 2 * np.sqrt(2.0) * r.relative_sd * r.band_ratio),
         }
-        made += [KINDS[what].of(value, sd, *told, r.part) for what, (value, sd) in rows.items()]
+        made += [KINDS[what].of(value, sd, *graded, r.part) for what, (value, sd) in rows.items()]
     return made
 
 
-def shown(found: list[Tremor]) -> Shown:
+def shown(found: list[Tremor]) -> PlotData:
     """The spectra up to 20 Hz."""
-    return Shown(
+    return PlotData(
         tuple(
             Curve(f"{r.part}_spectrum", "(rad/s)^2/Hz", r.f[r.f <= 20], r.density[r.f <= 20], "Hz")
             for r in found
@@ -191,8 +191,10 @@ def shown(found: list[Tremor]) -> Shown:
     )
 
 
-def _of(params: Params, part: str, t: Array, rates: Array, graded: tuple[Grade, str]) -> Tremor:
-    axes = [even(t, w, max_gap=0.05) for w in rates.T]
+def _measure_segment(
+    params: Params, part: str, t: Array, rates: Array, graded: tuple[Grade, str]
+) -> Tremor:
+    axes = [resample_even(t, w, max_gap=0.05) for w in rates.T]
     period, n = axes[0].period, len(axes[0].t)
     size = round(params.window / period)
     if 0.5 / period < params.highest:
@@ -205,7 +207,7 @@ def _of(params: Params, part: str, t: Array, rates: Array, graded: tuple[Grade, 
     if lost > 0.2:
         return _nothing(part, f"{100 * lost:.0f} % of the time without samples")
     values = np.array([a.values for a in axes])
-    f, each = _windows(values, period, size)
+    f, each = _window_spectra(values, period, size)
     density = each.mean(axis=0)
     count = len(each)
     peak, out = _peak(params, f, density)
@@ -258,7 +260,7 @@ def _of(params: Params, part: str, t: Array, rates: Array, graded: tuple[Grade, 
     )
 
 
-def _windows(values: Array, period: float, size: int) -> tuple[Array, Array]:
+def _window_spectra(values: Array, period: float, size: int) -> tuple[Array, Array]:
     """Frequencies (m,) and the density (windows, m) of every window, half overlapping, all axes together."""
     starts = range(0, values.shape[1] - size + 1, max(1, size // 2))
     each = [
@@ -287,7 +289,8 @@ def _peak(params: Params, f: Array, density: Array) -> tuple[float, bool]:
 def _beside(params: Params, f: Array, density: Array, k: int) -> float:
     """Density on both sides of a peak."""
     sides = [
-        (way > params.about) & (way <= params.beside) & (f > 0) for way in (f - f[k], f[k] - f)
+        (offset > params.about) & (offset <= params.beside) & (f > 0)
+        for offset in (f - f[k], f[k] - f)
     ]
     return float(
         np.exp(

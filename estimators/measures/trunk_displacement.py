@@ -49,13 +49,13 @@ class Displacement:
     sd: Array  # (n,) m
 
 
-def height_told(details: Mapping[str, Any]) -> float | None:
+def declared_height(details: Mapping[str, Any]) -> float | None:
     """The height above the hips that a task's details tell, m; None where they tell none, NaN where it cannot be one."""
-    told = details.get("trunk_height")
-    if told in (None, "", "n/a"):
+    declared = details.get("trunk_height")
+    if declared in (None, "", "n/a"):
         return None
     try:
-        height = float(str(told))
+        height = float(str(declared))
     except ValueError:
         return float("nan")
     return height if LEAST <= height <= MOST else float("nan")

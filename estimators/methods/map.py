@@ -34,7 +34,7 @@ from handscope.estimators.hand.anatomy import (
     SEGMENTS,
     side_sign,
 )
-from handscope.estimators.hand.geometry import HandGeometry, root_joint, with_lengths
+from handscope.estimators.hand.geometry import HandGeometry, root_joint, with_finger_lengths
 from handscope.estimators.methods import fusion_pipeline, m2
 from handscope.estimators.numerics import parallel
 from handscope.estimators.numerics import quaternions as quat
@@ -56,13 +56,13 @@ from handscope.estimators.self_calibration.problem import (
     Readings,
     Unknowns,
     Z,
-    chain,
-    columns,
-    measured,
-    mounted,
-    posed,
+    axis_in_sensors,
+    build_chain,
+    build_problem,
+    parameter_columns,
+    with_lengths,
 )
-from handscope.estimators.self_calibration.result import Asked, Finger
+from handscope.estimators.self_calibration.result import Finger, Requirements
 from handscope.estimators.self_calibration.solver import Limits, Solution
 from handscope.estimators.self_calibration.uncertainty import monte_carlo, posterior
 from handscope.estimators.self_calibration.uncertainty.monte_carlo import DRAWS
@@ -87,7 +87,7 @@ UNKNOWN_TIP = 0.05  # m, the same of a fingertip, which moves about over a decim
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params(fusion_pipeline.Params, Noise, Asked):
+class Params(fusion_pipeline.Params, Noise, Requirements):
     longest: float = option(
         60.0,
         "s",
@@ -132,16 +132,20 @@ def solve(
     problems: list[str] = []
     for name in (name for name, links in LIMBS.items() if links[0] in worn):
         try:
-            links, silent = sample_preparation.speaking(
-                blocks, chain([s for s in ("hand", *LIMBS[name]) if s in worn]), start, stop
+            links, silent = sample_preparation.drop_silent_sensors(
+                blocks, build_chain([s for s in ("hand", *LIMBS[name]) if s in worn]), start, stop
             )
-            messages += self_calibration_messages.silence(
+            messages += self_calibration_messages.describe_silent_sensors(
                 name,
                 silent,
-                any(sample_preparation.clipped(blocks, s, start, stop) for s in silent[:1]),
+                any(sample_preparation.is_clipped(blocks, s, start, stop) for s in silent[:1]),
             )
             limbs.append(
-                _Limb(name, links, *sample_preparation.readings(blocks, links.sensors, start, stop))
+                _Limb(
+                    name,
+                    links,
+                    *sample_preparation.prepare_readings(blocks, links.sensors, start, stop),
+                )
             )
         except InputError as problem:
             problems.append(str(problem))
@@ -162,8 +166,12 @@ def solve(
     messages += [
         *problems,
         *of_hand,
-        *self_calibration_messages.knocked(fingers),
-        *(word for finger in fingers for word in self_calibration_messages.told(params, finger)),
+        *self_calibration_messages.describe_outliers(fingers),
+        *(
+            word
+            for finger in fingers
+            for word in self_calibration_messages.describe_result(params, finger)
+        ),
     ]
     calibration = _join_fingers(params, recording, fingers, worn)
     tracked = trajectory.join(run(m2, params, [calibration], recording), recording.hand)
@@ -183,11 +191,11 @@ def _stretch(
         longest = max(events, key=lambda e: e.duration)
         start, stop = max(start, longest.onset), min(stop, longest.end)
     self_calibration_messages.require_length(params, stop - start)
-    whole, holes = stop - start, sample_preparation.holes(blocks, start, stop)
-    start, stop = sample_preparation.gapless(blocks, start, stop)
+    whole, holes = stop - start, sample_preparation.find_gaps(blocks, start, stop)
+    start, stop = sample_preparation.longest_gapless(blocks, start, stop)
     self_calibration_messages.require_samples(params, stop - start, holes)
-    start, stop = sample_preparation.liveliest(blocks, start, stop, params.longest)
-    return start, stop, self_calibration_messages.used(start, stop, whole)
+    start, stop = sample_preparation.most_excited_stretch(blocks, start, stop, params.longest)
+    return start, stop, self_calibration_messages.describe_stretch(start, stop, whole)
 
 
 @dataclass(frozen=True)
@@ -206,14 +214,14 @@ def _calibrate_limb(
     noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
     links, t, read = limb.links, limb.t, limb.read
     self_calibration_messages.require_movement(params, limb.name, read)
-    guess = self_calibration_initialisation.unknowns(
-        links, noise, read, mounted(links, recording.mounting, Z)
+    guess = self_calibration_initialisation.initial_unknowns(
+        links, noise, read, axis_in_sensors(links, recording.mounting, Z)
     )
-    problem = measured(
-        posed(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting),
+    problem = with_lengths(
+        build_problem(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting),
         recording.geometry.lengths,
     )
-    found = solver.learnt(
+    found = solver.solve_with_noise(
         problem,
         guess,
         Limits(),
@@ -226,12 +234,14 @@ def _calibrate_limb(
         limb.name,
         t,
         found,
-        posterior.draws(found.problem, found.at, found.factor, DRAWS),
+        posterior.draw_places(found.problem, found.at, found.factor, DRAWS),
     )
     self_calibration_messages.require_possible(described)
     return replace(
         described,
-        solution=replace(found, factor=normal_equations.remembered(found.factor.covariance)),
+        solution=replace(
+            found, factor=normal_equations.keep_covariance_only(found.factor.covariance)
+        ),
     )
 
 
@@ -260,14 +270,16 @@ def _together(
         return alone, [ALONE, str(late)]
     if found.outcome != "converged":
         return alone, [ALONE]
-    drawn = zip(*whole_hand_solver.draws(found, DRAWS))
+    drawn = zip(*whole_hand_solver.draw_places(found, DRAWS))
     return [
-        _describe(params, recording, f.name, f.t, replace(limb, jolts=f.solution.jolts), draws)
-        for f, limb, draws in zip(alone, whole_hand_solver.of_limbs(found), drawn)
+        _describe(
+            params, recording, f.name, f.t, replace(limb, outliers=f.solution.outliers), draws
+        )
+        for f, limb, draws in zip(alone, whole_hand_solver.split_limbs(found), drawn)
     ], [
         word
-        for f, misfit in zip(alone, whole_hand_solver.misfits(found))
-        for word in self_calibration_messages.not_assumed(f, *misfit)
+        for f, misfit in zip(alone, whole_hand_solver.worst_joints(found))
+        for word in self_calibration_messages.describe_misfit(f, *misfit)
     ]
 
 
@@ -276,7 +288,7 @@ def _soft_tissue_scales(params: Params, alone: Sequence[Finger]) -> tuple[float,
     is the variance that makes the found most likely (the M step of Dempster, Laird & Rubin 1977); where movement tells nothing it stays 1."""
     turns, slides, laws = [], [], []
     for found in (finger.solution for finger in alone if finger.name in CHAINS):
-        c, variance = columns(found.problem.chain), np.diag(found.factor.covariance)
+        c, variance = parameter_columns(found.problem.chain), np.diag(found.factor.covariance)
         turns.append(found.at.skin_turn.ravel() ** 2 + variance[c.skin_turn])
         slides.append(found.at.skin_slide.ravel() ** 2 + variance[c.skin_slide])
         laws.append(found.at.law**2 + variance[c.law])
@@ -301,13 +313,13 @@ def _describe(
 ) -> Finger:
     """What a solution says of a finger."""
     described = segments.of_solution(found, recording.hand, recording.mounting)
-    sure = monte_carlo.of_finger(
+    sure = monte_carlo.estimate_uncertainty(
         found,
         draws,
         recording.hand,
         recording.mounting,
         np.radians(params.mounting),
-        lambda drawn, luck: with_lengths(
+        lambda drawn, luck: with_finger_lengths(
             recording.geometry, finger, drawn.lengths, params.length_guess * luck
         ),
     )
@@ -361,16 +373,16 @@ def _join_fingers(
             nearest, lambda f: _known_places(params, f, _places_sd(params, f, geometry))
         ),
         gyr_bias_sd=_first_of(
-            fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_gyr)
+            fingers, lambda f: _bias_sd(f, parameter_columns(f.solution.problem.chain).bias_gyr)
         ),
         acc_bias_sd=_first_of(
-            fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_acc)
+            fingers, lambda f: _bias_sd(f, parameter_columns(f.solution.problem.chain).bias_acc)
         ),
         lengths_sd={
             s: sd
             for f in fingers
             for s, sd in f.segments.lengths_sd.items()
-            if self_calibration_result.known(params, f, s)
+            if self_calibration_result.is_length_known(params, f, s)
         },
     )
 
@@ -390,7 +402,9 @@ def _bias_sd(finger: Finger, where: slice) -> dict[str, Array]:
 def _known_places(params: Params, finger: Finger, known: Mapping[str, Array]) -> dict[str, Array]:
     """Of the sensors whose places movement told."""
     return {
-        s: value for s, value in known.items() if self_calibration_result.placed(params, finger, s)
+        s: value
+        for s, value in known.items()
+        if self_calibration_result.is_placed(params, finger, s)
     }
 
 
@@ -435,9 +449,9 @@ def _with_lengths(
         known = {
             s: v
             for s, v in finger.segments.lengths.items()
-            if self_calibration_result.known(params, finger, s)
+            if self_calibration_result.is_length_known(params, finger, s)
         }
-        geometry = with_lengths(geometry, finger.name, known)
+        geometry = with_finger_lengths(geometry, finger.name, known)
     return geometry
 
 

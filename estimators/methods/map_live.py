@@ -18,7 +18,7 @@ from handscope.estimators.data.samples import Block, Stream
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand import pose as hand_pose
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINT, SEGMENT
-from handscope.estimators.hand.geometry import with_lengths
+from handscope.estimators.hand.geometry import with_finger_lengths
 from handscope.estimators.methods import ekf
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -76,7 +76,7 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
     """Begin at the calibration's moment."""
     begun = ekf.start(params, calibration, streams)
     worn = {name for s in streams if s.inertial for name in s.sensors}
-    fingers = [sliding_window_limb.of_worn(f, worn) for f in FINGERS]
+    fingers = [sliding_window_limb.build_finger(f, worn) for f in FINGERS]
     reference = next(s for s in streams if s.name == begun.rows.reference)
     rows = trajectory.empty(calibration.hand)
     return State(
@@ -93,7 +93,7 @@ def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]
     after, rows = ekf.step(params, state.filter, block)
     return _advance(
         params,
-        replace(state, filter=after, readings=streaming_samples.taken(state.readings, block)),
+        replace(state, filter=after, readings=streaming_samples.store_block(state.readings, block)),
         rows,
     )
 
@@ -108,7 +108,7 @@ def finish(params: Params, state: State) -> tuple[State, Trajectory]:
     """Give out what was held back: nothing more will come."""
     after, rows = ekf.finish(params, state.filter)
     state, given = _advance(params, replace(state, filter=after), rows)
-    left = streaming_samples.ready(state.readings, state.reached)
+    left = streaming_samples.count_ready(state.readings, state.reached)
     if left >= LEAST:
         state = _nodes(params, state, left)
     last = _give_out(params, state, state.rows)
@@ -128,7 +128,7 @@ def _advance(params: Params, state: State, rows: Trajectory) -> tuple[State, Tra
         state = replace(
             state, rows=trajectory.join([state.rows, rows], hand), reached=float(rows.t[-1])
         )
-    while streaming_samples.ready((state := _resume(state)).readings, state.reached) >= NODES:
+    while streaming_samples.count_ready((state := _resume(state)).readings, state.reached) >= NODES:
         state = _nodes(params, state, NODES)
         newest = state.readings.taken - 2
         known = float(state.readings.instants(newest, newest + 1)[0]) - params.lag
@@ -140,7 +140,7 @@ def _advance(params: Params, state: State, rows: Trajectory) -> tuple[State, Tra
 def _resume(state: State) -> State:
     """Where nothing came for long, windows begin again behind it."""
     readings = (
-        streaming_samples.resumed(state.readings, float(state.rows.t[0]))
+        streaming_samples.resume(state.readings, float(state.rows.t[0]))
         if len(state.rows)
         else state.readings
     )
@@ -149,13 +149,13 @@ def _resume(state: State) -> State:
     return replace(
         state,
         readings=readings,
-        fingers=tuple(sliding_window_limb.given_up(f) for f in state.fingers),
+        fingers=tuple(sliding_window_limb.close_window(f) for f in state.fingers),
     )
 
 
 def _nodes(params: Params, state: State, count: int) -> State:
     """All fingers with so many nodes more."""
-    readings, nodes = streaming_samples.given(state.readings, count, params.max_gap)
+    readings, nodes = streaming_samples.take_nodes(state.readings, count, params.max_gap)
     dt = readings.period * readings.each
     calibration, lag = state.filter.calibration, round(params.lag / dt)
     setting = Setting(
@@ -170,7 +170,9 @@ def _nodes(params: Params, state: State, count: int) -> State:
     q_GS = quat.multiply(state.rows.q_GS[k], quat.conjugate(state.filter.q_SB))
     lost = (state.rows.flags[k] & np.uint8(Flag.HEADING_LOST)) > 0
     sd = np.asarray(np.where(lost, LOST_SD, np.radians(params.mounting)), float)
-    fingers = tuple(sliding_window_limb.stepped(setting, f, nodes, q_GS, sd) for f in state.fingers)
+    fingers = tuple(
+        sliding_window_limb.advance_finger(setting, f, nodes, q_GS, sd) for f in state.fingers
+    )
     return replace(state, readings=readings, fingers=fingers)
 
 
@@ -196,7 +198,7 @@ def _give_out(params: Params, state: State, rows: Trajectory) -> Trajectory:
             q_GB[inside, SEGMENT[name]] = quat.multiply(q_GB[inside, SEGMENT["hand"]], on_hand)
         joints, k = np.array([JOINT[j] for j in finger.chain.joints]), FINGERS.index(finger.name)
         angles_sd[inside[:, None], joints] = finger.sure.angles[joints]
-        geometry = with_lengths(geometry, finger.name, finger.lengths)
+        geometry = with_finger_lengths(geometry, finger.name, finger.lengths)
         reach = geometry.palm_length + sum(geometry.lengths[s] for s in CHAINS[finger.name])
         wrist = np.nanmax(np.nan_to_num(angles_sd[inside, JOINT["wrist"]]), axis=1, keepdims=True)
         tips_sd[inside, k] = np.hypot(finger.sure.tip, wrist * reach)

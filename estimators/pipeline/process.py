@@ -87,7 +87,7 @@ def process(
     flag_faults(
         movement, findings, [c.t for c in calibrations], getattr(params, "MAGNETOMETER", False)
     )
-    movement, of_forces = fingertip_forces.attached(
+    movement, of_forces = fingertip_forces.attach_forces(
         fingertip_forces.ForceParams(),
         movement,
         whole_of(recording),

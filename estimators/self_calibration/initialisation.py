@@ -20,12 +20,12 @@ EXPECTED = 0.05  # m, how far a joint usually is from a sensor
 MOUNTED = 0.05  # share of what accelerations are apart by which a heading square to the nominal one must be better; one that movement tells is better by far
 
 
-def unknowns(chain: Chain, noise: Noise, readings: Readings, flexing: Array) -> Unknowns:
+def initial_unknowns(chain: Chain, noise: Noise, readings: Readings, flexing: Array) -> Unknowns:
     """Where to begin; `flexing` (S, 3) is nominal, in the sensors' frames."""
-    q_GS, bias = fused(readings)
+    q_GS, bias = fuse_sensors(readings)
     far, near = np.zeros((len(chain.joints), 3)), np.zeros((len(chain.joints), 3))
     for k, (i, j) in enumerate(zip(chain.parents, chain.children)):
-        _, heading, far[k], near[k] = met(noise, readings, q_GS, int(i), int(j), flexing)
+        _, heading, far[k], near[k] = fit_joint(noise, readings, q_GS, int(i), int(j), flexing)
         q_GS[:, j] = quat.turn_heading(q_GS[:, j], heading)
     pairs = [
         common_axis(q_GS[:, chain.parents[k]], q_GS[:, chain.children[k]]) for k in chain.hinges
@@ -50,7 +50,7 @@ def unknowns(chain: Chain, noise: Noise, readings: Readings, flexing: Array) -> 
     )
 
 
-def fused(readings: Readings) -> tuple[Array, Array]:
+def fuse_sensors(readings: Readings) -> tuple[Array, Array]:
     """Orientations (n, S, 4), each with a heading of its own, and biases (S, 3) as they are on average."""
     q_GS, bias = np.empty((*readings.gyr.shape[:2], 4)), np.empty((readings.gyr.shape[1], 3))
     for s in range(readings.gyr.shape[1]):
@@ -64,11 +64,11 @@ def fused(readings: Readings) -> tuple[Array, Array]:
     return q_GS, bias
 
 
-def met(
+def fit_joint(
     noise: Noise, readings: Readings, q_GS: Array, i: int, j: int, flexing: Array
 ) -> tuple[float, float, Array, Array]:
     """The turn of j about the vertical, and the arms in the frames of i and j, with which their joint moves alike seen from both; before them, how far it does not (squares added)."""
-    (A_i, f_i), (A_j, f_j) = (_swung(readings, q_GS[:, s], s) for s in (i, j))
+    (A_i, f_i), (A_j, f_j) = (_acceleration_by_arm(readings, q_GS[:, s], s) for s in (i, j))
     M_i, M_j = (
         np.concatenate([A, f[..., None]], axis=2) for A, f in ((A_i, f_i), (A_j, f_j))
     )  # (n-2, 3, 4): by the arm, and without it
@@ -80,7 +80,7 @@ def met(
     )
     upright, level, across = (np.einsum("tia,ij,tjb->ab", M_i, turn, M_j) for turn in turns)
     z_i, z_j = (quat.rotate(q_GS[:, s], flexing[s]) for s in (i, j))
-    alike = [float(np.einsum("ta,ab,tb->t", z_i, turn, z_j).mean()) for turn in turns]
+    axis_agreement = [float(np.einsum("ta,ab,tb->t", z_i, turn, z_j).mean()) for turn in turns]
     best = (np.inf, 0.0, np.zeros(6))
     ridge = (noise.acc / EXPECTED) ** 2 * np.eye(6)
     for heading in np.arange(HEADINGS) * 2 * np.pi / HEADINGS:
@@ -88,10 +88,14 @@ def met(
         whole = np.block([[own[0], -cross], [-cross.T, own[1]]])
         arms, rest = [0, 1, 2, 4, 5, 6], [3, 7]
         right = whole[np.ix_(arms, rest)].sum(axis=1)
-        found = -np.linalg.solve(whole[np.ix_(arms, arms)] + ridge, right)
-        off = 1 - (alike[0] + np.cos(heading) * alike[1] + np.sin(heading) * alike[2])
-        apart = float(whole[np.ix_(rest, rest)].sum() + right @ found) * (1 + MOUNTED * off)
-        best = min(best, (apart, float(heading), found), key=lambda b: b[0])
+        arms_6 = -np.linalg.solve(whole[np.ix_(arms, arms)] + ridge, right)
+        off = 1 - (
+            axis_agreement[0]
+            + np.cos(heading) * axis_agreement[1]
+            + np.sin(heading) * axis_agreement[2]
+        )
+        residual = float(whole[np.ix_(rest, rest)].sum() + right @ arms_6) * (1 + MOUNTED * off)
+        best = min(best, (residual, float(heading), arms_6), key=lambda b: b[0])
     return best[0], best[1], best[2][:3], best[2][3:]
 
 
@@ -101,7 +105,7 @@ def common_axis(q_Gi: Array, q_Gj: Array) -> tuple[Array, Array]:
     return U[:, 0], Vt[0]
 
 
-def _swung(readings: Readings, q: Array, s: int) -> tuple[Array, Array]:
+def _acceleration_by_arm(readings: Readings, q: Array, s: int) -> tuple[Array, Array]:
     """What a joint's acceleration is of the arm (n-2, 3, 3), and without it (n-2, 3)."""
     R = quat.matrix(q)
     f = np.einsum("tij,tj->ti", R, readings.acc[:, s])

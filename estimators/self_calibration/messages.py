@@ -16,8 +16,8 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.self_calibration import mounting_shift, residuals, sensor_order
 from handscope.estimators.self_calibration import result as self_calibration_result
 from handscope.estimators.self_calibration.problem import LIMBS, Problem, Readings
-from handscope.estimators.self_calibration.result import Asked, Finger
-from handscope.estimators.self_calibration.sample_preparation import DOUBTFUL, LONGEST_GAP, Hole
+from handscope.estimators.self_calibration.result import Finger, Requirements
+from handscope.estimators.self_calibration.sample_preparation import DOUBTFUL, LONGEST_GAP, Gap
 from handscope.estimators.self_calibration.solver import Solution
 
 ROUNDED = 0.05  # s, as durations are said
@@ -25,21 +25,21 @@ LEFT_OUT = 3.0  # s of a recording that are not worth a word
 LACKING = 0.15  # share of rates that may lack before it is said to be why nothing was found
 LOST = 0.25  # of DOUBTFUL: a mean of samples of which at least so many are bridged, at the slowest rates, too
 NAMED = 3  # sensors with most gaps
-LIVELY = 100.0  # deg/s, of a finger's last sensor: slower ones were refused at 40
+RECOMMENDED_RATE = 100.0  # deg/s, of a finger's last sensor: slower ones were refused at 40
 BEYOND = 45.0  # deg out of a joint's range: no loose glove
 ROUND = 90.0  # deg by which a sensor that was put on the other way round is off at least
 MOMENT = 0.15  # s: knocks that lie closer are one
 OFTEN = 0.5  # knocks in a second, beyond which a person should do something about them
 
 
-def require_length(asked: Asked, duration: float) -> None:
+def require_length(asked: Requirements, duration: float) -> None:
     if duration < asked.shortest - ROUNDED:
         raise InputError(
             f"there are {max(duration, 0.0):.1f} s of movement, self-calibration needs {asked.shortest:g} s, better 40 s; move hand and fingers freely for longer"
         )
 
 
-def require_samples(asked: Asked, duration: float, holes: Sequence[Hole]) -> None:
+def require_samples(asked: Requirements, duration: float, holes: Sequence[Gap]) -> None:
     """InputError where too many samples are missing to leave a stretch that is long enough."""
     if duration < asked.shortest - ROUNDED:
         by = Counter(hole.sensor for hole in holes)
@@ -50,17 +50,17 @@ def require_samples(asked: Asked, duration: float, holes: Sequence[Hole]) -> Non
         )
 
 
-def used(start: float, stop: float, whole: float) -> list[str]:
+def describe_stretch(start: float, stop: float, whole: float) -> list[str]:
     """Which part of a longer recording, s, speaks."""
-    said: list[str] = []
+    messages: list[str] = []
     if stop - start < whole - LEFT_OUT:
-        said.append(
+        messages.append(
             f"calibrated from {start:.0f} s to {stop:.0f} s of the recording, the liveliest part without gaps: all else was tracked from there"
         )
-    return said
+    return messages
 
 
-def silence(finger: str, silent: Sequence[str], clipped: bool) -> list[str]:
+def describe_silent_sensors(finger: str, silent: Sequence[str], clipped: bool) -> list[str]:
     """What of a finger is lost with its silent sensors, the first of which and those behind it are told; InputError where nothing is left.
 
     `clipped`: the first is silent for it was at its limit all the time.
@@ -85,7 +85,7 @@ def silence(finger: str, silent: Sequence[str], clipped: bool) -> list[str]:
     ]
 
 
-def require_movement(asked: Asked, finger: str, read: Readings) -> None:
+def require_movement(asked: Requirements, finger: str, read: Readings) -> None:
     hand, turning = (
         float(np.degrees(np.linalg.norm(gyr - gyr.mean(axis=0), axis=1).mean()))
         for gyr in (read.gyr[:, 0], read.gyr[:, -1])
@@ -106,26 +106,26 @@ def require_movement(asked: Asked, finger: str, read: Readings) -> None:
 
 
 def require_one_minimum(
-    asked: Asked, finger: str, read: Readings, found: Solution, begun: float = 0.0
+    asked: Requirements, finger: str, read: Readings, solution: Solution, start_time: float = 0.0
 ) -> None:
     """InputError where a gyroscope was at its limit or knocked too often, a sensor slipped, or the solver did not come to an end: what was found then is of no hand.
 
-    `begun` (s): of the readings' first sample.
+    `start_time` (s): of the readings' first sample.
     """
-    if found.outcome != "converged":
-        _require_calm(finger, found, begun)
-    slipped = mounting_shift.slips(found, read)
-    if slipped or found.outcome != "converged":
-        _require_rates(finger, read, found)
-        _require_order(finger, read, found.problem)
+    if solution.outcome != "converged":
+        _require_calm(finger, solution, start_time)
+    slipped = mounting_shift.find_mounting_shifts(solution, read)
+    if slipped or solution.outcome != "converged":
+        _require_rates(finger, read, solution)
+        _require_order(finger, read, solution.problem)
     if slipped:
         first = slipped[0]
         raise InputError(
             f"{finger}: the sensor of {first.sensor} seems to sit differently in the second half (its joints by {1e3 * first.shift:.0f} mm, its hinge by"
             f" {np.degrees(first.tilt):.0f} deg): it slipped, was knocked or turned faster than it can tell; fix it and record again; it is not calibrated"
         )
-    if found.outcome != "converged":
-        if stiff := ", ".join(self_calibration_result.stiff(asked, found)):
+    if solution.outcome != "converged":
+        if stiff := ", ".join(self_calibration_result.stiff_joints(asked, solution)):
             raise InputError(
                 f"{finger}: the calibration did not come to an end, for {stiff} hardly moved; bend every joint that can move while the hand turns, for 40 s, or use m2 with an initial pose; it is not calibrated"
             )
@@ -135,7 +135,7 @@ def require_one_minimum(
             )
         )
         raise InputError(
-            f"{finger}: the calibration did not come to an end (it turned at {turning:.0f} deg/s on average; {LIVELY:g} and more do well);"
+            f"{finger}: the calibration did not come to an end (it turned at {turning:.0f} deg/s on average; {RECOMMENDED_RATE:g} and more do well);"
             " move hand and fingers through their whole range and in all directions, for 40 s, and record again; it is not calibrated"
         )
 
@@ -161,25 +161,25 @@ def require_possible(finger: Finger) -> None:
             )
 
 
-def _require_calm(finger: str, found: Solution, begun: float) -> None:
+def _require_calm(finger: str, solution: Solution, start_time: float) -> None:
     """InputError where the reason is that sensors were knocked again and again."""
-    dt, by = found.problem.dt, Counter(jolt.sensor for jolt in found.jolts)
-    times = _moments([begun + dt * jolt.sample for jolt in found.jolts])
-    if len(times) > OFTEN * dt * len(found.problem):
-        name = found.problem.chain.sensors[by.most_common(1)[0][0]]
+    dt, by = solution.problem.dt, Counter(outlier.sensor for outlier in solution.outliers)
+    times = _merge_moments([start_time + dt * outlier.sample for outlier in solution.outliers])
+    if len(times) > OFTEN * dt * len(solution.problem):
+        name = solution.problem.chain.sensors[by.most_common(1)[0][0]]
         raise InputError(
-            f"{finger}: its sensors were knocked {len(times)} times in {dt * len(found.problem):.0f} s, that of {name} most often, first at {times[0]:.1f} s,"
+            f"{finger}: its sensors were knocked {len(times)} times in {dt * len(solution.problem):.0f} s, that of {name} most often, first at {times[0]:.1f} s,"
             " and the calibration did not come to an end; keep the hand from hitting anything, see whether that sensor is loose or a cable pulls at it, and record again; it is not calibrated"
         )
 
 
-def _require_rates(finger: str, read: Readings, found: Solution) -> None:
+def _require_rates(finger: str, read: Readings, solution: Solution) -> None:
     """InputError where the reason is that gyroscopes turned faster than they can tell."""
     lacking = (read.gyr_doubt > LOST * DOUBTFUL).mean(axis=0)
     worst = int(np.argmax(lacking))
     if lacking[worst] > LACKING:
         raise InputError(
-            f"{finger}: the gyroscope of {found.problem.chain.sensors[worst]} was at its limit, or missing, in {100 * lacking[worst]:.0f} % of the samples, more than can be bridged;"
+            f"{finger}: the gyroscope of {solution.problem.chain.sensors[worst]} was at its limit, or missing, in {100 * lacking[worst]:.0f} % of the samples, more than can be bridged;"
             " set a larger range, or move more slowly, and record again; it is not calibrated"
         )
 
@@ -187,7 +187,7 @@ def _require_rates(finger: str, read: Readings, found: Solution) -> None:
 def _require_order(finger: str, read: Readings, problem: Problem) -> None:
     """InputError where the reason is that sensors sit in another order than they are named in."""
     names = problem.chain.sensors
-    sitting = sensor_order.exchanged(problem.chain, problem.noise, read, problem.flexing)
+    sitting = sensor_order.find_sensor_order(problem.chain, problem.noise, read, problem.flexing)
     elsewhere = [name for name, there in zip(names, sitting) if name != there]
     if len(elsewhere) == 2:
         raise InputError(
@@ -199,47 +199,47 @@ def _require_order(finger: str, read: Readings, problem: Problem) -> None:
         )
 
 
-def told(asked: Asked, finger: Finger) -> list[str]:
+def describe_result(asked: Requirements, finger: Finger) -> list[str]:
     """What a person should know of the result."""
-    found, said = finger.solution, []
-    stiff = self_calibration_result.stiff(asked, found)
+    solution, messages = finger.solution, []
+    stiff = self_calibration_result.stiff_joints(asked, solution)
     beside_stiff = {
         segment
         for joint in stiff
-        for segment in self_calibration_result.beside(found.problem.chain, joint)
+        for segment in self_calibration_result.adjacent_segments(solution.problem.chain, joint)
     }
     if "wrist" in stiff:
-        said.append(
+        messages.append(
             f"the wrist hardly moved ({stiff['wrist']:.0f} deg): where it lies between the sensors of hand and forearm is not observable, its angles hold within their standard deviations; bend it more while the hand turns"
         )
     elif stiff:
         joints = ", ".join(f"{joint} ({extent:.0f} deg)" for joint, extent in stiff.items())
         given = ", ".join(s for s in CHAINS[finger.name] if s in beside_stiff)
-        said.append(
+        messages.append(
             f"{joints} hardly moved: where such a joint lies between its sensors, and about what it turns, is not observable; the lengths of {given} stay as given,"
             " axes as the nominal mounting has them, angles hold within their standard deviations; a joint that can move should be bent more while the hand turns"
         )
-    said += _doubted(found.problem) + _reversed(finger)
+    messages += _describe_wrong_priors(solution.problem) + _describe_reversed_sensors(finger)
     for segment in finger.segments.p_BS:
-        if segment not in beside_stiff and not self_calibration_result.placed(
+        if segment not in beside_stiff and not self_calibration_result.is_placed(
             asked, finger, segment
         ):
             sd = float(np.linalg.norm(finger.sure.p_BS[segment]))
-            said.append(
+            messages.append(
                 f"where the sensor of {segment} sits for {finger.name} is not observable (give or take {1e3 * sd:.0f} mm) and is left out: angles do not need it; turn the hand in all directions while its joints bend"
             )
     for segment, length in finger.segments.lengths.items():
-        if segment not in beside_stiff and not self_calibration_result.known(
+        if segment not in beside_stiff and not self_calibration_result.is_length_known(
             asked, finger, segment
         ):
             sd = finger.segments.lengths_sd[segment]
-            said.append(
+            messages.append(
                 f"the length of {segment} is not observable ({1e3 * length:.0f} mm, give or take {1e3 * sd:.0f}): that of the hand's measures is used"
             )
-    return said
+    return messages
 
 
-def not_assumed(finger: Finger, joint: int, misfit: float) -> list[str]:
+def describe_misfit(finger: Finger, joint: int, misfit: float) -> list[str]:
     """Where a finger moves otherwise than by what is assumed and by errors of single samples: `misfit` beyond 1, most at one of its joints."""
     if misfit <= 1.0:
         return []
@@ -250,9 +250,9 @@ def not_assumed(finger: Finger, joint: int, misfit: float) -> list[str]:
     ]
 
 
-def _reversed(finger: Finger) -> list[str]:
+def _describe_reversed_sensors(finger: Finger) -> list[str]:
     """Sensors that sit the other way round than their nominal mounting, which an axis or a bone alone does not show."""
-    problem, at, said = finger.solution.problem, finger.solution.at, []
+    problem, at, messages = finger.solution.problem, finger.solution.at, []
     bones = {s: at.far[a] - at.near[b] for s, b, a in residuals.bones(problem.chain)}
     for s, name in enumerate(problem.chain.sensors):
         z = quat.rotate(quat.conjugate(finger.segments.q_BS[name]), np.array([0.0, 0.0, 1.0]))
@@ -261,46 +261,48 @@ def _reversed(finger: Finger) -> list[str]:
         )
         tilt = float(np.degrees(np.arccos(np.clip(min(ways), -1.0, 1.0))))
         if tilt > ROUND:
-            said.append(
+            messages.append(
                 f"the sensor of {name} sits {tilt:.0f} deg off its nominal mounting: was another one put on there, or turned round?"
             )
-    return said
+    return messages
 
 
-def knocked(fingers: Sequence[Finger]) -> list[str]:
+def describe_outliers(fingers: Sequence[Finger]) -> list[str]:
     """Which sensors contradict the others for moments, each named once though fingers share the hand's."""
     by: dict[tuple[str, str], list[float]] = {}
     for finger in fingers:
-        for jolt in finger.solution.jolts:
-            name = finger.solution.problem.chain.sensors[jolt.sensor]
-            by.setdefault((name, jolt.kind), []).append(float(finger.t[jolt.sample]))
-    said = []
+        for outlier in finger.solution.outliers:
+            name = finger.solution.problem.chain.sensors[outlier.sensor]
+            by.setdefault((name, outlier.kind), []).append(float(finger.t[outlier.sample]))
+    messages = []
     for (name, kind), times in by.items():
-        at = _moments(times)
+        at = _merge_moments(times)
         if kind == "gyr" and len(at) == 1:
-            said.append(
+            messages.append(
                 f"the gyroscope of {name} contradicts the accelerations once, at {at[0]:.1f} s: it was knocked or turned faster than it can tell; what it read there is left out"
             )
         elif kind == "gyr":
-            said.append(
+            messages.append(
                 f"the gyroscope of {name} contradicts the accelerations {len(at)} times, first at {at[0]:.1f} s: it was knocked or turned faster than it can tell; what it read there is left out"
             )
         elif len(at) == 1:
-            said.append(
+            messages.append(
                 f"the accelerometer of {name} contradicts the other sensors once, at {at[0]:.1f} s: it was knocked; what it read there is left out"
             )
         else:
-            said.append(
+            messages.append(
                 f"the accelerometer of {name} contradicts the other sensors {len(at)} times, first at {at[0]:.1f} s: it was knocked; what it read there is left out"
             )
-    return said + _often(
+    return messages + _describe_frequent_impacts(
         by, max((float(finger.t[-1] - finger.t[0]) for finger in fingers), default=0.0)
     )
 
 
-def _often(by: Mapping[tuple[str, str], Sequence[float]], duration: float) -> list[str]:
+def _describe_frequent_impacts(
+    by: Mapping[tuple[str, str], Sequence[float]], duration: float
+) -> list[str]:
     """What to do where sensors were knocked again and again."""
-    times = _moments([t for at in by.values() for t in at])
+    times = _merge_moments([t for at in by.values() for t in at])
     if len(times) <= OFTEN * duration:
         return []
     counts = Counter({name: 0 for name, _ in by})
@@ -311,27 +313,27 @@ def _often(by: Mapping[tuple[str, str], Sequence[float]], duration: float) -> li
     ]
 
 
-def _moments(times: Sequence[float]) -> list[float]:
+def _merge_moments(times: Sequence[float]) -> list[float]:
     """Instants (s) in their order; those that are one knock count once."""
-    found: list[float] = []
+    solution: list[float] = []
     for t in sorted(times):
-        if not found or t - found[-1] > MOMENT:
-            found.append(t)
-    return found
+        if not solution or t - solution[-1] > MOMENT:
+            solution.append(t)
+    return solution
 
 
-def _doubted(problem: Problem) -> list[str]:
+def _describe_wrong_priors(problem: Problem) -> list[str]:
     """What was given and is not so."""
-    said = []
-    for name, seat_sd, length, length_sd in zip(
-        problem.chain.sensors, problem.seat_sd, problem.length, problem.length_sd
+    messages = []
+    for name, mounting_sd, length, length_sd in zip(
+        problem.chain.sensors, problem.mounting_sd, problem.length, problem.length_sd
     ):
         if length_sd > 1e-3 * problem.noise.length:
-            said.append(
+            messages.append(
                 f"the length of {name} is {1e3 * length:.0f} mm by the hand's measures, movement says otherwise by {1e3 * length_sd:.0f} mm: measure again; what movement says is used"
             )
-        if seat_sd > np.radians(problem.noise.mounting):
-            said.append(
-                f"the sensor of {name} sits {np.degrees(seat_sd):.0f} deg off its nominal mounting: was another one put on there, or turned round?"
+        if mounting_sd > np.radians(problem.noise.mounting):
+            messages.append(
+                f"the sensor of {name} sits {np.degrees(mounting_sd):.0f} deg off its nominal mounting: was another one put on there, or turned round?"
             )
-    return said
+    return messages

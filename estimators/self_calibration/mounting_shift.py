@@ -19,8 +19,8 @@ from handscope.estimators.self_calibration.problem import (
     Problem,
     Readings,
     Unknowns,
-    columns,
-    posed,
+    build_problem,
+    parameter_columns,
 )
 from handscope.estimators.self_calibration.solver import Limits, Solution
 from handscope.estimators.self_calibration.uncertainty import parameter_covariance
@@ -28,11 +28,11 @@ from handscope.estimators.self_calibration.uncertainty import parameter_covarian
 SHIFTED, TILTED = 3e-3, 3.0  # m, deg
 SURE = 3.0  # standard deviations
 STEPS = Limits(iterations=3, least_gain=10.0)  # each half begins close to its minimum
-AFRESH = Limits(iterations=20, least_gain=0.5)  # where the whole has none, from nothing
+FROM_SCRATCH = Limits(iterations=20, least_gain=0.5)  # where the whole has none, from nothing
 
 
 @dataclass(frozen=True)
-class Slip:
+class MountingShift:
     """A sensor that sat differently in the second half."""
 
     sensor: str
@@ -40,69 +40,82 @@ class Slip:
     tilt: float  # rad, of a hinge
 
 
-def slips(found: Solution, read: Readings) -> list[Slip]:
+def find_mounting_shifts(solution: Solution, read: Readings) -> list[MountingShift]:
     """Most certain first; none where neither the whole nor each half came to an end: what was found then is of no hand."""
-    n, whole = len(found.problem), found.outcome == "converged"
+    n, whole = len(solution.problem), solution.outcome == "converged"
     spans = ((0, n // 2), (n // 2, n))
     halves = [
-        _half(found, *span) if whole else _afresh(found.problem, read, *span) for span in spans
+        _solve_half(solution, *span)
+        if whole
+        else _solve_from_scratch(solution.problem, read, *span)
+        for span in spans
     ]
     if not whole and any(half.outcome != "converged" for half in halves):
         return []
-    told = []
-    for s, name in enumerate(found.problem.chain.sensors):
-        shifts, tilts = _shifts(found.problem, halves, s), _tilts(found.problem, halves, s)
+    ranked = []
+    for s, name in enumerate(solution.problem.chain.sensors):
+        shifts, tilts = (
+            _joint_shifts(solution.problem, halves, s),
+            _hinge_tilts(solution.problem, halves, s),
+        )
         sure = [size / sd for size, sd in shifts if size > SHIFTED] + [
             size / sd for size, sd in tilts if size > np.radians(TILTED)
         ]
         if max(sure, default=0.0) > SURE:
-            told.append(
+            ranked.append(
                 (
                     max(sure),
-                    Slip(
+                    MountingShift(
                         name,
                         max(size for size, _ in shifts),
                         max((size for size, _ in tilts), default=0.0),
                     ),
                 )
             )
-    return [slip for _, slip in sorted(told, key=lambda t: -t[0])]
+    return [slip for _, slip in sorted(ranked, key=lambda t: -t[0])]
 
 
-def _half(found: Solution, first: int, stop: int) -> Solution:
-    q_GS = found.at.q_GS[first:stop]
+def _solve_half(solution: Solution, first: int, stop: int) -> Solution:
+    q_GS = solution.at.q_GS[first:stop]
     # headings are free: nothing is to be turned back to where the whole began
-    part = replace(_part(found.problem, first, stop), start=q_GS[0])
-    return _asked(part, replace(found.at, q_GS=q_GS), STEPS)
+    part = replace(_slice_problem(solution.problem, first, stop), start=q_GS[0])
+    return _solve_with_covariance(part, replace(solution.at, q_GS=q_GS), STEPS)
 
 
-def _afresh(whole: Problem, read: Readings, first: int, stop: int) -> Solution:
+def _solve_from_scratch(whole: Problem, read: Readings, first: int, stop: int) -> Solution:
     """From nothing, with errors as they are believed first: a whole that has no minimum leads its halves astray."""
     own = Readings(
         read.dt, *(v[first:stop] for v in (read.gyr, read.acc, read.gyr_doubt, read.acc_doubt))
     )
-    guess = self_calibration_initialisation.unknowns(whole.chain, Noise(), own, whole.flexing)
-    part = posed(
+    guess = self_calibration_initialisation.initial_unknowns(
+        whole.chain, Noise(), own, whole.flexing
+    )
+    part = build_problem(
         whole.chain, Noise(), own, guess.q_GS[0], "left", {}
     )  # what depends on hand and mounting is known already
-    return _asked(
+    return _solve_with_covariance(
         replace(part, distal=whole.distal, flexing=whole.flexing, length=whole.length),
         guess,
-        AFRESH,
+        FROM_SCRATCH,
     )
 
 
-def _asked(part: Problem, start: Unknowns, limits: Limits) -> Solution:
+def _solve_with_covariance(part: Problem, start: Unknowns, limits: Limits) -> Solution:
     half = solver.solve(part, start, limits)
-    made_up = parameter_covariance.apparent(half.problem, half.at, half.factor)
+    spurious = parameter_covariance.spurious_information(half.problem, half.at, half.factor)
     return replace(
-        half, factor=parameter_covariance.honest(half.problem, half.at, half.factor, made_up)
+        half,
+        factor=parameter_covariance.correct_covariance(
+            half.problem, half.at, half.factor, spurious
+        ),
     )
 
 
-def _shifts(problem: Problem, halves: Sequence[Solution], s: int) -> list[tuple[float, float]]:
+def _joint_shifts(
+    problem: Problem, halves: Sequence[Solution], s: int
+) -> list[tuple[float, float]]:
     """How far each joint of a sensor lies elsewhere, and how sure that is, m."""
-    chain, c, (at, later) = problem.chain, columns(problem.chain), (h.at for h in halves)
+    chain, c, (at, later) = problem.chain, parameter_columns(problem.chain), (h.at for h in halves)
     found = []
     for joints, where, off in (
         (chain.children, c.near, later.near - at.near),
@@ -116,9 +129,9 @@ def _shifts(problem: Problem, halves: Sequence[Solution], s: int) -> list[tuple[
     return found
 
 
-def _tilts(problem: Problem, halves: Sequence[Solution], s: int) -> list[tuple[float, float]]:
+def _hinge_tilts(problem: Problem, halves: Sequence[Solution], s: int) -> list[tuple[float, float]]:
     """How far each hinge of a sensor points elsewhere, either way round, and how sure that is, rad."""
-    chain, c, (at, later) = problem.chain, columns(problem.chain), (h.at for h in halves)
+    chain, c, (at, later) = problem.chain, parameter_columns(problem.chain), (h.at for h in halves)
     found = []
     for joints, where, first, second in (
         (chain.children, c.axis_near, at.axis_near, later.axis_near),
@@ -141,7 +154,7 @@ def _sd(halves: Sequence[Solution], where: slice) -> Array:
     )
 
 
-def _part(problem: Problem, start: int, stop: int) -> Problem:
+def _slice_problem(problem: Problem, start: int, stop: int) -> Problem:
     return replace(
         problem,
         turns=problem.turns[start : stop - 1],

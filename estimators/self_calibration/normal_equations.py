@@ -42,7 +42,7 @@ class Factor:
     covariance: Array  # (P, P)
 
 
-def remembered(covariance: Array) -> Factor:
+def keep_covariance_only(covariance: Array) -> Factor:
     """A factor of which only the covariance is kept: of a minute of one finger the rest is a hundred megabytes."""
     return Factor(np.empty((0, SPAN, 0, 0)), np.empty((0, 0, len(covariance))), covariance)
 
@@ -59,7 +59,7 @@ def empty(samples: int, each: int, parameters: int) -> Normal:
     )
 
 
-def add(normal: Normal, terms: Terms) -> None:
+def add_terms(normal: Normal, terms: Terms) -> None:
     """Take up residuals, in place."""
     if not len(terms.r):
         return
@@ -80,13 +80,13 @@ def add(normal: Normal, terms: Terms) -> None:
         normal.c[terms.cols] += flat.T @ terms.r.ravel()
 
 
-def factored(normal: Normal, damping: float = 0.0) -> Factor:
+def factorise(normal: Normal, damping: float = 0.0) -> Factor:
     """The diagonal grows by the factor 1 + damping. LinAlgError where the equations do not tell the unknowns."""
-    L, Y, schur = eliminated(normal, damping)
-    return Factor(L, Y, inverse(schur))
+    L, Y, schur = eliminate_trajectory(normal, damping)
+    return Factor(L, Y, invert(schur))
 
 
-def eliminated(normal: Normal, damping: float = 0.0) -> tuple[Array, Array, Array]:
+def eliminate_trajectory(normal: Normal, damping: float = 0.0) -> tuple[Array, Array, Array]:
     """L and Y of `Factor`, and what is left to tell of the parameters (P, P). LinAlgError where the equations do not tell the trajectory."""
     L, Y, C = normal.A.copy(), normal.B.copy(), normal.C.copy()
     diagonal = np.arange(L.shape[2])
@@ -100,14 +100,14 @@ def eliminated(normal: Normal, damping: float = 0.0) -> tuple[Array, Array, Arra
     return L, Y, C - flat.T @ flat
 
 
-def inverse(schur: Array) -> Array:
+def invert(schur: Array) -> Array:
     """Of a symmetric matrix (P, P) that is positive definite, of parameters of very different size: m, rad/s, rad."""
     scale = 1 / np.sqrt(np.abs(np.diag(schur)) + 1e-300)
     root = np.linalg.inv(np.linalg.cholesky(0.5 * (schur + schur.T) * np.outer(scale, scale)))
     return np.asarray(root.T @ root * np.outer(scale, scale))
 
 
-def step(normal: Normal, factor: Factor) -> Step:
+def solve_step(normal: Normal, factor: Factor) -> Step:
     """Where the minimum of the quadratic model lies from here."""
     y = normal.a.copy()
     _forward(factor.L, y)
@@ -119,7 +119,7 @@ def step(normal: Normal, factor: Factor) -> Step:
     return Step(x, parameters)
 
 
-def drawn(factor: Factor, from_trajectory: Array, from_parameters: Array) -> Step:
+def draw_step(factor: Factor, from_trajectory: Array, from_parameters: Array) -> Step:
     """One draw from the distribution with the equations' covariance, of independent standard normal numbers (n, e) and (P,)."""
     parameters = np.linalg.cholesky(factor.covariance) @ from_parameters
     x = from_trajectory - factor.Y @ parameters
@@ -127,28 +127,28 @@ def drawn(factor: Factor, from_trajectory: Array, from_parameters: Array) -> Ste
     return Step(x, parameters)
 
 
-def shaken(factor: Factor, numbers: Array) -> Array:
+def draw_trajectory(factor: Factor, numbers: Array) -> Array:
     """The trajectory's part (n, e) of a draw while the parameters stay, of independent standard normal numbers (n, e)."""
     x = numbers.copy()
     _backward(factor.L, x)
     return x
 
 
-def answered(factor: Factor, of_samples: Array) -> Array:
+def project_on_parameters(factor: Factor, of_samples: Array) -> Array:
     """B' A^-1 v (P,), of v (n, e): how gradients by samples' unknowns pull the parameters, but for their sign."""
     y = of_samples.copy()
     _forward(factor.L, y)
     return np.asarray(factor.Y.reshape(-1, factor.Y.shape[2]).T @ y.ravel())
 
 
-def whitened(factor: Factor, B: Array) -> Array:
+def whiten(factor: Factor, B: Array) -> Array:
     """L^-1 B (n, e, P)."""
-    found = np.empty_like(B)
+    columns_whitened = np.empty_like(B)
     for column in range(B.shape[2]):
         y = np.ascontiguousarray(B[:, :, column])
         _forward(factor.L, y)
-        found[:, :, column] = y
-    return found
+        columns_whitened[:, :, column] = y
+    return columns_whitened
 
 
 @loops

@@ -27,14 +27,14 @@ from handscope.estimators.self_calibration.problem import (
     Problem,
     Readings,
     Unknowns,
-    bent,
-    chain,
-    columns,
-    measured,
-    posed,
+    build_chain,
+    build_problem,
+    parameter_columns,
+    with_flexion,
+    with_lengths,
 )
 from handscope.estimators.self_calibration.residuals import NUMEROV, Terms
-from handscope.estimators.self_calibration.result import Asked
+from handscope.estimators.self_calibration.result import Requirements
 from handscope.estimators.self_calibration.uncertainty import parameter_covariance, posterior
 from handscope.estimators.self_calibration.whole_hand import normal_equations as hand_equations
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
@@ -61,9 +61,9 @@ class Limb:
     hand_skin: float = 1.0  # how far skin moves the hand's sensor, share of what it does to the fingers'; 0: it sits on something rigid
 
     @property
-    def kept(self) -> Indices:
+    def selected(self) -> Indices:
         """Columns of the parameters that are looked at: all but scales and lag; behind them turn and slide of the skin under the hand's sensor."""
-        c = columns(self.links)
+        c = parameter_columns(self.links)
         return np.concatenate(
             [
                 np.arange(c.scale_gyr.start),
@@ -72,19 +72,19 @@ class Limb:
             ]
         )
 
-    def of_kept(self, slopes: Array) -> Array:
+    def select(self, slopes: Array) -> Array:
         """Derivatives (..., P) by all of a finger's parameters, by those that are kept."""
         return np.concatenate([slopes, np.zeros((*slopes.shape[:-1], HANDS))], axis=-1)[
-            ..., self.kept
+            ..., self.selected
         ]
 
 
 @dataclass(frozen=True)
-class Told:
+class AccumulatedInformation:
     """What stretches of movement tell of a finger together."""
 
     information: Array  # (P, P) on the parameters that are kept
-    made_up: Array  # (P, P) of it by noise
+    spurious_information: Array  # (P, P) of it by noise
     squares: (
         Array  # (2,) of what accelerations at joints (m/s^2) and hinges (deg) are off, summed up
     )
@@ -111,7 +111,7 @@ class Told:
 
 
 @dataclass(frozen=True)
-class Observed:
+class JointObservability:
     """How much of what self-calibration needs a joint has shown."""
 
     joint: str
@@ -120,52 +120,65 @@ class Observed:
     share: float  # 0 to 1: of what is enough, the least of all that is
 
 
-def limb(
+def build_limb(
     finger: str, worn: Sequence[str], geometry: HandGeometry, mounting: Mapping[str, Array]
 ) -> Limb:
     """Of the segments with a sensor those that hang together with the hand."""
-    return Limb(chain([s for s in ("hand", *CHAINS[finger]) if s in worn]), geometry, mounting)
-
-
-def nothing(of: Limb) -> Told:
-    """Before anything moved."""
-    none = np.zeros((len(of.kept), len(of.kept)))
-    return Told(none, none, np.zeros(2), np.zeros(2), 0.0, 0.0, 0.0, np.inf)
-
-
-def told(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> Told:
-    """What a stretch tells with errors of these sizes; q_GS (S, 4) are the sensors' orientations at its first sample."""
-    problem, at = _place(of, read, q_GS, noise)
-    n, kept = len(problem), of.kept
-    normal = normal_equations.empty(n, 3 * len(of.links.sensors), columns(of.links).count + HANDS)
-    terms = {kind: kind(problem, at, 0, n) for kind in residuals.EVERY_SAMPLE}
-    terms[residuals.meeting] = _on_skin(problem, at, terms[residuals.meeting])
-    for each in terms.values():
-        normal_equations.add(normal, each)
-    normal = replace(
-        normal, B=normal.B[:, :, kept], C=normal.C[np.ix_(kept, kept)], c=normal.c[kept]
+    return Limb(
+        build_chain([s for s in ("hand", *CHAINS[finger]) if s in worn]), geometry, mounting
     )
-    L, Y, information = normal_equations.eliminated(normal)
-    r, slopes = _believed(of, problem, at)
-    alone = Factor(L, Y, normal_equations.inverse(information + slopes.T @ slopes))
-    step = _whole(of, normal_equations.step(replace(normal, c=normal.c + slopes.T @ r), alone))
-    numbers = posterior.normal_numbers(n * L.shape[2] + len(kept), 0)
-    drawn = _whole(
+
+
+def no_information(of: Limb) -> AccumulatedInformation:
+    """Before anything moved."""
+    none = np.zeros((len(of.selected), len(of.selected)))
+    return AccumulatedInformation(none, none, np.zeros(2), np.zeros(2), 0.0, 0.0, 0.0, np.inf)
+
+
+def accumulate(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> AccumulatedInformation:
+    """What a stretch tells with errors of these sizes; q_GS (S, 4) are the sensors' orientations at its first sample."""
+    problem, at = _nominal_limb(of, read, q_GS, noise)
+    n, selected = len(problem), of.selected
+    normal = normal_equations.empty(
+        n, 3 * len(of.links.sensors), parameter_columns(of.links).count + HANDS
+    )
+    terms = {kind: kind(problem, at, 0, n) for kind in residuals.EVERY_SAMPLE}
+    terms[residuals.joint_acceleration_terms] = _add_hand_soft_tissue(
+        problem, at, terms[residuals.joint_acceleration_terms]
+    )
+    for each in terms.values():
+        normal_equations.add_terms(normal, each)
+    normal = replace(
+        normal,
+        B=normal.B[:, :, selected],
+        C=normal.C[np.ix_(selected, selected)],
+        c=normal.c[selected],
+    )
+    L, Y, information = normal_equations.eliminate_trajectory(normal)
+    r, slopes = _prior_rows(of, problem, at)
+    alone = Factor(L, Y, normal_equations.invert(information + slopes.T @ slopes))
+    step = _expand_step(
+        of, normal_equations.solve_step(replace(normal, c=normal.c + slopes.T @ r), alone)
+    )
+    numbers = posterior.normal_numbers(n * L.shape[2] + len(selected), 0)
+    drawn = _expand_step(
         of,
-        normal_equations.drawn(
+        normal_equations.draw_step(
             alone, numbers[: n * L.shape[2]].reshape(n, -1), numbers[n * L.shape[2] :]
         ),
     )
     off = [
-        _off(terms[residuals.meeting], step, drawn, noise.acc, 0),
-        _off(terms[residuals.hinging], step, drawn, noise.hinge, len(of.links.hinges)),
+        _residual_sum(terms[residuals.joint_acceleration_terms], step, drawn, noise.acc, 0),
+        _residual_sum(terms[residuals.hinge_terms], step, drawn, noise.hinge, len(of.links.hinges)),
     ]
     squares, redundancy = np.array(off).T
-    made_up = parameter_covariance.apparent(problem, at, alone, 1, [terms[residuals.meeting]])
+    made_up = parameter_covariance.spurious_information(
+        problem, at, alone, 1, [terms[residuals.joint_acceleration_terms]]
+    )
     hand_turned, turned = (
         float(np.linalg.norm(problem.turns[:, s], axis=1).sum()) for s in (0, -1)
     )
-    return Told(
+    return AccumulatedInformation(
         information,
         made_up,
         squares,
@@ -177,11 +190,11 @@ def told(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> Told:
     )
 
 
-def together(a: Told, b: Told) -> Told:
+def add_information(a: AccumulatedInformation, b: AccumulatedInformation) -> AccumulatedInformation:
     """What two stretches tell, one after the other."""
-    return Told(
+    return AccumulatedInformation(
         a.information + b.information,
-        a.made_up + b.made_up,
+        a.spurious_information + b.spurious_information,
         a.squares + b.squares,
         a.redundancy + b.redundancy,
         a.seconds + b.seconds,
@@ -191,73 +204,82 @@ def together(a: Told, b: Told) -> Told:
     )
 
 
-def observed(asked: Asked, of: Limb, so_far: Told, flexion: Mapping[str, Array]) -> list[Observed]:
+def assess_joints(
+    asked: Requirements, of: Limb, so_far: AccumulatedInformation, flexion: Mapping[str, Array]
+) -> list[JointObservability]:
     """Joint by joint, from what was told so far and the flexion (n,) rad by joint, NaN where it was not followed."""
-    sure, problem, at = _sure(of, so_far)
+    covariance, problem, at = _parameter_covariance(of, so_far)
     lengths = {
-        s: float(np.sqrt(slope @ sure @ slope)) for s, slope in _lengths(of, problem, at).items()
+        s: float(np.sqrt(slope @ covariance @ slope))
+        for s, slope in _length_gradients(of, problem, at).items()
     }
     turning = min(so_far.turned / asked.moving, so_far.hand_turned / asked.hand_moving) / max(
         np.radians(so_far.seconds), 1e-9
     )
     most = min(1.0, turning, (so_far.seconds + ROUNDED) / asked.shortest)
     return [
-        _of_joint(asked, of, k, at, sure, lengths, most, flexion[joint])
+        _assess_joint(asked, of, k, at, covariance, lengths, most, flexion[joint])
         for k, joint in enumerate(of.links.joints)
     ]
 
 
-def _whole(of: Limb, step: Step) -> Step:
+def _expand_step(of: Limb, step: Step) -> Step:
     """The step with the parameters that are not looked at, which stay."""
-    parameters = np.zeros(columns(of.links).count + HANDS)
-    parameters[of.kept] = step.parameters
+    parameters = np.zeros(parameter_columns(of.links).count + HANDS)
+    parameters[of.selected] = step.parameters
     return Step(step.turns, parameters)
 
 
-def _on_skin(problem: Problem, at: Unknowns, terms: Terms) -> Terms:
+def _add_hand_soft_tissue(problem: Problem, at: Unknowns, terms: Terms) -> Terms:
     """`meeting` with columns behind all others for the skin that moves the hand's sensor with this finger, which is believed to be rigid."""
-    k, T, first = whole_hand_problem.root(problem.chain), len(terms.r), terms.first + 1
+    k, T, first = whole_hand_problem.root_joint(problem.chain), len(terms.r), terms.first + 1
     rigid = HandPlace(
         (at,), np.zeros((len(problem), 3)), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1)
     )
     samples = first + np.arange(T)[:, None] + np.arange(-1, 2)
-    by_skin = hand_equations.pulled(problem, at, rigid, problem.bent[:, [k]], samples)[2][
-        ..., :HANDS
-    ]
-    seen = residuals.whitening(problem, first, first + T)[:, :, k] / residuals.common_scale(at)
+    by_skin = hand_equations.tissue_acceleration(problem, at, rigid, problem.bent[:, [k]], samples)[
+        2
+    ][..., :HANDS]
+    seen = residuals.whitening_matrix(problem, first, first + T)[:, :, k] / residuals.common_scale(
+        at
+    )
     slopes = np.einsum("tj,tip->tjip", seen, by_skin).reshape(T, -1, HANDS)
-    cols = np.concatenate([terms.cols, columns(problem.chain).count + np.arange(HANDS)])
+    cols = np.concatenate([terms.cols, parameter_columns(problem.chain).count + np.arange(HANDS)])
     return replace(
         terms, by_parameters=np.concatenate([terms.by_parameters, slopes], axis=2), cols=cols
     )
 
 
-def _believed(of: Limb, problem: Problem, at: Unknowns) -> tuple[Array, Array]:
+def _prior_rows(of: Limb, problem: Problem, at: Unknowns) -> tuple[Array, Array]:
     """What is believed before of the parameters that are kept, residuals and derivatives; the hand's skin, too."""
-    r, slopes = residuals.priors(problem, at)
+    r, slopes = residuals.prior_residuals(problem, at)
     sizes = [np.radians(problem.noise.skin_turn), 1e-3 * problem.noise.skin_slide]
     sd = max(of.hand_skin, RIGID) * np.repeat(sizes, HANDS // 2) / (np.pi / 2)
-    on_skin = np.pad(np.diag(1 / sd), ((0, 0), (len(of.kept) - HANDS, 0)))
-    return np.append(r, np.zeros(HANDS)), np.concatenate([of.of_kept(slopes), on_skin])
+    on_skin = np.pad(np.diag(1 / sd), ((0, 0), (len(of.selected) - HANDS, 0)))
+    return np.append(r, np.zeros(HANDS)), np.concatenate([of.select(slopes), on_skin])
 
 
-def _off(terms: Terms, step: Step, drawn: Step, sd: float, idle: int) -> tuple[float, float]:
+def _residual_sum(
+    terms: Terms, step: Step, drawn: Step, sd: float, idle: int
+) -> tuple[float, float]:
     """Sum of squares of what is left after a step, in the unit of `sd`, and of how many numbers, less what a draw shows to be taken up; `idle` rows a sample are always 0."""
-    left = terms.r + posterior.changed(terms, step)
-    redundancy = left.size - idle * len(left) - float((posterior.changed(terms, drawn) ** 2).sum())
+    left = terms.r + posterior.residual_change(terms, step)
+    redundancy = (
+        left.size - idle * len(left) - float((posterior.residual_change(terms, drawn) ** 2).sum())
+    )
     return sd**2 * float((left**2).sum()), redundancy
 
 
-def _of_joint(
-    asked: Asked,
+def _assess_joint(
+    asked: Requirements,
     of: Limb,
     k: int,
     at: Unknowns,
-    sure: Array,
+    covariance: Array,
     lengths: Mapping[int, float],
     most: float,
     flexion: Array,
-) -> Observed:
+) -> JointObservability:
     followed, ends = (
         flexion[np.isfinite(flexion)],
         (int(of.links.parents[k]), int(of.links.children[k])),
@@ -268,49 +290,54 @@ def _of_joint(
         asked.length_known * of.geometry.lengths[of.links.sensors[s]] / sd
         for s, sd in beside.items()
     ]
-    c = columns(of.links)
+    c = parameter_columns(of.links)
     place = max(
-        _place_sd(sure, arms.start + 3 * k, arm)
+        _place_sd(covariance, arms.start + 3 * k, arm)
         for arms, arm in ((c.far, at.far[k]), (c.near, at.near[k]))
     )
     share = min(
         most, excursion / (SAFE * np.radians(asked.bent)), 1e-3 * asked.place_known / place, *good
     )
-    return Observed(
+    return JointObservability(
         of.links.joints[k], max(beside.values(), default=place), excursion, float(share)
     )
 
 
-def _place_sd(sure: Array, row: int, arm: Array) -> float:
+def _place_sd(covariance: Array, row: int, arm: Array) -> float:
     """Of a joint from a sensor that sits as the mounting has it, m: the arm's, and what the mounting turns it by."""
-    arm_sd = float(np.sqrt(np.trace(sure[row : row + 3, row : row + 3])))
+    arm_sd = float(np.sqrt(np.trace(covariance[row : row + 3, row : row + 3])))
     return float(np.hypot(arm_sd, np.radians(Noise().mounting) * np.linalg.norm(arm)))
 
 
-def _sure(of: Limb, so_far: Told) -> tuple[Array, Problem, Unknowns]:
+def _parameter_covariance(
+    of: Limb, so_far: AccumulatedInformation
+) -> tuple[Array, Problem, Unknowns]:
     """Covariance (P, P) of the kept parameters, and the place where it was asked for."""
     S = len(of.links.sensors)
     none = Readings(
         0.01, np.zeros((2, S, 3)), np.zeros((2, S, 3)), np.ones((2, S)), np.ones((2, S))
     )
-    problem, at = _place(of, none, np.tile(quat.IDENTITY, (S, 1)), Noise())
+    problem, at = _nominal_limb(of, none, np.tile(quat.IDENTITY, (S, 1)), Noise())
     problem = replace(problem, bias_sd=min(so_far.bias_sd, np.radians(problem.noise.gyr_bias)))
-    slopes = _believed(of, problem, at)[1]
-    before, arms = slopes.T @ slopes, of.of_kept(parameter_covariance.arms(problem, at))
+    slopes = _prior_rows(of, problem, at)[1]
+    before, arms = slopes.T @ slopes, of.select(parameter_covariance.arm_directions(problem, at))
     return (
         parameter_covariance.without_noise(
-            normal_equations.inverse(so_far.information + before), so_far.made_up, before, arms
+            normal_equations.invert(so_far.information + before),
+            so_far.spurious_information,
+            before,
+            arms,
         ),
         problem,
         at,
     )
 
 
-def _place(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> tuple[Problem, Unknowns]:
+def _nominal_limb(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> tuple[Problem, Unknowns]:
     """The finger of nominal size with sensors in the middle of their segments, that turns as its gyroscopes say."""
     links, geometry = of.links, of.geometry
-    problem = measured(
-        posed(links, noise, read, q_GS, geometry.hand, of.mounting), geometry.lengths
+    problem = with_lengths(
+        build_problem(links, noise, read, q_GS, geometry.hand, of.mounting), geometry.lengths
     )
     half = 0.5 * np.array([geometry.lengths[s] for s in links.sensors])[:, None] * problem.distal
     far = half[links.parents]
@@ -328,7 +355,7 @@ def _place(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> tuple[Problem
         problem.flexing[links.parents[links.hinges]],
         problem.flexing[links.children[links.hinges]],
     )
-    turned = _turned(q_GS, problem.turns)
+    turned = _integrate_turns(q_GS, problem.turns)
     at = Unknowns(
         turned,
         far,
@@ -344,20 +371,20 @@ def _place(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> tuple[Problem
         np.zeros((J, 2)),
         np.zeros(J),
     )
-    return bent(problem, at), at
+    return with_flexion(problem, at), at
 
 
-def _turned(q_GS: Array, turns: Array) -> Array:
+def _integrate_turns(q_GS: Array, turns: Array) -> Array:
     """Orientations (n, S, 4) from the first (S, 4) and the turns between (n-1, S, 3)."""
-    found = np.concatenate([q_GS[None], quat.exp(turns)])
+    orientations = np.concatenate([q_GS[None], quat.exp(turns)])
     behind = 1
-    while behind < len(found):  # products of twice as many each time
-        found[behind:] = quat.multiply(found[:-behind], found[behind:])
+    while behind < len(orientations):  # products of twice as many each time
+        orientations[behind:] = quat.multiply(orientations[:-behind], orientations[behind:])
         behind *= 2
-    return quat.normalize(found)
+    return quat.normalize(orientations)
 
 
-def _lengths(of: Limb, problem: Problem, at: Unknowns) -> dict[int, Array]:
+def _length_gradients(of: Limb, problem: Problem, at: Unknowns) -> dict[int, Array]:
     """How each length changes with the kept parameters (P,), by row of its sensor."""
-    lengths = residuals.sizing(replace(problem, length=np.ones(len(of.links.sensors))), at)
-    return {told.sensor: of.of_kept(told.by_parameters[0]) for told in lengths}
+    lengths = residuals.length_priors(replace(problem, length=np.ones(len(of.links.sensors))), at)
+    return {prior.sensor: of.select(prior.by_parameters[0]) for prior in lengths}

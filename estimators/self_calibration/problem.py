@@ -17,7 +17,7 @@ from handscope.estimators.data.options import option
 from handscope.estimators.hand.anatomy import CHAINS, JOINTS, Hand, side_sign
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array, Indices
-from handscope.estimators.self_calibration.soft_tissue import followed
+from handscope.estimators.self_calibration.soft_tissue import tissue_response
 
 THESIS = "Kortier, thesis 4.5.1"
 LIMBS = {
@@ -193,12 +193,12 @@ class Problem:
     start: Array  # (S, 4) q_GS of the first sample as first believed
     distal: Array  # (S, 3) unit, where the nominal mounting has the segment's distal end, in the sensor's frame
     flexing: Array  # (S, 3) unit, about what it has the segment flex
-    bias_told: Array  # (S, 3) rad/s, what gyroscopes read at rest, else 0
+    bias_prior: Array  # (S, 3) rad/s, what gyroscopes read at rest, else 0
     bias_sd: float  # rad/s
     bent: Array  # (n, J) rad, how far each joint is flexed, as it was believed last: it pulls the skin
     by_tilt: Array  # (n, J, 2) rad/rad, how that changes with the tilt of the axis about which it is counted
     tilt: Array  # (J, 2) rad, where it was counted
-    seat_sd: Array  # (S,) rad, how far a sensor may sit off its nominal mounting
+    mounting_sd: Array  # (S,) rad, how far a sensor may sit off its nominal mounting
     length: Array  # (S,) m, of segments as given; NaN where nothing is
     length_sd: Array  # (S,) m
 
@@ -249,7 +249,7 @@ class Columns:
         return int(self.law.stop)
 
 
-def chain(
+def build_chain(
     segments: Sequence[str],
     joints: Sequence[str] | None = None,
     hinges: Sequence[str] | None = None,
@@ -277,7 +277,7 @@ def chain(
     )
 
 
-def posed(
+def build_problem(
     chain: Chain,
     noise: Noise,
     readings: Readings,
@@ -286,22 +286,22 @@ def posed(
     mounting: Mapping[str, Array],
 ) -> Problem:
     """The problem of these readings; orientations begin near `start` (S, 4); `mounting` is the nominal one, q_BS by segment."""
-    bias_told, bias_sd = at_rest(noise, readings)
+    bias_prior, bias_sd = estimate_rest_bias(noise, readings)
     w, dt = readings.gyr, readings.dt
     between = dt * readings.gyr_doubt
     return Problem(
         chain,
         noise,
         dt,
-        turned(w, dt),
+        integrate_rates(w, dt),
         np.diff(w, axis=0),
         readings.acc,
         noise.gyr * np.sqrt(0.5 * (between[1:] ** 2 + between[:-1] ** 2)),
         noise.acc * readings.acc_doubt,
         start,
-        side_sign(hand) * mounted(chain, mounting, np.array([0.0, 1.0, 0.0])),
-        mounted(chain, mounting, Z),
-        bias_told,
+        side_sign(hand) * axis_in_sensors(chain, mounting, np.array([0.0, 1.0, 0.0])),
+        axis_in_sensors(chain, mounting, Z),
+        bias_prior,
         bias_sd,
         np.zeros((len(readings), len(chain.joints))),
         np.zeros((len(readings), len(chain.joints), 2)),
@@ -312,20 +312,20 @@ def posed(
     )
 
 
-def mounted(chain: Chain, mounting: Mapping[str, Array], axis: Array) -> Array:
+def axis_in_sensors(chain: Chain, mounting: Mapping[str, Array], axis: Array) -> Array:
     """An axis (3,) of the segments in the frames of their sensors (S, 3), as the nominal mounting has it."""
     q_BS = quat.normalize(np.array([mounting.get(s, quat.IDENTITY) for s in chain.sensors], float))
     return quat.rotate(quat.conjugate(q_BS), axis)
 
 
-def measured(problem: Problem, lengths: Mapping[str, float]) -> Problem:
+def with_lengths(problem: Problem, lengths: Mapping[str, float]) -> Problem:
     """The problem with lengths of segments given, m by segment."""
     return replace(
         problem, length=np.array([lengths.get(s, np.nan) for s in problem.chain.sensors], float)
     )
 
 
-def at_rest(noise: Noise, readings: Readings) -> tuple[Array, float]:
+def estimate_rest_bias(noise: Noise, readings: Readings) -> tuple[Array, float]:
     """Biases of gyroscopes (S, 3) and their standard deviation, from the seconds in which every sensor rests; nothing but their size where none does."""
     each = max(1, round(1 / readings.dt))
     seconds = len(readings) // each
@@ -341,7 +341,7 @@ def at_rest(noise: Noise, readings: Readings) -> tuple[Array, float]:
     return gyr[still].mean(axis=(0, 1)), float(np.radians(noise.rest))
 
 
-def resized(problem: Problem, noise: Noise, acc_doubt: Array | float = 1.0) -> Problem:
+def with_noise(problem: Problem, noise: Noise, acc_doubt: Array | float = 1.0) -> Problem:
     """The same readings with errors of other sizes; accelerations count as uncertain by factors (n, S) more."""
     grown = problem.acc_sd * noise.acc / problem.noise.acc * acc_doubt
     return replace(
@@ -349,14 +349,14 @@ def resized(problem: Problem, noise: Noise, acc_doubt: Array | float = 1.0) -> P
     )
 
 
-def turned(w: Array, dt: float) -> Array:
+def integrate_rates(w: Array, dt: float) -> Array:
     """Rotation vectors (n-1, ..., 3) between samples of a rate (n, ..., 3): cubics through four samples, the axis' own movement to second order."""
     mean = 0.5 * (w[1:] + w[:-1])
     mean[1:-1] = (13 * (w[1:-2] + w[2:-1]) - (w[:-3] + w[3:])) / 24
     return np.asarray(dt * mean + dt**2 / 12 * np.cross(w[:-1], w[1:]))
 
 
-def columns(chain: Chain) -> Columns:
+def parameter_columns(chain: Chain) -> Columns:
     """The layout of the parameters' increment."""
     J, S, H = len(chain.joints), len(chain.sensors), len(chain.hinges)
     ends = np.cumsum(
@@ -365,9 +365,9 @@ def columns(chain: Chain) -> Columns:
     return Columns(*(slice(a, b) for a, b in zip(ends, ends[1:])))
 
 
-def moved(at: Unknowns, chain: Chain, turns: Array, parameters: Array) -> Unknowns:
+def apply_increment(at: Unknowns, chain: Chain, turns: Array, parameters: Array) -> Unknowns:
     """Another place: orientations turned by `turns` (n, S, 3) in the sensors' frames, parameters by (P,); unit vectors stay on their sphere."""
-    c = columns(chain)
+    c = parameter_columns(chain)
     return replace(
         at,
         q_GS=quat.normalize(quat.multiply(at.q_GS, quat.exp(turns))),
@@ -377,8 +377,8 @@ def moved(at: Unknowns, chain: Chain, turns: Array, parameters: Array) -> Unknow
         bias_acc=at.bias_acc + parameters[c.bias_acc].reshape(-1, 3),
         scale_gyr=at.scale_gyr + parameters[c.scale_gyr].reshape(-1, 3, 3),
         scale_acc=at.scale_acc + parameters[c.scale_acc].reshape(-1, 3, 3),
-        axis_far=tilted(at.axis_far, parameters[c.axis_far].reshape(-1, 2)),
-        axis_near=tilted(at.axis_near, parameters[c.axis_near].reshape(-1, 2)),
+        axis_far=tilt_axes(at.axis_far, parameters[c.axis_far].reshape(-1, 2)),
+        axis_near=tilt_axes(at.axis_near, parameters[c.axis_near].reshape(-1, 2)),
         skin_turn=at.skin_turn + parameters[c.skin_turn].reshape(-1, 3),
         skin_slide=at.skin_slide + parameters[c.skin_slide].reshape(-1, 3),
         delay=at.delay + parameters[c.delay],
@@ -387,7 +387,7 @@ def moved(at: Unknowns, chain: Chain, turns: Array, parameters: Array) -> Unknow
     )
 
 
-def tilted(axes: Array, by: Array) -> Array:
+def tilt_axes(axes: Array, by: Array) -> Array:
     """Unit vectors (m, 3) moved on their sphere by (m, 2) rad along `tangents`."""
     along = np.einsum("mij,mj->mi", tangents(axes), by)
     size = np.linalg.norm(along, axis=1, keepdims=True)
@@ -410,31 +410,33 @@ def _cross(a: Array, b: Array) -> Array:
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
-def bent(problem: Problem, at: Unknowns) -> Problem:
+def with_flexion(problem: Problem, at: Unknowns) -> Problem:
     """The same problem with joints flexed (n, J) as here: between the bones on either side, a nominal direction where a segment shows none."""
-    chain, q_GS = problem.chain, unskinned(problem, at)
+    chain, q_GS = problem.chain, remove_soft_tissue(problem, at)
     found, by_tilt = np.empty_like(problem.bent), np.zeros_like(problem.by_tilt)
     hinge = {int(k): h for h, k in enumerate(chain.hinges)}
     for k, (i, j) in enumerate(zip(chain.parents, chain.children)):
-        before, behind = (quat.rotate(q_GS[:, s], _bone(problem, at, int(s))) for s in (i, j))
+        before, behind = (
+            quat.rotate(q_GS[:, s], _bone_direction(problem, at, int(s))) for s in (i, j)
+        )
         if k in hinge:
             axis = at.axis_far[hinge[k]] * (
                 1.0 if at.axis_far[hinge[k]] @ problem.flexing[i] >= 0 else -1.0
             )
-            found[:, k] = _flexed(quat.rotate(q_GS[:, i], axis), before, behind)
+            found[:, k] = _flexion_angle(quat.rotate(q_GS[:, i], axis), before, behind)
             continue
-        axes = tilted(
+        axes = tilt_axes(
             np.tile(problem.flexing[i], (3, 1)),
             at.tilt[k] + TILTING * np.array([[0, 0], [1, 0], [0, 1]]),
         )
         found[:, k], *others = (
-            _flexed(quat.rotate(q_GS[:, i], axis), before, behind) for axis in axes
+            _flexion_angle(quat.rotate(q_GS[:, i], axis), before, behind) for axis in axes
         )
         by_tilt[:, k] = np.stack([other - found[:, k] for other in others], axis=1) / TILTING
     return replace(problem, bent=found, by_tilt=by_tilt, tilt=at.tilt)
 
 
-def _flexed(z: Array, before: Array, behind: Array) -> Array:
+def _flexion_angle(z: Array, before: Array, behind: Array) -> Array:
     """How far the second direction is turned from the first about a third, all (n, 3): (n,) rad."""
     side = np.einsum("ni,ni->n", z, np.cross(before, behind))
     along = np.einsum("ni,ni->n", before, behind) - np.einsum("ni,ni->n", z, before) * np.einsum(
@@ -443,7 +445,7 @@ def _flexed(z: Array, before: Array, behind: Array) -> Array:
     return np.asarray(np.arctan2(side, along))
 
 
-def bending(problem: Problem, at: Unknowns, samples: Indices) -> Array:
+def joint_flexion(problem: Problem, at: Unknowns, samples: Indices) -> Array:
     """How far joints are flexed (..., J) rad at samples (...), about axes tilted as here."""
     return np.asarray(
         problem.bent[samples]
@@ -451,16 +453,17 @@ def bending(problem: Problem, at: Unknowns, samples: Indices) -> Array:
     )
 
 
-def unskinned(problem: Problem, at: Unknowns) -> Array:
+def remove_soft_tissue(problem: Problem, at: Unknowns) -> Array:
     """Orientations (n, S, 4) that the sensors would have if no skin turned them on their segments."""
     back = np.zeros(at.q_GS.shape[:2] + (3,))
     back[:, problem.chain.children] = (
-        -followed(bending(problem, at, np.arange(len(back))), at.law)[..., None] * at.skin_turn
+        -tissue_response(joint_flexion(problem, at, np.arange(len(back))), at.law)[..., None]
+        * at.skin_turn
     )
     return quat.multiply(at.q_GS, quat.exp(back))
 
 
-def _bone(problem: Problem, at: Unknowns, s: int) -> Array:
+def _bone_direction(problem: Problem, at: Unknowns, s: int) -> Array:
     """The distal direction (3,) of a sensor's segment in the sensor's frame."""
     before, behind = (
         np.flatnonzero(problem.chain.children == s),

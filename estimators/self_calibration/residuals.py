@@ -19,11 +19,11 @@ from handscope.estimators.self_calibration.problem import (
     Columns,
     Problem,
     Unknowns,
-    bending,
-    columns,
+    joint_flexion,
+    parameter_columns,
     tangents,
 )
-from handscope.estimators.self_calibration.soft_tissue import Skin, right_jacobian
+from handscope.estimators.self_calibration.soft_tissue import SensorDisplacement, right_jacobian
 
 SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0])
 NUMEROV = (
@@ -47,9 +47,9 @@ class Terms:
     cols: Indices  # columns of the parameters' increment
 
 
-def turning(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
+def gyroscope_terms(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     """(4.8), (4.17c): between two samples a sensor turns by what its gyroscope read less its bias."""
-    S, c, dt = len(problem.chain.sensors), columns(problem.chain), problem.dt
+    S, c, dt = len(problem.chain.sensors), parameter_columns(problem.chain), problem.dt
     stop = min(stop, len(problem) - 1)
     felt = problem.turns[start:stop]
     phi = (
@@ -81,67 +81,67 @@ def turning(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
         (r / sd).reshape(T, 3 * S),
         by.reshape(T, 3 * S, 6 * S),
         by_parameters.reshape(T, 3 * S, 12 * S + 1),
-        _cols(c.bias_gyr, c.scale_gyr, c.delay),
+        _column_indices(c.bias_gyr, c.scale_gyr, c.delay),
     )
 
 
-def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
+def joint_acceleration_terms(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     """(4.9), (4.10b), (4.11), (4.12), (4.17a, b): the two segments of a joint have its centre in common, always, so their accelerations there agree.
 
     The place of a joint is that of a sensor and an arm in its frame; its second difference over three samples is exact (Numerov), no rate is
     differentiated, gravity cancels. A sensor's noise is seen by all of its joints: the rows of a sample are whitened together. Noise grows with the accelerometers' common
     scale: without that a small world would look like a quiet one.
     """
-    chain, c, dt = problem.chain, columns(problem.chain), problem.dt
+    chain, c, dt = problem.chain, parameter_columns(problem.chain), problem.dt
     start, stop = max(start, 1), min(stop, len(problem) - 1)
     T, J, S = stop - start, len(chain.joints), len(chain.sensors)
     samples, swing = np.arange(start - 1, stop + 1), SECOND_DIFFERENCE / dt**2
     R, read = quat.matrix(at.q_GS[samples]), problem.acc[samples]
     by = np.zeros((T, J, 3, 3, S, 3))
     by_parameters = np.zeros((T, J, 3, 15 * J + 12 * S))
-    felt = over_three(NUMEROV, R)
-    scaled = over_three(NUMEROV, R[..., None] * read[:, :, None, None]).reshape(T, S, 3, 9)
-    pulling = R @ quat.skew(_true(at, read))
+    felt = sum_over_three(NUMEROV, R)
+    scaled = sum_over_three(NUMEROV, R[..., None] * read[:, :, None, None]).reshape(T, S, 3, 9)
+    pulling = R @ quat.skew(_specific_force(at, read))
     pulled, pull = (
-        [_skin(problem, at, s, samples) for s in range(S)],
-        _by_pull(problem, at, samples),
+        [_sensor_displacement(problem, at, s, samples) for s in range(S)],
+        _response_derivatives(problem, at, samples),
     )
     for k in range(J):
         for sign, s, still, place in (
             (1.0, chain.children[k], at.near[k], 3 * J + 3 * k),
             (-1.0, chain.parents[k], at.far[k], 3 * k),
         ):
-            swinging = R[:, s] @ quat.skew(soft_tissue.seen(pulled[s], still))
+            swinging = R[:, s] @ quat.skew(soft_tissue.place_in_sensor(pulled[s], still))
             for knot in range(3):
                 three = slice(knot, knot + T)
                 by[:, k, :, knot, s] = -sign * (
                     swing[knot] * swinging[three] + NUMEROV[knot] * pulling[three, s]
                 )
             carried = R[:, s] @ pulled[s].back
-            by_parameters[:, k, :, place : place + 3] = sign * over_three(swing, carried)
+            by_parameters[:, k, :, place : place + 3] = sign * sum_over_three(swing, carried)
             by_parameters[:, k, :, 15 * J + 3 * s : 15 * J + 3 * s + 3] = -sign * felt[:, s]
             by_parameters[:, k, :, 15 * J + 3 * S + 9 * s : 15 * J + 3 * S + 9 * s + 9] = (
                 sign * scaled[:, s]
             )
             for m in np.flatnonzero(chain.children == s):
                 bent = pulled[s].bent[..., None]
-                by_turn = over_three(
-                    swing, R[:, s] @ (bent * soft_tissue.by_turn(pulled[s], still))
+                by_turn = sum_over_three(
+                    swing, R[:, s] @ (bent * soft_tissue.place_by_turn(pulled[s], still))
                 )
                 by_parameters[:, k, :, 6 * J + 3 * m : 6 * J + 3 * m + 3] = sign * by_turn
-                by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * over_three(
+                by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * sum_over_three(
                     swing, bent * carried
                 )
-                by_bent = soft_tissue.by_bending(
+                by_bent = soft_tissue.place_by_flexion(
                     pulled[s], at.skin_turn[m], at.skin_slide[m], still
                 )
-                by_pull = sign * over_three(
+                by_pull = sign * sum_over_three(
                     swing, R[:, s] @ (by_bent[..., None] * pull[:, m, None])
                 )  # by tilt and law
                 by_parameters[:, k, :, 12 * J + 2 * m : 12 * J + 2 * m + 2] = by_pull[..., :2]
                 by_parameters[:, k, :, 14 * J + m] = by_pull[..., 2]
-    L = whitening(problem, start, stop)
-    r, grown = met(problem, at, start, stop), common_scale(at)
+    L = whitening_matrix(problem, start, stop)
+    r, grown = joint_acceleration_residuals(problem, at, start, stop), common_scale(at)
     mixed = [
         (L @ x.reshape(T, J, 3 * size)).reshape(T, 3 * J, size) / grown
         for x, size in ((by, 9 * S), (by_parameters, 15 * J + 12 * S))
@@ -149,31 +149,37 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     mixed[1][..., 15 * J + 3 * S :] -= (
         r[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
     )
-    cols = _cols(c.far, c.near, c.skin_turn, c.skin_slide, c.tilt, c.law, c.bias_acc, c.scale_acc)
+    cols = _column_indices(
+        c.far, c.near, c.skin_turn, c.skin_slide, c.tilt, c.law, c.bias_acc, c.scale_acc
+    )
     return Terms(start - 1, 3, r, mixed[0], mixed[1], cols)
 
 
-def met(problem: Problem, at: Unknowns, start: int, stop: int) -> Array:
-    """The residuals (T, 3 J) of `meeting` alone."""
+def joint_acceleration_residuals(problem: Problem, at: Unknowns, start: int, stop: int) -> Array:
+    """The residuals (T, 3 J) of `joint_acceleration_terms` alone."""
     chain, start, stop = problem.chain, max(start, 1), min(stop, len(problem) - 1)
-    R, f = quat.matrix(at.q_GS[start - 1 : stop + 1]), _true(at, problem.acc[start - 1 : stop + 1])
+    R, f = (
+        quat.matrix(at.q_GS[start - 1 : stop + 1]),
+        _specific_force(at, problem.acc[start - 1 : stop + 1]),
+    )
     samples, e = np.arange(start - 1, stop + 1), np.zeros((stop - start, len(chain.joints), 3))
-    pulled = [_skin(problem, at, s, samples) for s in range(len(chain.sensors))]
+    pulled = [_sensor_displacement(problem, at, s, samples) for s in range(len(chain.sensors))]
     for k in range(len(chain.joints)):
         for sign, s, still in (
             (1.0, chain.children[k], at.near[k]),
             (-1.0, chain.parents[k], at.far[k]),
         ):
-            arm = np.einsum("tij,tj->ti", R[:, s], soft_tissue.seen(pulled[s], still))
+            arm = np.einsum("tij,tj->ti", R[:, s], soft_tissue.place_in_sensor(pulled[s], still))
             force = np.einsum("tij,tj->ti", R[:, s], f[:, s])
             e[:, k] += sign * (
-                over_three(SECOND_DIFFERENCE / problem.dt**2, arm) + over_three(NUMEROV, force)
+                sum_over_three(SECOND_DIFFERENCE / problem.dt**2, arm)
+                + sum_over_three(NUMEROV, force)
             )
-    white = whitening(problem, start, stop) @ e
+    white = whitening_matrix(problem, start, stop) @ e
     return np.asarray(white.reshape(len(e), 3 * len(chain.joints)) / common_scale(at))
 
 
-def over_three(weights: Array, v: Array) -> Array:
+def sum_over_three(weights: Array, v: Array) -> Array:
     """The weighted sum (n - 2, ...) of each three samples that follow one another, of (n, ...)."""
     return np.asarray(weights[0] * v[:-2] + weights[1] * v[1:-1] + weights[2] * v[2:])
 
@@ -183,25 +189,29 @@ def common_scale(at: Unknowns) -> float:
     return float(1 + np.trace(at.scale_acc, axis1=1, axis2=2).mean() / 3)
 
 
-def _skin(problem: Problem, at: Unknowns, s: int, samples: Indices) -> Skin:
+def _sensor_displacement(
+    problem: Problem, at: Unknowns, s: int, samples: Indices
+) -> SensorDisplacement:
     """Of a sensor at samples (...), pulled by the joint before its segment, if one is."""
     before = problem.chain.children == s
-    return soft_tissue.pulled(
-        soft_tissue.followed(bending(problem, at, samples), at.law)[..., before],
+    return soft_tissue.displace_sensor(
+        soft_tissue.tissue_response(joint_flexion(problem, at, samples), at.law)[..., before],
         at.skin_turn[before],
         at.skin_slide[before],
     )
 
 
-def _by_pull(problem: Problem, at: Unknowns, samples: Indices) -> Array:
+def _response_derivatives(problem: Problem, at: Unknowns, samples: Indices) -> Array:
     """How far skin follows each joint at samples (...), derivatives (..., J, 3) by the joint's tilt (2) and its law."""
-    by_bending, law = soft_tissue.by_law(bending(problem, at, samples), at.law)
+    by_bending, law = soft_tissue.tissue_response_derivatives(
+        joint_flexion(problem, at, samples), at.law
+    )
     return np.concatenate(
         [by_bending[..., None] * problem.by_tilt[samples], law[..., None]], axis=-1
     )
 
 
-def whitening(problem: Problem, start: int, stop: int) -> Array:
+def whitening_matrix(problem: Problem, start: int, stop: int) -> Array:
     """What makes the joints' rows (T, J, J) of one size and independent: the inverse root of the covariance that the sensors' noise has at the joints."""
     v = problem.acc_sd**2
     share = NUMEROV**2 / (NUMEROV**2).sum()
@@ -214,9 +224,9 @@ def whitening(problem: Problem, start: int, stop: int) -> Array:
     return np.asarray(np.linalg.inv(np.linalg.cholesky((a * v[:, None]) @ a.T)))
 
 
-def hinging(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
+def hinge_terms(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     """(4.10a), (4.13): both segments of a hinge have its axis in common."""
-    chain, c = problem.chain, columns(problem.chain)
+    chain, c = problem.chain, parameter_columns(problem.chain)
     stop = min(stop, len(problem))
     T, H, S, sd = (
         stop - start,
@@ -226,7 +236,7 @@ def hinging(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     )
     R = quat.matrix(at.q_GS[start:stop])
     J, samples = len(chain.joints), np.arange(start, stop)
-    pull = _by_pull(problem, at, samples)
+    pull = _response_derivatives(problem, at, samples)
     r, by, by_parameters = (
         np.zeros((T, H, 3)),
         np.zeros((T, H, 3, S, 3)),
@@ -238,27 +248,29 @@ def hinging(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
             (-1.0 / sd, chain.children[joint], at.axis_near[h], 2 * H + 2 * h),
         ):
             pulled = replace(
-                _skin(problem, at, int(s), samples), slide=np.zeros((T, 3))
+                _sensor_displacement(problem, at, int(s), samples), slide=np.zeros((T, 3))
             )  # a direction is the same everywhere
-            axis = soft_tissue.seen(pulled, still)
+            axis = soft_tissue.place_in_sensor(pulled, still)
             r[:, h] += sign * np.einsum("tij,tj->ti", R[:, s], axis)
             by[:, h, :, s] = -sign * R[:, s] @ quat.skew(axis)
             by_parameters[:, h, :, own : own + 2] = (
                 sign * R[:, s] @ pulled.back @ tangents(still[None])[0]
             )
             for m in np.flatnonzero(chain.children == s):
-                by_turn, place = soft_tissue.by_turn(pulled, still), 4 * H + 3 * J + 2 * m
+                by_turn, place = soft_tissue.place_by_turn(pulled, still), 4 * H + 3 * J + 2 * m
                 by_parameters[:, h, :, 4 * H + 3 * m : 4 * H + 3 * m + 3] = (
                     sign * pulled.bent[..., None] * R[:, s] @ by_turn
                 )
                 by_bent = (
                     sign
                     * R[:, s]
-                    @ soft_tissue.by_bending(pulled, at.skin_turn[m], np.zeros(3), still)[..., None]
+                    @ soft_tissue.place_by_flexion(pulled, at.skin_turn[m], np.zeros(3), still)[
+                        ..., None
+                    ]
                 )
                 by_parameters[:, h, :, place : place + 2] = by_bent * pull[:, m, None, :2]
                 by_parameters[:, h, :, 4 * H + 5 * J + m] = by_bent[..., 0] * pull[:, m, 2:]
-    cols = _cols(c.axis_far, c.axis_near, c.skin_turn, c.tilt, c.law)
+    cols = _column_indices(c.axis_far, c.axis_near, c.skin_turn, c.tilt, c.law)
     return Terms(
         start,
         1,
@@ -269,17 +281,17 @@ def hinging(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     )
 
 
-def staying(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
+def mean_acceleration_terms(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     """(4.15): the root's acceleration is zero on average; this is what tells the vertical, and how large the world is: by gravity.
 
-    Its size grows with the accelerometers' common scale, as noise does in `meeting`: a small world would look like one that stays.
+    Its size grows with the accelerometers' common scale, as noise does in `joint_acceleration_terms`: a small world would look like one that stays.
     """
-    c, S = columns(problem.chain), len(problem.chain.sensors)
+    c, S = parameter_columns(problem.chain), len(problem.chain.sensors)
     stop = min(stop, len(problem))
     grown = common_scale(at)
     sd = problem.noise.still * grown
     read = problem.acc[start:stop]
-    R, f = quat.matrix(at.q_GS[start:stop, 0]), _true(at, read)[:, 0]
+    R, f = quat.matrix(at.q_GS[start:stop, 0]), _specific_force(at, read)[:, 0]
     r = (np.einsum("tij,tj->ti", R, f) - [0.0, 0.0, GRAVITY]) / sd
     by = np.zeros((stop - start, 3, S, 3))
     by[:, :, 0] = -R @ quat.skew(f) / sd
@@ -298,12 +310,12 @@ def staying(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     )
 
 
-def _true(at: Unknowns, read: Array) -> Array:
+def _specific_force(at: Unknowns, read: Array) -> Array:
     """Specific forces (T, S, 3) of what accelerometers read."""
     return np.asarray(read + np.einsum("sij,tsj->tsi", at.scale_acc, read) - at.bias_acc)
 
 
-def beginning(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
+def initial_orientation_terms(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     """(4.16): where the sensors begin, as good as not known; but for the root's heading, that nothing else tells."""
     S, T = len(problem.chain.sensors), int(start == 0)
     sd = np.full((S, 3), BEGINNING_SD)
@@ -328,28 +340,28 @@ def beginning(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
 
 
 EVERY_SAMPLE: tuple[Callable[[Problem, Unknowns, int, int], Terms], ...] = (
-    turning,
-    meeting,
-    hinging,
-    staying,
-    beginning,
+    gyroscope_terms,
+    joint_acceleration_terms,
+    hinge_terms,
+    mean_acceleration_terms,
+    initial_orientation_terms,
 )
 
 
-def priors(problem: Problem, at: Unknowns) -> tuple[Array, Array]:
+def prior_residuals(problem: Problem, at: Unknowns) -> tuple[Array, Array]:
     """(4.3.1) and what defines the segments' frames: residuals (m,) and their derivatives by the parameters (m, P)."""
-    chain, noise, c = problem.chain, problem.noise, columns(problem.chain)
+    chain, noise, c = problem.chain, problem.noise, parameter_columns(problem.chain)
     sizes = (
         (c.far, at.far, noise.place),
         (c.near, at.near, noise.place),
-        (c.bias_gyr, at.bias_gyr - problem.bias_told, problem.bias_sd),
+        (c.bias_gyr, at.bias_gyr - problem.bias_prior, problem.bias_sd),
         (c.bias_acc, at.bias_acc, noise.acc_bias),
         (c.scale_gyr, at.scale_gyr, noise.scale),
         (c.scale_acc, at.scale_acc, noise.scale),
         (c.skin_turn, at.skin_turn, np.radians(noise.skin_turn) / (np.pi / 2)),
         (c.skin_slide, at.skin_slide, 1e-3 * noise.skin_slide / (np.pi / 2)),
         (c.delay, at.delay, 1e-3 * noise.delay),
-        (c.tilt, at.tilt, np.repeat(problem.seat_sd[chain.parents], 2)),
+        (c.tilt, at.tilt, np.repeat(problem.mounting_sd[chain.parents], 2)),
         (c.law, at.law, noise.skin_law),
     )
     r, by = [], []
@@ -358,17 +370,17 @@ def priors(problem: Problem, at: Unknowns) -> tuple[Array, Array]:
         r.append(flat / sd)
         by.append(np.eye(c.count)[where] / np.reshape(sd, (-1, 1)))
     for h in range(len(chain.hinges)):
-        for off, slope in _framing(problem, at, c, h):
+        for off, slope in _frame_constraints(problem, at, c, h):
             r.append(np.array([off]))
             by.append(slope[None])
-    for told in (*seating(problem, at), *sizing(problem, at)):
-        r.append(told.off / told.sd)
-        by.append(told.by_parameters / told.sd)
+    for prior in (*mounting_priors(problem, at), *length_priors(problem, at)):
+        r.append(prior.off / prior.sd)
+        by.append(prior.by_parameters / prior.sd)
     return np.concatenate(r), np.concatenate(by)
 
 
 @dataclass(frozen=True)
-class Told:
+class PriorResidual:
     """How far what was known before is off here."""
 
     sensor: int
@@ -377,9 +389,9 @@ class Told:
     by_parameters: Array  # (m, P)
 
 
-def seating(problem: Problem, at: Unknowns) -> list[Told]:
+def mounting_priors(problem: Problem, at: Unknowns) -> list[PriorResidual]:
     """Known mounting: hinges' axes and bones (3,) lie in their sensors as the nominal mounting has them, whichever way an axis points."""
-    chain, c, found = problem.chain, columns(problem.chain), []
+    chain, c, priors = problem.chain, parameter_columns(problem.chain), []
     for h, joint in enumerate(chain.hinges):
         for s, axis, place in (
             (int(chain.parents[joint]), at.axis_far[h], c.axis_far.start + 2 * h),
@@ -388,7 +400,9 @@ def seating(problem: Problem, at: Unknowns) -> list[Told]:
             nominal = problem.flexing[s] * (1.0 if axis @ problem.flexing[s] >= 0 else -1.0)
             slope = np.zeros((3, c.count))
             slope[:, place : place + 2] = quat.skew(nominal) @ tangents(axis[None])[0]
-            found.append(Told(s, np.cross(nominal, axis), float(problem.seat_sd[s]), slope))
+            priors.append(
+                PriorResidual(s, np.cross(nominal, axis), float(problem.mounting_sd[s]), slope)
+            )
     for s, b, a in bones(chain):
         along = at.far[a] - at.near[b]
         size = float(np.linalg.norm(along)) + 1e-12
@@ -397,13 +411,17 @@ def seating(problem: Problem, at: Unknowns) -> list[Told]:
         turned = quat.skew(problem.distal[s]) @ (np.eye(3) - np.outer(unit, unit)) / size
         slope[:, c.far.start + 3 * a : c.far.start + 3 * a + 3] = turned
         slope[:, c.near.start + 3 * b : c.near.start + 3 * b + 3] = -turned
-        found.append(Told(s, np.cross(problem.distal[s], unit), float(problem.seat_sd[s]), slope))
-    return found
+        priors.append(
+            PriorResidual(
+                s, np.cross(problem.distal[s], unit), float(problem.mounting_sd[s]), slope
+            )
+        )
+    return priors
 
 
-def sizing(problem: Problem, at: Unknowns) -> list[Told]:
+def length_priors(problem: Problem, at: Unknowns) -> list[PriorResidual]:
     """Known lengths: a segment's two joints lie as far apart as was measured (1,)."""
-    c, found = columns(problem.chain), []
+    c, priors = parameter_columns(problem.chain), []
     for s, b, a in bones(problem.chain):
         along = at.far[a] - at.near[b]
         size = float(np.linalg.norm(along)) + 1e-12
@@ -411,10 +429,12 @@ def sizing(problem: Problem, at: Unknowns) -> list[Told]:
         slope[0, c.far.start + 3 * a : c.far.start + 3 * a + 3] = along / size
         slope[0, c.near.start + 3 * b : c.near.start + 3 * b + 3] = -along / size
         if np.isfinite(problem.length[s]):
-            found.append(
-                Told(s, np.array([size - problem.length[s]]), float(problem.length_sd[s]), slope)
+            priors.append(
+                PriorResidual(
+                    s, np.array([size - problem.length[s]]), float(problem.length_sd[s]), slope
+                )
             )
-    return found
+    return priors
 
 
 def bones(chain: Chain) -> list[tuple[int, int, int]]:
@@ -427,9 +447,11 @@ def bones(chain: Chain) -> list[tuple[int, int, int]]:
     return found
 
 
-def _framing(problem: Problem, at: Unknowns, c: Columns, h: int) -> list[tuple[float, Array]]:
+def _frame_constraints(
+    problem: Problem, at: Unknowns, c: Columns, h: int
+) -> list[tuple[float, Array]]:
     """Where along a hinge's axis its centre lies is told by no movement: the axis is square to the bones, and the sensors sit over them."""
-    chain, joint, found = problem.chain, int(problem.chain.hinges[h]), []
+    chain, joint, constraints = problem.chain, int(problem.chain.hinges[h]), []
     for s, axis, place in (
         (chain.parents[joint], at.axis_far[h], c.axis_far.start + 2 * h),
         (chain.children[joint], at.axis_near[h], c.axis_near.start + 2 * h),
@@ -447,8 +469,8 @@ def _framing(problem: Problem, at: Unknowns, c: Columns, h: int) -> list[tuple[f
             for sign, _, column in parts:
                 slope[column : column + 3] = sign * axis
             slope[place : place + 2] = tangents(axis[None])[0].T @ along
-            found.append((float(along @ axis) / (1e-3 * sd), slope / (1e-3 * sd)))
-    return found
+            constraints.append((float(along @ axis) / (1e-3 * sd), slope / (1e-3 * sd)))
+    return constraints
 
 
 def inverse_jacobian(v: Array) -> Array:
@@ -463,5 +485,5 @@ def inverse_jacobian(v: Array) -> Array:
     return np.asarray(np.eye(3) + 0.5 * K + two * K @ K)
 
 
-def _cols(*slices: slice) -> Indices:
+def _column_indices(*slices: slice) -> Indices:
     return np.concatenate([np.arange(s.start, s.stop) for s in slices])

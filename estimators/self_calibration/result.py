@@ -13,11 +13,11 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration.problem import Chain
 from handscope.estimators.self_calibration.segments import Segments
 from handscope.estimators.self_calibration.solver import Solution
-from handscope.estimators.self_calibration.uncertainty.monte_carlo import Certainty
+from handscope.estimators.self_calibration.uncertainty.monte_carlo import Uncertainty
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class Requirements:
     """What is asked of a recording and of what is found in it."""
 
     shortest: float = option(
@@ -64,41 +64,43 @@ class Finger:
     t: Array  # (n,) s
     solution: Solution
     segments: Segments
-    sure: Certainty
+    sure: Uncertainty
 
 
-def extents(found: Solution) -> dict[str, float]:
+def joint_excursions(solution: Solution) -> dict[str, float]:
     """How far each joint was bent, deg."""
-    least, most = np.percentile(found.problem.bent, [1, 99], axis=0)
-    return dict(zip(found.problem.chain.joints, np.degrees(most - least).tolist()))
+    least, most = np.percentile(solution.problem.bent, [1, 99], axis=0)
+    return dict(zip(solution.problem.chain.joints, np.degrees(most - least).tolist()))
 
 
-def stiff(asked: Asked, found: Solution) -> dict[str, float]:
+def stiff_joints(asked: Requirements, solution: Solution) -> dict[str, float]:
     """Joints that hardly moved, deg."""
-    return {joint: extent for joint, extent in extents(found).items() if extent < asked.bent}
+    return {
+        joint: extent for joint, extent in joint_excursions(solution).items() if extent < asked.bent
+    }
 
 
-def beside(chain: Chain, joint: str) -> tuple[str, str]:
+def adjacent_segments(chain: Chain, joint: str) -> tuple[str, str]:
     """The segments before and behind a joint."""
     k = chain.joints.index(joint)
     return chain.sensors[chain.parents[k]], chain.sensors[chain.children[k]]
 
 
-def known(asked: Asked, finger: Finger, segment: str) -> bool:
+def is_length_known(asked: Requirements, finger: Finger, segment: str) -> bool:
     """Whether movement told a segment's length: both joints bent, and it is sure."""
     length, sd = finger.segments.lengths[segment], finger.segments.lengths_sd[segment]
-    return sd < asked.length_known * length and not _beside_stiff(asked, finger, segment)
+    return sd < asked.length_known * length and not _is_beside_stiff(asked, finger, segment)
 
 
-def placed(asked: Asked, finger: Finger, segment: str) -> bool:
+def is_placed(asked: Requirements, finger: Finger, segment: str) -> bool:
     """Whether movement told where the sensor sits on its segment: both joints bent, and it is sure."""
     return float(
         np.linalg.norm(finger.sure.p_BS[segment])
-    ) < 1e-3 * asked.place_known and not _beside_stiff(asked, finger, segment)
+    ) < 1e-3 * asked.place_known and not _is_beside_stiff(asked, finger, segment)
 
 
-def _beside_stiff(asked: Asked, finger: Finger, segment: str) -> bool:
+def _is_beside_stiff(asked: Requirements, finger: Finger, segment: str) -> bool:
     return any(
-        segment in beside(finger.solution.problem.chain, joint)
-        for joint in stiff(asked, finger.solution)
+        segment in adjacent_segments(finger.solution.problem.chain, joint)
+        for joint in stiff_joints(asked, finger.solution)
     )

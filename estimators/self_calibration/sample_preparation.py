@@ -15,7 +15,7 @@ import numpy as np
 from handscope.estimators.data.samples import ACC, GYR, SATURATION, Block, every, exceeds
 from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation.resampling import fit_times
-from handscope.estimators.self_calibration.problem import Chain, Readings, chain
+from handscope.estimators.self_calibration.problem import Chain, Readings, build_chain
 from handscope.estimators.sensors import saturation
 
 RATE = 100.0  # Hz, of the thesis: faster samples are averaged down to about this
@@ -25,11 +25,11 @@ LONGEST_GAP = (
 )
 MARGIN = 0.5  # s beside a stretch from which samples are taken
 LINED = 100  # samples that tell an even clock
-LIVELY = 1.0  # s over which movement is summed up
+EXCITATION_PERIOD = 1.0  # s over which movement is summed up
 
 
 @dataclass(frozen=True)
-class Hole:
+class Gap:
     """Missing samples of one sensor, s."""
 
     sensor: str
@@ -37,16 +37,20 @@ class Hole:
     stop: float
 
 
-def readings(
+def prepare_readings(
     blocks: Sequence[Block], sensors: Sequence[str], start: float, stop: float
 ) -> tuple[Array, Readings]:
     """Times (n,) and readings of these sensors between two instants, s; doubt counts from the noise of a sample at RATE."""
-    worn = [evened(b.between(start - MARGIN, stop + MARGIN)) for b in blocks if b.stream.inertial]
+    worn = [
+        resample_uniform(b.between(start - MARGIN, stop + MARGIN))
+        for b in blocks
+        if b.stream.inertial
+    ]
     where = {name: (b, k) for b in worn for k, name in enumerate(b.stream.sensors)}
     reference = where[sensors[0]][0].between(start, stop).t
     period = float(np.median(np.diff(reference)))
     grid = reference[0] + period * np.arange(round((reference[-1] - reference[0]) / period) + 1)
-    values, doubts = zip(*(_even(where[s][0], where[s][1], grid) for s in sensors))
+    values, doubts = zip(*(_resample_sensor(where[s][0], where[s][1], grid) for s in sensors))
     each = max(1, round(1 / period / RATE))
     n = len(grid) // each * each
     t, v, d = (
@@ -54,36 +58,36 @@ def readings(
         for x in (grid, np.stack(values, 1), np.stack(doubts, 1))
     )
     noisier = 1 / np.sqrt(each * period * RATE)
-    v = at_middles(v, each)
+    v = correct_means(v, each)
     return t, Readings(
         each * period, v[..., :3], v[..., 3:], noisier * d[..., 0], noisier * d[..., 1]
     )
 
 
-def evened(block: Block) -> Block:
+def resample_uniform(block: Block) -> Block:
     """The same samples at even times where the stamps scatter (a host's, a radio's) and the rates say that the samples do not: between their neighbours they lie better there."""
     if len(block.t) < LINED:
         return block
     even = fit_times(block)
     rates = block.of(GYR).reshape(len(block.t), -1)
-    off = [float(np.nansum(_beside_neighbours(t, rates) ** 2)) for t in (block.t, even)]
+    off = [float(np.nansum(_deviation_from_neighbours(t, rates) ** 2)) for t in (block.t, even)]
     return replace(block, t=even) if (np.diff(even) > 0).all() and off[1] < off[0] else block
 
 
-def _beside_neighbours(t: Array, values: Array) -> Array:
+def _deviation_from_neighbours(t: Array, values: Array) -> Array:
     """How far values (n, m) lie from the line between those before and behind (n-2, m)."""
     share = ((t[1:-1] - t[:-2]) / (t[2:] - t[:-2]))[:, None]
     return np.asarray(values[1:-1] - (1 - share) * values[:-2] - share * values[2:])
 
 
-def at_middles(means: Array, each: int) -> Array:
+def correct_means(means: Array, each: int) -> Array:
     """Means of so many samples (n, ...) as what was read in the middle of each: a mean of m over T is off by T^2 / 24 (1 - 1 / m^2) second derivatives."""
     v = means.copy()
     v[1:-1] -= (1 - 1 / each**2) / 24 * np.diff(means, 2, axis=0)
     return v
 
 
-def speaking(
+def drop_silent_sensors(
     blocks: Sequence[Block], links: Chain, start: float, stop: float
 ) -> tuple[Chain, tuple[str, ...]]:
     """The chain up to its first sensor that gives less than half of its samples; that and those behind it."""
@@ -95,12 +99,15 @@ def speaking(
     }
     for k, name in enumerate(links.sensors):
         block, row = where[name]
-        if any(_sound(block, row, quantity).sum() < 0.5 * len(block.t) for quantity in (GYR, ACC)):
-            return chain(links.sensors[:k] or links.sensors[:1]), links.sensors[k:]
+        if any(
+            _valid_samples(block, row, quantity).sum() < 0.5 * len(block.t)
+            for quantity in (GYR, ACC)
+        ):
+            return build_chain(links.sensors[:k] or links.sensors[:1]), links.sensors[k:]
     return links, ()
 
 
-def clipped(blocks: Sequence[Block], sensor: str, start: float, stop: float) -> bool:
+def is_clipped(blocks: Sequence[Block], sensor: str, start: float, stop: float) -> bool:
     """Whether a sensor gives samples, but more than half of them stand at a limit."""
     block, k = next(
         (b.between(start, stop), b.stream.sensors.index(sensor))
@@ -112,21 +119,23 @@ def clipped(blocks: Sequence[Block], sensor: str, start: float, stop: float) -> 
         if len(block.t)
         else [False]
     )
-    return all(whole) and any(_sound(block, k, quantity).mean() < 0.5 for quantity in (GYR, ACC))
+    return all(whole) and any(
+        _valid_samples(block, k, quantity).mean() < 0.5 for quantity in (GYR, ACC)
+    )
 
 
-def _sound(block: Block, k: int, quantity: str) -> Bools:
+def _valid_samples(block: Block, k: int, quantity: str) -> Bools:
     """Which samples (n,) of a sensor are whole and not at its limit: each sensor's own, where the stream does not tell one."""
     values = block.of(quantity)[:, k : k + 1]
     clipped = exceeds(values, SATURATION * saturation.find_limits(block, quantity)[k : k + 1])[:, 0]
     return np.asarray(every(np.isfinite(values[:, 0])) & ~clipped)
 
 
-def gapless(blocks: Sequence[Block], start: float, stop: float) -> tuple[float, float]:
+def longest_gapless(blocks: Sequence[Block], start: float, stop: float) -> tuple[float, float]:
     """The longest part of a stretch without holes."""
     edge, best = start, (start, start)
     for begun, over in (
-        *sorted((hole.start, hole.stop) for hole in holes(blocks, start, stop)),
+        *sorted((hole.start, hole.stop) for hole in find_gaps(blocks, start, stop)),
         (stop, stop),
     ):
         if begun - edge > best[1] - best[0]:
@@ -135,9 +144,9 @@ def gapless(blocks: Sequence[Block], start: float, stop: float) -> tuple[float, 
     return best
 
 
-def holes(blocks: Sequence[Block], start: float, stop: float) -> list[Hole]:
+def find_gaps(blocks: Sequence[Block], start: float, stop: float) -> list[Gap]:
     """Where sensors miss samples for longer than LONGEST_GAP; sensors that give less than half do not count."""
-    found: list[Hole] = []
+    found: list[Gap] = []
     for block in (b.between(start, stop) for b in blocks if b.stream.inertial):
         for k, name in enumerate(block.stream.sensors):
             t = block.t[
@@ -146,44 +155,44 @@ def holes(blocks: Sequence[Block], start: float, stop: float) -> list[Hole]:
             if len(t) > 0.5 * (stop - start) * block.stream.rate:
                 t = np.concatenate([[start], t, [stop]])  # a sensor may begin late or end early
                 found += [
-                    Hole(name, float(t[i]), float(t[i + 1]))
+                    Gap(name, float(t[i]), float(t[i + 1]))
                     for i in np.flatnonzero(np.diff(t) > LONGEST_GAP)
                 ]
     return found
 
 
-def liveliest(
+def most_excited_stretch(
     blocks: Sequence[Block], start: float, stop: float, longest: float
 ) -> tuple[float, float]:
     """The stretch of at most `longest` s with most turning."""
     if stop - start <= longest:
         return start, stop
-    edges = np.arange(start, stop, LIVELY)
+    edges = np.arange(start, stop, EXCITATION_PERIOD)
     moved = np.zeros(len(edges))
     for block in (b for b in blocks if b.stream.inertial):
         size = np.nan_to_num(np.linalg.norm(block.of(GYR), axis=2)).mean(axis=1)
-        place = np.floor((block.t - start) / LIVELY).astype(int)
+        place = np.floor((block.t - start) / EXCITATION_PERIOD).astype(int)
         inside = (place >= 0) & (place < len(edges))
         moved += np.bincount(place[inside], size[inside], minlength=len(edges)) / block.stream.rate
-    sums = np.convolve(moved, np.ones(int(longest / LIVELY)), "valid")
+    sums = np.convolve(moved, np.ones(int(longest / EXCITATION_PERIOD)), "valid")
     first = float(edges[int(np.argmax(sums))])
     return first, first + longest
 
 
-def _even(block: Block, k: int, grid: Array) -> tuple[Array, Array]:
+def _resample_sensor(block: Block, k: int, grid: Array) -> tuple[Array, Array]:
     """Readings (n, 6) of one sensor on the grid, and factors of doubt of gyroscope and accelerometer (n, 2)."""
     values, doubts = np.empty((len(grid), 6)), np.ones((len(grid), 2))
     for q, quantity in enumerate((GYR, ACC)):
-        sampled, sound = block.of(quantity)[:, k], _sound(block, k, quantity)
+        sampled, sound = block.of(quantity)[:, k], _valid_samples(block, k, quantity)
         t, known = block.t[sound], sampled[sound]
-        values[:, 3 * q : 3 * q + 3] = _between(t, known, grid, block.stream.rate)
+        values[:, 3 * q : 3 * q + 3] = _interpolate_cubic(t, known, grid, block.stream.rate)
         behind = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
         beside = np.maximum(np.abs(t[behind] - grid), np.abs(grid - t[behind - 1]))
         doubts[beside > 1.5 / block.stream.rate, q] = DOUBTFUL
     return values, doubts
 
 
-def _between(t: Array, known: Array, grid: Array, rate: float) -> Array:
+def _interpolate_cubic(t: Array, known: Array, grid: Array, rate: float) -> Array:
     """Samples (m, 3) of instants t as of those of the grid: cubics through the four samples around each, straight lines where one of them is missing."""
     found = np.stack([np.interp(grid, t, axis) for axis in known.T], axis=1)
     behind = np.searchsorted(t, grid)

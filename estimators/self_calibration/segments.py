@@ -14,7 +14,12 @@ import numpy as np
 from handscope.estimators.hand.anatomy import Hand, side_sign
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.self_calibration.problem import Chain, Unknowns, columns, unskinned
+from handscope.estimators.self_calibration.problem import (
+    Chain,
+    Unknowns,
+    parameter_columns,
+    remove_soft_tissue,
+)
 from handscope.estimators.self_calibration.solver import Solution
 
 Y, Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
@@ -33,28 +38,31 @@ class Segments:
     q_GB: Mapping[str, Array]  # (n, 4)
 
 
-def of_solution(found: Solution, hand: Hand, mounting: Mapping[str, Array]) -> Segments:
+def of_solution(solution: Solution, hand: Hand, mounting: Mapping[str, Array]) -> Segments:
     """The segments of the chain."""
-    at, chain, q_BS, p_BS, lengths, sds = found.at, found.problem.chain, {}, {}, {}, {}
+    at, chain, q_BS, p_BS, lengths, sds = solution.at, solution.problem.chain, {}, {}, {}, {}
     nominals = [
         quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), float))
         for name in chain.sensors
     ]
-    axes = _flexing(at, chain, nominals)
+    axes = _flexion_axes(at, chain, nominals)
     for s, name in enumerate(chain.sensors):
         near, far = _arms(chain, at, s)
-        q_BS[name] = _seat(axes[s], near, far, side_sign(hand), nominals[s])
+        q_BS[name] = _sensor_to_segment(axes[s], near, far, side_sign(hand), nominals[s])
         end = far if far is not None else near
         p_BS[name] = quat.rotate(q_BS[name], -end) if end is not None else np.zeros(3)
         if near is not None and far is not None:
             lengths[name] = float(np.linalg.norm(far - near))
-            sds[name] = _length_sd(found, s)
+            sds[name] = _length_sd(solution, s)
     return Segments(
         q_BS,
         p_BS,
         lengths,
         sds,
-        {name: _turned(found, s, q_BS[name]) for s, name in enumerate(chain.sensors)},
+        {
+            name: _segment_orientation(solution, s, q_BS[name])
+            for s, name in enumerate(chain.sensors)
+        },
     )
 
 
@@ -66,7 +74,7 @@ def _arms(chain: Chain, at: Unknowns, s: int) -> tuple[Array | None, Array | Non
     ) == 1 else None
 
 
-def _flexing(at: Unknowns, chain: Chain, nominals: Sequence[Array]) -> list[Array | None]:
+def _flexion_axes(at: Unknowns, chain: Chain, nominals: Sequence[Array]) -> list[Array | None]:
     """About what each segment flexes (3,), in its sensor's frame, where a hinge shows it: which way round is what most nominal mountings say."""
     signs: list[float] = []
     own: list[list[tuple[int, Array]]] = [[] for _ in chain.sensors]
@@ -82,14 +90,14 @@ def _flexing(at: Unknowns, chain: Chain, nominals: Sequence[Array]) -> list[Arra
         0.0 if z is None else float(z @ quat.rotate(quat.conjugate(q), Z))
         for z, q in zip(sums, nominals)
     ]
-    told = float(np.sign(np.sum(np.sign(along))))
+    majority = float(np.sign(np.sum(np.sign(along))))
     return [
-        None if z is None else (told or np.sign(one)) * z / np.linalg.norm(z)
+        None if z is None else (majority or np.sign(one)) * z / np.linalg.norm(z)
         for z, one in zip(sums, along)
     ]
 
 
-def _seat(
+def _sensor_to_segment(
     z: Array | None, near: Array | None, far: Array | None, sign: float, nominal: Array
 ) -> Array:
     """q_BS (4,): z from the hinges on either side, y from the bone, x square to both; what is not told as nominal."""
@@ -101,16 +109,18 @@ def _seat(
     return quat.conjugate(quat.from_matrix(np.column_stack([np.cross(y, z), y, z])))
 
 
-def _length_sd(found: Solution, s: int) -> float:
-    chain, at, c = found.problem.chain, found.at, columns(found.problem.chain)
+def _length_sd(solution: Solution, s: int) -> float:
+    chain, at, c = solution.problem.chain, solution.at, parameter_columns(solution.problem.chain)
     b, a = int(np.flatnonzero(chain.children == s)[0]), int(np.flatnonzero(chain.parents == s)[0])
     along = at.far[a] - at.near[b]
     along = along / np.linalg.norm(along)
     slope = np.zeros(c.count)
     slope[c.far][3 * a : 3 * a + 3], slope[c.near][3 * b : 3 * b + 3] = along, -along
-    return float(np.sqrt(slope @ found.factor.covariance @ slope))
+    return float(np.sqrt(slope @ solution.factor.covariance @ slope))
 
 
-def _turned(found: Solution, s: int, q_BS: Array) -> Array:
+def _segment_orientation(solution: Solution, s: int, q_BS: Array) -> Array:
     """Orientation of a sensor's segment (n, 4), what its skin does taken off."""
-    return quat.multiply(unskinned(found.problem, found.at)[:, s], quat.conjugate(q_BS))
+    return quat.multiply(
+        remove_soft_tissue(solution.problem, solution.at)[:, s], quat.conjugate(q_BS)
+    )

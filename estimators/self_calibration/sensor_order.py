@@ -17,19 +17,21 @@ from handscope.estimators.self_calibration.problem import Chain, Noise, Readings
 CLEARLY = 10.0  # times as badly as in the best order neighbours must meet, all pairs multiplied: slow fingers in their own order 6
 
 
-def exchanged(chain: Chain, noise: Noise, readings: Readings, flexing: Array) -> tuple[str, ...]:
+def find_sensor_order(
+    chain: Chain, noise: Noise, readings: Readings, flexing: Array
+) -> tuple[str, ...]:
     """The sensors in the order in which they hang together; nothing where that is the chain's, or not clearly another, or the chain has branches. `flexing` (S, 3) as of `Problem`."""
     S = len(chain.sensors)
     speed = np.linalg.norm(readings.gyr, axis=2).mean(axis=0)
     if S < 3 or list(chain.parents) != list(range(S - 1)) or (np.diff(speed) > 0).all():
         return ()
-    q_GS, apart = self_calibration_initialisation.fused(readings)[0], np.zeros((S, S))
+    q_GS, residual = self_calibration_initialisation.fuse_sensors(readings)[0], np.zeros((S, S))
     for i, j in itertools.combinations(range(S), 2):
-        apart[i, j] = apart[j, i] = np.log(
-            self_calibration_initialisation.met(noise, readings, q_GS, i, j, flexing)[0]
+        residual[i, j] = residual[j, i] = np.log(
+            self_calibration_initialisation.fit_joint(noise, readings, q_GS, i, j, flexing)[0]
         )
     cost = {
-        order: sum(apart[a, b] for a, b in itertools.pairwise(order))
+        order: sum(residual[a, b] for a, b in itertools.pairwise(order))
         for order in itertools.permutations(range(S))
     }
     best = min(cost, key=lambda order: cost[order])

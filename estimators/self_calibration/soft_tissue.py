@@ -16,41 +16,41 @@ QUARTER = np.pi / 2
 
 
 @dataclass(frozen=True)
-class Skin:
+class SensorDisplacement:
     bent: Array  # (..., F) rad, by how far it follows the joints that pull it
     turn: Array  # (..., 3) rad, in the sensor's frame
     slide: Array  # (..., 3) m, in the frame that the sensor has where joints are straight
     back: Array  # (..., 3, 3) from that frame to the sensor's
 
 
-def followed(bent: Array, law: Array) -> Array:
+def tissue_response(bent: Array, law: Array) -> Array:
     """How far skin follows joints that are bent by (..., J) rad; by a `law` (J,) more than in proportion where they are bent by 90 deg, share of it."""
     return np.asarray(bent * (1 + law * bent / QUARTER))
 
 
-def by_law(bent: Array, law: Array) -> tuple[Array, Array]:
-    """The derivatives (..., J) of `followed` by the bending and by the law."""
+def tissue_response_derivatives(bent: Array, law: Array) -> tuple[Array, Array]:
+    """The derivatives (..., J) of `tissue_response` by the bending and by the law."""
     return 1 + 2 * law * bent / QUARTER, bent**2 / QUARTER
 
 
-def pulled(bent: Array, turn: Array, slide: Array) -> Skin:
+def displace_sensor(bent: Array, turn: Array, slide: Array) -> SensorDisplacement:
     """By joints bent by (..., F) rad, of which each turns the sensor by `turn` (F, 3) rad/rad and slides it by `slide` (F, 3) m/rad."""
     turned = bent @ turn
-    return Skin(bent, turned, bent @ slide, quat.matrix(quat.exp(-turned)))
+    return SensorDisplacement(bent, turned, bent @ slide, quat.matrix(quat.exp(-turned)))
 
 
-def seen(skin: Skin, place: Array) -> Array:
+def place_in_sensor(skin: SensorDisplacement, place: Array) -> Array:
     """Where the sensor sees a place (3,) of its segment, (..., 3) m."""
     return np.asarray(np.einsum("...ij,...j->...i", skin.back, place - skin.slide))
 
 
-def by_turn(skin: Skin, place: Array) -> Array:
-    """The derivative (..., 3, 3) of `seen` by the turn of a joint that is bent by 1."""
+def place_by_turn(skin: SensorDisplacement, place: Array) -> Array:
+    """The derivative (..., 3, 3) of `place_in_sensor` by the turn of a joint that is bent by 1."""
     return np.asarray(skin.back @ quat.skew(place - skin.slide) @ right_jacobian(-skin.turn))
 
 
-def by_bending(skin: Skin, turn: Array, slide: Array, place: Array) -> Array:
-    """The derivative (..., 3) of `seen` by how far the only joint is bent that turns the sensor by `turn` (3,) rad/rad and slides it by `slide` (3,) m/rad."""
+def place_by_flexion(skin: SensorDisplacement, turn: Array, slide: Array, place: Array) -> Array:
+    """The derivative (..., 3) of `place_in_sensor` by how far the only joint is bent that turns the sensor by `turn` (3,) rad/rad and slides it by `slide` (3,) m/rad."""
     return -np.asarray(
         np.einsum("...ij,...j->...i", skin.back, np.cross(turn, place - skin.slide) + slide)
     )

@@ -14,14 +14,14 @@ import numpy as np
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import normal_equations, outliers, residuals
 from handscope.estimators.self_calibration.normal_equations import Factor
-from handscope.estimators.self_calibration.outliers import Jolt
+from handscope.estimators.self_calibration.outliers import Outlier
 from handscope.estimators.self_calibration.problem import (
     Problem,
     Unknowns,
-    bent,
-    columns,
-    moved,
-    resized,
+    apply_increment,
+    parameter_columns,
+    with_flexion,
+    with_noise,
 )
 from handscope.estimators.self_calibration.uncertainty import parameter_covariance, posterior
 
@@ -55,27 +55,27 @@ class Solution:
     outcome: Outcome
     costs: tuple[float, ...]  # half the sum of squares at the start and after each step
     factor: Factor  # of the normal equations there
-    jolts: tuple[Jolt, ...] = ()
-    made_up: Array = field(
+    outliers: tuple[Outlier, ...] = ()
+    spurious_information: Array = field(
         default_factory=lambda: np.empty((0, 0))
     )  # (P, P) information that noise makes up, covariance.apparent
 
 
 @dataclass(frozen=True)
-class Ground(Generic[P, X]):
+class ProblemOps(Generic[P, X]):
     """What the way down must know of a kind of problem P and of its places X."""
 
-    renewed: Callable[
+    update_flexion: Callable[
         [P, X], P
     ]  # the problem with what it believes of joints' bending as it is here
     cost: Callable[[P, X], float]
-    sloped: Callable[
+    linearise: Callable[
         [P, X], tuple[float, Callable[[float], X]]
     ]  # cost, and where a step of some damping leads; LinAlgError where nowhere
 
 
 @dataclass(frozen=True)
-class Way(Generic[P, X]):
+class DescentResult(Generic[P, X]):
     """How far down it went."""
 
     problem: P
@@ -91,37 +91,41 @@ def solve(
     go_on: Callable[[int, float], bool] = lambda k, cost: True,
 ) -> Solution:
     """Go down from `start`; `go_on` hears iteration and cost after every step and stops it by saying no."""
-    way = down(Ground(bent, cost, _sloped), problem, start, limits, go_on)
+    result = levenberg_marquardt(
+        ProblemOps(with_flexion, cost, _linearise), problem, start, limits, go_on
+    )
     return Solution(
-        way.at,
-        way.problem,
-        way.outcome,
-        way.costs,
-        normal_equations.factored(built(way.problem, way.at)[0]),
+        result.at,
+        result.problem,
+        result.outcome,
+        result.costs,
+        normal_equations.factorise(build_normal_equations(result.problem, result.at)[0]),
     )
 
 
-def _sloped(problem: Problem, at: Unknowns) -> tuple[float, Callable[[float], Unknowns]]:
-    normal, here = built(problem, at)
+def _linearise(problem: Problem, at: Unknowns) -> tuple[float, Callable[[float], Unknowns]]:
+    normal, here = build_normal_equations(problem, at)
 
     def stepped(damping: float) -> Unknowns:
-        step = normal_equations.step(normal, normal_equations.factored(normal, damping))
-        return moved(at, problem.chain, step.turns.reshape(len(problem), -1, 3), step.parameters)
+        step = normal_equations.solve_step(normal, normal_equations.factorise(normal, damping))
+        return apply_increment(
+            at, problem.chain, step.turns.reshape(len(problem), -1, 3), step.parameters
+        )
 
     return here, stepped
 
 
-def down(
-    ground: Ground[P, X], problem: P, start: X, limits: Limits, go_on: Callable[[int, float], bool]
-) -> Way[P, X]:
+def levenberg_marquardt(
+    ops: ProblemOps[P, X], problem: P, start: X, limits: Limits, go_on: Callable[[int, float], bool]
+) -> DescentResult[P, X]:
     """Step by step to the minimum, of any kind of problem."""
     at, damping, growth, renewing = start, 1e-9, 2.0, True
-    costs: list[float] = [ground.cost(problem, at)]
+    costs: list[float] = [ops.cost(problem, at)]
     outcome: Outcome = "not converged"
     for k in range(limits.iterations):
         if renewing:
-            problem = ground.renewed(problem, at)
-        costs[-1], stepped = ground.sloped(problem, at)
+            problem = ops.update_flexion(problem, at)
+        costs[-1], stepped = ops.linearise(problem, at)
         if (
             renewing and k >= AROUND and costs[-1] > costs[-1 - AROUND] - limits.least_gain
         ):  # what is left goes round in circles
@@ -132,7 +136,7 @@ def down(
         while True:
             try:
                 there = stepped(damping)
-                reached = ground.cost(problem, there)
+                reached = ops.cost(problem, there)
             except np.linalg.LinAlgError:
                 reached = np.inf
             if reached < costs[-1] or damping > 1e8:
@@ -150,10 +154,10 @@ def down(
         if not go_on(k + 1, reached):
             outcome = "stopped"
             break
-    return Way(problem, at, outcome, tuple(costs))
+    return DescentResult(problem, at, outcome, tuple(costs))
 
 
-def learnt(
+def solve_with_noise(
     problem: Problem,
     start: Unknowns,
     limits: Limits = Limits(),
@@ -165,84 +169,102 @@ def learnt(
     """
     rough = replace(limits, least_gain=limits.rough_gain)
     base = problem
-    strange = outliers.looked(
-        outliers.none(len(base)), posterior.strange(base, start), outliers.GROSS, base.dt
+    strange = outliers.detect_outliers(
+        outliers.none_detected(len(base)),
+        posterior.acceleration_deviations(base, start),
+        outliers.GROSS,
+        base.dt,
     )
     lawful = replace(base.noise, skin_law=posterior.LEAST_LAW)
-    begun = replace(
-        resized(base, lawful, strange.doubt),
-        turn_sd=base.turn_sd * np.where(strange.knocked, outliers.OPENED, 1.0)[:, None],
+    initial = replace(
+        with_noise(base, lawful, strange.doubt),
+        turn_sd=base.turn_sd * np.where(strange.suspect, outliers.OPENED, 1.0)[:, None],
     )
-    found, steps = _settled(solve(begun, start, rough, go_on)), 0
+    solution, steps = _check_convergence(solve(initial, start, rough, go_on)), 0
     for left in range(limits.rounds - 2, -1, -1):
-        if found.outcome != "converged":
+        if solution.outcome != "converged":
             break
-        steps += len(found.costs) - 1
-        strange = outliers.looked(
-            strange, posterior.strange(found.problem, found.at), limits.knock, base.dt
+        steps += len(solution.costs) - 1
+        strange = outliers.detect_outliers(
+            strange,
+            posterior.acceleration_deviations(solution.problem, solution.at),
+            limits.knock,
+            base.dt,
         )
-        turns = base.turn_sd * outliers.turn_doubt(strange, base, found.at, limits.knock)
-        less = resized(found.problem, found.problem.noise, strange.doubt)
-        told = replace(less, turn_sd=turns, seat_sd=base.seat_sd, length_sd=base.length_sd)
-        doubted = doubting(told, found.at)
-        noise = posterior.learnt(doubted, found.at, found.factor)
+        turns = base.turn_sd * outliers.turn_noise_factors(strange, base, solution.at, limits.knock)
+        less = with_noise(solution.problem, solution.problem.noise, strange.doubt)
+        reset = replace(less, turn_sd=turns, mounting_sd=base.mounting_sd, length_sd=base.length_sd)
+        doubted = reweight_priors(reset, solution.at)
+        noise = posterior.estimate_noise(doubted, solution.at, solution.factor)
         if doubted.noise is lawful:
             noise = replace(noise, skin_law=base.noise.skin_law)
-        found = _settled(
+        solution = _check_convergence(
             solve(
-                resized(doubted, noise),
-                found.at,
+                with_noise(doubted, noise),
+                solution.at,
                 rough if left else limits,
                 lambda k, c, before=steps: go_on(before + k, c),  # type: ignore[misc]
             )
         )
-    off = posterior.strange(resized(base, found.problem.noise), found.at)
-    made_up = parameter_covariance.apparent(found.problem, found.at, found.factor)
+    off = posterior.acceleration_deviations(with_noise(base, solution.problem.noise), solution.at)
+    spurious = parameter_covariance.spurious_information(
+        solution.problem, solution.at, solution.factor
+    )
     return replace(
-        found,
-        factor=parameter_covariance.honest(found.problem, found.at, found.factor, made_up),
-        made_up=made_up,
-        jolts=outliers.jolts(strange, base, found.at, off),
+        solution,
+        factor=parameter_covariance.correct_covariance(
+            solution.problem, solution.at, solution.factor, spurious
+        ),
+        spurious_information=spurious,
+        outliers=outliers.list_outliers(strange, base, solution.at, off),
     )
 
 
-def _settled(found: Solution) -> Solution:
+def _check_convergence(solution: Solution) -> Solution:
     """Converged also where the way leads on in directions that no movement tells: the next step is small against what is known of each parameter."""
-    if found.outcome != "not converged":
-        return found
-    made_up = parameter_covariance.apparent(found.problem, found.at, found.factor)
-    sure = parameter_covariance.honest(found.problem, found.at, found.factor, made_up).covariance
-    step = normal_equations.step(built(found.problem, found.at)[0], found.factor).parameters
+    if solution.outcome != "not converged":
+        return solution
+    spurious = parameter_covariance.spurious_information(
+        solution.problem, solution.at, solution.factor
+    )
+    sure = parameter_covariance.correct_covariance(
+        solution.problem, solution.at, solution.factor, spurious
+    ).covariance
+    step = normal_equations.solve_step(
+        build_normal_equations(solution.problem, solution.at)[0], solution.factor
+    ).parameters
     return replace(
-        found,
+        solution,
         outcome="converged"
         if (np.abs(step) < SMALL * np.sqrt(np.diag(sure))).all()
-        else found.outcome,
+        else solution.outcome,
     )
 
 
-def doubting(problem: Problem, at: Unknowns) -> Problem:
+def reweight_priors(problem: Problem, at: Unknowns) -> Problem:
     """The problem with what was known before counting as uncertain as it was found to be off, where that is more than chance makes it."""
-    seat_sd, length_sd = problem.seat_sd.copy(), problem.length_sd.copy()
-    for told, sds in (
-        (residuals.seating(problem, at), seat_sd),
-        (residuals.sizing(problem, at), length_sd),
+    mounting_sd, length_sd = problem.mounting_sd.copy(), problem.length_sd.copy()
+    for priors, sds in (
+        (residuals.mounting_priors(problem, at), mounting_sd),
+        (residuals.length_priors(problem, at), length_sd),
     ):
-        for known in told:
+        for known in priors:
             off = float(np.linalg.norm(known.off))
             if off > UNLIKELY * known.sd:
                 sds[known.sensor] = max(sds[known.sensor], off)
-    return replace(problem, seat_sd=seat_sd, length_sd=length_sd)
+    return replace(problem, mounting_sd=mounting_sd, length_sd=length_sd)
 
 
 def cost(problem: Problem, at: Unknowns) -> float:
     """Half the sum of the squared residuals (4.19)."""
-    total = 0.5 * float((residuals.priors(problem, at)[0] ** 2).sum())
+    total = 0.5 * float((residuals.prior_residuals(problem, at)[0] ** 2).sum())
     for start in range(0, len(problem), CHUNK):
         for kind in residuals.EVERY_SAMPLE:
-            alone = kind is residuals.meeting  # most of the work is in its derivatives
+            alone = (
+                kind is residuals.joint_acceleration_terms
+            )  # most of the work is in its derivatives
             r = (
-                residuals.met(problem, at, start, start + CHUNK)
+                residuals.joint_acceleration_residuals(problem, at, start, start + CHUNK)
                 if alone
                 else kind(problem, at, start, start + CHUNK).r
             )
@@ -250,16 +272,16 @@ def cost(problem: Problem, at: Unknowns) -> float:
     return total
 
 
-def built(problem: Problem, at: Unknowns) -> tuple[normal_equations.Normal, float]:
+def build_normal_equations(problem: Problem, at: Unknowns) -> tuple[normal_equations.Normal, float]:
     """The normal equations at a place, and its cost."""
     each = 3 * len(problem.chain.sensors)
-    normal = normal_equations.empty(len(problem), each, columns(problem.chain).count)
-    r, K = residuals.priors(problem, at)
+    normal = normal_equations.empty(len(problem), each, parameter_columns(problem.chain).count)
+    r, K = residuals.prior_residuals(problem, at)
     total = 0.5 * float((r**2).sum())
     for start in range(0, len(problem), CHUNK):
         for kind in residuals.EVERY_SAMPLE:
             terms = kind(problem, at, start, start + CHUNK)
-            normal_equations.add(normal, terms)
+            normal_equations.add_terms(normal, terms)
             total += 0.5 * float((terms.r**2).sum())
     normal.C[...] += K.T @ K
     normal.c[...] += K.T @ r

@@ -17,7 +17,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import kinematics, sensors
-from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, sampled
+from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, interpolate_postures
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors, SensorSet
 
@@ -34,7 +34,7 @@ RESTING = 2.5  # s on the table at either end
 STEP = 0.12  # s between the knots of the movement
 
 
-def recorded(
+def record_trial(
     rng: np.random.Generator,
     errors: SensorErrors,
     hand: Hand = "left",
@@ -44,11 +44,11 @@ def recorded(
     motion: Motion | None = None,
 ) -> Simulated:
     """One trial, s and Hz; the sensors lie flat, turned by so many deg about their normals, and their nominal mounting says so."""
-    geometry = printed(hand)
-    done = moved(rng, duration) if motion is None else motion
-    worn = mounted(geometry, errors, rng, turned)
+    geometry = printed_geometry(hand)
+    done = random_motion(rng, duration) if motion is None else motion
+    worn = mount_sensors(geometry, errors, rng, turned)
     t = np.arange(round(duration * rate)) / rate
-    k = kinematics.of_motion(done, geometry, t)
+    k = kinematics.compute_kinematics(done, geometry, t)
     stream = Stream(
         "imu",
         SEGMENTS,
@@ -57,24 +57,26 @@ def recorded(
         "imu",
         {GYR: float(np.radians(errors.gyr_range)), ACC: errors.acc_range * GRAVITY},
     )
-    block = Block(stream, t, sensors.inertial(worn, k, rate, rng))
+    block = Block(stream, t, sensors.simulate_inertial(worn, k, rate, rng))
     mounting = dict(zip(SEGMENTS, worn.nominal))
     return Simulated(
-        hand, sized(hand), {"imu": block}, (), kinematics.truth(k, hand), worn, mounting
+        hand, sized(hand), {"imu": block}, (), kinematics.true_trajectory(k, hand), worn, mounting
     )
 
 
-def printed(hand: Hand) -> HandGeometry:
+def printed_geometry(hand: Hand) -> HandGeometry:
     """The finger's true lengths; its board ends at the hinge of the index finger."""
     return sized(hand, HandMeasures(segment_length=dict.fromkeys(SEGMENTS[1:], HINGES)))
 
 
-def mounted(
+def mount_sensors(
     geometry: HandGeometry, errors: SensorErrors, rng: np.random.Generator, turned: float
 ) -> SensorSet:
     """The sensors on the finger with errors drawn."""
     nominal = np.tile(quat.about(0, np.radians(turned)), (len(SEGMENTS), 1))
-    return replace(sensors.mounted(SEGMENTS, geometry, errors, rng, nominal), p_BS=places(geometry))
+    return replace(
+        sensors.mount_sensors(SEGMENTS, geometry, errors, rng, nominal), p_BS=places(geometry)
+    )
 
 
 def places(geometry: HandGeometry) -> Array:
@@ -88,7 +90,7 @@ def places(geometry: HandGeometry) -> Array:
     return np.asarray(p_BS)
 
 
-def moved(rng: np.random.Generator, duration: float) -> Motion:
+def random_motion(rng: np.random.Generator, duration: float) -> Motion:
     """Lifted from the table, carried about and turned, the thread pulled about once a second, laid down again."""
     t = np.arange(0.0, duration + 1e-9, STEP)
     moving = np.clip(np.minimum(t - RESTING, duration - RESTING - t) / 1.0, 0.0, 1.0)
@@ -100,22 +102,22 @@ def moved(rng: np.random.Generator, duration: float) -> Motion:
             for angle in ("flexion", "deviation", "pronation")
         ),
     ):
-        x[:, COORDINATES[name]] = moving * reach * wandering(rng, t, slowest)
+        x[:, COORDINATES[name]] = moving * reach * smooth_random_course(rng, t, slowest)
     x[:, COORDINATES["wrist_z"]] += 0.15 * moving
     pulled = np.cumsum(
-        STEP * 2 * np.pi * (1.0 + 0.25 * wandering(rng, t, 2.0))
+        STEP * 2 * np.pi * (1.0 + 0.25 * smooth_random_course(rng, t, 2.0))
     )  # the phase of pulling
     for k, (name, stop) in enumerate(STOPS.items()):
         x[:, COORDINATES[name]] = (
             moving
             * np.radians(stop)
             * (0.5 - 0.5 * np.cos(pulled - 0.5 * k))
-            * (0.85 + 0.15 * wandering(rng, t, 3.0))
+            * (0.85 + 0.15 * smooth_random_course(rng, t, 3.0))
         )
-    return sampled(t, x)
+    return interpolate_postures(t, x)
 
 
-def wandering(rng: np.random.Generator, t: Array, slowest: float) -> Array:
+def smooth_random_course(rng: np.random.Generator, t: Array, slowest: float) -> Array:
     """A smooth random course within about -1 to 1 (n,): sines with periods from `slowest` to three times as long, s."""
     periods, phases = rng.uniform(slowest, 3 * slowest, 5), rng.uniform(0, 2 * np.pi, 5)
     return np.asarray(np.sin(2 * np.pi * t[:, None] / periods + phases).sum(axis=1) / np.sqrt(5))

@@ -23,8 +23,8 @@ from handscope.estimators.simulation.movements import (
     task_performance,
 )
 from handscope.estimators.simulation.movements.task_performance import Performance
-from handscope.estimators.simulation.person import drawn
-from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.person import draw_person
+from handscope.estimators.simulation.scenario import Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.estimators.simulation.transmission import WIRED, Transmission
 
@@ -47,7 +47,7 @@ class Experiment:
     distance: float = 0.0  # m, true distance between the contact points
 
 
-def recorded(
+def record_experiment(
     experiment: Experiment,
     rng: np.random.Generator,
     errors: SensorErrors,
@@ -70,22 +70,27 @@ def recorded(
     Each source of error has a random stream of its own: what is switched off leaves all the others as they were.
     """
     of_person, of_pose, of_motion, of_sensors, of_steps, of_give = rng.spawn(6)
-    person = drawn(hand, of_person)
-    true = person.true if length_errors else person.told
+    person = draw_person(hand, of_person)
+    true = person.true if length_errors else person.declared
     pose, *rest = experiment.perform(true, of_motion)
     pose = task_performance.initial_pose(
         true,
         pose.motion.duration,
-        taken=_missed(task_performance.flat(), pose_error_deg, of_pose, wrist_error_deg),
+        taken=_miss_posture(task_performance.flat(), pose_error_deg, of_pose, wrist_error_deg),
     )
     calibrating = functional_calibration.all_steps(true, of_steps) if steps else ()
-    whole, phase = [pose, *calibrating, *rest], joint_compliance.phases(of_give)
+    whole, phase = [pose, *calibrating, *rest], joint_compliance.draw_phases(of_give)
     if give_deg:
         whole = [
-            replace(p, motion=joint_compliance.Giving(p.motion.spline, np.radians(give_deg), phase))
+            replace(
+                p,
+                motion=joint_compliance.JointCompliance(
+                    p.motion.spline, np.radians(give_deg), phase
+                ),
+            )
             for p in whole
         ]
-    return performed(
+    return simulate_performances(
         whole,
         hand,
         true,
@@ -95,12 +100,12 @@ def recorded(
         rate,
         forearm_rate,
         field,
-        known=person.told,
+        known=person.declared,
         link=link,
     )
 
 
-def judged(made: Simulated) -> Array:
+def judged_samples(made: Simulated) -> Array:
     """Which samples (n,) of the truth lie within what is judged."""
     t = made.truth.t
     return np.asarray(
@@ -110,7 +115,7 @@ def judged(made: Simulated) -> Array:
     )
 
 
-def _missed(
+def _miss_posture(
     pose: Array, largest_deg: float, rng: np.random.Generator, wrist_deg: float | None
 ) -> Array:
     """The pose with every freedom of every joint off by up to `largest_deg`, evenly spread; the wrist's by up to `wrist_deg`."""
@@ -120,7 +125,9 @@ def _missed(
     return np.concatenate([pose[:6], pose[6:] + off.ravel()])
 
 
-def _after_pose(perform: Callable[[HandGeometry, np.random.Generator], Performance]) -> Perform:
+def _perform_after_pose(
+    perform: Callable[[HandGeometry, np.random.Generator], Performance],
+) -> Perform:
     return lambda geometry, rng: (task_performance.initial_pose(geometry), perform(geometry, rng))
 
 
@@ -130,7 +137,9 @@ def _table6(
     perform: Callable[[HandGeometry, np.random.Generator, str, str], Performance],
 ) -> Experiment:
     return Experiment(
-        name, (finger,), _after_pose(lambda geometry, rng: perform(geometry, rng, name, finger))
+        name,
+        (finger,),
+        _perform_after_pose(lambda geometry, rng: perform(geometry, rng, name, finger)),
     )
 
 
@@ -139,7 +148,9 @@ def _table7(
     hold: static_hold.Hold,
     perform: Callable[[HandGeometry, np.random.Generator], Performance],
 ) -> Experiment:
-    return Experiment(name, hold.fingers, _after_pose(perform), (hold.a, hold.b), hold.distance)
+    return Experiment(
+        name, hold.fingers, _perform_after_pose(perform), (hold.a, hold.b), hold.distance
+    )
 
 
 TABLE6: Mapping[str, Experiment] = {
@@ -171,55 +182,59 @@ OTHERS: Mapping[str, Experiment] = {
     e.name: e
     for e in (
         Experiment(
-            "mechanical finger", ("index",), _after_pose(guided_movements.mechanical_finger)
+            "mechanical finger", ("index",), _perform_after_pose(guided_movements.mechanical_finger)
         ),
         Experiment(
             "tapping",
             ("thumb", "index"),
-            _after_pose(lambda geometry, rng: task_performance.tapping(geometry)),
+            _perform_after_pose(lambda geometry, rng: task_performance.tapping(geometry)),
         ),
         Experiment(
             "open_close 116/min",
             ("index", "middle", "ring", "little"),
-            _after_pose(guided_movements.open_close),
+            _perform_after_pose(guided_movements.open_close),
         ),
         Experiment(
             "circles",
             ("index",),
-            _after_pose(
+            _perform_after_pose(
                 lambda geometry, rng: guided_movements.circling(geometry, rng, "circles", "index")
             ),
         ),
         Experiment(
             "free",
             ("thumb", "index", "middle", "ring", "little"),
-            _after_pose(guided_movements.free),
+            _perform_after_pose(guided_movements.free),
         ),
     )
 }
 KORTIER2: Mapping[str, Experiment] = {
     e.name: e
     for e in (
-        Experiment("brisk flexion", ("index",), _after_pose(guided_movements.brisk_flexion)),
-        Experiment("brisk circles", ("index",), _after_pose(guided_movements.brisk_circles)),
+        Experiment(
+            "brisk flexion", ("index",), _perform_after_pose(guided_movements.brisk_flexion)
+        ),
+        Experiment(
+            "brisk circles", ("index",), _perform_after_pose(guided_movements.brisk_circles)
+        ),
         Experiment(
             "pinch",
             ("thumb", "index"),
-            _after_pose(static_hold.pinches),
+            _perform_after_pose(static_hold.pinches),
             (static_hold.PINCH.a, static_hold.PINCH.b),
             static_hold.PINCH.distance,
         ),
         Experiment(
             "flat hand",
             FINGERS,
-            _after_pose(
+            _perform_after_pose(
                 lambda geometry, rng: task_performance.TASKS["repeatability_flat"](geometry)
             ),
         ),
         Experiment(
             "clenched mould",
             FINGERS,
-            _after_pose(
+            _perform_after_pose(
                 lambda geometry, rng: task_performance.TASKS["repeatability_mould"](geometry)
             ),
         ),

@@ -110,7 +110,9 @@ class SixAxes:
     offset: Array  # (fingers, 3) Nm
 
 
-def worn(fingers: Sequence[str], errors: ForceErrors, rng: np.random.Generator) -> ForceSensors:
+def draw_sensors(
+    fingers: Sequence[str], errors: ForceErrors, rng: np.random.Generator
+) -> ForceSensors:
     """Draw the errors of one sensor a finger; their axes lie along the segment's but for the cuff's error."""
     n, e = len(fingers), errors
     matrix = np.eye(3) + e.cross_axis * rng.normal(size=(n, 3, 3))
@@ -124,7 +126,7 @@ def worn(fingers: Sequence[str], errors: ForceErrors, rng: np.random.Generator) 
     )
 
 
-def six_axes(sensors: ForceSensors, rng: np.random.Generator) -> SixAxes:
+def draw_six_axes(sensors: ForceSensors, rng: np.random.Generator) -> SixAxes:
     """Draw where each sensor is touched, and what it reads of no torque."""
     n, e = len(sensors.fingers), sensors.errors
     touched = (
@@ -133,13 +135,13 @@ def six_axes(sensors: ForceSensors, rng: np.random.Generator) -> SixAxes:
     return SixAxes(touched, e.torque_offset * rng.normal(size=(n, 3)))
 
 
-def readings(
+def simulate_forces(
     sensors: ForceSensors, tips: SensorSet, k: Kinematics, forces: Array, rng: np.random.Generator
 ) -> Array:
     """Readings (n, fingers, 3) N at the instants of the kinematics of the true forces (n, 5, 3)."""
     e = sensors.errors
     read = (
-        np.einsum("nfi,fji->nfj", in_sensors(sensors, tips, k, forces), sensors.matrix)
+        np.einsum("nfi,fji->nfj", forces_in_sensors(sensors, tips, k, forces), sensors.matrix)
         + sensors.offset
     )
     return np.asarray(
@@ -147,7 +149,7 @@ def readings(
     )
 
 
-def torques(
+def simulate_torques(
     sensors: ForceSensors,
     six: SixAxes,
     tips: SensorSet,
@@ -157,7 +159,7 @@ def torques(
 ) -> Array:
     """Readings (n, fingers, 3) Nm of the same, about the sensors' origins."""
     e = sensors.errors
-    read = np.cross(six.touched, in_sensors(sensors, tips, k, forces)) + six.offset
+    read = np.cross(six.touched, forces_in_sensors(sensors, tips, k, forces)) + six.offset
     return np.asarray(
         np.clip(
             read + _errors(k.t, read.shape, e.torque_drift, e.torque_noise, rng),
@@ -167,7 +169,9 @@ def torques(
     )
 
 
-def in_sensors(sensors: ForceSensors, tips: SensorSet, k: Kinematics, forces: Array) -> Array:
+def forces_in_sensors(
+    sensors: ForceSensors, tips: SensorSet, k: Kinematics, forces: Array
+) -> Array:
     """The true forces (n, 5, 3) of the fingers that have a sensor (n, fingers, 3), in its frame."""
     mounting, own = true_mounting(tips, k), np.empty((len(k.t), len(sensors.fingers), 3))
     for f, finger in enumerate(sensors.fingers):

@@ -21,7 +21,7 @@ _GIVES = ~IS_DOF * np.array([[joint.name != "wrist"] for joint in JOINTS])
 
 
 @dataclass(frozen=True)
-class Giving(Motion):
+class JointCompliance(Motion):
     size: float  # rad, root mean square over all phases
     phase: Array  # (joints, 3) rad, of the sine where the joint is straight
 
@@ -39,6 +39,6 @@ class Giving(Motion):
         return x, dx, ddx
 
 
-def phases(rng: np.random.Generator) -> Array:
+def draw_phases(rng: np.random.Generator) -> Array:
     """Somebody's own (joints, 3), rad."""
     return np.asarray(rng.uniform(0, 2 * np.pi, IS_DOF.shape))

@@ -44,7 +44,7 @@ class Kinematics:
     tips: Array  # (n, 5, 3) m in WCS
 
 
-def of_motion(motion: Motion, geometry: HandGeometry, t: Array) -> Kinematics:
+def compute_kinematics(motion: Motion, geometry: HandGeometry, t: Array) -> Kinematics:
     """Kinematics at the instants t (n,)."""
     x, dx, ddx = motion.at(np.asarray(t, dtype=float))
     n, segments = len(x), len(SEGMENTS)
@@ -56,7 +56,7 @@ def of_motion(motion: Motion, geometry: HandGeometry, t: Array) -> Kinematics:
     _set(
         k,
         "forearm",
-        *_turned(
+        *_rotate_child(
             (np.tile(ground, (n, 1)), np.zeros((n, 3)), np.zeros((n, 3))),
             x[:, 3:6],
             dx[:, 3:6],
@@ -67,7 +67,7 @@ def of_motion(motion: Motion, geometry: HandGeometry, t: Array) -> Kinematics:
     )
     for joint in JOINTS:
         j = 6 + 3 * JOINT[joint.name]
-        q, w, dw = _turned(
+        q, w, dw = _rotate_child(
             _of(k, joint.parent), x[:, j : j + 3], dx[:, j : j + 3], ddx[:, j : j + 3]
         )
         centre, at = _joint_centre(k, joint.name, joint.parent, geometry)
@@ -82,7 +82,7 @@ def of_motion(motion: Motion, geometry: HandGeometry, t: Array) -> Kinematics:
             q,
             w,
             dw,
-            *carried(centre, at, w, dw, quat.rotate(q, np.tile(arm, (n, 1)))),
+            *rigid_point(centre, at, w, dw, quat.rotate(q, np.tile(arm, (n, 1)))),
         )
     wrist, q_GW = k.p[:, SEGMENT["forearm"]], k.q_GB[:, SEGMENT["forearm"]]
     for f, finger in enumerate(FINGERS):
@@ -92,14 +92,14 @@ def of_motion(motion: Motion, geometry: HandGeometry, t: Array) -> Kinematics:
     return k
 
 
-def in_sequence(parts: Sequence[Kinematics]) -> Kinematics:
+def concatenate(parts: Sequence[Kinematics]) -> Kinematics:
     """One after the other."""
     return Kinematics(
         *(np.concatenate([getattr(k, f.name) for k in parts]) for f in fields(Kinematics))
     )
 
 
-def truth(kinematics: Kinematics, hand: Hand) -> Trajectory:
+def true_trajectory(kinematics: Kinematics, hand: Hand) -> Trajectory:
     """What an ideal method would give."""
     k = kinematics
     return Trajectory(
@@ -112,7 +112,7 @@ def truth(kinematics: Kinematics, hand: Hand) -> Trajectory:
     )
 
 
-def carried(p: Array, a: Array, w: Array, dw: Array, arm: Array) -> tuple[Array, Array]:
+def rigid_point(p: Array, a: Array, w: Array, dw: Array, arm: Array) -> tuple[Array, Array]:
     """Place and acceleration of a point that sits at `arm` from a point at p with acceleration a on a body turning with w, dw."""
     return p + arm, a + np.cross(dw, arm) + np.cross(w, np.cross(w, arm))
 
@@ -134,7 +134,7 @@ def _joint_centre(
     arm = np.array(geometry.joint_positions[joint]) - np.array(
         geometry.joint_positions["middle_mcp"]
     )
-    return carried(
+    return rigid_point(
         k.p[:, s],
         k.a[:, s],
         k.w[:, s],
@@ -143,7 +143,7 @@ def _joint_centre(
     )
 
 
-def _turned(
+def _rotate_child(
     parent: tuple[Array, Array, Array], angles: Array, rates: Array, accelerations: Array
 ) -> tuple[Array, Array, Array]:
     """Orientation, angular velocity and acceleration of a child from its parent's and the joint's angles."""

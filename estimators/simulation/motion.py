@@ -35,7 +35,7 @@ COORDINATES |= {
 }
 
 
-def posture(base: Array | None = None, **degrees_or_metres: float) -> Array:
+def make_posture(base: Array | None = None, **degrees_or_metres: float) -> Array:
     """A coordinate vector: `base` (default: all zero) with the named coordinates replaced; angles in degrees, wrist places in metres."""
     x = np.zeros(SIZE) if base is None else base.copy()
     for name, value in degrees_or_metres.items():
@@ -65,7 +65,7 @@ class Motion:
         )
 
 
-def through(points: Sequence[tuple[float, Array]]) -> Motion:
+def move_through(points: Sequence[tuple[float, Array]]) -> Motion:
     """Rest at each (time, posture) and move between them with minimum jerk (Flash & Hogan 1985): quintic, at rest at both ends."""
     t = np.array([time for time, _ in points])
     x = np.array([p for _, p in points])
@@ -73,7 +73,7 @@ def through(points: Sequence[tuple[float, Array]]) -> Motion:
     return Motion(PPoly.from_bernstein_basis(BPoly.from_derivatives(t, list(derivatives))))
 
 
-def sampled(t: Array, x: Array) -> Motion:
+def interpolate_postures(t: Array, x: Array) -> Motion:
     """The quintic spline through postures x (n, 54) at times t (n,), at rest at both ends."""
     still = [(1, np.zeros(x.shape[1])), (2, np.zeros(x.shape[1]))]
     spline = make_interp_spline(t, x, k=5, bc_type=(still, still))  # type: ignore[arg-type]  # the stubs know only scalars
@@ -82,12 +82,12 @@ def sampled(t: Array, x: Array) -> Motion:
     return Motion(PPoly(c, breaks))
 
 
-def shifted(motion: Motion, by: float) -> Motion:
+def shift_motion(motion: Motion, by: float) -> Motion:
     """The same motion, later by `by` seconds."""
     return Motion(PPoly(motion.spline.c, motion.spline.x + by))
 
 
-def joined(*motions: Motion) -> Motion:
+def join_motions(*motions: Motion) -> Motion:
     """One after the other; each begins where the one before it ends."""
     breaks, here = [np.zeros(1)], motions[0].spline(motions[0].spline.x[0])
     for spline in (m.spline for m in motions):
@@ -99,10 +99,10 @@ def joined(*motions: Motion) -> Motion:
     )
 
 
-def after(
+def continue_through(
     state: tuple[Array, Array, Array], points: Sequence[tuple[float, Array]], t: float
 ) -> Motion:
-    """Go on from coordinates with their first and second derivatives (each (54,)) at time t, then through `points` as `through` does."""
+    """Go on from coordinates with their first and second derivatives (each (54,)) at time t, then through `points` as `move_through` does."""
     times = np.array([t, *(time for time, _ in points)])
     still = [np.stack([p, np.zeros(SIZE), np.zeros(SIZE)]) for _, p in points]
     return Motion(

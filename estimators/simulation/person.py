@@ -77,34 +77,38 @@ class Anatomy:
 @dataclass(frozen=True)
 class Person:
     true: HandGeometry
-    told: HandGeometry
+    declared: HandGeometry
 
 
-def drawn(hand: Hand, rng: np.random.Generator, anatomy: Anatomy | None = None) -> Person:
+def draw_person(hand: Hand, rng: np.random.Generator, anatomy: Anatomy | None = None) -> Person:
     """One person; every deviation stays within two standard deviations."""
     a = anatomy or Anatomy()
-    length = MEAN_HAND_LENGTH + a.hand_length * _within(rng)
-    breadth = length * MEAN_HAND_BREADTH / MEAN_HAND_LENGTH * (1 + a.breadth * _within(rng))
-    outer = {f: FINGER_LENGTH[f] * length * (1 + a.finger_length * _within(rng)) for f in FINGERS}
-    tissue = {f: TIP_TISSUE[f] + a.tissue * TIP_TISSUE_SD[f] * _within(rng) for f in FINGERS}
+    length = MEAN_HAND_LENGTH + a.hand_length * _bounded_normal(rng)
+    breadth = length * MEAN_HAND_BREADTH / MEAN_HAND_LENGTH * (1 + a.breadth * _bounded_normal(rng))
+    outer = {
+        f: FINGER_LENGTH[f] * length * (1 + a.finger_length * _bounded_normal(rng)) for f in FINGERS
+    }
+    tissue = {
+        f: TIP_TISSUE[f] + a.tissue * TIP_TISSUE_SD[f] * _bounded_normal(rng) for f in FINGERS
+    }
     palm = MCP_DISTAL["middle"] * length
     segments = {
         s: v for f in FINGERS for s, v in _phalanges(f, outer[f] - tissue[f], a.ratio, rng).items()
     }
-    told = sized(hand, HandMeasures(palm_length=palm, finger_length=outer))
-    segments["thumb_metacarpal"] = told.lengths["thumb_metacarpal"] * (
-        1 + a.knuckles * _within(rng)
+    declared = sized(hand, HandMeasures(palm_length=palm, finger_length=outer))
+    segments["thumb_metacarpal"] = declared.lengths["thumb_metacarpal"] * (
+        1 + a.knuckles * _bounded_normal(rng)
     )
     usual = sized(hand, HandMeasures(palm_length=palm, hand_breadth=breadth))
     true = sized(hand, HandMeasures(palm_length=palm, segment_length=segments, tip_tissue=tissue))
-    return Person(replace(true, joint_positions=_roots(usual, a, rng)), told)
+    return Person(replace(true, joint_positions=_roots(usual, a, rng)), declared)
 
 
 def _phalanges(
     finger: str, bones: float, spread: float, rng: np.random.Generator
 ) -> dict[str, float]:
     """The finger's bones, together `bones` long, in this person's own ratios."""
-    ratios = [r * (1 + spread * _within(rng)) for r in RATIOS[finger]]
+    ratios = [r * (1 + spread * _bounded_normal(rng)) for r in RATIOS[finger]]
     share = np.cumprod([1.0, *ratios[::-1]])[::-1]
     return {s: float(v) for s, v in zip(CHAINS[finger][-len(share) :], bones * share / share.sum())}
 
@@ -115,13 +119,16 @@ def _roots(
     """Where the fingers begin; MCP 3 stays, its distance is the palm length that was measured."""
     places = {}
     for joint, place in usual.joint_positions.items():
-        stretch, turn = a.knuckles * _within(rng), np.radians(a.thumb_angle) * _within(rng)
+        stretch, turn = (
+            a.knuckles * _bounded_normal(rng),
+            np.radians(a.thumb_angle) * _bounded_normal(rng),
+        )
         moved: Array = np.array(place) * (1 + (joint != "middle_mcp") * stretch)
         x, y, z = rotate(about(0, np.array(turn if joint == "thumb_cmc" else 0.0)), moved)
         places[joint] = (float(x), float(y), float(z))
     return places
 
 
-def _within(rng: np.random.Generator) -> float:
+def _bounded_normal(rng: np.random.Generator) -> float:
     """A standard normal number, not beyond +-2."""
     return float(np.clip(rng.normal(), -2.0, 2.0))

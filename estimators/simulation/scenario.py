@@ -28,7 +28,7 @@ from handscope.estimators.simulation import force_sensors, kinematics, sensors, 
 from handscope.estimators.simulation.force_sensors import ForceErrors
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.magnetic_field import MagneticField, homogeneous
-from handscope.estimators.simulation.motion import shifted
+from handscope.estimators.simulation.motion import shift_motion
 from handscope.estimators.simulation.movements import task_performance
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.sensors import SensorErrors, SensorSet
@@ -87,12 +87,12 @@ def simulate(
             f"there is no task {unknown[0]!r} to simulate; tasks are {', '.join(task_performance.TASKS)}"
         )
     performances = [task_performance.TASKS[name](geometry) for name in task_names]
-    return performed(
+    return simulate_performances(
         performances, hand, geometry, rng, errors, segments, rate, forearm_rate, field, link=link
     )
 
 
-def performed(
+def simulate_performances(
     performances: Sequence[Performance],
     hand: Hand,
     geometry: HandGeometry,
@@ -112,9 +112,11 @@ def performed(
 
     Magnetometers, losses, force sensors and what is worn on the trunk have random streams of their own: the inertial readings are the same with and without them.
     """
-    worn = sensors.mounted(segments, geometry, errors, rng)
+    worn = sensors.mount_sensors(segments, geometry, errors, rng)
     of_mag, of_link, of_force, of_trunk = rng.spawn(4)
-    plans = _plans(segments, errors, rate, forearm_rate, mag_rate if field is not None else None)
+    plans = _plan_streams(
+        segments, errors, rate, forearm_rate, mag_rate if field is not None else None
+    )
     fastest = max((p for p in plans if p.inertial), key=lambda p: (p.rate, p.name == "imu"))
     clocks = {
         p.name: transmission.clock_rate(link, of_link) if p.clock == "forearm" else 1.0
@@ -126,16 +128,18 @@ def performed(
     for performance in performances:
         end = begin + performance.motion.duration
         for stream in plans:
-            t = _instants(begin, end, stream.rate, clocks[stream.name])
+            t = _sampling_instants(begin, end, stream.rate, clocks[stream.name])
             k = replace(
-                kinematics.of_motion(performance.motion, geometry, t / clocks[stream.name] - begin),
+                kinematics.compute_kinematics(
+                    performance.motion, geometry, t / clocks[stream.name] - begin
+                ),
                 t=t,
             )
             rows = [worn.segments.index(s) for s in stream.sensors]
             if stream.inertial:
-                read = sensors.inertial(worn, k, stream.rate, rng)
+                read = sensors.simulate_inertial(worn, k, stream.rate, rng)
             else:
-                read = sensors.magnetic(worn, k, field or homogeneous(), of_mag)
+                read = sensors.simulate_magnetic(worn, k, field or homogeneous(), of_mag)
             parts[stream.name].append(Block(stream, t, read[:, rows]))
             if stream is fastest:
                 truths.append(_truth(k, hand, performance, begin, worn, carried))
@@ -144,14 +148,15 @@ def performed(
         ]
         begin = end
     if force is not None:
-        parts["force"] = [_felt(performances, geometry, worn, force, of_force)]
+        parts["force"] = [_simulate_forces(performances, geometry, worn, force, of_force)]
     if carried is not None:
         parts |= {
-            b.stream.name: [b] for b in _on_trunk(performances, geometry, worn, carried, of_trunk)
+            b.stream.name: [b]
+            for b in _simulate_trunk(performances, geometry, worn, carried, of_trunk)
         }
     mounting, plate = ({}, None) if carried is None else (carried.mounting, carried.plate)
     samples = {
-        name: transmission.through(link, join(blocks), of_link) for name, blocks in parts.items()
+        name: transmission.transmit(link, join(blocks), of_link) for name, blocks in parts.items()
     }
     return Simulated(
         hand,
@@ -173,15 +178,17 @@ def _truth(
     worn: SensorSet,
     carried: Carried | None,
 ) -> Trajectory:
-    moved = kinematics.truth(k, hand)
+    moved = kinematics.true_trajectory(k, hand)
     return (
         moved
         if carried is None
-        else trunk.add_true_position(carried, shifted(performance.motion, begin), k, worn, moved)
+        else trunk.add_true_position(
+            carried, shift_motion(performance.motion, begin), k, worn, moved
+        )
     )
 
 
-def _felt(
+def _simulate_forces(
     performances: Sequence[Performance],
     geometry: HandGeometry,
     worn: SensorSet,
@@ -189,7 +196,7 @@ def _felt(
     rng: np.random.Generator,
 ) -> Block:
     """What the force sensors read over all performances; nothing is touched where a performance has no forces."""
-    sensors_worn = force_sensors.worn(glove.fingers, glove.errors, rng)
+    sensors_worn = force_sensors.draw_sensors(glove.fingers, glove.errors, rng)
     scales = {FORCE: glove.errors.limit} | (
         {TORQUE: glove.errors.torque_limit} if glove.six_axes else {}
     )
@@ -204,25 +211,28 @@ def _felt(
     starts = np.cumsum([0.0, *(p.motion.duration for p in performances)])
     moved, forces = [], []
     for performance, begin, end in zip(performances, starts, starts[1:]):
-        t = _instants(begin, end, glove.rate, 1.0)
-        k = kinematics.of_motion(performance.motion, geometry, t - begin)
+        t = _sampling_instants(begin, end, glove.rate, 1.0)
+        k = kinematics.compute_kinematics(performance.motion, geometry, t - begin)
         forces.append(
             np.zeros((len(t), 5, 3)) if performance.forces is None else performance.forces(k)
         )
         moved.append(replace(k, t=t))
-    whole = kinematics.in_sequence(moved)
+    whole = kinematics.concatenate(moved)
     exerted, of_torque = np.concatenate(forces), rng.spawn(1)[0]
-    read = force_sensors.readings(sensors_worn, worn, whole, exerted, rng)
+    read = force_sensors.simulate_forces(sensors_worn, worn, whole, exerted, rng)
     if glove.six_axes:
-        six = force_sensors.six_axes(sensors_worn, of_torque)
+        six = force_sensors.draw_six_axes(sensors_worn, of_torque)
         read = np.concatenate(
-            [read, force_sensors.torques(sensors_worn, six, worn, whole, exerted, of_torque)],
+            [
+                read,
+                force_sensors.simulate_torques(sensors_worn, six, worn, whole, exerted, of_torque),
+            ],
             axis=2,
         )
     return Block(stream, whole.t, read)
 
 
-def _on_trunk(
+def _simulate_trunk(
     performances: Sequence[Performance],
     geometry: HandGeometry,
     worn: SensorSet,
@@ -235,7 +245,10 @@ def _on_trunk(
     for stream in trunk.streams(c.glove):
         parts = []
         for performance, begin, end in zip(performances, starts, starts[1:]):
-            t, motion = _instants(begin, end, stream.rate, 1.0), shifted(performance.motion, begin)
+            t, motion = (
+                _sampling_instants(begin, end, stream.rate, 1.0),
+                shift_motion(performance.motion, begin),
+            )
             if stream.inertial:
                 parts.append(Block(stream, t, trunk.simulate_inertial(c, motion, t, rng)))
             else:
@@ -244,7 +257,7 @@ def _on_trunk(
                         stream,
                         t,
                         trunk.simulate_magnetic(
-                            c, motion, kinematics.of_motion(motion, geometry, t), worn, rng
+                            c, motion, kinematics.compute_kinematics(motion, geometry, t), worn, rng
                         ),
                     )
                 )
@@ -252,7 +265,7 @@ def _on_trunk(
     return blocks
 
 
-def _plans(
+def _plan_streams(
     segments: Sequence[str],
     errors: SensorErrors,
     rate: float,
@@ -261,13 +274,15 @@ def _plans(
 ) -> list[Stream]:
     """The streams: one by wire, the forearm's own where it has a rate of its own, magnetometers where they have one."""
     scale = {GYR: float(np.radians(errors.gyr_range)), ACC: errors.acc_range * GRAVITY}
-    apart = ("forearm",) if forearm_rate is not None and "forearm" in segments else ()
+    own_stream = ("forearm",) if forearm_rate is not None and "forearm" in segments else ()
     plans = [
-        Stream("imu", tuple(s for s in segments if s not in apart), (GYR, ACC), rate, "imu", scale)
+        Stream(
+            "imu", tuple(s for s in segments if s not in own_stream), (GYR, ACC), rate, "imu", scale
+        )
     ]
     plans += (
-        [Stream("forearm", apart, (GYR, ACC), forearm_rate or rate, "forearm", scale)]
-        if apart
+        [Stream("forearm", own_stream, (GYR, ACC), forearm_rate or rate, "forearm", scale)]
+        if own_stream
         else []
     )
     plans += (
@@ -278,7 +293,7 @@ def _plans(
     return plans
 
 
-def _instants(begin: float, end: float, rate: float, clock: float) -> Array:
+def _sampling_instants(begin: float, end: float, rate: float, clock: float) -> Array:
     """When samples are taken from `begin` up to `end` s of true time, by a clock that counts `clock` s in each of them."""
     first, last = (int(np.ceil(true * clock * rate - 1e-9)) for true in (begin, end))
     return np.arange(first, last) / rate

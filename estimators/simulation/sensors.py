@@ -140,7 +140,7 @@ class SensorSet:
     errors: SensorErrors
 
 
-def mounted(
+def mount_sensors(
     segments: Sequence[str],
     geometry: HandGeometry,
     errors: SensorErrors,
@@ -178,40 +178,40 @@ def mounted(
     )
 
 
-def inertial(sensors: SensorSet, k: Kinematics, rate: float, rng: np.random.Generator) -> Array:
+def simulate_inertial(
+    sensors: SensorSet, k: Kinematics, rate: float, rng: np.random.Generator
+) -> Array:
     """Readings (n, sensors, 6): gyroscope and accelerometer at the instants of the kinematics, `rate` Hz for the noise's bandwidth."""
-    carried = _carried(sensors, k)
+    carried = _sensor_motion(sensors, k)
     e, bandwidth = sensors.errors, np.sqrt(rate / 2)
     gyr = (
-        _distorted(sensors, 0, quat.rotate(carried.q_SG, carried.w))
+        _distort(sensors, 0, quat.rotate(carried.q_SG, carried.w))
         + sensors.bias[:, :3]
-        + _walked(sensors, k.t)
+        + _bias_walk(sensors, k.t)
     )
     acc = (
-        _distorted(sensors, 1, quat.rotate(carried.q_SG, carried.a + np.array([0, 0, GRAVITY])))
+        _distort(sensors, 1, quat.rotate(carried.q_SG, carried.a + np.array([0, 0, GRAVITY])))
         + sensors.bias[:, 3:6]
     )
     gyr += np.radians(e.gyr_noise) * bandwidth * rng.normal(size=gyr.shape)
     acc += e.acc_noise * GRAVITY * bandwidth * rng.normal(size=acc.shape)
     return np.concatenate(
         [
-            _converted(gyr, np.radians(e.gyr_range), e.bits),
-            _converted(acc, e.acc_range * GRAVITY, e.bits),
+            _convert(gyr, np.radians(e.gyr_range), e.bits),
+            _convert(acc, e.acc_range * GRAVITY, e.bits),
         ],
         axis=-1,
     )
 
 
-def magnetic(
+def simulate_magnetic(
     sensors: SensorSet, k: Kinematics, field: MagneticField, rng: np.random.Generator
 ) -> Array:
     """Magnetometer readings (n, sensors, 3) in T at the instants of the kinematics."""
-    carried = _carried(sensors, k)
+    carried = _sensor_motion(sensors, k)
     e = sensors.errors
-    mag = (
-        _distorted(sensors, 2, quat.rotate(carried.q_SG, field.at(carried.p))) + sensors.bias[:, 6:]
-    )
-    return _converted(
+    mag = _distort(sensors, 2, quat.rotate(carried.q_SG, field.at(carried.p))) + sensors.bias[:, 6:]
+    return _convert(
         mag + e.mag_noise * 1e-6 * rng.normal(size=mag.shape), e.mag_range * 1e-6, e.bits
     )
 
@@ -222,14 +222,14 @@ def true_mounting(sensors: SensorSet, k: Kinematics) -> Array:
     return quat.multiply(quat.exp(flexion[..., None] * sensors.skin_turn), sensors.q_BS)
 
 
-def seated(sensors: SensorSet, k: Kinematics) -> tuple[Array, Array]:
+def sensor_poses(sensors: SensorSet, k: Kinematics) -> tuple[Array, Array]:
     """Orientation (n, sensors, 4) and place (n, sensors, 3) m of every sensor in the global frame, skin included."""
-    carried = _carried(sensors, k)
+    carried = _sensor_motion(sensors, k)
     return quat.conjugate(carried.q_SG), carried.p
 
 
 @dataclass(frozen=True)
-class _Carried:
+class _SensorMotion:
     """Sensors moved along (n, sensors, ...) in the global frame."""
 
     q_SG: Array
@@ -238,7 +238,7 @@ class _Carried:
     a: Array
 
 
-def _carried(sensors: SensorSet, k: Kinematics) -> _Carried:
+def _sensor_motion(sensors: SensorSet, k: Kinematics) -> _SensorMotion:
     """Rigid-body motion of the segment plus the skin's own: Coriolis and Euler terms included."""
     s = np.array([SEGMENT[name] for name in sensors.segments])
     q_GB, w, dw = k.q_GB[:, s], k.w[:, s], k.dw[:, s]
@@ -259,7 +259,7 @@ def _carried(sensors: SensorSet, k: Kinematics) -> _Carried:
     w_GS = w + quat.rotate(
         q_GB, rate * sensors.skin_turn
     )  # the turn's axis is fixed on the segment
-    return _Carried(quat.conjugate(quat.multiply(q_GB, q_BS)), w_GS, k.p[:, s] + arm, a)
+    return _SensorMotion(quat.conjugate(quat.multiply(q_GB, q_BS)), w_GS, k.p[:, s] + arm, a)
 
 
 def _flexions(sensors: SensorSet, k: Kinematics) -> tuple[Array, Array, Array]:
@@ -275,12 +275,12 @@ def _skin_joint(segment: str) -> str:
     return next((j.name for j in JOINTS if j.child == segment and segment != "hand"), "middle_mcp")
 
 
-def _distorted(sensors: SensorSet, quantity: int, truth: Array) -> Array:
+def _distort(sensors: SensorSet, quantity: int, truth: Array) -> Array:
     m = sensors.matrix[quantity]
     return np.asarray((m * truth[..., None, :]).sum(axis=-1))
 
 
-def _walked(sensors: SensorSet, t: Array) -> Array:
+def _bias_walk(sensors: SensorSet, t: Array) -> Array:
     """The gyroscope bias's walk (n, sensors, 3) at the instants t."""
     place = np.clip(t, 0.0, len(sensors.walk) - 1.001)
     before = place.astype(int)
@@ -288,7 +288,7 @@ def _walked(sensors: SensorSet, t: Array) -> Array:
     return np.asarray(sensors.walk[before] * (1 - share) + sensors.walk[before + 1] * share)
 
 
-def _converted(values: Array, limit: float, bits: int) -> Array:
+def _convert(values: Array, limit: float, bits: int) -> Array:
     """Clipped at full scale and rounded to the converter's counts."""
     clipped = np.clip(values, -limit, limit)
     if not bits:

@@ -56,7 +56,7 @@ FAILING = Transmission(
 LINKS = {"wired": WIRED, "wireless": WIRELESS, "failing": FAILING}
 
 
-def through(link: Transmission, block: Block, rng: np.random.Generator) -> Block:
+def transmit(link: Transmission, block: Block, rng: np.random.Generator) -> Block:
     """The samples that arrive; what is lost is a row of NaN. The first sample always arrives."""
     lost = rng.random(len(block.t)) < link.lost
     for start, length in _outages(link, block.t, rng):

@@ -129,7 +129,7 @@ def simulate_trunk(c: Carried, motion: Motion, t: Array) -> magnet.Motion:
 def with_hand(trunk: magnet.Motion, k: Kinematics, worn: SensorSet) -> magnet.Motion:
     """The trunk with the hand's sensor as the target; the target's rates and accelerations are not
     set."""
-    q, p = sensors.seated(worn, k)
+    q, p = sensors.sensor_poses(worn, k)
     row = worn.segments.index("hand")
     places, turns = trunk.p.copy(), trunk.q.copy()
     places[:, 1], turns[:, 1] = p[:, row], q[:, row]

@@ -19,7 +19,7 @@ import numpy as np
 from sqlalchemy import Connection, delete, event, inspect, select
 from sqlalchemy.orm import Mapper, Session, object_session, sessionmaker
 
-from handscope.estimators.measures.repeatability import Interval, reliability, within
+from handscope.estimators.measures.repeatability import Interval, reliability, within_groups
 from handscope.sessions.clinic import corrections, self_calibrations
 from handscope.sessions.clinic.self_calibrations import glove_of
 from handscope.sessions.db.tables import (
@@ -394,7 +394,7 @@ def _rows(
             if len(having := [o for o in group if key in figures[o.result]]) > 1
         ]
         numbers = [[figures[o.result][key][0] for o in having] for having in used]
-        pooled = within(numbers)
+        pooled = within_groups(numbers)
         if pooled is None:
             continue
         icc, people = _icc(used, numbers), len({having[0].patient for having in used})

@@ -21,7 +21,7 @@ from handscope.estimators.data.samples import (
     Stream,
 )
 from handscope.estimators.errors import InputError
-from handscope.estimators.force.setup import ForceSetup, setups_from
+from handscope.estimators.force.setup import ForceSetup, parse_setups
 from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
 from handscope.estimators.numerics.typing import Array
@@ -82,7 +82,7 @@ def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedR
         [s.sidecar for s in systems], HANDS[0] if unsaid and not inertial else hand, path.name
     )
     warnings: list[str] = []
-    setups = setups_from(_merged(systems, "ForceSetup"))
+    setups = parse_setups(_merged(systems, "ForceSetup"))
     samples = {}
     calibrated: set[str] = set()
     for system in systems:

@@ -10,7 +10,7 @@ from typing import Any
 from handscope.estimators.data.magnet_declaration import table_of as table_of_plate
 from handscope.estimators.data.samples import ACC, FORCE, GYR, MAG, TORQUE, Block, Event
 from handscope.estimators.force.setup import ForceSetup
-from handscope.estimators.force.setup import table_of as table_of_force
+from handscope.estimators.force.setup import setup_to_table as table_of_force
 from handscope.estimators.hand.geometry import table_of
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.tables_io.number_table import Data, NumberTable, pieces

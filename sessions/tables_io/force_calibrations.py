@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.force.setup import ForceSetup, setups_from, table_of
+from handscope.estimators.force.setup import ForceSetup, parse_setups, setup_to_table
 
 FOLDER = "force_calibrations"  # in the data folder
 SETUP, SETUPS = (
@@ -42,15 +42,15 @@ def of_recording(metadata: Mapping[str, Any]) -> StoredSetups:
         raise InputError(
             "the recording's calibrations of force sensors are no tables by strip; it cannot be opened"
         )
-    return {strip: setups_from(table) for strip, table in tables.items()}
+    return {strip: parse_setups(table) for strip, table in tables.items()}
 
 
 def _read(path: Path) -> dict[str, Any]:
     """By point, what turns readings to forces; how sure each number is stays in the file."""
     try:
         return {
-            point: table_of(setup)
-            for point, setup in setups_from(json.loads(path.read_text("utf-8"))[SETUP]).items()
+            point: setup_to_table(setup)
+            for point, setup in parse_setups(json.loads(path.read_text("utf-8"))[SETUP]).items()
         }
     except (InputError, OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
         reason = problem if isinstance(problem, InputError) else "it is no ForceSetup"

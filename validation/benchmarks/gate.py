@@ -25,7 +25,7 @@ class Allowed:
 def read(path: Path) -> dict[str, dict[str, Allowed]]:
     """What is allowed, by benchmark and metric; InputError where the file is none."""
     try:
-        told = {
+        text = {
             name: {m: Allowed(**a) for m, a in metrics.items()}
             for name, metrics in json.loads(path.read_text()).items()
         }
@@ -35,28 +35,28 @@ def read(path: Path) -> dict[str, dict[str, Allowed]]:
         raise InputError(
             f"{path} is no baseline: it should hold, by benchmark and metric, value, slack and per"
         ) from None
-    if unknown := set(told) - set(BENCHES):
+    if unknown := set(text) - set(BENCHES):
         raise InputError(f"{path} names the benchmark {unknown.pop()!r}, which there is not")
-    return told
+    return text
 
 
-def worse(
+def find_regressions(
     allowed: Mapping[str, Mapping[str, Allowed]], found: Mapping[str, Sequence[Metric]]
 ) -> list[str]:
     """A sentence for each figure that is worse than allowed, or that was not measured although its benchmark was run."""
-    said = []
+    messages = []
     for name, metrics in found.items():
         by_name = {m.name: m for m in metrics}
         for wanted, a in allowed.get(name, {}).items():
             if wanted not in by_name or (a.per and a.per not in by_name):
-                said.append(f"{name}: {wanted} was not measured")
+                messages.append(f"{name}: {wanted} was not measured")
                 continue
             m = by_name[wanted]
             value = m.value / by_name[a.per].value if a.per else m.value
             limit = a.value / a.slack if m.better == "higher" else a.value * a.slack
             if value < limit if m.better == "higher" else value > limit:
                 of = f" of {a.per}" if a.per else f" {m.unit}"
-                said.append(
+                messages.append(
                     f"{name}: {wanted} is {value:.4g}{of}, the baseline {a.value:.4g}; {limit:.4g} would do"
                 )
-    return said
+    return messages

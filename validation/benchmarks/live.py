@@ -65,13 +65,13 @@ async def watch(
     client: Client, stations: Sequence[str], viewers: int, seconds: float
 ) -> list[float]:
     """Ages (ms) of what so many viewers of each station are told, figures and scene open."""
-    told = asyncio.gather(
+    snapshot = asyncio.gather(
         *(_viewer(client, station, seconds) for station in stations for _ in range(viewers))
     )
     scenes = [
         asyncio.create_task(_scene(client, station)) for station in stations for _ in range(viewers)
     ]
-    ages = [age for one in await told for age in one]
+    ages = [age for one in await snapshot for age in one]
     if any(scene.done() for scene in scenes):
         raise RuntimeError("a viewer's 3-D scene was closed")
     for scene in scenes:

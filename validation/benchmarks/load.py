@@ -41,7 +41,7 @@ def measure() -> list[Metric]:
         folder = Path(name)
         with server(folder / "data") as (address, pid):
             client = Client(address)
-            stations = _begun(client, gloves, folder, 0, 1)
+            stations = _begin_stations(client, gloves, folder, 0, 1)
             by_viewers = dict(_until_late(client, pid, ((n, stations) for n in VIEWERS)))
             by_stations = {1: by_viewers[1]} | {
                 len(stations): seen
@@ -103,11 +103,13 @@ def _under(client: Client, pid: int, stations: list[str], viewers: int) -> Seen:
 def _with_more(
     client: Client, gloves: ExitStack, folder: Path, stations: list[str], wanted: int
 ) -> list[str]:
-    stations += _begun(client, gloves, folder, len(stations), wanted)
+    stations += _begin_stations(client, gloves, folder, len(stations), wanted)
     return stations
 
 
-def _begun(client: Client, gloves: ExitStack, folder: Path, first: int, end: int) -> list[str]:
+def _begin_stations(
+    client: Client, gloves: ExitStack, folder: Path, first: int, end: int
+) -> list[str]:
     """Stations of new gloves, led to where tasks are chosen, all at once."""
     ports = [folder / f"glove-{k}" for k in range(first, end)]
     for k, port in enumerate(ports, first):

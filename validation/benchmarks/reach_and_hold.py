@@ -22,7 +22,7 @@ from handscope.estimators.simulation import magnet
 from handscope.estimators.simulation.force_sensors import ForceErrors
 from handscope.estimators.simulation.magnetic_field import EARTH, homogeneous
 from handscope.estimators.simulation.movements import object_dynamics, task_performance
-from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
+from handscope.estimators.simulation.scenario import ForceGlove, Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import PRESETS
 from handscope.validation.benchmarks import Metric
 
@@ -33,22 +33,22 @@ REPEATS = 3
 
 def measure() -> list[Metric]:
     """Processor's time of what a minute of movement needs; the first call translates what is compiled."""
-    setup, readings = _followed()
-    _, unheard = _followed(away=50.0)
+    setup, readings = _time_tracking()
+    _, unheard = _time_tracking(away=50.0)
     array = readings.mag[::6]  # ten a second
     return [
-        Metric("magnet, four magnetometers at 60 Hz", _speed(SECONDS, lambda: _smoothed(setup, readings)), "x real time", TARGET, "higher"),
-        Metric("the same, out of reach for 50 s of the minute", _speed(SECONDS, lambda: _smoothed(setup, unheard)), "x real time", None, "higher"),
+        Metric("magnet, four magnetometers at 60 Hz", _speed(SECONDS, lambda: _smooth(setup, readings)), "x real time", TARGET, "higher"),
+        Metric("the same, out of reach for 50 s of the minute", _speed(SECONDS, lambda: _smooth(setup, unheard)), "x real time", None, "higher"),
         Metric("magnet by the array alone at 10 Hz", _speed(SECONDS, lambda: locate(array, setup.array, None, setup.magnet.size)), "x real time", None, "higher"),
-        *_held(),
+        *_record_lift(),
     ]  # fmt: skip
 
 
-def _smoothed(setup: Setup, readings: Readings) -> None:
+def _smooth(setup: Setup, readings: Readings) -> None:
     magnet_smoother.smooth(MagnetParams(), magnet_tracker.start(setup), readings)
 
 
-def _followed(away: float = 0.0) -> tuple[Setup, Readings]:
+def _time_tracking(away: float = 0.0) -> tuple[Setup, Readings]:
     """A minute of picking and placing, calibrated; for `away` s of it the hand is out of reach."""
     rng = np.random.default_rng(1)
     w, m = magnet.draw_worn(rng), magnet.simulate_condition("both", rng, SECONDS)
@@ -68,7 +68,7 @@ def _followed(away: float = 0.0) -> tuple[Setup, Readings]:
     return setup, Readings(m.t, imu[:, 0], imu[:, 1], mag)
 
 
-def _held() -> list[Metric]:
+def _record_lift() -> list[Metric]:
     """An object lifted with two force sensors at 12 and 100 Hz: method, forces and mass together."""
     rng, model = np.random.default_rng(2), sized("left")
     done = [
@@ -77,7 +77,7 @@ def _held() -> list[Metric]:
     ]
     found = []
     for rate in (12.0, 100.0):
-        made = performed(
+        made = simulate_performances(
             done,
             "left",
             model,
@@ -85,7 +85,7 @@ def _held() -> list[Metric]:
             PRESETS["LSM330DLC/HMC5983"],
             force=ForceGlove(rate=rate, errors=ForceErrors()),
         )
-        speed = _speed(float(made.truth.t[-1]), partial(_weighed, made))
+        speed = _speed(float(made.truth.t[-1]), partial(_weigh, made))
         found.append(
             Metric(
                 f"m2 with forces at {rate:g} Hz, and the mass",
@@ -98,7 +98,7 @@ def _held() -> list[Metric]:
     return found
 
 
-def _weighed(made: Simulated) -> object:
+def _weigh(made: Simulated) -> object:
     event = next(e for e in made.events if e.trial_type == "task")
     return lift.measure(
         lift.Params(),

@@ -71,7 +71,8 @@ def _content() -> Content:
     now = values([f for t in results for f in figure_rows(t)])
     end = datetime(2026, 11, 21, tzinfo=UTC)
     past = tuple(
-        Past(end - timedelta(days=7 * k), _moved(now, k)) for k in reversed(range(SESSIONS))
+        Past(end - timedelta(days=7 * k), _moved_trajectory(now, k))
+        for k in reversed(range(SESSIONS))
     )
     return content(
         Visit(patient="bench", date=end),
@@ -86,5 +87,5 @@ def _content() -> Content:
     )
 
 
-def _moved(now: Values, k: int) -> Values:
+def _moved_trajectory(now: Values, k: int) -> Values:
     return {key: (value * (1 - 0.01 * k), unit) for key, (value, unit) in now.items()}

@@ -71,11 +71,11 @@ def _seconds(made: Simulated) -> tuple[float, float]:
 
 
 def _finger(length: float) -> Simulated:
-    return artificial_finger.recorded(np.random.default_rng(0), SensorErrors(), duration=length)
+    return artificial_finger.record_trial(np.random.default_rng(0), SensorErrors(), duration=length)
 
 
 def _hand(length: float) -> Simulated:
-    return free_movement.recorded(
+    return free_movement.record_trial(
         np.random.default_rng(0),
         SensorErrors(),
         "left",

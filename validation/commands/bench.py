@@ -58,10 +58,10 @@ def run(arguments: argparse.Namespace) -> int:
             (json.dumps({**machine, "benchmarks": figures}, indent=2) + "\n").encode(),
             arguments.json,
         )
-    worse = gate.worse(allowed, found)
-    for sentence in worse:
+    regressions = gate.find_regressions(allowed, found)
+    for sentence in regressions:
         say(f"WORSE: {sentence}")
-    return 1 if worse else 0
+    return 1 if regressions else 0
 
 
 def _line(name: str, m: Metric) -> str:

@@ -95,13 +95,13 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.markdown:
             _write_page(arguments.markdown, found, out)
     if arguments.json:
-        said = {
+        text = {
             "version": software_version(),
             "seeds": wanted.seeds,
             "error_sizes": asdict(sizes())["rows"],
             "reproductions": [as_json(f) for f in found],
         }
-        save_file((json.dumps(said, indent=2, ensure_ascii=False) + "\n").encode(), arguments.json)
+        save_file((json.dumps(text, indent=2, ensure_ascii=False) + "\n").encode(), arguments.json)
     return 0
 
 

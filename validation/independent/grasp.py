@@ -58,8 +58,8 @@ BOTH: Mapping[str, Condition] = {
     "100 Hz, as they come": Condition(cuffs=Cuffs(rate=100.0)),
     "12 Hz, calibrated": Condition(cuffs=CALIBRATED),
     "100 Hz, calibrated": _cuffs(rate=100.0),
-    "cuffs 5 deg askew, as they come": Condition(cuffs=Cuffs(askew=5.0)),
-    "cuffs 5 deg askew, calibrated": _cuffs(askew=5.0),
+    "cuffs 5 deg askew, as they come": Condition(cuffs=Cuffs(misaligned=5.0)),
+    "cuffs 5 deg askew, calibrated": _cuffs(misaligned=5.0),
     "gains off by 5 %, cross-axis 5 %, as they come": Condition(
         cuffs=Cuffs(scale=0.05, cross=0.05)
     ),
@@ -103,13 +103,13 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Told:
+class ReportedFigure:
     """A figure beside the truth; NaN where it was not told."""
 
     value: float
     sd: float
     true: float
-    said: bool  # something
+    has_reason: bool  # the program gives a reason to doubt it
 
     @property
     def known(self) -> bool:
@@ -118,7 +118,9 @@ class Told:
     @property
     def surely_wrong(self) -> bool:
         off = abs(self.value - self.true)
-        return self.known and not self.said and off > WRONG * self.true and off > SURE * self.sd
+        return (
+            self.known and not self.has_reason and off > WRONG * self.true and off > SURE * self.sd
+        )
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
@@ -130,7 +132,7 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
     ]
 
 
-def measure(trial: Trial) -> Mapping[str, Told]:
+def measure(trial: Trial) -> Mapping[str, ReportedFigure]:
     """What `assess` tells of one recording, by the figure's name."""
     with TemporaryDirectory() as folder:
         true = made(trial, Path(folder))
@@ -139,7 +141,7 @@ def measure(trial: Trial) -> Mapping[str, Told]:
     by_name = {f["name"]: f for f in figures}
     reason = by_name[QUANTITIES[trial.task][0]]["reason"]
     return {
-        name: Told(
+        name: ReportedFigure(
             _number(by_name[name]["value_si"]),
             _number(by_name[name]["sd_si"]),
             true[name],
@@ -155,9 +157,11 @@ def made(trial: Trial, folder: Path) -> dict[str, float]:
     of_object, of_hand, of_tape, of_sensors, of_bench, of_readings = np.random.default_rng(
         [trial.seed, len(trial.task)]
     ).spawn(6)
-    held = _drawn(condition.held, trial.task, of_object)
+    held = _draw_movement(condition.held, trial.task, of_object)
     pinch = pinched(held, ("left", "right")[trial.seed % 2], of_hand)
-    sensors = [force_sensors.drawn(condition.cuffs, of_sensors) for _ in recording_files.FINGERS]
+    sensors = [
+        force_sensors.draw_sensor(condition.cuffs, of_sensors) for _ in recording_files.FINGERS
+    ]
     setups: dict[str, object] = {}
     if condition.cuffs.calibrated:
         setup = folder / "setup.json"
@@ -165,7 +169,7 @@ def made(trial: Trial, folder: Path) -> dict[str, float]:
             (folder / "bench.csv").write_text(force_sensors.on_the_bench(sensor, finger, of_bench))
             _run("calibrate-force", f"{folder}/bench.csv", "--finger", finger, "--out", str(setup))
         setups = json.loads(setup.read_text())["ForceSetup"]
-    forces = force_sensors.told(pinch, condition.cuffs, sensors, of_readings)
+    forces = force_sensors.simulate_readings(pinch, condition.cuffs, sensors, of_readings)
     recording_files.written(
         folder / "recording", pinch, measured(pinch.hand, of_tape), forces, setups
     )
@@ -174,7 +178,7 @@ def made(trial: Trial, folder: Path) -> dict[str, float]:
     return {"squeeze_stiffness": pinch.stiffness, "squeeze_damping": held.damping}
 
 
-def _drawn(held: Held, task: str, rng: np.random.Generator) -> Held:
+def _draw_movement(held: Held, task: str, rng: np.random.Generator) -> Held:
     mass, stiffness = (
         float(np.exp(rng.uniform(*np.log(between)))) for between in (MASSES, STIFFNESSES)
     )
@@ -196,7 +200,9 @@ def _number(value: float | None) -> float:
     return nan if value is None else value
 
 
-def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, Told]]]) -> Finding:
+def finding(
+    wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, ReportedFigure]]]
+) -> Finding:
     tables = (
         _table(results, "lift", "lift_mass", "Mass of what is lifted"),
         _table(results, "squeeze", "squeeze_stiffness", "Stiffness of what is squeezed"),
@@ -213,7 +219,10 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, Told]]])
 
 
 def _table(
-    results: Sequence[tuple[Trial, Mapping[str, Told]]], task: str, quantity: str, title: str
+    results: Sequence[tuple[Trial, Mapping[str, ReportedFigure]]],
+    task: str,
+    quantity: str,
+    title: str,
 ) -> Table:
     relative = quantity != "squeeze_damping"
     unit = "%" if relative else "N s/m"
@@ -236,10 +245,12 @@ def _table(
     return Table(title, columns if relative else columns[:-1], tuple(rows), head="", digits=1)
 
 
-def _figures(each: Sequence[Told], columns: Sequence[str], relative: bool) -> dict[str, Spread]:
+def _figures(
+    each: Sequence[ReportedFigure], columns: Sequence[str], relative: bool
+) -> dict[str, Spread]:
     """By column; no errors where nothing is told."""
     figures = {
-        columns[0]: share([one.said for one in each]),
+        columns[0]: share([one.has_reason for one in each]),
         columns[1]: share([one.known for one in each]),
     }
     if relative:
@@ -279,11 +290,11 @@ def _setting(wanted: Wanted) -> tuple[str, ...]:
     )
 
 
-def _remarks(results: Sequence[tuple[Trial, Mapping[str, Told]]]) -> tuple[str, ...]:
+def _remarks(results: Sequence[tuple[Trial, Mapping[str, ReportedFigure]]]) -> tuple[str, ...]:
     """Over all conditions: how much is confident and wrong."""
-    all_told = [(trial.condition, found[QUANTITIES[trial.task][0]]) for trial, found in results]
-    wrong = [condition for condition, one in all_told if one.surely_wrong]
+    all_reported = [(trial.condition, found[QUANTITIES[trial.task][0]]) for trial, found in results]
+    wrong = [condition for condition, one in all_reported if one.surely_wrong]
     where = ", ".join(f"{name} ({wrong.count(name)})" for name in dict.fromkeys(wrong))
     return (
-        f"Surely wrong: {len(wrong)} of {len(all_told)} masses and stiffnesses{f': {where}' if where else ''}.",
+        f"Surely wrong: {len(wrong)} of {len(all_reported)} masses and stiffnesses{f': {where}' if where else ''}.",
     )

@@ -45,7 +45,7 @@ class Condition:
     chips: Chips = USUAL
     low: float = 0.08  # m between which the magnet comes
     high: float = 0.18
-    told: Mapping[str, float] = field(default_factory=dict)  # in the array's file
+    more_fields: Mapping[str, float] = field(default_factory=dict)  # in the array's file
     calibrated: bool = True  # by turning
     length: float = 0.0  # m of the magnet; 0: a dipole
     steps: bool = False  # put to a new place every half second
@@ -116,23 +116,25 @@ def _in_turn(s: Scene, y: Values) -> Values:
 KNOWN = {"moment": MOMENT}
 PLAIN = Chips(hard=0.0, soft=0.0, turned=False)
 CONDITIONS: Mapping[str, Condition] = {
-    "moment told": Condition(told=KNOWN, many=(3, 4, *MANY)),
+    "moment told": Condition(more_fields=KNOWN, many=(3, 4, *MANY)),
     "moment not told": Condition(many=(3, 4, *MANY)),
-    "the same, 15 to 25 cm away": Condition(told=KNOWN, low=0.15, high=0.25),
-    "the same, 4 to 8 cm away": Condition(told=KNOWN, low=0.04, high=0.08),
+    "the same, 15 to 25 cm away": Condition(more_fields=KNOWN, low=0.15, high=0.25),
+    "the same, 4 to 8 cm away": Condition(more_fields=KNOWN, low=0.04, high=0.08),
     "hard iron 60 uT, soft iron 10 %": Condition(chips=Chips(hard=60e-6, soft=0.1)),
     "gains changed by 1 % since": Condition(chips=Chips(gain=0.01)),
-    "places off by 1 mm, told so": Condition(chips=Chips(misplaced=1e-3), told={"place_sd": 1e-3}),
+    "places off by 1 mm, told so": Condition(
+        chips=Chips(misplaced=1e-3), more_fields={"place_sd": 1e-3}
+    ),
     "places off by 1 mm, not told": Condition(chips=Chips(misplaced=1e-3)),
     "not turned, readings without iron": Condition(chips=PLAIN, calibrated=False),
     "not turned, calibration_sd 0.3 uT": Condition(
-        chips=PLAIN, calibrated=False, told={"calibration_sd": 3e-7}
+        chips=PLAIN, calibrated=False, more_fields={"calibration_sd": 3e-7}
     ),
     "not turned, hard iron 20 uT": Condition(calibrated=False, chips=Chips(turned=False)),
     "mains hum of 2 uT": Condition(field=_hum),
     "the room's field changes by 5 uT/m": Condition(field=_uneven(5e-6), many=(4, *MANY)),
     "by 20 uT/m": Condition(field=_uneven(20e-6), many=(4, *MANY)),
-    "by 20 uT/m, moment told": Condition(field=_uneven(20e-6), told=KNOWN, many=(4, *MANY)),
+    "by 20 uT/m, moment told": Condition(field=_uneven(20e-6), more_fields=KNOWN, many=(4, *MANY)),
     "by 100 uT/m": Condition(field=_uneven(100e-6), many=(4, *MANY)),
     "a second magnet of 0.36 A m^2 at 22 cm": Condition(field=_second(0.22, 0.36)),
     "the same, it moves": Condition(field=_second(0.22, 0.36, 0.05)),
@@ -147,7 +149,7 @@ CONDITIONS: Mapping[str, Condition] = {
     "two chips exchanged": Condition(spoilt=_exchanged),
     "a chip 50 ms late": Condition(spoilt=_late),
     "each chip 5 ms after the one before": Condition(spoilt=_in_turn),
-    "each chip soldered askew by 1 degree": Condition(chips=Chips(askew=np.radians(1.0))),
+    "each chip soldered askew by 1 degree": Condition(chips=Chips(misaligned=np.radians(1.0))),
     "limit of 100 uT, 5 to 15 cm away": Condition(chips=Chips(limit=100e-6), low=0.05, high=0.15),
     "the board turned by hand": Condition(carried=True),
     "the magnet put to a new place every 0.5 s": Condition(steps=True),
@@ -162,7 +164,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Told:
+class LocatedReadings:
     """Readings where a magnet was found, of all; distances of what was found from the truth."""
 
     readings: int
@@ -180,7 +182,7 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
     ]
 
 
-def measure(trial: Trial) -> Told:
+def measure(trial: Trial) -> LocatedReadings:
     """What `locate` tells of one recording."""
     with TemporaryDirectory() as folder:
         scene = made(trial, Path(folder))
@@ -195,12 +197,12 @@ def measure(trial: Trial) -> Told:
             ["--turned", f"{folder}/turned.csv"] if CONDITIONS[trial.condition].calibrated else []
         )
         if _refused("locate", *words, *turned):
-            return Told(len(scene.t), *np.zeros((3, 0)))
+            return LocatedReadings(len(scene.t), *np.zeros((3, 0)))
         out = np.genfromtxt(f"{folder}/places.tsv", names=True, delimiter="\t")
     found = out["found"] > 0.5
     off = np.column_stack([out[axis] for axis in "xyz"])[found] - scene.places[found]
     sd = np.column_stack([out[f"{axis}_sd"] for axis in "xyz"])[found]
-    return Told(
+    return LocatedReadings(
         len(found),
         np.linalg.norm(off, axis=1),
         np.linalg.norm(sd, axis=1),
@@ -214,7 +216,7 @@ def made(trial: Trial, folder: Path) -> Scene:
     of_board, of_turn, of_path, of_field, of_chips = np.random.default_rng(
         [trial.seed, trial.many]
     ).spawn(5)
-    board = boards.drawn(trial.many, condition.chips, of_board)
+    board = boards.draw_board(trial.many, condition.chips, of_board)
     t = np.arange(int(SECONDS * RATE)) / RATE
     places, moments = _path(condition, t, of_path)
     scene = Scene(t, places, moments, board, of_field)
@@ -229,16 +231,18 @@ def made(trial: Trial, folder: Path) -> Scene:
         else np.repeat(EARTH[None], len(t), axis=0)
     )
     B = B + around[:, None] + (0.0 if condition.field is None else condition.field(scene))
-    y = boards.read(board, B, of_chips)
+    y = boards.read_fields(board, B, of_chips)
     boards.table(
         folder / "magnet.csv", t, y if condition.spoilt is None else condition.spoilt(scene, y)
     )
     if condition.calibrated:
-        turned_t, turned = boards.turned(board, *TURNED, of_turn)
+        turned_t, turned = boards.turn_board(board, *TURNED, of_turn)
         boards.table(
-            folder / "turned.csv", turned_t, boards.read(board, turned, of_chips, since=False)
+            folder / "turned.csv",
+            turned_t,
+            boards.read_fields(board, turned, of_chips, since=False),
         )
-    boards.description(folder / "board.json", board, **condition.told)
+    boards.description(folder / "board.json", board, **condition.more_fields)
     return scene
 
 
@@ -267,7 +271,7 @@ def _refused(*words: str) -> bool:
     return code == 2
 
 
-def finding(wanted: Wanted, results: Sequence[tuple[Trial, Told]]) -> Finding:
+def finding(wanted: Wanted, results: Sequence[tuple[Trial, LocatedReadings]]) -> Finding:
     columns = (
         "found, %",
         "off, median, mm",
@@ -279,7 +283,11 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Told]]) -> Finding:
         Row(
             f"{name}, {many} chips",
             _figures(
-                [told for trial, told in results if (trial.condition, trial.many) == (name, many)],
+                [
+                    located
+                    for trial, located in results
+                    if (trial.condition, trial.many) == (name, many)
+                ],
                 columns,
             ),
         )
@@ -297,7 +305,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Told]]) -> Finding:
     )
 
 
-def _figures(each: Sequence[Told], columns: Sequence[str]) -> dict[str, Spread]:
+def _figures(each: Sequence[LocatedReadings], columns: Sequence[str]) -> dict[str, Spread]:
     """By column, over recordings; no errors where nothing is found."""
     figures = {
         columns[0]: spread([100 * len(one.off) / one.readings for one in each]),
@@ -312,8 +320,8 @@ def _figures(each: Sequence[Told], columns: Sequence[str]) -> dict[str, Spread]:
     return figures
 
 
-def _surely_wrong(told: Told) -> int:
-    return int(((told.off > WRONG) & (told.off > SURE * told.sd)).sum())
+def _surely_wrong(located: LocatedReadings) -> int:
+    return int(((located.off > WRONG) & (located.off > SURE * located.sd)).sum())
 
 
 def _setting(wanted: Wanted) -> tuple[str, ...]:
@@ -329,7 +337,7 @@ def _setting(wanted: Wanted) -> tuple[str, ...]:
 def _remarks(results: Sequence[tuple[Trial, Any]]) -> tuple[str, ...]:
     """Over all conditions: how much is confident and wrong."""
     readings, wrong = (
-        sum(told.readings for _, told in results),
-        sum(_surely_wrong(told) for _, told in results),
+        sum(located.readings for _, located in results),
+        sum(_surely_wrong(located) for _, located in results),
     )
     return (f"Surely wrong: {wrong} of {readings} readings ({100 * wrong / readings:.2f} %).",)

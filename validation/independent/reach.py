@@ -20,7 +20,7 @@ from handscope.estimators.data.trajectory import PlaceFlag, Trajectory
 from handscope.estimators.magnet.pipeline import hand_position
 from handscope.estimators.magnet.pipeline.hand_position import PlaceParams
 from handscope.estimators.measures import reach
-from handscope.estimators.measures.task_request import Asked, Mark
+from handscope.estimators.measures.task_request import Mark, TaskRequest
 from handscope.estimators.methods import METHODS
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
@@ -131,11 +131,11 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
     true = (Q_BS * R_b.inv()).apply(p_t - p_b)
     off = moved.place - true
     wrong, sd = MM * np.linalg.norm(off, axis=1), MM * np.linalg.norm(moved.place_sd, axis=1)
-    late, told = moved.t > FIRST, moved.place_flags == 0
-    both = late & told
+    late, reported = moved.t > FIRST, moved.place_flags == 0
+    both = late & reported
     relative, trunk = _turned(t, q_bt, q_gb, motion, room)
     return {
-        "told": 100 * float(told[late].mean()),
+        "told": 100 * float(reported[late].mean()),
         "doubtful": 100 * float((moved.place_flags[late] & PlaceFlag.DOUBTFUL != 0).mean()),
         "unsaid": 100 * float((both & (wrong > UNTOLD[0]) & (wrong > UNTOLD[1] * sd))[late].mean()),
         **(
@@ -174,7 +174,7 @@ def _measured(moved: Trajectory, true: Array) -> dict[str, float]:
     for way in (replace(moved, place_flags=known), replace(moved, place=true, place_flags=known)):
         found = reach.figures(
             reach.measure(
-                reach.Params(), way, FIRST, float(way.t[-1]), None, Asked("reach", {}, marks)
+                reach.Params(), way, FIRST, float(way.t[-1]), None, TaskRequest("reach", {}, marks)
             )
         )
         means.append({f.what: f.value for f in found})
@@ -238,10 +238,10 @@ def _recorded(
         ],
         axis=1,
     )
-    places = {name: list(p) for name, p in zip(NAMES, worn.told_places)}
+    places = {name: list(p) for name, p in zip(NAMES, worn.declared_places)}
     setup = {
         "places": places,
-        "moment": list(worn.told_moment),
+        "moment": list(worn.declared_moment),
         "place": list(world.ON_HAND),
         "earth": strength,
     }

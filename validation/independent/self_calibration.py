@@ -107,7 +107,7 @@ def measure(trial: Trial) -> Found:
     pairs: dict[str, list[tuple[Array, Array]]] = {}
     for what, error, sd in (
         *_calibrated(found.calibrations[0], true),
-        *_moved(found.trajectory, true),
+        *_trajectory_errors(found.trajectory, true),
     ):
         pairs.setdefault(what, []).append((error, sd))
     joined = {
@@ -135,24 +135,28 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _calibrated(told: Calibration, true: Truth) -> Iterator[tuple[str, Array, Array]]:
+def _calibrated(calibration: Calibration, true: Truth) -> Iterator[tuple[str, Array, Array]]:
     """Errors and standard deviations of what the calibration tells."""
     body = true.body
     last = {links[-1] for links in CHAINS.values()} | {"hand", "forearm"}
-    for s, sd in told.lengths_sd.items():
-        yield "lengths", np.array([told.geometry.lengths[s] - body.lengths[s]]), np.array([sd])
-    for s, sds in told.q_BS_sd.items():
-        off = Rotation.from_quat(told.q_BS[s], scalar_first=True) * body.seats[s].inv()
+    for s, sd in calibration.lengths_sd.items():
+        yield (
+            "lengths",
+            np.array([calibration.geometry.lengths[s] - body.lengths[s]]),
+            np.array([sd]),
+        )
+    for s, sds in calibration.q_BS_sd.items():
+        off = Rotation.from_quat(calibration.q_BS[s], scalar_first=True) * body.mountings[s].inv()
         yield "seats by the mounting" if s in last else "seats told", off.as_rotvec(), sds
-    for s, sds in told.p_BS_sd.items():
-        yield "places", told.p_BS[s] - body.places[s], sds
-    for s, sds in told.gyr_bias_sd.items():
-        yield "gyroscopes' biases", told.gyr_bias[s] - true.sensors.gyr_bias[s], sds
-    for s, sds in told.acc_bias_sd.items():
-        yield "accelerometers' biases", told.acc_bias[s] - true.sensors.acc_bias[s], sds
+    for s, sds in calibration.p_BS_sd.items():
+        yield "places", calibration.p_BS[s] - body.places[s], sds
+    for s, sds in calibration.gyr_bias_sd.items():
+        yield "gyroscopes' biases", calibration.gyr_bias[s] - true.sensors.gyr_bias[s], sds
+    for s, sds in calibration.acc_bias_sd.items():
+        yield "accelerometers' biases", calibration.acc_bias[s] - true.sensors.acc_bias[s], sds
 
 
-def _moved(found: Trajectory, true: Truth) -> Iterator[tuple[str, Array, Array]]:
+def _trajectory_errors(found: Trajectory, true: Truth) -> Iterator[tuple[str, Array, Array]]:
     """Errors and standard deviations of angles and tips, at the method's instants."""
     assert found.angles_sd is not None and found.tips_sd is not None
     for joint, angles in true.angles.items():

@@ -13,12 +13,12 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import FINGERS, FLEXION, JOINT, SEGMENTS
 from handscope.estimators.measures.repeatability import held_angles
-from handscope.estimators.measures.repeatability import spread as repeated
+from handscope.estimators.measures.repeatability import posture_spread as repeated
 from handscope.estimators.methods import METHODS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
-from handscope.estimators.simulation.experiments import EXPERIMENTS, KORTIER2, recorded
+from handscope.estimators.simulation.experiments import EXPERIMENTS, KORTIER2, record_experiment
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import LSM330DLC_HMC5983
 from handscope.validation.papers import published
@@ -69,7 +69,7 @@ def measure(trial: Trial) -> Found:
     experiment, found = EXPERIMENTS[trial.experiment], {}
     for steps in (True, False):
         rng = np.random.default_rng([trial.seed, list(EXPERIMENTS).index(trial.experiment)])
-        made = recorded(
+        made = record_experiment(
             experiment,
             rng,
             LSM330DLC_HMC5983,

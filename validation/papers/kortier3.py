@@ -12,13 +12,13 @@ from handscope.estimators.measures.comparison import (
     Agreement,
     agreements,
     gyroscope_consistency,
-    paired,
+    pair_quantities,
 )
 from handscope.estimators.methods import METHODS
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation.movements import functional_calibration, task_performance
-from handscope.estimators.simulation.person import drawn
-from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.person import draw_person
+from handscope.estimators.simulation.scenario import Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import LSM330DLC_HMC5983
 from handscope.validation.papers import published
 from handscope.validation.reproduce import Wanted
@@ -67,11 +67,11 @@ def measure(trial: Trial) -> Found:
 def recorded(trial: Trial) -> Simulated:
     """The recording of one person, the truth beside it."""
     of_person, of_steps, of_sensors = np.random.default_rng([trial.seed, 3]).spawn(3)
-    person = drawn("left", of_person)
+    person = draw_person("left", of_person)
     steps = functional_calibration.all_steps(person.true, of_steps)
     done = [*steps, *(task_performance.TASKS[name](person.true) for name in TASKS)]
-    return performed(
-        done, "left", person.true, of_sensors, MOUNTED, SEGMENTS_WORN, RATE, known=person.told
+    return simulate_performances(
+        done, "left", person.true, of_sensors, MOUNTED, SEGMENTS_WORN, RATE, known=person.declared
     )
 
 
@@ -81,7 +81,7 @@ def _figures(made: Simulated, method: str) -> dict[str, float]:
     parts = [
         (str(e.details["task_name"]), e.onset, e.end) for e in made.events if e.trial_type == "task"
     ]
-    found = agreements(paired(made.truth, moved, 0.0), parts)
+    found = agreements(pair_quantities(made.truth, moved, 0.0), parts)
     figures = {}
     for group, (where, angles) in GROUPS.items():
         main = [a for a in found if a.task in TASKS[where] and a.name in angles and a.rom_a > MOVES]

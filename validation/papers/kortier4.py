@@ -23,11 +23,11 @@ from handscope.estimators.self_calibration import (
 from handscope.estimators.self_calibration.problem import (
     Noise,
     Z,
-    chain,
-    columns,
-    mounted,
-    posed,
-    resized,
+    axis_in_sensors,
+    build_chain,
+    build_problem,
+    parameter_columns,
+    with_noise,
 )
 from handscope.estimators.self_calibration.segments import Segments
 from handscope.estimators.self_calibration.solver import Solution
@@ -41,7 +41,7 @@ from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.finding import Finding, Row, Table, Verdict, spread
 
 DURATION, TRIALS = 40.0, 15
-HINGED = chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
+HINGED = build_chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
 WHITE = replace(
     IDEAL,
     gyr_noise=SensorErrors().gyr_noise,
@@ -80,7 +80,7 @@ class Found:
     ]  # %, the least standard deviation of a length; nothing but white noise: empty elsewhere
     gyr_bias: float  # % of all axes, RMS error of RMS bias
     acc_bias: float  # % the same of the phalanges' accelerometers, against the board's along the hinges' axes
-    seats: float  # deg, of proximal and middle sensor, the larger
+    mounting_error: float  # deg, of proximal and middle sensor, the larger
     tip: float  # mm, RMS error of the distance from the board's to the last sensor
     seconds: float  # of the processor
 
@@ -95,28 +95,30 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 
 def measure(trial: Trial) -> Found:
     """One recording, calibrated from a cold start."""
-    made = artificial_finger.recorded(
+    made = artificial_finger.record_trial(
         np.random.default_rng([trial.seed, 4]), CONDITIONS[trial.condition], duration=DURATION
     )
     began = time.process_time()
-    _, read = sample_preparation.readings(list(made.blocks()), HINGED.sensors, 0.0, DURATION)
-    guess = self_calibration_initialisation.unknowns(
-        HINGED, Noise(), read, mounted(HINGED, made.mounting, Z)
+    _, read = sample_preparation.prepare_readings(
+        list(made.blocks()), HINGED.sensors, 0.0, DURATION
     )
-    found = solver.learnt(
-        posed(HINGED, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess
+    guess = self_calibration_initialisation.initial_unknowns(
+        HINGED, Noise(), read, axis_in_sensors(HINGED, made.mounting, Z)
+    )
+    found = solver.solve_with_noise(
+        build_problem(HINGED, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess
     )
     seconds = time.process_time() - began
-    told = segments.of_solution(found, made.hand, made.mounting)
+    solved = segments.of_solution(found, made.hand, made.mounting)
     at = found.at
     distances = np.linalg.norm(np.concatenate([at.far[:1], at.near]), axis=1)
     percent = {
         f"distance, {p}": 100 * (d / true - 1) for p, d, true in zip(PLACES, distances, DISTANCES)
     }
-    lengths = {s.removeprefix("index_"): told.lengths[s] for s in SEGMENTS[1:3]}
+    lengths = {s.removeprefix("index_"): solved.lengths[s] for s in SEGMENTS[1:3]}
     percent |= {f"length, {name}": 100 * (length / HINGES - 1) for name, length in lengths.items()}
     sds = {
-        name: (length - HINGES) / told.lengths_sd[f"index_{name}"]
+        name: (length - HINGES) / solved.lengths_sd[f"index_{name}"]
         for name, length in lengths.items()
     }
     true_bias = made.sensors.bias[:, :3]
@@ -129,7 +131,7 @@ def measure(trial: Trial) -> Found:
         bound,
         bias,
         _acc_bias(made, found),
-        _seats(made, told),
+        _mounting_error(made, solved),
         _tip(made, found),
         seconds,
     )
@@ -154,25 +156,29 @@ def _bound(found: Solution) -> dict[str, float]:
         acc=WHITE.acc_noise * GRAVITY * half_band,
         hinge=posterior.LEAST_HINGE,
     )
-    problem, c = resized(found.problem, noise), columns(found.problem.chain)
-    normal = solver.built(problem, found.at)[0]
+    problem, c = with_noise(found.problem, noise), parameter_columns(found.problem.chain)
+    normal = solver.build_normal_equations(problem, found.at)[0]
     kept = np.concatenate(
         [np.arange(c.scale_gyr.start), np.arange(c.axis_far.start, c.skin_turn.start)]
     )
-    _, _, information = normal_equations.eliminated(
+    _, _, information = normal_equations.eliminate_trajectory(
         replace(normal, B=normal.B[:, :, kept], C=normal.C[np.ix_(kept, kept)], c=normal.c[kept])
     )
-    least = normal_equations.inverse(information)
-    told = residuals.sizing(replace(problem, length=np.full(len(SEGMENTS), HINGES)), found.at)
-    slopes = {SEGMENTS[t.sensor].removeprefix("index_"): t.by_parameters[0, kept] for t in told}
+    least = normal_equations.invert(information)
+    solved = residuals.length_priors(
+        replace(problem, length=np.full(len(SEGMENTS), HINGES)), found.at
+    )
+    slopes = {SEGMENTS[t.sensor].removeprefix("index_"): t.by_parameters[0, kept] for t in solved}
     return {
         name: float(100 / HINGES * np.sqrt(slope @ least @ slope)) for name, slope in slopes.items()
     }
 
 
-def _seats(made: Simulated, told: Segments) -> float:
+def _mounting_error(made: Simulated, solved: Segments) -> float:
     """Error of the sensors whose whole orientation movement tells, deg; truth of the straight finger."""
-    off = [quat.angle(quat.relative(made.sensors.q_BS[k], told.q_BS[SEGMENTS[k]])) for k in (1, 2)]
+    off = [
+        quat.angle(quat.relative(made.sensors.q_BS[k], solved.q_BS[SEGMENTS[k]])) for k in (1, 2)
+    ]
     return float(DEG * max(off))
 
 
@@ -190,7 +196,7 @@ def _true_distance(made: Simulated) -> Array:
     """From the first to the last sensor (n,), straight places on the true segments, m: a slide of the skin is an error."""
     q = [made.truth.q_GS[:, SEGMENT[s]] for s in SEGMENTS]
     bone = side_sign(made.hand) * np.array([0.0, HINGES, 0.0])
-    geometry = artificial_finger.printed(made.hand)
+    geometry = artificial_finger.printed_geometry(made.hand)
     knuckle = np.array(geometry.joint_positions["index_mcp"]) - np.array(
         geometry.joint_positions["middle_mcp"]
     )
@@ -229,7 +235,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
                 float(np.hypot(*published.KORTIER_FINGER["gyr bias"])),
             ),
             ("accelerometers' biases against the board's, RMS error, %", "acc_bias", 0.0),
-            ("sensors' orientation, proximal and middle, deg", "seats", 0.0),
+            ("sensors' orientation, proximal and middle, deg", "mounting_error", 0.0),
             ("distance from the board's to the last sensor, RMS error, mm", "tip", 0.0),
             ("processor's time, s", "seconds", 0.0),
         )
@@ -259,7 +265,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         Verdict("skin motion: largest standard deviation of one", sds, 4.0, "%", target),
         Verdict(
             "skin motion: largest error of a sensor's orientation",
-            max(f.seats for f in skin),
+            max(f.mounting_error for f in skin),
             2.0,
             "deg",
             target,
@@ -313,7 +319,7 @@ def _against_the_bound(white: Sequence[Found]) -> Sequence[str]:
     """What of white noise's target any estimator could reach."""
     bounds = {name: np.array([f.bound[name] for f in white]) for name in white[0].bound}
     within = {name: 2 * ndtr(CLOSE / bound) - 1 for name, bound in bounds.items()}
-    said = [
+    remarks = [
         f"white noise: the Cramér-Rao bound of the length of the {name} phalanx is {np.sqrt(np.mean(bound**2)):.2f} % (RMS over the trials), our error"
         f" {np.sqrt(np.mean([f.percent[f'length, {name}'] ** 2 for f in white])):.2f} %; an unbiased estimator that attains it is within {CLOSE:g} % in"
         f" {100 * within[name].mean():.0f} % of trials, ours was in {100 * np.mean([abs(f.percent[f'length, {name}']) < CLOSE for f in white]):.0f} %."
@@ -321,7 +327,7 @@ def _against_the_bound(white: Sequence[Found]) -> Sequence[str]:
     ]
     every = 100 * float(np.prod([share.prod() for share in within.values()]))
     return [
-        *said,
+        *remarks,
         f"white noise: such an estimator would keep all lengths of these {len(white)} trials within {CLOSE:g} % with a probability of about {every:.0f} %.",
     ]
 

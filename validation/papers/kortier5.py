@@ -39,9 +39,9 @@ AWAY, RAMP = (
     (20.0, 30.0),
     0.5,
 )  # s, when the hand is led out of reach, and s until it is back after that
-TOLD = MagnetParams(gyr_reading="instant")
+DEFAULTS = MagnetParams(gyr_reading="instant")
 AS_SIMULATED = replace(
-    TOLD,
+    DEFAULTS,
     acc_error=0.0,
     acc_share=ARRAY_ERRORS.acc_scale,
     gyr_share=ARRAY_ERRORS.gyr_scale,
@@ -89,12 +89,14 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
         calibrated[:, 0], magnet.simulate_inertial(worn, turning, rng)[:, 0, 3:]
     )
     m = magnet.simulate_condition(trial.movement, rng, spot=SPOT)
-    told = quat.multiply(m.q_bt[0], quat.exp(START / np.sqrt(3) * rng.normal(size=3)))
+    q_declared = quat.multiply(m.q_bt[0], quat.exp(START / np.sqrt(3) * rng.normal(size=3)))
     array, carried = (
         magnet_setup.make_constellation(worn.declared_places, q_bl),
         magnet_setup.make_magnet(worn.declared_moment, worn.declared_lever),
     )
-    setup = Setup(array, carried, EARTH, dip, array.places[0] + FRONT if count == 1 else None, told)
+    setup = Setup(
+        array, carried, EARTH, dip, array.places[0] + FRONT if count == 1 else None, q_declared
+    )
 
     def read(m: Motion) -> Readings:
         inertial, mag = (
@@ -105,11 +107,11 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
 
     readings = read(m)
     track, again = (
-        magnet_tracker.track_readings(TOLD, setup, r)
+        magnet_tracker.track_readings(DEFAULTS, setup, r)
         for r in (readings, read(magnet.move_hand_away(m, *AWAY)))
     )
     as_simulated = magnet_tracker.track_readings(AS_SIMULATED, setup, readings)
-    smoothed = magnet_smoother.smooth(TOLD, magnet_tracker.start(setup), readings)[1]
+    smoothed = magnet_smoother.smooth(DEFAULTS, magnet_tracker.start(setup), readings)[1]
     q_gb = quat.multiply(_north(room, m), m.q[:, 0])
     late, back = m.t >= FIRST, m.t > AWAY[1] + RAMP + 2.0
     far = np.linalg.norm(m.p_bt - worn.places.mean(axis=0), axis=1) > 0.28
@@ -195,10 +197,10 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         for figure, title in (
             *(
                 (
-                    f"{what}{told}",
-                    f"{what.capitalize()}{told}: normalised error squared (1 = as sure as it says, less = too careful)",
+                    f"{what}{published_row}",
+                    f"{what.capitalize()}{published_row}: normalised error squared (1 = as sure as it says, less = too careful)",
                 )
-                for told in ("", SMOOTHED, ", as simulated")
+                for published_row in ("", SMOOTHED, ", as simulated")
                 for what in WHAT
             ),
             ("far", "Time beyond 28 cm from the plate, %"),
@@ -246,11 +248,11 @@ def _columns(
 
 def _row(results: Sequence[tuple[Trial, Found]], movement: str, figure: str) -> Row:
     """With what the thesis has of four magnetometers, where it has something."""
-    told = published.KORTIER_MAGNET[movement].get(figure)
+    published_row = published.KORTIER_MAGNET[movement].get(figure)
     ours = _columns(results, movement, figure)
     return (
-        Row(MOVEMENTS[movement], ours, {"four": told[0]}, {"four": told[1]})
-        if told
+        Row(MOVEMENTS[movement], ours, {"four": published_row[0]}, {"four": published_row[1]})
+        if published_row
         else Row(MOVEMENTS[movement], ours)
     )
 

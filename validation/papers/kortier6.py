@@ -15,7 +15,7 @@ from handscope.estimators.simulation.movements import (
     object_dynamics,
     task_performance,
 )
-from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
+from handscope.estimators.simulation.scenario import ForceGlove, Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import PRESETS
 from handscope.validation.papers import published
 from handscope.validation.reproduce import Wanted
@@ -54,15 +54,15 @@ def _figures(trial: Trial, rate: float) -> dict[str, float]:
     event = next(e for e in made.events if e.trial_type == "task")
     if trial.held in MASSES:
         lifted = lift.measure(lift.Params(), moved, event.onset, event.end, made.geometry)
-        told, true = {f.name: f for f in lift.figures(lifted)}["lift_mass"], MASSES[trial.held]
+        figure, true = {f.name: f for f in lift.figures(lifted)}["lift_mass"], MASSES[trial.held]
     else:
         squeezed = squeeze.measure(squeeze.Params(), moved, event.onset, event.end, made.geometry)
-        told, true = {f.name: f for f in squeeze.figures(squeezed)}["squeeze_stiffness"], SPRING
+        figure, true = {f.name: f for f in squeeze.figures(squeezed)}["squeeze_stiffness"], SPRING
     assert moved.forces is not None
     off = (moved.forces - forces)[:, :2]
     return {
-        "error": 100 * abs(told.value / true - 1),
-        "honesty": ((told.value - true) / told.sd) ** 2 if told.sd else float("nan"),
+        "error": 100 * abs(figure.value / true - 1),
+        "honesty": ((figure.value - true) / figure.sd) ** 2 if figure.sd else float("nan"),
         "force": float(
             np.sqrt(np.nanmean((off**2).sum(axis=2)[(np.abs(forces[:, 0]) > 0.05).any(axis=1)]))
         ),
@@ -74,9 +74,10 @@ def _made(trial: Trial, rate: float) -> tuple[Simulated, np.ndarray]:
     of_person, of_sensors, of_pose, of_motion = np.random.default_rng(
         [trial.seed, OBJECTS.index(trial.held), 6]
     ).spawn(4)
-    somebody = person.drawn("left", of_person)
+    somebody = person.draw_person("left", of_person)
     pose = task_performance.initial_pose(
-        somebody.true, taken=functional_calibration.missed(task_performance.flat(), POSE, of_pose)
+        somebody.true,
+        taken=functional_calibration.miss_posture(task_performance.flat(), POSE, of_pose),
     )
     if trial.held in MASSES:
         done = object_dynamics.lift(
@@ -85,19 +86,21 @@ def _made(trial: Trial, rate: float) -> tuple[Simulated, np.ndarray]:
     else:
         done = object_dynamics.squeeze(somebody.true, of_motion, stiffness=SPRING)
     glove = ForceGlove(rate=rate, errors=ForceErrors())
-    made = performed(
+    made = simulate_performances(
         [pose, done],
         "left",
         somebody.true,
         of_sensors,
         PRESETS["LSM330DLC/HMC5983"],
-        known=somebody.told,
+        known=somebody.declared,
         force=glove,
     )
     t = made.truth.t - pose.motion.duration
     assert done.forces is not None
     forces = np.zeros((len(t), 5, 3))
-    forces[t >= 0] = done.forces(kinematics.of_motion(done.motion, somebody.true, t[t >= 0]))
+    forces[t >= 0] = done.forces(
+        kinematics.compute_kinematics(done.motion, somebody.true, t[t >= 0])
+    )
     return made, forces
 
 
@@ -162,11 +165,11 @@ def _columns(results: Sequence[tuple[Trial, Found]], held: str, figure: str) -> 
 
 
 def _setting() -> tuple[str, ...]:
-    said = ", ".join(
+    published_text = ", ".join(
         f"{held} {mean} ± {sd} %" for held, (mean, sd) in published.KORTIER_OBJECTS.items()
     )
     return (
-        f"Beside ours: Kortier, thesis ch. 6, one subject, ten trials of each object: {said}; its abstract says 16.3 ± 12.6 % of the spring.",
+        f"Beside ours: Kortier, thesis ch. 6, one subject, ten trials of each object: {published_text}; its abstract says 16.3 ± 12.6 % of the spring.",
         "Every trial is another person, glove and movement; method m2, no magnetometers, an initial pose of which every freedom is missed by up to "
         "2.5 deg; LSM330DLC sensors. Force sensors: noise 0.05 N, a zero of 0.2 N that walks by 0.02 N/sqrt(s), scale 2 %, cross-axis 1 %, turned on the cuff by 1 deg an axis.",
         "Cylinders of 6 cm lifted by 0.5 m and held for 3 s; a spring of 4 cm compressed eight times by about 11 mm.",

@@ -18,7 +18,11 @@ from handscope.estimators.methods import METHODS
 from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import experiments
-from handscope.estimators.simulation.experiments import Experiment, judged, recorded
+from handscope.estimators.simulation.experiments import (
+    Experiment,
+    judged_samples,
+    record_experiment,
+)
 from handscope.estimators.simulation.magnetic_field import homogeneous, office
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.person import Anatomy
@@ -68,7 +72,7 @@ def performed(
     """The trial's recording in a homogeneous field, with the truth beside it: full errors unless told otherwise; joints give by `give` deg."""
     of_field, of_person = _generators(trial)
     field, experiment = homogeneous(_north(of_field)), experiments.EXPERIMENTS[trial.experiment]
-    return recorded(
+    return record_experiment(
         experiment,
         of_person,
         errors or SensorErrors(),
@@ -86,7 +90,7 @@ def calibrating(trial: Trial) -> Simulated:
     """The trial's recording with the steps of a functional calibration before the movement, in a homogeneous field."""
     of_field, of_person = _generators(trial)
     field, experiment = homogeneous(_north(of_field)), experiments.EXPERIMENTS[trial.experiment]
-    return recorded(
+    return record_experiment(
         experiment, of_person, SensorErrors(), field, "left", POSE_ERROR, rate=RATE, steps=True
     )
 
@@ -100,7 +104,7 @@ def in_either_field(trial: Trial) -> tuple[Simulated, Simulated]:
     north = _north(of_field)
     fields = (office(of_field, north), homogeneous(north))
     near, far = (
-        recorded(
+        record_experiment(
             experiment, deepcopy(of_person), SensorErrors(), field, "left", POSE_ERROR, rate=RATE
         )
         for field in fields
@@ -119,7 +123,7 @@ def at_the_truths_instants(
     recording: Simulated, moved: Trajectory
 ) -> tuple[Trajectory, Trajectory]:
     """The estimate and the truth where the experiment is judged."""
-    where = judged(recording)
+    where = judged_samples(recording)
     return moved.at(_rows(moved.t, recording.truth.t[where])), recording.truth.at(
         np.flatnonzero(where)
     )

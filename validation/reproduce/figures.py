@@ -130,11 +130,11 @@ def cells(fields: Sequence[Cells], columns: Sequence[str], good: Sequence[float]
             shade = np.clip(np.log10(field.sd / np.asarray(good)), -1.0, 1.0)
             ax.imshow(shade, cmap=shades, vmin=-1.0, vmax=1.0, aspect="auto")
             for (row, column), sd in np.ndenumerate(field.sd):
-                said = f"{sd:.2g}\n({field.error[row, column]:.2g})"
+                label = f"{sd:.2g}\n({field.error[row, column]:.2g})"
                 ax.text(
                     column,
                     row,
-                    said,
+                    label,
                     ha="center",
                     va="center",
                     fontsize=6.5,

@@ -67,8 +67,8 @@ class Verdict:
 
     @property
     def words(self) -> str:
-        said = "at or below" if self.met else "ABOVE"
-        return f"{self.what}: {self.value:.2f} {self.unit}, {said} {self.limit:.2f} {self.unit} ({self.source})"
+        verb = "at or below" if self.met else "ABOVE"
+        return f"{self.what}: {self.value:.2f} {self.unit}, {verb} {self.limit:.2f} {self.unit} ({self.source})"
 
 
 @dataclass(frozen=True)
@@ -111,8 +111,8 @@ def standing(table: Table, what: str) -> str:
         for row in table.rows
         if judged[row.name] is False
     ]
-    said = f"{what} at or below the paper's in {sum(m is True for m in judged.values())} of {sum(m is not None for m in judged.values())} rows"
-    return f"{said}; above it in {', '.join(above)}." if above else f"{said}."
+    verb = f"{what} at or below the paper's in {sum(m is True for m in judged.values())} of {sum(m is not None for m in judged.values())} rows"
+    return f"{verb}; above it in {', '.join(above)}." if above else f"{verb}."
 
 
 def _against(row: Row, column: str) -> str:

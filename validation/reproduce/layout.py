@@ -16,25 +16,25 @@ def as_text(finding: Finding) -> str:
     ]
     for table in finding.tables:
         parts.append(f"{table.title}{_how(table)}\n{_aligned(_grid(table))}")
-    said = [*(verdict.words for verdict in finding.verdicts), *finding.remarks]
-    parts.append("\n".join(textwrap.fill(s, WIDTH) for s in said))
+    text = [*(verdict.words for verdict in finding.verdicts), *finding.remarks]
+    parts.append("\n".join(textwrap.fill(s, WIDTH) for s in text))
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
 def as_markdown(finding: Finding, images: str | None) -> str:
     """A section of a page; `images` is where its figures lie, seen from the page; None leaves them out."""
-    said = "\n".join(f"- {s}" for s in (*(v.words for v in finding.verdicts), *finding.remarks))
+    text = "\n".join(f"- {s}" for s in (*(v.words for v in finding.verdicts), *finding.remarks))
     tables = [f"{table.title}{_how(table)}:\n\n{_piped(_grid(table))}" for table in finding.tables]
     figures = [f"![{finding.title}]({images}/{name})" for name in finding.figures if images]
     return "\n\n".join(
-        part for part in (f"## {finding.title}", *finding.setting, *tables, said, *figures) if part
+        part for part in (f"## {finding.title}", *finding.setting, *tables, text, *figures) if part
     )
 
 
 def sizes_as_text(sizes: Sizes) -> str:
     """For a terminal; without the sources, which the page has."""
-    said = "; ".join(f"{what} {size}" for what, size, *_ in sizes.rows)
-    return f"{sizes.title}\n{'=' * len(sizes.title)}\n\n{textwrap.fill(said, WIDTH)}\n"
+    text = "; ".join(f"{what} {size}" for what, size, *_ in sizes.rows)
+    return f"{sizes.title}\n{'=' * len(sizes.title)}\n\n{textwrap.fill(text, WIDTH)}\n"
 
 
 def sizes_as_markdown(sizes: Sizes) -> str:

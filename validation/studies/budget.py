@@ -139,13 +139,13 @@ def _variants() -> dict[str, Sources]:
 def _remarks(rows: Sequence[Row]) -> tuple[str, ...]:
     """Which source costs most, by what is left when it is away."""
     sources = [row for row in rows if len(row.ours) == 4]
-    said = []
+    remarks = []
     for what, column in (("the fingertip", "tip cm, off"), ("the joint angles", "angles deg, off")):
         best = min(sources, key=lambda row: row.ours[column].mean)
-        said.append(
+        remarks.append(
             f"For {what}, most is gained without: {best.name} ({rows[0].ours[column].mean:.2f} to {best.ours[column].mean:.2f})."
         )
-    return tuple(said)
+    return tuple(remarks)
 
 
 def _setting() -> tuple[str, ...]:

@@ -333,7 +333,7 @@ def recorded(name: str, seed: int) -> Made:
         return tasks.initial_pose(geometry), *(tasks.TASKS[task](geometry) for task in kind.tasks)
 
     segments = [s for s in SEGMENTS if s not in kind.missing]
-    made = experiments.recorded(
+    made = experiments.record_experiment(
         Experiment(name, (), perform),
         rng,
         kind.errors,

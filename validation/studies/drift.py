@@ -21,7 +21,7 @@ from handscope.estimators.pipeline.process import calibrate
 from handscope.estimators.simulation import kinematics, sensors
 from handscope.estimators.simulation.movements import guided_movements, task_performance
 from handscope.estimators.simulation.movements.task_performance import Performance
-from handscope.estimators.simulation.person import Person, drawn
+from handscope.estimators.simulation.person import Person, draw_person
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors, SensorSet
 from handscope.validation.reproduce import Wanted
@@ -78,9 +78,9 @@ def measure(trial: Trial) -> Course:
     """Simulate, process and compare piece by piece."""
     pauses, options = KINDS[trial.kind]
     of_person, of_motion, of_sensors = np.random.default_rng(trial.seed).spawn(3)
-    person = drawn("left", of_person)
+    person = draw_person("left", of_person)
     worn = Worn(
-        person, sensors.mounted(SEGMENTS, person.true, SensorErrors(), of_sensors), of_sensors
+        person, sensors.mount_sensors(SEGMENTS, person.true, SensorErrors(), of_sensors), of_sensors
     )
     sums, count = np.zeros((trial.minutes, 2)), np.zeros(trial.minutes)
     for estimate, truth in _pieces(
@@ -154,7 +154,7 @@ def _pieces(
         if state is None:
             pose = Simulated(
                 "left",
-                worn.person.told,
+                worn.person.declared,
                 {STREAM.name: block},
                 performance.events,
                 truth,
@@ -179,10 +179,10 @@ def _recorded(worn: Worn, performance: Performance, begin: float) -> tuple[Block
         int(np.ceil(x * RATE - 1e-9)) for x in (begin, begin + performance.motion.duration)
     )
     t = np.arange(first, last) / RATE
-    k = replace(kinematics.of_motion(performance.motion, worn.person.true, t - begin), t=t)
-    return Block(STREAM, t, sensors.inertial(worn.sensors, k, RATE, worn.rng)), kinematics.truth(
-        k, "left"
-    )
+    k = replace(kinematics.compute_kinematics(performance.motion, worn.person.true, t - begin), t=t)
+    return Block(
+        STREAM, t, sensors.simulate_inertial(worn.sensors, k, RATE, worn.rng)
+    ), kinematics.true_trajectory(k, "left")
 
 
 def _squares(estimate: Trajectory, truth: Trajectory) -> tuple[Array, Array]:
@@ -228,11 +228,11 @@ def _remarks(rows: Sequence[Row]) -> tuple[str, ...]:
     )
     first, minutes = rows[0], [row for row in rows if row.name.startswith("minute")]
     last = minutes[-1]
-    said = (
+    remarks = (
         f"{c}: {first.ours[c].mean:.2f} in the first minute, {last.ours[c].mean:.2f} in {last.name}."
         for c in first.ours
     )
-    return (*said, why, rest)
+    return (*remarks, why, rest)
 
 
 def _setting(wanted: Wanted) -> tuple[str, ...]:

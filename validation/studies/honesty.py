@@ -24,7 +24,7 @@ from handscope.validation.reproduce.finding import Finding, Row, Spread, Table, 
 
 EXPERIMENTS = ("AF-F2", "tapping", "free")
 NOISE = SensorErrors().gyr_noise
-TOLD_SIZES = ekf.Params(
+SIMULATED_SIZES = ekf.Params(
     gyr_noise=NOISE,
     bias_sd=0.001,  # nobody turns in the pose
     creeping=0.02,
@@ -35,9 +35,9 @@ SIZES: Mapping[
 ] = {  # what the method is told, and deg by which joints give
     "joints give": (ekf.Params(), joint_compliance.AS_MEASURED),
     "exact hinges": (ekf.Params(), 0.0),
-    "as simulated": (TOLD_SIZES, 0.0),
+    "as simulated": (SIMULATED_SIZES, 0.0),
 }
-TOLD = ("gyr_noise", "bias_sd", "creeping", "dimension_noise")
+SIMULATED_OPTIONS = ("gyr_noise", "bias_sd", "creeping", "dimension_noise")
 COLUMNS = tuple(f"{what}, {sizes}" for what in ("angles", "tips") for sizes in SIZES)
 
 
@@ -97,19 +97,19 @@ def _squares(error: Array, sd: Array) -> float:
 def bounds(s: Spread) -> str:
     """The mean with its 95 % bounds over people, and what that makes of the standard deviations."""
     half = 1.96 * s.sd / np.sqrt(s.count)
-    said = (
+    text = (
         "as large as the errors"
         if abs(s.mean - 1) <= half
         else f"{abs(s.mean**-0.5 - 1):.0%} too {'large' if s.mean < 1 else 'small'}"
     )
-    return f"{s.mean:.2f} ± {half:.2f} (95 %), standard deviations {said}"
+    return f"{s.mean:.2f} ± {half:.2f} (95 %), standard deviations {text}"
 
 
 def _setting() -> tuple[str, ...]:
     sizes = (
-        f"`{d.name}` {getattr(TOLD_SIZES, d.name):g} instead of {d.default:g} {d.unit}"
+        f"`{d.name}` {getattr(SIMULATED_SIZES, d.name):g} instead of {d.default:g} {d.unit}"
         for d in describe(ekf.Params)
-        if d.name in TOLD
+        if d.name in SIMULATED_OPTIONS
     )
     return (
         f"Method ekf, over the task. `joints give`: about each axis that is no freedom of a finger's joint by {joint_compliance.AS_MEASURED:g} deg (RMS) as it bends, the "

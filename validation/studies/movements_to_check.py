@@ -14,8 +14,8 @@ from handscope.estimators.simulation.motion import Motion
 from handscope.estimators.simulation.movements import free_movement
 from handscope.estimators.simulation.movements import task_performance as tasks
 from handscope.estimators.simulation.movements.task_performance import Performance
-from handscope.estimators.simulation.person import drawn
-from handscope.estimators.simulation.scenario import performed
+from handscope.estimators.simulation.person import draw_person
+from handscope.estimators.simulation.scenario import simulate_performances
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.estimators.simulation.transmission import WIRED, Transmission
 from handscope.sessions.formats import recordings as formats
@@ -31,10 +31,12 @@ def _tasks(
     *names: str, link: Transmission = WIRED, stiff: float = 1.0, worn: Sequence[str] = SEGMENTS
 ) -> Make:
     def make(rng: np.random.Generator) -> list[Block]:
-        person = drawn("left", rng)
+        person = draw_person("left", rng)
         done = [_stiffened(tasks.TASKS[name](person.true), stiff) for name in names]
         return list(
-            performed(done, "left", person.true, rng, SensorErrors(), worn, link=link).blocks()
+            simulate_performances(
+                done, "left", person.true, rng, SensorErrors(), worn, link=link
+            ).blocks()
         )
 
     return make
@@ -50,7 +52,7 @@ def _stiffened(done: Performance, share: float) -> Performance:
 
 def _experiment(name: str) -> Make:
     return lambda rng: list(
-        experiments.recorded(
+        experiments.record_experiment(
             experiments.EXPERIMENTS[name], rng, SensorErrors(), None, pose_error_deg=2.5
         ).blocks()
     )
@@ -58,11 +60,11 @@ def _experiment(name: str) -> Make:
 
 def _free(duration: float) -> Make:
     def make(rng: np.random.Generator) -> list[Block]:
-        person = drawn("right", rng)
+        person = draw_person("right", rng)
         errors = SensorErrors()
         return list(
-            free_movement.recorded(
-                rng, errors, "right", person.true, person.told, duration=duration
+            free_movement.record_trial(
+                rng, errors, "right", person.true, person.declared, duration=duration
             ).blocks()
         )
 

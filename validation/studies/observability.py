@@ -19,18 +19,22 @@ from handscope.estimators.self_calibration.problem import (
     Chain,
     Noise,
     Z,
-    chain,
-    columns,
-    mounted,
-    posed,
+    axis_in_sensors,
+    build_chain,
+    build_problem,
+    parameter_columns,
 )
 from handscope.estimators.self_calibration.solver import Solution
 from handscope.estimators.simulation import artificial_finger
-from handscope.estimators.simulation.artificial_finger import RESTING, SEGMENTS, wandering
-from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, sampled
+from handscope.estimators.simulation.artificial_finger import (
+    RESTING,
+    SEGMENTS,
+    smooth_random_course,
+)
+from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, interpolate_postures
 from handscope.estimators.simulation.movements.task_performance import Performance
-from handscope.estimators.simulation.person import drawn
-from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.person import draw_person
+from handscope.estimators.simulation.scenario import Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import SensorSet
 from handscope.validation.papers.kortier4 import CONDITIONS, HINGED, MM
 from handscope.validation.reproduce import Wanted
@@ -66,7 +70,7 @@ MOVEMENTS: Mapping[str, Movement] = {
     "all joints, turns and travels": Movement(JOINTS, True, True),
     "the same, three times slower": Movement(JOINTS, True, True, 3.0),
 }
-FINGERS: Mapping[str, Chain] = {"artificial finger": HINGED, "human finger": chain(SEGMENTS)}
+FINGERS: Mapping[str, Chain] = {"artificial finger": HINGED, "human finger": build_chain(SEGMENTS)}
 UPWARD, ALONG = (
     np.array([0.0, 0.0, 1.0]),
     np.array([0.0, 1.0, 0.0]),
@@ -109,16 +113,16 @@ def measure(trial: Trial) -> Found:
     """One recording, calibrated from a cold start."""
     links, rng = FINGERS[trial.finger], np.random.default_rng([trial.seed, 6])
     made, true = _recorded(trial, rng)
-    _, read = sample_preparation.readings(list(made.blocks()), links.sensors, 0.0, DURATION)
-    guess = self_calibration_initialisation.unknowns(
-        links, Noise(), read, mounted(links, made.mounting, Z)
+    _, read = sample_preparation.prepare_readings(list(made.blocks()), links.sensors, 0.0, DURATION)
+    guess = self_calibration_initialisation.initial_unknowns(
+        links, Noise(), read, axis_in_sensors(links, made.mounting, Z)
     )
-    found = solver.learnt(
-        posed(links, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess
+    found = solver.solve_with_noise(
+        build_problem(links, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess
     )
-    told = list(_told(found, made, true))
-    sd = {name: _rms([s for n, s, _ in told if n == name]) for name in GOOD}
-    error = {name: _rms([e for n, _, e in told if n == name]) for name in GOOD}
+    estimates = list(_estimates_and_errors(found, made, true))
+    sd = {name: _rms([s for n, s, _ in estimates if n == name]) for name in GOOD}
+    error = {name: _rms([e for n, _, e in estimates if n == name]) for name in GOOD}
     return Found(found.outcome == "converged", sd, error)
 
 
@@ -129,25 +133,36 @@ def _rms(values: Sequence[float]) -> float:
 def _recorded(trial: Trial, rng: np.random.Generator) -> tuple[Simulated, HandGeometry]:
     """The movement of the printed finger, or of somebody's index finger; its true geometry."""
     motion, errors = (
-        moved(rng, MOVEMENTS[trial.movement], trial.finger == "human finger"),
+        make_motion(rng, MOVEMENTS[trial.movement], trial.finger == "human finger"),
         CONDITIONS["skin motion"],
     )
     if trial.finger == "human finger":
-        person = drawn("left", rng)
-        return performed(
-            [Performance(motion, ())], "left", person.true, rng, errors, SEGMENTS, known=person.told
+        person = draw_person("left", rng)
+        return simulate_performances(
+            [Performance(motion, ())],
+            "left",
+            person.true,
+            rng,
+            errors,
+            SEGMENTS,
+            known=person.declared,
         ), person.true
-    return artificial_finger.recorded(
+    return artificial_finger.record_trial(
         rng, errors, motion=motion, duration=DURATION
-    ), artificial_finger.printed("left")
+    ), artificial_finger.printed_geometry("left")
 
 
-def moved(rng: np.random.Generator, movement: Movement, sideways: bool) -> Motion:
+def make_motion(rng: np.random.Generator, movement: Movement, sideways: bool) -> Motion:
     """Rest, the movement, rest; a joint that does not move is a little bent."""
     t = np.arange(0.0, DURATION + 1e-9, STEP)
     moving = np.clip(np.minimum(t - RESTING, DURATION - RESTING - t), 0.0, 1.0)
     x = np.zeros((len(t), SIZE))
-    pulled = 2 * np.pi * np.cumsum(STEP * (1.0 + 0.25 * wandering(rng, t, 2.0))) / movement.slower
+    pulled = (
+        2
+        * np.pi
+        * np.cumsum(STEP * (1.0 + 0.25 * smooth_random_course(rng, t, 2.0)))
+        / movement.slower
+    )
     for k, joint in enumerate(JOINTS):
         swing = 0.5 - 0.5 * np.cos(pulled - k) if joint in movement.joints else 0.3
         x[:, COORDINATES[f"{joint}_flexion"]] = moving * np.radians(REACH[joint]) * swing
@@ -159,12 +174,12 @@ def moved(rng: np.random.Generator, movement: Movement, sideways: bool) -> Motio
     ):
         for name in names:
             x[:, COORDINATES[name]] = (
-                wanted * moving * reach * wandering(rng, t, slowest * movement.slower)
+                wanted * moving * reach * smooth_random_course(rng, t, slowest * movement.slower)
             )
-    return sampled(t, x)
+    return interpolate_postures(t, x)
 
 
-def _told(
+def _estimates_and_errors(
     found: Solution, made: Simulated, true: HandGeometry
 ) -> Iterator[tuple[str, float, float]]:
     """What of GOOD, its standard deviation and its error, in its unit; a quantity that is told several times comes as often."""
@@ -177,7 +192,7 @@ def _told(
         )
     at, c, worn, covariance = (
         found.at,
-        columns(found.problem.chain),
+        parameter_columns(found.problem.chain),
         made.sensors,
         found.factor.covariance,
     )

@@ -26,7 +26,12 @@ from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import force_sensors, kinematics, sensors, trunk
 from handscope.estimators.simulation.force_sensors import ForceErrors
-from handscope.estimators.simulation.motion import Motion, after, shifted, through
+from handscope.estimators.simulation.motion import (
+    Motion,
+    continue_through,
+    move_through,
+    shift_motion,
+)
 from handscope.estimators.simulation.movements import (
     functional_calibration,
     guided_movements,
@@ -100,8 +105,8 @@ class SimulatedPerson:
 
     def __post_init__(self) -> None:
         worn = [s for s in SEGMENTS if any(s in stream.sensors for stream in self.streams)]
-        self._sensors = sensors.mounted(worn, self.geometry, self.errors, self.rng)
-        self._motion = through(
+        self._sensors = sensors.mount_sensors(worn, self.geometry, self.errors, self.rng)
+        self._motion = move_through(
             [(0.0, task_performance.relaxed()), (1.0, task_performance.relaxed())]
         )
         self._held: list[tuple[float, Performance]] = []  # when something is taken in hand
@@ -111,11 +116,11 @@ class SimulatedPerson:
             if FORCE in s.quantities
             for p in s.sensors
         ]
-        self._force = force_sensors.worn(felt, ForceErrors(), self.rng) if felt else None
+        self._force = force_sensors.draw_sensors(felt, ForceErrors(), self.rng) if felt else None
         self._zero = np.zeros((len(felt), 3))  # N, by how much the force sensors' zeros have walked
         self._of_torque = self.rng.spawn(1)[0]
         self._six_axes = (
-            force_sensors.six_axes(self._force, self._of_torque) if self._force else None
+            force_sensors.draw_six_axes(self._force, self._of_torque) if self._force else None
         )
         self._torque_zero = np.zeros((len(felt), 3))  # Nm, the same of torques
         self._cache: dict[
@@ -153,8 +158,8 @@ class SimulatedPerson:
         x, dx, ddx = (a[0] for a in self._motion.at(np.array([t])))
         waits = [(t + BRIDGE, task_performance.relaxed())] if begins > BRIDGE else []
         self._motion = _joined(
-            after((x, dx, ddx), [*waits, (t + begins, task_performance.relaxed())], t),
-            shifted(done.motion, t + begins),
+            continue_through((x, dx, ddx), [*waits, (t + begins, task_performance.relaxed())], t),
+            shift_motion(done.motion, t + begins),
         )
         return True
 
@@ -172,25 +177,25 @@ class SimulatedPerson:
             np.arange(np.ceil(start * stream.rate - 1e-6), np.ceil(stop * stream.rate - 1e-6))
             / stream.rate
         )
-        k = kinematics.of_motion(self._motion, self.geometry, t)
+        k = kinematics.compute_kinematics(self._motion, self.geometry, t)
         forces = np.zeros((len(t), len(FINGERS), 3))
         for begins, done in self._held:
             inside = (t >= begins) & (t < begins + done.motion.duration)
             if done.forces is not None and inside.any():
                 forces[inside] = done.forces(
-                    kinematics.of_motion(done.motion, self.geometry, t[inside] - begins)
+                    kinematics.compute_kinematics(done.motion, self.geometry, t[inside] - begins)
                 )
         e = self._force.errors
         steady = replace(self._force, errors=replace(e, drift=0.0, torque_drift=0.0))
         zeros = _walked(self._zero, e.drift, stream.rate, len(t), self.rng)
         self._zero = zeros[-1] if len(t) else self._zero
-        read = force_sensors.readings(steady, self._sensors, k, forces, self.rng) + zeros
+        read = force_sensors.simulate_forces(steady, self._sensors, k, forces, self.rng) + zeros
         if TORQUE in stream.quantities:
             assert self._six_axes is not None
             zeros = _walked(self._torque_zero, e.torque_drift, stream.rate, len(t), self._of_torque)
             self._torque_zero = zeros[-1] if len(t) else self._torque_zero
             turned = (
-                force_sensors.torques(
+                force_sensors.simulate_torques(
                     steady, self._six_axes, self._sensors, k, forces, self._of_torque
                 )
                 + zeros
@@ -207,7 +212,7 @@ class SimulatedPerson:
         )
         if stream.inertial:
             return Block(stream, t, trunk.simulate_inertial(self._trunk, self._motion, t, self.rng))
-        k = kinematics.of_motion(self._motion, self.geometry, t)
+        k = kinematics.compute_kinematics(self._motion, self.geometry, t)
         return Block(
             stream,
             t,
@@ -221,8 +226,8 @@ class SimulatedPerson:
         cached = self._cache.get(rate)
         if cached is None or cached[:2] != (start, stop):
             t = np.arange(np.ceil(start * rate - 1e-6), np.ceil(stop * rate - 1e-6)) / rate
-            k = kinematics.of_motion(self._motion, self.geometry, t)
-            cached = (start, stop, t, sensors.inertial(self._sensors, k, rate, self.rng))
+            k = kinematics.compute_kinematics(self._motion, self.geometry, t)
+            cached = (start, stop, t, sensors.simulate_inertial(self._sensors, k, rate, self.rng))
             self._cache[rate] = cached
         return cached[2], cached[3]
 

@@ -63,7 +63,7 @@ class GraspEstimator:
         rows = self._tracking.past(now - NOW)
         if not len(rows):
             return None
-        return fingertip_forces.newest(
+        return fingertip_forces.newest_forces(
             self._zeros,
             rows,
             self._tracking.samples(now - NOW),
@@ -88,10 +88,10 @@ class GraspEstimator:
         if (
             onset == self._onset and not self._zeros
         ):  # from the empty hand: a lasting grip would pass for a zero
-            self._zeros = fingertip_forces.zeros(
+            self._zeros = fingertip_forces.estimate_zeros(
                 ForceParams(), [b.between(onset - BEFORE, onset + EMPTY) for b in blocks]
             )
-        forces, _ = fingertip_forces.attached(
+        forces, _ = fingertip_forces.attach_forces(
             ForceParams(), rows, blocks, self._tracking.mounting, [calibration]
         )
         name, estimate = SO_FAR[task]

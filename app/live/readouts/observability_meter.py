@@ -17,9 +17,13 @@ from handscope.estimators.hand.anatomy import CHAINS, FLEXION, JOINT, SEGMENT
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import observability, sample_preparation
-from handscope.estimators.self_calibration.observability import Limb, Observed, Told
+from handscope.estimators.self_calibration.observability import (
+    AccumulatedInformation,
+    JointObservability,
+    Limb,
+)
 from handscope.estimators.self_calibration.problem import Noise
-from handscope.estimators.self_calibration.result import Asked
+from handscope.estimators.self_calibration.result import Requirements
 
 log = logging.getLogger(__name__)
 EVERY = 1.0  # s of samples that are taken in at a time
@@ -32,11 +36,13 @@ class FreeMeter:
 
     def __init__(self, tracking: Tracking, onset: float) -> None:
         self._tracking, self._until = tracking, onset
-        self._fingers: dict[str, tuple[Limb, Told]] = {}
+        self._fingers: dict[str, tuple[Limb, AccumulatedInformation]] = {}
         self._flexion: list[Array] = []
         self._thread: threading.Thread | None = None
-        self._whole: tuple[Observed, ...] = ()  # of the best stretch before the newest hole
-        self.observed: tuple[Observed, ...] = ()
+        self._whole: tuple[
+            JointObservability, ...
+        ] = ()  # of the best stretch before the newest hole
+        self.observed: tuple[JointObservability, ...] = ()
 
     @property
     def is_enough(self) -> bool:
@@ -67,7 +73,7 @@ class FreeMeter:
                 b.between(start, stop) for b in self._tracking.samples(start) if b.stream.inertial
             ]
             blocks = [b for b in blocks if len(b.t) > 2]
-            if sample_preparation.holes(blocks, start, stop):
+            if sample_preparation.find_gaps(blocks, start, stop):
                 self._begin_anew()
                 return
             self._flexion.append(rows.angles[::THIN, :, FLEXION])
@@ -79,7 +85,10 @@ class FreeMeter:
         """Start a new stretch: self-calibration uses the longest one without gaps."""
         self._whole = self.observed
         self._fingers, self._flexion = (
-            {f: (limb, observability.nothing(limb)) for f, (limb, _) in self._fingers.items()},
+            {
+                f: (limb, observability.no_information(limb))
+                for f, (limb, _) in self._fingers.items()
+            },
             [],
         )
 
@@ -87,48 +96,52 @@ class FreeMeter:
         worn = {s for b in blocks for s in b.stream.sensors}
         for finger, links in CHAINS.items():
             if finger not in self._fingers and {"hand", links[0]} <= worn:
-                limb = observability.limb(
+                limb = observability.build_limb(
                     finger, sorted(worn), self._tracking.geometry, calibration.q_BS
                 )
                 if silent := _silent(limb, blocks):  # self-calibration leaves them out, too
-                    limb = observability.limb(
+                    limb = observability.build_limb(
                         finger,
                         sorted(worn - set(silent)),
                         self._tracking.geometry,
                         calibration.q_BS,
                     )
                 if limb.links.joints:
-                    self._fingers[finger] = limb, observability.nothing(limb)
-        flexion, observed = np.concatenate(self._flexion), list[Observed]()
+                    self._fingers[finger] = limb, observability.no_information(limb)
+        flexion, observed = np.concatenate(self._flexion), list[JointObservability]()
         for finger, (limb, before) in self._fingers.items():
             information = _accumulate(calibration, limb, before.noise, rows, blocks)
-            so_far = before if information is None else observability.together(before, information)
+            so_far = (
+                before
+                if information is None
+                else observability.add_information(before, information)
+            )
             self._fingers[finger] = limb, so_far
             of_joints = {joint: flexion[:, JOINT[joint]] for joint in limb.links.joints}
-            observed += observability.observed(Asked(), limb, so_far, of_joints)
+            observed += observability.assess_joints(Requirements(), limb, so_far, of_joints)
         self.observed = max(self._whole, tuple(observed), key=_worth)
 
 
-def _worth(observed: Sequence[Observed]) -> float:
+def _worth(observed: Sequence[JointObservability]) -> float:
     """Rank of a stretch: the share of its least observable joint."""
     return min((o.share for o in observed), default=0.0)
 
 
 def _silent(limb: Limb, blocks: Sequence[Block]) -> tuple[str, ...]:
     """Which of the limb's sensors give less than half of their samples, and those behind the first of them."""
-    return sample_preparation.speaking(blocks, limb.links, -np.inf, np.inf)[1]
+    return sample_preparation.drop_silent_sensors(blocks, limb.links, -np.inf, np.inf)[1]
 
 
 def _accumulate(
     calibration: Calibration, limb: Limb, noise: Noise, rows: Trajectory, blocks: Sequence[Block]
-) -> Told | None:
+) -> AccumulatedInformation | None:
     """Information that a stretch gives about a finger; None where a sensor is silent or has no orientation."""
     own = [b for b in blocks if set(b.stream.sensors) & set(limb.links.sensors)]
     if not {s for b in own for s in b.stream.sensors} >= set(limb.links.sensors) or _silent(
         limb, own
     ):
         return None
-    t, read = sample_preparation.readings(
+    t, read = sample_preparation.prepare_readings(
         own, limb.links.sensors, max(b.t[0] for b in own), min(b.t[-1] for b in own)
     )
     row = min(int(np.searchsorted(rows.t, t[0])), len(rows) - 1)
@@ -138,4 +151,4 @@ def _accumulate(
             for s in limb.links.sensors
         ]
     )
-    return observability.told(limb, read, q_GS, noise) if np.isfinite(q_GS).all() else None
+    return observability.accumulate(limb, read, q_GS, noise) if np.isfinite(q_GS).all() else None

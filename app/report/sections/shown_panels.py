@@ -12,7 +12,7 @@ import numpy as np
 from handscope.app.language import Language
 from handscope.app.report.units import READABLE, unit_words
 from handscope.estimators.hand.anatomy import FINGERS
-from handscope.estimators.measures.plot_data import Curve, Shown, thinned
+from handscope.estimators.measures.plot_data import Curve, PlotData, thin_curves
 from handscope.estimators.numerics.typing import Array
 
 POINTS = 600  # of a panel's curve at most: finer than a page
@@ -54,7 +54,7 @@ class Panel:
     marks: tuple[float, ...]  # s
 
 
-def panels(shown: Shown, onset: float, language: Language) -> list[Panel]:
+def panels(shown: PlotData, onset: float, language: Language) -> list[Panel]:
     """The panels of one trial that began at `onset`, s."""
     curves = {c.name: c for c in shown.curves}
     drawn = {name: [curves[w] for w in wanted if w in curves] for name, wanted in PANELS.items()}
@@ -68,15 +68,15 @@ def panels(shown: Shown, onset: float, language: Language) -> list[Panel]:
     ]
 
 
-def shown_of(stored: Mapping[str, Any] | None) -> Shown:
+def shown_of(stored: Mapping[str, Any] | None) -> PlotData:
     """What a kept result says of a task's curves, None standing for a gap."""
     if not stored:
-        return Shown()
+        return PlotData()
     curves = (
         Curve(c["name"], c["unit"], _array(c["x"]), _array(c["y"]), c.get("x_unit", "s"))
         for c in stored["curves"]
     )
-    return Shown(tuple(curves), {name: _array(times) for name, times in stored["marks"].items()})
+    return PlotData(tuple(curves), {name: _array(times) for name, times in stored["marks"].items()})
 
 
 def _array(values: list[float | None]) -> Array:
@@ -86,7 +86,7 @@ def _array(values: list[float | None]) -> Array:
 def _panel(
     name: str, found: list[Curve], onset: float, marks: tuple[float, ...], language: Language
 ) -> Panel:
-    first = thinned([c for c in found if np.array_equal(c.x, found[0].x)], POINTS)
+    first = thin_curves([c for c in found if np.array_equal(c.x, found[0].x)], POINTS)
     unit, factor = READABLE.get(first[0].unit, (first[0].unit, 1.0))
     over_time = first[0].x_unit == "s"
     x_unit, x_factor = READABLE.get(first[0].x_unit, (first[0].x_unit, 1.0))

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.force.interpolation import noise_of
+from handscope.estimators.force.interpolation import reading_noise
 from handscope.estimators.magnet.model.setup import (
     EARTH_STRONGEST,
     EARTH_WEAKEST,
@@ -240,7 +240,7 @@ def compute_statistics(t: Array, mag: Array, limit: float | None) -> ReadingStat
     is_saturated = _find_saturated(mag, limit)
     unsaturated = np.where(is_saturated[..., None], np.nan, mag)
     hum, hum_frequency = _measure_hum(t, unsaturated)
-    noise = np.maximum(noise_of(t, unsaturated), hum / np.sqrt(2.0))
+    noise = np.maximum(reading_noise(t, unsaturated), hum / np.sqrt(2.0))
     known = np.isfinite(mag)
     spread = np.where(known, mag, -np.inf).max(axis=0) - np.where(known, mag, np.inf).min(axis=0)
     is_stuck = (spread == 0).any(axis=1) & (len(t) >= MIN_READINGS) & (np.median(spread) > 0)

@@ -26,20 +26,20 @@ from handscope.estimators.self_calibration.problem import (
     Problem,
     Readings,
     Unknowns,
-    bent,
-    columns,
-    moved,
-    posed,
+    apply_increment,
+    build_problem,
+    parameter_columns,
     tangents,
+    with_flexion,
 )
 from handscope.estimators.self_calibration.residuals import Terms
 
 EVERY_SAMPLE = (
-    residuals.turning,
-    residuals.meeting,
-    residuals.hinging,
-    residuals.staying,
-)  # how it begins is told by `Past`
+    residuals.gyroscope_terms,
+    residuals.joint_acceleration_terms,
+    residuals.hinge_terms,
+    residuals.mean_acceleration_terms,
+)  # how it begins is told by `MarginalPrior`
 SHARED = 2  # samples of the window that those that left have touched: a joint's meeting spans three
 TAIL = 3  # last readings that are needed again: two samples of the window and the one ahead of it, without which the last turn is not known
 POSE_SD = 1e-3  # rad: what the first sample may have turned from the pose; the hand is held still
@@ -47,7 +47,7 @@ HEADING_SD = 1e-3  # rad: the root's heading is free and is held where it began
 
 
 @dataclass(frozen=True)
-class Past:
+class MarginalPrior:
     """What was told by samples that left: a quadratic form of the way from a place, of SHARED samples, parameters and pose."""
 
     at: Unknowns  # of SHARED samples, where it was linearised
@@ -62,11 +62,11 @@ class Window:
     tail: Readings  # the last TAIL readings
     at: Unknowns
     pose: Array  # (S, 4) orientations of the sensors in the pose
-    past: Past
+    prior: MarginalPrior
 
 
 @dataclass(frozen=True)
-class Slid:
+class WindowResult:
     """A window after a step."""
 
     window: Window
@@ -75,7 +75,7 @@ class Slid:
     misfit: float  # RMS of joints' accelerations in what they should err by: 1 where errors are as believed
 
 
-def begun(
+def start_window(
     chain: Chain,
     noise: Noise,
     readings: Readings,
@@ -91,10 +91,10 @@ def begun(
     `pose` (S, 4) is as well known; `in_pose`: the first sample is still there.
     """
     n = len(readings) - 1
-    whole = posed(chain, noise, readings, first.q_GS[0], hand, mounting)
-    problem = _cut(replace(whole, bias_told=first.bias_gyr), 0, n)
-    at = _carried(first, problem.turns, problem.dt)
-    e, P = 3 * len(chain.sensors), columns(chain).count
+    whole = build_problem(chain, noise, readings, first.q_GS[0], hand, mounting)
+    problem = _slice_problem(replace(whole, bias_prior=first.bias_gyr), 0, n)
+    at = _integrate_gyroscopes(first, problem.turns, problem.dt)
+    e, P = 3 * len(chain.sensors), parameter_columns(chain).count
     upright = quat.rotate(quat.conjugate(first.q_GS[0, 0]), np.array([0.0, 0.0, 1.0]))
     H, own = np.zeros((SHARED * e + P + e, SHARED * e + P + e)), np.diag(1 / np.ravel(sd) ** 2)
     own[:3, :3] += np.outer(upright, upright) / HEADING_SD**2
@@ -104,15 +104,15 @@ def begun(
         H[:e, :e] += np.eye(e) / POSE_SD**2
         H[:e, -e:] = H[-e:, :e] = -np.eye(e) / POSE_SD**2
     began = first.q_GS[0] if in_pose else pose
-    past = Past(_samples(at, 0, SHARED), began, H, np.zeros(len(H)))
-    return Window(problem, _readings(readings, n + 1 - TAIL, n + 1), at, began, past)
+    prior = MarginalPrior(_slice_samples(at, 0, SHARED), began, H, np.zeros(len(H)))
+    return Window(problem, _slice_readings(readings, n + 1 - TAIL, n + 1), at, began, prior)
 
 
-def longer(window: Window, fresh: Readings) -> Window:
+def extend_window(window: Window, fresh: Readings) -> Window:
     """The window with as many samples more as `fresh` has; where they are oriented is what gyroscopes say."""
     m, problem = len(fresh), window.problem
-    both = _joined(window.tail, fresh)
-    piece = posed(
+    both = _join_readings(window.tail, fresh)
+    piece = build_problem(
         problem.chain, problem.noise, both, problem.start, "left", {}
     )  # what depends on hand and mounting is known already
     new, between = slice(SHARED, SHARED + m), slice(SHARED - 1, SHARED - 1 + m)
@@ -126,48 +126,55 @@ def longer(window: Window, fresh: Readings) -> Window:
         bent=np.concatenate([problem.bent, np.zeros((m, problem.bent.shape[1]))]),
         by_tilt=np.concatenate([problem.by_tilt, np.zeros((m, *problem.by_tilt.shape[1:]))]),
     )
-    ahead = _carried(_samples(window.at, -1, None), piece.turns[between], problem.dt)
+    ahead = _integrate_gyroscopes(
+        _slice_samples(window.at, -1, None), piece.turns[between], problem.dt
+    )
     at = replace(window.at, q_GS=np.concatenate([window.at.q_GS, ahead.q_GS[1:]]))
-    return replace(window, problem=grown, tail=_readings(both, len(both) - TAIL, len(both)), at=at)
+    return replace(
+        window, problem=grown, tail=_slice_readings(both, len(both) - TAIL, len(both)), at=at
+    )
 
 
-def solved(window: Window, most: int, rounds: int, straight: float) -> Slid:
+def solve_window(window: Window, most: int, rounds: int, straight: float) -> WindowResult:
     """Gauss-Newton steps, `rounds` of them; then the oldest samples leave until there are `most`. LinAlgError where it is not told.
 
     `straight` (rad): how far a joint may have been off in the pose.
     """
     for _ in range(rounds):
-        window = replace(window, problem=bent(window.problem, window.at))
+        window = replace(window, problem=with_flexion(window.problem, window.at))
         here, terms = (
             window,
             [kind(window.problem, window.at, 0, len(window.problem)) for kind in EVERY_SAMPLE],
         )
-        factor, window = _stepped(window, terms, straight)
+        factor, window = _gauss_newton_step(window, terms, straight)
     leave = max(0, len(window.problem) - most)
-    past = _past(here, terms, leave) if leave else window.past
-    kept = replace(
+    prior = _marginalise_oldest(here, terms, leave) if leave else window.prior
+    remaining = replace(
         window,
-        problem=_cut(window.problem, leave, len(window.problem)),
-        at=_samples(window.at, leave, None),
-        past=past,
+        problem=_slice_problem(window.problem, leave, len(window.problem)),
+        at=_slice_samples(window.at, leave, None),
+        prior=prior,
     )
-    return Slid(
-        kept, factor, leave, float(np.sqrt(np.mean(terms[1].r ** 2))) if terms[1].r.size else 0.0
+    return WindowResult(
+        remaining,
+        factor,
+        leave,
+        float(np.sqrt(np.mean(terms[1].r ** 2))) if terms[1].r.size else 0.0,
     )
 
 
-def taught(fresh: Window, before: Window) -> Window:
+def inherit_prior(fresh: Window, before: Window) -> Window:
     """A window just begun that knows of parameters and pose what had left another one: it begins where that was told."""
     k = SHARED * 3 * len(before.pose)
-    H, g = np.zeros_like(fresh.past.H), np.zeros_like(fresh.past.g)
-    H[:k, :k] = fresh.past.H[:k, :k]
-    H[k:, k:], g[k:] = _without(before.past.H, before.past.g, k)
-    here = replace(before.past.at, q_GS=fresh.at.q_GS)
+    H, g = np.zeros_like(fresh.prior.H), np.zeros_like(fresh.prior.g)
+    H[:k, :k] = fresh.prior.H[:k, :k]
+    H[k:, k:], g[k:] = _eliminate(before.prior.H, before.prior.g, k)
+    here = replace(before.prior.at, q_GS=fresh.at.q_GS)
     return replace(
         fresh,
         at=here,
-        pose=before.past.pose,
-        past=Past(_samples(here, 0, SHARED), before.past.pose, H, g),
+        pose=before.prior.pose,
+        prior=MarginalPrior(_slice_samples(here, 0, SHARED), before.prior.pose, H, g),
     )
 
 
@@ -186,30 +193,34 @@ def covariance(factor: Factor, k: int) -> Array:
     return np.block([[own.T @ own - across @ M.T, across], [across.T, factor.covariance]])
 
 
-def _stepped(window: Window, terms: Sequence[Terms], straight: float) -> tuple[Factor, Window]:
+def _gauss_newton_step(
+    window: Window, terms: Sequence[Terms], straight: float
+) -> tuple[Factor, Window]:
     at, chain = window.at, window.problem.chain
-    S, P = len(chain.sensors), columns(chain).count
-    normal = _normal(len(window.problem), window, terms)
-    r, K = residuals.priors(window.problem, at)
+    S, P = len(chain.sensors), parameter_columns(chain).count
+    normal = _build_normal(len(window.problem), window, terms)
+    r, K = residuals.prior_residuals(window.problem, at)
     normal.C[:P, :P] += K.T @ K
     normal.c[:P] += K.T @ r
-    r, K = _straight(window, straight)
+    r, K = _straight_pose_residuals(window, straight)
     normal.C[...] += K.T @ K
     normal.c[...] += K.T @ r
-    factor = normal_equations.factored(normal)
-    step = normal_equations.step(normal, factor)
+    factor = normal_equations.factorise(normal)
+    step = normal_equations.solve_step(normal, factor)
     if not (np.isfinite(step.turns).all() and np.isfinite(step.parameters).all()):
         raise np.linalg.LinAlgError("the step is not finite")
     pose = quat.normalize(quat.multiply(window.pose, quat.exp(step.parameters[P:].reshape(S, 3))))
     return factor, replace(
-        window, at=moved(at, chain, step.turns.reshape(-1, S, 3), step.parameters[:P]), pose=pose
+        window,
+        at=apply_increment(at, chain, step.turns.reshape(-1, S, 3), step.parameters[:P]),
+        pose=pose,
     )
 
 
-def _straight(window: Window, sd: float) -> tuple[Array, Array]:
+def _straight_pose_residuals(window: Window, sd: float) -> tuple[Array, Array]:
     """In the pose neighbouring bones lie in one line: residuals (m,) and their derivatives by parameters and pose (m, P + e)."""
     at, chain = window.at, window.problem.chain
-    c, R = columns(chain), quat.matrix(window.pose)
+    c, R = parameter_columns(chain), quat.matrix(window.pose)
     bones = {s: (before, behind) for s, before, behind in residuals.bones(chain)}
     r, by = [], []
     for i, j in zip(chain.parents, chain.children):
@@ -232,7 +243,7 @@ def _straight(window: Window, sd: float) -> tuple[Array, Array]:
     )
 
 
-def _past(window: Window, terms: Sequence[Terms], leave: int) -> Past:
+def _marginalise_oldest(window: Window, terms: Sequence[Terms], leave: int) -> MarginalPrior:
     """What the first samples and those before them tell of the next two, the parameters and the pose: theirs eliminated."""
     heads = [
         replace(
@@ -240,29 +251,29 @@ def _past(window: Window, terms: Sequence[Terms], leave: int) -> Past:
         )
         for t in terms
     ]
-    rest, slope = _without(
-        *_dense(_normal(leave + SHARED, window, heads)),
+    rest, slope = _eliminate(
+        *_to_dense(_build_normal(leave + SHARED, window, heads)),
         leave * 3 * len(window.problem.chain.sensors),
     )
-    return Past(_samples(window.at, leave, leave + SHARED), window.pose, rest, slope)
+    return MarginalPrior(_slice_samples(window.at, leave, leave + SHARED), window.pose, rest, slope)
 
 
-def _without(H: Array, g: Array, k: int) -> tuple[Array, Array]:
+def _eliminate(H: Array, g: Array, k: int) -> tuple[Array, Array]:
     """A quadratic form with its first k unknowns eliminated. LinAlgError where they are not told."""
-    told = cho_solve(cho_factor(H[:k, :k]), np.column_stack([H[:k, k:], g[:k]]))
-    rest = H[k:, k:] - H[k:, :k] @ told[:, :-1]
-    return 0.5 * (rest + rest.T), g[k:] - H[k:, :k] @ told[:, -1]
+    eliminated = cho_solve(cho_factor(H[:k, :k]), np.column_stack([H[:k, k:], g[:k]]))
+    rest = H[k:, k:] - H[k:, :k] @ eliminated[:, :-1]
+    return 0.5 * (rest + rest.T), g[k:] - H[k:, :k] @ eliminated[:, -1]
 
 
-def _normal(n: int, window: Window, terms: Sequence[Terms]) -> Normal:
+def _build_normal(n: int, window: Window, terms: Sequence[Terms]) -> Normal:
     """Of the first n samples' residuals and of the past, without what is known of parameters and pose before."""
-    chain, past = window.problem.chain, window.past
-    e, c = 3 * len(chain.sensors), columns(chain)
+    chain, prior = window.problem.chain, window.prior
+    e, c = 3 * len(chain.sensors), parameter_columns(chain)
     normal = normal_equations.empty(n, e, c.count + e)
     for t in terms:
-        normal_equations.add(normal, t)
-    way, slope = _way(past, window, c)
-    H, g = slope.T @ past.H @ slope, slope.T @ (past.H @ way + past.g)
+        normal_equations.add_terms(normal, t)
+    increment, slope = _increment_since_prior(prior, window, c)
+    H, g = slope.T @ prior.H @ slope, slope.T @ (prior.H @ increment + prior.g)
     normal.A[0, 0] += H[:e, :e]
     normal.A[0, 1] += H[e : 2 * e, :e]
     normal.A[1, 0] += H[e : 2 * e, e : 2 * e]
@@ -273,12 +284,12 @@ def _normal(n: int, window: Window, terms: Sequence[Terms]) -> Normal:
     return normal
 
 
-def _way(past: Past, window: Window, c: Columns) -> tuple[Array, Array]:
+def _increment_since_prior(prior: MarginalPrior, window: Window, c: Columns) -> tuple[Array, Array]:
     """How far it is from where the past was linearised to here, in increments (m,), and how that changes with increments here (m, m)."""
-    before, at, S = past.at, window.at, len(window.pose)
+    before, at, S = prior.at, window.at, len(window.pose)
     turns = quat.log(
         quat.relative(
-            np.concatenate([before.q_GS, past.pose[None]]),
+            np.concatenate([before.q_GS, prior.pose[None]]),
             np.concatenate([at.q_GS[:SHARED], window.pose[None]]),
         )
     )
@@ -312,7 +323,7 @@ def _way(past: Past, window: Window, c: Columns) -> tuple[Array, Array]:
     return np.concatenate([turns[:SHARED].ravel(), p, turns[SHARED].ravel()]), slope
 
 
-def _dense(normal: Normal) -> tuple[Array, Array]:
+def _to_dense(normal: Normal) -> tuple[Array, Array]:
     """The same equations as one matrix and one gradient."""
     n, span, e, _ = normal.A.shape
     P = len(normal.c)
@@ -328,7 +339,7 @@ def _dense(normal: Normal) -> tuple[Array, Array]:
     return H, np.concatenate([normal.a.ravel(), normal.c])
 
 
-def _carried(at: Unknowns, turns: Array, dt: float) -> Unknowns:
+def _integrate_gyroscopes(at: Unknowns, turns: Array, dt: float) -> Unknowns:
     """From the one sample of `at` on as gyroscopes say: their turns (n-1, S, 3) less biases."""
     q_GS = np.empty((len(turns) + 1, *at.q_GS.shape[1:]))
     q_GS[0] = at.q_GS[0]
@@ -338,7 +349,7 @@ def _carried(at: Unknowns, turns: Array, dt: float) -> Unknowns:
     return replace(at, q_GS=q_GS)
 
 
-def _cut(problem: Problem, start: int, stop: int) -> Problem:
+def _slice_problem(problem: Problem, start: int, stop: int) -> Problem:
     turns = {
         name: getattr(problem, name)[start : stop - 1] for name in ("turns", "later", "turn_sd")
     }
@@ -352,14 +363,14 @@ def _cut(problem: Problem, start: int, stop: int) -> Problem:
     )
 
 
-def _samples(at: Unknowns, start: int, stop: int | None) -> Unknowns:
+def _slice_samples(at: Unknowns, start: int, stop: int | None) -> Unknowns:
     return replace(at, q_GS=at.q_GS[start:stop])
 
 
-def _readings(r: Readings, start: int, stop: int) -> Readings:
+def _slice_readings(r: Readings, start: int, stop: int) -> Readings:
     return Readings(r.dt, *(v[start:stop] for v in (r.gyr, r.acc, r.gyr_doubt, r.acc_doubt)))
 
 
-def _joined(a: Readings, b: Readings) -> Readings:
+def _join_readings(a: Readings, b: Readings) -> Readings:
     pairs = (a.gyr, b.gyr), (a.acc, b.acc), (a.gyr_doubt, b.gyr_doubt), (a.acc_doubt, b.acc_doubt)
     return Readings(a.dt, *(np.concatenate(pair) for pair in pairs))

@@ -13,7 +13,7 @@ import numpy as np
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.hand import forward_kinematics, joint_angles
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, IS_DOF, JOINT, SEGMENT, SEGMENTS
-from handscope.estimators.hand.geometry import with_lengths
+from handscope.estimators.hand.geometry import with_finger_lengths
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import segments
@@ -24,15 +24,15 @@ from handscope.estimators.self_calibration.problem import (
     Problem,
     Readings,
     Unknowns,
-    chain,
-    columns,
-    measured,
-    moved,
+    apply_increment,
+    build_chain,
+    parameter_columns,
+    with_lengths,
 )
 from handscope.estimators.self_calibration.sliding_window import (
     estimator as sliding_window_estimator,
 )
-from handscope.estimators.self_calibration.sliding_window.estimator import Slid, Window
+from handscope.estimators.self_calibration.sliding_window.estimator import Window, WindowResult
 from handscope.estimators.self_calibration.sliding_window.streaming_samples import Nodes
 from handscope.estimators.self_calibration.solver import Solution
 from handscope.estimators.self_calibration.uncertainty import posterior
@@ -57,7 +57,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Sure:
+class OutputUncertainty:
     """Standard deviations."""
 
     angles: Array  # (joints, 3) rad, NaN where it is no joint of this finger
@@ -73,21 +73,25 @@ class Finger:
     steps: int = 0  # since it began
     on_hand: Mapping[str, Array] | None = None  # (n, 4) by segment, of the window's samples
     lengths: Mapping[str, float] | None = None  # m
-    sure: Sure | None = None
+    sure: OutputUncertainty | None = None
 
 
-def of_worn(finger: str, worn: set[str]) -> Finger | None:
+def build_finger(finger: str, worn: set[str]) -> Finger | None:
     """A finger whose sensors hang together with the hand's; None where they do not."""
-    links = chain([s for s in ("hand", *CHAINS[finger]) if s in worn]) if "hand" in worn else None
+    links = (
+        build_chain([s for s in ("hand", *CHAINS[finger]) if s in worn]) if "hand" in worn else None
+    )
     return Finger(finger, links) if links is not None and len(links.joints) else None
 
 
-def stepped(setting: Setting, finger: Finger, nodes: Nodes, q_GS: Array, sd: Array) -> Finger:
+def advance_finger(
+    setting: Setting, finger: Finger, nodes: Nodes, q_GS: Array, sd: Array
+) -> Finger:
     """With some nodes more, at least three; where a window begins the sensors are at the first of them as `q_GS` (segments, 4) has them, to `sd` (segments,) rad."""
     rows = [SEGMENT[s] for s in finger.chain.sensors]
     if nodes.lost[:, rows].any() or not np.isfinite(nodes.values[:, rows]).all():
-        return given_up(finger)
-    read = _readings(nodes, rows)
+        return close_window(finger)
+    read = _select_readings(nodes, rows)
     try:
         if finger.window is None:
             if not np.isfinite(q_GS[rows]).all():
@@ -95,7 +99,7 @@ def stepped(setting: Setting, finger: Finger, nodes: Nodes, q_GS: Array, sd: Arr
             finger, rounds = (
                 replace(
                     finger,
-                    window=_begun(
+                    window=_start_window(
                         setting,
                         finger,
                         read,
@@ -108,34 +112,34 @@ def stepped(setting: Setting, finger: Finger, nodes: Nodes, q_GS: Array, sd: Arr
             )
         else:
             finger, rounds = (
-                replace(finger, window=sliding_window_estimator.longer(finger.window, read)),
+                replace(finger, window=sliding_window_estimator.extend_window(finger.window, read)),
                 1,
             )
         assert finger.window is not None
-        slid = sliding_window_estimator.solved(
+        result = sliding_window_estimator.solve_window(
             finger.window, setting.most, rounds, setting.straight
         )
     except np.linalg.LinAlgError:
         return Finger(finger.name, finger.chain)
-    if not slid.misfit < MISFIT:
+    if not result.misfit < MISFIT:
         return Finger(finger.name, finger.chain)
-    return _told(setting, finger, slid)
+    return _read_window(setting, finger, result)
 
 
-def given_up(finger: Finger) -> Finger:
+def close_window(finger: Finger) -> Finger:
     """A sensor is silent: what is known of parameters stays."""
     return Finger(finger.name, finger.chain, known=finger.window or finger.known)
 
 
-def _begun(
+def _start_window(
     setting: Setting, finger: Finger, read: Readings, q_GS: Array, sd: Array, in_pose: bool
 ) -> Window:
     noise, calibration, sensors = setting.noise, setting.calibration, finger.chain.sensors
     guess, pose = (
-        _guess(calibration, finger, q_GS),
+        _initial_unknowns(calibration, finger, q_GS),
         np.array([calibration.q_GS.get(s, q) for s, q in zip(sensors, q_GS)]),
     )
-    window = sliding_window_estimator.begun(
+    window = sliding_window_estimator.start_window(
         finger.chain,
         noise,
         read,
@@ -146,23 +150,29 @@ def _begun(
         calibration.hand,
         calibration.q_BS,
     )
-    problem = measured(
+    problem = with_lengths(
         window.problem, {s: calibration.geometry.lengths[s] for s in CHAINS[finger.name]}
     )
     problem = replace(
         problem,
-        seat_sd=np.array([_seat_sd(setting, s) for s in sensors]),
+        mounting_sd=np.array([_mounting_sd(setting, s) for s in sensors]),
         bias_sd=_bias_sd(setting, finger),
     )
     window = replace(window, problem=problem)
-    return window if finger.known is None else sliding_window_estimator.taught(window, finger.known)
+    return (
+        window
+        if finger.known is None
+        else sliding_window_estimator.inherit_prior(window, finger.known)
+    )
 
 
-def _seat_sd(setting: Setting, sensor: str) -> float:
+def _mounting_sd(setting: Setting, sensor: str) -> float:
     """How far a sensor may sit off what the calibration says, rad: as its movements told, else as sensors are put on."""
-    told = setting.calibration.q_BS_sd.get(sensor)
+    measured_sd = setting.calibration.q_BS_sd.get(sensor)
     return float(
-        np.radians(setting.noise.mounting) if told is None else np.sqrt(np.mean(np.square(told)))
+        np.radians(setting.noise.mounting)
+        if measured_sd is None
+        else np.sqrt(np.mean(np.square(measured_sd)))
     )
 
 
@@ -180,7 +190,7 @@ def _bias_sd(setting: Setting, finger: Finger) -> float:
     )
 
 
-def _guess(calibration: Calibration, finger: Finger, q_GS: Array) -> Unknowns:
+def _initial_unknowns(calibration: Calibration, finger: Finger, q_GS: Array) -> Unknowns:
     """Sensors in the middle of their segments, axes and biases as the pose has them."""
     links, geometry = finger.chain, calibration.geometry
     to_sensor = quat.conjugate(
@@ -219,52 +229,54 @@ def _guess(calibration: Calibration, finger: Finger, q_GS: Array) -> Unknowns:
     )
 
 
-def _readings(nodes: Nodes, rows: list[int]) -> Readings:
+def _select_readings(nodes: Nodes, rows: list[int]) -> Readings:
     dt = float(np.mean(np.diff(nodes.t)))
     values, doubt = nodes.values[:, rows], nodes.doubt[:, rows]
     return Readings(dt, values[..., :3], values[..., 3:], doubt[..., 0], doubt[..., 1])
 
 
-def _told(setting: Setting, finger: Finger, slid: Slid) -> Finger:
+def _read_window(setting: Setting, finger: Finger, result: WindowResult) -> Finger:
     """What a window says."""
-    window, steps = slid.window, finger.steps + 1
-    on_hand, lengths = _on_hand(
-        setting, _solution(window.at, window.problem, slid.factor), window.pose
+    window, steps = result.window, finger.steps + 1
+    on_hand, lengths = _segments_on_hand(
+        setting, _solution(window.at, window.problem, result.factor), window.pose
     )
     sure = finger.sure
     if sure is None or steps in FIRST or steps % EVERY == 0:
-        sure = _sure(setting, finger, slid)
+        sure = _estimate_uncertainty(setting, finger, result)
     return replace(finger, window=window, steps=steps, on_hand=on_hand, lengths=lengths, sure=sure)
 
 
-def _on_hand(
-    setting: Setting, found: Solution, pose: Array
+def _segments_on_hand(
+    setting: Setting, solution: Solution, pose: Array
 ) -> tuple[dict[str, Array], Mapping[str, float]]:
     """Segments against the hand (n, 4), lengths. Where no joint shows how a sensor sits (the hand's, the last one's) the pose does."""
-    calibration, sensors = setting.calibration, found.problem.chain.sensors
-    told = segments.of_solution(found, calibration.hand, calibration.q_BS)
-    q_GB = dict(told.q_GB)
+    calibration, sensors = setting.calibration, solution.problem.chain.sensors
+    result = segments.of_solution(solution, calibration.hand, calibration.q_BS)
+    q_GB = dict(result.q_GB)
     if len(sensors) > 2:
         first, before, last = 1, len(sensors) - 2, len(sensors) - 1
         for own, beside in ((0, first), (last, before)):
-            straight = quat.multiply(pose[beside], quat.conjugate(told.q_BS[sensors[beside]]))
-            q_GB_pose = quat.multiply(straight, _held(calibration, sensors[beside], sensors[own]))
+            straight = quat.multiply(pose[beside], quat.conjugate(result.q_BS[sensors[beside]]))
+            q_GB_pose = quat.multiply(
+                straight, _pose_rotation(calibration, sensors[beside], sensors[own])
+            )
             again = quat.multiply(quat.conjugate(pose[own]), q_GB_pose)  # q_SB
             q_GB[sensors[own]] = quat.multiply(
-                told.q_GB[sensors[own]], quat.multiply(told.q_BS[sensors[own]], again)
+                result.q_GB[sensors[own]], quat.multiply(result.q_BS[sensors[own]], again)
             )
-    return {s: quat.relative(q_GB["hand"], q_GB[s]) for s in sensors[1:]}, told.lengths
+    return {s: quat.relative(q_GB["hand"], q_GB[s]) for s in sensors[1:]}, result.lengths
 
 
 def _solution(at: Unknowns, problem: Problem, factor: Factor) -> Solution:
     """As segments.py reads it: without the pose."""
-    P = columns(problem.chain).count
+    P = parameter_columns(problem.chain).count
     return Solution(
         at, problem, "converged", (), replace(factor, covariance=factor.covariance[:P, :P])
     )
 
 
-def _held(calibration: Calibration, a: str, b: str) -> Array:
+def _pose_rotation(calibration: Calibration, a: str, b: str) -> Array:
     """How segment b stood on a in the pose (4,)."""
     q_a, q_b = (
         quat.multiply(calibration.q_GS[s], quat.conjugate(calibration.q_BS[s]))
@@ -275,9 +287,11 @@ def _held(calibration: Calibration, a: str, b: str) -> Array:
     return quat.IDENTITY if q_a is None or q_b is None else quat.relative(q_a, q_b)
 
 
-def _sure(setting: Setting, finger: Finger, slid: Slid) -> Sure:
+def _estimate_uncertainty(
+    setting: Setting, finger: Finger, result: WindowResult
+) -> OutputUncertainty:
     """Of the sample that is given out, by draws; joints' accelerations that err by more than believed make all as much less sure."""
-    window, n = slid.window, len(slid.window.problem)
+    window, n = result.window, len(result.window.problem)
     k = min(setting.lag + 1, n)
     at = replace(window.at, q_GS=window.at.q_GS[n - k : n - k + 1])
     one = slice(n - k, n - k + 1)
@@ -288,36 +302,40 @@ def _sure(setting: Setting, finger: Finger, slid: Slid) -> Sure:
         by_tilt=window.problem.by_tilt[one],
     )
     luck = posterior.normal_numbers(DRAWS, 1 << 15)
-    angles, tip = _moved(setting, finger, _solution(at, problem, slid.factor), window.pose, 0.0)
+    angles, tip = _angles_and_tip(
+        setting, finger, _solution(at, problem, result.factor), window.pose, 0.0
+    )
     drawn = [
-        _moved(setting, finger, _solution(place, problem, slid.factor), pose, lucky)
+        _angles_and_tip(setting, finger, _solution(place, problem, result.factor), pose, lucky)
         for (place, pose), lucky in zip(
-            _draws(
-                at, window.pose, finger.chain, sliding_window_estimator.covariance(slid.factor, k)
+            _draw_places(
+                at, window.pose, finger.chain, sliding_window_estimator.covariance(result.factor, k)
             ),
             luck,
         )
     ]
-    wider, missed = max(1.0, slid.misfit), np.zeros(angles.shape)
+    wider, missed = max(1.0, result.misfit), np.zeros(angles.shape)
     ends = {finger.chain.joints[0], finger.chain.joints[-1]}  # their zero is the pose's
     missed[[JOINT[j] for j in ends]] = setting.straight
     angles_sd = wider * np.sqrt(np.mean([(a - angles) ** 2 for a, _ in drawn], axis=0))
     tip_sd = wider * np.sqrt(np.mean([(t - tip) ** 2 for _, t in drawn], axis=0))
     reach = sum(setting.calibration.geometry.lengths[s] for s in CHAINS[finger.name])
-    return Sure(np.hypot(angles_sd, missed), np.hypot(tip_sd, setting.straight * reach))
+    return OutputUncertainty(
+        np.hypot(angles_sd, missed), np.hypot(tip_sd, setting.straight * reach)
+    )
 
 
-def _moved(
-    setting: Setting, finger: Finger, found: Solution, pose: Array, luck: float
+def _angles_and_tip(
+    setting: Setting, finger: Finger, solution: Solution, pose: Array, luck: float
 ) -> tuple[Array, Array]:
     """Angles (joints, 3), NaN where it is no joint of this finger, and the tip (3,), free of limits; `luck` for what no movement tells of lengths."""
-    on_hand, lengths = _on_hand(setting, found, pose)
+    on_hand, lengths = _segments_on_hand(setting, solution, pose)
     q = np.full((len(SEGMENTS), 4), np.nan)
     q[SEGMENT["hand"]] = quat.IDENTITY
     for name, of_segment in on_hand.items():
         q[SEGMENT[name]] = of_segment[0]
     angles = np.where(IS_DOF, joint_angles.of_segments(q), 0.0)
-    geometry = with_lengths(
+    geometry = with_finger_lengths(
         setting.calibration.geometry, finger.name, lengths, setting.length_guess * luck
     )
     return angles, forward_kinematics.tips(joint_angles.compose(angles), geometry)[
@@ -325,13 +343,15 @@ def _moved(
     ]
 
 
-def _draws(at: Unknowns, pose: Array, links: Chain, P: Array) -> Iterator[tuple[Unknowns, Array]]:
+def _draw_places(
+    at: Unknowns, pose: Array, links: Chain, P: Array
+) -> Iterator[tuple[Unknowns, Array]]:
     """Places and poses as probable as a covariance of one sample's orientations, the parameters and the pose leaves them."""
     scale, e = np.sqrt(np.diag(P)), 3 * len(links.sensors)
     root = np.linalg.cholesky(P / np.outer(scale, scale) + ROUNDING * np.eye(len(P)))
     for which in range(DRAWS):
         step = scale * (root @ posterior.normal_numbers(len(P), which))
         yield (
-            moved(at, links, step[:e].reshape(1, -1, 3), step[e:-e]),
+            apply_increment(at, links, step[:e].reshape(1, -1, 3), step[e:-e]),
             quat.normalize(quat.multiply(pose, quat.exp(step[-e:].reshape(-1, 3)))),
         )

@@ -32,7 +32,7 @@ class Nodes:
 
 
 @dataclass(frozen=True)
-class Waiting:
+class PendingSamples:
     """Samples of a stream that may be needed again."""
 
     stream: Stream
@@ -49,7 +49,7 @@ class State:
     each: int  # of how many a node is the mean
     begin: float = np.inf  # s, of the first reading
     taken: int = 0  # nodes so far
-    waiting: Mapping[str, Waiting] = field(default_factory=dict)
+    waiting: Mapping[str, PendingSamples] = field(default_factory=dict)
 
     def instants(self, first: int, stop: int) -> Array:
         """Of nodes first to stop - 1, s."""
@@ -63,18 +63,18 @@ def start(reference: Stream) -> State:
     return State(reference.name, 1 / reference.rate, max(1, round(reference.rate / RATE)))
 
 
-def taken(state: State, block: Block) -> State:
+def store_block(state: State, block: Block) -> State:
     """Keep a block until its nodes are asked for."""
     if not block.stream.inertial or not len(block.t):
         return state
     gyr, acc = block.of(GYR), block.of(ACC)
     sound = every(np.isfinite(gyr)) & every(np.isfinite(acc)) & ~block.at_limit(GYR)
-    new = Waiting(
+    new = PendingSamples(
         block.stream, block.t, np.concatenate([gyr, acc], axis=2), sound, block.at_limit(ACC)
     )
     before = state.waiting.get(block.stream.name)
     if before is not None and before.stream == block.stream:
-        new = Waiting(
+        new = PendingSamples(
             block.stream,
             np.concatenate([before.t, new.t]),
             np.concatenate([before.values, new.values]),
@@ -86,23 +86,23 @@ def taken(state: State, block: Block) -> State:
         if block.stream.name == state.reference and not np.isfinite(state.begin)
         else state.begin
     )
-    new = new if np.isfinite(begin) else _pruned(new, float(block.t[-1]))
+    new = new if np.isfinite(begin) else _prune(new, float(block.t[-1]))
     return replace(state, begin=begin, waiting={**state.waiting, block.stream.name: new})
 
 
-def ready(state: State, reached: float) -> int:
+def count_ready(state: State, reached: float) -> int:
     """How many more nodes can be told, whatever comes later, when every stream has `reached` an instant: a mean needs the next one, too."""
     if not reached > state.begin:
         return 0
     return max(
         0,
         int(np.floor((reached - state.begin) / state.period + ROUNDED) / state.each)
-        - _beside(state)
+        - _neighbours_of_mean(state)
         - state.taken,
     )
 
 
-def resumed(state: State, t: float) -> State:
+def resume(state: State, t: float) -> State:
     """Behind a silence of all streams nodes go on at t (s), where that is more than SILENT later than the next."""
     nodes = int((t - state.begin) / (state.period * state.each)) if t > state.begin + SILENT else 0
     return (
@@ -112,9 +112,9 @@ def resumed(state: State, t: float) -> State:
     )
 
 
-def given(state: State, count: int, max_gap: float) -> tuple[State, Nodes]:
+def take_nodes(state: State, count: int, max_gap: float) -> tuple[State, Nodes]:
     """The next nodes; a sensor silent for longer than `max_gap` s is lost until it is back."""
-    beside = _beside(state)
+    beside = _neighbours_of_mean(state)
     first, n = (state.taken - beside) * state.each, (count + 2 * beside) * state.each
     grid = np.asarray(state.begin + state.period * (first + np.arange(n)), float)
     values, doubt = np.full((n, len(SEGMENTS), 6), np.nan), np.ones((n, len(SEGMENTS), 2))
@@ -123,7 +123,9 @@ def given(state: State, count: int, max_gap: float) -> tuple[State, Nodes]:
         for k, name in enumerate(w.stream.sensors):
             if name in SEGMENT:
                 s = SEGMENT[name]
-                values[:, s], doubt[:, s], lost[:, s] = _even(w, k, grid, state.period, max_gap)
+                values[:, s], doubt[:, s], lost[:, s] = _resample_sensor(
+                    w, k, grid, state.period, max_gap
+                )
     noisier = 1 / np.sqrt(state.each * state.period * RATE)
     own = slice(beside, beside + count)
     means, doubts = (
@@ -133,28 +135,28 @@ def given(state: State, count: int, max_gap: float) -> tuple[State, Nodes]:
     gone = np.asarray(lost.reshape(count + 2 * beside, state.each, -1).any(axis=1))
     nodes = Nodes(
         state.instants(state.taken, state.taken + count),
-        _at_middles(means, gone, state.each)[own],
+        _correct_means(means, gone, state.each)[own],
         noisier * doubts[own],
         gone[own],
     )
-    kept = {name: _pruned(w, float(grid[-1])) for name, w in state.waiting.items()}
+    kept = {name: _prune(w, float(grid[-1])) for name, w in state.waiting.items()}
     return replace(state, taken=state.taken + count, waiting=kept), nodes
 
 
-def _beside(state: State) -> int:
+def _neighbours_of_mean(state: State) -> int:
     """Nodes on either side of a mean that tell how the signal bends."""
     return int(state.each > 1)
 
 
-def _at_middles(means: Array, lost: Bools, each: int) -> Array:
+def _correct_means(means: Array, lost: Bools, each: int) -> Array:
     """As `recordings.at_middles`, but where a neighbour is lost means (m, segments, 6) are taken as they are."""
     alone = np.ones(lost.shape, bool)
     alone[1:-1] = lost[:-2] | lost[2:]
-    return np.where(alone[..., None], means, sample_preparation.at_middles(means, each))
+    return np.where(alone[..., None], means, sample_preparation.correct_means(means, each))
 
 
-def _even(
-    w: Waiting, k: int, grid: Array, period: float, max_gap: float
+def _resample_sensor(
+    w: PendingSamples, k: int, grid: Array, period: float, max_gap: float
 ) -> tuple[Array, Array, Bools]:
     """Readings (n, 6), doubt (n, 2) and loss (n,) of one sensor on the grid."""
     rows = np.flatnonzero(w.sound[:, k])
@@ -176,7 +178,9 @@ def _even(
     return known[before] * (1 - weight) + known[after] * weight, doubt, lost
 
 
-def _pruned(w: Waiting, t: float) -> Waiting:
+def _prune(w: PendingSamples, t: float) -> PendingSamples:
     """Forget what lies before t by so much that it bridges nothing."""
     first = max(int(np.searchsorted(w.t, t - KEPT)) - 1, 0)
-    return Waiting(w.stream, w.t[first:], w.values[first:], w.sound[first:], w.clipped[first:])
+    return PendingSamples(
+        w.stream, w.t[first:], w.values[first:], w.sound[first:], w.clipped[first:]
+    )

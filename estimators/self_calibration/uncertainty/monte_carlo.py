@@ -28,7 +28,7 @@ SEATED = 1 << 15  # where the numbers for the mountings' draws begin
 
 
 @dataclass(frozen=True)
-class Certainty:
+class Uncertainty:
     """Standard deviations."""
 
     q_BS: Mapping[str, Array]  # (3,) rad about the segment's axes
@@ -38,37 +38,41 @@ class Certainty:
     tip: Array  # (m, 3) m; NaN of the forearm
 
 
-def of_finger(
-    found: Solution,
+def estimate_uncertainty(
+    solution: Solution,
     draws: Iterable[Unknowns],
     hand: Hand,
     mounting: Mapping[str, Array],
     mounting_sd: float,
     sized: Callable[[Segments, float], HandGeometry],
-) -> Certainty:
+) -> Uncertainty:
     """`mounting_sd` rad; `sized` makes a hand of segments and of a standard normal number for what no movement tells of lengths."""
-    rows = np.unique(np.append(np.arange(0, len(found.problem), EVERY), len(found.problem) - 1))
-    best = _thinned(found, rows)
-    told = segments.of_solution(best, hand, mounting)
-    others = list(_drawn(best, draws, rows, hand, mounting, mounting_sd))
-    angles, tip = _moved(told, sized(told, 0.0))
-    moved = [
-        _moved(other, sized(other, luck))
+    rows = np.unique(
+        np.append(np.arange(0, len(solution.problem), EVERY), len(solution.problem) - 1)
+    )
+    best = _subsample(solution, rows)
+    solved = segments.of_solution(best, hand, mounting)
+    others = list(_draw_segments(best, draws, rows, hand, mounting, mounting_sd))
+    angles, tip = _angles_and_tip(solved, sized(solved, 0.0))
+    outputs = [
+        _angles_and_tip(other, sized(other, luck))
         for other, luck in zip(others, posterior.normal_numbers(DRAWS, SEATED - 1))
     ]
-    return Certainty(
+    return Uncertainty(
         {
-            s: _spread([quat.log(quat.multiply(o.q_BS[s], quat.conjugate(q))) for o in others])
-            for s, q in told.q_BS.items()
+            s: _root_mean_square(
+                [quat.log(quat.multiply(o.q_BS[s], quat.conjugate(q))) for o in others]
+            )
+            for s, q in solved.q_BS.items()
         },
-        {s: _spread([o.p_BS[s] - p for o in others]) for s, p in told.p_BS.items()},
+        {s: _root_mean_square([o.p_BS[s] - p for o in others]) for s, p in solved.p_BS.items()},
         rows,
-        _spread([a - angles for a, _ in moved]),
-        _spread([t - tip for _, t in moved]),
+        _root_mean_square([a - angles for a, _ in outputs]),
+        _root_mean_square([t - tip for _, t in outputs]),
     )
 
 
-def _drawn(
+def _draw_segments(
     best: Solution,
     draws: Iterable[Unknowns],
     rows: Array,
@@ -83,21 +87,23 @@ def _drawn(
             s: quat.multiply(quat.exp(turn), np.asarray(mounting.get(s, quat.IDENTITY), float))
             for s, turn in zip(SEGMENTS, turns)
         }
-        drawn = straightened(
-            replace(at, q_GS=at.q_GS[rows]), best.problem.chain, _bent(best.problem.chain, turns)
+        drawn = straighten(
+            replace(at, q_GS=at.q_GS[rows]),
+            best.problem.chain,
+            _flexion_offsets(best.problem.chain, turns),
         )
         others.append(segments.of_solution(replace(best, at=drawn), hand, seated))
     return others
 
 
-def _bent(chain: Chain, turns: Array) -> Array:
+def _flexion_offsets(chain: Chain, turns: Array) -> Array:
     """How far joints are bent less than they are believed to be (J,) rad, where mountings (segments, 3) are off by so much: a segment without two joints points as its has it."""
     shown = {s for s, _, _ in residuals.bones(chain)}
     z = [0.0 if s in shown else turns[SEGMENT[name], 2] for s, name in enumerate(chain.sensors)]
     return np.array([z[child] - z[parent] for parent, child in zip(chain.parents, chain.children)])
 
 
-def straightened(at: Unknowns, chain: Chain, off: Array) -> Unknowns:
+def straighten(at: Unknowns, chain: Chain, off: Array) -> Unknowns:
     """What sensors see of their segments where joints are straight, if that is where they are believed to be bent by `off` (J,) rad: skin is pulled by as much."""
     near, far, axis_near, axis_far, slide = (
         at.near.copy(),
@@ -116,28 +122,30 @@ def straightened(at: Unknowns, chain: Chain, off: Array) -> Unknowns:
     return replace(at, near=near, far=far, axis_near=axis_near, axis_far=axis_far, skin_slide=slide)
 
 
-def _thinned(found: Solution, rows: Array) -> Solution:
+def _subsample(solution: Solution, rows: Array) -> Solution:
     return replace(
-        found,
-        at=replace(found.at, q_GS=found.at.q_GS[rows]),
+        solution,
+        at=replace(solution.at, q_GS=solution.at.q_GS[rows]),
         problem=replace(
-            found.problem, bent=found.problem.bent[rows], by_tilt=found.problem.by_tilt[rows]
+            solution.problem,
+            bent=solution.problem.bent[rows],
+            by_tilt=solution.problem.by_tilt[rows],
         ),
     )
 
 
-def _moved(told: Segments, geometry: HandGeometry) -> tuple[Array, Array]:
+def _angles_and_tip(solved: Segments, geometry: HandGeometry) -> tuple[Array, Array]:
     """Angles (m, joints, 3) and the finger's tip (m, 3), free of limits; the forearm has none, NaN."""
-    m = len(told.q_GB["hand"])
+    m = len(solved.q_GB["hand"])
     q_GS = np.full((m, len(SEGMENTS), 4), np.nan)
-    for name, q in told.q_GB.items():
+    for name, q in solved.q_GB.items():
         q_GS[:, SEGMENT[name]] = q
     angles = np.where(IS_DOF, joint_angles.of_segments(q_GS), 0.0)
-    fingers = [k for k, f in enumerate(FINGERS) if CHAINS[f][0] in told.q_GB]
+    fingers = [k for k, f in enumerate(FINGERS) if CHAINS[f][0] in solved.q_GB]
     if not fingers:
         return angles, np.full((m, 3), np.nan)
     return angles, forward_kinematics.tips(joint_angles.compose(angles), geometry)[:, fingers[0]]
 
 
-def _spread(off: Sequence[Array]) -> Array:
+def _root_mean_square(off: Sequence[Array]) -> Array:
     return np.asarray(np.sqrt(np.mean(np.square(off), axis=0)))

@@ -16,7 +16,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import normal_equations, residuals
 from handscope.estimators.self_calibration.normal_equations import Factor
-from handscope.estimators.self_calibration.problem import Problem, Unknowns, columns
+from handscope.estimators.self_calibration.problem import Problem, Unknowns, parameter_columns
 from handscope.estimators.self_calibration.residuals import SECOND_DIFFERENCE, Terms
 from handscope.estimators.self_calibration.uncertainty import posterior, sandwich_covariance
 
@@ -26,21 +26,21 @@ NOISE_KNOWN = 0.25  # share of the gyroscopes' variance by which it may be anoth
 DOUBTED = 3.0  # times what noise makes up is taken off: it may be that much larger, and it is random itself
 
 
-def honest(problem: Problem, at: Unknowns, factor: Factor, made_up: Array) -> Factor:
-    """The factor with a covariance as sure as movement makes it; `made_up` (P, P) of `apparent`."""
-    slopes = residuals.priors(problem, at)[1]
-    told = without_noise(
-        factor.covariance, made_up, slopes.T @ slopes, arms(problem, at)
-    ) + np.diag(walked(problem))
+def correct_covariance(problem: Problem, at: Unknowns, factor: Factor, spurious: Array) -> Factor:
+    """The factor with a covariance as sure as movement makes it; `spurious` (P, P) of `spurious_information`."""
+    slopes = residuals.prior_residuals(problem, at)[1]
+    covariance = without_noise(
+        factor.covariance, spurious, slopes.T @ slopes, arm_directions(problem, at)
+    ) + np.diag(bias_walk_variance(problem))
     return replace(
         factor,
-        covariance=sandwich_covariance.widened(
-            told, sandwich_covariance.of_limb(problem, at, factor), factor.covariance
+        covariance=sandwich_covariance.widen_covariance(
+            covariance, sandwich_covariance.limb_pulls(problem, at, factor), factor.covariance
         ),
     )
 
 
-def apparent(
+def spurious_information(
     problem: Problem,
     at: Unknowns,
     factor: Factor,
@@ -49,23 +49,24 @@ def apparent(
 ) -> Array:
     """Information (P, P) on the arms that noise of the orientations makes up: what it would tell if nothing turned; `known` is `meeting`, of all samples."""
     n, e, P = factor.Y.shape
-    count = columns(problem.chain).near.stop
-    told = np.zeros((P, P))
+    count = parameter_columns(problem.chain).near.stop
+    information = np.zeros((P, P))
     for k in range(draws):
-        turns = normal_equations.shaken(
+        turns = normal_equations.draw_trajectory(
             factor, posterior.normal_numbers(n * e, k).reshape(n, e)
         ).reshape(n, -1, 3)
         normal = normal_equations.empty(n, e, count)
         for terms in known or (
-            residuals.meeting(problem, at, start, start + CHUNK) for start in range(0, n, CHUNK)
+            residuals.joint_acceleration_terms(problem, at, start, start + CHUNK)
+            for start in range(0, n, CHUNK)
         ):
-            normal_equations.add(normal, _shaken(problem, at, turns, terms))
-        flat = normal_equations.whitened(factor, normal.B).reshape(-1, count)
-        told[:count, :count] += (normal.C - flat.T @ flat) / draws
-    return told
+            normal_equations.add_terms(normal, _noise_terms(problem, at, turns, terms))
+        flat = normal_equations.whiten(factor, normal.B).reshape(-1, count)
+        information[:count, :count] += (normal.C - flat.T @ flat) / draws
+    return information
 
 
-def _shaken(problem: Problem, at: Unknowns, turns: Array, terms: Terms) -> Terms:
+def _noise_terms(problem: Problem, at: Unknowns, turns: Array, terms: Terms) -> Terms:
     """`meeting` with derivatives by the arms as far as the orientations' noise makes them."""
     chain = problem.chain
     first, stop, J = terms.first + 1, terms.first + 1 + len(terms.r), len(chain.joints)
@@ -76,7 +77,7 @@ def _shaken(problem: Problem, at: Unknowns, turns: Array, terms: Terms) -> Terms
     for k in range(J):
         by[:, k, :, 3 * k : 3 * k + 3] = -swung[:, chain.parents[k]]
         by[:, k, :, 3 * J + 3 * k : 3 * J + 3 * k + 3] = swung[:, chain.children[k]]
-    white = residuals.whitening(problem, first, stop) @ by.reshape(len(by), J, -1)
+    white = residuals.whitening_matrix(problem, first, stop) @ by.reshape(len(by), J, -1)
     return replace(
         terms,
         by_parameters=white.reshape(len(by), 3 * J, -1) / residuals.common_scale(at),
@@ -84,34 +85,34 @@ def _shaken(problem: Problem, at: Unknowns, turns: Array, terms: Terms) -> Terms
     )
 
 
-def arms(problem: Problem, at: Unknowns) -> Array:
+def arm_directions(problem: Problem, at: Unknowns) -> Array:
     """Each arm alone (2 J, P) m: what the other parameters are counts as 0."""
-    found = np.zeros((2 * len(at.far), columns(problem.chain).count))
+    directions = np.zeros((2 * len(at.far), parameter_columns(problem.chain).count))
     for k, arm in enumerate((*at.far, *at.near)):
-        found[k, 3 * k : 3 * k + 3] = arm
-    return found
+        directions[k, 3 * k : 3 * k + 3] = arm
+    return directions
 
 
-def without_noise(covariance: Array, made_up: Array, before: Array, arms: Array) -> Array:
-    """Covariance (P, P) less what noise made up of its information, with how far noise pulls `arms` (m, P); never less sure than `before` (P, P)."""
+def without_noise(covariance: Array, spurious: Array, before: Array, arms: Array) -> Array:
+    """Covariance (P, P) less what noise made up of its information, with how far noise pulls `arm_directions` (m, P); never less sure than `before` (P, P)."""
     root = np.linalg.cholesky(before)
     off = np.linalg.solve(
         root,
-        np.linalg.solve(root, normal_equations.inverse(covariance) - before - DOUBTED * made_up).T,
+        np.linalg.solve(root, normal_equations.invert(covariance) - before - DOUBTED * spurious).T,
     )
-    told, directions = np.linalg.eigh(0.5 * (off + off.T))
-    spread = np.linalg.solve(root.T, directions / np.sqrt(1 + np.maximum(told, 0.0)))
-    pulled = NOISE_KNOWN * arms @ made_up @ covariance
+    eigenvalues, directions = np.linalg.eigh(0.5 * (off + off.T))
+    spread = np.linalg.solve(root.T, directions / np.sqrt(1 + np.maximum(eigenvalues, 0.0)))
+    pulled = NOISE_KNOWN * arms @ spurious @ covariance
     pulled /= np.maximum(
         1.0, np.linalg.norm(pulled @ root, axis=1, keepdims=True)
     )  # what was known before holds against noise, too
     return np.asarray(spread @ spread.T + pulled.T @ pulled)
 
 
-def walked(problem: Problem) -> Array:
+def bias_walk_variance(problem: Problem) -> Array:
     """Variances (P,) of gyroscopes' biases at the beginning, for what was found is their mean, and they walk."""
-    found = np.zeros(columns(problem.chain).count)
-    found[columns(problem.chain).bias_gyr] = (
+    variances = np.zeros(parameter_columns(problem.chain).count)
+    variances[parameter_columns(problem.chain).bias_gyr] = (
         np.radians(problem.noise.gyr_bias_walk) ** 2 * problem.dt * len(problem) / 3
     )
-    return found
+    return variances

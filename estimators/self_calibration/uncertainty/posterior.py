@@ -16,7 +16,13 @@ from scipy.special import ndtri
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import normal_equations, residuals
 from handscope.estimators.self_calibration.normal_equations import Factor
-from handscope.estimators.self_calibration.problem import Noise, Problem, Unknowns, columns, moved
+from handscope.estimators.self_calibration.problem import (
+    Noise,
+    Problem,
+    Unknowns,
+    apply_increment,
+    parameter_columns,
+)
 from handscope.estimators.self_calibration.residuals import NUMEROV
 
 CHUNK = 1024  # samples whose derivatives are in memory at once
@@ -38,35 +44,39 @@ class Sizes:
     hinging: float
 
 
-def draws(problem: Problem, at: Unknowns, factor: Factor, count: int) -> Iterator[Unknowns]:
+def draw_places(problem: Problem, at: Unknowns, factor: Factor, count: int) -> Iterator[Unknowns]:
     """Places as probable as the readings leave them."""
     for k in range(count):
-        step = _drawn(factor, k)
-        yield moved(at, problem.chain, step.turns.reshape(len(problem), -1, 3), step.parameters)
+        step = _draw_step(factor, k)
+        yield apply_increment(
+            at, problem.chain, step.turns.reshape(len(problem), -1, 3), step.parameters
+        )
 
 
-def sizes(problem: Problem, at: Unknowns, factor: Factor) -> Sizes:
+def residual_sizes(problem: Problem, at: Unknowns, factor: Factor) -> Sizes:
     """Of accelerations at joints and of hinges, at the minimum."""
-    step, found = _drawn(factor, 0), []
+    step, ratios = _draw_step(factor, 0), []
     for kind, always_zero in (
-        (residuals.meeting, 0),
-        (residuals.hinging, len(problem.chain.hinges)),
+        (residuals.joint_acceleration_terms, 0),
+        (residuals.hinge_terms, len(problem.chain.hinges)),
     ):  # unit vectors differ in two directions
         squares, redundancy = 0.0, 0.0
         for start in range(0, len(problem), CHUNK):
             terms = kind(problem, at, start, start + CHUNK)
             squares += float((terms.r**2).sum())
             redundancy += (
-                terms.r.size - always_zero * len(terms.r) - float((changed(terms, step) ** 2).sum())
+                terms.r.size
+                - always_zero * len(terms.r)
+                - float((residual_change(terms, step) ** 2).sum())
             )
-        found.append(float(np.sqrt(squares / redundancy)) if redundancy > 1 else 1.0)
-    return Sizes(*found)
+        ratios.append(float(np.sqrt(squares / redundancy)) if redundancy > 1 else 1.0)
+    return Sizes(*ratios)
 
 
-def _drawn(factor: Factor, which: int) -> normal_equations.Step:
+def _draw_step(factor: Factor, which: int) -> normal_equations.Step:
     n, e, P = factor.Y.shape
     numbers = normal_numbers(n * e + P, which)
-    return normal_equations.drawn(factor, numbers[: n * e].reshape(n, e), numbers[n * e :])
+    return normal_equations.draw_step(factor, numbers[: n * e].reshape(n, e), numbers[n * e :])
 
 
 def normal_numbers(count: int, which: int) -> Array:
@@ -81,7 +91,7 @@ def normal_numbers(count: int, which: int) -> Array:
     return np.asarray(ndtri(((z >> np.uint64(11)).astype(float) + 0.5) / 2.0**53))
 
 
-def changed(terms: residuals.Terms, step: normal_equations.Step) -> Array:
+def residual_change(terms: residuals.Terms, step: normal_equations.Step) -> Array:
     """By how much a step changes residuals (T, m), to first order."""
     T = len(terms.r)
     change = terms.by_parameters @ step.parameters[terms.cols]
@@ -92,9 +102,13 @@ def changed(terms: residuals.Terms, step: normal_equations.Step) -> Array:
     return np.asarray(change)
 
 
-def learnt(problem: Problem, at: Unknowns, factor: Factor) -> Noise:
+def estimate_noise(problem: Problem, at: Unknowns, factor: Factor) -> Noise:
     """The sizes of errors as they were met: of accelerations, hinges, skin, scales."""
-    noise, c, met = problem.noise, columns(problem.chain), sizes(problem, at, factor)
+    noise, c, met = (
+        problem.noise,
+        parameter_columns(problem.chain),
+        residual_sizes(problem, at, factor),
+    )
     variance = np.diag(factor.covariance)
     quarter = np.pi / 2
     turn = _spread(at.skin_turn, variance[c.skin_turn], np.radians(noise.skin_turn) / quarter)
@@ -120,43 +134,47 @@ def learnt(problem: Problem, at: Unknowns, factor: Factor) -> Noise:
     )
 
 
-def _spread(found: Array, variance: Array, believed: float) -> float:
+def _spread(values: Array, variance: Array, believed: float) -> float:
     """The standard deviation of unknowns that were believed to spread by `believed` about 0. Source: MacKay 1992, Bayesian interpolation, (4.9)."""
-    told = found.size - float(variance.sum()) / believed**2  # of how many the readings speak
-    return float(np.sqrt((found**2).sum() / told)) if told > 1 else believed
+    count = values.size - float(variance.sum()) / believed**2  # of how many the readings speak
+    return float(np.sqrt((values**2).sum() / count)) if count > 1 else believed
 
 
-def most_likely_spread(found: Array, covariance: Array, believed: float, least: float) -> float:
+def most_likely_spread(values: Array, covariance: Array, believed: float, least: float) -> float:
     """The same of a few unknowns (m,), gone on with to its end: what the readings alone say of them is their covariance (m, m) less what was believed."""
-    told = np.linalg.inv(covariance) - np.eye(len(found)) / believed**2
-    pull, spread = (told + np.eye(len(found)) / believed**2) @ found, believed
+    information = np.linalg.inv(covariance) - np.eye(len(values)) / believed**2
+    pull, spread = (information + np.eye(len(values)) / believed**2) @ values, believed
     for _ in range(SETTLING):
-        sure = np.linalg.inv(told + np.eye(len(found)) / spread**2)
+        sure = np.linalg.inv(information + np.eye(len(values)) / spread**2)
         spread = max(_spread(sure @ pull, np.diag(sure), spread), least)
     return spread
 
 
-def strange_turns(problem: Problem, at: Unknowns) -> Array:
+def turn_deviations(problem: Problem, at: Unknowns) -> Array:
     """How far each sensor turned otherwise than its gyroscope says (n-1, S), in the gyroscope's standard deviations."""
-    found = np.empty(problem.turn_sd.shape)
-    for start in range(0, len(found), CHUNK):
-        r = residuals.turning(problem, at, start, start + CHUNK).r
-        found[start : start + len(r)] = np.linalg.norm(r.reshape(len(r), -1, 3), axis=2) / np.sqrt(
-            3
-        )
-    return found
+    deviations = np.empty(problem.turn_sd.shape)
+    for start in range(0, len(deviations), CHUNK):
+        r = residuals.gyroscope_terms(problem, at, start, start + CHUNK).r
+        deviations[start : start + len(r)] = np.linalg.norm(
+            r.reshape(len(r), -1, 3), axis=2
+        ) / np.sqrt(3)
+    return deviations
 
 
-def strange(problem: Problem, at: Unknowns) -> Array:
+def acceleration_deviations(problem: Problem, at: Unknowns) -> Array:
     """How far each sensor's acceleration is off (n, S) for what its neighbours say, in standard deviations of that; 0 at both ends."""
     n, a = len(problem), problem.chain.incidence
     z = np.zeros((n, a.shape[1]))
     for start in range(1, n - 1, CHUNK):
         stop = min(start + CHUNK, n - 1)
-        white = residuals.meeting(problem, at, start, stop).r.reshape(stop - start, a.shape[0], 3)
+        white = residuals.joint_acceleration_terms(problem, at, start, stop).r.reshape(
+            stop - start, a.shape[0], 3
+        )
         seen = (
-            residuals.whitening(problem, start, stop) @ a
+            residuals.whitening_matrix(problem, start, stop) @ a
         )  # what a sensor's error does to the whitened rows
-        told = np.einsum("tjs,tjx->tsx", seen, white)
-        z[start:stop] = np.linalg.norm(told, axis=2) / np.sqrt(3 * (seen**2).sum(axis=1) + 1e-300)
+        deviation = np.einsum("tjs,tjx->tsx", seen, white)
+        z[start:stop] = np.linalg.norm(deviation, axis=2) / np.sqrt(
+            3 * (seen**2).sum(axis=1) + 1e-300
+        )
     return z

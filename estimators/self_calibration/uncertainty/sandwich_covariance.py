@@ -14,7 +14,12 @@ import numpy as np
 from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration import normal_equations, residuals
 from handscope.estimators.self_calibration.normal_equations import Factor
-from handscope.estimators.self_calibration.problem import Chain, Problem, Unknowns, columns
+from handscope.estimators.self_calibration.problem import (
+    Chain,
+    Problem,
+    Unknowns,
+    parameter_columns,
+)
 from handscope.estimators.self_calibration.residuals import Terms
 from handscope.estimators.self_calibration.whole_hand import normal_equations as hand_equations
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
@@ -28,33 +33,33 @@ Placed = tuple[
 ]  # residuals, where a sample's unknowns and the parameters that they touch stand in the whole's
 
 
-def widened(told: Array, pulls: Array, covariance: Array) -> Array:
-    """The covariance `told` (P, P), in every direction at least what pulls (m, P) vary by; `covariance` (P, P) is that of the normal equations."""
-    root = np.linalg.cholesky(told)
+def widen_covariance(corrected: Array, pulls: Array, covariance: Array) -> Array:
+    """The covariance `corrected` (P, P), in every direction at least what pulls (m, P) vary by; `covariance` (P, P) is that of the normal equations."""
+    root = np.linalg.cholesky(corrected)
     off = np.linalg.solve(root, covariance @ pulls.T)
     size, directions = np.linalg.eigh(off @ off.T)
     spread = root @ directions * np.sqrt(np.maximum(size, 1.0))
     return np.asarray(spread @ spread.T)
 
 
-def sizes(pulls: Array, covariance: Array) -> Array:
+def squared_pulls(pulls: Array, covariance: Array) -> Array:
     """Squares of the pulls on each parameter (P,) beside what errors of single samples, of the size that they were met as, make of them: 1, less where what was known before holds."""
     return np.asarray(np.einsum("mp,mp->p", pulls @ covariance, pulls))
 
 
-def worst(chain: Chain, found: Array) -> tuple[int, float]:
-    """The joint whose own parameters are pulled most, and the mean over all of a limb; `found` (P,) of `sizes`."""
-    c, joints = columns(chain), len(chain.joints)
+def worst_joint(chain: Chain, squares: Array) -> tuple[int, float]:
+    """The joint whose own parameters are pulled most, and the mean over all of a limb; `squares` (P,) of `squared_pulls`."""
+    c, joints = parameter_columns(chain), len(chain.joints)
     own = sum(
-        found[where].reshape(joints, -1).sum(axis=1)
+        squares[where].reshape(joints, -1).sum(axis=1)
         for where in (c.far, c.near, c.skin_turn, c.skin_slide, c.law)
     )
     for where in (c.axis_far, c.axis_near):
-        own[chain.hinges] += found[where].reshape(-1, 2).sum(axis=1)
-    return int(np.argmax(own)), float(found.mean())
+        own[chain.hinges] += squares[where].reshape(-1, 2).sum(axis=1)
+    return int(np.argmax(own)), float(squares.mean())
 
 
-def of_limb(problem: Problem, at: Unknowns, factor: Factor) -> Array:
+def limb_pulls(problem: Problem, at: Unknowns, factor: Factor) -> Array:
     """Gradients (m, P) of half the sum of squares by the parameters, of each group of samples, while the movement gives way."""
     n, e, P = factor.Y.shape
 
@@ -64,12 +69,14 @@ def of_limb(problem: Problem, at: Unknowns, factor: Factor) -> Array:
             yield own, np.arange(e), own.cols
 
     def answered(of_samples: Array) -> Array:
-        return np.array([normal_equations.answered(factor, v) for v in of_samples])
+        return np.array([normal_equations.project_on_parameters(factor, v) for v in of_samples])
 
-    return _of_groups((n, e, P), problem.dt, terms, answered)
+    return _group_pulls((n, e, P), problem.dt, terms, answered)
 
 
-def of_hand(problem: HandProblem, at: HandPlace, normal: HandNormal, factor: HandFactor) -> Array:
+def hand_pulls(
+    problem: HandProblem, at: HandPlace, normal: HandNormal, factor: HandFactor
+) -> Array:
     """The same of the whole hand."""
     where, sd = normal.layout, normal.error_sd[:, None]
 
@@ -89,25 +96,28 @@ def of_hand(problem: HandProblem, at: HandPlace, normal: HandNormal, factor: Han
         yield error, np.arange(where.each)[where.error], none
 
     shape = len(problem), where.each, where.count
-    return _of_groups(
-        shape, problem.limbs[0].dt, terms, lambda v: hand_equations.answered(normal, factor, v)
+    return _group_pulls(
+        shape,
+        problem.limbs[0].dt,
+        terms,
+        lambda v: hand_equations.project_on_parameters(normal, factor, v),
     )
 
 
-def _of_groups(
+def _group_pulls(
     shape: tuple[int, int, int],
     dt: float,
     terms: Callable[[int, int], Iterable[Placed]],
     answered: Callable[[Array], Array],
 ) -> Array:
     """Of n samples with so many unknowns, and P parameters; `answered` gives B' A^-1 v (m, P) of v (m, n, unknowns)."""
-    (n, e, P), each, found = shape, round(TOGETHER / dt), []
+    (n, e, P), each, pulls = shape, round(TOGETHER / dt), []
     for first in range(0, n, GROUPS * each):
         last = min(first + GROUPS * each, n)
         count = -(-(last - first) // each)
         own, of_samples = np.zeros((count, P)), np.zeros((count, n, e))
         for one, rows, cols in terms(first, last):
-            _add(
+            _add_gradients(
                 own,
                 of_samples,
                 one,
@@ -115,11 +125,11 @@ def _of_groups(
                 cols,
                 (np.maximum(one.first + np.arange(len(one.r)), first) - first) // each,
             )
-        found.append(own - answered(of_samples))
-    return np.concatenate(found)
+        pulls.append(own - answered(of_samples))
+    return np.concatenate(pulls)
 
 
-def _add(
+def _add_gradients(
     own: Array, of_samples: Array, terms: Terms, rows: Indices, cols: Indices, group: Indices
 ) -> None:
     """Gradients of residuals by parameters and by samples' unknowns, to those of their groups (T,), in place."""

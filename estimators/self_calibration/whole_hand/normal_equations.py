@@ -19,7 +19,7 @@ from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration import normal_equations, residuals
 from handscope.estimators.self_calibration import soft_tissue as skin_motion
 from handscope.estimators.self_calibration.normal_equations import Normal, Step
-from handscope.estimators.self_calibration.problem import Problem, Unknowns, columns
+from handscope.estimators.self_calibration.problem import Problem, Unknowns, parameter_columns
 from handscope.estimators.self_calibration.residuals import Terms
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
 from handscope.estimators.self_calibration.whole_hand.problem import (
@@ -56,15 +56,15 @@ class HandFactor:
     parameters: Array  # (P,) their increment towards the minimum
 
 
-def built(problem: HandProblem, at: HandPlace) -> HandNormal:
+def build_normal_equations(problem: HandProblem, at: HandPlace) -> HandNormal:
     """The normal equations at a place, and its cost."""
     where, sd = whole_hand_problem.layout(problem), whole_hand_problem.error_sd(problem)
     C, c = np.zeros((where.count, where.count)), np.zeros(where.count)
-    off, skin_sd = skin(problem, at)
+    off, skin_sd = hand_tissue_priors(problem, at)
     C[where.skin, where.skin], c[where.skin] = np.diag(1 / skin_sd**2), off / skin_sd
     total = 0.5 * float(((at.error / sd[:, None]) ** 2).sum() + (off**2).sum())
     with parallel.threads() as each:
-        limbs = each(lambda k: _of_limb(problem, at, k), range(len(problem.limbs)))
+        limbs = each(lambda k: _limb_equations(problem, at, k), range(len(problem.limbs)))
     for (normal, of_limb), cols in zip(limbs, where.parameters):
         C[np.ix_(cols, cols)] += normal.C
         c[cols] += normal.c
@@ -74,14 +74,14 @@ def built(problem: HandProblem, at: HandPlace) -> HandNormal:
     )
 
 
-def _of_limb(problem: HandProblem, at: HandPlace, k: int) -> tuple[Normal, float]:
+def _limb_equations(problem: HandProblem, at: HandPlace, k: int) -> tuple[Normal, float]:
     """The normal equations of limb k, and its share of the cost."""
     limb, cols = problem.limbs[k], whole_hand_problem.layout(problem).parameters[k]
     normal = normal_equations.empty(len(limb), 3 * len(limb.chain.sensors) + OWN, len(cols))
-    r, K = priors(limb, at.limbs[k], shares=k == 0)
+    r, K = limb_priors(limb, at.limbs[k], shares=k == 0)
     total, own = 0.5 * float((r**2).sum()), K.shape[1]
     for terms in terms_of(problem, at, k):
-        normal_equations.add(normal, terms)
+        normal_equations.add_terms(normal, terms)
         total += 0.5 * float((terms.r**2).sum())
     normal.C[:own, :own] += K.T @ K
     normal.c[:own] += K.T @ r
@@ -92,19 +92,19 @@ def cost(problem: HandProblem, at: HandPlace) -> float:
     """Half the sum of the squared residuals."""
     total = 0.5 * float(
         ((at.error / whole_hand_problem.error_sd(problem)[:, None]) ** 2).sum()
-        + (skin(problem, at)[0] ** 2).sum()
+        + (hand_tissue_priors(problem, at)[0] ** 2).sum()
     )
     for k, limb in enumerate(problem.limbs):
-        total += 0.5 * float((priors(limb, at.limbs[k], shares=k == 0)[0] ** 2).sum())
+        total += 0.5 * float((limb_priors(limb, at.limbs[k], shares=k == 0)[0] ** 2).sum())
         for start in range(0, len(limb), CHUNK):
-            for kind in _kinds(k):
+            for kind in _residual_kinds(k):
                 total += 0.5 * float(
-                    (_alone(problem, at, k, kind, start, start + CHUNK) ** 2).sum()
+                    (_residuals_only(problem, at, k, kind, start, start + CHUNK) ** 2).sum()
                 )
     return total
 
 
-def skin(problem: HandProblem, at: HandPlace) -> tuple[Array, Array]:
+def hand_tissue_priors(problem: HandProblem, at: HandPlace) -> tuple[Array, Array]:
     """How far the hand's skin moves its sensor, and its laws, in standard deviations, and these (7 F,)."""
     noise, quarter = problem.noise, np.pi / 2
     F = len(problem.limbs)
@@ -119,27 +119,31 @@ def terms_of(
     """Residuals of limb k with derivatives by its sensors' turns, the hand's error and skin; what all limbs have in common only with the first. Of samples from `first` to before `last`."""
     limb, place = problem.limbs[k], at.limbs[k]
     quiet, bending, end = (
-        _quiet(limb),
-        whole_hand_problem.bending(problem),
+        _without_hand_noise(limb),
+        whole_hand_problem.root_flexion(problem),
         len(limb) if last is None else last,
     )
     for start in range(first, end, CHUNK):
         stop = min(start + CHUNK, end)
-        for kind in _kinds(k):
-            if kind is residuals.meeting:
-                yield _meeting(quiet, place, at, bending, start, stop)
+        for kind in _residual_kinds(k):
+            if kind is residuals.joint_acceleration_terms:
+                yield _joint_terms(quiet, place, at, bending, start, stop)
             else:
-                yield _widened(_with_hand(kind(limb, place, start, stop), kind, k))
+                yield _add_hand_columns(_drop_shared_rows(kind(limb, place, start, stop), kind, k))
 
 
-def _kinds(k: int) -> tuple[Callable[[Problem, Unknowns, int, int], Terms], ...]:
+def _residual_kinds(k: int) -> tuple[Callable[[Problem, Unknowns, int, int], Terms], ...]:
     """Of residuals of limb k: the first tells how the hand stays."""
-    return tuple(kind for kind in residuals.EVERY_SAMPLE if k == 0 or kind is not residuals.staying)
+    return tuple(
+        kind
+        for kind in residuals.EVERY_SAMPLE
+        if k == 0 or kind is not residuals.mean_acceleration_terms
+    )
 
 
-def _with_hand(terms: Terms, kind: Callable[..., Terms], k: int) -> Terms:
+def _drop_shared_rows(terms: Terms, kind: Callable[..., Terms], k: int) -> Terms:
     """Rows of the hand's sensor are the first limb's."""
-    if k == 0 or kind is residuals.hinging:
+    if k == 0 or kind is residuals.hinge_terms:
         return terms
     return replace(
         terms,
@@ -149,36 +153,45 @@ def _with_hand(terms: Terms, kind: Callable[..., Terms], k: int) -> Terms:
     )
 
 
-def _quiet(limb: Problem) -> Problem:
+def _without_hand_noise(limb: Problem) -> Problem:
     """With the hand's noise an unknown."""
     return replace(limb, acc_sd=np.where(np.arange(limb.acc_sd.shape[1]) == 0, 0.0, limb.acc_sd))
 
 
-def _alone(
+def _residuals_only(
     problem: HandProblem, at: HandPlace, k: int, kind: Callable[..., Terms], start: int, stop: int
 ) -> Array:
     """Residuals of limb k without derivatives."""
     limb, place = problem.limbs[k], at.limbs[k]
-    if kind is residuals.meeting:
-        return _met(_quiet(limb), place, at, whole_hand_problem.bending(problem), start, stop)[0]
-    return _with_hand(kind(limb, place, start, stop), kind, k).r
+    if kind is residuals.joint_acceleration_terms:
+        return _joint_residuals(
+            _without_hand_noise(limb),
+            place,
+            at,
+            whole_hand_problem.root_flexion(problem),
+            start,
+            stop,
+        )[0]
+    return _drop_shared_rows(kind(limb, place, start, stop), kind, k).r
 
 
-def _met(
+def _joint_residuals(
     quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int, stop: int
 ) -> tuple[Array, Array]:
-    """Residuals (T, J, 3) of `_meeting`; the part of them that the skin makes."""
+    """Residuals (T, J, 3) of `_joint_terms`; the part of them that the skin makes."""
     first, stop, root = (
         max(start, 1),
         min(stop, len(quiet) - 1),
-        whole_hand_problem.root(quiet.chain),
+        whole_hand_problem.root_joint(quiet.chain),
     )
-    r = residuals.met(quiet, place, first, stop).reshape(stop - first, len(quiet.chain.joints), 3)
-    seen = residuals.whitening(quiet, first, stop)[:, :, root, None]
+    r = residuals.joint_acceleration_residuals(quiet, place, first, stop).reshape(
+        stop - first, len(quiet.chain.joints), 3
+    )
+    seen = residuals.whitening_matrix(quiet, first, stop)[:, :, root, None]
     samples = np.arange(first - 1, stop + 1)
-    v = place.far[root] - skin_motion.seen(
-        skin_motion.pulled(
-            skin_motion.followed(bending[samples], at.skin_law), at.skin_turn, at.skin_slide
+    v = place.far[root] - skin_motion.place_in_sensor(
+        skin_motion.displace_sensor(
+            skin_motion.tissue_response(bending[samples], at.skin_law), at.skin_turn, at.skin_slide
         ),
         place.far[root],
     )
@@ -188,19 +201,22 @@ def _met(
     return r + pulled - seen * at.error[first:stop, None], pulled
 
 
-def _meeting(
+def _joint_terms(
     quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int, stop: int
 ) -> Terms:
     """Joints on the hand see the error of its accelerometer, and its sensor pulled by the skin."""
-    terms, chain = _widened(residuals.meeting(quiet, place, start, stop)), quiet.chain
-    T, J, S, c = len(terms.r), len(chain.joints), len(chain.sensors), columns(chain)
-    first, k = terms.first + 1, whole_hand_problem.root(chain)
-    seen = residuals.whitening(quiet, first, first + T)[:, :, k]  # (T, J)
+    terms, chain = (
+        _add_hand_columns(residuals.joint_acceleration_terms(quiet, place, start, stop)),
+        quiet.chain,
+    )
+    T, J, S, c = len(terms.r), len(chain.joints), len(chain.sensors), parameter_columns(chain)
+    first, k = terms.first + 1, whole_hand_problem.root_joint(chain)
+    seen = residuals.whitening_matrix(quiet, first, first + T)[:, :, k]  # (T, J)
     grown, (r, by_pull) = (
         residuals.common_scale(place),
-        _met(quiet, place, at, bending, start, stop),
+        _joint_residuals(quiet, place, at, bending, start, stop),
     )
-    by_turn, by_far, by_skin = pulled(
+    by_turn, by_far, by_skin = tissue_acceleration(
         quiet, place, at, bending, first + np.arange(T)[:, None] + np.arange(-1, 2)
     )
 
@@ -223,25 +239,25 @@ def _meeting(
     )
 
 
-def pulled(
+def tissue_acceleration(
     limb: Problem, place: Unknowns, at: HandPlace, bending: Array, samples: Indices
 ) -> tuple[Array, Array, Array]:
     """What the hand's skin does to the acceleration of a limb's joint on the hand: by the turns of three samples (T, 3, 3, 3), its arm, the skin."""
-    arm, bent = place.far[whole_hand_problem.root(limb.chain)], bending[samples]  # (T, 3, F)
-    b = skin_motion.followed(bent, at.skin_law)
+    arm, bent = place.far[whole_hand_problem.root_joint(limb.chain)], bending[samples]  # (T, 3, F)
+    b = skin_motion.tissue_response(bent, at.skin_law)
     R = (
         residuals.SECOND_DIFFERENCE[:, None, None]
         / limb.dt**2
         * quat.matrix(place.q_GS[:, 0])[samples]
     )
-    moved = skin_motion.pulled(b, at.skin_turn, at.skin_slide)
-    v = arm - skin_motion.seen(moved, arm)
+    moved = skin_motion.displace_sensor(b, at.skin_turn, at.skin_slide)
+    v = arm - skin_motion.place_in_sensor(moved, arm)
     by_far = (R @ (np.eye(3) - moved.back)).sum(axis=1)
-    turned, slid = -R @ skin_motion.by_turn(moved, arm), R @ moved.back
+    turned, slid = -R @ skin_motion.place_by_turn(moved, arm), R @ moved.back
     by_turn, by_slide = (np.einsum("tkf,tkij->tifj", b, v) for v in (turned, slid))
     by_law = np.einsum(
         "tkf,tkif->tif",
-        skin_motion.by_law(bent, at.skin_law)[1],
+        skin_motion.tissue_response_derivatives(bent, at.skin_law)[1],
         turned @ at.skin_turn.T + slid @ at.skin_slide.T,
     )
     T, _, F = b.shape
@@ -251,7 +267,7 @@ def pulled(
     return -R @ quat.skew(v), by_far, by_skin
 
 
-def _widened(terms: Terms) -> Terms:
+def _add_hand_columns(terms: Terms) -> Terms:
     """Columns for the hand's error, behind the turns of each sample."""
     T, m = terms.r.shape
     by = terms.by_turns.reshape(T, m, terms.knots, terms.by_turns.shape[2] // terms.knots)
@@ -259,15 +275,15 @@ def _widened(terms: Terms) -> Terms:
     return replace(terms, by_turns=wide.reshape(T, m, terms.knots * wide.shape[3]))
 
 
-def priors(limb: Problem, at: Unknowns, shares: bool) -> tuple[Array, Array]:
-    r, K = residuals.priors(limb, at)
+def limb_priors(limb: Problem, at: Unknowns, shares: bool) -> tuple[Array, Array]:
+    r, K = residuals.prior_residuals(limb, at)
     if shares:
         return r, K
-    own = np.delete(K, whole_hand_problem.common(limb.chain), axis=1).any(axis=1)
+    own = np.delete(K, whole_hand_problem.shared_columns(limb.chain), axis=1).any(axis=1)
     return r[own], K[own]
 
 
-def factored(normal: HandNormal, damping: float = 0.0) -> HandFactor:
+def factorise(normal: HandNormal, damping: float = 0.0) -> HandFactor:
     """The diagonal grows by the factor 1 + damping. LinAlgError where the equations do not tell the unknowns."""
     where, E = normal.layout, PAIR * normal.layout.each
     P, K = where.count, -(-len(normal.error) // PAIR)
@@ -277,7 +293,7 @@ def factored(normal: HandNormal, damping: float = 0.0) -> HandFactor:
     products = [(rows, cols) for i, rows in enumerate(quarters) for cols in quarters[i:]]
     with parallel.threads() as each:
         for k in range(0, K, TOGETHER):
-            D, border = _put_together(normal, k, below[k : k + TOGETHER], damping, each)
+            D, border = _fill_blocks(normal, k, below[k : k + TOGETHER], damping, each)
             back = _root_band(D, L, below, k)
             before = below[
                 np.arange(k, k + len(D)) - 1
@@ -288,7 +304,7 @@ def factored(normal: HandNormal, damping: float = 0.0) -> HandFactor:
     known = np.triu(known) + np.triu(known, 1).T
     C = normal.C.copy()
     C[np.diag_indices_from(C)] *= 1 + damping
-    covariance = normal_equations.inverse(C - known[:P, :P])
+    covariance = normal_equations.invert(C - known[:P, :P])
     return HandFactor(where, L, below, covariance, covariance @ (known[:P, P] - normal.c))
 
 
@@ -330,19 +346,19 @@ def _multiply(border: Array, known: Array, where: tuple[slice, slice]) -> None:
     known[rows, cols] += border[:, rows].T @ border[:, cols]
 
 
-def _put_together(
+def _fill_blocks(
     normal: HandNormal, k: int, below: Array, damping: float, each: Each
 ) -> tuple[Array, Array]:
     """Blocks of the pairs from k on (m, E, E), lower triangles, and of the border with the gradient (m, E, P + 1); fills what is below them."""
     m, e, P = len(below), normal.layout.each, normal.layout.count
     D, B = np.zeros((m, PAIR, e, PAIR, e)), np.zeros((m, PAIR, e, P + 1))
-    each(partial(_put_half, normal, k, D, B, below.reshape(m, PAIR, e, PAIR, e)), range(PAIR))
+    each(partial(_fill_half, normal, k, D, B, below.reshape(m, PAIR, e, PAIR, e)), range(PAIR))
     whole, diagonal = D.reshape(m, PAIR * e, PAIR * e), np.arange(PAIR * e)
     whole[:, diagonal, diagonal] *= 1 + damping
     return whole, B.reshape(m, PAIR * e, P + 1)
 
 
-def _put_half(normal: HandNormal, k: int, D: Array, B: Array, under: Array, half: int) -> None:
+def _fill_half(normal: HandNormal, k: int, D: Array, B: Array, under: Array, half: int) -> None:
     """The first or the second samples of the pairs from k on, in place."""
     where, n, (m, _, e, _, _) = normal.layout, len(normal.error), D.shape
     t = np.arange(PAIR * k + half, min(PAIR * (k + m), n), PAIR)
@@ -361,51 +377,53 @@ def _put_half(normal: HandNormal, k: int, D: Array, B: Array, under: Array, half
     )
 
 
-def step(normal: HandNormal, factor: HandFactor) -> Step:
+def solve_step(normal: HandNormal, factor: HandFactor) -> Step:
     """Where the minimum of the quadratic model lies from here."""
-    rhs = -_bordered(normal, factor.parameters)
+    rhs = -_border_product(normal, factor.parameters)
     for limb, rows in zip(normal.limbs, normal.layout.sample):
         rhs[:, rows] -= limb.a
     rhs[:, normal.layout.error] -= normal.error
-    x = _backward(factor, _forward(factor, _paired(rhs[None])))
-    return Step(_each_sample(x, normal)[0], factor.parameters)
+    x = _backward(factor, _forward(factor, _pair_samples(rhs[None])))
+    return Step(_split_pairs(x, normal)[0], factor.parameters)
 
 
-def drawn(
+def draw_steps(
     normal: HandNormal, factor: HandFactor, of_samples: Array, of_parameters: Array
 ) -> list[Step]:
     """Draws from the distribution with the equations' covariance, of independent standard normal numbers (m, n, each) and (m, P)."""
     parameters = of_parameters @ np.linalg.cholesky(factor.covariance).T
-    told = _forward(factor, _paired(np.stack([_bordered(normal, p) for p in parameters])))
-    x = _backward(factor, _paired(of_samples) - told)
-    return [Step(*one) for one in zip(_each_sample(x, normal), parameters)]
+    border = _forward(
+        factor, _pair_samples(np.stack([_border_product(normal, p) for p in parameters]))
+    )
+    x = _backward(factor, _pair_samples(of_samples) - border)
+    return [Step(*one) for one in zip(_split_pairs(x, normal), parameters)]
 
 
-def answered(normal: HandNormal, factor: HandFactor, of_samples: Array) -> Array:
+def project_on_parameters(normal: HandNormal, factor: HandFactor, of_samples: Array) -> Array:
     """B' A^-1 v (m, P), of v (m, n, each): how gradients by samples' unknowns pull the parameters, but for their sign."""
-    x = _each_sample(_backward(factor, _forward(factor, _paired(of_samples))), normal)
-    found = np.zeros((len(x), normal.layout.count))
+    x = _split_pairs(_backward(factor, _forward(factor, _pair_samples(of_samples))), normal)
+    projected = np.zeros((len(x), normal.layout.count))
     for limb, rows, cols in zip(normal.limbs, normal.layout.sample, normal.layout.parameters):
-        found[:, cols] += np.tensordot(x[:, :, rows], limb.B, axes=((1, 2), (0, 1)))
-    return found
+        projected[:, cols] += np.tensordot(x[:, :, rows], limb.B, axes=((1, 2), (0, 1)))
+    return projected
 
 
-def _bordered(normal: HandNormal, parameters: Array) -> Array:
+def _border_product(normal: HandNormal, parameters: Array) -> Array:
     """B p (n, each)."""
-    found = np.zeros((len(normal.error), normal.layout.each))
+    product = np.zeros((len(normal.error), normal.layout.each))
     for limb, rows, cols in zip(normal.limbs, normal.layout.sample, normal.layout.parameters):
-        found[:, rows] += limb.B @ parameters[cols]
-    return found
+        product[:, rows] += limb.B @ parameters[cols]
+    return product
 
 
-def _paired(v: Array) -> Array:
+def _pair_samples(v: Array) -> Array:
     """(m, n, each) as (K, m, 2 each), a sample of zeros where one is missing."""
     m, n, each = v.shape
     whole = np.concatenate([v, np.zeros((m, n % PAIR, each))], axis=1)
     return whole.reshape(m, -1, PAIR * each).transpose(1, 0, 2)
 
 
-def _each_sample(x: Array, normal: HandNormal) -> Array:
+def _split_pairs(x: Array, normal: HandNormal) -> Array:
     """The way back, (m, n, each)."""
     return x.transpose(1, 0, 2).reshape(x.shape[1], -1, normal.layout.each)[:, : len(normal.error)]
 

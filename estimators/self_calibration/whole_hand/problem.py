@@ -18,12 +18,12 @@ from handscope.estimators.self_calibration.problem import (
     Noise,
     Problem,
     Unknowns,
-    bent,
-    columns,
-    moved,
+    apply_increment,
+    parameter_columns,
+    with_flexion,
 )
 from handscope.estimators.self_calibration.residuals import NUMEROV
-from handscope.estimators.self_calibration.soft_tissue import followed
+from handscope.estimators.self_calibration.soft_tissue import tissue_response
 
 TURN_AND_SLIDE = 6  # numbers of each joint on the hand
 OWN = 3  # unknowns of a sample beside turns: the error of the hand's accelerometer
@@ -66,7 +66,7 @@ class Layout:
 
 
 def layout(problem: HandProblem) -> Layout:
-    own_before, shared = 0, len(common(problem.limbs[0].chain))
+    own_before, shared = 0, len(shared_columns(problem.limbs[0].chain))
     skin = slice(shared, shared + (TURN_AND_SLIDE + 1) * len(problem.limbs))
     each = sum(3 * (len(limb.chain.sensors) - 1) for limb in problem.limbs) + 3 + OWN
     sample, parameters, count = [], [], skin.stop
@@ -82,7 +82,10 @@ def layout(problem: HandProblem) -> Layout:
             )
         )
         own_before += own
-        where, together = np.empty(columns(limb.chain).count, np.intp), common(limb.chain)
+        where, together = (
+            np.empty(parameter_columns(limb.chain).count, np.intp),
+            shared_columns(limb.chain),
+        )
         alone = np.setdiff1d(np.arange(len(where)), together)
         where[together], where[alone] = np.arange(shared), count + np.arange(len(alone))
         count += len(alone)
@@ -90,21 +93,21 @@ def layout(problem: HandProblem) -> Layout:
     return Layout(each, count, tuple(sample), tuple(parameters), skin)
 
 
-def common(chain: Chain) -> Indices:
+def shared_columns(chain: Chain) -> Indices:
     """Columns of a limb's parameters that are the hand's: errors of its sensor, and the delay."""
-    c = columns(chain)
+    c = parameter_columns(chain)
     sizes = ((c.bias_gyr, 3), (c.bias_acc, 3), (c.scale_gyr, 9), (c.scale_acc, 9), (c.delay, 1))
     return np.concatenate([where.start + np.arange(size) for where, size in sizes])
 
 
-def gathered(limbs: Sequence[Problem], noise: Noise) -> HandProblem:
+def gather_limbs(limbs: Sequence[Problem], noise: Noise) -> HandProblem:
     """One problem of limbs that were solved alone: the hand's accelerometer is as noisy as they found it on average."""
     return HandProblem(
         tuple(limbs), np.sqrt(np.mean([limb.acc_sd[:, 0] ** 2 for limb in limbs], axis=0)), noise
     )
 
 
-def merged(places: Sequence[Unknowns]) -> HandPlace:
+def merge_places(places: Sequence[Unknowns]) -> HandPlace:
     """Where to begin: the mean of the hand's movements and errors; limbs keep what they found, seen from the hand."""
     first = places[0].q_GS[:, 0]
     off = np.mean([quat.log(quat.relative(first, at.q_GS[:, 0])) for at in places], axis=0)
@@ -129,15 +132,17 @@ def _carried(at: Unknowns, hand: Array, places: Sequence[Unknowns]) -> Unknowns:
     return found
 
 
-def stepped(at: HandPlace, problem: HandProblem, samples: Array, parameters: Array) -> HandPlace:
+def apply_hand_increment(
+    at: HandPlace, problem: HandProblem, samples: Array, parameters: Array
+) -> HandPlace:
     """Another place: unknowns of samples moved by (n, each), parameters by (count,)."""
     where = layout(problem)
     limbs = tuple(
-        moved(
+        apply_increment(
             place,
             limb.chain,
             samples[:, rows[:-OWN]].reshape(len(samples), -1, 3),
-            parameters[cols[: columns(limb.chain).count]],
+            parameters[cols[: parameter_columns(limb.chain).count]],
         )
         for place, limb, rows, cols in zip(at.limbs, problem.limbs, where.sample, where.parameters)
     )
@@ -149,19 +154,19 @@ def stepped(at: HandPlace, problem: HandProblem, samples: Array, parameters: Arr
     )
 
 
-def root(chain: Chain) -> int:
+def root_joint(chain: Chain) -> int:
     """The joint with which a limb hangs on the hand."""
     return int(np.flatnonzero(chain.parents == 0)[0])
 
 
-def bending(problem: HandProblem) -> Array:
+def root_flexion(problem: HandProblem) -> Array:
     """How far the joints on the hand are flexed (n, F) rad."""
-    return np.stack([limb.bent[:, root(limb.chain)] for limb in problem.limbs], axis=1)
+    return np.stack([limb.bent[:, root_joint(limb.chain)] for limb in problem.limbs], axis=1)
 
 
-def straightened(problem: HandProblem, at: HandPlace) -> tuple[Unknowns, ...]:
+def remove_hand_tissue(problem: HandProblem, at: HandPlace) -> tuple[Unknowns, ...]:
     """Limbs on a hand whose skin does not turn the sensor."""
-    back = quat.exp(-followed(bending(problem), at.skin_law) @ at.skin_turn)
+    back = quat.exp(-tissue_response(root_flexion(problem), at.skin_law) @ at.skin_turn)
     return tuple(
         replace(
             limb,
@@ -173,12 +178,13 @@ def straightened(problem: HandProblem, at: HandPlace) -> tuple[Unknowns, ...]:
     )
 
 
-def rebent(problem: HandProblem, at: HandPlace) -> HandProblem:
+def with_hand_flexion(problem: HandProblem, at: HandPlace) -> HandProblem:
     """The same problem with joints flexed as here."""
     return replace(
         problem,
         limbs=tuple(
-            bent(limb, place) for limb, place in zip(problem.limbs, straightened(problem, at))
+            with_flexion(limb, place)
+            for limb, place in zip(problem.limbs, remove_hand_tissue(problem, at))
         ),
     )
 

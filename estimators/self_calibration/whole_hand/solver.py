@@ -12,8 +12,14 @@ import numpy as np
 
 from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration import normal_equations
-from handscope.estimators.self_calibration.problem import Noise, Unknowns, columns
-from handscope.estimators.self_calibration.solver import Ground, Limits, Outcome, Solution, down
+from handscope.estimators.self_calibration.problem import Noise, Unknowns, parameter_columns
+from handscope.estimators.self_calibration.solver import (
+    Limits,
+    Outcome,
+    ProblemOps,
+    Solution,
+    levenberg_marquardt,
+)
 from handscope.estimators.self_calibration.uncertainty import (
     parameter_covariance,
     posterior,
@@ -44,120 +50,124 @@ def solve(
 ) -> HandSolution:
     """Go down from what was found limb by limb."""
     problem, start = (
-        whole_hand_problem.gathered([s.problem for s in alone], noise),
-        whole_hand_problem.merged([s.at for s in alone]),
+        whole_hand_problem.gather_limbs([s.problem for s in alone], noise),
+        whole_hand_problem.merge_places([s.at for s in alone]),
     )
-    way = down(
-        Ground(whole_hand_problem.rebent, hand_equations.cost, _sloped),
+    result = levenberg_marquardt(
+        ProblemOps(whole_hand_problem.with_hand_flexion, hand_equations.cost, _linearise),
         problem,
         start,
         limits,
         go_on,
     )
-    normal = hand_equations.built(way.problem, way.at)
-    raw = hand_equations.factored(normal)
-    pulls = sandwich_covariance.of_hand(way.problem, way.at, normal, raw)
+    normal = hand_equations.build_normal_equations(result.problem, result.at)
+    raw = hand_equations.factorise(normal)
+    pulls = sandwich_covariance.hand_pulls(result.problem, result.at, normal, raw)
     factor = replace(
         raw,
-        covariance=sandwich_covariance.widened(
-            _told(way.problem, way.at, raw, alone), pulls, raw.covariance
+        covariance=sandwich_covariance.widen_covariance(
+            _with_covariance(result.problem, result.at, raw, alone), pulls, raw.covariance
         ),
     )
     return HandSolution(
-        way.problem,
-        way.at,
-        way.outcome,
-        way.costs,
+        result.problem,
+        result.at,
+        result.outcome,
+        result.costs,
         normal,
         factor,
-        sandwich_covariance.sizes(pulls, raw.covariance),
+        sandwich_covariance.squared_pulls(pulls, raw.covariance),
     )
 
 
-def _told(
+def _with_covariance(
     problem: HandProblem, at: HandPlace, factor: HandFactor, alone: Sequence[Solution]
 ) -> Array:
     """As sure as movement makes it: noise makes up in the whole what it made up in each limb alone."""
     where = factor.layout
-    made_up, before, variances = (
+    spurious, before, variances = (
         np.zeros((where.count, where.count)),
         np.zeros((where.count, where.count)),
         np.zeros(where.count),
     )
-    before[where.skin, where.skin] = np.diag(1 / hand_equations.skin(problem, at)[1] ** 2)
+    before[where.skin, where.skin] = np.diag(
+        1 / hand_equations.hand_tissue_priors(problem, at)[1] ** 2
+    )
     arms = []
     for k, (limb, place, one, together) in enumerate(
         zip(problem.limbs, at.limbs, alone, where.parameters)
     ):
-        cols = together[: columns(limb.chain).count]
-        slopes = hand_equations.priors(limb, place, shares=k == 0)[1]
-        made_up[np.ix_(cols, cols)] += one.made_up
+        cols = together[: parameter_columns(limb.chain).count]
+        slopes = hand_equations.limb_priors(limb, place, shares=k == 0)[1]
+        spurious[np.ix_(cols, cols)] += one.spurious_information
         before[np.ix_(cols, cols)] += slopes.T @ slopes
-        variances[cols] = parameter_covariance.walked(limb)
+        variances[cols] = parameter_covariance.bias_walk_variance(limb)
         own = np.zeros((2 * len(place.far), where.count))
-        own[:, cols] = parameter_covariance.arms(limb, place)
+        own[:, cols] = parameter_covariance.arm_directions(limb, place)
         arms.append(own)
-    told = parameter_covariance.without_noise(
-        factor.covariance, made_up, before, np.concatenate(arms)
+    covariance = parameter_covariance.without_noise(
+        factor.covariance, spurious, before, np.concatenate(arms)
     )
-    return told + np.diag(variances)
+    return covariance + np.diag(variances)
 
 
-def _sloped(problem: HandProblem, at: HandPlace) -> tuple[float, Callable[[float], HandPlace]]:
-    normal = hand_equations.built(problem, at)
+def _linearise(problem: HandProblem, at: HandPlace) -> tuple[float, Callable[[float], HandPlace]]:
+    normal = hand_equations.build_normal_equations(problem, at)
 
     def stepped(damping: float) -> HandPlace:
-        step = hand_equations.step(normal, hand_equations.factored(normal, damping))
-        return whole_hand_problem.stepped(at, problem, step.turns, step.parameters)
+        step = hand_equations.solve_step(normal, hand_equations.factorise(normal, damping))
+        return whole_hand_problem.apply_hand_increment(at, problem, step.turns, step.parameters)
 
     return normal.cost, stepped
 
 
-def of_limbs(found: HandSolution) -> list[Solution]:
+def split_limbs(solution: HandSolution) -> list[Solution]:
     """Each limb as it is in the whole; of its factor only the covariance, draws are those of the whole."""
     return [
         Solution(
             at,
             limb,
-            found.outcome,
-            found.costs,
-            normal_equations.remembered(found.factor.covariance[np.ix_(cols, cols)]),
+            solution.outcome,
+            solution.costs,
+            normal_equations.keep_covariance_only(solution.factor.covariance[np.ix_(cols, cols)]),
         )
         for at, limb, cols in zip(
-            whole_hand_problem.straightened(found.problem, found.at),
-            found.problem.limbs,
-            _own(found),
+            whole_hand_problem.remove_hand_tissue(solution.problem, solution.at),
+            solution.problem.limbs,
+            _limb_columns(solution),
         )
     ]
 
 
-def _own(found: HandSolution) -> list[Indices]:
+def _limb_columns(solution: HandSolution) -> list[Indices]:
     """Where each limb's own columns stand in the whole's."""
     return [
-        cols[: columns(limb.chain).count]
-        for limb, cols in zip(found.problem.limbs, found.factor.layout.parameters)
+        cols[: parameter_columns(limb.chain).count]
+        for limb, cols in zip(solution.problem.limbs, solution.factor.layout.parameters)
     ]
 
 
-def misfits(found: HandSolution) -> list[tuple[int, float]]:
+def worst_joints(solution: HandSolution) -> list[tuple[int, float]]:
     """Of each limb the joint at which movement fits worst, and by how much it does not: beyond 1 by more than errors of single samples (`misfit.worst`)."""
     return [
-        sandwich_covariance.worst(limb.chain, found.pulled[cols])
-        for limb, cols in zip(found.problem.limbs, _own(found))
+        sandwich_covariance.worst_joint(limb.chain, solution.pulled[cols])
+        for limb, cols in zip(solution.problem.limbs, _limb_columns(solution))
     ]
 
 
-def draws(found: HandSolution, count: int) -> Iterator[tuple[Unknowns, ...]]:
+def draw_places(solution: HandSolution, count: int) -> Iterator[tuple[Unknowns, ...]]:
     """Places of all limbs as probable as the readings leave them."""
-    n, each, P = len(found.problem), found.factor.layout.each, found.factor.layout.count
+    n, each, P = len(solution.problem), solution.factor.layout.each, solution.factor.layout.count
     numbers = np.stack([posterior.normal_numbers(n * each + P, k) for k in range(count)])
-    for step in hand_equations.drawn(
-        found.normal,
-        found.factor,
+    for step in hand_equations.draw_steps(
+        solution.normal,
+        solution.factor,
         numbers[:, : n * each].reshape(-1, n, each),
         numbers[:, n * each :],
     ):
-        yield whole_hand_problem.straightened(
-            found.problem,
-            whole_hand_problem.stepped(found.at, found.problem, step.turns, step.parameters),
+        yield whole_hand_problem.remove_hand_tissue(
+            solution.problem,
+            whole_hand_problem.apply_hand_increment(
+                solution.at, solution.problem, step.turns, step.parameters
+            ),
         )

@@ -13,7 +13,7 @@ import numpy as np
 
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.simulation.motion import COORDINATES, Motion, sampled
+from handscope.estimators.simulation.motion import COORDINATES, Motion, interpolate_postures
 from handscope.estimators.simulation.movements.powerglove_tasks import Movement
 
 SWING, HELD = 1.6, 2.5  # s that going to an end takes, and s of either way, its stay included
@@ -175,7 +175,7 @@ def trembling(base: Array, duration: float, rate: float, extents: Mapping[str, f
         x[:, COORDINATES[name]] += (
             np.radians(extent) * s**3 * (10 - s * (15 - 6 * s)) * np.sin(2 * np.pi * rate * t)
         )
-    return sampled(t, x)
+    return interpolate_postures(t, x)
 
 
 TREMORS: Mapping[

@@ -15,7 +15,7 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import kinematics, sensors
-from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, sampled
+from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, interpolate_postures
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
 
@@ -36,7 +36,7 @@ CARRIED = {
 }
 
 
-def recorded(
+def record_trial(
     rng: np.random.Generator,
     errors: SensorErrors,
     hand: Hand,
@@ -47,9 +47,9 @@ def recorded(
     rate: float = 100.0,
 ) -> Simulated:
     """One trial, s and Hz; a method is given the hand as `known`."""
-    worn = sensors.mounted(segments, geometry, errors, rng)
+    worn = sensors.mount_sensors(segments, geometry, errors, rng)
     t = np.arange(round(duration * rate)) / rate
-    k = kinematics.of_motion(moved(rng, duration), geometry, t)
+    k = kinematics.compute_kinematics(random_motion(rng, duration), geometry, t)
     stream = Stream(
         "imu",
         tuple(segments),
@@ -58,15 +58,15 @@ def recorded(
         "imu",
         {GYR: float(np.radians(errors.gyr_range)), ACC: errors.acc_range * GRAVITY},
     )
-    samples = {"imu": Block(stream, t, sensors.inertial(worn, k, rate, rng))}
+    samples = {"imu": Block(stream, t, sensors.simulate_inertial(worn, k, rate, rng))}
     event = (Event(0.0, duration, "free_movement"),)
     return replace(
-        Simulated(hand, known, samples, event, kinematics.truth(k, hand), worn),
+        Simulated(hand, known, samples, event, kinematics.true_trajectory(k, hand), worn),
         mounting=dict(zip(segments, worn.nominal)),
     )
 
 
-def moved(rng: np.random.Generator, duration: float) -> Motion:
+def random_motion(rng: np.random.Generator, duration: float) -> Motion:
     """Lifted, carried about and turned while all joints move, laid down again."""
     t = np.arange(0.0, duration + 1e-9, STEP)
     moving = np.clip(np.minimum(t - RESTING, duration - RESTING - t) / 1.0, 0.0, 1.0)
@@ -75,7 +75,7 @@ def moved(rng: np.random.Generator, duration: float) -> Motion:
         x[:, COORDINATES[name]] = (
             moving
             * (reach if name.startswith("wrist") else np.radians(reach))
-            * _wandering(rng, t, 1.2)
+            * _smooth_random_course(rng, t, 1.2)
         )
     for joint in JOINTS:
         for dof in joint.dofs:
@@ -83,16 +83,18 @@ def moved(rng: np.random.Generator, duration: float) -> Motion:
             reach = min(part * joint.limits[dof][1], most)
             middle, reach = (reach / 2, reach / 2) if dof == FLEXION else (0.0, reach)
             pulled = np.cumsum(
-                STEP * 2 * np.pi * PULLS * (1.0 + 0.25 * _wandering(rng, t, 2.0))
+                STEP * 2 * np.pi * PULLS * (1.0 + 0.25 * _smooth_random_course(rng, t, 2.0))
             ) + rng.uniform(0, 2 * np.pi)
-            share = (0.3 if joint.name == "wrist" else 1.0) * (0.8 + 0.2 * _wandering(rng, t, 3.0))
+            share = (0.3 if joint.name == "wrist" else 1.0) * (
+                0.8 + 0.2 * _smooth_random_course(rng, t, 3.0)
+            )
             x[:, COORDINATES[f"{joint.name}_{ANGLES[dof]}"]] = moving * np.radians(
                 middle + reach * share * np.sin(pulled)
             )
-    return sampled(t, x)
+    return interpolate_postures(t, x)
 
 
-def _wandering(rng: np.random.Generator, t: Array, slowest: float) -> Array:
+def _smooth_random_course(rng: np.random.Generator, t: Array, slowest: float) -> Array:
     """A smooth random course within about -1 to 1 (n,): sines with periods from `slowest` to three times as long, s."""
     periods, phases = rng.uniform(slowest, 3 * slowest, 5), rng.uniform(0, 2 * np.pi, 5)
     return np.asarray(np.sin(2 * np.pi * t[:, None] / periods + phases).sum(axis=1) / np.sqrt(5))

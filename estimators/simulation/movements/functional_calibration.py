@@ -16,14 +16,14 @@ from handscope.estimators.data.samples import Event
 from handscope.estimators.hand.anatomy import FINGERS, IS_DOF
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.simulation.motion import COORDINATES, posture, sampled
-from handscope.estimators.simulation.movements.guided_movements import RATE, framed
+from handscope.estimators.simulation.motion import COORDINATES, interpolate_postures, make_posture
+from handscope.estimators.simulation.movements.guided_movements import RATE, frame_motion
 from handscope.estimators.simulation.movements.task_performance import POSE_THUMB, Performance, flat
 from handscope.estimators.simulation.movements.whole_hand import gently, smooth, swaying
 
 HALF = 1.4  # s from straight to bent: joint rates below 2 rad/s
 LEAD = 1.5  # s from the relaxed posture into the step
-THUMB_FLAT = posture(None, thumb_cmc_deviation=-45.0)  # nail and back of the thumb upwards
+THUMB_FLAT = make_posture(None, thumb_cmc_deviation=-45.0)  # nail and back of the thumb upwards
 BENT: Mapping[str, Mapping[str, float]] = {
     "flexion_thumb_ip": {"thumb_ip_flexion": 60.0},
     "flexion_mcp": {f"{f}_mcp_flexion": 75.0 for f in FINGERS[1:]},
@@ -67,12 +67,12 @@ def flat_hand(geometry: HandGeometry, rng: np.random.Generator, care: Carelessne
             POSE_THUMB,
         )
     )
-    return _still("flat_hand", missed(flat(), care.pose, rng), known)
+    return _still("flat_hand", miss_posture(flat(), care.pose, rng), known)
 
 
 def thumb_flat(geometry: HandGeometry, rng: np.random.Generator, care: Carelessness) -> Performance:
     """The thumb straight on the table, its nail level."""
-    return _still("thumb_flat", missed(THUMB_FLAT, care.pose, rng), {})
+    return _still("thumb_flat", miss_posture(THUMB_FLAT, care.pose, rng), {})
 
 
 def flexion_thumb_ip(
@@ -102,7 +102,7 @@ def figure_eight(
     """Both hands together, fingers straight: three figures of eight."""
     t = _times(duration)
     phase = 6 * np.pi * smooth((t - t[0]) / duration * 0.999)
-    x = np.tile(missed(flat(), care.pose, rng), (len(t), 1))
+    x = np.tile(miss_posture(flat(), care.pose, rng), (len(t), 1))
     for name, extent, turn in (
         ("forearm_deviation", 22.0, np.sin(phase)),
         ("forearm_flexion", 14.0, np.sin(2 * phase)),
@@ -137,7 +137,7 @@ def all_steps(
     return tuple(step(geometry, rng, care or Carelessness()) for step in STEPS.values())
 
 
-def missed(posture: Array, largest_deg: float, rng: np.random.Generator) -> Array:
+def miss_posture(posture: Array, largest_deg: float, rng: np.random.Generator) -> Array:
     """A posture with every freedom of every joint off by up to `largest_deg`, evenly spread."""
     off = np.radians(largest_deg) * rng.uniform(-1, 1, IS_DOF.shape) * IS_DOF
     return np.concatenate([posture[:6], posture[6:] + off.ravel()])
@@ -156,9 +156,10 @@ def _bending(name: str, rng: np.random.Generator, care: Carelessness) -> Perform
         for s in 0.3 + 2 * HALF * np.arange(3)
     )
     x = np.tile(
-        missed(THUMB_FLAT if name == "flexion_thumb_ip" else flat(), care.pose, rng), (len(t), 1)
+        miss_posture(THUMB_FLAT if name == "flexion_thumb_ip" else flat(), care.pose, rng),
+        (len(t), 1),
     )
-    x += np.asarray(bend)[:, None] * posture(None, **BENT[name])
+    x += np.asarray(bend)[:, None] * make_posture(None, **BENT[name])
     for coordinate in BENT[name]:
         if coordinate.endswith("mcp_flexion") and not coordinate.startswith("thumb"):
             side = COORDINATES[coordinate.replace("flexion", "deviation")]
@@ -183,5 +184,5 @@ def _times(duration: float) -> Array:
 
 def _step(name: str, t: Array, x: Array, details: Mapping[str, float]) -> Performance:
     """Framed by the relaxed posture; the event is the step."""
-    done = framed(name, sampled(t, x), LEAD)
+    done = frame_motion(name, interpolate_postures(t, x), LEAD)
     return Performance(done.motion, (Event(LEAD, float(t[-1]), name, details),))

@@ -11,7 +11,7 @@ from handscope.estimators.hand import forward_kinematics, joint_angles
 from handscope.estimators.hand.anatomy import ANGLES, CHAINS, FINGERS, JOINTS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.simulation.motion import COORDINATES, posture
+from handscope.estimators.simulation.motion import COORDINATES, make_posture
 
 NATURAL = {
     "thumb_cmc": ((-10, 60), (-60, 10), (0, 110)),
@@ -45,7 +45,7 @@ def tips_of(x: Array, geometry: HandGeometry) -> Array:
     return forward_kinematics.tips(joint_angles.compose(x[6:].reshape(-1, 3)), geometry)
 
 
-def pinch(
+def pinch_posture(
     geometry: HandGeometry,
     finger: str = "index",
     distance: float | None = None,
@@ -57,10 +57,12 @@ def pinch(
         if distance is not None
         else geometry.tip_tissue["thumb"] + geometry.tip_tissue[finger]
     )
-    return reach({("thumb", finger): gap}, geometry, ("thumb", finger), _pinch_guess(finger, base))
+    return reach_posture(
+        {("thumb", finger): gap}, geometry, ("thumb", finger), _pinch_guess(finger, base)
+    )
 
 
-def reach(
+def reach_posture(
     gaps: Mapping[tuple[str, str], float],
     geometry: HandGeometry,
     fingers: tuple[str, ...],
@@ -89,7 +91,7 @@ def reach(
     return x
 
 
-def closed(x: Array, holds: Sequence[Hold], geometry: HandGeometry, rounds: int = 30) -> Array:
+def close_holds(x: Array, holds: Sequence[Hold], geometry: HandGeometry, rounds: int = 30) -> Array:
     """Postures (n, 54) nearest to x, finger by finger joint, with every hold exact: Newton steps of least change, all n at once.
 
     The natural ranges are not looked at: begin well inside them.
@@ -97,24 +99,25 @@ def closed(x: Array, holds: Sequence[Hold], geometry: HandGeometry, rounds: int 
     columns = np.array([COORDINATES[name] for f in fingers_of(holds) for name, _, _ in freedoms(f)])
     x = x.copy()
     for _ in range(rounds):
-        miss = _misses(x, holds, geometry)
+        miss = _hold_residuals(x, holds, geometry)
         if np.abs(miss).max() < 1e-9:
             return x
         J = np.stack(
-            [(_misses(_nudged(x, c), holds, geometry) - miss) / NUDGE for c in columns], axis=-1
+            [(_hold_residuals(_nudge(x, c), holds, geometry) - miss) / NUDGE for c in columns],
+            axis=-1,
         )
         step = (np.linalg.pinv(J, rcond=1e-6) @ miss[..., None])[..., 0]
         x[:, columns] -= step / np.maximum(
             1.0, np.abs(step).max(axis=1, keepdims=True) / LONGEST_STEP
         )
-    miss = np.abs(_misses(x, holds, geometry)).max()
+    miss = np.abs(_hold_residuals(x, holds, geometry)).max()
     assert miss < 1e-6, (
         f"the hold cannot be closed from these postures: {miss * 1e3:.2f} mm are left"
     )
     return x
 
 
-def between(x: Array, hold: Hold, geometry: HandGeometry) -> Array:
+def contact_offset(x: Array, hold: Hold, geometry: HandGeometry) -> Array:
     """From contact point b to a (n, 3) in WCS at postures (n, 54)."""
     angles = x[:, 6:].reshape(len(x), -1, 3)
     a, b = (
@@ -137,19 +140,19 @@ def freedoms(finger: str) -> list[tuple[str, float, float]]:
     ]
 
 
-def _misses(x: Array, holds: Sequence[Hold], geometry: HandGeometry) -> Array:
+def _hold_residuals(x: Array, holds: Sequence[Hold], geometry: HandGeometry) -> Array:
     """What is wrong with each hold (n, m), m: its length, or all three components of a touch."""
-    apart = [(hold, between(x, hold, geometry)) for hold in holds]
+    distances = [(hold, contact_offset(x, hold, geometry)) for hold in holds]
     return np.concatenate(
         [
             np.linalg.norm(d, axis=-1, keepdims=True) - h.distance if h.distance else d
-            for h, d in apart
+            for h, d in distances
         ],
         axis=-1,
     )
 
 
-def _nudged(x: Array, column: int) -> Array:
+def _nudge(x: Array, column: int) -> Array:
     moved = x.copy()
     moved[:, column] += NUDGE
     return moved
@@ -169,4 +172,4 @@ def _pinch_guess(finger: str, base: Array | None) -> Array:
         "thumb_mcp_flexion": 15.0 + 5 * across,
         "thumb_ip_flexion": 20.0,
     }
-    return posture(base, **bent, **thumb)
+    return make_posture(base, **bent, **thumb)

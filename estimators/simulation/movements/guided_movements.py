@@ -15,10 +15,10 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.motion import (
     COORDINATES,
     Motion,
-    joined,
-    posture,
-    sampled,
-    through,
+    interpolate_postures,
+    join_motions,
+    make_posture,
+    move_through,
 )
 from handscope.estimators.simulation.movements.grasp_postures import NATURAL
 from handscope.estimators.simulation.movements.task_performance import Performance, flat, relaxed
@@ -46,15 +46,15 @@ def abduction(
     geometry: HandGeometry, rng: np.random.Generator, name: str, finger: str
 ) -> Performance:
     """Out and in, the finger straight."""
-    out, inward = (posture(flat(), **x) for x in ABDUCTION[finger])
-    return _repeated(name, out, inward, rng)
+    out, inward = (make_posture(flat(), **x) for x in ABDUCTION[finger])
+    return _repeat(name, out, inward, rng)
 
 
 def flexion(
     geometry: HandGeometry, rng: np.random.Generator, name: str, finger: str
 ) -> Performance:
     """All joints of the finger bent, then straight."""
-    bent = posture(
+    bent = make_posture(
         flat(),
         **{
             f"{finger}_mcp_flexion": 65.0,
@@ -62,7 +62,7 @@ def flexion(
             f"{finger}_dip_flexion": 40.0,
         },
     )
-    return _repeated(name, bent, flat(), rng)
+    return _repeat(name, bent, flat(), rng)
 
 
 def circling(
@@ -77,26 +77,28 @@ def circling(
     bend, swing = 0.5 * (1 - np.cos(phase)) * size, np.sin(phase) * size
     x = np.tile(flat(), (len(t), 1))
     if finger == "thumb":
-        x += bend[:, None] * (posture(flat(), **OPPOSITION) - flat())
+        x += bend[:, None] * (make_posture(flat(), **OPPOSITION) - flat())
         x[:, COORDINATES["thumb_cmc_deviation"]] += np.radians(12.0) * swing
     else:
         x[:, COORDINATES[f"{finger}_mcp_flexion"]] += np.radians(50.0) * bend
         x[:, COORDINATES[f"{finger}_pip_flexion"]] += np.radians(20.0) * bend
         x[:, COORDINATES[f"{finger}_dip_flexion"]] += np.radians(10.0) * bend
         x[:, COORDINATES[f"{finger}_mcp_deviation"]] += np.radians(12.0) * swing
-    return framed(name, sampled(t, x))
+    return frame_motion(name, interpolate_postures(t, x))
 
 
 def brisk_flexion(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
     """The index finger bent as far as it goes and stretched, five times, a second each. Source: Kortier thesis 2.2.5"""
-    bent = posture(flat(), index_mcp_flexion=80.0, index_pip_flexion=95.0, index_dip_flexion=55.0)
+    bent = make_posture(
+        flat(), index_mcp_flexion=80.0, index_pip_flexion=95.0, index_dip_flexion=55.0
+    )
     points, t = [(0.0, flat())], 0.0
     for _ in range(5):
         reached = flat() + rng.uniform(0.9, 1.0) * (bent - flat())
         for x in (reached, flat()):
             t += 0.5 * rng.uniform(0.9, 1.1)
             points.append((t, x))
-    return framed("brisk flexion", through(points))
+    return frame_motion("brisk flexion", move_through(points))
 
 
 def brisk_circles(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
@@ -106,7 +108,7 @@ def brisk_circles(geometry: HandGeometry, rng: np.random.Generator) -> Performan
     x = np.tile(flat(), (len(t), 1))
     x[:, COORDINATES["index_mcp_flexion"]] += np.radians(20.0) * size * np.sin(phase)
     x[:, COORDINATES["index_mcp_deviation"]] += np.radians(14.0) * size * np.cos(phase)
-    return framed("brisk circles", sampled(t, x))
+    return frame_motion("brisk circles", interpolate_postures(t, x))
 
 
 def mechanical_finger(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
@@ -122,9 +124,9 @@ def mechanical_finger(geometry: HandGeometry, rng: np.random.Generator) -> Perfo
     )
     for start, joint, angle in moves:
         points.append((start, x))
-        x = posture(x, **{f"index_{joint}_flexion": angle})
+        x = make_posture(x, **{f"index_{joint}_flexion": angle})
         points.append((start + 10.0, x))
-    return framed("mechanical finger", through([*points, (190.0, x)]))
+    return frame_motion("mechanical finger", move_through([*points, (190.0, x)]))
 
 
 def open_close(
@@ -139,11 +141,11 @@ def open_close(
         for f in FINGERS[1:]
         for joint, angle in (("mcp", 30.0), ("pip", 80.0), ("dip", 40.0))
     }
-    bent, half = posture(flat(), **flexion), 30.0 / per_minute
+    bent, half = make_posture(flat(), **flexion), 30.0 / per_minute
     turns = range(1, 2 * int(duration * per_minute / 60) + 1)
-    return framed(
+    return frame_motion(
         "open_close",
-        through([(0.0, flat()), *((k * half, bent if k % 2 else flat()) for k in turns)]),
+        move_through([(0.0, flat()), *((k * half, bent if k % 2 else flat()) for k in turns)]),
     )
 
 
@@ -151,28 +153,28 @@ def free(geometry: HandGeometry, rng: np.random.Generator, duration: float = 40.
     """All joints from one random posture to another while the whole hand moves about."""
     points, t, here = [(0.0, flat())], 0.0, flat()
     while t < duration:
-        there = _anyhow(rng)
+        there = _random_posture(rng)
         t += max(0.8, PEAK * float(np.abs(there - here).max()) / FASTEST) * rng.uniform(1.0, 1.3)
         points.append((t, there))
         here = there
     times = np.arange(0.0, t, 1 / RATE)
     times = np.linspace(0.0, t, len(times) + 1)
-    x = through(points).at(times)[0]
-    return framed("free", sampled(times, x + moving(times, rng, geometry.hand)))
+    x = move_through(points).at(times)[0]
+    return frame_motion("free", interpolate_postures(times, x + moving(times, rng, geometry.hand)))
 
 
-def framed(name: str, motion: Motion, lead: float = 1.5) -> Performance:
+def frame_motion(name: str, motion: Motion, lead: float = 1.5) -> Performance:
     """From the relaxed posture into the motion and back; the motion is the task."""
     first, last = motion.spline(motion.spline.x[0]), motion.spline(motion.spline.x[-1])
-    whole = joined(
-        through([(0.0, relaxed()), (lead, first)]),
+    whole = join_motions(
+        move_through([(0.0, relaxed()), (lead, first)]),
         motion,
-        through([(0.0, last), (lead, relaxed())]),
+        move_through([(0.0, last), (lead, relaxed())]),
     )
     return Performance(whole, (Event(lead, motion.duration, "task", {"task_name": name}),))
 
 
-def _repeated(name: str, there: Array, back: Array, rng: np.random.Generator) -> Performance:
+def _repeat(name: str, there: Array, back: Array, rng: np.random.Generator) -> Performance:
     """10 to 15 times there and back, each a little different, in 30 to 50 s."""
     n = int(rng.integers(10, 16))
     least = PEAK * float(np.abs(there - back).max()) / FASTEST
@@ -183,7 +185,7 @@ def _repeated(name: str, there: Array, back: Array, rng: np.random.Generator) ->
         for x in (reached, back):
             t += half * rng.uniform(1.0, 1.15)
             points.append((t, x))
-    return framed(name, through(points))
+    return frame_motion(name, move_through(points))
 
 
 def _phase(turns: int, period: float) -> tuple[Array, Array]:
@@ -203,7 +205,7 @@ def _phase(turns: int, period: float) -> tuple[Array, Array]:
     return t, np.asarray(2 * np.pi * turns * turned / (end - lead))
 
 
-def _anyhow(rng: np.random.Generator) -> Array:
+def _random_posture(rng: np.random.Generator) -> Array:
     """A random posture within the natural ranges; the DIP joint follows the PIP joint, as tendons make it."""
     angles: Mapping[str, float] = {
         f"{joint}_{('flexion', 'deviation', 'pronation')[a]}": float(rng.uniform(low, high))
@@ -211,4 +213,4 @@ def _anyhow(rng: np.random.Generator) -> Array:
         for a, (low, high) in enumerate(ranges)
     }
     follows = {f"{f}_dip_flexion": 0.6 * angles[f"{f}_pip_flexion"] for f in FINGERS[1:]}
-    return posture(flat(), **{**angles, **follows})
+    return make_posture(flat(), **{**angles, **follows})

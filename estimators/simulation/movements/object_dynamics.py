@@ -19,8 +19,14 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.kinematics import Kinematics
-from handscope.estimators.simulation.motion import COORDINATES, joined, posture, sampled, through
-from handscope.estimators.simulation.movements.grasp_postures import Hold, closed
+from handscope.estimators.simulation.motion import (
+    COORDINATES,
+    interpolate_postures,
+    join_motions,
+    make_posture,
+    move_through,
+)
+from handscope.estimators.simulation.movements.grasp_postures import Hold, close_holds
 from handscope.estimators.simulation.movements.static_hold import GRASPED
 from handscope.estimators.simulation.movements.task_performance import Performance, relaxed
 from handscope.estimators.simulation.movements.whole_hand import smooth, swaying
@@ -29,12 +35,14 @@ RATE = 50.0  # Hz, of the samples that the motion goes through
 CYLINDER, SPRING = 0.06, 0.04  # m between the fingertips
 FRICTION, MARGIN, LIGHTEST = 0.8, 1.4, 0.6  # N of grip with which nothing is lifted yet
 GRASP, LOAD, LIFT, OPEN = 0.35, 0.45, 1.0, 0.8  # s
-APART = posture(None, index_mcp_flexion=-14.0, index_pip_flexion=-8.0, thumb_cmc_deviation=-12.0)
+OPEN_DISTANCE = make_posture(
+    None, index_mcp_flexion=-14.0, index_pip_flexion=-8.0, thumb_cmc_deviation=-12.0
+)
 SLIPPING = 0.16  # s
 
 
 @dataclass(frozen=True, kw_only=True)
-class Thing:
+class HeldObject:
     """What is held."""
 
     mass: float  # kg
@@ -65,16 +73,16 @@ def lift(
     lead: float = 1.5,
 ) -> Performance:
     """A cylinder taken from the table, held up and put down."""
-    thing, held = Thing(mass=mass), _touching(geometry, CYLINDER)
+    thing, held = HeldObject(mass=mass), _touching(geometry, CYLINDER)
     up = GRASP + LOAD
     down = up + LIFT + hold
     end = down + LIFT + LOAD + GRASP
     t = _times(OPEN + end + OPEN)
     own = t - OPEN
-    x = np.tile(held, (len(t), 1)) + _open(own, end)[:, None] * APART
-    x += _raised(own, rng, height, up, down)
+    x = np.tile(held, (len(t), 1)) + _open(own, end)[:, None] * OPEN_DISTANCE
+    x += _raise_arm(own, rng, height, up, down)
     grip = _Grip(geometry, thing, OPEN + lead, up, down + LIFT, end, mishap)
-    return _framed(task, t, x, grip.forces, lead, OPEN + end)
+    return _frame_motion(task, t, x, grip.forces, lead, OPEN + end)
 
 
 def squeeze(
@@ -91,7 +99,7 @@ def squeeze(
     lead: float = 1.5,
 ) -> Performance:
     """A spring taken from the table, lifted by 0.2 m, squeezed `times` by about `depth` m and put down."""
-    thing = Thing(mass=mass, length=SPRING, stiffness=stiffness, damping=damping)
+    thing = HeldObject(mass=mass, length=SPRING, stiffness=stiffness, damping=damping)
     up = GRASP + LOAD
     start = up + LIFT + 0.5
     down = start + times * period + 0.5
@@ -103,11 +111,11 @@ def squeeze(
     touched = LIGHTEST / stiffness * _between(own, 0.0, end, GRASP)
     x = (
         _closing(geometry, np.asarray(SPRING - touched - squeezed))
-        + _open(own, end)[:, None] * APART
+        + _open(own, end)[:, None] * OPEN_DISTANCE
     )
-    x += _raised(own, rng, 0.2, up, down)
+    x += _raise_arm(own, rng, 0.2, up, down)
     grip = _Grip(geometry, thing, OPEN + lead, up, down + LIFT, end, mishap)
-    return _framed(task, t, x, grip.forces, lead, OPEN + end)
+    return _frame_motion(task, t, x, grip.forces, lead, OPEN + end)
 
 
 TASKS: Mapping[str, Callable[..., Performance]] = {"lift": lift, "squeeze": squeeze}
@@ -118,7 +126,7 @@ class _Grip:
     """When the fingers hold what."""
 
     geometry: HandGeometry
-    thing: Thing
+    thing: HeldObject
     onset: float  # s of the performance: the fingers touch
     up: float  # s after that the object leaves the table
     down: float  # and is back
@@ -137,8 +145,8 @@ class _Grip:
         total = thing.mass * (
             acceleration * (off > 0.999)[:, None] + off[:, None] * np.array([0.0, 0.0, GRAVITY])
         )
-        apart = self._place(k, "thumb") - self._place(k, "index")
-        distance = np.linalg.norm(apart, axis=1)
+        offset = self._place(k, "thumb") - self._place(k, "index")
+        distance = np.linalg.norm(offset, axis=1)
         grip = held * LIGHTEST + 0.5 * MARGIN / FRICTION * np.linalg.norm(total, axis=1)
         grip *= np.prod(
             [1 + 0.6 * smooth((t - s - SLIPPING) / 0.1) for s in self.mishap.slips], axis=0
@@ -148,7 +156,7 @@ class _Grip:
             grip = np.maximum(
                 thing.stiffness * (thing.length - distance) + thing.damping * speed, 0.0
             ) * (held > 0)
-        toward = apart / distance[:, None]
+        toward = offset / distance[:, None]
         push, carried = grip[:, None] * toward, (1 - self.mishap.third) * total
         forces = np.zeros((len(t), len(FINGERS), 3))
         forces[:, FINGERS.index("index")] = (1 - self.mishap.third) * push + 0.5 * carried
@@ -173,11 +181,11 @@ class _Grip:
         return a
 
 
-def _raised(
+def _raise_arm(
     own: Array, rng: np.random.Generator | None, height: float, up: float, down: float
 ) -> Array:
     """What the arm adds to the coordinates (n, 54): the way up and down and, as people do, a sway."""
-    x = np.zeros((len(own), len(posture())))
+    x = np.zeros((len(own), len(make_posture())))
     x[:, COORDINATES["wrist_z"]] = (
         height * smooth((own - up) / LIFT) * smooth((down + LIFT - own) / LIFT)
     )
@@ -192,9 +200,9 @@ def _raised(
 
 def _touching(geometry: HandGeometry, distance: float) -> Array:
     return np.asarray(
-        closed(GRASPED[None], [Hold(("thumb", "bottom"), ("index", "bottom"), distance)], geometry)[
-            0
-        ]
+        close_holds(
+            GRASPED[None], [Hold(("thumb", "bottom"), ("index", "bottom"), distance)], geometry
+        )[0]
     )
 
 
@@ -205,14 +213,16 @@ def _closing(geometry: HandGeometry, distance: Array) -> Array:
     return np.asarray(make_interp_spline(knots, postures, k=3)(distance))
 
 
-def _framed(
+def _frame_motion(
     task: str, t: Array, x: Array, forces: Callable[[Kinematics], Array], lead: float, end: float
 ) -> Performance:
     """From the relaxed posture into the motion and back."""
-    motion = sampled(t, x)
+    motion = interpolate_postures(t, x)
     first, last = motion.spline(motion.spline.x[0]), motion.spline(motion.spline.x[-1])
-    whole = joined(
-        through([(0.0, relaxed()), (lead, first)]), motion, through([(0.0, last), (1.5, relaxed())])
+    whole = join_motions(
+        move_through([(0.0, relaxed()), (lead, first)]),
+        motion,
+        move_through([(0.0, last), (1.5, relaxed())]),
     )
     return Performance(whole, (Event(lead, motion.duration, "task", {"task_name": task}),), forces)
 

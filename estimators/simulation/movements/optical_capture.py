@@ -21,9 +21,9 @@ from handscope.estimators.hand.geometry import MEAN_HAND_LENGTH, HandGeometry, H
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.kinematics import base_orientation
-from handscope.estimators.simulation.motion import COORDINATES, SIZE, sampled
+from handscope.estimators.simulation.motion import COORDINATES, SIZE, interpolate_postures
 from handscope.estimators.simulation.movements.grasp_postures import freedoms
-from handscope.estimators.simulation.movements.guided_movements import RATE, framed
+from handscope.estimators.simulation.movements.guided_movements import RATE, frame_motion
 from handscope.estimators.simulation.movements.task_performance import (
     POSE_THUMB,
     Performance,
@@ -64,7 +64,7 @@ class Markers:
 
 
 @dataclass(frozen=True)
-class Captured:
+class CapturedMotion:
     """The model hand that follows the markers."""
 
     geometry: HandGeometry
@@ -74,7 +74,7 @@ class Captured:
 
 
 @dataclass(frozen=True)
-class _Placed:
+class _MarkerPlacement:
     """Where markers sit, from the 9 numbers of the outer fit: cluster on the hand (turn, shift), hand length, places along two bones."""
 
     geometry: HandGeometry
@@ -83,7 +83,7 @@ class _Placed:
     along: Array  # (2,) share of the bone's length from its proximal end
 
 
-def fitted(markers: Markers, hand: Hand, frames: int = 24) -> Captured:
+def fit_markers(markers: Markers, hand: Hand, frames: int = 24) -> CapturedMotion:
     """Fit markers' places and the hand's size on `frames` instants, then the joint angles at all."""
     seen = np.flatnonzero(
         np.isfinite(markers.back).all(axis=(1, 2))
@@ -96,26 +96,26 @@ def fitted(markers: Markers, hand: Hand, frames: int = 24) -> Captured:
     )
 
     def misfit(change: Array) -> Array:
-        placed = _moved(start, change * scale, hand)
+        placed = _apply_change(start, change * scale, hand)
         x = _angles(_on_hand(few, placed), placed, 6)
         return np.concatenate(
             [
-                _apart(x, few, placed).ravel() / TOLERANCE,
+                _marker_residuals(x, few, placed).ravel() / TOLERANCE,
                 PULL * (x[:, FREE] - _usual()[FREE]).ravel() / TOLERANCE,
                 change,
             ]
         )
 
     found = least_squares(misfit, np.zeros(9), xtol=1e-4, ftol=1e-4, max_nfev=30).x
-    placed = _moved(start, found * scale, hand)
+    placed = _apply_change(start, found * scale, hand)
     x = _angles(_on_hand(markers, placed), placed, 15)
-    misfits = np.linalg.norm(_apart(x, markers, placed), axis=-1)
+    misfits = np.linalg.norm(_marker_residuals(x, markers, placed), axis=-1)
     for finger, own in enumerate(np.column_stack([FREE, COUPLED])):
         x[np.ix_(np.isnan(misfits[:, finger]).any(axis=1), own)] = np.nan
-    return Captured(placed.geometry, markers.t, _with_arm(x, markers, placed), misfits)
+    return CapturedMotion(placed.geometry, markers.t, _with_arm(x, markers, placed), misfits)
 
 
-def performance(captured: Captured, name: str, begin: float, end: float) -> Performance:
+def performance(captured: CapturedMotion, name: str, begin: float, end: float) -> Performance:
     """What was captured between two instants, smoothed, hidden stretches bridged, begun and ended gently: a task like any other."""
     t = np.arange(captured.t[0], captured.t[-1], 1 / SMOOTHED)
     known = np.isfinite(captured.x)
@@ -129,9 +129,11 @@ def performance(captured: Captured, name: str, begin: float, end: float) -> Perf
     n = round((end - begin + 1.0) * RATE)
     own = np.linspace(0.0, end - begin + 1.0, n + 1)
     played = begin + _gentle(own, 1.0)
-    return framed(
+    return frame_motion(
         name,
-        sampled(own, np.stack([np.interp(played, t, column) for column in x.T], axis=-1)),
+        interpolate_postures(
+            own, np.stack([np.interp(played, t, column) for column in x.T], axis=-1)
+        ),
         lead=2.5,
     )
 
@@ -143,7 +145,7 @@ def _gentle(t: Array, ramp: float) -> Array:
     return np.asarray(played * (t[-1] - ramp) / played[-1])
 
 
-def _first_guess(few: Markers, hand: Hand) -> _Placed:
+def _first_guess(few: Markers, hand: Hand) -> _MarkerPlacement:
     """The cluster flat on the middle of the palm's back, fingers on average straight ahead of it."""
     q_GC, centre = _cluster(few)
     ahead = quat.rotate(quat.conjugate(q_GC), few.fingers[:, 1:, 0].mean(axis=1) - centre).mean(
@@ -162,10 +164,12 @@ def _first_guess(few: Markers, hand: Hand) -> _Placed:
     R_CH = sign * np.column_stack([dorsal, distal, ulnar])
     geometry = sized(hand, HandMeasures(hand_length=MEAN_HAND_LENGTH))
     middle = sign * np.array([0.02, 0.6 * geometry.palm_length, 0.0])
-    return _Placed(geometry, quat.conjugate(quat.from_matrix(R_CH)), middle, np.array([0.8, 0.8]))
+    return _MarkerPlacement(
+        geometry, quat.conjugate(quat.from_matrix(R_CH)), middle, np.array([0.8, 0.8])
+    )
 
 
-def _moved(start: _Placed, change: Array, hand: Hand) -> _Placed:
+def _apply_change(start: _MarkerPlacement, change: Array, hand: Hand) -> _MarkerPlacement:
     geometry = sized(
         hand, HandMeasures(hand_length=float(np.clip(MEAN_HAND_LENGTH + change[6], 0.15, 0.23)))
     )
@@ -190,7 +194,7 @@ def _cluster(markers: Markers) -> tuple[Array, Array]:
     ), markers.back.mean(axis=1)
 
 
-def _on_hand(markers: Markers, placed: _Placed) -> Array:
+def _on_hand(markers: Markers, placed: _MarkerPlacement) -> Array:
     """The fingers' markers (n, 5, 2, 3) in the hand's frame from the wrist's centre."""
     q_GC, centre = _cluster(markers)
     in_cluster = quat.rotate(
@@ -199,7 +203,7 @@ def _on_hand(markers: Markers, placed: _Placed) -> Array:
     return np.asarray(quat.rotate(placed.q_HC, in_cluster) + placed.p_HC)
 
 
-def _model(x: Array, placed: _Placed) -> Array:
+def _model(x: Array, placed: _MarkerPlacement) -> Array:
     """The model's markers (n, 5, 2, 3) in the hand's frame; the wrist is neutral."""
     q_pc = joint_angles.compose(x[:, 6:].reshape(len(x), len(JOINTS), 3))
     ends = forward_kinematics.joint_places(q_pc, placed.geometry)
@@ -218,7 +222,7 @@ def _model(x: Array, placed: _Placed) -> Array:
     return np.asarray(starts + placed.along[:, None] * (ends - starts) + quat.rotate(q_HB, above))
 
 
-def _angles(measured: Array, placed: _Placed, rounds: int) -> Array:
+def _angles(measured: Array, placed: _MarkerPlacement, rounds: int) -> Array:
     """Coordinates (n, 54) of the fingers: damped Gauss-Newton of three freedoms a finger, hidden markers without weight."""
     usual = _usual()
     x = np.tile(usual, (len(measured), 1))
@@ -226,18 +230,21 @@ def _angles(measured: Array, placed: _Placed, rounds: int) -> Array:
     low, high = np.moveaxis(np.radians([[NATURAL_OF[k] for k in finger] for finger in FREE]), -1, 0)
 
     def misses(x: Array) -> Array:
-        apart = np.nan_to_num(_model(x, placed) - measured).reshape(len(x), 5, 6)
-        return np.concatenate([apart, PULL * (x[:, free] - usual[free])], axis=-1)
+        difference = np.nan_to_num(_model(x, placed) - measured).reshape(len(x), 5, 6)
+        return np.concatenate([difference, PULL * (x[:, free] - usual[free])], axis=-1)
 
     for _ in range(rounds):
         miss = misses(x)
         J = np.stack(
-            [(misses(_bent(x, free[:, k], 1e-6)) - miss) / 1e-6 for k in range(3)], axis=-1
+            [(misses(_change_coordinates(x, free[:, k], 1e-6)) - miss) / 1e-6 for k in range(3)],
+            axis=-1,
         )
         step = np.linalg.solve(
             np.swapaxes(J, -1, -2) @ J, np.swapaxes(J, -1, -2) @ miss[..., None]
         )[..., 0]
-        x = _bent(x, free, np.clip(x[:, free] - np.clip(step, -0.3, 0.3), low, high) - x[:, free])
+        x = _change_coordinates(
+            x, free, np.clip(x[:, free] - np.clip(step, -0.3, 0.3), low, high) - x[:, free]
+        )
     return x
 
 
@@ -248,7 +255,7 @@ def _usual() -> Array:
     return usual
 
 
-def _bent(x: Array, columns: Array, by: Array | float) -> Array:
+def _change_coordinates(x: Array, columns: Array, by: Array | float) -> Array:
     """Changed coordinates; the last joints follow."""
     x = x.copy()
     x[:, columns] += by
@@ -256,11 +263,11 @@ def _bent(x: Array, columns: Array, by: Array | float) -> Array:
     return x
 
 
-def _apart(x: Array, markers: Markers, placed: _Placed) -> Array:
+def _marker_residuals(x: Array, markers: Markers, placed: _MarkerPlacement) -> Array:
     return np.asarray(_model(x, placed) - _on_hand(markers, placed))
 
 
-def _with_arm(x: Array, markers: Markers, placed: _Placed) -> Array:
+def _with_arm(x: Array, markers: Markers, placed: _MarkerPlacement) -> Array:
     """Wrist and forearm from the hand's pose and the elbow; headings counted from the forearm's mean one."""
     q_GC, centre = _cluster(markers)
     q_GH = quat.multiply(q_GC, quat.conjugate(placed.q_HC))

@@ -13,7 +13,7 @@ import numpy as np
 
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.simulation.motion import COORDINATES, Motion, sampled
+from handscope.estimators.simulation.motion import COORDINATES, Motion, interpolate_postures
 
 BENT = {"mcp": 65.0, "pip": 75.0, "dip": 40.0}
 JOINTS = {"mcp": ("mcp",), "pip_dip": ("pip", "dip"), "all": ("mcp", "pip", "dip")}
@@ -120,4 +120,4 @@ def circles(centre: Array, turns: int = 10, rate: float = CIRCLING) -> Motion:
     x = np.tile(centre, (len(t), 1))
     x[:, COORDINATES["index_mcp_flexion"]] -= np.radians(RADII[0]) * np.cos(angle)
     x[:, COORDINATES["index_mcp_deviation"]] += np.radians(RADII[1]) * np.sin(angle)
-    return sampled(t, x)
+    return interpolate_postures(t, x)

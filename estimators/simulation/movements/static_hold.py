@@ -11,10 +11,14 @@ import numpy as np
 
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.simulation.motion import COORDINATES, posture, sampled
+from handscope.estimators.simulation.motion import COORDINATES, interpolate_postures, make_posture
 from handscope.estimators.simulation.movements.grasp_postures import Hold as Hold
-from handscope.estimators.simulation.movements.grasp_postures import closed, fingers_of, freedoms
-from handscope.estimators.simulation.movements.guided_movements import RATE, framed
+from handscope.estimators.simulation.movements.grasp_postures import (
+    close_holds,
+    fingers_of,
+    freedoms,
+)
+from handscope.estimators.simulation.movements.guided_movements import RATE, frame_motion
 from handscope.estimators.simulation.movements.task_performance import Performance, relaxed
 from handscope.estimators.simulation.movements.whole_hand import gently, moving, smooth, swaying
 
@@ -38,10 +42,10 @@ THUMB = {
     "thumb_mcp_flexion": 14.0,
     "thumb_ip_flexion": 14.0,
 }
-SPACED = posture(
+SPACED = make_posture(
     relaxed(), **THUMB, index_mcp_flexion=48.0, index_pip_flexion=38.0, index_dip_flexion=20.0
 )
-PINCHED = posture(
+PINCHED = make_posture(
     SPACED,
     thumb_cmc_flexion=40.0,
     thumb_cmc_deviation=-18.0,
@@ -49,8 +53,8 @@ PINCHED = posture(
     index_pip_flexion=47.0,
     index_dip_flexion=25.0,
 )
-APART = posture(relaxed(), index_mcp_deviation=-7.0, middle_mcp_deviation=7.0)
-GRASPED = posture(
+OPEN_DISTANCE = make_posture(relaxed(), index_mcp_deviation=-7.0, middle_mcp_deviation=7.0)
+GRASPED = make_posture(
     SPACED,
     thumb_cmc_flexion=40.0,
     thumb_cmc_deviation=-32.0,
@@ -69,36 +73,36 @@ def spacer_thumb_index(
     geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY
 ) -> Performance:
     """P1: a spacer between the bottoms of thumb and index."""
-    return _moved_about("P1", [SPACER_THUMB_INDEX], SPACED, geometry, rng, sway)
+    return _hold_while_moving("P1", [SPACER_THUMB_INDEX], SPACED, geometry, rng, sway)
 
 
 def spacer_index_middle(
     geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY
 ) -> Performance:
     """P2: a spacer between the sides of index and middle finger that face each other."""
-    return _moved_about("P2", [SPACER_INDEX_MIDDLE], APART, geometry, rng, sway)
+    return _hold_while_moving("P2", [SPACER_INDEX_MIDDLE], OPEN_DISTANCE, geometry, rng, sway)
 
 
 def block(geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY) -> Performance:
     """P4: a block held with thumb, index and middle finger."""
-    return _moved_about("P4", list(BLOCK.values()), GRASPED, geometry, rng, sway)
+    return _hold_while_moving("P4", list(BLOCK.values()), GRASPED, geometry, rng, sway)
 
 
 def pinch_twice(
     geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY, shut: float | None = None
 ) -> Performance:
     """P3: distal tips of thumb and index in contact, closed (for `shut` s) and opened twice; the closed stretches are the task."""
-    return _pinched(
+    return _perform_pinches(
         "P3", 2, rng.uniform(8.0, 12.0) if shut is None else shut, 3.0, 1.2, geometry, rng, sway
     )
 
 
 def pinches(geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY) -> Performance:
     """Ten pinches of thumb and index, each closed for about a second, the hand turning meanwhile. Source: Kortier thesis 2.2.5"""
-    return _pinched("pinch", 10, rng.uniform(1.0, 1.3), 1.6, 0.6, geometry, rng, sway)
+    return _perform_pinches("pinch", 10, rng.uniform(1.0, 1.3), 1.6, 0.6, geometry, rng, sway)
 
 
-def _pinched(
+def _perform_pinches(
     name: str,
     times: int,
     shut: float,
@@ -110,12 +114,14 @@ def _pinched(
 ) -> Performance:
     """Closed for `shut` s and open for `pause` s, opening and closing within `gentle` s each."""
     t = _times(times * (shut + pause) - gentle)
-    x = _held([PINCH], PINCHED, geometry, t, rng, sway)
+    x = _hold_postures([PINCH], PINCHED, geometry, t, rng, sway)
     opening = sum(_bump(t, k * shut + (k - 1) * pause, pause, gentle) for k in range(1, times + 1))
-    apart = posture(
+    opening_change = make_posture(
         None, index_mcp_flexion=-30.0, index_pip_flexion=-15.0, thumb_cmc_deviation=-15.0
     )
-    whole = framed(name, sampled(t, x + np.asarray(opening)[:, None] * apart))
+    whole = frame_motion(
+        name, interpolate_postures(t, x + np.asarray(opening)[:, None] * opening_change)
+    )
     (task,) = whole.events
     margin = min(MARGIN, 0.2 * shut)
     closed_at = (task.onset + k * (shut + pause) for k in range(times))
@@ -127,7 +133,7 @@ def _pinched(
     )
 
 
-def _moved_about(
+def _hold_while_moving(
     name: str,
     holds: Sequence[Hold],
     guess: Array,
@@ -136,10 +142,12 @@ def _moved_about(
     sway: float,
 ) -> Performance:
     t = _times(rng.uniform(*TRIAL))
-    return framed(name, sampled(t, _held(holds, guess, geometry, t, rng, sway)))
+    return frame_motion(
+        name, interpolate_postures(t, _hold_postures(holds, guess, geometry, t, rng, sway))
+    )
 
 
-def _held(
+def _hold_postures(
     holds: Sequence[Hold],
     guess: Array,
     geometry: HandGeometry,
@@ -148,12 +156,12 @@ def _held(
     sway: float,
 ) -> Array:
     """Postures (n, 54): the hold closed throughout, the fingers swaying in it (rad), the whole hand moving."""
-    x = closed(guess[None], holds, geometry) + moving(t, rng, geometry.hand)
+    x = close_holds(guess[None], holds, geometry) + moving(t, rng, geometry.hand)
     if not sway:  # closed as it is, and a hundred times quicker made
         return np.asarray(x)
     for name in (name for finger in fingers_of(holds) for name, _, _ in freedoms(finger)):
         x[:, COORDINATES[name]] += sway * gently(t) * swaying(t, rng)
-    return closed(x, holds, geometry)
+    return close_holds(x, holds, geometry)
 
 
 def _times(duration: float) -> Array:

@@ -16,7 +16,13 @@ from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.kinematics import Kinematics
-from handscope.estimators.simulation.motion import COORDINATES, Motion, joined, posture, through
+from handscope.estimators.simulation.motion import (
+    COORDINATES,
+    Motion,
+    join_motions,
+    make_posture,
+    move_through,
+)
 from handscope.estimators.simulation.movements.assessment_tasks import (
     DOWN,
     RANGES,
@@ -26,7 +32,7 @@ from handscope.estimators.simulation.movements.assessment_tasks import (
     UP,
     trembling,
 )
-from handscope.estimators.simulation.movements.grasp_postures import pinch
+from handscope.estimators.simulation.movements.grasp_postures import pinch_posture
 from handscope.estimators.simulation.movements.powerglove_tasks import (
     CIRCLING,
     FAST,
@@ -61,7 +67,7 @@ def relaxed() -> Array:
         for f in FINGERS[1:]
         for j, a in (("mcp", 22.0), ("pip", 28.0), ("dip", 12.0))
     }
-    return posture(
+    return make_posture(
         None,
         **fingers,
         thumb_cmc_flexion=25.0,
@@ -75,7 +81,7 @@ def relaxed() -> Array:
 def flat() -> Array:
     """The initial pose: fingers straight and together, thumb straight and spread 45 deg."""
     flexion, deviation, pronation = POSE_THUMB
-    return posture(
+    return make_posture(
         None,
         thumb_cmc_flexion=flexion,
         thumb_cmc_deviation=deviation,
@@ -90,7 +96,7 @@ def fist() -> Array:
         for f in FINGERS[1:]
         for j, a in (("mcp", 80.0), ("pip", 95.0), ("dip", 60.0))
     }
-    return posture(
+    return make_posture(
         None,
         **fingers,
         thumb_cmc_flexion=40.0,
@@ -103,13 +109,13 @@ def fist() -> Array:
 
 def stretched() -> Array:
     """As flat as it goes: MCP a little beyond straight."""
-    return posture(flat(), **{f"{f}_mcp_flexion": -12.0 for f in FINGERS[1:]})
+    return make_posture(flat(), **{f"{f}_mcp_flexion": -12.0 for f in FINGERS[1:]})
 
 
 def spread() -> Array:
     """Fingers apart: the spread between neighbours of Chatzioglou 2024 (17, 14, 32 deg)."""
     deviations = {"index": -17.0, "middle": 0.0, "ring": 14.0, "little": 40.0}
-    return posture(
+    return make_posture(
         flat(),
         **{f"{f}_mcp_deviation": d for f, d in deviations.items()},
         thumb_cmc_deviation=-60.0,
@@ -127,7 +133,9 @@ def initial_pose(
         )
     )
     held = flat() if taken is None else taken
-    motion = through([(0.0, relaxed()), (1.2, held), (duration - 1.0, held), (duration, relaxed())])
+    motion = move_through(
+        [(0.0, relaxed()), (1.2, held), (duration - 1.0, held), (duration, relaxed())]
+    )
     return Performance(motion, (Event(1.5, duration - 3.0, "initial_pose", angles),))
 
 
@@ -168,7 +176,7 @@ def tapping(
     task: str = "tapping",
 ) -> Performance:
     """Index finger tapping on the thumb, as wide and fast as possible; the index opens by `opening` deg at its MCP joint, the wrist bends with it."""
-    closed = pinch(geometry, "index", base=relaxed())
+    closed = pinch_posture(geometry, "index", base=relaxed())
     index, thumb = ("index_mcp_flexion", "index_pip_flexion"), ("thumb_cmc_deviation",)
     opened = closed.copy()
     for name, change in (
@@ -201,8 +209,8 @@ def there_and_back(geometry: HandGeometry, task: str, lead: float = 1.0) -> Perf
     m = MOVED[task]
     done = _over_and_over(
         task,
-        posture(flat(), **m.back),
-        posture(flat(), **m.there),
+        make_posture(flat(), **m.back),
+        make_posture(flat(), **m.there),
         m.half,
         m.move,
         m.repetitions,
@@ -225,11 +233,11 @@ def there_and_back(geometry: HandGeometry, task: str, lead: float = 1.0) -> Perf
 
 def one_after_the_other(geometry: HandGeometry, task: str, lead: float = 1.0) -> Performance:
     """A round of assessment.ROUNDS; it begins `lead` s after the hand left the relaxed posture."""
-    r, back = ROUNDS[task], posture(flat(), **ROUNDS[task].back)
+    r, back = ROUNDS[task], make_posture(flat(), **ROUNDS[task].back)
     points, marks, t = _to(back, lead), [], lead
     for k in range(r.repetitions):
         for phase, angles in r.places.items():
-            there = posture(back, **angles)
+            there = make_posture(back, **angles)
             marks.append(
                 Event(
                     t,
@@ -240,7 +248,7 @@ def one_after_the_other(geometry: HandGeometry, task: str, lead: float = 1.0) ->
             )
             points += [(t + r.move, there), (t + r.seconds - r.move, there), (t + r.seconds, back)]
             t += r.seconds
-    motion = through([*points, (t + 1.0, relaxed())])
+    motion = move_through([*points, (t + 1.0, relaxed())])
     return Performance(motion, (Event(lead, r.duration, "task", {"task_name": task}), *marks))
 
 
@@ -251,7 +259,7 @@ def pronation_supination(
     task: str = "pronation_supination",
 ) -> Performance:
     """The palm turned up and down with the arm held out, as fast and as far as possible."""
-    up, down = (posture(flat(), wrist_z=0.1, forearm_pronation=turn) for turn in (UP, DOWN))
+    up, down = (make_posture(flat(), wrist_z=0.1, forearm_pronation=turn) for turn in (UP, DOWN))
     return _over_and_over(
         task, down, up, 0.5 / TURNING, 0.5 / TURNING, int(duration * TURNING + 1e-9), lead
     )
@@ -262,11 +270,11 @@ def tremor(
 ) -> Performance:
     """A hand that trembles: resting in the lap, or held out."""
     rate, extents, base = TREMORS[task]
-    held = posture(relaxed() if task == "tremor_rest" else flat(), **base)
-    motion = joined(
-        through(_to(held, lead)),
+    held = make_posture(relaxed() if task == "tremor_rest" else flat(), **base)
+    motion = join_motions(
+        move_through(_to(held, lead)),
         trembling(held, duration, rate, extents),
-        through([(0.0, held), (1.0, relaxed())]),
+        move_through([(0.0, held), (1.0, relaxed())]),
     )
     return Performance(motion, (Event(lead, duration, "task", {"task_name": task}),))
 
@@ -278,16 +286,18 @@ def index_circles(
     rate: float = CIRCLING,
 ) -> Performance:
     """The index finger draws ten circles in the air, `rate` a second."""
-    circle = circles(posture(flat(), **POINTING), rate=rate)
+    circle = circles(make_posture(flat(), **POINTING), rate=rate)
     start = circle.spline(0.0)
-    motion = joined(through(_to(start, lead)), circle, through([(0.0, start), (1.0, relaxed())]))
+    motion = join_motions(
+        move_through(_to(start, lead)), circle, move_through([(0.0, start), (1.0, relaxed())])
+    )
     return Performance(motion, (Event(lead, circle.duration, "task", {"task_name": task}),))
 
 
 def rest(geometry: HandGeometry, duration: float = 10.0) -> Performance:
     """The relaxed hand, not moving."""
     return Performance(
-        through([(0.0, relaxed()), (duration, relaxed())]), (Event(0.0, duration, "rest", {}),)
+        move_through([(0.0, relaxed()), (duration, relaxed())]), (Event(0.0, duration, "rest", {}),)
     )
 
 
@@ -306,7 +316,7 @@ def wiggle(geometry: HandGeometry, fingers: tuple[str, ...] = FINGERS) -> Perfor
         points += [(t, relaxed()), (t + 0.7, bent), (t + 1.4, relaxed())]
         t += 1.6
     return Performance(
-        through(points), (Event(0.4, points[-1][0] - 0.4, "task", {"task_name": "wiggle"}),)
+        move_through(points), (Event(0.4, points[-1][0] - 0.4, "task", {"task_name": "wiggle"}),)
     )
 
 
@@ -356,7 +366,7 @@ def _back_and_forth(task: str, pairs: list[tuple[Array, Array]], repetitions: in
             for target in pair:
                 points += [(t + 1.6, target), (t + 2.2, target)]
                 t += 2.2
-    motion = through([*points, (t + 1.2, relaxed())])
+    motion = move_through([*points, (t + 1.2, relaxed())])
     return Performance(motion, (Event(1.0, t - 1.0, "task", {"task_name": task}),))
 
 
@@ -371,7 +381,7 @@ def _over_and_over(
         points.append((lead + (k + 1) * half, target))
     end = points[-1][0]
     return Performance(
-        through([*points, (end + 1.0, relaxed())]),
+        move_through([*points, (end + 1.0, relaxed())]),
         (Event(lead, end - lead, "task", {"task_name": task}),),
     )
 
@@ -402,7 +412,7 @@ def _wrist_pairs() -> list[tuple[Array, Array]]:
 
 
 def _across() -> Array:
-    return posture(
+    return make_posture(
         flat(),
         thumb_cmc_flexion=45.0,
         thumb_cmc_deviation=10.0,
@@ -413,10 +423,10 @@ def _across() -> Array:
 
 
 def _away() -> Array:
-    return posture(
+    return make_posture(
         flat(), thumb_cmc_deviation=-60.0, thumb_mcp_flexion=-8.0, thumb_ip_flexion=-10.0
     )
 
 
 def _wrist(flexion: float = 0.0, deviation: float = 0.0) -> Array:
-    return posture(flat(), wrist_flexion=flexion, wrist_deviation=deviation)
+    return make_posture(flat(), wrist_flexion=flexion, wrist_deviation=deviation)

@@ -18,12 +18,12 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import DOF_NAMES, FINGERS, HANDS, IS_DOF, JOINT, LIMITS
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures import MEASURES, repetitions
-from handscope.estimators.measures.forearm_rotation import palm_turn
+from handscope.estimators.measures.sustained_angle_measures import palm_turn
 from handscope.estimators.simulation import kinematics
 from handscope.estimators.simulation.motion import COORDINATES
 from handscope.estimators.simulation.movements import task_performance
 from handscope.estimators.simulation.movements.assessment_tasks import RANGES
-from handscope.estimators.simulation.movements.grasp_postures import Hold, between
+from handscope.estimators.simulation.movements.grasp_postures import Hold, contact_offset
 from handscope.estimators.simulation.sensors import IDEAL
 
 GOOD = {
@@ -333,7 +333,7 @@ def test_a_held_contact_is_the_distance_that_the_protocol_keeps_for_the_measures
             p.details["contacts"].split(), p.details["distances_mm"].split()
         ):
             (a, b) = (tuple(end.split("_")) for end in contact.split("-"))
-            apart = np.linalg.norm(between(x, Hold(a, b, 0.0), geometry), axis=1)
+            apart = np.linalg.norm(contact_offset(x, Hold(a, b, 0.0), geometry), axis=1)
             np.testing.assert_allclose(1e3 * apart, float(distance), atol=0.1)
 
 
@@ -351,7 +351,9 @@ def test_the_palm_turn_is_0_palm_down_and_150_palm_up_on_either_hand() -> None:
     for hand in HANDS:
         person = task_performance.TASKS["rom_forearm"](sized(hand))
         t = np.array([1.0, 3.4])
-        k = kinematics.truth(kinematics.of_motion(person.motion, sized(hand), t), hand)
+        k = kinematics.true_trajectory(
+            kinematics.compute_kinematics(person.motion, sized(hand), t), hand
+        )
         np.testing.assert_allclose(np.degrees(palm_turn(k)), [0.0, 150.0], atol=1e-6)
 
 

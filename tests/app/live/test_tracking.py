@@ -23,8 +23,8 @@ from handscope.estimators.methods import m2
 from handscope.estimators.orientation import zupt_navigation
 from handscope.estimators.pipeline import process as pipeline_process
 from handscope.estimators.simulation.movements import functional_calibration, task_performance
-from handscope.estimators.simulation.person import drawn
-from handscope.estimators.simulation.scenario import performed
+from handscope.estimators.simulation.person import draw_person
+from handscope.estimators.simulation.scenario import simulate_performances
 from tests.app.devices.virtual import wait_for
 from tests.estimators.alignment.functional import ANYHOW
 from tests.simulated import INSTANT, in_strips, strips_of, tracked
@@ -224,19 +224,19 @@ def test_a_functional_calibration_in_force_from_the_next_pose_on_is_what_a_batch
     None
 ):
     rng = np.random.default_rng(3)
-    person = drawn("left", rng)
+    person = draw_person("left", rng)
     pose, steps = (
         task_performance.initial_pose(person.true),
         functional_calibration.all_steps(person.true, rng),
     )
     recording = strips_of(
-        performed(
+        simulate_performances(
             [pose, *steps, pose, task_performance.tapping(person.true, 3.0)],
             "left",
             person.true,
             rng,
             ANYHOW,
-            known=person.told,
+            known=person.declared,
         )
     )
     tracking = Tracking(m2, m2.Params(), "left", recording.geometry, lambda rows: None)
@@ -350,18 +350,20 @@ def test_a_sensor_found_at_fault_flags_its_rows_live_from_the_calibration_on() -
 
 
 def test_what_was_recorded_before_a_second_pose_is_still_processed_with_the_first() -> None:
-    person = drawn("left", np.random.default_rng(4)).true
+    person = draw_person("left", np.random.default_rng(4)).true
     rng = np.random.default_rng(4)
     pose, again, moved = (
         task_performance.initial_pose(person),
         task_performance.initial_pose(person),
         task_performance.fist_and_stretch(person, 1),
     )
-    slipped = functional_calibration.missed(
+    slipped = functional_calibration.miss_posture(
         task_performance.flat(), 6.0, rng
     )  # the second pose is another one
     again = task_performance.initial_pose(person, taken=slipped)
-    made = strips_of(performed([pose, moved, again, moved], "left", person, rng, ANYHOW))
+    made = strips_of(
+        simulate_performances([pose, moved, again, moved], "left", person, rng, ANYHOW)
+    )
     _, second = (e for e in made.events if e.trial_type == "initial_pose")
     one = pipeline_process.process(
         m2, PARAMS, replace(made, events=tuple(e for e in made.events if e is not second))

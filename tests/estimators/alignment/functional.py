@@ -12,9 +12,12 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline import process as pipeline_process
 from handscope.estimators.simulation.movements import functional_calibration, task_performance
-from handscope.estimators.simulation.movements.functional_calibration import Carelessness, missed
-from handscope.estimators.simulation.person import drawn
-from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.movements.functional_calibration import (
+    Carelessness,
+    miss_posture,
+)
+from handscope.estimators.simulation.person import draw_person
+from handscope.estimators.simulation.scenario import Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
 
 ANYHOW = SensorErrors(
@@ -40,9 +43,11 @@ def done(
 ) -> Simulated:
     """The initial pose and all steps; `after` them fists, spreading, the thumb and tapping."""
     rng, care = np.random.default_rng(seed), care or Carelessness()
-    person = drawn(hand, rng)
+    person = draw_person(hand, rng)
     g = person.true
-    pose = task_performance.initial_pose(g, taken=missed(task_performance.flat(), care.pose, rng))
+    pose = task_performance.initial_pose(
+        g, taken=miss_posture(task_performance.flat(), care.pose, rng)
+    )
     steps = functional_calibration.all_steps(g, rng, care)
     rest = (
         (
@@ -54,7 +59,7 @@ def done(
         if after
         else ()
     )
-    return performed([pose, *steps, *rest], hand, g, rng, errors, known=person.told)
+    return simulate_performances([pose, *steps, *rest], hand, g, rng, errors, known=person.declared)
 
 
 def posed(recording: Simulated) -> Calibration:

@@ -10,11 +10,11 @@ from handscope.estimators.alignment.functional_movements import STEPS, Calibrati
 from handscope.estimators.data.samples import Block
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import m2
-from handscope.estimators.simulation.motion import posture, through
+from handscope.estimators.simulation.motion import make_posture, move_through
 from handscope.estimators.simulation.movements import functional_calibration
 from handscope.estimators.simulation.movements.functional_calibration import Carelessness
 from handscope.estimators.simulation.movements.task_performance import Performance, flat, relaxed
-from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.scenario import Simulated, simulate_performances
 from tests.estimators.alignment.functional import ANYHOW, done, pieces
 from tests.simulated import DEG
 
@@ -24,7 +24,7 @@ PARAMS = m2.Params()
 def measured(performance: Performance, change: "object" = None) -> CalibrationMovement:
     """The one step of a performance."""
     rng = np.random.default_rng(9)
-    made: Simulated = performed([performance], "left", sized("left"), rng, ANYHOW)
+    made: Simulated = simulate_performances([performance], "left", sized("left"), rng, ANYHOW)
     (event,) = made.events
     blocks = list(made.samples.values())
     if callable(change):
@@ -37,14 +37,14 @@ def measured(performance: Performance, change: "object" = None) -> CalibrationMo
 
 def bent_to(step: str, times: int = 3, half: float = 1.4, **degrees: float) -> Performance:
     """From flat there and back, exactly so."""
-    bent = posture(flat(), **degrees)
+    bent = make_posture(flat(), **degrees)
     points = [(0.0, relaxed()), (1.5, flat()), (1.8, flat())]
     points += [(1.8 + (k + 1) * half, bent if k % 2 == 0 else flat()) for k in range(2 * times)]
     event = functional_calibration._step(
         step, np.linspace(0, 1, 51), np.tile(flat(), (51, 1)), {}
     ).events[0]
     return Performance(
-        through([*points, (points[-1][0] + 1.5, relaxed())]),
+        move_through([*points, (points[-1][0] + 1.5, relaxed())]),
         (replace(event, duration=points[-1][0] - 1.5 + 0.2),),
     )
 
@@ -64,9 +64,9 @@ def _one(piece: CalibrationMovement) -> str:
 
 def test_a_flexion_with_sideways_movement_is_not_in_one_plane() -> None:
     mcp = {f"{f}_mcp_flexion": 45.0 for f in ("index", "middle", "ring", "little")}
-    there = posture(flat(), **mcp)
+    there = make_posture(flat(), **mcp)
     aside = {f"{f}_mcp_deviation": 30.0 for f in ("index", "middle", "ring", "little")}
-    back = posture(flat(), **aside)
+    back = make_posture(flat(), **aside)
     points = [
         (0.0, relaxed()),
         (1.5, flat()),
@@ -75,7 +75,7 @@ def test_a_flexion_with_sideways_movement_is_not_in_one_plane() -> None:
     event = bent_to("flexion_mcp", **mcp).events[0]
     piece = measured(
         Performance(
-            through([*points, (points[-1][0] + 1.5, relaxed())]),
+            move_through([*points, (points[-1][0] + 1.5, relaxed())]),
             (replace(event, duration=points[-1][0] - 1.5),),
         )
     )
@@ -151,12 +151,13 @@ def test_a_hand_that_is_not_still_is_told_by_its_worst_sensor() -> None:
 def test_a_figure_of_eight_about_one_axis_tells_too_little() -> None:
     points = [(0.0, relaxed()), (1.5, flat())]
     points += [
-        (1.5 + 0.8 * (k + 1), posture(flat(), forearm_deviation=25.0 * (-1) ** k)) for k in range(6)
+        (1.5 + 0.8 * (k + 1), make_posture(flat(), forearm_deviation=25.0 * (-1) ** k))
+        for k in range(6)
     ]
     eight = functional_calibration.figure_eight(
         sized("left"), np.random.default_rng(1), Carelessness()
     )
-    piece = measured(Performance(through([*points, (7.8, relaxed())]), eight.events))
+    piece = measured(Performance(move_through([*points, (7.8, relaxed())]), eight.events))
     assert any(
         "was nearly about one axis" in p and "tilt and turn the hands" in p for p in piece.problems
     )

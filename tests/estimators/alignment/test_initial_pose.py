@@ -15,7 +15,7 @@ from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.simulation.movements import task_performance
-from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.scenario import Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
 from tests.simulated import DEG, calibrated, pose_and_wiggle, tracked, with_samples
 
@@ -281,7 +281,7 @@ def test_a_gap_in_a_long_pose_does_not_refuse_it() -> None:
 
 def _long_pose() -> Simulated:
     g = sized("left")
-    return performed(
+    return simulate_performances(
         [task_performance.initial_pose(g, 12.0)],
         "left",
         g,

@@ -17,7 +17,7 @@ from handscope.estimators.simulation.sensors import SensorErrors
 def freely_moved(seed: int = 3, duration: float = 24.0) -> Simulated:
     """A hand that is carried about while every finger bends."""
     geometry: HandGeometry = sized("left")
-    return free_movement.recorded(
+    return free_movement.record_trial(
         np.random.default_rng(seed), SensorErrors(), "left", geometry, geometry, duration=duration
     )
 

@@ -20,7 +20,7 @@ Spoil = Callable[[Array], Array]
 def moved_freely(seed: int = 3, duration: float = 20.0) -> tuple[Block, ...]:
     """A hand that moves freely, without a forearm's sensor."""
     geometry = sized("right")
-    made = free_movement.recorded(
+    made = free_movement.record_trial(
         np.random.default_rng(seed), SensorErrors(), "right", geometry, geometry, duration=duration
     )
     return tuple(made.blocks())

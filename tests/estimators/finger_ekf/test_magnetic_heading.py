@@ -18,7 +18,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline import run
 from handscope.estimators.simulation import experiments
-from handscope.estimators.simulation.experiments import judged, recorded
+from handscope.estimators.simulation.experiments import judged_samples, record_experiment
 from handscope.estimators.simulation.magnetic_field import homogeneous, office
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
@@ -94,7 +94,7 @@ def test_fields_of_another_size_or_dip_and_unlikely_headings_are_left_out(
 
 def _without_thumb(recording: Simulated, seconds: float) -> tuple[Simulated, Array]:
     """The thumb's strip silent, beginning a second after the task does; which samples are judged behind that."""
-    from_here = recording.truth.t[judged(recording)][0] + 1.0
+    from_here = recording.truth.t[judged_samples(recording)][0] + 1.0
     samples = dict(recording.samples)
     for name, block in samples.items():
         silent = np.ix_(
@@ -104,7 +104,7 @@ def _without_thumb(recording: Simulated, seconds: float) -> tuple[Simulated, Arr
         values = block.values.copy()
         values[silent] = np.nan
         samples[name] = Block(block.stream, block.t, values)
-    return with_samples(recording, samples), judged(recording) & (
+    return with_samples(recording, samples), judged_samples(recording) & (
         recording.truth.t > from_here + seconds + 1.0
     )
 
@@ -114,7 +114,7 @@ def test_a_heading_that_a_gap_has_lost_is_found_again_and_as_sure_as_told() -> N
     errors: dict[bool, list[float]] = {False: [], True: []}
     normal = []
     for seed in (7001, 7002):
-        whole = recorded(
+        whole = record_experiment(
             experiments.EXPERIMENTS["AF-F1"],
             np.random.default_rng(seed),
             SensorErrors(),
@@ -142,7 +142,7 @@ def test_in_a_disturbed_room_the_gates_keep_it_harmless() -> None:
     """A steel desk that turns headings by tens of degrees from hand to tip."""
     for seed in (7000, 7002):
         field = office(np.random.default_rng(seed - 6950), 0.3)
-        recording = recorded(
+        recording = record_experiment(
             experiments.EXPERIMENTS["AF-F1"],
             np.random.default_rng(seed),
             SensorErrors(),
@@ -154,7 +154,9 @@ def test_in_a_disturbed_room_the_gates_keep_it_harmless() -> None:
             float(
                 np.sqrt(
                     np.nanmean(
-                        (_tracked(recording, p).angles - recording.truth.angles)[judged(recording)]
+                        (_tracked(recording, p).angles - recording.truth.angles)[
+                            judged_samples(recording)
+                        ]
                         ** 2
                     )
                 )

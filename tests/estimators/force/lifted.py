@@ -15,7 +15,7 @@ from handscope.estimators.simulation.movements import (
     task_performance,
 )
 from handscope.estimators.simulation.movements.task_performance import Performance
-from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
+from handscope.estimators.simulation.scenario import ForceGlove, Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import PRESETS
 
 POSE = 2.5  # deg by which every freedom of the initial pose may be missed
@@ -31,20 +31,29 @@ def done(
 ) -> tuple[Simulated, np.ndarray]:
     """The recording, and the true forces (n, 5, 3) N in the global frame at the instants of its truth."""
     of_person, of_pose, of_motion, of_sensors = np.random.default_rng(seed).spawn(4)
-    somebody = person.drawn("left", of_person)
+    somebody = person.draw_person("left", of_person)
     pose = task_performance.initial_pose(
-        somebody.true, taken=functional_calibration.missed(task_performance.flat(), POSE, of_pose)
+        somebody.true,
+        taken=functional_calibration.miss_posture(task_performance.flat(), POSE, of_pose),
     )
     task = perform(somebody.true, of_motion, **how)
     glove = ForceGlove(rate=rate, errors=errors or ForceErrors(), six_axes=six_axes)
     preset = PRESETS["LSM330DLC/HMC5983"]
-    made = performed(
-        [pose, task], "left", somebody.true, of_sensors, preset, known=somebody.told, force=glove
+    made = simulate_performances(
+        [pose, task],
+        "left",
+        somebody.true,
+        of_sensors,
+        preset,
+        known=somebody.declared,
+        force=glove,
     )
     t = made.truth.t - pose.motion.duration
     assert task.forces is not None
     forces = np.zeros((len(t), 5, 3))
-    forces[t >= 0] = task.forces(kinematics.of_motion(task.motion, somebody.true, t[t >= 0]))
+    forces[t >= 0] = task.forces(
+        kinematics.compute_kinematics(task.motion, somebody.true, t[t >= 0])
+    )
     return made, forces
 
 

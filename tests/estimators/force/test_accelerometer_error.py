@@ -28,12 +28,14 @@ def resting(bias: float, seed: int, seconds: float = 4.0, moving: bool = False) 
 
 @pytest.mark.parametrize("bias", [0.02, 0.05, 0.3])
 def test_sensors_at_rest_tell_how_far_they_are_off(bias: float) -> None:
-    told = np.array([accelerometer_error.shown(0.1, [resting(bias, seed)]) for seed in range(20)])
+    told = np.array(
+        [accelerometer_error.error_sd_at_rest(0.1, [resting(bias, seed)]) for seed in range(20)]
+    )
     honest = np.mean(bias**2 / told**2)
     assert 0.1 < honest < 1.4, "never surer than they are"
     assert np.median(told) == pytest.approx(bias, rel=0.25) or bias < np.median(told) < 0.06
 
 
 def test_who_never_rests_is_taken_to_err_as_is_likely() -> None:
-    assert accelerometer_error.shown(0.1, [resting(0.02, 1, moving=True)]) == 0.1
-    assert accelerometer_error.shown(0.1, []) == 0.1
+    assert accelerometer_error.error_sd_at_rest(0.1, [resting(0.02, 1, moving=True)]) == 0.1
+    assert accelerometer_error.error_sd_at_rest(0.1, []) == 0.1

@@ -11,7 +11,7 @@ from handscope.estimators.data.samples import FORCE, TORQUE, Block
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.force import fingertip_forces
 from handscope.estimators.force.fingertip_forces import ForceParams
-from handscope.estimators.force.grasp_phases import Holding
+from handscope.estimators.force.grasp_phases import GraspPhase
 from handscope.estimators.measures import lift, object_frame
 from handscope.estimators.measures.lift import Lift
 from handscope.estimators.numerics.constants import GRAVITY
@@ -94,8 +94,8 @@ def test_forces_for_the_eye_are_near_the_truth_at_once() -> None:
     held = onset + 4.0
     before = [b.between(onset - 4.0, held) for b in made.blocks()]
     rows = moved.trajectory.between(held - 0.5, held)
-    zeros = fingertip_forces.zeros(ForceParams(), before)
-    told = fingertip_forces.newest(zeros, rows, before, made.mounting, moved.calibrations)
+    zeros = fingertip_forces.estimate_zeros(ForceParams(), before)
+    told = fingertip_forces.newest_forces(zeros, rows, before, made.mounting, moved.calibrations)
     expected = true[np.searchsorted(made.truth.t, held)]
     assert np.linalg.norm(expected[:2], axis=1).min() > 2.0  # N
     assert (
@@ -159,7 +159,7 @@ def test_no_mass_is_told_of_what_weighs_nothing() -> None:
 
 def held_up(
     support: float, swing: float, noise: float = 0.07, alike: float = 0.02, poured: float = 0.0
-) -> Holding:
+) -> GraspPhase:
     """0.2 kg between two fingers for five seconds, raised and lowered meanwhile; something else pushes up by so many N, so many kg are added in two."""
     t, rng = np.arange(0.0, 5.0, 0.08), np.random.default_rng(5)
     lifting = np.stack([0 * t, 0 * t, GRAVITY + swing * np.sin(2 * np.pi * 0.4 * t)], axis=1)
@@ -171,7 +171,7 @@ def held_up(
     )
     forces += noise / np.sqrt(2) * rng.normal(size=forces.shape)
     axis, sd = np.tile([1.0, 0.0, 0.0], (len(t), 1)), np.full(forces.shape, alike)
-    return Holding(
+    return GraspPhase(
         t,
         ("thumb", "index"),
         forces,
@@ -189,8 +189,8 @@ def held_up(
 def test_what_else_carries_the_object_shows_where_the_load_does_not_follow_the_acceleration() -> (
     None
 ):
-    def weighed(h: Holding) -> lift.Weighed:
-        return lift.mass_of(lift.Params(), h, np.ones(len(h.t), bool))
+    def weighed(h: GraspPhase) -> lift.MassEstimate:
+        return lift.estimate_mass(lift.Params(), h, np.ones(len(h.t), bool))
 
     alone, shared, hidden = (
         weighed(held_up(0.0, 1.0)),
@@ -213,7 +213,7 @@ def test_what_else_carries_the_object_shows_where_the_load_does_not_follow_the_a
 def test_what_is_added_while_it_is_held_up_shows_as_a_mass_that_grows() -> None:
     p = lift.Params()
     same, more, much, less = (
-        lift.mass_of(p, h, np.ones(len(h.t), bool))
+        lift.estimate_mass(p, h, np.ones(len(h.t), bool))
         for h in (held_up(0.0, 0.3, poured=kg) for kg in (0.0, 0.008, 0.06, -0.06))
     )
     assert same.changed < p.perhaps < more.changed < p.constant < min(much.changed, less.changed)
@@ -239,7 +239,7 @@ def test_forces_and_mass_are_as_sure_as_the_sensors_are_calibrated() -> None:
     for share in (0.005, 0.1):
         known = replace(force.stream, scale_sd=dict.fromkeys(force.stream.sensors, share))
         blocks = [replace(force, stream=known), *others]
-        moved, _ = fingertip_forces.attached(
+        moved, _ = fingertip_forces.attach_forces(
             ForceParams(), bare, blocks, {}, heavy_moved().calibrations
         )
         assert moved.force_scale_sd is not None
@@ -256,7 +256,7 @@ def test_forces_and_mass_are_as_sure_as_the_sensors_are_calibrated() -> None:
     drawn = {
         "thumb_tip_force": np.array([0.0, 1.0, 0.0, 0.0])
     }  # does not count: the forces are in the inertial sensor's axes
-    moved, _ = fingertip_forces.attached(
+    moved, _ = fingertip_forces.attach_forces(
         ForceParams(),
         bare,
         [replace(force, stream=held), *others],
@@ -286,7 +286,7 @@ def test_clipped_torques_are_not_told_and_tell_no_work(told: bool) -> None:
     )
     blocks = [block, *(b for n, b in made.samples.items() if n != "force")]
     bare = without_forces(good)
-    moved, _ = fingertip_forces.attached(
+    moved, _ = fingertip_forces.attach_forces(
         ForceParams(), bare, blocks, {}, heavy_moved().calibrations
     )
     assert moved.torques is not None and moved.torques_sd is not None
@@ -331,7 +331,7 @@ def test_torques_that_cannot_be_used_are_not_told_and_leave_the_forces_as_they_a
     block = Block(replace(force.stream, quantities=quantities, full_scale={}), force.t, values)
     bare = without_forces(good)
     blocks = [block, *(b for n, b in made.samples.items() if n != "force")]
-    moved, words = fingertip_forces.attached(
+    moved, words = fingertip_forces.attach_forces(
         ForceParams(), bare, blocks, {}, heavy_moved().calibrations
     )
     assert (moved.torques is not None) == left
@@ -363,7 +363,7 @@ def test_work_is_done_against_gravity_and_inertia_in_all_directions() -> None:
     push = np.stack([np.sin(5 * t), 6 + t, np.cos(3 * t)], axis=1)
     forces = np.stack([0.3 * 0.5 * lifting + push, 0.7 * 0.5 * lifting - push], axis=1)
     flags = np.zeros((len(t), 2), np.uint8)
-    h = Holding(
+    h = GraspPhase(
         t,
         ("thumb", "index"),
         forces,
@@ -387,15 +387,15 @@ def test_while_it_is_held_up_the_mass_is_told_so_far_and_its_curve_ends_where_th
     (made, _), moved = heavy(), heavy_moved().trajectory
     event = next(e for e in made.events if e.trial_type == "task")
     assert (
-        object_frame.mass(moved.between(0.0, event.onset + 0.8), made.geometry) is None
+        object_frame.lifted_mass(moved.between(0.0, event.onset + 0.8), made.geometry) is None
     )  # still on the table
-    so_far = object_frame.mass(moved.between(0.0, event.onset + 3.8), made.geometry)
+    so_far = object_frame.lifted_mass(moved.between(0.0, event.onset + 3.8), made.geometry)
     assert so_far is not None
     assert so_far.t[-1] == pytest.approx(event.onset + 3.8, abs=0.05)
     assert so_far.value[-1] == pytest.approx(0.44, abs=2.5 * so_far.sd[-1])
     assert so_far.sd[-1] < 0.08
     for later in (6.4, 6.8, 7.2):  # on its way down, back on the table, let go
-        told = object_frame.mass(moved.between(0.0, event.onset + later), made.geometry)
+        told = object_frame.lifted_mass(moved.between(0.0, event.onset + later), made.geometry)
         assert told is not None and told.value[-1] == pytest.approx(0.44, abs=2.5 * told.sd[-1]), (
             later
         )
@@ -433,7 +433,7 @@ def test_what_went_wrong_is_told_and_gives_no_mass(what: str, said: str) -> None
         good, followed_once = usual()
         made = changed(good, changes[what])
         bare, calibrations = without_forces(followed_once.trajectory), followed_once.calibrations
-        moved, _ = fingertip_forces.attached(
+        moved, _ = fingertip_forces.attach_forces(
             ForceParams(), bare, list(made.blocks()), made.mounting, calibrations
         )
         found = measured(made, moved)

@@ -33,7 +33,7 @@ def test_the_zero_is_followed_through_a_contact_and_knows_how_well() -> None:
         drift = 0.2 * rng.normal(size=3) + np.cumsum(
             0.03 / np.sqrt(12) * rng.normal(size=(len(t), 1, 3)), axis=0
         )
-        found = zero.found(
+        found = zero.estimate_zero(
             zero.ZeroParams(),
             t,
             pushes(t) + drift + 0.05 * rng.normal(size=drift.shape),
@@ -51,7 +51,7 @@ def test_a_light_touch_below_the_noise_of_a_reading_is_no_zero() -> None:
     touch = np.where((t > 2.0) & (t < 4.0), 0.5, 0.0)[:, None, None] * np.array([0.0, 0.0, 1.0])
     for seed in range(10):
         rng = np.random.default_rng(seed)
-        found = zero.found(
+        found = zero.estimate_zero(
             zero.ZeroParams(),
             t,
             pushes(t) + touch + 0.2 * rng.normal(size=(len(t), 1, 3)),
@@ -69,7 +69,7 @@ def test_how_fast_a_zero_walks_is_read_from_the_free_sensor(walk: float) -> None
     for seed in range(20):
         rng = np.random.default_rng(100 + seed)
         drift = np.cumsum(walk / np.sqrt(12) * rng.normal(size=(len(t), 1, 3)), axis=0)
-        found = zero.found(
+        found = zero.estimate_zero(
             zero.ZeroParams(),
             t,
             pushes(t - 6.0) + drift + 0.05 * rng.normal(size=drift.shape),
@@ -88,7 +88,7 @@ def test_a_sensor_that_is_hardly_ever_free_walks_as_is_likely() -> None:
     t, rng = np.arange(0.0, 8.0, 1 / 12), np.random.default_rng(3)
     size = np.clip(np.minimum(t - 0.7, 7.3 - t) / 0.2, 0.0, 1.0) * (1 + 0.4 * np.sin(2 * t))
     held = size[:, None, None] * np.array([0.4, -0.2, 2.0])
-    found = zero.found(
+    found = zero.estimate_zero(
         zero.ZeroParams(), t, held + 0.05 * rng.normal(size=held.shape), np.array([0.05])
     )
     assert found.drift[0] == pytest.approx(0.03, rel=0.35)
@@ -97,7 +97,7 @@ def test_a_sensor_that_is_hardly_ever_free_walks_as_is_likely() -> None:
 def test_a_zero_that_moves_further_than_it_walks_is_less_sure_between() -> None:
     t, rng = np.arange(0.0, 12.0, 1 / 12), np.random.default_rng(0)
     still, moved = (
-        zero.found(
+        zero.estimate_zero(
             zero.ZeroParams(),
             t,
             pushes(t)
@@ -118,14 +118,14 @@ def test_a_zero_that_jumps_within_a_contact_is_told() -> None:
         + np.where(t > 5.5, 0.4, 0.0)[:, None, None]
         + 0.05 * rng.normal(size=(len(t), 1, 3))
     )
-    found = zero.found(zero.ZeroParams(least=0.8), t, read, np.array([0.05]))
+    found = zero.estimate_zero(zero.ZeroParams(least=0.8), t, read, np.array([0.05]))
     assert found.jump[(t > 4.5) & (t < 6.5)].min() > 4
 
 
 def test_without_noise_it_passes_through_the_samples_as_a_cubic_does() -> None:
     t, at = np.arange(0.0, 5.0, 1 / 12), np.arange(1.0, 4.0, 0.01)
     y = np.stack([np.sin(2 * t), np.cos(3 * t), t * 0], axis=-1)[:, None]
-    found = interpolation.brought(t, y, np.array([1e-4]), at)
+    found = interpolation.interpolate(t, y, np.array([1e-4]), at)
     np.testing.assert_allclose(found.values[:, 0], CubicSpline(t, y[:, 0])(at), atol=2e-3)
 
 
@@ -142,7 +142,7 @@ def test_between_slow_samples_it_is_as_sure_as_it_says() -> None:
         read = np.where(
             keep[:, None, None], signal[k] + 0.05 * rng.normal(size=(len(k), 1, 3)), np.nan
         )
-        found = interpolation.brought(fine[k], read, np.array([0.05]), fine[8:-8])
+        found = interpolation.interpolate(fine[k], read, np.array([0.05]), fine[8:-8])
         surprise.append((((found.values - signal[8:-8]) / found.sd[..., None]) ** 2).mean())
     assert 0.7 < np.mean(surprise) < 1.4
 
@@ -152,13 +152,13 @@ def test_noise_is_read_from_the_samples_while_forces_come_and_go() -> None:
     y = 3 * np.sin(t)[:, None, None] * np.ones((1, 2, 3)) + np.array([0.03, 0.1])[
         :, None
     ] * rng.normal(size=(len(t), 2, 3))
-    np.testing.assert_allclose(interpolation.noise_of(t, y), [0.03, 0.1], rtol=0.25)
+    np.testing.assert_allclose(interpolation.reading_noise(t, y), [0.03, 0.1], rtol=0.25)
 
 
 def test_a_grasp_is_from_touch_to_release_and_a_flicker_none() -> None:
     t = np.arange(0.0, 12.0, 0.01)
     size = np.linalg.norm(pushes(t), axis=2) + np.where((t > 9) & (t < 9.1), 2.0, 0.0)[:, None]
-    (found,) = contact.grasps(contact.ContactParams(), t, size)
+    (found,) = contact.find_grasps(contact.ContactParams(), t, size)
     assert (found.onset, found.end) == pytest.approx((4.05, 6.95), abs=0.03)
 
 
@@ -169,9 +169,9 @@ def test_a_sensor_whose_zero_jumped_does_not_go_on_holding_and_one_that_is_dead_
     size = np.linalg.norm(pushes(t), axis=2)
     jumped = np.hstack([size + 0.5 * (t > 5.0)[:, None], size])
     for sizes in (jumped, jumped[:, ::-1]):
-        (found,) = contact.grasps(contact.ContactParams(), t, sizes, 0)
+        (found,) = contact.find_grasps(contact.ContactParams(), t, sizes, 0)
         assert (found.onset, found.end) == pytest.approx((4.04, 6.98), abs=0.03)
-    (found,) = contact.grasps(contact.ContactParams(), t, np.hstack([size, 0 * size]), 0)
+    (found,) = contact.find_grasps(contact.ContactParams(), t, np.hstack([size, 0 * size]), 0)
     assert (found.onset, found.end) == pytest.approx((4.05, 6.95), abs=0.03)
 
 
@@ -193,7 +193,7 @@ def test_balance_of_the_forces_tells_how_the_tips_head_against_each_other(
     heading_deg: float,
 ) -> None:
     tips, forces = held(heading_deg * DEG)
-    found = tip_orientation.corrected(TipParams(tip_sd=15.0), tips)
+    found = tip_orientation.correct_orientations(TipParams(tip_sd=15.0), tips)
     net = (
         quat.rotate(quat.multiply(quat.exp(found.turn), tips.q_GF), tips.force)
         .sum(axis=1)[100:]
@@ -204,9 +204,9 @@ def test_balance_of_the_forces_tells_how_the_tips_head_against_each_other(
     assert between == pytest.approx(heading_deg * DEG, abs=2 * DEG)
     assert np.median(found.unbalanced) < 1.0
     tips.acc[150] = np.nan  # an instant at which no inertial sensor answered
-    assert np.isnan(tip_orientation.corrected(TipParams(tip_sd=15.0), tips).unbalanced).nonzero()[
-        0
-    ].tolist() == [150]
+    assert np.isnan(
+        tip_orientation.correct_orientations(TipParams(tip_sd=15.0), tips).unbalanced
+    ).nonzero()[0].tolist() == [150]
 
 
 def test_how_the_tips_stand_against_each_other_is_as_sure_as_a_cuff_holds_its_sensors() -> None:
@@ -224,7 +224,7 @@ def test_how_the_tips_stand_against_each_other_is_as_sure_as_a_cuff_holds_its_se
             tips.acc + 0.1 * rng.normal(size=(2, 3)),
             tips.gyr,
         )
-        found = tip_orientation.corrected(TipParams(), read)
+        found = tip_orientation.correct_orientations(TipParams(), read)
         true = quat.multiply(
             quat.multiply(quat.about(2, np.array([0.0, heading])), tips.q_GF[-1]), askew
         )
@@ -270,7 +270,7 @@ def test_what_twists_a_fingertip_is_told_wherever_it_is_touched() -> None:
         rng.normal(0.0, 5e-3, 40),
     )
     M = np.cross(3e-3 * rng.normal(size=(40, 3)), F) + m[:, None] * n
-    found, sd = fingertip_torques.twist(F, M, np.full((40, 3), 2e-4), n)
+    found, sd = fingertip_torques.fingertip_twist(F, M, np.full((40, 3), 2e-4), n)
     told = size[:, 0] > 0.5
     np.testing.assert_allclose(found[told], m[told], atol=1e-12)
     assert np.isnan(found[~told]).all()
@@ -280,7 +280,7 @@ def test_what_twists_a_fingertip_is_told_wherever_it_is_touched() -> None:
 def test_a_force_that_nobody_measures_does_not_balance() -> None:
     tips, _ = held(0.0)
     pushed = Tips(tips.t, tips.q_GF, tips.force * np.array([[0.7], [1.0]]), tips.acc, tips.gyr)
-    assert np.median(tip_orientation.corrected(TipParams(), pushed).unbalanced) > 4.0
+    assert np.median(tip_orientation.correct_orientations(TipParams(), pushed).unbalanced) > 4.0
 
 
 def oscillation(rng: np.random.Generator, n: int = 400) -> tuple[Array, Array, Array]:
@@ -292,17 +292,19 @@ def oscillation(rng: np.random.Generator, n: int = 400) -> tuple[Array, Array, A
 def test_recursive_least_squares_without_forgetting_ends_where_the_batch_does() -> None:
     t, y, H = oscillation(np.random.default_rng(0))
     sd = np.full(len(t), 0.1)
-    state, track, spread = identification.run(identification.begun(np.ones(2)), t, y, H, sd)
-    fit = identification.fitted(y, H, sd)
+    state, track, spread = identification.run_recursive(
+        identification.initial_state(np.ones(2)), t, y, H, sd
+    )
+    fit = identification.fit_least_squares(y, H, sd)
     np.testing.assert_allclose(state.theta, fit.theta, atol=1e-6)
     np.testing.assert_allclose(track[-1], fit.theta, atol=1e-6)
     np.testing.assert_allclose(
         np.diag(state.P), np.diag(np.linalg.inv(np.einsum("nmi,nmj->ij", H, H) / 0.01)), rtol=1e-4
     )
-    first, _, _ = identification.run(
-        identification.begun(np.ones(2)), t[:150], y[:150], H[:150], sd[:150]
+    first, _, _ = identification.run_recursive(
+        identification.initial_state(np.ones(2)), t[:150], y[:150], H[:150], sd[:150]
     )
-    again, _, _ = identification.run(first, t[150:], y[150:], H[150:], sd[150:])
+    again, _, _ = identification.run_recursive(first, t[150:], y[150:], H[150:], sd[150:])
     np.testing.assert_array_equal(again.theta, state.theta)
     assert spread[-1].max() < spread[10].min()
 
@@ -311,8 +313,8 @@ def test_recursive_least_squares_that_forgets_follows_a_change() -> None:
     t = 0.02 * np.arange(1000)
     y = np.where(t < 10, 0.3, 0.5)[:, None] * 9.81
     H = np.full((1000, 1, 1), 9.81)
-    _, track, _ = identification.run(
-        identification.begun(np.ones(1)), t, y, H, np.full(1000, 0.2), memory=1.0
+    _, track, _ = identification.run_recursive(
+        identification.initial_state(np.ones(1)), t, y, H, np.full(1000, 0.2), memory=1.0
     )
     assert track[499, 0] == pytest.approx(0.3, abs=1e-4)
     assert track[-1, 0] == pytest.approx(0.5, abs=1e-3)
@@ -325,7 +327,7 @@ def test_a_running_estimate_is_told_once_it_is_half_known_and_is_never_surer_tha
     t = 0.02 * np.arange(400)
     H = np.full((400, 1, 1), 9.81)
     y = 0.5 * H[:, :, 0] + np.random.default_rng(4).normal(0.0, 4.0, (400, 1))
-    told = identification.followed(
+    told = identification.track_first_parameter(
         t, y, H, 4.0, np.ones(1), 1e9, lambda value: np.full(len(value), 0.03)
     )
     known = np.flatnonzero(np.isfinite(told.value))
@@ -341,7 +343,7 @@ def pushing(share: float) -> tuple[float, float]:
     force[:, 0], force[:, 1] = [6.0, 0.0, 2.0], [-6.0 * (1 - share), 0.0, 2.0]
     acc = np.tile([0.0, 0.0, 9.81], (50, 2, 1))
     turns = np.tile(np.eye(6) * 0.05**2, (50, 1, 1))
-    return force_balance.rest_along_push(force, acc, turns, np.full((50, 2), 0.05), 0.02)
+    return force_balance.residual_along_push(force, acc, turns, np.full((50, 2), 0.05), 0.02)
 
 
 def test_what_a_third_finger_carries_is_left_along_the_push_and_turned_tips_do_not_hide_it() -> (
@@ -361,6 +363,6 @@ def test_parameters_are_as_sure_as_they_say_where_samples_err_alike() -> None:
         rng = np.random.default_rng(seed)
         t, y, H = oscillation(rng)
         alike = np.convolve(rng.normal(size=len(t) + 30), np.ones(12) / np.sqrt(12), "same")[15:-15]
-        fit = identification.fitted(y + 0.3 * alike[:, None], H, np.full(len(t), 0.1))
+        fit = identification.fit_least_squares(y + 0.3 * alike[:, None], H, np.full(len(t), 0.1))
         surprise.append(((fit.theta - [2.0, -0.5]) ** 2 / fit.sd**2).mean())
     assert 0.4 < np.mean(surprise) < 1.8

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.force.sensor import SolveParams, old, solve, stuck
+from handscope.estimators.force.sensor import SolveParams, is_repeated, is_stuck, solve
 from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
@@ -212,16 +212,16 @@ def held(noise: float, count: float, seed: int) -> Array:
 def test_a_sensor_that_tells_an_old_sample_again_and_again_is_found() -> None:
     fine = held(0.05, 0.004, 0)
     fine[100:112] = fine[99]
-    np.testing.assert_array_equal(np.flatnonzero(old(fine)), np.arange(100, 112))
+    np.testing.assert_array_equal(np.flatnonzero(is_repeated(fine)), np.arange(100, 112))
     fine[30:33] = np.inf  # a raw channel at its limit
-    np.testing.assert_array_equal(np.flatnonzero(old(fine)), np.arange(100, 112))
-    assert not old(held(0.05, 0.004, 1)).any()
+    np.testing.assert_array_equal(np.flatnonzero(is_repeated(fine)), np.arange(100, 112))
+    assert not is_repeated(held(0.05, 0.004, 1)).any()
 
 
 def test_coarse_counts_are_neither_old_samples_nor_a_limit() -> None:
     for noise in (0.0, 0.01, 0.05):
         told = sum(
-            old(held(noise, 0.1, seed)).sum() + stuck(held(noise, 0.1, seed)).sum()
+            is_repeated(held(noise, 0.1, seed)).sum() + is_stuck(held(noise, 0.1, seed)).sum()
             for seed in range(10)
         )
         assert told == 0, noise
@@ -230,4 +230,4 @@ def test_coarse_counts_are_neither_old_samples_nor_a_limit() -> None:
 def test_a_limit_of_coarse_counts_is_found_still() -> None:
     clipped = np.clip(held(0.05, 0.05, 2), -5.0, 3.0)
     clipped[70:85, 2] = 3.0
-    assert stuck(clipped)[70:85].all()
+    assert is_stuck(clipped)[70:85].all()

@@ -58,7 +58,9 @@ def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
         assert all(
             np.isfinite(one.value) for one in f.values()
         )  # a spring answers as far as it is pushed: that is no figure that lacks
-    so_far = object_frame.stiffness(moved.between(0.0, made.events[-1].onset + 7.0), made.geometry)
+    so_far = object_frame.squeezed_stiffness(
+        moved.between(0.0, made.events[-1].onset + 7.0), made.geometry
+    )
     assert so_far is not None and so_far.value[-1] == pytest.approx(600.0, abs=2.5 * so_far.sd[-1])
     assert so_far.sd[-1] < 120.0
     assert np.mean(off) < 0.08
@@ -184,7 +186,7 @@ def test_the_answer_of_a_mass_on_a_spring_and_a_damper() -> None:
         for _ in range(10):
             v += 0.1 / rate * (u[k - 1] - D * v - K * x[k]) / M
             x[k] += 0.1 / rate * v
-    found = frequency_response.response(np.arange(n) / rate, u, x, length=8.0)
+    found = frequency_response.estimate_response(np.arange(n) / rate, u, x, length=8.0)
     near = (found.frequency > 1.0) & (found.frequency < 12.0)
     s = 2j * np.pi * found.frequency[near]
     hold = np.exp(-s / (2 * rate))  # the force is held for a sample
@@ -193,7 +195,7 @@ def test_the_answer_of_a_mass_on_a_spring_and_a_damper() -> None:
     assert np.median(np.abs(found.P[near] / truth - 1)) < 0.05
     off = np.abs(np.abs(found.P[near]) - np.abs(truth)) / found.sd[near]
     assert 0.3 < np.mean(off < 2) <= 1.0
-    told = frequency_response.conditions(found)
+    told = frequency_response.check_conditions(found)
     assert (told.independent, told.wide, told.passive) == (True, True, True)
     assert told.load_bandwidth == pytest.approx(np.sqrt(K / M) / (2 * np.pi) * 1.5, rel=0.25)
 
@@ -201,19 +203,19 @@ def test_the_answer_of_a_mass_on_a_spring_and_a_damper() -> None:
 def test_what_the_data_do_not_bear_out_is_told() -> None:
     rng, t = np.random.default_rng(0), np.arange(6000) / 100
     u = np.convolve(rng.normal(size=6000), np.ones(20) / 20, "same")
-    pushed_elsewhere = frequency_response.conditions(
-        frequency_response.response(
+    pushed_elsewhere = frequency_response.check_conditions(
+        frequency_response.estimate_response(
             t, u, u / 600 + 2e-3 * np.convolve(rng.normal(size=6000), np.ones(20) / 20, "same")
         )
     )
     assert pushed_elsewhere.independent is False
-    ahead = frequency_response.conditions(
-        frequency_response.response(t, u, np.roll(u, -8) / 600)
+    ahead = frequency_response.check_conditions(
+        frequency_response.estimate_response(t, u, np.roll(u, -8) / 600)
     )  # the object moves first
     assert ahead.passive is False
     assert len(ahead.reasons) == 1
-    short = frequency_response.conditions(
-        frequency_response.response(t[:400], u[:400], u[:400] / 600)
+    short = frequency_response.check_conditions(
+        frequency_response.estimate_response(t[:400], u[:400], u[:400] / 600)
     )
     assert (short.independent, short.wide, short.passive) == (None, None, None)
 
@@ -222,13 +224,13 @@ def test_power_and_work_of_lifting_and_of_turning() -> None:
     t = np.linspace(0.0, 2.0, 201)
     forces, v = np.tile([[[0.0, 0.0, 3.0], [0.0, 0.0, 1.0]]], (201, 1, 1)), np.zeros((201, 2, 3))
     v[:, :, 2] = (0.25 * (1 - np.cos(np.pi * t)))[:, None]
-    assert load_exchange.work(t, load_exchange.power(forces, v))[-1] == pytest.approx(
-        4.0 * 0.5, rel=1e-4
-    )
-    turn = np.tile([[[0.2, 0.0, 0.0], [0.0, 0.0, 0.0]]], (201, 1, 1))
-    assert load_exchange.work(t, load_exchange.power(forces, v * 0, turn, turn * 0 + 3.0))[
+    assert load_exchange.integrate_power(t, load_exchange.exchange_power(forces, v))[
         -1
-    ] == pytest.approx(0.2 * 3.0 * 2.0)
+    ] == pytest.approx(4.0 * 0.5, rel=1e-4)
+    turn = np.tile([[[0.2, 0.0, 0.0], [0.0, 0.0, 0.0]]], (201, 1, 1))
+    assert load_exchange.integrate_power(
+        t, load_exchange.exchange_power(forces, v * 0, turn, turn * 0 + 3.0)
+    )[-1] == pytest.approx(0.2 * 3.0 * 2.0)
 
 
 def test_a_joint_beyond_the_model_is_said_and_the_stiffness_is_less_sure() -> None:

@@ -17,7 +17,7 @@ from handscope.estimators.hand.geometry import (
     root_joint,
     sized,
     table_of,
-    with_lengths,
+    with_finger_lengths,
 )
 
 LENGTH = st.floats(0.14, 0.22)
@@ -164,31 +164,33 @@ def test_a_last_phalanx_is_what_the_others_leave_of_a_measured_finger_and_grows_
     )
     size = {s: derived.lengths[s] for s in CHAINS["index"]}
     grown = size["index_distal"] * 0.072 / (size["index_proximal"] + size["index_middle"])
-    assert with_lengths(derived, "index", found).lengths["index_distal"] == pytest.approx(grown)
-    whole = with_lengths(total, "index", found)
+    assert with_finger_lengths(derived, "index", found).lengths["index_distal"] == pytest.approx(
+        grown
+    )
+    whole = with_finger_lengths(total, "index", found)
     assert sum(whole.lengths[s] for s in CHAINS["index"]) + whole.tip_tissue[
         "index"
     ] == pytest.approx(0.095)
-    assert with_lengths(bone, "index", found).lengths["index_distal"] == 0.019
-    assert with_lengths(bone, "index", found, off=0.05).lengths["index_distal"] == pytest.approx(
-        0.019 * 1.05
-    )
+    assert with_finger_lengths(bone, "index", found).lengths["index_distal"] == 0.019
+    assert with_finger_lengths(bone, "index", found, off=0.05).lengths[
+        "index_distal"
+    ] == pytest.approx(0.019 * 1.05)
     too_long = {
         "index_proximal": 0.06,
         "index_middle": 0.04,
     }  # of that finger nothing would be left
     assert (
-        with_lengths(total, "index", too_long).lengths["index_distal"]
+        with_finger_lengths(total, "index", too_long).lengths["index_distal"]
         > total.lengths["index_distal"]
     )
 
 
 def test_a_thumbs_metacarpal_is_not_counted_to_its_measured_length() -> None:
     total = sized("right", HandMeasures(finger_length={"thumb": 0.065}))
-    found = with_lengths(
+    found = with_finger_lengths(
         total, "thumb", {"thumb_metacarpal": 0.05, "thumb_proximal": 0.033}
     ).lengths
     assert found["thumb_proximal"] + found["thumb_distal"] + total.tip_tissue[
         "thumb"
     ] == pytest.approx(0.065)
-    assert with_lengths(total, "forearm", {}).lengths == total.lengths
+    assert with_finger_lengths(total, "forearm", {}).lengths == total.lengths

@@ -94,9 +94,9 @@ def test_people_err_as_told(rng: np.random.Generator) -> None:
     """Palm and fingers measured without error, ratios and knuckles of their own within two standard deviations of the mean hand."""
     normal = []
     for _ in range(150):
-        somebody, q_pc = person.drawn("left", rng), _bent(rng)
-        error = forward_kinematics.tips(q_pc, somebody.told) - forward_kinematics.tips(
+        somebody, q_pc = person.draw_person("left", rng), _bent(rng)
+        error = forward_kinematics.tips(q_pc, somebody.declared) - forward_kinematics.tips(
             q_pc, somebody.true
         )
-        normal.append(error / _tips_sd(somebody.told, q_pc))
+        normal.append(error / _tips_sd(somebody.declared, q_pc))
     assert 0.7 < np.mean(np.square(normal)) < 1.05

@@ -8,9 +8,9 @@ from handscope.estimators.data.samples import Event
 from handscope.estimators.data.trajectory import Flag, empty
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures import MEASURES
-from handscope.estimators.measures.assessment import assess, measures_of
+from handscope.estimators.measures.assessment import assess, requested_measures
 from handscope.estimators.measures.figure import grade_of
-from handscope.estimators.measures.task_request import Asked
+from handscope.estimators.measures.task_request import TaskRequest
 from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import IDEAL
 from tests.simulated import pose_and_wiggle
@@ -148,7 +148,7 @@ def test_the_events_detail_measures_overrules_the_tasks_name() -> None:
     ],
 )
 def test_tasks_are_given_their_measures_by_name(task: str, measures: set[str]) -> None:
-    assert set(measures_of(Asked(task))) == measures
+    assert set(requested_measures(TaskRequest(task))) == measures
 
 
 @pytest.mark.parametrize(

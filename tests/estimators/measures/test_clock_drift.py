@@ -5,7 +5,7 @@ import pytest
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures.clock_drift import synchronised_clocks, with_drift
-from handscope.estimators.measures.synchronisation import Signal, synchronised
+from handscope.estimators.measures.synchronisation import Signal, synchronise
 from tests.estimators.measures.movements import movement
 
 PPM = 1e-6
@@ -45,7 +45,7 @@ def test_a_drift_is_found_and_every_instant_is_right(drift: float, rate: float) 
 
 def test_equal_clocks_are_left_alone_and_the_standard_deviation_is_honest() -> None:
     lags = [
-        with_drift(a, b, synchronised(a, b))
+        with_drift(a, b, synchronise(a, b))
         for a, b in (pair(seed, 45.0, 0.0) for seed in range(12))
     ]
     assert not any(lag.rate for lag in lags)
@@ -67,7 +67,7 @@ def test_a_long_one_that_fits_nowhere_as_a_whole_is_followed_from_its_busiest_mi
     a, b = pair(3, 1000.0, 900 * PPM, 60.0)
     a, b = Signal(a.t[::2], a.values[::2]), b
     with pytest.raises(InputError, match="do not fit each other"):
-        synchronised(a, b)
+        synchronise(a, b)
     lag = synchronised_clocks(a, b)
     at = np.array([3.0, 500.0, 1000.0])
     np.testing.assert_allclose(lag.on_b(at), at * (1 + 900 * PPM) - 5.0, atol=4e-3)

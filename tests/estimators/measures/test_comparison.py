@@ -13,9 +13,9 @@ from handscope.estimators.measures.comparison import (
     Agreement,
     agreements,
     gyroscope_consistency,
-    paired,
-    shared,
-    stretches,
+    list_stretches,
+    pair_quantities,
+    shared_names,
 )
 from tests.estimators.measures.movements import movement, moving
 from tests.simulated import DEG, pose_and_wiggle, tracked
@@ -31,7 +31,7 @@ def compared(
     a: Trajectory, b: Trajectory, lag: float = 0.0, events: tuple[Event, ...] = ()
 ) -> list[Agreement]:
     return agreements(
-        paired(a, b, lag), stretches(events, (), lag, (float(a.t[0]), float(a.t[-1])))
+        pair_quantities(a, b, lag), list_stretches(events, (), lag, (float(a.t[0]), float(a.t[-1])))
     )
 
 
@@ -87,7 +87,7 @@ def test_tasks_are_compared_one_by_one_wherever_they_are_told() -> None:
     assert {g.task for g in found} == {WHOLE, "slow", "fast"}
     assert by_name(found, "slow")["index_pip_flexion"].offset == pytest.approx(0.0, abs=1e-12)
     assert by_name(found, "fast")["index_pip_flexion"].offset == pytest.approx(6 * DEG)
-    assert stretches((), tasks, 1.5, (0.0, 20.0))[1:] == [
+    assert list_stretches((), tasks, 1.5, (0.0, 20.0))[1:] == [
         ("slow", 3.5, 8.5),
         ("fast", 13.5, 18.5),
     ]  # B's events on A's clock
@@ -113,7 +113,7 @@ def test_tips_are_compared_by_their_distance_and_are_enough_by_themselves() -> N
     longer = tips.copy()
     longer[:, 1, 0] += 0.004
     a, b = moving(T, nothing, tips=tips), moving(T, nothing, tips=longer)
-    assert shared(a, b)[0] == [TIPS]
+    assert shared_names(a, b)[0] == [TIPS]
     (g,) = compared(a, b)
     assert (g.unit, g.offset) == ("m", pytest.approx(0.004))
     assert compared(moving(T, nothing), b) == []

@@ -5,11 +5,11 @@ import pytest
 
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures import pinch, self_check
-from handscope.estimators.measures.contacts import contacts_of, errors
-from handscope.estimators.measures.task_request import Asked, Mark
+from handscope.estimators.measures.contacts import error_statistics, parse_contacts
+from handscope.estimators.measures.task_request import Mark, TaskRequest
 from handscope.estimators.simulation.movements import static_hold
 from handscope.estimators.simulation.movements.task_performance import initial_pose
-from handscope.estimators.simulation.scenario import performed
+from handscope.estimators.simulation.scenario import simulate_performances
 from handscope.estimators.simulation.sensors import IDEAL
 from tests.estimators.measures.trajectories import by_name, made
 
@@ -25,12 +25,12 @@ from tests.estimators.measures.trajectories import by_name, made
 def test_what_is_truly_held_has_no_error(name: str, perform: object, pairs: list[str]) -> None:
     geometry = sized("right")
     done = perform(geometry, np.random.default_rng(2), sway=0.0)  # type: ignore[operator]
-    recording = performed(
+    recording = simulate_performances(
         [initial_pose(geometry), done], "right", geometry, np.random.default_rng(1), IDEAL
     )
     task = next(e for e in recording.events if e.trial_type == "task")
     found = self_check.measure(
-        self_check.Params(), recording.truth, task.onset, task.end, geometry, Asked(name)
+        self_check.Params(), recording.truth, task.onset, task.end, geometry, TaskRequest(name)
     )
     f = by_name(self_check.figures(found))
     assert [r.contact.part for r in found] == pairs
@@ -43,20 +43,20 @@ def test_the_task_says_which_points_and_how_far_apart() -> None:
         "contacts": "thumb_bottom-index_bottom index_left-middle_right nose_left-ear_right",
         "distances_mm": "53 25",
     }
-    a, b = contacts_of(Asked("selfcheck_p4", details))
+    a, b = parse_contacts(TaskRequest("selfcheck_p4", details))
     assert (a.a, a.b, a.distance) == (("thumb", "bottom"), ("index", "bottom"), 0.053)
     assert (b.part, b.distance) == ("index_middle", 0.025)
     assert (
-        contacts_of(Asked("x", {"contacts": "thumb_distal-index_distal", "distances_mm": "many"}))[
-            0
-        ].distance
+        parse_contacts(
+            TaskRequest("x", {"contacts": "thumb_distal-index_distal", "distances_mm": "many"})
+        )[0].distance
         is None
     )
-    assert contacts_of(Asked()) == []
+    assert parse_contacts(TaskRequest()) == []
 
 
 def test_errors_are_mean_scatter_and_root_mean_square() -> None:
-    e = errors(np.array([0.031, 0.033, np.nan, 0.032]), 0.030)
+    e = error_statistics(np.array([0.031, 0.033, np.nan, 0.032]), 0.030)
     assert e["mean"] == pytest.approx(0.002)
     assert e["sd"] == pytest.approx(0.001)
     assert e["rmse"] == pytest.approx(np.sqrt(14 / 3) * 1e-3)
@@ -67,7 +67,7 @@ def test_only_what_is_marked_as_closed_is_judged() -> None:
     tips = np.zeros((1000, 5, 3))
     t = np.arange(1000) / 100
     tips[(t < 2) | (t > 7), 1, 1] = 0.06
-    asked = Asked(
+    asked = TaskRequest(
         "selfcheck_p3",
         {"contacts": "thumb_distal-index_distal", "distances_mm": "0"},
         (Mark(1.5, 7.4, "closed", 1),),
@@ -75,17 +75,17 @@ def test_only_what_is_marked_as_closed_is_judged() -> None:
     (found,) = self_check.measure(
         self_check.Params(), made(1000, tips=tips), 0.0, 10.0, None, asked
     )
-    assert errors(found.distance, 0.0)["rmse"] == 0
+    assert error_statistics(found.distance, 0.0)["rmse"] == 0
     assert "between the ends of the bones" in self_check.figures([found])[0].reason
     (whole,) = self_check.measure(
-        self_check.Params(), made(1000, tips=tips), 0.0, 10.0, None, Asked("selfcheck_p3")
+        self_check.Params(), made(1000, tips=tips), 0.0, 10.0, None, TaskRequest("selfcheck_p3")
     )
-    assert errors(whole.distance, 0.0)["rmse"] > 0.02
+    assert error_statistics(whole.distance, 0.0)["rmse"] > 0.02
 
 
 def test_a_task_that_says_nothing_has_figures_that_say_so() -> None:
     figures = self_check.figures(self_check.measure(self_check.Params(), made(100), 0, 1))
-    assert {f.reason for f in figures} == {self_check.UNTOLD}
+    assert {f.reason for f in figures} == {self_check.UNDECLARED}
     assert np.isnan([f.value for f in figures]).all()
 
 

@@ -6,8 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.measures import open_close, pronation_supination, tapping
+from handscope.estimators.measures import repetitive_movement, tapping
 from handscope.estimators.measures.cycles import Params
+from handscope.estimators.measures.repetitive_movement import (
+    OPEN_CLOSE,
+    PRONATION_SUPINATION,
+    Movement,
+)
 from tests.estimators.measures.trajectories import by_name
 
 DEG = np.pi / 180
@@ -194,7 +199,7 @@ def test_a_slow_or_short_recording_gives_few_taps_or_none_with_a_reason(seconds:
         (tapping.of_angle, 1000.0, 1.0, "are the times in seconds"),  # milliseconds
         (tapping.of_angle, 1.0, 60.0, "give radians"),
         (tapping.of_distance, 1.0, 60.0, "give metres"),
-        (pronation_supination.of_turn, 1000.0, 1.0, "are the times in seconds"),
+        (repetitive_movement.of_turn, 1000.0, 1.0, "are the times in seconds"),
     ],
 )
 def test_other_units_than_asked_for_are_refused_in_words(
@@ -229,21 +234,21 @@ def test_noise_alone_is_no_tapping() -> None:
 
 @pytest.mark.parametrize(
     ("measure", "prefix"),
-    [(open_close, "open_close"), (pronation_supination, "pronation_supination")],
+    [(OPEN_CLOSE, "open_close"), (PRONATION_SUPINATION, "pronation_supination")],
 )
-def test_fists_and_turns_are_said_in_the_same_terms(measure: object, prefix: str) -> None:
+def test_fists_and_turns_are_described_in_the_same_terms(measure: Movement, prefix: str) -> None:
     t = np.arange(0, 15, 0.01)
     angle = _opening(t, 1.2, 150 * DEG)
     trial = (
-        open_close.of_flexion(t, -angle)
-        if measure is open_close
-        else pronation_supination.of_turn(t, angle)
+        repetitive_movement.of_flexion(t, -angle)
+        if measure is OPEN_CLOSE
+        else repetitive_movement.of_turn(t, angle)
     )
-    f = by_name(measure.figures(trial))  # type: ignore[attr-defined]
+    f = by_name(measure.figures(trial))
     assert f[f"{prefix}_rate"].value == pytest.approx(1.2, rel=0.01)
     assert f[f"{prefix}_amplitude_mean"].value == pytest.approx(150 * DEG, rel=0.01)
     assert f[f"{prefix}_interruptions"].value == 0
-    nothing = measure.figures(pronation_supination.of_turn(t, np.zeros(len(t))))  # type: ignore[attr-defined]
+    nothing = measure.figures(repetitive_movement.of_turn(t, np.zeros(len(t))))
     values = {x.what: x.value for x in nothing}
     assert values.pop(f"{prefix}_count") == 0
     assert np.isnan(list(values.values())).all()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from handscope.estimators.measures.excursions import excursions, repetitions
+from handscope.estimators.measures.excursions import find_excursions, repetitions
 from tests.app.report.simulated_sessions import session
 
 
@@ -14,7 +14,7 @@ def test_every_excursion_is_found_and_they_touch_at_rest(count: int) -> None:
     away = np.clip(np.sin(np.pi * (t % 4.0) / 3.0), 0.0, None) * (t % 4.0 < 3.0) * (
         0.8 + 0.4 * (t // 4.0 % 2)
     ) + 0.02 * rng.standard_normal(len(t))
-    spans = excursions(t, away)
+    spans = find_excursions(t, away)
     assert len(spans) == count
     for k, (start, stop) in enumerate(spans):
         assert start < 4.0 * k + 1.0 and stop > 4.0 * k + 2.3
@@ -23,7 +23,7 @@ def test_every_excursion_is_found_and_they_touch_at_rest(count: int) -> None:
 
 @pytest.mark.parametrize("away", [np.empty(0), np.full(500, np.nan), np.zeros(500)])
 def test_where_nothing_moves_there_is_none(away: np.ndarray) -> None:
-    assert excursions(np.arange(len(away)) / 100, away) == []
+    assert find_excursions(np.arange(len(away)) / 100, away) == []
 
 
 def test_the_three_repetitions_of_each_range_of_motion_are_found() -> None:

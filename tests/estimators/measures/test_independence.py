@@ -7,7 +7,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FLEXION, JOINT, JOINTS
 from handscope.estimators.measures import independence
 from handscope.estimators.measures.independence import Params, of_sums
-from handscope.estimators.measures.task_request import Asked, Mark
+from handscope.estimators.measures.task_request import Mark, TaskRequest
 from tests.estimators.measures.trajectories import by_name, made
 
 DEG = np.pi / 180
@@ -53,7 +53,7 @@ def test_every_finger_is_judged_in_the_rounds_in_which_it_was_called() -> None:
         rows = slice(400 * k, 400 * (k + 1))
         angles[rows, JOINT[f"{finger}_pip"], FLEXION] = BEND
         angles[rows, JOINT["middle_pip"], FLEXION] = share * BEND
-    asked = Asked(
+    asked = TaskRequest(
         "finger_independence", {}, (Mark(0.0, 4.0, "index", 1), Mark(4.0, 8.0, "ring", 1))
     )
     f = by_name(
@@ -73,11 +73,13 @@ def test_without_a_call_the_name_tells_the_finger_or_the_one_that_bends_furthest
     moved = made(400, angles)
     assert [
         a.finger
-        for a in independence.measure(Params(), moved, 0, 4, None, Asked("independence_ring"))
+        for a in independence.measure(Params(), moved, 0, 4, None, TaskRequest("independence_ring"))
     ] == ["ring"]
     assert [
         a.finger
-        for a in independence.measure(Params(), moved, 0, 4, None, Asked("x", {"finger": "ring"}))
+        for a in independence.measure(
+            Params(), moved, 0, 4, None, TaskRequest("x", {"finger": "ring"})
+        )
     ] == ["ring"]
     assert [a.finger for a in independence.measure(Params(), moved, 0, 4)] == ["index"]
 

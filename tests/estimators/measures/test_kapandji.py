@@ -7,7 +7,7 @@ from handscope.estimators.hand.anatomy import JOINT, JOINTS, Hand, side_sign
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures import kapandji
 from handscope.estimators.measures.kapandji import Params, distances, landmarks, score_of
-from handscope.estimators.measures.task_request import Asked, Mark
+from handscope.estimators.measures.task_request import Mark, TaskRequest
 from handscope.estimators.simulation.scenario import simulate
 from handscope.estimators.simulation.sensors import IDEAL
 from tests.estimators.measures.trajectories import by_name, made
@@ -59,7 +59,7 @@ def test_the_simulated_patient_reaches_the_tips_that_it_goes_to() -> None:
         task.onset,
         task.end,
         recording.geometry,
-        Asked("kapandji", {}, marks),
+        TaskRequest("kapandji", {}, marks),
     )
     assert all(found.distances[k] < 0.025 for k in (3, 4, 5, 6))
     f = by_name(kapandji.figures(found))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
 from handscope.estimators.measures import circles, reach
 from handscope.estimators.measures.reach import Params
-from handscope.estimators.measures.task_request import Asked, Mark
+from handscope.estimators.measures.task_request import Mark, TaskRequest
 from handscope.estimators.numerics import quaternions as quat
 from tests.estimators.measures.trajectories import by_name, made
 
@@ -31,7 +31,7 @@ def test_a_reach_by_a_minimum_jerk_turn_has_its_time_its_path_and_the_smoothness
     )
     tips = np.zeros((len(T), 5, 3))
     tips[:, 1, 1] = 0.02 + 0.06 * np.exp(-(((T - 2.8) / 0.3) ** 2))
-    asked = Asked(
+    asked = TaskRequest(
         "reach",
         {},
         (Mark(1.0, 4.0, "reach", 1), Mark(4.0, 7.0, "return", 1), Mark(7.0, 10.0, "reach", 2)),

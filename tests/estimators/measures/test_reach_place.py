@@ -9,12 +9,12 @@ from handscope.estimators.data.trajectory import PlaceFlag, Trajectory
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
 from handscope.estimators.measures import reach, reach_place, trunk_displacement
 from handscope.estimators.measures.figure import Figure
-from handscope.estimators.measures.task_request import Asked, Mark
+from handscope.estimators.measures.task_request import Mark, TaskRequest
 from handscope.estimators.numerics import quaternions as quat
 from tests.estimators.measures.trajectories import by_name, made
 
 T = np.arange(0, 8, 0.01)
-ASKED = Asked("reach", {}, (Mark(1.0, 4.0, "reach", 1), Mark(4.0, 8.0, "reach", 2)))
+ASKED = TaskRequest("reach", {}, (Mark(1.0, 4.0, "reach", 1), Mark(4.0, 8.0, "reach", 2)))
 
 
 def _smooth(start: float, duration: float) -> np.ndarray:
@@ -40,7 +40,7 @@ def _reached(place: np.ndarray, lean: np.ndarray | None = None, flags: int = 0) 
     )
 
 
-def _figures(moved: Trajectory, asked: Asked = ASKED) -> dict[str, Figure]:
+def _figures(moved: Trajectory, asked: TaskRequest = ASKED) -> dict[str, Figure]:
     return by_name(reach.figures(reach.measure(reach.Params(), moved, 0.0, 8.0, None, asked)))
 
 
@@ -76,7 +76,7 @@ def _leaning(**details: object) -> Figure:
     """One reach of 0.3 m against the trunk, which leans forward by 30 deg meanwhile; its sensor errs by 0.01 rad."""
     there = _smooth(2.0, 1.0)
     place = np.stack([0.2 + 0.3 * there, np.zeros_like(T), np.zeros_like(T)], axis=1)
-    asked = Asked("reach", details, (Mark(1.0, 8.0, "reach", 1),))
+    asked = TaskRequest("reach", details, (Mark(1.0, 8.0, "reach", 1),))
     return _figures(_reached(place, np.radians(30.0) * there), asked)["reach_trunk_forward"]
 
 
@@ -142,9 +142,9 @@ def test_places_that_cannot_be_trusted_give_no_figure(flag: PlaceFlag) -> None:
 def test_the_volume_of_a_box_and_how_far_off_it_is() -> None:
     """One corner out by e in each axis changes a box of edges a, b, c by e (bc + ca + ab) / 6 (its three tetrahedra); eight of them independently."""
     corners = np.array([[x, y, z] for x in (0.0, 0.4) for y in (0.0, 0.3) for z in (0.0, 0.2)])
-    value, sd = reach_place.volume(corners, np.full((8, 3), 1e-3))
+    value, sd = reach_place.hull_volume(corners, np.full((8, 3), 1e-3))
     assert value == pytest.approx(0.024)
     faces = np.array([0.06, 0.08, 0.12])
     assert sd is not None
     assert 1e-3 * np.sqrt(8 * (faces**2).sum()) / 6 < sd < 1e-3 * np.sqrt(8 * (faces**2).sum()) / 2
-    assert np.isnan(reach_place.volume(corners * [1, 1, 0], np.full((8, 3), 1e-3))[0])
+    assert np.isnan(reach_place.hull_volume(corners * [1, 1, 0], np.full((8, 3), 1e-3))[0])

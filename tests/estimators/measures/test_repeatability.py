@@ -5,7 +5,12 @@ import pytest
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import DOF_NAMES
-from handscope.estimators.measures.repeatability import held_angles, reliability, spread, within
+from handscope.estimators.measures.repeatability import (
+    held_angles,
+    posture_spread,
+    reliability,
+    within_groups,
+)
 from tests.estimators.measures.movements import moving
 from tests.simulated import DEG
 
@@ -68,12 +73,12 @@ def test_one_patient_has_an_sem_but_no_icc() -> None:
 
 
 def test_within_groups_of_unequal_size_is_the_mean_square_of_an_analysis_of_variance() -> None:
-    found = within([[1.0, 3.0], [10.0], [5.0, 5.0, 8.0]])
+    found = within_groups([[1.0, 3.0], [10.0], [5.0, 5.0, 8.0]])
     assert found is not None
     assert (found.measurements, found.freedom) == (5, 3)
     assert found.sem.value == pytest.approx(np.sqrt((2 + 6) / 3))
-    assert within([[1.0], [2.0]]) is None
-    equal = within(SHROUT_FLEISS.tolist())
+    assert within_groups([[1.0], [2.0]]) is None
+    equal = within_groups(SHROUT_FLEISS.tolist())
     assert equal is not None
     assert equal.sem.value == pytest.approx(reliability(SHROUT_FLEISS).sem.value)
     rng = np.random.default_rng(5)
@@ -81,7 +86,7 @@ def test_within_groups_of_unequal_size_is_the_mean_square_of_an_analysis_of_vari
         w.sem
         for _ in range(1500)
         if (
-            w := within(
+            w := within_groups(
                 [rng.normal(m, 3, k).tolist() for m, k in ((50, 2), (70, 3), (60, 1), (65, 4))]
             )
         )
@@ -105,17 +110,17 @@ def test_range_and_sd_are_taken_within_a_trial_and_averaged_over_the_trials() ->
     held = np.zeros((2, 10, 1))
     held[0, :, 0] = np.arange(10)  # range 9, SD 3.03
     held[1, :, 0] = 100 + 2 * np.arange(10)  # what lies between the trials does not count
-    found = spread(held, ["index_pip_flexion"])
+    found = posture_spread(held, ["index_pip_flexion"])
     assert found.range[0] == pytest.approx(13.5)
     assert found.sd[0] == pytest.approx(1.5 * np.std(np.arange(10), ddof=1))
     assert found.overall == pytest.approx((13.5, 1.5 * np.std(np.arange(10), ddof=1)))
     with pytest.raises(InputError, match="two holds a trial"):
-        spread(held[:, :1], ["index_pip_flexion"])
+        posture_spread(held[:, :1], ["index_pip_flexion"])
 
 
 def test_the_range_over_ten_holds_is_three_standard_deviations() -> None:
     held = np.random.default_rng(4).normal(scale=0.4, size=(2000, 10, 1))
-    found = spread(held, ["index_pip_flexion"])
+    found = posture_spread(held, ["index_pip_flexion"])
     assert found.range[0] / 0.4 == pytest.approx(
         3.078, abs=0.05
     )  # d2 of ten values; Table 2.3 has 1.1 / 0.4
@@ -130,7 +135,7 @@ def test_a_hold_counts_without_its_ends() -> None:
     flat = held[:, DOF_NAMES.index("index_mcp_flexion")]
     np.testing.assert_allclose(flat, np.array([10, 11]) * DEG, atol=0.01 * DEG)
     assert np.isnan(held[:, DOF_NAMES.index("little_dip_flexion")]).all()
-    found = spread(held[None])
+    found = posture_spread(held[None])
     assert found.range[DOF_NAMES.index("index_mcp_flexion")] == pytest.approx(
         1 * DEG, abs=0.01 * DEG
     )

@@ -16,7 +16,12 @@ from handscope.estimators.hand.anatomy import (
     SEGMENTS,
     Hand,
 )
-from handscope.estimators.measures import finger_spread, forearm_rotation, thumb_abduction
+from handscope.estimators.measures.sustained_angle_measures import (
+    FINGER_SPREAD,
+    FOREARM_ROTATION,
+    THUMB_ABDUCTION,
+    SustainedAngleMeasure,
+)
 from handscope.estimators.measures.sustained_angles import Params
 from handscope.estimators.numerics import quaternions as quat
 from tests.estimators.measures.trajectories import by_name, made
@@ -31,7 +36,7 @@ def test_spread_is_the_difference_of_neighbouring_deviations() -> None:
     for finger, degrees in (("index", -10), ("middle", 2), ("ring", 12), ("little", 30)):
         angles[:, JOINT[f"{finger}_mcp"], DEVIATION] = degrees * DEG * WEIGHT
     moved = replace(made(300, angles), angles_sd=np.full(angles.shape, 1 * DEG))
-    f = by_name(finger_spread.figures(finger_spread.measure(Params(), moved, 0, 3)))
+    f = by_name(FINGER_SPREAD.figures(FINGER_SPREAD.measure(Params(), moved, 0, 3)))
     degrees = {name: figure.value / DEG for name, figure in f.items()}
     assert degrees == pytest.approx(
         {
@@ -49,7 +54,7 @@ def test_the_thumbs_angles_are_those_of_its_metacarpal() -> None:
     angles[:, JOINT["thumb_cmc"]] = WEIGHT[:, None] * DEG * np.array([48.0, -60.0, 80.0])
     moved = made(300, angles)
     moved.flags[:30, SEGMENT["thumb_metacarpal"]] = Flag.MAGNETIC
-    f = by_name(thumb_abduction.figures(thumb_abduction.measure(Params(), moved, 0, 3)))
+    f = by_name(THUMB_ABDUCTION.figures(THUMB_ABDUCTION.measure(Params(), moved, 0, 3)))
     assert f["thumb_cmc_palmar_abduction"].value == pytest.approx(48 * DEG)
     assert f["thumb_cmc_radial_abduction"].value == pytest.approx(60 * DEG)
     assert f["thumb_cmc_pronation"].value == pytest.approx(80 * DEG)
@@ -73,8 +78,8 @@ def test_palm_up_and_palm_down_are_told_from_gravity_on_either_hand(hand: Hand) 
             quat.multiply(level, quat.exp(way * turned[:, None] * np.array([0.0, 1.0, 0.0]))), 0.7
         )
         f = by_name(
-            forearm_rotation.figures(
-                forearm_rotation.measure(Params(), made(300, q_GS=q_GS, hand=hand), 0, 3)
+            FOREARM_ROTATION.figures(
+                FOREARM_ROTATION.measure(Params(), made(300, q_GS=q_GS, hand=hand), 0, 3)
             )
         )
         ways.append((f["supination"].value / DEG, f["pronation"].value / DEG))
@@ -82,18 +87,18 @@ def test_palm_up_and_palm_down_are_told_from_gravity_on_either_hand(hand: Hand) 
 
 
 @pytest.mark.parametrize(
-    ("module", "yes", "no"),
+    ("measure", "yes", "no"),
     [
         (
-            thumb_abduction,
+            THUMB_ABDUCTION,
             ("rom_thumb", "rom_thumb_palmar", "prom_thumb_radial"),
             ("rom_thumb_ip", "thumb_flat", "rom_fist"),
         ),
-        (finger_spread, ("rom_spread",), ("rom_fist", "tapping")),
-        (forearm_rotation, ("rom_forearm", "prom_forearm"), ("rom_wrist", "pronation_supination")),
+        (FINGER_SPREAD, ("rom_spread",), ("rom_fist", "tapping")),
+        (FOREARM_ROTATION, ("rom_forearm", "prom_forearm"), ("rom_wrist", "pronation_supination")),
     ],
 )
 def test_tasks_are_told_by_the_words_of_their_names(
-    module: object, yes: tuple[str, ...], no: tuple[str, ...]
+    measure: SustainedAngleMeasure, yes: tuple[str, ...], no: tuple[str, ...]
 ) -> None:
-    assert [module.applies(n) for n in yes + no] == [True] * len(yes) + [False] * len(no)  # type: ignore[attr-defined]
+    assert [measure.applies(n) for n in yes + no] == [True] * len(yes) + [False] * len(no)

@@ -6,7 +6,11 @@ from scipy.spatial.transform import Rotation
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FINGERS
-from handscope.estimators.measures.tip_errors import brought, centre_of_rotation, tip_errors
+from handscope.estimators.measures.tip_errors import (
+    centre_of_rotation,
+    tip_errors,
+    transform_places,
+)
 
 T = np.arange(0, 20, 0.02)
 WRIST = np.array([1.2, -0.4, 0.9])
@@ -59,10 +63,10 @@ def test_the_wrist_is_found_by_its_movement_and_then_all_errors_remain() -> None
     a, off = moving(), np.array([0.0, 0.008, 0.0])  # ours has all fingers 8 mm too short
     b = WRIST + TURN.apply((a + off).reshape(-1, 3)).reshape(a.shape)
     np.testing.assert_allclose(
-        [e.rmse for e in tip_errors(a, brought(b, a, WRIST))], 0.008, atol=1e-3
+        [e.rmse for e in tip_errors(a, transform_places(b, a, WRIST))], 0.008, atol=1e-3
     )
     assert (
-        max(e.rmse for e in tip_errors(a, brought(b, a))) < 1e-9
+        max(e.rmse for e in tip_errors(a, transform_places(b, a))) < 1e-9
     )  # a shift is taken away where the wrist is not known
 
 

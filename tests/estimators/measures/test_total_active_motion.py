@@ -9,7 +9,12 @@ from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FLEXION, JOINT, JOINTS, SEGMENT
 from handscope.estimators.measures import total_active_motion
-from handscope.estimators.measures.total_active_motion import Motion, Params, graded_as, strickland
+from handscope.estimators.measures.total_active_motion import (
+    FingerMotion,
+    Params,
+    grade_with_scheme,
+    strickland,
+)
 from tests.estimators.measures.trajectories import by_name, made
 
 DEG = np.pi / 180
@@ -27,10 +32,12 @@ def _fist(
     return replace(made(400, angles), angles_sd=np.full((400, len(JOINTS), 3), 2 * DEG))
 
 
-def _motion(tam: float, finger: str = "index", **changes: float) -> Motion:
+def _motion(tam: float, finger: str = "index", **changes: float) -> FingerMotion:
     """A finger of that TAM in deg, all of it in the PIP joint (thumb: MCP)."""
     joint = "thumb_mcp" if finger == "thumb" else f"{finger}_pip"
-    return Motion(finger, {joint: tam * DEG}, {joint: 0.0}, {}, {}, 0.0, 1.0, "good", "", **changes)  # type: ignore[arg-type]
+    return FingerMotion(
+        finger, {joint: tam * DEG}, {joint: 0.0}, {}, {}, 0.0, 1.0, "good", "", **changes
+    )  # type: ignore[arg-type]
 
 
 def test_tam_is_the_fist_less_the_deficits_and_hyperextension_counts_as_zero() -> None:
@@ -108,23 +115,23 @@ def test_a_finger_without_all_its_joints_has_no_tam_and_flags_lower_the_grade() 
 def test_every_grading_has_its_published_bounds(
     scheme: str, finger: str, tam: float, word: str
 ) -> None:
-    assert graded_as(scheme, _motion(tam, finger)) == word
+    assert grade_with_scheme(scheme, _motion(tam, finger)) == word
 
 
 def test_the_uninjured_hand_is_the_norm_where_it_is_known() -> None:
-    assert graded_as("assh", _motion(200)) == "good"
-    assert graded_as("assh", _motion(200), other_hand=200 * DEG) == "excellent"
-    assert graded_as("assh", _motion(200), other_hand=280 * DEG) == "fair"
+    assert grade_with_scheme("assh", _motion(200)) == "good"
+    assert grade_with_scheme("assh", _motion(200), other_hand=200 * DEG) == "excellent"
+    assert grade_with_scheme("assh", _motion(200), other_hand=280 * DEG) == "fair"
 
 
 def test_strickland_leaves_the_mcp_joint_out() -> None:
     flexions = {"index_mcp": 90 * DEG, "index_pip": 100 * DEG, "index_dip": 60 * DEG}
     left = {"index_mcp": 20 * DEG, "index_pip": 15 * DEG, "index_dip": -5 * DEG}
     assert strickland(
-        Motion("index", flexions, left, {}, {}, 0.0, 1.0, "good", "")
+        FingerMotion("index", flexions, left, {}, {}, 0.0, 1.0, "good", "")
     ) == pytest.approx(145 / 175)
 
 
 def test_an_unknown_grading_is_refused() -> None:
     with pytest.raises(InputError, match="gradings are assh"):
-        graded_as("buck_gramcko", _motion(200))
+        grade_with_scheme("buck_gramcko", _motion(200))

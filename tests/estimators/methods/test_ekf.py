@@ -24,7 +24,7 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline import run
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import experiments
-from handscope.estimators.simulation.experiments import judged, recorded
+from handscope.estimators.simulation.experiments import judged_samples, record_experiment
 from handscope.estimators.simulation.joint_compliance import AS_MEASURED
 from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
@@ -128,7 +128,7 @@ def _somebody(
 ) -> tuple[Simulated, Trajectory]:
     """A hand of its own, left or right, that misses the pose by up to 2.5 deg, sensors with all errors: what ekf makes of it."""
     hand: Hand = "left" if seed % 2 else "right"
-    recording = recorded(
+    recording = record_experiment(
         experiments.EXPERIMENTS[name],
         np.random.default_rng(seed),
         errors,
@@ -156,7 +156,7 @@ def performed_noisily() -> list[tuple[Simulated, Trajectory]]:
 def _errors(performed: list[tuple[Simulated, Trajectory]], what: str) -> list[Array]:
     """Of angles or tips where the experiment is judged, estimate minus truth."""
     return [
-        (getattr(moved, what) - getattr(recording.truth, what))[judged(recording)]
+        (getattr(moved, what) - getattr(recording.truth, what))[judged_samples(recording)]
         for recording, moved in performed
     ]
 
@@ -177,7 +177,7 @@ def _within_bounds(performed: list[tuple[Simulated, Trajectory]], what: str) -> 
     together with the wrist, each axis is one. The normalised errors."""
     errors, normal = _errors(performed, what), []
     for (recording, moved), error in zip(performed, errors):
-        sd = getattr(moved, f"{what}_sd")[judged(recording)]
+        sd = getattr(moved, f"{what}_sd")[judged_samples(recording)]
         z = (error / sd).reshape(len(error), -1)
         normal.append(z[:, np.isfinite(z).all(axis=0)])
     draws = sum(z.shape[1] if what == "angles" else 3 for z in normal)
@@ -204,7 +204,7 @@ def test_standard_deviations_are_honest_with_sensors_of_another_quality(
 def test_a_functional_calibration_tells_how_well_it_is_known_how_the_sensors_sit() -> None:
     """Sensors 20-30 deg askew: the movements' calibration and its covariance are used, and the angles are as good as told."""
     errors = replace(SensorErrors(), misalignment=25.0, misalignment_width=5.0)
-    recording = recorded(
+    recording = record_experiment(
         experiments.EXPERIMENTS["free"],
         np.random.default_rng(5103),
         errors,
@@ -217,10 +217,10 @@ def test_a_functional_calibration_tells_how_well_it_is_known_how_the_sensors_sit
     for functional in (True, False):
         moved = process(ekf, replace(PARAMS, functional=functional), recording).trajectory
         assert moved.angles_sd is not None
-        error = (moved.angles - recording.truth.angles)[judged(recording)][:, IS_DOF]
+        error = (moved.angles - recording.truth.angles)[judged_samples(recording)][:, IS_DOF]
         found += [
             np.sqrt((error**2).mean()) / DEG,
-            np.abs(error / moved.angles_sd[judged(recording)][:, IS_DOF]),
+            np.abs(error / moved.angles_sd[judged_samples(recording)][:, IS_DOF]),
         ]
     assert found[0] < 1.5
     assert found[0] < 0.5 * found[2]

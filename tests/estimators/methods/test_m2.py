@@ -25,10 +25,10 @@ from handscope.estimators.hand.anatomy import (
 )
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import m2
-from handscope.estimators.simulation.motion import posture, through
+from handscope.estimators.simulation.motion import make_posture, move_through
 from handscope.estimators.simulation.movements import task_performance
 from handscope.estimators.simulation.movements.task_performance import Performance
-from handscope.estimators.simulation.scenario import Simulated, performed, simulate
+from handscope.estimators.simulation.scenario import Simulated, simulate, simulate_performances
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
 from tests.simulated import (
     DEG,
@@ -350,15 +350,15 @@ def test_without_constraints_all_angles_come_from_the_sensors(simulated: Simulat
 def _mechanical_finger(hand: Any) -> Simulated:
     """Valtin 2017, Fig. 4: DIP, then PIP, then MCP to 90 deg, and back in the other order."""
     straight, relaxed = task_performance.flat(), task_performance.relaxed()
-    dip = posture(straight, index_dip_flexion=90.0)
-    pip = posture(dip, index_pip_flexion=90.0)
-    mcp = posture(pip, index_mcp_flexion=90.0)
+    dip = make_posture(straight, index_dip_flexion=90.0)
+    pip = make_posture(dip, index_pip_flexion=90.0)
+    mcp = make_posture(pip, index_mcp_flexion=90.0)
     points = [(0.0, relaxed), (1.0, straight)]
     for target in (dip, pip, mcp, pip, dip, straight):
         points += [(points[-1][0] + 1.5, target), (points[-1][0] + 2.5, target)]
-    motion = through([*points, (points[-1][0] + 1.0, relaxed)])
+    motion = move_through([*points, (points[-1][0] + 1.0, relaxed)])
     geometry = sized(hand)
-    return performed(
+    return simulate_performances(
         [task_performance.initial_pose(geometry), Performance(motion, ())],
         hand,
         geometry,

@@ -14,7 +14,7 @@ from handscope.estimators.methods import BATCH
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import Processed, process
 from handscope.estimators.self_calibration import mounting_shift, segments, solver
-from handscope.estimators.self_calibration.problem import columns
+from handscope.estimators.self_calibration.problem import parameter_columns
 from handscope.estimators.self_calibration.solver import Solution
 from handscope.estimators.self_calibration.whole_hand import solver as whole_hand_solver
 from handscope.estimators.self_calibration.whole_hand.problem import TURN_AND_SLIDE
@@ -50,7 +50,7 @@ def _recorded() -> tuple[Simulated, HandGeometry]:
         for s, length in average.lengths.items()
     }
     true = replace(average, lengths=grown)
-    return free_movement.recorded(
+    return free_movement.record_trial(
         np.random.default_rng(11), SensorErrors(), "left", true, average, WORN, DURATION
     ), true
 
@@ -62,7 +62,7 @@ def case() -> Case:
     with pytest.MonkeyPatch.context() as patch:
         alone: list[Any] = []
         together: list[Any] = []
-        patch.setattr(solver, "learnt", _kept(solver.learnt, alone))
+        patch.setattr(solver, "solve_with_noise", _kept(solver.solve_with_noise, alone))
         patch.setattr(whole_hand_solver, "solve", _kept(whole_hand_solver.solve, together))
         done = process(METHOD, METHOD.Params(), made)
     return Case(made, true, done, alone, *together)
@@ -168,8 +168,10 @@ def test_a_finger_alone_is_as_sure_as_the_skin_under_the_hands_sensor_lets_it(
 def _known(case: Case, patch: pytest.MonkeyPatch) -> None:
     """Limbs alone are as they were solved before, and steady."""
     before = {s.problem.chain.sensors: s for s in case.alone}
-    patch.setattr(solver, "learnt", lambda problem, *others: before[problem.chain.sensors])
-    patch.setattr(mounting_shift, "slips", lambda *others: [])
+    patch.setattr(
+        solver, "solve_with_noise", lambda problem, *others: before[problem.chain.sensors]
+    )
+    patch.setattr(mounting_shift, "find_mounting_shifts", lambda *others: [])
 
 
 def test_fingers_that_share_the_hand_are_surer_of_themselves(case: Case) -> None:
@@ -180,7 +182,7 @@ def test_fingers_that_share_the_hand_are_surer_of_themselves(case: Case) -> None
             for limb in limbs
             for s, sd in segments.of_solution(limb, "left", case.made.mounting).lengths_sd.items()
         }
-        for limbs in (case.alone, whole_hand_solver.of_limbs(case.together))
+        for limbs in (case.alone, whole_hand_solver.split_limbs(case.together))
     )
     for name in ("index_middle", "middle_middle"):
         assert after[name] < 0.97 * before[name]
@@ -190,8 +192,8 @@ def test_the_covariance_of_all_parameters_is_honest(case: Case) -> None:
     """Mean squared errors in standard deviations of what the simulation knows: biases, scales; 1 where honest."""
     z: dict[str, list[Array]] = {"acc_bias": [], "scale": [], "length": []}
     worn, true = case.made.sensors, np.linalg.inv(case.made.sensors.matrix) - np.eye(3)
-    for limb in whole_hand_solver.of_limbs(case.together):
-        c, sd = columns(limb.problem.chain), np.sqrt(np.diag(limb.factor.covariance))
+    for limb in whole_hand_solver.split_limbs(case.together):
+        c, sd = parameter_columns(limb.problem.chain), np.sqrt(np.diag(limb.factor.covariance))
         rows = [WORN.index(s) for s in limb.problem.chain.sensors]
         z["acc_bias"].append((limb.at.bias_acc - worn.bias[rows, 3:6]).ravel() / sd[c.bias_acc])
         z["scale"] += [

@@ -10,7 +10,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation import heading_constraints
 from handscope.estimators.orientation.heading_constraints import DEG, HeadingParams
-from handscope.estimators.simulation.kinematics import of_motion
+from handscope.estimators.simulation.kinematics import compute_kinematics
 from handscope.estimators.simulation.movements.task_performance import fist_and_stretch
 
 PARAMS = HeadingParams()
@@ -22,7 +22,7 @@ def _moving() -> tuple[Array, Array]:
     g = sized("left")
     performance = fist_and_stretch(g)
     t = np.arange(0.0, performance.motion.duration, 0.01)
-    return t, of_motion(performance.motion, g, t).q_GB
+    return t, compute_kinematics(performance.motion, g, t).q_GB
 
 
 def _turned(q_GB: Array, segments: list[str]) -> Array:

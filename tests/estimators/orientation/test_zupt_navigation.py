@@ -13,10 +13,10 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation import zupt_navigation
 from handscope.estimators.orientation.zupt_navigation import HandFilterParams, HandPath
 from handscope.estimators.simulation import kinematics
-from handscope.estimators.simulation.motion import posture, through
+from handscope.estimators.simulation.motion import make_posture, move_through
 from handscope.estimators.simulation.movements import task_performance
 from handscope.estimators.simulation.movements.task_performance import Performance
-from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.scenario import Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
 from tests.simulated import calibrated
 
@@ -42,15 +42,15 @@ def _reaching(
             (t + 1.0, points[-1][1]),
             (
                 t + 1.9,
-                posture(task_performance.relaxed(), **AWAY)
+                make_posture(task_performance.relaxed(), **AWAY)
                 if k % 2 == 0
                 else task_performance.relaxed(),
             ),
         ]
         t += 1.9
-    reach = Performance(through([*points, (t + 1.0, points[-1][1])]), ())
+    reach = Performance(move_through([*points, (t + 1.0, points[-1][1])]), ())
     assert flat.shape == points[0][1].shape
-    made = performed(
+    made = simulate_performances(
         [pose, reach],
         hand,
         geometry,
@@ -66,7 +66,7 @@ def _reaching(
         t_own = (
             t_own[(t_own >= begin - 1e-9) & (t_own < begin + part.motion.duration - 1e-9)] - begin
         )
-        k = kinematics.of_motion(part.motion, geometry, t_own)
+        k = kinematics.compute_kinematics(part.motion, geometry, t_own)
         places.append(
             k.p[:, SEGMENT["hand"]]
             + quat.rotate(k.q_GB[:, SEGMENT["hand"]], np.tile(lever, (len(t_own), 1)))

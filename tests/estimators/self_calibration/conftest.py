@@ -9,9 +9,9 @@ from tests.estimators.self_calibration.fingers import DURATION, cold, recorded
 
 @pytest.fixture(scope="session")
 def solved() -> Solution:
-    return solver.learnt(*cold(recorded(1, DURATION)))
+    return solver.solve_with_noise(*cold(recorded(1, DURATION)))
 
 
 @pytest.fixture(scope="session")
 def with_skin() -> Solution:
-    return solver.learnt(*cold(recorded(2, DURATION, skin=True)))
+    return solver.solve_with_noise(*cold(recorded(2, DURATION, skin=True)))

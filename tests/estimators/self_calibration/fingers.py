@@ -12,7 +12,11 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
 from handscope.estimators.self_calibration import observability, sample_preparation
-from handscope.estimators.self_calibration.observability import Limb, Observed, Told
+from handscope.estimators.self_calibration.observability import (
+    AccumulatedInformation,
+    JointObservability,
+    Limb,
+)
 from handscope.estimators.self_calibration.problem import (
     Chain,
     Noise,
@@ -20,11 +24,11 @@ from handscope.estimators.self_calibration.problem import (
     Readings,
     Unknowns,
     Z,
-    chain,
-    mounted,
-    posed,
+    axis_in_sensors,
+    build_chain,
+    build_problem,
 )
-from handscope.estimators.self_calibration.result import Asked
+from handscope.estimators.self_calibration.result import Requirements
 from handscope.estimators.simulation import artificial_finger
 from handscope.estimators.simulation.artificial_finger import SEGMENTS
 from handscope.estimators.simulation.motion import COORDINATES
@@ -36,25 +40,25 @@ WHITE = replace(
 )  # MPU-9250: noise and constant biases only
 DURATION = 16.0  # s
 SKIN = replace(WHITE, skin_angle=2.0, skin_shift=1.0)
-HINGED: Chain = chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
+HINGED: Chain = build_chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
 
 
 @cache
 def recorded(seed: int, duration: float, skin: bool = False) -> Simulated:
-    return artificial_finger.recorded(
+    return artificial_finger.record_trial(
         np.random.default_rng(seed), SKIN if skin else WHITE, duration=duration
     )
 
 
 def stiffened(seed: int, duration: float, held: Mapping[str, float]) -> Simulated:
     """A finger of which some coordinates stay, deg or m."""
-    motion = artificial_finger.moved(np.random.default_rng(seed), duration)
+    motion = artificial_finger.random_motion(np.random.default_rng(seed), duration)
     courses = motion.spline.c.copy()
     for name, value in held.items():
         courses[:, :, COORDINATES[name]] = 0.0
         courses[-1, :, COORDINATES[name]] = value if name.startswith("wrist") else np.radians(value)
     still = replace(motion, spline=type(motion.spline)(courses, motion.spline.x))
-    return artificial_finger.recorded(
+    return artificial_finger.record_trial(
         np.random.default_rng(seed), SKIN, duration=duration, motion=still
     )
 
@@ -79,10 +83,12 @@ def cold(
 ) -> tuple[Problem, Unknowns]:
     """The problem and where the solver begins from nothing; `read`: other readings of the same finger."""
     noise, read = noise or Noise(), read or readings(recording)
-    guess = self_calibration_initialisation.unknowns(
-        HINGED, noise, read, mounted(HINGED, recording.mounting, Z)
+    guess = self_calibration_initialisation.initial_unknowns(
+        HINGED, noise, read, axis_in_sensors(HINGED, recording.mounting, Z)
     )
-    return posed(HINGED, noise, read, guess.q_GS[0], recording.hand, recording.mounting), guess
+    return build_problem(
+        HINGED, noise, read, guess.q_GS[0], recording.hand, recording.mounting
+    ), guess
 
 
 def lengths(at: Unknowns) -> Array:
@@ -102,10 +108,10 @@ def looked(
     finger: str = "index",
     every: float = 1.0,
     noise: Noise | None = None,
-) -> tuple[Limb, list[Told]]:
+) -> tuple[Limb, list[AccumulatedInformation]]:
     """What a live meter takes in of a finger, stretch by stretch; its tracker is off by 8 deg, each sensor about another axis."""
     blocks = list(recording.blocks())
-    limb = observability.limb(
+    limb = observability.build_limb(
         finger,
         [s for b in blocks for s in b.stream.sensors],
         recording.geometry,
@@ -116,31 +122,33 @@ def looked(
         [SEGMENT[s] for s in limb.links.sensors],
         [recording.mounting.get(s, quat.IDENTITY) for s in limb.links.sensors],
     )
-    told, so_far = [], observability.nothing(limb)
+    told, so_far = [], observability.no_information(limb)
     for begun in np.arange(start, stop - 0.5 * every, every):
-        t, read = sample_preparation.readings(blocks, limb.links.sensors, begun, begun + every)
+        t, read = sample_preparation.prepare_readings(
+            blocks, limb.links.sensors, begun, begun + every
+        )
         q_GB = recording.truth.q_GS[np.searchsorted(recording.truth.t, t[0]), rows]
         told.append(
-            observability.told(
+            observability.accumulate(
                 limb,
                 read,
                 quat.multiply(quat.multiply(q_GB, np.array(nominal)), off),
                 noise or so_far.noise,
             )
         )
-        so_far = observability.together(so_far, told[-1])
+        so_far = observability.add_information(so_far, told[-1])
     return limb, told
 
 
 def watched(
     recording: Simulated, finger: str = "index", start: float = 0.0, stop: float | None = None
-) -> list[Observed]:
+) -> list[JointObservability]:
     """What the live meter says at the end of a recording."""
     limb, stretches = looked(
         recording, start, float(recording.truth.t[-1]) if stop is None else stop, finger
     )
-    so_far = observability.nothing(limb)
+    so_far = observability.no_information(limb)
     for told in stretches:
-        so_far = observability.together(so_far, told)
+        so_far = observability.add_information(so_far, told)
     bent = {joint: recording.truth.angles[:, JOINT[joint], FLEXION] for joint in limb.links.joints}
-    return observability.observed(Asked(), limb, so_far, bent)
+    return observability.assess_joints(Requirements(), limb, so_far, bent)

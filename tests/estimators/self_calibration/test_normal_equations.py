@@ -21,7 +21,7 @@ def problem() -> tuple[Normal, Array, Array]:
             rng.normal(size=(T, 5, 2)),
             rng.normal(size=(T, 5)),
         )
-        normal_equations.add(normal, Terms(0, knots, r, J, K, np.array([0, 2])))
+        normal_equations.add_terms(normal, Terms(0, knots, r, J, K, np.array([0, 2])))
         for t in range(T):
             whole = np.zeros((5, N * E + P))
             whole[:, t * E : (t + knots) * E], whole[:, [N * E, N * E + 2]] = J[t], K[t]
@@ -35,8 +35,8 @@ def problem() -> tuple[Normal, Array, Array]:
 
 def test_the_step_is_that_of_a_dense_solver(problem: tuple[Normal, Array, Array]) -> None:
     normal, J, r = problem
-    factor = normal_equations.factored(normal)
-    step = normal_equations.step(normal, factor)
+    factor = normal_equations.factorise(normal)
+    step = normal_equations.solve_step(normal, factor)
     dense = -np.linalg.lstsq(J, r)[0]
     np.testing.assert_allclose(
         np.concatenate([step.turns.ravel(), step.parameters]), dense, atol=1e-12
@@ -49,10 +49,10 @@ def test_the_step_is_that_of_a_dense_solver(problem: tuple[Normal, Array, Array]
 def test_draws_have_the_equations_covariance(problem: tuple[Normal, Array, Array]) -> None:
     """A draw is linear in its numbers: unit numbers give the columns of a root of the covariance."""
     normal, J, _ = problem
-    factor = normal_equations.factored(normal)
+    factor = normal_equations.factorise(normal)
     columns = []
     for one in np.eye(N * E + P):
-        step = normal_equations.drawn(factor, one[: N * E].reshape(N, E), one[N * E :])
+        step = normal_equations.draw_step(factor, one[: N * E].reshape(N, E), one[N * E :])
         columns.append(np.concatenate([step.turns.ravel(), step.parameters]))
     root = np.array(columns).T
     np.testing.assert_allclose(root @ root.T, np.linalg.inv(J.T @ J), atol=1e-13)
@@ -60,4 +60,4 @@ def test_draws_have_the_equations_covariance(problem: tuple[Normal, Array, Array
 
 def test_what_nothing_tells_is_an_error() -> None:
     with pytest.raises(np.linalg.LinAlgError):
-        normal_equations.factored(normal_equations.empty(3, 2, 1))
+        normal_equations.factorise(normal_equations.empty(3, 2, 1))

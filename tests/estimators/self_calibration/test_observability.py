@@ -7,20 +7,20 @@ import pytest
 
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import observability as meter
-from handscope.estimators.self_calibration.observability import Limb, Told
+from handscope.estimators.self_calibration.observability import AccumulatedInformation, Limb
 from handscope.estimators.self_calibration.problem import Noise
-from handscope.estimators.self_calibration.result import Asked
+from handscope.estimators.self_calibration.result import Requirements
 from handscope.estimators.simulation.scenario import Simulated
 from tests.estimators.self_calibration.fingers import looked, recorded, stiffened, watched
 
-ASKED = Asked()
+ASKED = Requirements()
 JOINTS = ("index_mcp", "index_pip", "index_dip")
 BENT = dict.fromkeys(JOINTS, np.radians(np.linspace(0.0, 40.0, 500)))
 
 
-def lengths_sd(of: Limb, told: Told) -> Array:
+def lengths_sd(of: Limb, told: AccumulatedInformation) -> Array:
     """Of proximal and middle phalanx, m."""
-    _, proximal, middle = (o.length_sd for o in meter.observed(ASKED, of, told, BENT))
+    _, proximal, middle = (o.length_sd for o in meter.assess_joints(ASKED, of, told, BENT))
     return np.array([proximal, middle])
 
 
@@ -28,10 +28,10 @@ def test_information_of_stretches_adds_up_and_never_falls() -> None:
     made = recorded(2, 16.0, skin=True)
     of, stretches = looked(made, 3.0, 9.0, noise=Noise())
     on_skin, of = of, replace(of, hand_skin=0.0)  # it is a rigid board
-    sds = [lengths_sd(of, meter.nothing(of))]
-    so_far = meter.nothing(of)
+    sds = [lengths_sd(of, meter.no_information(of))]
+    so_far = meter.no_information(of)
     for told in stretches:
-        so_far = meter.together(so_far, told)
+        so_far = meter.add_information(so_far, told)
         sds.append(lengths_sd(of, so_far))
     assert (sds[0] > 8e-3).all()  # what given lengths are good for
     assert (np.diff(sds, axis=0) < 1e-5).all()
@@ -45,9 +45,9 @@ def test_information_of_stretches_adds_up_and_never_falls() -> None:
 
 def test_a_hand_at_rest_tells_nothing_whatever_its_noise() -> None:
     of, stretches = looked(recorded(2, 16.0, skin=True), 0.0, 1.9)
-    resting = meter.together(*stretches)
-    assert (lengths_sd(of, resting) > 0.95 * lengths_sd(of, meter.nothing(of))).all()
-    assert max(o.share for o in meter.observed(ASKED, of, resting, BENT)) < 0.2
+    resting = meter.add_information(*stretches)
+    assert (lengths_sd(of, resting) > 0.95 * lengths_sd(of, meter.no_information(of))).all()
+    assert max(o.share for o in meter.assess_joints(ASKED, of, resting, BENT)) < 0.2
 
 
 def test_a_stiff_finger_on_a_turning_hand_tells_no_length() -> None:
@@ -56,8 +56,8 @@ def test_a_stiff_finger_on_a_turning_hand_tells_no_length() -> None:
     of, stretches = looked(made, 0.0, 11.0)
     so_far = stretches[0]
     for told in stretches[1:]:
-        so_far = meter.together(so_far, told)
-    assert max(o.share for o in meter.observed(ASKED, of, so_far, BENT)) < 1.0, (
+        so_far = meter.add_information(so_far, told)
+    assert max(o.share for o in meter.assess_joints(ASKED, of, so_far, BENT)) < 1.0, (
         "though its joints were bent"
     )
 
@@ -67,10 +67,10 @@ def test_enough_is_said_only_of_a_joint_that_was_bent_long_enough_by_a_hand_that
     of, stretches = looked(made, 3.0, 14.0)
     so_far = stretches[0]
     for told in stretches[1:]:
-        so_far = meter.together(so_far, told)
-    shares = [o.share for o in meter.observed(ASKED, of, so_far, BENT)]
+        so_far = meter.add_information(so_far, told)
+    shares = [o.share for o in meter.assess_joints(ASKED, of, so_far, BENT)]
     assert shares == [1.0, 1.0, 1.0]
-    half = meter.observed(
+    half = meter.assess_joints(
         ASKED, of, so_far, {**BENT, "index_pip": np.append(np.radians([5.0, 15.0]), np.nan)}
     )
     assert [round(o.share, 1) for o in half] == [1.0, 0.5, 1.0]
@@ -78,7 +78,7 @@ def test_enough_is_said_only_of_a_joint_that_was_bent_long_enough_by_a_hand_that
         replace(so_far, seconds=5.0),
         replace(so_far, turned=np.radians(0.5 * ASKED.moving * so_far.seconds)),
     ):
-        assert max(o.share for o in meter.observed(ASKED, of, less, BENT)) == pytest.approx(
+        assert max(o.share for o in meter.assess_joints(ASKED, of, less, BENT)) == pytest.approx(
             0.5, abs=0.01
         )
 

@@ -10,7 +10,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import messages as self_calibration_messages
 from handscope.estimators.self_calibration import segments, solver
-from handscope.estimators.self_calibration.problem import Noise, Problem, Unknowns, measured
+from handscope.estimators.self_calibration.problem import Noise, Problem, Unknowns, with_lengths
 from handscope.estimators.self_calibration.result import Finger
 from handscope.estimators.self_calibration.segments import Segments
 from handscope.estimators.self_calibration.solver import Limits, Solution
@@ -32,12 +32,14 @@ def _between(start: float, stop: float) -> Simulated:
 
 
 def _segments(problem: Problem, guess: Unknowns) -> Segments:
-    return segments.of_solution(solver.learnt(problem, guess), "left", recorded(1, 16.0).mounting)
+    return segments.of_solution(
+        solver.solve_with_noise(problem, guess), "left", recorded(1, 16.0).mounting
+    )
 
 
 def test_measured_lengths_make_a_short_recording_sure() -> None:
     problem, guess = _quick()
-    told = _segments(measured(problem, dict.fromkeys(SEGMENTS, HINGES)), guess)
+    told = _segments(with_lengths(problem, dict.fromkeys(SEGMENTS, HINGES)), guess)
     alone = _segments(problem, guess)
     for name in SEGMENTS[1:3]:
         assert told.lengths[name] == pytest.approx(HINGES, abs=0.5e-3)
@@ -47,14 +49,14 @@ def test_measured_lengths_make_a_short_recording_sure() -> None:
 def test_a_length_that_was_measured_wrongly_and_a_mounting_that_is_not_so_give_way() -> None:
     """0.2 mm was said, it is 12 mm; sensors are said to sit within 5 deg, and sit 40 deg off."""
     problem, guess = cold(_between(2.5, 9.0), MEASURED)
-    wrong = measured(
+    wrong = with_lengths(
         _mounted_otherwise(problem, quat.about(0, np.radians(40.0))), {SEGMENTS[1]: 0.042}
     )
-    found = solver.learnt(wrong, guess)
+    found = solver.solve_with_noise(wrong, guess)
     told = segments.of_solution(found, "left", recorded(1, 16.0).mounting)
     assert found.outcome == "converged"
     assert found.problem.length_sd[1] > 0.008
-    assert (np.degrees(found.problem.seat_sd) > 25.0).sum() >= 3
+    assert (np.degrees(found.problem.mounting_sd) > 25.0).sum() >= 3
     for name in SEGMENTS[1:3]:
         assert told.lengths[name] == pytest.approx(HINGES, rel=0.01)
 
@@ -78,9 +80,14 @@ def test_a_sensor_put_on_the_other_way_round_is_seated_by_its_bone_and_its_neigh
         quat.rotate(to_sensor, np.eye(3)[k]) for k in (2, 1)
     )
     worn = Finger("index", np.zeros(1), replace(solved, problem=problem), round_, None)  # type: ignore[arg-type]
-    (said,) = self_calibration_messages._reversed(worn)
+    (said,) = self_calibration_messages._describe_reversed_sensors(worn)
     assert said.startswith(f"the sensor of {name} sits 1")
-    assert self_calibration_messages._reversed(replace(worn, solution=solved, segments=told)) == []
+    assert (
+        self_calibration_messages._describe_reversed_sensors(
+            replace(worn, solution=solved, segments=told)
+        )
+        == []
+    )
 
 
 def test_a_hand_whose_sensor_sits_the_other_way_round_is_refused(solved: Solution) -> None:
@@ -110,7 +117,7 @@ def test_a_hand_mounted_otherwise_has_its_skin_pulled_from_another_zero(
     distal = before.distal.copy()
     distal[0] = quat.rotate(quat.exp(turn * before.flexing[0]), distal[0])
     other = solver.solve(replace(before, distal=distal), with_skin.at, Limits(iterations=4)).at
-    zero = monte_carlo.straightened(other, links, np.array([-turn, 0.0, 0.0]))
+    zero = monte_carlo.straighten(other, links, np.array([-turn, 0.0, 0.0]))
     for name in ("near", "far", "axis_far"):
         here, there, back = (
             getattr(at, name)[1 if name != "near" else 0] for at in (with_skin.at, other, zero)

@@ -14,14 +14,14 @@ from handscope.estimators.self_calibration.problem import (
     Problem,
     Readings,
     Unknowns,
-    bending,
-    bent,
-    chain,
-    columns,
-    measured,
-    moved,
-    posed,
-    turned,
+    apply_increment,
+    build_chain,
+    build_problem,
+    integrate_rates,
+    joint_flexion,
+    parameter_columns,
+    with_flexion,
+    with_lengths,
 )
 from handscope.estimators.self_calibration.soft_tissue import right_jacobian
 from handscope.estimators.self_calibration.uncertainty import posterior
@@ -31,7 +31,9 @@ from handscope.estimators.simulation.sensors import IDEAL
 from tests.estimators.self_calibration.fingers import HINGED, readings
 
 SAMPLES = 5
-HUMAN = chain(("hand", "index_proximal", "index_middle", "thumb_metacarpal", "thumb_proximal"))
+HUMAN = build_chain(
+    ("hand", "index_proximal", "index_middle", "thumb_metacarpal", "thumb_proximal")
+)
 
 
 def _somewhere() -> tuple[Problem, Unknowns]:
@@ -60,8 +62,8 @@ def _somewhere() -> tuple[Problem, Unknowns]:
         0.1 * rng.normal(size=(J, 2)),
         0.3 * rng.normal(size=J),
     )
-    problem = posed(links, Noise(), read, quat.normalize(q[0] + 0.1), "left", {})
-    given = measured(problem, {"index_proximal": 0.04, "index_middle": 0.02})
+    problem = build_problem(links, Noise(), read, quat.normalize(q[0] + 0.1), "left", {})
+    given = with_lengths(problem, {"index_proximal": 0.04, "index_middle": 0.02})
     return replace(
         given, bent=rng.normal(size=(SAMPLES, J)), by_tilt=rng.normal(size=(SAMPLES, J, 2))
     ), at
@@ -74,7 +76,7 @@ def test_derivatives_of_a_residual(
 ) -> None:
     problem, at = _somewhere()
     terms = kind(problem, at, *stretch)
-    S, P = len(problem.chain.sensors), columns(problem.chain).count
+    S, P = len(problem.chain.sensors), parameter_columns(problem.chain).count
     each, m = 3 * S, terms.r.shape[1]
     analytic_x, analytic_p = (
         np.zeros((len(terms.r), m, SAMPLES * each)),
@@ -97,10 +99,10 @@ def test_derivatives_of_a_residual(
 
 def test_derivatives_of_the_priors() -> None:
     problem, at = _somewhere()
-    _, analytic = residuals.priors(problem, at)
-    P, n = columns(problem.chain).count, SAMPLES * 3 * len(problem.chain.sensors)
+    _, analytic = residuals.prior_residuals(problem, at)
+    P, n = parameter_columns(problem.chain).count, SAMPLES * 3 * len(problem.chain.sensors)
     numeric = _derivative(
-        lambda p: residuals.priors(
+        lambda p: residuals.prior_residuals(
             problem, _changed(problem, at, np.concatenate([np.zeros(n), p]))
         )[0],
         P,
@@ -112,9 +114,9 @@ def test_bending_about_an_axis_that_is_tilted() -> None:
     """A tilt changes how far joints are counted as bent as it was said to, and that of hinges, whose axes are found, not at all."""
     problem, at = _somewhere()
     rigid = replace(at, skin_turn=0 * at.skin_turn)
-    here, there = bent(problem, rigid), replace(rigid, tilt=at.tilt + 1e-4)
-    change = bending(here, there, np.arange(SAMPLES)) - here.bent
-    np.testing.assert_allclose(change, bent(problem, there).bent - here.bent, atol=1e-7)
+    here, there = with_flexion(problem, rigid), replace(rigid, tilt=at.tilt + 1e-4)
+    change = joint_flexion(here, there, np.arange(SAMPLES)) - here.bent
+    np.testing.assert_allclose(change, with_flexion(problem, there).bent - here.bent, atol=1e-7)
     assert (np.abs(change) > 1e-5).any(axis=0).tolist() == [
         k not in problem.chain.hinges for k in range(len(problem.chain.joints))
     ]
@@ -124,11 +126,11 @@ def test_skin_of_another_law_leaves_nothing_either() -> None:
     """Skin that at 90 deg follows by half more than in proportion is that of a joint bent as much farther."""
     problem, at = _somewhere()
     lawful = replace(at, law=np.full(len(at.law), 0.5))
-    farther = replace(problem, bent=bending(problem, at, np.arange(SAMPLES)), tilt=at.tilt)
+    farther = replace(problem, bent=joint_flexion(problem, at, np.arange(SAMPLES)), tilt=at.tilt)
     farther = replace(farther, bent=farther.bent * (1 + 0.5 * farther.bent / (np.pi / 2)))
     np.testing.assert_allclose(
-        residuals.meeting(problem, lawful, 0, SAMPLES).r,
-        residuals.meeting(farther, replace(at, law=0 * at.law), 0, SAMPLES).r,
+        residuals.joint_acceleration_terms(problem, lawful, 0, SAMPLES).r,
+        residuals.joint_acceleration_terms(farther, replace(at, law=0 * at.law), 0, SAMPLES).r,
         rtol=1e-9,
     )
 
@@ -159,22 +161,22 @@ def test_sensors_of_the_same_rate_turn_exactly() -> None:
     w = np.stack([0.1 * t**3 - t, 2 * (0.1 * t**3 - t), 0 * t], axis=1)[:, None]
     integral = 0.025 * t**4 - 0.5 * t**2
     expected = np.diff(integral)[:, None] * [1.0, 2.0, 0.0]
-    np.testing.assert_allclose(turned(w, 1.0)[1:-1, 0], expected[1:-1], rtol=1e-12)
+    np.testing.assert_allclose(integrate_rates(w, 1.0)[1:-1, 0], expected[1:-1], rtol=1e-12)
 
 
 @pytest.mark.parametrize("skin", [False, True])
 def test_the_truth_leaves_almost_nothing(skin: bool) -> None:
     """A finger without noise: what second differences do not describe is far below an accelerometer's noise (0.02 m/s^2); of skin nothing is left."""
     errors = replace(IDEAL, skin_angle=2.0, skin_shift=1.0) if skin else IDEAL
-    recording = artificial_finger.recorded(np.random.default_rng(0), errors, duration=10.0)
+    recording = artificial_finger.record_trial(np.random.default_rng(0), errors, duration=10.0)
     read, at, bends = readings(recording), *_truth(recording)
     problem = replace(
-        posed(HINGED, Noise(acc=1.0), read, at.q_GS[0], recording.hand, recording.mounting),
+        build_problem(HINGED, Noise(acc=1.0), read, at.q_GS[0], recording.hand, recording.mounting),
         bent=bends,
     )
-    white = residuals.meeting(problem, at, 0, len(problem)).r
+    white = residuals.joint_acceleration_terms(problem, at, 0, len(problem)).r
     assert np.sqrt((white**2).mean()) < 5e-4  # m/s^2: the noise was said to be 1
-    apart = np.radians(problem.noise.hinge) * residuals.hinging(problem, at, 0, len(problem)).r
+    apart = np.radians(problem.noise.hinge) * residuals.hinge_terms(problem, at, 0, len(problem)).r
     assert np.degrees(np.abs(apart).max()) < 1e-6
 
 
@@ -191,7 +193,7 @@ def test_a_small_world_gains_nothing_from_a_lively_hand() -> None:
     costs = [
         float(
             (
-                residuals.staying(
+                residuals.mean_acceleration_terms(
                     lively,
                     replace(upright, scale_acc=np.broadcast_to(s * np.eye(3), at.scale_acc.shape)),
                     0,
@@ -219,7 +221,7 @@ def _truth(recording: Simulated) -> tuple[Unknowns, Array]:
             quat.exp(truth.angles[:, JOINT["middle_mcp"], FLEXION, None] * worn.skin_turn[0]),
             worn.q_BS[0],
         )
-    geometry = artificial_finger.printed(hand)
+    geometry = artificial_finger.printed_geometry(hand)
     bone = side_sign(hand) * np.array([0.0, artificial_finger.HINGES, 0.0])
     knuckle = np.array(geometry.joint_positions["index_mcp"]) - np.array(
         geometry.joint_positions["middle_mcp"]
@@ -252,11 +254,13 @@ def _truth(recording: Simulated) -> tuple[Unknowns, Array]:
 
 def _changed(problem: Problem, at: Unknowns, x: Array) -> Unknowns:
     n = SAMPLES * 3 * len(problem.chain.sensors)
-    return moved(at, problem.chain, x[:n].reshape(SAMPLES, -1, 3), x[n:])
+    return apply_increment(at, problem.chain, x[:n].reshape(SAMPLES, -1, 3), x[n:])
 
 
 def _steps(problem: Problem) -> Array:
-    return np.full(SAMPLES * 3 * len(problem.chain.sensors) + columns(problem.chain).count, 1e-6)
+    return np.full(
+        SAMPLES * 3 * len(problem.chain.sensors) + parameter_columns(problem.chain).count, 1e-6
+    )
 
 
 def _derivative(f: Callable[[Array], Array], n: int, steps: Array | None = None) -> Array:

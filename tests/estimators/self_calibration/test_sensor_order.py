@@ -8,7 +8,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.self_calibration import messages as self_calibration_messages
 from handscope.estimators.self_calibration import mounting_shift, sensor_order
 from handscope.estimators.self_calibration.problem import Noise, Problem, Readings
-from handscope.estimators.self_calibration.result import Asked
+from handscope.estimators.self_calibration.result import Requirements
 from handscope.estimators.self_calibration.solver import Solution
 from tests.estimators.self_calibration.fingers import (
     DURATION,
@@ -34,21 +34,21 @@ def test_exchanged_sensors_are_named_and_nothing_else_is_said(
     problem: Problem, rows: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read = _sitting(readings(recorded(1, DURATION)), rows)
-    assert sensor_order.exchanged(HINGED, Noise(), read, problem.flexing) == tuple(
+    assert sensor_order.find_sensor_order(HINGED, Noise(), read, problem.flexing) == tuple(
         HINGED.sensors[k] for k in rows
     )
-    monkeypatch.setattr(mounting_shift, "slips", lambda *others: [])
+    monkeypatch.setattr(mounting_shift, "find_mounting_shifts", lambda *others: [])
     found = Solution(None, problem, "not converged", (), None)  # type: ignore[arg-type]
     elsewhere = [HINGED.sensors[k] for k in range(4) if rows[k] != k]
     with pytest.raises(
         InputError,
         match=f"index: the sensors of {elsewhere[0]} and {elsewhere[1]} seem to be exchanged",
     ):
-        self_calibration_messages.require_one_minimum(Asked(), "index", read, found)
+        self_calibration_messages.require_one_minimum(Requirements(), "index", read, found)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_sensors_in_their_order_are_left_alone(problem: Problem, seed: int) -> None:
     made = recorded(seed, DURATION)
     for one in (made, *(slipped(made, row, 25.0) for row in (1, 2))):
-        assert sensor_order.exchanged(HINGED, Noise(), readings(one), problem.flexing) == ()
+        assert sensor_order.find_sensor_order(HINGED, Noise(), readings(one), problem.flexing) == ()

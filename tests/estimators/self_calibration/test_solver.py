@@ -5,7 +5,7 @@ import pytest
 
 from handscope.estimators.hand.anatomy import FLEXION, JOINT
 from handscope.estimators.self_calibration import mounting_shift, normal_equations, segments, solver
-from handscope.estimators.self_calibration.problem import columns
+from handscope.estimators.self_calibration.problem import parameter_columns
 from handscope.estimators.self_calibration.solver import Limits, Solution
 from handscope.estimators.self_calibration.uncertainty import posterior
 from handscope.estimators.simulation import artificial_finger
@@ -26,7 +26,7 @@ def test_a_finger_is_measured_from_a_cold_start(solved: Solution) -> None:
     assert solved.outcome == "converged"
     np.testing.assert_allclose(lengths(solved.at), artificial_finger.HINGES, rtol=0.01)
     np.testing.assert_allclose(distances(solved.at), artificial_finger.DISTANCES, rtol=0.01)
-    c, sd = columns(solved.problem.chain), np.sqrt(np.diag(solved.factor.covariance))
+    c, sd = parameter_columns(solved.problem.chain), np.sqrt(np.diag(solved.factor.covariance))
     worn = recorded(1, DURATION).sensors.bias
     np.testing.assert_allclose(
         solved.at.bias_gyr, worn[:, :3], atol=np.radians(0.02)
@@ -38,13 +38,16 @@ def test_a_finger_is_measured_from_a_cold_start(solved: Solution) -> None:
 
 def test_scale_and_cross_axis_errors_are_found_and_what_they_leave_is_told() -> None:
     """Readings that are off by some thousandths: without the matrices among the unknowns lengths were off by 4 % of 20 s, five times what was told."""
-    made = artificial_finger.recorded(
+    made = artificial_finger.record_trial(
         np.random.default_rng(5),
         replace(WHITE, gyr_scale=0.004, acc_scale=0.004, cross_axis=0.004),
         duration=DURATION,
     )
-    found, true = solver.learnt(*cold(made)), np.linalg.inv(made.sensors.matrix) - np.eye(3)
-    c, sd = columns(found.problem.chain), np.sqrt(np.diag(found.factor.covariance))
+    found, true = (
+        solver.solve_with_noise(*cold(made)),
+        np.linalg.inv(made.sensors.matrix) - np.eye(3),
+    )
+    c, sd = parameter_columns(found.problem.chain), np.sqrt(np.diag(found.factor.covariance))
     assert found.outcome == "converged"
     assert found.problem.noise.scale == pytest.approx(0.004, rel=0.4)
     for where, matrices, truth in (
@@ -80,7 +83,7 @@ def test_the_size_of_the_noise_is_found(solved: Solution) -> None:
 def test_standard_deviations_are_honest(which: str, request: pytest.FixtureRequest) -> None:
     found: Solution = request.getfixturevalue(which)
     drawn = np.array(
-        [lengths(at) for at in posterior.draws(found.problem, found.at, found.factor, 60)]
+        [lengths(at) for at in posterior.draw_places(found.problem, found.at, found.factor, 60)]
     )
     off = (lengths(found.at) - artificial_finger.HINGES) / drawn.std(axis=0)
     assert np.abs(off).max() < 3.0
@@ -100,11 +103,11 @@ def test_numbers_for_draws_are_normal_and_independent() -> None:
 
 
 def test_draws_agree_with_the_covariance(solved: Solution) -> None:
-    c = columns(solved.problem.chain)
+    c = parameter_columns(solved.problem.chain)
     drawn = np.array(
         [
             at.bias_gyr.ravel()
-            for at in posterior.draws(solved.problem, solved.at, solved.factor, 150)
+            for at in posterior.draw_places(solved.problem, solved.at, solved.factor, 150)
         ]
     )
     np.testing.assert_allclose(
@@ -114,7 +117,9 @@ def test_draws_agree_with_the_covariance(solved: Solution) -> None:
 
 def test_the_minimum_is_one(solved: Solution) -> None:
     """The gradient is gone: no parameter wants to move by more than a tenth of its standard deviation."""
-    step = normal_equations.step(solver.built(solved.problem, solved.at)[0], solved.factor)
+    step = normal_equations.solve_step(
+        solver.build_normal_equations(solved.problem, solved.at)[0], solved.factor
+    )
     assert np.abs(step.parameters / np.sqrt(np.diag(solved.factor.covariance))).max() < 0.1
 
 
@@ -122,11 +127,11 @@ def test_a_knock_is_trusted_less(solved: Solution) -> None:
     """A sensor hit for three samples changes nothing that matters."""
     acc = solved.problem.acc.copy()
     acc[600:603, 2] += [40.0, -60.0, 25.0]
-    found = solver.learnt(replace(solved.problem, acc=acc), solved.at)
+    found = solver.solve_with_noise(replace(solved.problem, acc=acc), solved.at)
     assert found.outcome == "converged"
     assert found.problem.acc_sd[601, 2] > 10 * np.median(found.problem.acc_sd)
     np.testing.assert_allclose(lengths(found.at), lengths(solved.at), rtol=0.003)
-    assert {(jolt.sensor, jolt.kind, abs(jolt.sample - 601) < 3) for jolt in found.jolts} == {
+    assert {(jolt.sensor, jolt.kind, abs(jolt.sample - 601) < 3) for jolt in found.outliers} == {
         (2, "acc", True)
     }
 
@@ -144,21 +149,22 @@ def test_knocks_that_all_sensors_feel_are_carried_from_a_cold_start() -> None:
             values[at : at + 2] += np.multiply.outer(
                 rung, size * shares * way / np.linalg.norm(way, axis=1, keepdims=True)
             )
-    found = solver.learnt(*cold(recording, read=replace(read, gyr=gyr, acc=acc)))
+    found = solver.solve_with_noise(*cold(recording, read=replace(read, gyr=gyr, acc=acc)))
     assert found.outcome == "converged" and len(found.costs) < 15
     np.testing.assert_allclose(lengths(found.at), artificial_finger.HINGES, rtol=0.02)
-    assert {at for at in hits if any(abs(jolt.sample - at) < 5 for jolt in found.jolts)} == set(
+    assert {at for at in hits if any(abs(jolt.sample - at) < 5 for jolt in found.outliers)} == set(
         hits
     )
     assert all(
-        hits[min(hits, key=lambda at: abs(at - jolt.sample))] == jolt.sensor for jolt in found.jolts
+        hits[min(hits, key=lambda at: abs(at - jolt.sample))] == jolt.sensor
+        for jolt in found.outliers
     )
 
 
 def test_it_stops_when_told_to() -> None:
     problem, guess = cold(recorded(1, DURATION))
     heard: list[int] = []
-    found = solver.learnt(problem, guess, go_on=lambda k, cost: heard.append(k) or k < 2)
+    found = solver.solve_with_noise(problem, guess, go_on=lambda k, cost: heard.append(k) or k < 2)
     assert found.outcome == "stopped"
     assert heard == [1, 2]
 
@@ -177,7 +183,7 @@ def test_a_sensor_that_slipped_is_named(with_skin: Solution) -> None:
     """Turned by 12 deg on its phalanx for the second half."""
     made = slipped(recorded(2, DURATION, skin=True), 2, 12.0)
     found = solver.solve(cold(made)[0], with_skin.at, Limits(iterations=1))
-    first = mounting_shift.slips(found, readings(made))[0]
+    first = mounting_shift.find_mounting_shifts(found, readings(made))[0]
     assert first.sensor == "index_middle"
     assert first.tilt == pytest.approx(np.radians(12.0), abs=np.radians(3.0))
 
@@ -186,17 +192,17 @@ def test_no_sensor_slipped_where_none_did_though_the_whole_came_to_no_end(
     with_skin: Solution,
 ) -> None:
     read = readings(recorded(2, DURATION, skin=True))
-    assert mounting_shift.slips(with_skin, read) == []
+    assert mounting_shift.find_mounting_shifts(with_skin, read) == []
     lost = replace(
         with_skin, outcome="not converged", at=replace(with_skin.at, near=-with_skin.at.near)
     )
-    assert mounting_shift.slips(lost, read) == []
+    assert mounting_shift.find_mounting_shifts(lost, read) == []
 
 
 def test_halves_of_a_stretch_begin_where_the_whole_has_its_minimum(with_skin: Solution) -> None:
     """Wherever the hand has turned to by then: else a half would be asked before it came down, and called another."""
     n = len(with_skin.problem)
     for first, stop in ((0, n // 2), (n // 2, n)):
-        half = mounting_shift._half(with_skin, first, stop)
+        half = mounting_shift._solve_half(with_skin, first, stop)
         assert half.outcome == "converged"
         assert half.costs[0] < 1.1 * half.costs[-1]

@@ -22,8 +22,8 @@ from handscope.estimators.simulation.experiments import (
     TABLE6,
     TABLE7,
     Experiment,
-    judged,
-    recorded,
+    judged_samples,
+    record_experiment,
 )
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.magnetic_field import office
@@ -42,7 +42,7 @@ every_contact = pytest.mark.parametrize("name", TABLE7)
 
 @cache
 def _somebody(hand: Hand) -> HandGeometry:
-    return person.drawn(hand, np.random.default_rng(8)).true
+    return person.draw_person(hand, np.random.default_rng(8)).true
 
 
 @cache
@@ -53,7 +53,9 @@ def _done(name: str, hand: Hand = "left") -> Performance:
 @cache
 def _moved(name: str, hand: Hand = "left") -> Kinematics:
     motion = _done(name, hand).motion
-    return kinematics.of_motion(motion, _somebody(hand), np.arange(0.0, motion.duration, 0.007))
+    return kinematics.compute_kinematics(
+        motion, _somebody(hand), np.arange(0.0, motion.duration, 0.007)
+    )
 
 
 @cache
@@ -64,7 +66,7 @@ def _recorded(
     pose_error: float = 0.0,
     lengths: bool = True,
 ) -> Simulated:
-    return recorded(
+    return record_experiment(
         EXPERIMENTS[name], np.random.default_rng(seed), errors, None, "left", pose_error, lengths
     )
 
@@ -169,7 +171,7 @@ def test_joints_stay_within_the_permitted_ranges(name: str) -> None:
 def test_no_grasp_leaves_the_natural_ranges_whoever_does_it(name: str) -> None:
     for seed in range(3):
         rng = np.random.default_rng(seed)
-        motion = TABLE7[name].perform(person.drawn("left", rng).true, rng)[1].motion
+        motion = TABLE7[name].perform(person.draw_person("left", rng).true, rng)[1].motion
         angles = motion.at(np.arange(0.0, motion.duration, 0.1))[0][:, 6:].reshape(
             -1, len(JOINTS), 3
         )
@@ -189,7 +191,7 @@ def test_the_right_hand_is_the_left_ones_mirror_image(name: str) -> None:
 @pytest.mark.parametrize("name", ["AF-F1", "P2 F2-F3", "free"])
 def test_sensors_on_the_right_hand_read_the_mirror_image(name: str) -> None:
     left, right = (
-        recorded(
+        record_experiment(
             EXPERIMENTS[name], np.random.default_rng(6), IDEAL, None, hand, pose_error_deg=2.5
         ).samples["imu"]
         for hand in HANDS
@@ -204,7 +206,7 @@ def test_sensors_on_the_right_hand_read_the_mirror_image(name: str) -> None:
 def test_velocities_are_those_of_the_places_however_the_motion_was_put_together(name: str) -> None:
     motion, dt = _done(name).motion, 1e-4
     for start in (0.25, 0.5, 0.75):
-        k = kinematics.of_motion(
+        k = kinematics.compute_kinematics(
             motion, _somebody("left"), start * motion.duration + np.arange(60) * dt
         )
         second = (k.p[2:] - 2 * k.p[1:-1] + k.p[:-2]) / dt**2
@@ -258,7 +260,7 @@ def test_a_pose_error_is_in_the_motion_and_the_truth_but_not_in_what_is_told() -
     held = np.abs(off[(missed.truth.t > pose.onset) & (missed.truth.t < pose.end)])[:, IS_DOF] / DEG
     assert 2.0 < held.max() <= 2.5
     assert 0.8 < held.mean() < 1.7
-    np.testing.assert_allclose(off[judged(missed)][:, IS_DOF], 0.0, atol=1e-12)
+    np.testing.assert_allclose(off[judged_samples(missed)][:, IS_DOF], 0.0, atol=1e-12)
 
 
 def test_a_method_is_told_the_measured_lengths_and_the_mean_ratios() -> None:
@@ -268,24 +270,24 @@ def test_a_method_is_told_the_measured_lengths_and_the_mean_ratios() -> None:
 
 
 def _without(errors: SensorErrors) -> Callable[[Experiment], np.ndarray]:
-    return lambda e: recorded(e, np.random.default_rng(5), errors, None).truth.tips
+    return lambda e: record_experiment(e, np.random.default_rng(5), errors, None).truth.tips
 
 
 def test_switching_a_source_of_error_off_leaves_the_motion_as_it_was() -> None:
     e = OTHERS["circles"]
     np.testing.assert_array_equal(_without(IDEAL)(e), _without(SensorErrors())(e))
-    with_field = recorded(
+    with_field = record_experiment(
         e, np.random.default_rng(5), SensorErrors(), office(np.random.default_rng(0))
     )
     np.testing.assert_array_equal(
         with_field.samples["imu"].values,
-        recorded(e, np.random.default_rng(5), SensorErrors(), None).samples["imu"].values,
+        record_experiment(e, np.random.default_rng(5), SensorErrors(), None).samples["imu"].values,
     )
 
 
 def test_a_seed_draws_the_same_person_pose_and_motion_and_another_one_another() -> None:
     a, b, c = (
-        recorded(
+        record_experiment(
             TABLE7["P1 F1-F2"], np.random.default_rng(s), SensorErrors(), None, pose_error_deg=2.5
         )
         for s in (4, 4, 5)

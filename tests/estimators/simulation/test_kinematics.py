@@ -11,7 +11,13 @@ from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.simulation import joint_compliance, kinematics
 from handscope.estimators.simulation.kinematics import Kinematics
-from handscope.estimators.simulation.motion import SIZE, Motion, after, shifted, through
+from handscope.estimators.simulation.motion import (
+    SIZE,
+    Motion,
+    continue_through,
+    move_through,
+    shift_motion,
+)
 
 DT = 1e-4  # s
 
@@ -23,7 +29,7 @@ def _random_motion(rng: np.random.Generator) -> Motion:
         x[:3], x[3:6] = rng.normal(size=3) * 0.1, rng.normal(size=3) * 0.5
         x[6:] = (rng.uniform(-0.5, 0.8, (16, 3)) * IS_DOF).ravel()
         points.append((0.7 * k, x))
-    return through(points)
+    return move_through(points)
 
 
 @pytest.fixture(params=["left", "right"])
@@ -31,10 +37,10 @@ def moving(request: pytest.FixtureRequest, rng: np.random.Generator) -> tuple[An
     """A right hand whose joints give, a left one of exact hinges."""
     geometry, motion = sized(request.param), _random_motion(rng)
     if geometry.hand == "right":
-        motion = joint_compliance.Giving(
-            motion.spline, np.radians(3.0), joint_compliance.phases(rng)
+        motion = joint_compliance.JointCompliance(
+            motion.spline, np.radians(3.0), joint_compliance.draw_phases(rng)
         )
-    return geometry, kinematics.of_motion(motion, geometry, np.arange(0.3, 0.6, DT))
+    return geometry, kinematics.compute_kinematics(motion, geometry, np.arange(0.3, 0.6, DT))
 
 
 def test_angular_velocity_is_the_derivative_of_orientation(moving: tuple[Any, Kinematics]) -> None:
@@ -71,7 +77,7 @@ def test_places_and_orientations_are_those_of_forward_kinematics(
 
 
 def test_the_truth_has_no_angle_where_there_is_no_freedom(moving: tuple[Any, Kinematics]) -> None:
-    truth = kinematics.truth(moving[1], "left")
+    truth = kinematics.true_trajectory(moving[1], "left")
     np.testing.assert_array_equal(np.isnan(truth.angles[0]), ~IS_DOF)
 
 
@@ -86,7 +92,7 @@ def test_the_base_has_the_palm_down_and_the_fingers_along_global_y() -> None:
 def test_between_its_points_a_motion_is_minimum_jerk_and_rests_outside() -> None:
     end = np.zeros(SIZE)
     end[7] = 1.0
-    motion = through([(1.0, np.zeros(SIZE)), (3.0, end)])
+    motion = move_through([(1.0, np.zeros(SIZE)), (3.0, end)])
     x, dx, ddx = motion.at(np.array([0.0, 1.0, 1.5, 2.0, 3.0, 4.0]))
     s = 0.25
     np.testing.assert_allclose(
@@ -94,14 +100,14 @@ def test_between_its_points_a_motion_is_minimum_jerk_and_rests_outside() -> None
     )
     np.testing.assert_allclose(dx[[0, 1, 3, 4, 5], 7], [0, 0, 1.875 / 2, 0, 0], atol=1e-12)
     np.testing.assert_allclose(ddx[[0, 1, 3, 4, 5], 7], 0.0, atol=1e-12)
-    later, _, _ = shifted(motion, 2.0).at(np.array([3.5]))
+    later, _, _ = shift_motion(motion, 2.0).at(np.array([3.5]))
     np.testing.assert_allclose(later, x[2:3], atol=1e-12)
 
 
 def test_a_motion_goes_on_smoothly_from_any_state(rng: np.random.Generator) -> None:
     motion, goal = _random_motion(rng), np.zeros(SIZE)
     state = tuple(part[0] for part in motion.at(np.array([0.9])))
-    on = after(state, [(2.0, goal)], 0.9)
+    on = continue_through(state, [(2.0, goal)], 0.9)
     for there, here in zip(on.at(np.array([0.9])), state):
         np.testing.assert_allclose(there[0], here, atol=1e-9)
     np.testing.assert_allclose(on.at(np.array([2.0]))[0][0], goal, atol=1e-9)

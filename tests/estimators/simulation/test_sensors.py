@@ -12,7 +12,7 @@ from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.simulation import kinematics, sensors
-from handscope.estimators.simulation.motion import posture, through
+from handscope.estimators.simulation.motion import make_posture, move_through
 from handscope.estimators.simulation.movements import task_performance
 from handscope.estimators.simulation.scenario import simulate
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
@@ -24,10 +24,10 @@ T = np.arange(0, 2, 0.01)
 def _readings(hand: Any, errors: SensorErrors, rate: float = 100.0, n: int = 200) -> np.ndarray:
     """Of a hand at rest in the flat pose (n, 17, 6)."""
     geometry, rng = sized(hand), np.random.default_rng(4)
-    still = through([(0.0, task_performance.flat()), (100.0, task_performance.flat())])
-    worn = sensors.mounted(SEGMENTS, geometry, errors, rng)
-    return sensors.inertial(
-        worn, kinematics.of_motion(still, geometry, np.arange(n) / rate), rate, rng
+    still = move_through([(0.0, task_performance.flat()), (100.0, task_performance.flat())])
+    worn = sensors.mount_sensors(SEGMENTS, geometry, errors, rng)
+    return sensors.simulate_inertial(
+        worn, kinematics.compute_kinematics(still, geometry, np.arange(n) / rate), rate, rng
     )
 
 
@@ -48,11 +48,11 @@ def test_at_rest_an_accelerometer_reads_plus_g_upwards_and_a_gyroscope_nothing(h
 def test_a_turning_finger_is_seen_by_its_own_gyroscope_and_by_the_centripetal_acceleration() -> (
     None
 ):
-    geometry, end = sized("left"), posture(task_performance.flat(), index_mcp_flexion=80.0)
-    motion = through([(0.0, task_performance.flat()), (0.5, end)])
-    k = kinematics.of_motion(motion, geometry, np.array([0.25]))
-    worn = sensors.mounted(("index_proximal",), geometry, IDEAL, np.random.default_rng(0))
-    (read,) = sensors.inertial(worn, k, 100.0, np.random.default_rng(0))[0]
+    geometry, end = sized("left"), make_posture(task_performance.flat(), index_mcp_flexion=80.0)
+    motion = move_through([(0.0, task_performance.flat()), (0.5, end)])
+    k = kinematics.compute_kinematics(motion, geometry, np.array([0.25]))
+    worn = sensors.mount_sensors(("index_proximal",), geometry, IDEAL, np.random.default_rng(0))
+    (read,) = sensors.simulate_inertial(worn, k, 100.0, np.random.default_rng(0))[0]
     rate = 1.875 * 80 * DEG / 0.5
     np.testing.assert_allclose(read[:3], [0, 0, rate], atol=1e-9)
     half = 0.5 * geometry.lengths["index_proximal"]
@@ -67,7 +67,7 @@ def test_a_turning_finger_is_seen_by_its_own_gyroscope_and_by_the_centripetal_ac
 def test_misalignment_turns_readings_by_its_angle() -> None:
     errors = replace(IDEAL, misalignment=7.0)
     read = _readings("left", errors)
-    worn = sensors.mounted(SEGMENTS, sized("left"), errors, np.random.default_rng(4))
+    worn = sensors.mount_sensors(SEGMENTS, sized("left"), errors, np.random.default_rng(4))
     np.testing.assert_allclose(quat.angle(worn.q_BS) / DEG, 7.0)
     np.testing.assert_allclose(
         quat.rotate(worn.q_BS, read[0, :, 3:]), _readings("left", IDEAL)[0, :, 3:], atol=1e-9
@@ -89,16 +89,16 @@ def test_noise_and_bias_have_the_sizes_of_the_data_sheet() -> None:
 
 def test_readings_stop_at_the_full_scale() -> None:
     geometry = sized("left")
-    fast = through(
+    fast = move_through(
         [
             (0.0, task_performance.flat()),
-            (0.05, posture(task_performance.flat(), index_mcp_flexion=100.0)),
+            (0.05, make_posture(task_performance.flat(), index_mcp_flexion=100.0)),
         ]
     )
-    worn = sensors.mounted(("index_distal",), geometry, IDEAL, np.random.default_rng(0))
-    read = sensors.inertial(
+    worn = sensors.mount_sensors(("index_distal",), geometry, IDEAL, np.random.default_rng(0))
+    read = sensors.simulate_inertial(
         worn,
-        kinematics.of_motion(fast, geometry, np.arange(0, 0.05, 0.001)),
+        kinematics.compute_kinematics(fast, geometry, np.arange(0, 0.05, 0.001)),
         1000.0,
         np.random.default_rng(0),
     )

@@ -14,7 +14,7 @@ from handscope.estimators.simulation.transmission import (
     OSCILLATOR,
     Transmission,
     clock_rate,
-    through,
+    transmit,
 )
 
 T = np.arange(0.0, 600.0, 0.01)
@@ -22,7 +22,7 @@ SENT = Block(Stream("imu", ("hand", "index_distal"), (GYR, ACC), 100.0), T, np.o
 
 
 def _lost(link: Transmission, seed: int = 0) -> np.ndarray:
-    got = through(link, SENT, np.random.default_rng(seed))
+    got = transmit(link, SENT, np.random.default_rng(seed))
     lost = np.isnan(got.values)
     assert (lost.all(axis=(1, 2)) == lost.any(axis=(1, 2))).all(), "a packet is lost as a whole"
     np.testing.assert_array_equal(got.t, SENT.t)

@@ -57,18 +57,20 @@ def test_the_gate_knows_worse_from_better_and_from_a_slow_hour() -> None:
     allowed = {
         "batch": {"speed": gate.Allowed(0.25, 1.5, "yardstick"), "lost": gate.Allowed(0.0, 1.0)}
     }
-    assert gate.worse(allowed, run(2000, 500, 0)) == []
-    assert gate.worse(allowed, run(200, 50, 0)) == [], "everything is slower: the machine is"
-    assert gate.worse(allowed, run(2000, 350, 0)) == []
-    assert [w.split(" is ")[0] for w in gate.worse(allowed, run(2000, 300, 1))] == [
+    assert gate.find_regressions(allowed, run(2000, 500, 0)) == []
+    assert gate.find_regressions(allowed, run(200, 50, 0)) == [], (
+        "everything is slower: the machine is"
+    )
+    assert gate.find_regressions(allowed, run(2000, 350, 0)) == []
+    assert [w.split(" is ")[0] for w in gate.find_regressions(allowed, run(2000, 300, 1))] == [
         "batch: speed",
         "batch: lost",
     ]
-    assert gate.worse(allowed, {"batch": []}) == [
+    assert gate.find_regressions(allowed, {"batch": []}) == [
         "batch: speed was not measured",
         "batch: lost was not measured",
     ]
-    assert gate.worse(allowed, {"pages": []}) == []
+    assert gate.find_regressions(allowed, {"pages": []}) == []
 
 
 def test_load_grows_until_it_is_too_late_and_what_was_in_time_is_told(

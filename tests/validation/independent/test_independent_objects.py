@@ -37,7 +37,7 @@ def test_what_is_carried_weighs_and_what_sensors_without_errors_tell_is_what_fin
     )
     still = force_sensors.Sensor(np.eye(3), Rotation.identity(), np.zeros(3))
     exact = force_sensors.Cuffs(rate=100.0, walk=0.0, noise=0.0)
-    t, felt = force_sensors.told(done, exact, [still, still], np.random.default_rng(0))
+    t, felt = force_sensors.simulate_readings(done, exact, [still, still], np.random.default_rng(0))
     rows = np.round(t * pinch.RATE).astype(int)
     for k in range(2):
         np.testing.assert_allclose(
@@ -83,11 +83,23 @@ def test_what_is_confident_and_wrong_is_counted() -> None:
         "squeeze_damping": (1.0, 2.0, 0.0, False),
     }
     results = [
-        (t, {q: independent_grasp.Told(*usual[q]) for q in independent_grasp.QUANTITIES[t.task]})
+        (
+            t,
+            {
+                q: independent_grasp.ReportedFigure(*usual[q])
+                for q in independent_grasp.QUANTITIES[t.task]
+            },
+        )
         for t in of_grasp
     ]
-    results[0] = (of_grasp[0], {"lift_mass": independent_grasp.Told(0.6, 0.02, 0.5, False)})
-    results[1] = (of_grasp[1], {"lift_mass": independent_grasp.Told(0.6, 0.02, 0.5, True)})
+    results[0] = (
+        of_grasp[0],
+        {"lift_mass": independent_grasp.ReportedFigure(0.6, 0.02, 0.5, False)},
+    )
+    results[1] = (
+        of_grasp[1],
+        {"lift_mass": independent_grasp.ReportedFigure(0.6, 0.02, 0.5, True)},
+    )
     said = independent_grasp.finding(Wanted(seeds=1), results)
     first, second = said.tables[0].rows[:2]
     assert (
@@ -97,6 +109,6 @@ def test_what_is_confident_and_wrong_is_counted() -> None:
     assert f"1 of {len(of_grasp)}" in said.remarks[0] and of_grasp[0].condition in said.remarks[0]
     of_array = magnetometer_array.trials(Wanted(seeds=1))
     off, sd = np.array([0.001, 0.009]), np.array([0.002, 0.002])
-    rows = [(t, magnetometer_array.Told(4, off, sd, (off / sd) ** 2)) for t in of_array]
+    rows = [(t, magnetometer_array.LocatedReadings(4, off, sd, (off / sd) ** 2)) for t in of_array]
     row = magnetometer_array.finding(Wanted(seeds=1), rows).tables[0].rows[0]
     assert row.ours["found, %"].mean == 50.0 and row.ours["surely wrong, %"].mean == 25.0

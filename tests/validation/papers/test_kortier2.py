@@ -5,8 +5,8 @@ import pytest
 
 from handscope.estimators.data.fingertip_contacts import FINGERTIPS, contact_points_of
 from handscope.estimators.hand.geometry import sized
-from handscope.estimators.simulation.experiments import KORTIER2, judged
-from handscope.estimators.simulation.scenario import performed
+from handscope.estimators.simulation.experiments import KORTIER2, judged_samples
+from handscope.estimators.simulation.scenario import simulate_performances
 from handscope.estimators.simulation.sensors import IDEAL
 from handscope.validation.papers import kortier2, published
 from handscope.validation.papers.kortier2 import FAST, HOLDS, TIPS, WITH, Found
@@ -23,7 +23,7 @@ def test_the_tips_error_is_made_of_its_parts_along_the_axes() -> None:
 
 def test_ten_pinches_are_closed_where_they_are_judged() -> None:
     experiment, geometry = KORTIER2["pinch"], sized("left")
-    made = performed(
+    made = simulate_performances(
         experiment.perform(geometry, np.random.default_rng(3)),
         "left",
         geometry,
@@ -38,7 +38,7 @@ def test_ten_pinches_are_closed_where_they_are_judged() -> None:
         for finger, point in experiment.contact
     )
     apart = np.linalg.norm(a - b, axis=1)
-    assert apart[judged(made)].max() < 1e-3
+    assert apart[judged_samples(made)].max() < 1e-3
     assert apart.max() > 0.03
 
 

@@ -5,12 +5,21 @@ import numpy as np
 from handscope.estimators.simulation.motion import COORDINATES
 from handscope.validation.reproduce import Wanted
 from handscope.validation.studies import observability
-from handscope.validation.studies.observability import FINGERS, GOOD, MOVEMENTS, Found, Trial, moved
+from handscope.validation.studies.observability import (
+    FINGERS,
+    GOOD,
+    MOVEMENTS,
+    Found,
+    Trial,
+    make_motion,
+)
 
 
 def extents(name: str, *coordinates: str) -> list[float]:
     """How far coordinates move in the middle of a movement, deg or cm."""
-    x = moved(np.random.default_rng(0), MOVEMENTS[name], True).at(np.linspace(5.0, 15.0, 400))[0]
+    x = make_motion(np.random.default_rng(0), MOVEMENTS[name], True).at(
+        np.linspace(5.0, 15.0, 400)
+    )[0]
     return [float(np.ptp(x[:, COORDINATES[c]])) for c in coordinates]
 
 

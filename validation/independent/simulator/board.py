@@ -44,7 +44,7 @@ class Chips:
     misplaced: float = 0.0  # m by which each chip sits elsewhere than told
     noise: float = 0.2e-6  # T
     turned: bool = True  # by quarters, anyhow
-    askew: float = 0.0  # rad about each axis by which each chip is soldered so
+    misaligned: float = 0.0  # rad about each axis by which each chip is soldered so
     limit: float = np.inf  # T
 
 
@@ -53,15 +53,15 @@ class Board:
     """Chips as they are."""
 
     chips: Chips
-    told: Values  # (n, 3) m, places
+    declared: Values  # (n, 3) m, places
     places: Values  # (n, 3) m, where they are
     axes: Values  # (n, 3, 3) from the board's axes to the chip's, soft iron in it
     hard: Values  # (n, 3) T
     gains: Values  # (n, 3) since the board was turned
 
 
-def drawn(many: int, chips: Chips, rng: np.random.Generator) -> Board:
-    told = BOARDS[many]
+def draw_board(many: int, chips: Chips, rng: np.random.Generator) -> Board:
+    declared = BOARDS[many]
     soft = chips.soft * rng.normal(size=(many, 3, 3))
     quarters = Rotation.from_euler(
         "xz",
@@ -71,16 +71,18 @@ def drawn(many: int, chips: Chips, rng: np.random.Generator) -> Board:
     axes = quarters.as_matrix() if chips.turned else np.repeat(np.eye(3)[None], many, axis=0)
     axes[0] = np.eye(3)
     axes = (np.eye(3) + (soft + soft.transpose(0, 2, 1)) / 2) @ axes
-    if chips.askew:
-        axes = axes @ Rotation.from_rotvec(chips.askew * rng.normal(size=(many, 3))).as_matrix()
+    if chips.misaligned:
+        axes = (
+            axes @ Rotation.from_rotvec(chips.misaligned * rng.normal(size=(many, 3))).as_matrix()
+        )
     places, hard = (
-        told + chips.misplaced * rng.normal(size=(many, 3)),
+        declared + chips.misplaced * rng.normal(size=(many, 3)),
         chips.hard * rng.normal(size=(many, 3)),
     )
-    return Board(chips, told, places, axes, hard, 1 + chips.gain * rng.normal(size=(many, 3)))
+    return Board(chips, declared, places, axes, hard, 1 + chips.gain * rng.normal(size=(many, 3)))
 
 
-def read(board: Board, B: Values, rng: np.random.Generator, since: bool = True) -> Values:
+def read_fields(board: Board, B: Values, rng: np.random.Generator, since: bool = True) -> Values:
     """Of fields (n, chips, 3) at the chips; `since` the board was turned."""
     y = np.einsum("kij,nkj->nki", board.axes, B) * (board.gains if since else 1.0) + board.hard
     y = np.clip(
@@ -89,7 +91,7 @@ def read(board: Board, B: Values, rng: np.random.Generator, since: bool = True) 
     return np.asarray(np.round(y / COUNT) * COUNT)
 
 
-def turned(
+def turn_board(
     board: Board, seconds: float, rate: float, rng: np.random.Generator
 ) -> tuple[Values, Values]:
     """Times and fields (n, chips, 3) while the board is turned by hand where the field is the same everywhere."""
@@ -153,5 +155,5 @@ def table(path: Path, t: Values, y: Values) -> None:
 
 def description(path: Path, board: Board, **known: float) -> None:
     """The array's file."""
-    chips = {f"m{k + 1}": {"place": place.tolist()} for k, place in enumerate(board.told)}
+    chips = {f"m{k + 1}": {"place": place.tolist()} for k, place in enumerate(board.declared)}
     path.write_text(json.dumps({"unit": "uT", **known, "magnetometers": chips}))

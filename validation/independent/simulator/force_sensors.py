@@ -30,7 +30,7 @@ class Cuffs:
     calibrated: bool = False  # by weights on a bench, with the inertial sensor of the cuff
     scale: float = 0.02
     cross: float = 0.01  # share of another axis
-    askew: float = 1.0  # deg about every axis against the inertial sensor
+    misaligned: float = 1.0  # deg about every axis against the inertial sensor
     offset: float = 0.2  # N
     walk: float = 0.02  # N/sqrt(s) of the offset
     noise: float = 0.05  # N
@@ -52,18 +52,18 @@ class Sensor:
     offset: Values  # (3,) N
 
 
-def drawn(cuffs: Cuffs, rng: np.random.Generator) -> Sensor:
+def draw_sensor(cuffs: Cuffs, rng: np.random.Generator) -> Sensor:
     """One of them."""
     matrix = (
         np.eye(3)
         + np.diag(cuffs.scale * rng.normal(size=3))
         + cuffs.cross * rng.normal(size=(3, 3)) * (1 - np.eye(3))
     )
-    turned = Rotation.from_rotvec(np.radians(cuffs.askew) * rng.normal(size=3))
+    turned = Rotation.from_rotvec(np.radians(cuffs.misaligned) * rng.normal(size=3))
     return Sensor(matrix, turned, cuffs.offset * rng.normal(size=3))
 
 
-def told(
+def simulate_readings(
     pinch: Pinch, cuffs: Cuffs, sensors: list[Sensor], rng: np.random.Generator
 ) -> tuple[Values, Values]:
     """Times (m,) s and readings (m, 2, 3) N."""

@@ -46,7 +46,7 @@ ROOTS = {  # dorsal m, distal in palms, ulnar m, from the wrist
     "little": (0.0, 0.84, 0.036),
 }
 PALM = 0.088  # m, wrist to MCP 3
-ASKEW = 5.0 * DEG  # about each axis, a sensor's seat from its nominal mounting
+MISALIGNMENT = 5.0 * DEG  # about each axis, a sensor's seat from its nominal mounting
 TURN, SLIDE = 2.0 * DEG, 1e-3  # rad, m: what skin does to a sensor in 90 deg of its joint
 SHARED = 0.4  # of that under the hand's sensor for each finger, where several move
 GYR_BIAS, ACC_BIAS = 0.8 * DEG, 0.12  # rad/s, m/s^2, standard deviations of an axis
@@ -104,7 +104,7 @@ class Body:
     lengths: Mapping[str, float]  # m
     roots: Mapping[str, Array]  # (3,) m, from the wrist
     nominal: Mapping[str, Rotation]  # how a sensor is said to sit
-    seats: Mapping[str, Rotation]  # how it sits where its joint is straight
+    mountings: Mapping[str, Rotation]  # how it sits where its joint is straight
     places: Mapping[str, Array]  # (3,) m
     turned: Mapping[str, Array]  # (3,) rad a rad, by skin
     slid: Mapping[str, Array]  # (3,) m a rad
@@ -169,7 +169,7 @@ def written(setup: Setup, folder: Path) -> Truth:
             setup.scatter * noise.standard_normal(len(instants)), -LATEST, LATEST
         )
         _write_strip(f"{at}/sub-01_task-free", name, setup, body, rate, stamps, read)
-    return Truth(body, sensors, t, *_told(setup, body, movement, t))
+    return Truth(body, sensors, t, *_true_values(setup, body, movement, t))
 
 
 def _rng(setup: Setup, purpose: int) -> np.random.Generator:
@@ -190,10 +190,10 @@ def _body(setup: Setup) -> Body:
         s: m * size * rng.uniform(0.94, 1.06) for f in CHAINS for s, m in zip(CHAINS[f], USUAL[f])
     }
     roots = {f: setup.side * np.array([x, y * palm, z * size]) for f, (x, y, z) in ROOTS.items()}
-    nominal, seats, places, turned, slid = {}, {}, {}, {}, {}
+    nominal, mountings, places, turned, slid = {}, {}, {}, {}, {}
     for s in ("hand", "forearm", *lengths):
         nominal[s] = Rotation.from_quat(rng.standard_normal(4))
-        seats[s] = Rotation.from_rotvec(ASKEW * rng.standard_normal(3)) * nominal[s]
+        mountings[s] = Rotation.from_rotvec(MISALIGNMENT * rng.standard_normal(3)) * nominal[s]
         places[s] = setup.side * _on_top(rng, s, lengths.get(s, 0.0))
         turned[s], slid[s] = (
             amount * setup.skin / RIGHT_ANGLE * _somewhere(rng) for amount in (TURN, SLIDE)
@@ -204,7 +204,7 @@ def _body(setup: Setup) -> Body:
         for f in CHAINS
         if f != "thumb"
     }
-    return Body(palm, lengths, roots, nominal, seats, places, turned, slid, back)
+    return Body(palm, lengths, roots, nominal, mountings, places, turned, slid, back)
 
 
 def _on_top(rng: np.random.Generator, segment: str, length: float) -> Array:
@@ -299,7 +299,7 @@ def _jointed(angles: Array) -> Array:
     return _about(2, angles[:, 0]) @ _about(0, angles[:, 1]) @ _about(1, angles[:, 2])
 
 
-def _moved(R: Array, v: Array) -> Array:
+def _rigid_motion(R: Array, v: Array) -> Array:
     """Vectors (n, 3) of one (3,) or of as many."""
     return np.asarray(np.einsum("nij,nj->ni", R, np.broadcast_to(v, (len(R), 3))))
 
@@ -312,16 +312,16 @@ def _posed(
     yield "forearm", R, wrist
     if setup.forearm:
         R = R @ _jointed(movement.wrist(t))
-    yield "hand", R, wrist + _moved(R, body.roots["middle"])
+    yield "hand", R, wrist + _rigid_motion(R, body.roots["middle"])
     for finger in setup.fingers:
-        on, end = R, wrist + _moved(R, body.roots[finger])
+        on, end = R, wrist + _rigid_motion(R, body.roots[finger])
         for s, angles in zip(CHAINS[finger], np.moveaxis(movement.angles[finger](t), 1, 0)):
             on = on @ _jointed(angles)
-            end = end + _moved(on, setup.side * np.array([0.0, body.lengths[s], 0.0]))
+            end = end + _rigid_motion(on, setup.side * np.array([0.0, body.lengths[s], 0.0]))
             yield s, on, end
 
 
-def _told(
+def _true_values(
     setup: Setup, body: Body, movement: Movement, t: Array
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Angles by joint; tips by finger in the wrist's frame, the hand's where there is no forearm."""
@@ -393,9 +393,9 @@ def _worn(
     """Orientation (n, 3, 3) and place (n, 3) m of a sensor in the world."""
     R, p = next((R, p) for s, R, p in _posed(setup, body, movement, t) if s == segment)
     turn, slide = _pulled(setup, body, movement, segment, t)
-    return R @ body.seats[segment].as_matrix() @ Rotation.from_rotvec(turn).as_matrix(), p + _moved(
-        R, body.places[segment] + slide
-    )
+    return R @ body.mountings[segment].as_matrix() @ Rotation.from_rotvec(
+        turn
+    ).as_matrix(), p + _rigid_motion(R, body.places[segment] + slide)
 
 
 def _readings(

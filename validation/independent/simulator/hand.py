@@ -98,15 +98,15 @@ class Hand:
                 rotations = self.rotations(x[None])
                 _, thumb, index = self.ends(rotations)
                 line = (thumb - index)[0]
-                apart = float(np.linalg.norm(line))
+                distance = float(np.linalg.norm(line))
                 faces = [
                     rotations[k].apply(self.sign * np.array([-1.0, 0.0, 0.0]))[0] for k in (2, 5)
                 ]
                 return np.concatenate(
                     [
-                        [2000 * (apart - wanted)],
-                        0.5 * (faces[1] - line / apart),
-                        0.5 * (faces[0] + line / apart),
+                        [2000 * (distance - wanted)],
+                        0.5 * (faces[1] - line / distance),
+                        0.5 * (faces[0] + line / distance),
                         0.5 * (x - GRASP),
                     ]
                 )
@@ -116,7 +116,7 @@ class Hand:
         return np.array(found)
 
 
-def drawn(rng: np.random.Generator, side: str) -> Hand:
+def draw_hand(rng: np.random.Generator, side: str) -> Hand:
     """Somebody's: lengths by 6 %, places of joints by 5 % of the mean hand's."""
     lengths = {name: length * rng.normal(1, 0.06) for name, length in LENGTHS.items()}
     base, knuckle = THUMB_BASE * rng.normal(1, 0.05), KNUCKLE * rng.normal(1, 0.05)
@@ -133,12 +133,12 @@ def drawn(rng: np.random.Generator, side: str) -> Hand:
 
 def measured(hand: Hand, rng: np.random.Generator, missed: float = 0.02) -> dict[str, object]:
     """The hand as a clinician measures it, for the sidecar: lengths by 2 %, places of joints by 1 mm."""
-    told: dict[str, object] = {
+    geometry: dict[str, object] = {
         name: float(length * rng.normal(1, missed)) for name, length in hand.lengths.items()
     }
     places = {"index_mcp": hand.knuckle, "thumb_cmc": hand.thumb_base}
-    told["joint_positions"] = {
+    geometry["joint_positions"] = {
         joint: (hand.sign * (p + 0.001 * rng.normal(size=3))).tolist()
         for joint, p in places.items()
     }
-    return told | {"palm_length": PALM}
+    return geometry | {"palm_length": PALM}

@@ -18,7 +18,7 @@ RATE, GRAVITY = 1000.0, 9.81
 INERTIAL = 100.0  # Hz
 REACH, BEGUN = 7.0, 0.35  # s: when the pads touch, and how long until they hold
 TIMES, PERIOD = 8, 1.2  # squeezes and s of each
-MISSED, ASKEW = (
+MISSED, MISALIGNMENT_DEG = (
     2.5,
     6.0,
 )  # deg: of the initial pose in every freedom, of the sensors on their segments
@@ -95,7 +95,7 @@ def accelerations(places: Values) -> Values:
 
 def pinched(held: Held, side: str, rng: np.random.Generator) -> Pinch:
     """By somebody drawn."""
-    hand = hands.drawn(rng, side)
+    hand = hands.draw_hand(rng, side)
     when = _when(held, rng)
     t = np.arange(0, when.ends + 3.0, 1 / RATE)
     distance = _distance(held, when, t, rng)
@@ -192,18 +192,18 @@ def _forces(
 ) -> Values:
     """That thumb and index finger exert (n, 2, 3): the grip along the line between the pads, and each its share of the load."""
     line = pads[0] - pads[1]
-    apart = np.linalg.norm(line, axis=1)
+    distance = np.linalg.norm(line, axis=1)
     load = _load(held, when, t, (pads[0] + pads[1]) / 2)
     if held.mass is not None:
         size = 0.7 + rng.uniform(0.7, 1.1) * np.linalg.norm(load, axis=1)
         grip = during(t, REACH, when.ends, BEGUN) * size * (1 + 0.03 * wandering(rng, t, 0.5, 6))
     else:
-        closed = 0.04 - apart
+        closed = 0.04 - distance
         grip = np.maximum(
-            _spring(held, closed) - held.damping * np.gradient(apart, 1 / RATE), 0
+            _spring(held, closed) - held.damping * np.gradient(distance, 1 / RATE), 0
         ) * (during(t, REACH, when.ends, BEGUN) > 0)
     share = (0.5 + rng.normal(0, 0.06) + 0.02 * wandering(rng, t, 0.1, 1))[:, None]
-    push, left = grip[:, None] * line / apart[:, None], 1 - held.third
+    push, left = grip[:, None] * line / distance[:, None], 1 - held.third
     return np.stack([left * (1 - share) * load - push, left * (push + share * load)], axis=1)
 
 
@@ -233,7 +233,9 @@ def _inertial(
     lengths = [PALM, *(hand.lengths[s] for s in SEGMENTS[1:])]
     for rotation, place, length in zip(rotations, places, lengths):
         axis = rng.normal(size=3)
-        q = rotation * Rotation.from_rotvec(axis / np.linalg.norm(axis) * np.radians(ASKEW))
+        q = rotation * Rotation.from_rotvec(
+            axis / np.linalg.norm(axis) * np.radians(MISALIGNMENT_DEG)
+        )
         at = place + rotation.apply(hand.sign * np.array([0.009, -0.5 * length, 0.0]))
         rates = (q[rows - step].inv() * q[rows]).as_rotvec() * INERTIAL
         specific = q.inv().apply(accelerations(at) + np.array([0.0, 0.0, GRAVITY]))[rows]

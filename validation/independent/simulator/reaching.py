@@ -45,7 +45,7 @@ TRUNK_PHASE, MAG_PHASE = (
 )  # s by which the trunk's samples and the magnetometers' come after the hand's
 LATEST = 0.010  # s: a magnetometer has measured before it is read and stamped
 BIAS_GYR, BIAS_ACC = np.radians(0.3), 0.05  # rad/s, m/s^2
-SCALE, ASKEW = 0.003, np.radians(0.2)  # of the inertial sensors' axes
+SCALE, MISALIGNMENT = 0.003, np.radians(0.2)  # of the inertial sensors' axes
 NOISE_GYR, NOISE_ACC = np.radians(0.007), 180e-6 * G  # a root hertz
 STEP_GYR, STEP_ACC = np.radians(2000.0) / 2**15, 8 * G / 2**15
 NOISE_MAG, STEP_MAG, LIMIT_MAG = 0.35e-6, 0.0146e-6, 400e-6  # T
@@ -93,8 +93,8 @@ class Worn:
     late: float  # s
     moment: Array  # (3,) A m^2, hand's sensor
     lever: Array  # (3,) m
-    told_places: Array
-    told_moment: Array
+    declared_places: Array
+    declared_moment: Array
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def room(rng: np.random.Generator, gradient: float = GRADIENT) -> Room:
 
 def worn(rng: np.random.Generator, magnetometers: int) -> Worn:
     sizes = ((BIAS_GYR, 0), (BIAS_GYR, 1), (BIAS_ACC, 2), (BIAS_ACC, 3))
-    imu = tuple((_matrix(rng, SCALE, ASKEW), bias * rng.normal(size=3)) for bias, _ in sizes)
+    imu = tuple((_matrix(rng, SCALE, MISALIGNMENT), bias * rng.normal(size=3)) for bias, _ in sizes)
     turned = TURNED * rng.normal(size=(len(PLATE), 3))
     turned[0] *= BESIDE / TURNED
     stretch = SOFT * rng.normal(size=(len(PLATE), 3, 3))
@@ -129,18 +129,19 @@ def worn(rng: np.random.Generator, magnetometers: int) -> Worn:
         ]
     )
     true, lever = PLATE + RULER * rng.normal(size=PLATE.shape), ON_HAND + RULER * rng.normal(size=3)
-    told = MOMENT * np.array([1.0, 0.0, 0.0])
-    moment = Rotation.from_rotvec(ANGLE * rng.normal(size=3)).apply(told) * (
+    declared = MOMENT * np.array([1.0, 0.0, 0.0])
+    moment = Rotation.from_rotvec(ANGLE * rng.normal(size=3)).apply(declared) * (
         1 + GRADE * rng.normal()
     )
     hard, late = HARD * rng.normal(size=PLATE.shape), rng.uniform(0, LATEST)
     some = slice(magnetometers)
-    return Worn(imu, true[some], iron[some], hard[some], late, moment, lever, PLATE[some], told)
+    return Worn(imu, true[some], iron[some], hard[some], late, moment, lever, PLATE[some], declared)
 
 
-def _matrix(rng: np.random.Generator, scale: float, askew: float) -> Array:
+def _matrix(rng: np.random.Generator, scale: float, misalignment: float) -> Array:
     return np.asarray(
-        np.diag(1 + scale * rng.normal(size=3)) + askew * rng.normal(size=(3, 3)) * (1 - np.eye(3))
+        np.diag(1 + scale * rng.normal(size=3))
+        + misalignment * rng.normal(size=(3, 3)) * (1 - np.eye(3))
     )
 
 

@@ -25,8 +25,8 @@ def written(
     task = "squeeze" if pinch.held.mass is None else "lift"
     motion = folder / "sub-01" / "motion"
     motion.mkdir(parents=True)
-    said = {"Name": "a pinch", "BIDSVersion": "1.9.0", "DatasetType": "raw"}
-    (folder / "dataset_description.json").write_text(json.dumps(said))
+    description = {"Name": "a pinch", "BIDSVersion": "1.9.0", "DatasetType": "raw"}
+    (folder / "dataset_description.json").write_text(json.dumps(description))
     stem = f"{motion}/sub-01_task-{task}"
     sidecar = {"TaskName": task, "MeasuredHand": "left" if pinch.hand.sign > 0 else "right"}
     columns = [

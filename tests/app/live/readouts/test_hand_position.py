@@ -10,7 +10,7 @@ from handscope.estimators.hand.geometry import sized
 from handscope.estimators.magnet.pipeline.hand_position import PlaceParams
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.simulation.movements import task_performance
-from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.scenario import Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import IDEAL
 from handscope.estimators.simulation.trunk import TrunkGlove
 
@@ -18,7 +18,7 @@ from handscope.estimators.simulation.trunk import TrunkGlove
 @pytest.fixture(scope="module")
 def made() -> Simulated:
     hand = sized("left")
-    return performed(
+    return simulate_performances(
         [task_performance.initial_pose(hand, 4.0)],
         "left",
         hand,

@@ -13,7 +13,7 @@ from handscope.app.report.summary import summary
 from handscope.estimators.measures import total_active_motion
 from handscope.estimators.measures.assessment import TaskResult, assess
 from handscope.estimators.measures.figure import Figure, Grade
-from handscope.estimators.measures.total_active_motion import GRADINGS, regraded
+from handscope.estimators.measures.total_active_motion import GRADINGS, regrade
 from handscope.sessions.clinic.visit_history import Course, Visit
 from tests.app.report.simulated_sessions import report, session
 
@@ -199,7 +199,7 @@ def test_a_grading_chosen_later_gives_the_words_that_it_would_have_given_first(s
         if r.measure == "total_active_motion"
     )
     words = {f.part: f.category for f in first.figures if f.what == "tam_share"}
-    later = {f.part: f for f in regraded(kept.figures, scheme) if f.what == "tam_share"}
+    later = {f.part: f for f in regrade(kept.figures, scheme) if f.what == "tam_share"}
     assert len(words) == 5 and {part: f.category for part, f in later.items()} == words
     assert {f.source for f in later.values()} == {GRADINGS[scheme]}
     (section,) = [
@@ -222,7 +222,7 @@ def test_total_active_motion_is_a_share_of_the_other_hand_where_only_this_one_is
     )
     for affected, share in (("left", 0.5), ("both", None), ("right", None), (None, None)):
         other = uninjured("left", affected, past)
-        found = next(f for f in regraded(kept.figures, "assh", other) if f.name == "ring_tam_share")
+        found = next(f for f in regrade(kept.figures, "assh", other) if f.name == "ring_tam_share")
         own = next(f for f in kept.figures if f.name == "ring_tam_share")
         assert found.value == pytest.approx(share or own.value), affected
         assert (found.category == "poor") is (share == 0.5)

@@ -6,11 +6,11 @@ from handscope.app.language import ENGLISH, language
 from handscope.app.report.sections.measure_plots import panel_chart
 from handscope.app.report.sections.shown_panels import panels, shown_of
 from handscope.app.results.make import _shown
-from handscope.estimators.measures.plot_data import Curve, Shown
+from handscope.estimators.measures.plot_data import Curve, PlotData
 
 T = 100.0 + 0.01 * np.arange(4000)
 GRIP = np.where(T < 120, 5.0, np.nan)
-SHOWN = Shown(
+SHOWN = PlotData(
     (
         Curve("grip_force", "N", T, GRIP),
         Curve("load_force", "N", T, 0.5 * GRIP),
@@ -63,7 +63,7 @@ def test_a_peak_of_one_curve_stays_for_the_others_too() -> None:
     peak = np.full(4000, 1.0)
     peak[1777] = 9.0
     (both,) = panels(
-        Shown((Curve("grip_force", "N", T, peak), Curve("load_force", "N", T, np.ones(4000)))),
+        PlotData((Curve("grip_force", "N", T, peak), Curve("load_force", "N", T, np.ones(4000)))),
         100.0,
         ENGLISH,
     )

@@ -20,7 +20,7 @@ from handscope.estimators.simulation import magnet as sim
 from handscope.estimators.simulation.magnet import MagnetErrors, Motion
 from handscope.estimators.simulation.magnetic_field import DIP, EARTH, MagneticField, homogeneous
 from handscope.estimators.simulation.movements import task_performance
-from handscope.estimators.simulation.scenario import performed
+from handscope.estimators.simulation.scenario import simulate_performances
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.estimators.simulation.trunk import TrunkGlove
 
@@ -120,7 +120,7 @@ def test_a_reach_that_does_not_turn_the_hand_is_as_sure_as_it_says() -> None:
     for seed in (0, 1):
         hand = sized("left")
         done = [task_performance.initial_pose(hand), task_performance.TASKS["reach"](hand)]
-        made = performed(
+        made = simulate_performances(
             done,
             "left",
             hand,

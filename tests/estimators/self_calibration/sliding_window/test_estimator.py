@@ -6,11 +6,11 @@ import numpy as np
 
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.self_calibration import normal_equations
-from handscope.estimators.self_calibration.problem import Noise, Readings, columns
+from handscope.estimators.self_calibration.problem import Noise, Readings, parameter_columns
 from handscope.estimators.self_calibration.sliding_window import (
     estimator as sliding_window_estimator,
 )
-from handscope.estimators.self_calibration.sliding_window.estimator import Slid, Window
+from handscope.estimators.self_calibration.sliding_window.estimator import Window, WindowResult
 from tests.estimators.self_calibration.fingers import HINGED, cold, lengths, readings, recorded
 
 STRAIGHT = 10.0  # rad: nothing is known of a pose
@@ -38,17 +38,20 @@ def begun(samples: int) -> tuple[Window, Readings]:
     here = replace(guess, q_GS=turned, far=guess.far + 0.003, near=guess.near - 0.002)
     rest = part(read, 200, len(read))
     sd = np.full((4, 3), np.radians(10.0))
-    return sliding_window_estimator.begun(
+    return sliding_window_estimator.start_window(
         HINGED, NOISE, part(rest, 0, samples), here, sd, turned[0], False, made.hand, made.mounting
     ), rest
 
 
-def gone(most: int, until: int, by: int = 10) -> Slid:
+def gone(most: int, until: int, by: int = 10) -> WindowResult:
     window, rest = begun(by)
-    slid = sliding_window_estimator.solved(window, most, 3, STRAIGHT)
+    slid = sliding_window_estimator.solve_window(window, most, 3, STRAIGHT)
     for k in range(by, until - by + 1, by):
-        slid = sliding_window_estimator.solved(
-            sliding_window_estimator.longer(slid.window, part(rest, k, k + by)), most, 1, STRAIGHT
+        slid = sliding_window_estimator.solve_window(
+            sliding_window_estimator.extend_window(slid.window, part(rest, k, k + by)),
+            most,
+            1,
+            STRAIGHT,
         )
     return slid
 
@@ -63,7 +66,7 @@ def test_lengths_become_known() -> None:
 def test_what_left_is_remembered() -> None:
     """A window of 30 samples finds the arms that one finds which keeps all, and is as sure of them; of that in which it was linearised earlier, nearly."""
     short, whole = gone(30, 120), gone(1000, 120)
-    c = columns(HINGED)
+    c = parameter_columns(HINGED)
     sd = [np.sqrt(np.diag(s.factor.covariance)) for s in (short, whole)]
     for of, found, expected in (
         (c.far, short.window.at.far, whole.window.at.far),
@@ -77,7 +80,7 @@ def test_what_left_is_remembered() -> None:
 
 def test_a_samples_covariance_is_that_of_the_whole_inverse() -> None:
     window, _ = begun(8)
-    slid = sliding_window_estimator.solved(window, 1000, 1, STRAIGHT)
+    slid = sliding_window_estimator.solve_window(window, 1000, 1, STRAIGHT)
     n, _, e, _ = slid.factor.L.shape
     P = slid.factor.Y.shape[2]
     root = np.zeros((n * e, n * e))

@@ -18,9 +18,9 @@ def test_readings_and_what_is_doubted_of_them_are_as_of_the_whole_recording(rate
     values = np.random.default_rng(1).normal(size=(round(rate), 2, 6))
     values[len(values) // 2, 1, 4] = 160.0
     block = Block(stream, np.arange(len(values)) / rate, values)
-    _, whole = sample_preparation.readings([block], stream.sensors, 0.0, 1.0)
-    state = streaming_samples.taken(streaming_samples.start(stream), block)
-    _, nodes = streaming_samples.given(state, len(whole), max_gap=0.1)
+    _, whole = sample_preparation.prepare_readings([block], stream.sensors, 0.0, 1.0)
+    state = streaming_samples.store_block(streaming_samples.start(stream), block)
+    _, nodes = streaming_samples.take_nodes(state, len(whole), max_gap=0.1)
     rows = [SEGMENT[s] for s in stream.sensors]
     np.testing.assert_allclose(nodes.values[:, rows, :3], whole.gyr, atol=1e-9)
     np.testing.assert_allclose(nodes.doubt[:, rows, 0], whole.gyr_doubt, rtol=1e-9)

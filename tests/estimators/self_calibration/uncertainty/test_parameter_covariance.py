@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from handscope.estimators.self_calibration import solver
-from handscope.estimators.self_calibration.problem import columns
+from handscope.estimators.self_calibration.problem import parameter_columns
 from handscope.estimators.self_calibration.solver import Solution
 from handscope.estimators.self_calibration.uncertainty import parameter_covariance
 from handscope.estimators.simulation.artificial_finger import DISTANCES, HINGES
@@ -31,8 +31,8 @@ def test_what_noise_makes_up_is_taken_off() -> None:
 def test_a_finger_that_moves_well_is_as_sure_as_it_was(solved: Solution) -> None:
     """Noise makes up less than a hundredth of what the movement tells of its arms."""
     c, made_up = (
-        columns(solved.problem.chain),
-        parameter_covariance.apparent(solved.problem, solved.at, solved.factor),
+        parameter_columns(solved.problem.chain),
+        parameter_covariance.spurious_information(solved.problem, solved.at, solved.factor),
     )
     told = np.linalg.inv(solved.factor.covariance)
     arms = np.arange(c.near.stop)
@@ -42,8 +42,8 @@ def test_a_finger_that_moves_well_is_as_sure_as_it_was(solved: Solution) -> None
 
 def test_where_the_knuckle_is_from_a_hand_that_only_travels_is_not_claimed() -> None:
     """An arm of 75 mm, off by centimetres; before its standard deviation was 4 mm. The lengths are told as well as ever."""
-    found = solver.learnt(*cold(stiffened(3, 9.0, dict.fromkeys(TURNS, 0.0))))
-    c, sd = columns(found.problem.chain), np.sqrt(np.diag(found.factor.covariance))
+    found = solver.solve_with_noise(*cold(stiffened(3, 9.0, dict.fromkeys(TURNS, 0.0))))
+    c, sd = parameter_columns(found.problem.chain), np.sqrt(np.diag(found.factor.covariance))
     assert np.linalg.norm(sd[c.far][:2]) > 0.03
     assert abs(distances(found.at)[0] - DISTANCES[0]) < 3 * np.linalg.norm(sd[c.far][:2])
     assert found.outcome == "converged"
@@ -53,6 +53,6 @@ def test_where_the_knuckle_is_from_a_hand_that_only_travels_is_not_claimed() -> 
 def test_the_bias_at_the_beginning_is_less_sure_where_it_walks(solved: Solution) -> None:
     """16 s of 0.003 deg/s/sqrt(s): 0.003 sqrt(16 / 3) deg/s."""
     walking = replace(solved.problem, noise=replace(solved.problem.noise, gyr_bias_walk=0.003))
-    c, found = columns(walking.chain), parameter_covariance.walked(walking)
+    c, found = parameter_columns(walking.chain), parameter_covariance.bias_walk_variance(walking)
     np.testing.assert_allclose(np.sqrt(found[c.bias_gyr]), np.radians(0.006928), rtol=1e-3)
     assert np.delete(found, np.arange(c.bias_gyr.start, c.bias_gyr.stop)).max() == 0.0

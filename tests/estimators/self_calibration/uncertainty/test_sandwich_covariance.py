@@ -26,14 +26,14 @@ def test_the_groups_together_pull_as_the_whole_does(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(sandwich_covariance, "TOGETHER", 0.02)
     monkeypatch.setattr(sandwich_covariance, "GROUPS", 2)
     problem, at = _somewhere()
-    normal = hand_equations.built(problem, at)
-    factor = hand_equations.factored(normal)
-    pulls = sandwich_covariance.of_hand(problem, at, normal, factor)
+    normal = hand_equations.build_normal_equations(problem, at)
+    factor = hand_equations.factorise(normal)
+    pulls = sandwich_covariance.hand_pulls(problem, at, normal, factor)
     before = np.zeros(normal.layout.count)
-    off, sd = hand_equations.skin(problem, at)
+    off, sd = hand_equations.hand_tissue_priors(problem, at)
     before[normal.layout.skin] = off / sd
     for k, (limb, place, cols) in enumerate(zip(problem.limbs, at.limbs, normal.layout.parameters)):
-        r, slopes = hand_equations.priors(limb, place, shares=k == 0)
+        r, slopes = hand_equations.limb_priors(limb, place, shares=k == 0)
         before[cols[: slopes.shape[1]]] += slopes.T @ r
     assert len(pulls) == -(-len(problem) // 2)
     np.testing.assert_allclose(
@@ -43,11 +43,13 @@ def test_the_groups_together_pull_as_the_whole_does(monkeypatch: pytest.MonkeyPa
 
 def test_a_limb_alone_is_pulled_as_the_whole_equations_say(solved: Solution) -> None:
     problem, at = solved.problem, _moved_a_little(solved)
-    normal = solver.built(problem, at)[0]
-    factor = normal_equations.factored(normal)
-    r, slopes = residuals.priors(problem, at)
-    pulls = sandwich_covariance.of_limb(problem, at, factor)
-    step = normal_equations.step(normal, factor).parameters / np.sqrt(np.diag(factor.covariance))
+    normal = solver.build_normal_equations(problem, at)[0]
+    factor = normal_equations.factorise(normal)
+    r, slopes = residuals.prior_residuals(problem, at)
+    pulls = sandwich_covariance.limb_pulls(problem, at, factor)
+    step = normal_equations.solve_step(normal, factor).parameters / np.sqrt(
+        np.diag(factor.covariance)
+    )
     np.testing.assert_allclose(
         -factor.covariance
         @ (pulls.sum(axis=0) + slopes.T @ r)
@@ -70,15 +72,15 @@ def test_an_error_that_lasts_is_no_noise(solved: Solution) -> None:
 
 def test_the_covariance_grows_where_pulls_say_so_and_shrinks_nowhere() -> None:
     told, pulls = np.diag([1.0, 4.0, 9.0]), np.array([[3.0, 0.0, 0.0], [0.0, 0.1, 0.1]])
-    found = sandwich_covariance.widened(told, pulls, np.eye(3))
+    found = sandwich_covariance.widen_covariance(told, pulls, np.eye(3))
     np.testing.assert_allclose(np.diag(found), [9.0, 4.0, 9.0], rtol=1e-12)
     assert np.linalg.eigvalsh(found - told).min() > -1e-12
 
 
 def test_it_is_said_of_the_joint_where_it_is_worst(solved: Solution) -> None:
     finger = Finger("index", np.arange(len(solved.problem)) * solved.problem.dt, solved, None, None)  # type: ignore[arg-type]
-    assert self_calibration_messages.not_assumed(finger, 1, 0.9) == []
-    (said,) = self_calibration_messages.not_assumed(finger, 1, 4.0)
+    assert self_calibration_messages.describe_misfit(finger, 1, 0.9) == []
+    (said,) = self_calibration_messages.describe_misfit(finger, 1, 4.0)
     assert solved.problem.chain.joints[1] in said and "2.0 times" in said
 
 
@@ -89,14 +91,14 @@ def _moved_a_little(found: Solution) -> Unknowns:
 def _size(found: Solution, off: Array) -> float:
     """Of the first seconds, with an error (n,) added to what the last sensor's accelerometer reads along x."""
     n = len(off)
-    part = mounting_shift._part(found.problem, 0, n)
+    part = mounting_shift._slice_problem(found.problem, 0, n)
     acc = part.acc.copy()
     acc[:, -1, 0] += 3 * part.noise.acc * off
     part = replace(part, acc=acc)
     at = replace(found.at, q_GS=found.at.q_GS[:n])
-    factor = normal_equations.factored(solver.built(part, at)[0])
+    factor = normal_equations.factorise(solver.build_normal_equations(part, at)[0])
     return float(
-        sandwich_covariance.sizes(
-            sandwich_covariance.of_limb(part, at, factor), factor.covariance
+        sandwich_covariance.squared_pulls(
+            sandwich_covariance.limb_pulls(part, at, factor), factor.covariance
         ).mean()
     )

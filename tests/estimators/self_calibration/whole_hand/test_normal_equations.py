@@ -12,9 +12,9 @@ from handscope.estimators.self_calibration.problem import (
     Noise,
     Readings,
     Unknowns,
-    chain,
-    measured,
-    posed,
+    build_chain,
+    build_problem,
+    with_lengths,
 )
 from handscope.estimators.self_calibration.whole_hand import normal_equations
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
@@ -33,7 +33,7 @@ def _somewhere() -> tuple[HandProblem, HandPlace]:
     )
     own, delay = (0.01 * rng.normal(size=(24,)), np.array([0.002]))
     for names in LIMBS:
-        links = chain(names)
+        links = build_chain(names)
         S, J, H = len(links.sensors), len(links.joints), len(links.hinges)
         gyr, acc = rng.normal(size=(SAMPLES, S, 3)), 9 * rng.normal(size=(SAMPLES, S, 3))
         gyr[:, 0], acc[:, 0] = of_hand[:, 0], 9 * of_hand[:, 1]
@@ -60,8 +60,8 @@ def _somewhere() -> tuple[HandProblem, HandPlace]:
             0.1 * rng.normal(size=(J, 2)),
             0.3 * rng.normal(size=J),
         )
-        problem = measured(
-            posed(links, Noise(), Readings(0.01, gyr, acc, sure, sure), q[0], "left", {}),
+        problem = with_lengths(
+            build_problem(links, Noise(), Readings(0.01, gyr, acc, sure, sure), q[0], "left", {}),
             {names[1]: 0.04},
         )
         limbs.append(
@@ -73,7 +73,7 @@ def _somewhere() -> tuple[HandProblem, HandPlace]:
         )
         places.append(at)
     skin = rng.normal(size=(2, 2, 3)) * np.array([0.05, 0.001])[:, None, None]
-    return whole_hand_problem.gathered(limbs, Noise()), HandPlace(
+    return whole_hand_problem.gather_limbs(limbs, Noise()), HandPlace(
         tuple(places), rng.normal(size=(SAMPLES, 3)), *skin, skin_law=0.3 * rng.normal(size=2)
     )
 
@@ -87,11 +87,11 @@ def _whole(problem: HandProblem, at: HandPlace) -> Array:
     """All residuals in a row (m,)."""
     parts = [
         (at.error / whole_hand_problem.error_sd(problem)[:, None]).ravel(),
-        normal_equations.skin(problem, at)[0],
+        normal_equations.hand_tissue_priors(problem, at)[0],
     ]
     for k, (limb, place) in enumerate(zip(problem.limbs, at.limbs)):
         parts += [terms.r.ravel() for terms in normal_equations.terms_of(problem, at, k)]
-        parts.append(normal_equations.priors(limb, place, shares=k == 0)[0])
+        parts.append(normal_equations.limb_priors(limb, place, shares=k == 0)[0])
     return np.concatenate(parts)
 
 
@@ -103,7 +103,7 @@ def _slopes(problem: HandProblem, at: HandPlace) -> Array:
         two = [
             _whole(
                 problem,
-                whole_hand_problem.stepped(
+                whole_hand_problem.apply_hand_increment(
                     at, problem, sign * one[:n].reshape(SAMPLES, -1), sign * one[n:]
                 ),
             )
@@ -128,9 +128,9 @@ def test_the_step_and_the_covariance_are_those_of_a_dense_solver(
     """Of numerical derivatives: a wrong derivative, a block in a wrong place, a shared row counted twice would all show; however many pairs go together."""
     monkeypatch.setattr(normal_equations, "TOGETHER", together)
     (problem, at), (r, J) = somewhere, dense
-    normal = normal_equations.built(problem, at)
-    factor = normal_equations.factored(normal)
-    step = normal_equations.step(normal, factor)
+    normal = normal_equations.build_normal_equations(problem, at)
+    factor = normal_equations.factorise(normal)
+    step = normal_equations.solve_step(normal, factor)
     scale = np.sqrt((J**2).sum(axis=0))
     root = np.linalg.inv((J / scale).T @ (J / scale)) / np.outer(scale, scale)
     n, sd = SAMPLES * normal.layout.each, np.sqrt(np.diag(root))
@@ -151,11 +151,11 @@ def test_draws_have_the_equations_covariance(
     somewhere: tuple[HandProblem, HandPlace], dense: tuple[Array, Array]
 ) -> None:
     (problem, at), (_, J) = somewhere, dense
-    normal = normal_equations.built(problem, at)
-    factor = normal_equations.factored(normal)
+    normal = normal_equations.build_normal_equations(problem, at)
+    factor = normal_equations.factorise(normal)
     each, n = normal.layout.each, SAMPLES * normal.layout.each
     numbers = np.eye(n + normal.layout.count)
-    drawn = normal_equations.drawn(
+    drawn = normal_equations.draw_steps(
         normal, factor, numbers[:, :n].reshape(-1, SAMPLES, each), numbers[:, n:]
     )
     root = np.array([np.concatenate([step.turns.ravel(), step.parameters]) for step in drawn]).T
@@ -169,7 +169,7 @@ def test_derivatives_of_what_is_seen_on_the_hand(
 ) -> None:
     """The gradient, by every unknown."""
     (problem, at), (r, J) = somewhere, dense
-    normal, gradient = normal_equations.built(problem, at), J.T @ r
+    normal, gradient = normal_equations.build_normal_equations(problem, at), J.T @ r
     n = SAMPLES * normal.layout.each
     scale = np.sqrt((J**2).sum(axis=0)) * np.sqrt((r**2).sum())
     np.testing.assert_allclose(normal.c / scale[n:], gradient[n:] / scale[n:], atol=1e-8)
@@ -181,11 +181,11 @@ def test_one_limb_alone_is_the_problem_that_it_is_alone(
     """The hand's error taken out by hand: its best size for given joints leaves the residuals of the joints whitened together."""
     problem, at = somewhere
     limb, place = problem.limbs[0], at.limbs[0]
-    one = whole_hand_problem.gathered([limb], Noise())
+    one = whole_hand_problem.gather_limbs([limb], Noise())
     still = HandPlace(
         (place,), np.zeros((SAMPLES, 3)), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1)
     )
-    normal = normal_equations.built(one, still)
+    normal = normal_equations.build_normal_equations(one, still)
     where = normal.layout.error
     A = normal.limbs[0].A[:, 0][:, where, where] + np.eye(3) / normal.error_sd[:, None, None] ** 2
     a = normal.limbs[0].a[:, where]
@@ -194,5 +194,5 @@ def test_one_limb_alone_is_the_problem_that_it_is_alone(
         (kind(limb, place, 0, SAMPLES).r ** 2).sum() for kind in residuals.EVERY_SAMPLE
     )
     assert least == pytest.approx(
-        together + 0.5 * (residuals.priors(limb, place)[0] ** 2).sum(), rel=1e-9
+        together + 0.5 * (residuals.prior_residuals(limb, place)[0] ** 2).sum(), rel=1e-9
     )

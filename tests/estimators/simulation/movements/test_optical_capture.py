@@ -9,9 +9,9 @@ from handscope.estimators.hand.anatomy import IS_DOF, JOINTS, LIMITS, SEGMENT, H
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.simulation import kinematics
-from handscope.estimators.simulation.motion import COORDINATES, posture, through
+from handscope.estimators.simulation.motion import COORDINATES, make_posture, move_through
 from handscope.estimators.simulation.movements import optical_capture, task_performance
-from handscope.estimators.simulation.movements.optical_capture import Captured, Markers
+from handscope.estimators.simulation.movements.optical_capture import CapturedMotion, Markers
 from handscope.sessions.formats.qualisys import read_markers
 from tests.simulated import DEG
 
@@ -19,14 +19,14 @@ PILLOW = Path(__file__).parents[1] / "pillow_grasp.tsv.gz"
 
 
 @pytest.fixture(scope="module")
-def pillow() -> Captured:
-    return optical_capture.fitted(read_markers(PILLOW), "right")
+def pillow() -> CapturedMotion:
+    return optical_capture.fit_markers(read_markers(PILLOW), "right")
 
 
 def _markers(hand: Hand) -> tuple[Markers, np.ndarray]:
     """A simulated hand with markers where the fit believes them, bending and spreading; and all its joint angles."""
     geometry, sign = sized(hand), 1.0 if hand == "left" else -1.0
-    bent = posture(
+    bent = make_posture(
         task_performance.relaxed(),
         **{
             f"{f}_{j}_flexion": a
@@ -34,7 +34,7 @@ def _markers(hand: Hand) -> tuple[Markers, np.ndarray]:
             for j, a in (("mcp", 55), ("pip", 60), ("dip", 36))
         },
     )
-    lifted = posture(
+    lifted = make_posture(
         bent,
         wrist_x=0.1,
         wrist_z=0.1,
@@ -42,8 +42,8 @@ def _markers(hand: Hand) -> tuple[Markers, np.ndarray]:
         forearm_flexion=15.0,
         forearm_deviation=10.0,
     )
-    k = kinematics.of_motion(
-        through([(0.0, task_performance.relaxed()), (2.0, bent), (4.0, lifted)]),
+    k = kinematics.compute_kinematics(
+        move_through([(0.0, task_performance.relaxed()), (2.0, bent), (4.0, lifted)]),
         geometry,
         np.linspace(0.0, 4.0, 81),
     )
@@ -78,7 +78,7 @@ def _markers(hand: Hand) -> tuple[Markers, np.ndarray]:
 @pytest.mark.parametrize("hand", ["left", "right"])
 def test_a_known_motion_is_followed(hand: Hand) -> None:
     markers, angles = _markers(hand)
-    found = optical_capture.fitted(markers, hand)
+    found = optical_capture.fit_markers(markers, hand)
     assert np.sqrt(np.mean(found.misfit**2)) < 3e-3
     for joint in ("index_mcp", "middle_pip", "wrist"):
         flexion = found.x[:, COORDINATES[f"{joint}_flexion"]]
@@ -87,11 +87,13 @@ def test_a_known_motion_is_followed(hand: Hand) -> None:
         assert np.ptp(flexion) == pytest.approx(np.ptp(true), rel=0.25)
 
 
-def test_the_captured_markers_are_followed_within_what_a_glove_moves(pillow: Captured) -> None:
+def test_the_captured_markers_are_followed_within_what_a_glove_moves(
+    pillow: CapturedMotion,
+) -> None:
     assert np.sqrt(np.nanmean(pillow.misfit**2)) < 8e-3
 
 
-def test_a_finger_with_a_hidden_marker_is_not_known(pillow: Captured) -> None:
+def test_a_finger_with_a_hidden_marker_is_not_known(pillow: CapturedMotion) -> None:
     hidden = np.isnan(pillow.misfit).any(axis=2)
     assert hidden.any()
     flexion = pillow.x[
@@ -104,7 +106,9 @@ def test_a_finger_with_a_hidden_marker_is_not_known(pillow: Captured) -> None:
     np.testing.assert_array_equal(np.isnan(flexion), hidden)
 
 
-def test_captured_motion_is_a_performance_within_the_permitted_ranges(pillow: Captured) -> None:
+def test_captured_motion_is_a_performance_within_the_permitted_ranges(
+    pillow: CapturedMotion,
+) -> None:
     done = optical_capture.performance(pillow, "pillow", 2.5, 19.0)
     (event,) = done.events
     assert event.duration == pytest.approx(17.5)

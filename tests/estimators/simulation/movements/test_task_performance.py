@@ -7,9 +7,13 @@ import pytest
 
 from handscope.estimators.hand.anatomy import IS_DOF, JOINTS, LIMITS
 from handscope.estimators.hand.geometry import sized
-from handscope.estimators.simulation.motion import COORDINATES, posture
+from handscope.estimators.simulation.motion import COORDINATES, make_posture
 from handscope.estimators.simulation.movements import task_performance
-from handscope.estimators.simulation.movements.grasp_postures import pinch, reach, tips_of
+from handscope.estimators.simulation.movements.grasp_postures import (
+    pinch_posture,
+    reach_posture,
+    tips_of,
+)
 from tests.simulated import DEG
 
 every_task = pytest.mark.parametrize("name", task_performance.TASKS)
@@ -136,7 +140,7 @@ def test_tapping_closes_as_often_as_asked(rate: float) -> None:
 def test_every_finger_can_pinch(finger: str, hand: Any) -> None:
     geometry = sized(hand)
     tips = tips_of(
-        pinch(geometry, finger, distance=0.012, base=task_performance.relaxed()), geometry
+        pinch_posture(geometry, finger, distance=0.012, base=task_performance.relaxed()), geometry
     )
     between = np.linalg.norm(
         tips[0] - tips[1 + ["index", "middle", "ring", "little"].index(finger)]
@@ -146,15 +150,15 @@ def test_every_finger_can_pinch(finger: str, hand: Any) -> None:
 
 def test_reaching_moves_only_the_fingers_named() -> None:
     geometry, guess = sized("left"), task_performance.relaxed()
-    x = reach({("index", "middle"): 0.025}, geometry, ("index", "middle"), guess)
+    x = reach_posture({("index", "middle"): 0.025}, geometry, ("index", "middle"), guess)
     moved = {name for name, k in COORDINATES.items() if x[k] != guess[k]}
     assert moved
     assert all(name.startswith(("index", "middle")) for name in moved)
 
 
 def test_a_posture_takes_degrees_and_metres() -> None:
-    x = posture(None, wrist_x=0.3, index_pip_flexion=90.0)
+    x = make_posture(None, wrist_x=0.3, index_pip_flexion=90.0)
     assert x[COORDINATES["wrist_x"]] == 0.3
     assert x[COORDINATES["index_pip_flexion"]] == pytest.approx(np.pi / 2)
     with pytest.raises(KeyError):
-        posture(None, pinky_pip_flexion=3.0)
+        make_posture(None, pinky_pip_flexion=3.0)
