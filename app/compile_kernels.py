@@ -14,6 +14,7 @@ from handscope.estimators.magnet.tracker import tracker as magnet_tracker
 from handscope.estimators.magnet.tracker.initialisation import Setup
 from handscope.estimators.magnet.tracker.options import MagnetParams
 from handscope.estimators.magnet.tracker.tracker import Readings
+from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.sensors import zero_velocity_detector
 from handscope.estimators.simulation import artificial_finger, magnet
@@ -28,11 +29,8 @@ def compile_all() -> None:
     """Run every kernel that is compiled on its first call."""
     stuffing.unstuff(b"\x01")
     map_method = methods.BATCH["map"]
-    process(
-        map_method,
-        map_method.Params(),
-        artificial_finger.record_trial(np.random.default_rng(0), SensorErrors(), duration=10.0),
-    )
+    trial = artificial_finger.record_trial(np.random.default_rng(0), SensorErrors(), duration=10.0)
+    check_processed(process(map_method, map_method.Params(), trial), trial)
     setup, readings = _simulate_magnet()
     magnet_smoother.smooth(MagnetParams(), magnet_tracker.start(setup), readings)
 
