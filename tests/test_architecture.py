@@ -101,7 +101,7 @@ LEVELS = {  # a package imports packages of lower levels only
 MOST_FILES = 17  # of a folder, its __init__.py among them
 OF_ONE_KIND = {"measures", "commands", "protocols", "versions"}  # each file is one more of the same
 VAGUE = {"utils", "util", "helpers", "helper", "manager", "managers", "common", "base", "misc"}
-LONGEST = 570  # lines
+LONGEST = 650  # lines
 MODULES = sorted(
     p
     for room in (*ROOMS, "handscope", "tests")

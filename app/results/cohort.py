@@ -18,6 +18,7 @@ from handscope.app.workers.deadline import LIMIT, limit_time
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import process
 from handscope.sessions.files.native import SUFFIX, file_checksum
 from handscope.sessions.formats import derivative
@@ -91,9 +92,8 @@ def one(work: Work) -> Outcome:
         method = ALL_METHODS[work.method]
         params = with_options(method.Params, work.options)
         recording = formats_recordings.load(path, work.hand)
-        processed = process(
-            method, params, recording, progress=limit_time(LIMIT, lambda share: None)
-        )
+        made = process(method, params, recording, progress=limit_time(LIMIT, lambda share: None))
+        processed = check_processed(made, recording)
         out.mkdir(parents=True, exist_ok=True)
         (out / DONE).unlink(missing_ok=True)
         save_folder(

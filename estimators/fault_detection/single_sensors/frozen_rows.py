@@ -16,6 +16,7 @@ from handscope.estimators.fault_detection.single_sensors.significance import FAL
 
 SHORTEST = 0.1  # s of repeated rows that are worth a word
 CHANNELS = 3  # at least: the axes of one sensor
+MOST_FROZEN = 0.9  # of all rows; what stood still stands beside what moved
 
 
 def frozen_stretches(blocks: Sequence[Block]) -> list[Suspicion]:
@@ -38,6 +39,8 @@ def frozen_stretches(blocks: Sequence[Block]) -> list[Suspicion]:
             continue
         runs = [r for r in _runs(_repeats(values)) if block.t[r[1]] - block.t[r[0]] >= SHORTEST]
         rows = sum(b - a for a, b in runs)
+        if rows > MOST_FROZEN * len(block.t):  # a stream that never changes: its sensors are dead
+            continue
         usual = (float(_repeats(values).sum()) - rows + 1.0) / (len(values) - rows + 1.0)
         p = min(1.0, len(values) * usual ** min((b - a for a, b in runs), default=0))
         if runs and p < FALSE_ALARMS:

@@ -204,7 +204,7 @@ class Cut(io.RawIOBase):
         return len(data)
 
 
-@pytest.mark.parametrize("fails", ["_sampled", "values_of"])
+@pytest.mark.parametrize("fails", ["_sampled", "decode_values"])
 def test_what_cannot_be_read_by_a_fault_of_ours_takes_nothing_with_it_that_was_read_together(
     fails: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

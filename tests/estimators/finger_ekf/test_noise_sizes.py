@@ -111,7 +111,7 @@ def _learnt(seemed: Array, known: float, turned: float) -> Array:
     return np.sqrt(variance) / DEG
 
 
-@pytest.mark.parametrize(("gives", "believed"), [(0.6, 2.0), (6.0, 6.0)])
+@pytest.mark.parametrize(("joint_compliance_deg", "believed"), [(0.6, 2.0), (6.0, 6.0)])
 def test_that_a_joint_gives_more_than_is_believed_is_learnt_while_it_moves(
     joint_compliance_deg: float, believed: float, rng: np.random.Generator
 ) -> None:

@@ -30,7 +30,7 @@ def test_the_told_hand_has_the_mean_ratios_and_the_true_one_its_own() -> None:
         lengths = [getattr(p, of).lengths for p in PEOPLE]
         return np.array([g["index_proximal"] / g["index_middle"] for g in lengths])
 
-    np.testing.assert_allclose(ratios("told"), RATIOS["index"][0])
+    np.testing.assert_allclose(ratios("declared"), RATIOS["index"][0])
     assert ratios("true").std() == pytest.approx(0.03 * RATIOS["index"][0], rel=0.15)
     assert ratios("true").mean() == pytest.approx(RATIOS["index"][0], rel=0.01)
 

@@ -70,7 +70,7 @@ def test_one_trial_of_each_goes_through_files_and_commands() -> None:
     told = independent_grasp.measure(independent_grasp.Trial("lift", "12 Hz, calibrated", 1))[
         "lift_mass"
     ]
-    assert told.known and abs(told.value / told.true - 1) < 0.15 and not told.said
+    assert told.known and abs(told.value / told.true - 1) < 0.15 and not told.has_reason
     found = magnetometer_array.measure(magnetometer_array.Trial("moment told", 9, 1))
     assert len(found.off) > 0.5 * found.readings and np.median(found.off) < 0.003
 
