@@ -22,8 +22,8 @@ class Flag(IntFlag):
     SATURATED = 4  # the gyroscope or accelerometer was at its limit
     UNCALIBRATED = 8  # no initial pose: heading and alignment are guesses
     MAGNETIC = 16  # the magnetometer disagreed with the field learnt before
-    DOUBTFUL = 64  # something is wrong with the sensor's readings; angles may be off
     FAULTY = 32  # the sensor is broken, turned or exchanged: estimators/sensors/fault_detection.py, mounting_checks.py
+    DOUBTFUL = 64  # something is wrong with the sensor's readings; angles may be off
 
 
 FLAG_WORDS = {

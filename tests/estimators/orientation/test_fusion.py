@@ -68,7 +68,7 @@ def _oriented(blocks: list[Block], params: FusionParams = PARAMS) -> Oriented:
     return Oriented(
         *(
             np.concatenate([getattr(p, name) for p in pieces])
-            for name in ("t", "q_GS", "flags", "doubt", "sampled")
+            for name in ("t", "q_GS", "flags", "rotation_variance", "sampled")
         )
     )
 
@@ -79,7 +79,7 @@ def test_blocks_may_be_cut_anywhere_whatever_is_missing(
 ) -> None:
     block = _with_gaps(_turning(), gaps, rows)
     whole, pieces = _oriented([block]), _oriented(cut(block, where))
-    for name in ("t", "q_GS", "flags", "doubt", "sampled"):
+    for name in ("t", "q_GS", "flags", "rotation_variance", "sampled"):
         np.testing.assert_array_equal(getattr(pieces, name), getattr(whole, name), err_msg=name)
     np.testing.assert_array_equal(whole.t[whole.sampled], block.t)
 
