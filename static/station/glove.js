@@ -38,9 +38,9 @@ export function mount(root, api, { station }) {
       ...STRIPS.map((strip) => row(glove, strip)),
       ...glove.strips.filter((strip) => strip.name in BESIDE).map(beside),
     ],
-    (rows) =>
+    (states) =>
       rows.replaceChildren(
-        ...rows.map(([words, cells]) =>
+        ...states.map(([words, cells]) =>
           h(
             "tr",
             {},
