@@ -82,7 +82,7 @@ def fit_ellipsoid(
         raise InputError(f"{name}: all readings are the same; it does not answer or was not moved.")
     z = (y - middle) / size
     begin = _quadric(z, name)
-    found = least_squares(_residuals, begin, jac=_residual_jacobian, args=(z,), method="lm")  # type: ignore[call-overload]
+    found = least_squares(_residuals, begin, jac=_residual_jacobian, args=(z,), method="lm")
     noise = float(np.sqrt(2 * found.cost / (len(z) - 9)))
     s, V = np.linalg.svd(np.asarray(found.jac), full_matrices=False)[1:]
     sd = noise * np.sqrt((V.T**2 / np.maximum(s, 1e-12) ** 2).sum(axis=1))

@@ -196,7 +196,7 @@ def _standing_findings(
         named = f"the {' and '.join(axes)} {'axis' if len(axes) == 1 else 'axes'} of its {WORDS[quantity]}"
         kind, what = "dead_axis", f"{named} did not change {when}"
     kind = "magnetometer" if quantity == MAG else kind
-    return [Finding(sensor, kind, what, CHECK, "fault", spans)]  # type: ignore[arg-type]
+    return [Finding(sensor, kind, what, CHECK, "fault", spans)]
 
 
 def _merge(found: list[Finding]) -> list[Finding]:

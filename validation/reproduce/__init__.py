@@ -83,7 +83,7 @@ class Reproduction(Protocol):
 
 def reproduction(name: str) -> Reproduction:
     """The module of that name; imported when it is asked for."""
-    found: Reproduction = import_module(f"handscope.validation.{MODULES[name]}")  # type: ignore[assignment]
+    found: Reproduction = import_module(f"handscope.validation.{MODULES[name]}")
     return found
 
 

@@ -210,13 +210,13 @@ FAULTS: Mapping[str, tuple[tuple[float, ...], Fault, str, str]] = {  # sizes, ho
         lambda m, _: m.spoilt(exchanged([CHAINS[m.finger][1:]])),
         "sensors.",
         "",
-    ),  # type: ignore[list-item]
+    ),
     "proximal and middle exchanged": (
         (1,),
         lambda m, _: m.spoilt(exchanged([CHAINS[m.finger][:2]])),
         "sensors.",
         "",
-    ),  # type: ignore[list-item]
+    ),
     "distal ones of two fingers exchanged": (
         (1,),
         lambda m, _: m.spoilt(exchanged([(CHAINS[m.finger][2], CHAINS[_next(m.finger)][2])])),
