@@ -30,10 +30,19 @@ test-all:
 	@$(MAKE) --no-print-directory tests LANE=""
 
 # Lint, format, types; the import directions and the docs are tests
-check: $(VENV)/develops .types/handscope
+check: $(VENV)/develops $(VENV)/node .types/handscope
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	@if [ -x $(TSC) ]; then $(TSC); else echo "the pages' types were not checked: npm is not there, or cannot reach its packages"; fi
+
+# TypeScript's compiler reads the pages' JavaScript (tsconfig.json)
+TSC := $(VENV)/node/node_modules/.bin/tsc
+
+$(VENV)/node: Makefile
+	@mkdir -p $@
+	-@npm install --silent --no-save --no-package-lock --prefix $@ typescript@7.0.2 >/dev/null 2>&1
+	@touch $@
 
 format: $(VENV)/develops
 	$(BIN)/ruff check --fix .

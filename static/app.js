@@ -4,6 +4,7 @@ import { h } from "./dom.js";
 import { preferences } from "./preferences.js";
 import { t } from "./words/words.js";
 
+/** @type {[RegExp, () => Promise<any>][]} */
 const PAGES = [
   [/^\/$/, () => import("./pages/patients.js")],
   [/^\/patients\/(\d+)$/, () => import("./pages/patient.js")],
@@ -13,6 +14,8 @@ const PAGES = [
   [/^\/account$/, () => import("./pages/account.js")],
   [/^\/audit$/, () => import("./pages/audit.js")],
 ];
+/** @type {[RegExp, () => Promise<any>]} */
+const NONE = [/.*/, () => import("./pages/missing.js")];
 const FOR = { "/": "clinicians scientists" }; // hidden from other roles (styles/frame.css)
 const api = makeApi(() => away || depart());
 const account = api.get("/api/me").catch(() => ({ roles: ["clinician"] })); // the server refuses an unknown account
@@ -29,7 +32,7 @@ let away = false; // the document is being left: what is refused meanwhile leads
 
 async function show() {
   const mine = (turn += 1);
-  const [pattern, load] = PAGES.find(([address]) => address.test(location.pathname)) ?? [/.*/, () => import("./pages/missing.js")];
+  const [pattern, load] = PAGES.find(([address]) => address.test(location.pathname)) ?? NONE;
   leave();
   leave = () => {};
   main.replaceChildren(h("p", { class: "soft" }, t("loading")));

@@ -24,7 +24,7 @@ export function mount(root, api, { title }) {
   );
 
   async function draw(before) {
-    const query = new URLSearchParams({ limit: PAGE });
+    const query = new URLSearchParams({ limit: String(PAGE) });
     const wanted = { who: who.value.trim(), patient: patient.value.trim(), before };
     for (const [name, value] of Object.entries(wanted)) if (value) query.set(name, value);
     const lines = await api.get(`/api/audit?${query}`);

@@ -60,7 +60,7 @@ export function mount(root, api, { go, title, roles }) {
     const mine = (asked += 1);
     const words = search.value.trim();
     try {
-      const query = new URLSearchParams({ search: words, archived: archived.checked, offset, limit: PAGE });
+      const query = new URLSearchParams({ search: words, archived: String(archived.checked), offset: String(offset), limit: String(PAGE) });
       const found = await api.some(`/api/patients?${query}`);
       if (mine !== asked) return;
       box.clear();

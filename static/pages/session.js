@@ -66,7 +66,7 @@ function pick(session) {
 /** What is asked of a result: without what this page does not draw, graded as the address says. */
 function wanted() {
   const grading = new URLSearchParams(location.search).get("grading");
-  return new URLSearchParams({ lean: true, ...(grading && { grading }) });
+  return new URLSearchParams({ lean: "true", ...(grading && { grading }) });
 }
 
 function draw(root, api, about) {

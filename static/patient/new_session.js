@@ -103,7 +103,7 @@ export function mount(root, api, { record, kept, go }) {
 
 /** What speaks against the clock that dates the session. */
 function clockWarnings({ clock, sessions }) {
-  const browser = Math.abs(Date.now() - new Date(clock.now)) > CLOCKS ? ["browser"] : [];
+  const browser = Math.abs(Date.now() - Date.parse(clock.now)) > CLOCKS ? ["browser"] : [];
   const last = sessions.length ? dayAndTime(sessions[0].started) : "";
   return [...clock.doubts, ...browser].map((doubt) =>
     h("p", { class: "warning" }, t(`clock.${doubt}`, { now: dayAndTime(clock.now), last }), " ", t("clock.next")),

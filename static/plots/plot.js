@@ -54,6 +54,7 @@ export function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 }
 
+/** @returns {uPlot.Options} */
 function optionsOf(wanted, root) {
   const axis = {
     stroke: colour("--ink-soft"),
@@ -88,6 +89,7 @@ function lineOf(line) {
   return { stroke, width: 2, dash: line.dash, points, spanGaps: Boolean(line.points), ...bars, ...alone };
 }
 
+/** @returns {[number, number]} */
 function xRange(wanted, low, high) {
   if (wanted.window) return wanted.window(high ?? 0);
   return low === null || low === high
@@ -97,7 +99,10 @@ function xRange(wanted, low, high) {
       : [low, high];
 }
 
-/** Zero is in it unless other values are to be, with a little air beyond the data, so that a still hand is a flat line. */
+/**
+ * Zero is in it unless other values are to be, with a little air beyond the data, so that a still hand is a flat line.
+ * @returns {[number, number]}
+ */
 function yRange(wanted, low, high) {
   if (low === null) return [0, 10];
   if (wanted.low !== undefined) {

@@ -24,7 +24,8 @@ export function mount(root, api, { record }) {
       body.replaceChildren(h("p", { class: "empty" }, h("strong", {}, t("course.empty")), t("course.empty.next")));
       return;
     }
-    hands.sort((a, b) => (b === payload.affected) - (a === payload.affected) || payload.sessions[b].length - payload.sessions[a].length);
+    const first = (hand) => (hand === payload.affected ? 1 : 0);
+    hands.sort((a, b) => first(b) - first(a) || payload.sessions[b].length - payload.sessions[a].length);
     const chosen = { hand: hands[0], against: "first", task: null, part: null };
     const change = (more) => {
       Object.assign(chosen, more);

@@ -68,5 +68,5 @@ function fields() {
 /** A moment as the field takes it: this computer's local time. */
 function local(moment) {
   const at = new Date(moment);
-  return new Date(at - at.getTimezoneOffset() * MINUTE).toISOString().slice(0, 16);
+  return new Date(at.getTime() - at.getTimezoneOffset() * MINUTE).toISOString().slice(0, 16);
 }

@@ -61,6 +61,6 @@ export function mount(root, api, { record, draft }) {
 
   onSubmit(form, box, () => save(values()));
   return () => {
-    draft.held = form.contains(document.activeElement) ? document.activeElement.name : "";
+    draft.held = form.contains(document.activeElement) ? document.activeElement.getAttribute("name") ?? "" : "";
   };
 }

@@ -52,7 +52,7 @@ export function mount(root, api, { station, given }) {
     closeQuestion();
     box.clear();
     const primary = leading(station.latest);
-    const shown = [...allowed].filter((act) => !ELSEWHERE.includes(act)).sort((a, b) => (b === primary) - (a === primary));
+    const shown = [...allowed].filter((act) => !ELSEWHERE.includes(act)).sort((a, b) => Number(b === primary) - Number(a === primary));
     const drawn = shown.map((act) =>
       button(act, label(station.latest, act), act === primary || (state === "tasks" && act === "finish" && !next(wizard)), () => wish(act)),
     );

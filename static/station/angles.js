@@ -2,12 +2,8 @@
 import { h, paced, whenChanged } from "../dom.js";
 import { angleWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
+import { HAND_ROWS } from "./joint_rows.js";
 
-const ROWS = [
-  ["thumb", ["thumb_cmc", "thumb_mcp", "thumb_ip"]],
-  ...["index", "middle", "ring", "little"].map((finger) => [finger, ["mcp", "pip", "dip"].map((joint) => `${finger}_${joint}`)]),
-  ["wrist", ["wrist"]],
-];
 const PAUSE = 200; // ms
 
 export function mount(root, api, { station }) {
@@ -20,7 +16,7 @@ export function mount(root, api, { station }) {
   const draw = whenChanged((pulse) => wordsOf(pulse.angles), rows);
 
   function rows(wordsByJoint) {
-    const shown = ROWS.filter(([, joints]) => joints.some((joint) => wordsByJoint[joint]));
+    const shown = HAND_ROWS.filter(([, joints]) => joints.some((joint) => wordsByJoint[joint]));
     empty.hidden = shown.length > 0;
     table.hidden = !shown.length;
     body.replaceChildren(

@@ -4,11 +4,8 @@ import { progressBar } from "../progress_bar.js";
 import { foundTables } from "../self_calibration_tables.js";
 import { jointWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
+import { FINGER_ROWS } from "./joint_rows.js";
 
-const ROWS = [
-  ["thumb", ["thumb_cmc", "thumb_mcp", "thumb_ip"]],
-  ...["index", "middle", "ring", "little"].map((finger) => [finger, ["mcp", "pip", "dip"].map((joint) => `${finger}_${joint}`)]),
-];
 const MOVING = ["free_countdown", "free_run", "free_work"];
 const NAMED = 3; // joints that are named at a time
 const ENOUGH = 1; // share of what is enough below which a joint is named
@@ -34,7 +31,7 @@ export function mount(root, api, { station }) {
     ({ wizard, self_calibration }) => [wizard.state, self_calibration?.meter ?? []],
     ([state, joints]) => {
       const seen = Object.fromEntries(joints.map((joint) => [joint.joint, joint]));
-      const rows = ROWS.filter(([, names]) => names.some((name) => seen[name]));
+      const rows = FINGER_ROWS.filter(([, names]) => names.some((name) => seen[name]));
       body.replaceChildren(...rows.map(([finger, names]) => row(finger, names, seen)));
       const few = notEnough(joints);
       const named = few.slice(0, NAMED).join(", ");

@@ -2,12 +2,8 @@
 import { h, whenChanged } from "../dom.js";
 import { jointWords, segmentWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
+import { HAND_ROWS } from "./joint_rows.js";
 
-const ROWS = [
-  ["thumb", ["thumb_cmc", "thumb_mcp", "thumb_ip"]],
-  ...["index", "middle", "ring", "little"].map((finger) => [finger, ["mcp", "pip", "dip"].map((joint) => `${finger}_${joint}`)]),
-  ["wrist", ["wrist"]],
-];
 const COLOUR = { good: "good", fair: "", poor: "warn", none: "" };
 const OPEN = ["pose_review"];
 
@@ -31,7 +27,7 @@ export function mount(root, api, { station }) {
       const byJoint = Object.fromEntries(joints.map((joint) => [joint.joint, joint]));
       const least = ["poor", "fair", "good"].find((grade) => joints.some((joint) => joint.grade === grade)) ?? "none";
       mark(worst, least);
-      body.replaceChildren(...(joints.length ? ROWS.map(([finger, names]) => row(finger, names.map((name) => byJoint[name]))) : []));
+      body.replaceChildren(...(joints.length ? HAND_ROWS.map(([finger, names]) => row(finger, names.map((name) => byJoint[name]))) : []));
       why.replaceChildren(...reasons(joints).map((words) => h("li", {}, words)));
     },
   );

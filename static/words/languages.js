@@ -1,4 +1,5 @@
 /** Which languages there are, and which of them this browser wants. */
+// @ts-expect-error: the server writes this module
 import LANGUAGES from "/languages/names.js";
 
 export { LANGUAGES };
