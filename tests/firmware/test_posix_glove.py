@@ -93,7 +93,13 @@ def program(make: Make) -> Path:
     return make("posix") / "glove"
 
 
-@pytest.fixture(scope="module", params=[("icm42688p", "left"), ("lsm6dsv16x", "right")])
+@pytest.fixture(
+    scope="module",
+    params=[
+        ("icm42688p", "left"),
+        pytest.param(("lsm6dsv16x", "right"), marks=pytest.mark.slow),
+    ],
+)
 def recorded(
     request: pytest.FixtureRequest, program: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, str]:

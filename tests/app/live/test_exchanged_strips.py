@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from handscope.app.live.station import Station
 from handscope.app.live.wizard.machine import State
@@ -14,6 +15,7 @@ from tests.app.devices.virtual import virtual_glove, wait_for
 from tests.app.live.test_live_numbers import setup_of
 
 
+@pytest.mark.slow
 def test_two_strips_on_each_others_finger_are_found_exchanged_and_read_as_worn(
     tmp_path: Path,
 ) -> None:

@@ -220,6 +220,7 @@ def test_a_sensor_mounted_wrong_is_among_the_warnings_of_the_calibration() -> No
     assert warning.startswith("ring_middle: it sits turned by about 90 deg")
 
 
+@pytest.mark.slow
 def test_a_functional_calibration_in_force_from_the_next_pose_on_is_what_a_batch_run_of_the_recording_finds() -> (
     None
 ):

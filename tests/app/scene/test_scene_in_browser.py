@@ -143,7 +143,13 @@ def hand_like(picture: Picture) -> bool:
     )
 
 
-@pytest.mark.parametrize("sizes", [("wide", "small"), ("narrow",)], ids=" then ".join)
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        pytest.param(("wide", "small"), id="wide then small", marks=pytest.mark.slow),
+        pytest.param(("narrow",), id="narrow"),
+    ],
+)
 def test_a_hand_is_drawn_in_the_middle_at_every_size(
     browser: Browser, scene: HandScene, served: Site, sizes: tuple[str, ...], tmp_path: Path
 ) -> None:
@@ -323,6 +329,7 @@ def test_where_the_hand_has_been_is_a_line_that_comes_and_goes(
     seen(page, lambda p: hand_like(p) and line(p).sum() == 0)
 
 
+@pytest.mark.slow
 def test_what_fingertips_push_with_is_an_arrow_and_a_number_each(
     page: Page, scene: HandScene, tmp_path: Path
 ) -> None:

@@ -124,6 +124,7 @@ def _roots(made: Simulated) -> tuple[tuple[float, float, float], tuple[float, fl
     return made.geometry.joint_positions["index_mcp"], made.geometry.joint_positions["middle_mcp"]
 
 
+@pytest.mark.slow
 def test_where_fingers_have_no_skin_the_hand_is_not_believed_to_have_any() -> None:
     """A hand's skin that slides with the joint looks like length: where it may, a length is not known to a hundredth."""
     recording = recorded(2, 16.0, skin=False)
@@ -133,6 +134,7 @@ def test_where_fingers_have_no_skin_the_hand_is_not_believed_to_have_any() -> No
         assert abs(off) < 3.0 * found.lengths_sd[name] < 0.01 * artificial_finger.HINGES
 
 
+@pytest.mark.slow
 def test_a_stiff_joint_is_named_and_the_rest_is_calibrated() -> None:
     """PIP stays at 20 deg: its neighbours' lengths stay as given, and what is told of angles holds."""
     recording = stiffened(4, 11.0, {"index_pip_flexion": 20.0})
@@ -183,7 +185,7 @@ def test_five_seconds_are_too_few() -> None:
     )
 
 
-@pytest.mark.parametrize("spoke", [0, 1150])
+@pytest.mark.parametrize("spoke", [0, pytest.param(1150, marks=pytest.mark.slow)])
 def test_a_last_sensor_that_falls_silent_costs_its_own_segment_alone(spoke: int) -> None:
     """Never heard, or heard for a while: its neighbours are found, and of its own joint nothing is claimed."""
     recording = recorded(2, 16.0, skin=True)
@@ -209,6 +211,7 @@ def test_a_last_sensor_that_falls_silent_costs_its_own_segment_alone(spoke: int)
     assert (np.isnan(of_dip) | (of_dip > 30.0 * DEG)).all()
 
 
+@pytest.mark.slow
 def test_knocks_on_gyroscopes_are_named_and_cost_nothing() -> None:
     """One sample of three sensors off by hundreds of deg/s: a turn of some degrees that never was."""
     recording, rng = recorded(2, 12.0, skin=True), np.random.default_rng(102)

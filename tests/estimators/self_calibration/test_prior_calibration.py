@@ -46,6 +46,7 @@ def test_measured_lengths_make_a_short_recording_sure() -> None:
         assert told.lengths_sd[name] < 0.8 * alone.lengths_sd[name]
 
 
+@pytest.mark.slow
 def test_a_length_that_was_measured_wrongly_and_a_mounting_that_is_not_so_give_way() -> None:
     """0.2 mm was said, it is 12 mm; sensors are said to sit within 5 deg, and sit 40 deg off."""
     problem, guess = cold(_between(2.5, 9.0), MEASURED)

@@ -36,6 +36,7 @@ def test_a_finger_is_measured_from_a_cold_start(solved: Solution) -> None:
     assert abs(solved.at.delay[0]) < 1e-4
 
 
+@pytest.mark.slow
 def test_scale_and_cross_axis_errors_are_found_and_what_they_leave_is_told() -> None:
     """Readings that are off by some thousandths: without the matrices among the unknowns lengths were off by 4 % of 20 s, five times what was told."""
     made = artificial_finger.record_trial(
@@ -123,6 +124,7 @@ def test_the_minimum_is_one(solved: Solution) -> None:
     assert np.abs(step.parameters / np.sqrt(np.diag(solved.factor.covariance))).max() < 0.1
 
 
+@pytest.mark.slow
 def test_a_knock_is_trusted_less(solved: Solution) -> None:
     """A sensor hit for three samples changes nothing that matters."""
     acc = solved.problem.acc.copy()
@@ -136,6 +138,7 @@ def test_a_knock_is_trusted_less(solved: Solution) -> None:
     }
 
 
+@pytest.mark.slow
 def test_knocks_that_all_sensors_feel_are_carried_from_a_cold_start() -> None:
     """Six in 16 s, on accelerometers and gyroscopes, the others a fifth as hard: each is laid at the sensor that was hit."""
     recording, rng = recorded(2, DURATION, skin=True), np.random.default_rng(7)

@@ -2,6 +2,8 @@
 
 import math
 
+import pytest
+
 from handscope.validation.papers import kortier5, published
 from handscope.validation.papers.kortier5 import (
     LIMITS,
@@ -14,6 +16,7 @@ from handscope.validation.papers.kortier5 import (
 from handscope.validation.reproduce import Wanted
 
 
+@pytest.mark.slow
 def test_one_trial_gives_every_figure_with_four_and_with_one() -> None:
     found = kortier5.measure(Trial("both", 0))
     assert set(found) == set(MAGNETOMETERS)

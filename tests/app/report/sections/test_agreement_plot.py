@@ -4,6 +4,7 @@ import io
 
 import matplotlib.image
 import numpy as np
+import pytest
 
 from handscope.app.report.sections.agreement_plot import agreement_chart
 from handscope.estimators.measures.comparison import WHOLE, Agreement, Pair, agreements
@@ -44,6 +45,7 @@ def test_a_negative_bias_has_a_minus_and_not_a_hyphen() -> None:
     assert ">-" not in svg[svg.index("<text") :]
 
 
+@pytest.mark.slow
 def test_every_quantity_has_a_panel_and_the_same_figure_the_same_bytes() -> None:
     made, found = pairs(4)
     svg = agreement_chart(made, found, "svg").decode()

@@ -102,6 +102,7 @@ def test_both_moving_is_followed_within_the_target(
     assert not track.doubtful[late].any()
 
 
+@pytest.mark.slow
 def test_later_readings_make_the_way_smooth_and_nearer_and_no_surer_than_it_is(
     both: tuple[Motion, Setup, Readings, Track],
 ) -> None:
@@ -414,6 +415,7 @@ def test_the_moment_of_a_magnet_that_nobody_measured_is_learnt(
     assert np.linalg.norm(found.magnet.moment - w.moment) < 0.04 * np.linalg.norm(w.moment)
 
 
+@pytest.mark.slow
 def test_standard_deviations_are_honest() -> None:
     """Normalised errors squared, one instant a second of eight plates: 1 where they are; too careful is not honest either."""
     found = []
@@ -448,6 +450,7 @@ def test_missing_and_saturated_readings_are_left_out(
     assert np.sqrt((_off(m, track)[m.t > 10.0] ** 2).mean()) < 0.025
 
 
+@pytest.mark.slow
 def test_a_second_magnet_is_flagged_and_not_believed(
     both: tuple[Motion, Setup, Readings, Track],
 ) -> None:

@@ -40,6 +40,7 @@ def test_a_finger_that_moves_well_is_as_sure_as_it_was(solved: Solution) -> None
     assert np.abs(made_up[c.near.stop :]).max() == 0.0
 
 
+@pytest.mark.slow
 def test_where_the_knuckle_is_from_a_hand_that_only_travels_is_not_claimed() -> None:
     """An arm of 75 mm, off by centimetres; before its standard deviation was 4 mm. The lengths are told as well as ever."""
     found = solver.solve_with_noise(*cold(stiffened(3, 9.0, dict.fromkeys(TURNS, 0.0))))
