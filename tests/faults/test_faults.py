@@ -62,6 +62,7 @@ def recorders(server: Victim) -> list[int]:
     ]
 
 
+@pytest.mark.slow
 def test_a_recorder_that_outlives_its_server_and_slow_browsers_lose_nothing(
     server: Victim, glove: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -126,6 +127,7 @@ def test_another_glove_on_the_cable_is_told_and_the_session_is_finished(
     assert any("another glove" in w for w in recording.warnings)
 
 
+@pytest.mark.slow
 def test_a_clock_that_jumps_and_a_method_that_fails_cost_no_sample(
     server: Victim, glove: Path
 ) -> None:

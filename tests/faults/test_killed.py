@@ -10,6 +10,7 @@ from tests.faults.killing import STAGES, clinic
 TIMES = int(os.environ.get("HANDSCOPE_KILLS", "4"))
 
 
+@pytest.mark.slow
 def test_a_server_killed_at_any_moment_has_lost_nothing(tmp_path: Path) -> None:
     order = [STAGES[k % len(STAGES)] for k in range(TIMES)]
     random.Random(TIMES).shuffle(order)

@@ -76,6 +76,7 @@ def client(data: Path) -> Iterator[TestClient]:
         yield browser
 
 
+@pytest.mark.slow
 def test_whatever_is_asked_of_the_api_is_answered(client: TestClient, data: Path) -> None:
     schema, asked, bad_answers = (
         schemathesis.openapi.from_dict(client.app.openapi()),

@@ -71,6 +71,7 @@ def _loads(folder: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_glove_calibrated_by_hand_weighs_right(
     another_page: Callable[..., Page], server: Server, tmp_path: Path
 ) -> None:

@@ -42,6 +42,7 @@ def posed(page: Page) -> None:
     shown(act(page, "accept"))
 
 
+@pytest.mark.slow
 def test_a_hand_calibrates_itself_and_the_next_session_is_asked(
     another_page: Callable[..., Page], server: Server, one_finger: Path
 ) -> None:

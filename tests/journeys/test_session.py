@@ -177,6 +177,7 @@ def done_well(page: Page, picture: str = "") -> None:
     expect(good).to_be_visible()
 
 
+@pytest.mark.slow
 def test_a_calibration_by_movements_is_led_through_and_used(
     page_without_scene: Page, server: Server
 ) -> None:

@@ -15,6 +15,7 @@ from tests.app.commands.test_commands import refused, table
 from tests.app.devices.virtual import virtual_glove
 
 
+@pytest.mark.slow
 def test_a_replayed_recording_gives_the_same_live_in_batch_and_from_its_original(
     tmp_path: Path,
 ) -> None:
@@ -82,6 +83,7 @@ def test_a_glove_of_the_other_hand_is_refused_at_once_and_may_be_recorded_again(
     assert native.load(out).hand == "left"
 
 
+@pytest.mark.slow
 def test_strips_and_cables_that_were_pulled_are_told_with_their_times(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

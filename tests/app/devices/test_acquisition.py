@@ -74,6 +74,7 @@ def test_a_killed_recording_process_leaves_all_but_the_last_second(
     assert any("was not closed" in w for w in recording.warnings)
 
 
+@pytest.mark.slow
 def test_when_the_server_is_killed_the_recording_is_finished(port: Path, tmp_path: Path) -> None:
     code = (
         "import sys, time, pathlib; from handscope.app.devices.glove import Glove\n"

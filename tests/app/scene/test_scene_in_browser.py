@@ -268,6 +268,7 @@ def test_the_ghost_comes_in_another_hue_and_goes(
     seen(page, lambda p: hand_like(p) and p.share(p.ghost) < 1e-4)
 
 
+@pytest.mark.slow
 def test_one_segment_is_lit_and_no_other(page: Page, scene: HandScene, tmp_path: Path) -> None:
     scene.show(postures.angles_of(task_performance.flat()), None)
     where = {}
@@ -359,6 +360,7 @@ def test_what_fingertips_push_with_is_an_arrow_and_a_number_each(
     seen(page, lambda p: hand_like(p) and arrow(p).sum() == 0)
 
 
+@pytest.mark.slow
 def test_an_instruction_is_written_and_replaced(
     page: Page, scene: HandScene, tmp_path: Path
 ) -> None:

@@ -78,6 +78,7 @@ def test_killing_one_that_has_not_begun_is_nothing() -> None:
         assert process.do(divmod, 7, 2) == (3, 1)
 
 
+@pytest.mark.slow
 def test_it_leaves_when_its_parent_is_killed() -> None:
     with subprocess.Popen(
         [sys.executable, "-c", PARENT],

@@ -26,6 +26,7 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+@pytest.mark.slow
 def test_a_recording_moves_away_and_pages_still_have_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

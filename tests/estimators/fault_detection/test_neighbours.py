@@ -35,6 +35,7 @@ def test_an_intact_recording_is_not_suspected() -> None:
     assert told(intact()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "pair",
     [

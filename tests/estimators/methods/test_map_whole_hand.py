@@ -76,6 +76,7 @@ def _kept(function: Callable[..., Any], found: list[Any]) -> Callable[..., Any]:
     return called
 
 
+@pytest.mark.slow
 def test_a_hand_is_calibrated_with_its_fingers_at_once(case: Case) -> None:
     """From an average hand's lengths and nominal mountings."""
     found = case.done.calibrations[0]

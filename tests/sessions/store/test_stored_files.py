@@ -128,6 +128,7 @@ def test_a_recording_that_is_not_what_was_recorded_stays_where_it_is(
     assert lying(store.folder) == {RUNNING, CLOSED} and CLOSED not in away(url)
 
 
+@pytest.mark.slow
 def test_while_the_storage_is_away_everything_waits_in_the_folder(
     s3: S3Server, tmp_path: Path
 ) -> None:

@@ -12,10 +12,12 @@ def measured() -> Found:
     return fault_table.measure(Trial("fist and flat hand", 0))
 
 
+@pytest.mark.slow
 def test_a_recording_without_a_fault_raises_no_alarm(measured):
     assert measured.alarms == ()
 
 
+@pytest.mark.slow
 def test_faults_of_all_sensors_are_found_and_named(measured):
     for fault in ("all gyroscopes negated", "all gyroscopes in deg/s", "all accelerometers in g"):
         assert measured.found[fault, 1.0] and measured.named[fault, 1.0], fault

@@ -521,6 +521,7 @@ def test_errors_that_are_ordinary_one_by_one_are_not_when_they_come_together() -
     assert tracking.deviation_p_value(np.full((1, 30), 2.0), np.tile(left, (1, 1)))[0] < 1e-6
 
 
+@pytest.mark.slow
 def test_magnetometers_that_were_never_calibrated_are_flagged(
     both: tuple[Motion, Setup, Readings, Track],
 ) -> None:
