@@ -5,6 +5,8 @@ import random
 import time
 from pathlib import Path
 
+import pytest
+
 from tests.faults.killing import STAGES, clinic
 
 TIMES = int(os.environ.get("HANDSCOPE_KILLS", "4"))
