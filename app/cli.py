@@ -20,6 +20,7 @@ VERBS = {
     "restore": "put a backup into an empty data folder",
     "glove": "a virtual glove behind a pseudo-terminal",
     "record": "record a glove without the pages, with the live tracker running",
+    "doctor": "who is at a port, and is it well? ends in pass or in what to mend",
     "simulate": "write a simulated recording as Motion-BIDS, with the truth beside it",
     "process": "run a method over a recording",
     "compare": "how far two recordings of one movement agree",

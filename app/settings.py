@@ -1,5 +1,6 @@
 """What a server is started with; `create_app` builds everything from it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,9 +20,12 @@ class Settings:
         20 * 10**9
     )  # of files that are in the object storage, kept on this disk as well
     hosts: tuple[str, ...] = ()  # names under which the server may be addressed besides its own
-    demo_ports: tuple[str, ...] = field(
-        default=()
-    )  # ports of virtual gloves that this program put up
+    demo_ports: Mapping[str, str] = field(
+        default_factory=dict
+    )  # ports of virtual gloves that this program put up, and what they are called
+    allowed_ports: tuple[
+        str, ...
+    ] = ()  # shell patterns of network addresses that a session may open as a glove's port
     proxies: tuple[
         str, ...
     ] = ()  # addresses of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are believed

@@ -15,6 +15,7 @@ from starlette.responses import FileResponse
 
 from handscope.app.api.pseudonymisation import for_reader
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
+from handscope.app.devices import ports
 from handscope.app.live.stations import live_setup
 from handscope.app.options import with_options
 from handscope.app.state import Db, Parts, PartsDep
@@ -54,7 +55,10 @@ class NewSession(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     hand: str
-    port: str = Field(max_length=400, description="serial port of the glove")
+    port: str = Field(
+        max_length=400,
+        description="serial port of the glove, or an address that the administrator allowed",
+    )
     method: str = "m2"
     options: dict[str, Any] = {}
     examiner: str = Field("", max_length=200)
@@ -112,6 +116,8 @@ def begin_session(db: Db, parts: PartsDep, patient_id: int, new: NewSession) -> 
     patient, hand = patients.get(db, patient_id), records.hand_of(new.hand)
     if new.reuse is None and self_calibrations.of_hand(patient, hand):
         raise InputError(UNDECIDED)
+    settings = parts.settings
+    ports.require_allowed(new.port, (*settings.allowed_ports, *settings.demo_ports))
     parts.stations.require_free(new.port)
     make_setup = live_setup(new.method, new.options, parts.store.folder)
     session, file = records.begin(

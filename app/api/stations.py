@@ -1,7 +1,6 @@
 """/api/stations: live sessions and replays as they run; /api/gloves: where gloves may be plugged in"""
 
 import asyncio
-from pathlib import Path
 from typing import Any
 
 from fastapi import APIRouter, WebSocket
@@ -34,13 +33,18 @@ class StationAction(BaseModel):
 
 @router.get("/gloves")
 def list_gloves(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
-    """Serial ports where a glove may be, virtual gloves of this server first."""
+    """Ports and addresses where a glove may be, virtual gloves of this server first."""
     own = [
-        {"path": p, "description": Path(p).name.replace("-", " "), "virtual": True}
-        for p in parts.settings.demo_ports
+        {"path": p, "description": name, "virtual": True}
+        for p, name in parts.settings.demo_ports.items()
     ]
     real = [
         {"path": p.path, "description": p.description, "virtual": False} for p in ports.available()
+    ]
+    network = [
+        {"path": url, "description": "glove in the network", "virtual": False}
+        for url in parts.settings.allowed_ports
+        if not set(url) & set("*?[")
     ]
     return [
         {
@@ -48,7 +52,7 @@ def list_gloves(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
             "description": language.translate(str(port["description"])),
             "in_use": parts.stations.uses(str(port["path"])),
         }
-        for port in (*own, *real)
+        for port in (*own, *real, *network)
     ]
 
 

@@ -1,11 +1,12 @@
 """`handscope demo`: serve with virtual gloves and a demonstration patient; nothing but a browser is needed."""
 
 import argparse
+import os
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
+from contextlib import ExitStack
 
 from handscope.app.commands import serve
 from handscope.app.commands.words import say
@@ -42,55 +43,58 @@ def run(arguments: argparse.Namespace) -> int:
                 year_of_birth=1960,
                 note="A simulated person with a virtual glove on either hand.",
             )
-    gloves = arguments.data / "gloves"
-    gloves.mkdir(exist_ok=True)
     signal.signal(
         signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM)
     )  # as Ctrl-C does: what is below is undone
-    paths = [gloves / f"virtual-{hand}-glove" for hand in GLOVES]
-    processes = [
-        _glove(path, hand, seed, arguments.strips)
-        for seed, (path, hand) in enumerate(zip(paths, GLOVES))
-    ]
-    try:
-        _wait(paths, processes)
-        serve.serve(arguments, tuple(str(p) for p in paths), browser=not arguments.no_browser)
-    finally:
-        for process in processes:
-            process.terminate()
-        for process in processes:
-            process.wait()
-        for path in paths:
-            path.unlink(missing_ok=True)
+    with ExitStack() as gloves:
+        put_up = _terminals if hasattr(os, "openpty") else _addresses
+        ports = zip(put_up(arguments, gloves), (f"virtual {hand} glove" for hand in GLOVES))
+        serve.serve(arguments, dict(ports), browser=not arguments.no_browser)
     say("stopped")
     return 0
 
 
-def _glove(path: Path, hand: str, seed: int, strips: str) -> "subprocess.Popen[bytes]":
-    path.unlink(missing_ok=True)
-    words = [
-        sys.executable,
-        "-P",
-        "-m",
-        "handscope.app.cli",
-        "glove",
-        "--pty",
-        str(path),
-        "--hand",
-        hand,
-        "--seed",
-        str(seed),
-        "--strips",
-        strips,
-    ]
-    return subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-
-
-def _wait(paths: list[Path], processes: "list[subprocess.Popen[bytes]]") -> None:
-    """A glove that is slow, on a machine that is busy, is waited for; one that ended is not."""
-    while not all(path.is_symlink() for path in paths):
+def _terminals(arguments: argparse.Namespace, gloves: ExitStack) -> tuple[str, ...]:
+    """A glove a hand behind pseudo-terminals in the data folder, until `gloves` is closed."""
+    folder = arguments.data / "gloves"
+    folder.mkdir(exist_ok=True)
+    paths = [folder / f"virtual-{hand}-glove" for hand in GLOVES]
+    for path in paths:
+        path.unlink(missing_ok=True)
+        gloves.callback(path.unlink, missing_ok=True)
+    processes = _start(arguments, gloves, [["--pty", str(path)] for path in paths])
+    while not all(path.is_symlink() for path in paths):  # slow ones are waited for
         if any(p.poll() is not None for p in processes):
-            raise InputError(
-                "the virtual gloves did not start; does this system have pseudo-terminals?"
-            )
+            raise InputError(f"the virtual gloves did not start; is {folder} a local folder?")
         time.sleep(0.05)
+    return tuple(str(path) for path in paths)
+
+
+def _addresses(arguments: argparse.Namespace, gloves: ExitStack) -> tuple[str, ...]:
+    """The same over TCP, for systems without pseudo-terminals."""
+    processes = _start(arguments, gloves, [["--tcp", "127.0.0.1:0"]] * len(GLOVES))
+    first = [p.stdout.readline().decode() if p.stdout else "" for p in processes]
+    ports = tuple(line.split()[-1] if "socket://" in line else "" for line in first)
+    if not all(ports):
+        raise InputError("the virtual gloves did not start; may programs listen on 127.0.0.1?")
+    return ports
+
+
+def _start(
+    arguments: argparse.Namespace, gloves: ExitStack, where: list[list[str]]
+) -> "list[subprocess.Popen[bytes]]":
+    """A process a glove; all are ended before the links are taken away."""
+    program = [sys.executable, "-P", "-m", "handscope.app.cli", "glove"]
+    processes = [
+        subprocess.Popen(
+            [*program, *place, "--hand", hand, "--seed", str(k), "--strips", arguments.strips],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE if "--tcp" in place else subprocess.DEVNULL,
+        )
+        for k, (hand, place) in enumerate(zip(GLOVES, where))
+    ]
+    for process in processes:
+        gloves.callback(process.wait)
+    for process in processes:
+        gloves.callback(process.terminate)
+    return processes

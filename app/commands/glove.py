@@ -1,4 +1,4 @@
-"""`handscope glove`: a virtual glove behind a pseudo-terminal that speaks the wire protocol of a real one."""
+"""`handscope glove`: a virtual glove behind a pseudo-terminal or a TCP port; it speaks the wire protocol of a real one."""
 
 import argparse
 import json
@@ -7,13 +7,15 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from handscope.app.commands.words import say, seed
-from handscope.app.devices.virtual_glove import terminal
+from handscope.app.devices.virtual_glove import session, tcp
 from handscope.app.devices.virtual_glove.faults import FaultParams, Faults
 from handscope.app.devices.virtual_glove.firmware import Build, Firmware
 from handscope.app.devices.virtual_glove.flash import Flash, factory_flash, require_fitting
@@ -33,12 +35,18 @@ ALL_STRIPS = (*FINGERS, "forearm")
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument(
         "--pty",
         type=Path,
-        required=True,
         metavar="PATH",
         help="where the port appears: a link to a pseudo-terminal",
+    )
+    where.add_argument(
+        "--tcp",
+        type=_address,
+        metavar="HOST:PORT",
+        help="listen there instead, on any system; port 0 takes a free one",
     )
     parser.add_argument("--hand", choices=HANDS, help="left, or the recording's")
     parser.add_argument(
@@ -144,7 +152,7 @@ def run(arguments: argparse.Namespace) -> int:
     signal.signal(
         signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM)
     )  # so that the link is taken away
-    terminal.require_free(arguments.pty)
+    address, plug = _line(arguments)
     rng = np.random.default_rng(arguments.seed)
     wearer = _wearer(arguments, rng)
     kind = arguments.format or ("float32" if arguments.replay else "int16")
@@ -163,15 +171,15 @@ def run(arguments: argparse.Namespace) -> int:
             _forces(arguments.force_setup, wearer),
             not arguments.untold,
         )
-    script = terminal.Script(_actions(arguments, [s.name for s in wearer.streams]))
+    script = session.Script(_actions(arguments, [s.name for s in wearer.streams]))
     faults = Faults(
         FaultParams(
             **{n: getattr(arguments, n) for n in ("loss", "repeat", "corrupt", "garbage", "delay")}
         ),
         rng,
     )
-    say(f"{wearer.hand} glove with {', '.join(s.name for s in wearer.streams)} at {arguments.pty}")
-    if sys.stdin is not None and sys.stdin.isatty():
+    say(f"{wearer.hand} glove with {', '.join(s.name for s in wearer.streams)} at {address}")
+    if _is_typed():
         say("type: pull STRIP, plug STRIP, unplug SECONDS, task NAME")
     powered = [0]
 
@@ -181,8 +189,26 @@ def run(arguments: argparse.Namespace) -> int:
             wearer.__post_init__()
         return Firmware(wearer, replace(build, boot_id=int(rng.integers(1, 2**31))), rng, flash)
 
-    terminal.serve(arguments.pty, power_up, faults, script, arguments.speed, _typing(script))
+    session.serve(plug, power_up, faults, script, arguments.speed, _typing(script))
     return 0
+
+
+def _line(
+    arguments: argparse.Namespace,
+) -> tuple[str, Callable[[], AbstractContextManager[session.Line]]]:
+    """Where the glove is found, and what plugs its cable in."""
+    if arguments.tcp:
+        listener = tcp.listen(*arguments.tcp)
+        host, port = listener.getsockname()[:2]
+        return f"socket://{host}:{port}", partial(tcp.plug, listener)
+    try:
+        from handscope.app.devices.virtual_glove import pseudo_terminal
+    except ImportError:
+        raise InputError(
+            "this system has no pseudo-terminals; serve the glove with --tcp 127.0.0.1:0"
+        ) from None
+    pseudo_terminal.require_free(arguments.pty)
+    return str(arguments.pty), partial(pseudo_terminal.plug, arguments.pty)
 
 
 def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
@@ -259,7 +285,7 @@ def _rates(words: list[str]) -> tuple[float, dict[str, float]]:
     return common, single
 
 
-def _actions(arguments: argparse.Namespace, strips: Sequence[str]) -> list[terminal.Action]:
+def _actions(arguments: argparse.Namespace, strips: Sequence[str]) -> list[session.Action]:
     actions = []
     for verb in ("pull", "plug"):
         for word in getattr(arguments, verb):
@@ -270,28 +296,40 @@ def _actions(arguments: argparse.Namespace, strips: Sequence[str]) -> list[termi
                 raise InputError(
                     f"--{verb} names the strip {name!r}; this glove has {', '.join(strips)}"
                 )
-            actions.append(terminal.Action(_seconds(t, f"--{verb}"), verb, name))
+            actions.append(session.Action(_seconds(t, f"--{verb}"), verb, name))
     for word in arguments.unplug:
         t, _, length = word.partition(":")
         actions.append(
-            terminal.Action(
+            session.Action(
                 _seconds(t, "--unplug"), "unplug", length and str(_seconds(length, "--unplug"))
             )
         )
     return actions
 
 
-def _typing(script: terminal.Script) -> Callable[[], bool]:
+def _typing(script: session.Script) -> Callable[[], bool]:
     """Looks for typed lines whenever asked whether to stop; never stops of itself."""
     began = time.monotonic()
-    watched = sys.stdin is not None and sys.stdin.isatty()
+    watched = _is_typed()
 
     def look() -> bool:
         if watched and select.select([sys.stdin], [], [], 0)[0]:
-            script.actions += terminal.typed([sys.stdin.readline()], time.monotonic() - began)
+            script.actions += session.typed([sys.stdin.readline()], time.monotonic() - began)
         return False
 
     return look
+
+
+def _is_typed() -> bool:
+    """Whether somebody may type lines; Windows cannot wait for them beside other work."""
+    return sys.stdin is not None and sys.stdin.isatty() and sys.platform != "win32"
+
+
+def _address(word: str) -> tuple[str, int]:
+    host, colon, port = word.rpartition(":")
+    if not colon or not port.isdecimal() or int(port) > 65535:
+        raise argparse.ArgumentTypeError(f"{word!r} is not of the form HOST:PORT")
+    return host or "127.0.0.1", int(port)
 
 
 def _share(word: str) -> float:

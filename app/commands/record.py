@@ -5,6 +5,7 @@ import json
 import time
 from contextlib import ExitStack
 from pathlib import Path
+from typing import cast
 
 from handscope.app.commands.methods import add_method, method_of
 from handscope.app.commands.shortfalls import shortfalls
@@ -16,13 +17,14 @@ from handscope.app.commands.words import (
     say,
 )
 from handscope.app.devices.glove import Glove
+from handscope.app.devices.ports import is_network
 from handscope.app.live.tracking import Tracking
 from handscope.app.version import software_version
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import HANDS
+from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
 from handscope.estimators.pipeline.process import Processed
 from handscope.sessions.formats import derivative
@@ -33,12 +35,16 @@ OPEN_WAIT = 15.0  # s for the recording process to start and open the port
 SPEAK_WAIT = 5.0  # s for the glove to say who it is and to send samples
 LIVE_PATIENCE = 2.0  # s that a silent strip is waited for: nobody looks on
 SILENCE = 2.0  # s without a sample that end a recording
+OUTAGE = 45.0  # s without a sample that a glove in the network may take to come back
 SHORT = 0.2  # s by which a recording may be shorter than asked: samples still on their way
 UNPLUGGED = "the glove was unplugged"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("port", help="the glove's serial port")
+    parser.add_argument(
+        "port",
+        help="the glove's serial port, or its address: socket://HOST:PORT, rfc2217://HOST:PORT",
+    )
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE.mcap", help="the native recording"
     )
@@ -89,12 +95,14 @@ def run(arguments: argparse.Namespace) -> int:
 
     with ExitStack() as undoing, glove:
         undoing.callback(arguments.out.unlink, missing_ok=True)
-        hand = _connected(glove, arguments)
+        connect(glove, arguments.port)
+        hand = _hand_of(glove, arguments)
         undoing.pop_all()  # the right glove gives samples: from here on what was recorded stays
         with Tracking(
             method, params, hand, sized(hand, measures_from(geometry)), rows.append, LIVE_PATIENCE
         ) as tracking:
-            why = _follow(glove, tracking, arguments.seconds)
+            patience = OUTAGE if is_network(arguments.port) else SILENCE
+            why = _follow(glove, tracking, arguments.seconds, patience)
             tracking.drain()
         if early := ending(max(0.0, tracking.newest_sample()), arguments.seconds, why):
             glove.keep_metadata({"ended": early})
@@ -134,23 +142,25 @@ def _geometry(path: Path | None) -> dict[str, object]:
     return dict(value)
 
 
-def _connected(glove: Glove, arguments: argparse.Namespace):  # type: ignore[no-untyped-def]
+def connect(glove: Glove, port: str) -> None:
+    """Wait until a glove at the port speaks; InputError where there is none."""
     if not glove.wait_for(lambda g: g.state.state != "opening", OPEN_WAIT):
-        raise InputError(f"{arguments.port} did not answer")
+        raise InputError(f"{port} did not answer")
     if glove.state.state != "opened":
         raise InputError(glove.state.reason)
     if not glove.wait_for(
         lambda g: bool(g.assembler.counts) and g.assembler.identity is not None, SPEAK_WAIT
     ):
-        raise InputError(
-            f"{arguments.port} is open, but no glove speaks there; is it the right port?"
-        )
+        raise InputError(f"{port} is open, but no glove speaks there; is it the right port?")
+
+
+def _hand_of(glove: Glove, arguments: argparse.Namespace) -> Hand:
     glove_hand = glove.assembler.identity.hand if glove.assembler.identity else None
     if glove_hand and arguments.hand not in (None, glove_hand):
         raise InputError(
             f"this is a {glove_hand} glove, --hand says {arguments.hand}; connect the other glove or leave --hand out"
         )
-    hand = glove_hand or arguments.hand
+    hand: Hand | None = cast("Hand | None", glove_hand) or arguments.hand
     if hand is None:
         raise InputError(
             "the glove does not say which hand it is; give --hand left or --hand right"
@@ -158,7 +168,7 @@ def _connected(glove: Glove, arguments: argparse.Namespace):  # type: ignore[no-
     return hand
 
 
-def _follow(glove: Glove, tracking: Tracking, seconds: float | None) -> str:
+def _follow(glove: Glove, tracking: Tracking, seconds: float | None, patience: float) -> str:
     """Until the time is over or the glove silent; initial poses that the glove marks are used as soon as they are complete.
 
     Gives back what ended it before its time, empty where nothing did.
@@ -173,7 +183,7 @@ def _follow(glove: Glove, tracking: Tracking, seconds: float | None) -> str:
                 raise InputError(f"the recording stopped: {glove.state.reason}")
             if tracking.newest_sample() > newest:
                 newest, last_seen = tracking.newest_sample(), time.monotonic()
-            elif time.monotonic() - last_seen > SILENCE:
+            elif time.monotonic() - last_seen > patience:
                 break
             poses = [m for m in glove.assembler.marks if m.trial_type == "initial_pose"]
             if len(poses) > used and newest > poses[used].end + 0.05:

@@ -8,7 +8,7 @@ import signal
 import socket
 import sys
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import FrameType
 
@@ -84,6 +84,13 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
         help="another name under which browsers reach the server",
     )
     parser.add_argument(
+        "--allow-port",
+        action="append",
+        default=[],
+        metavar="PATTERN",
+        help="network addresses that pages may open as a glove's port, as a shell pattern: socket://10.1.2.*:4000 (default: none)",
+    )
+    parser.add_argument(
         "--proxy",
         action="append",
         default=[],
@@ -138,7 +145,7 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    serve(arguments, (), browser=False)
+    serve(arguments, {}, browser=False)
     return 0
 
 
@@ -185,7 +192,7 @@ def _gigabytes(word: str) -> float:
     return size
 
 
-def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: bool) -> None:
+def serve(arguments: argparse.Namespace, demo_ports: Mapping[str, str], browser: bool) -> None:
     """Listen, print the address with a one-time token, serve until stopped."""
     logging.basicConfig(
         level=logging.WARNING, format="%(asctime)s %(name)s %(levelname)s %(message)s"
@@ -200,6 +207,7 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
         hosts=tuple(arguments.name),
         demo_ports=demo_ports,
         metrics=arguments.metrics,
+        allowed_ports=tuple(arguments.allow_port),
         proxies=tuple(arguments.proxy),
         sign_on=sign_on(arguments),
         idle_logout=3600.0 * arguments.idle_logout,

@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import IO, Any
 
 from handscope.app.devices.pipes import Kind, read_frame, write_frame
-from handscope.app.devices.ports import open_port
+from handscope.app.devices.ports import is_network, open_port
 from handscope.estimators.data.events import Event
 from handscope.estimators.errors import InputError
 from handscope.sessions.files.recorder import Recorder
 
 FORWARD = 4096  # chunks that wait for a slow server, about 16 MB; then the oldest go
 RETRY = 0.5  # s between two tries to open a port that went away
+SILENCE = 5.0  # s without a byte after which a network connection counts as lost: a cable that was cut says nothing
 
 
 class Acquisition:
@@ -82,10 +83,7 @@ class Acquisition:
             try:
                 self._port = open_port(self._path)
                 self._say(state="opened", port=self._path)
-                while not self._stop.is_set():
-                    chunk = self._port.read(65536)
-                    if chunk:
-                        self._read.put(("wire", bytes(chunk), time.monotonic_ns() * 1e-9))
+                self._read_all()
             except InputError as problem:
                 self._say(state="port_closed", reason=str(problem))
             except (OSError, ValueError) as problem:
@@ -93,6 +91,16 @@ class Acquisition:
             self._close_port()
             self._stop.wait(RETRY)
         self._close_port()
+
+    def _read_all(self) -> None:
+        newest = time.monotonic()
+        while not self._stop.is_set():
+            chunk, now = self._port.read(65536), time.monotonic()
+            if chunk:
+                newest = now
+                self._read.put(("wire", bytes(chunk), time.monotonic_ns() * 1e-9))
+            elif now - newest > SILENCE and is_network(self._path):
+                raise OSError(f"nothing came for {SILENCE:g} s")
 
     def _close_port(self) -> None:
         port, self._port = self._port, None

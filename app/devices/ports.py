@@ -1,7 +1,11 @@
-"""Serial ports: which there are, and one opened. Real gloves and virtual ones behind pseudo-terminals are opened by the same code."""
+"""Where a glove's bytes come from: the machine's serial ports, and addresses in the network. Virtual gloves are opened by the same code."""
 
 import errno
+import socket
+from collections.abc import Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from urllib.parse import urlsplit
 
 import serialx
 
@@ -9,6 +13,11 @@ from handscope.estimators.errors import InputError
 
 BAUD = 115200  # ignored by USB; a value that every driver takes
 READ_WAIT = 0.1  # s that a read waits for the first byte
+CONNECT_WAIT = 3.0  # s until a host that does not answer is given up, for this try
+NETWORK = {
+    "socket": "the wire protocol over TCP",
+    "rfc2217": "the wire protocol over a serial port that another machine serves (RFC 2217)",
+}  # schemes of addresses, all opened by serialx
 
 
 @dataclass(frozen=True)
@@ -26,8 +35,77 @@ def available() -> list[PortInfo]:
     return found
 
 
-def open_port(path: str) -> serialx.Serial:
-    """Open a port for us alone; InputError says why it cannot be opened."""
+def is_network(port: str) -> bool:
+    """Whether a port is an address, not a serial port of this machine."""
+    return "://" in port
+
+
+def require_allowed(port: str, patterns: Sequence[str]) -> None:
+    """Refuse an address that no pattern of the administrator allows, before any name is looked up.
+
+    Patterns are shell patterns over the whole address (`socket://10.1.2.*:4000`). Ports of this
+    machine are always allowed. Raises InputError.
+    """
+    if port.startswith("\\\\") and not port.startswith("\\\\.\\"):
+        raise InputError(f"{port} is not a port of this machine; name a serial port")
+    if not is_network(port):
+        return
+    require_address(port)
+    if not any(fnmatchcase(port, pattern) for pattern in patterns):
+        raise InputError(
+            f"the server may not open {port}; ask the administrator to start it with --allow-port {port}"
+        )
+
+
+def require_address(url: str) -> None:
+    """Refuse what is not exactly SCHEME://HOST:PORT, so that a pattern sees what is opened; InputError."""
+    try:
+        parts = urlsplit(url)
+        host, number = parts.hostname, parts.port
+    except ValueError:
+        parts, host, number = urlsplit(""), None, None
+    if parts.scheme not in NETWORK:
+        known = ", ".join(f"{scheme}://HOST:PORT" for scheme in NETWORK)
+        raise InputError(f"{url} is no address of a glove; addresses are {known}")
+    if not host or not number or parts.netloc.rsplit(":", 1)[0].strip("[]").lower() != host:
+        raise InputError(f"{url} is no address of a glove; write {parts.scheme}://HOST:PORT")
+    if parts.path or parts.query or parts.fragment:
+        raise InputError(
+            f"{url} is no address of a glove; write {parts.scheme}://HOST:PORT and nothing behind it"
+        )
+
+
+def open_port(path: str) -> serialx.BaseSerial:
+    """Open a port or an address for us alone; InputError says why it cannot be opened."""
+    return _open_address(path) if is_network(path) else _open_serial(path)
+
+
+def _open_address(url: str) -> serialx.BaseSerial:
+    require_address(url)
+    try:
+        port = serialx.serial_for_url(
+            url,
+            baudrate=BAUD,
+            read_timeout=READ_WAIT,
+            write_timeout=2.0,
+            connect_timeout=CONNECT_WAIT,
+        )
+        if not port.is_open:
+            port.open()
+    except ConnectionRefusedError:
+        raise InputError(f"nothing listens at {url}; is the glove switched on?") from None
+    except TimeoutError:
+        raise InputError(
+            f"{url} does not answer; is the glove switched on and in this network?"
+        ) from None
+    except socket.gaierror:
+        raise InputError(f"the network does not know the host of {url}") from None
+    except OSError as problem:
+        raise InputError(f"{url} cannot be opened ({problem.strerror or problem})") from None
+    return port
+
+
+def _open_serial(path: str) -> serialx.BaseSerial:
     try:
         port = serialx.Serial(path, baudrate=BAUD, read_timeout=READ_WAIT, write_timeout=2.0)
         if not port.is_open:

@@ -8,7 +8,6 @@ every second. (mcap's own writer is not used: it keeps an index entry of every c
 import contextlib
 import json
 import os
-import sys
 import zlib
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -24,8 +23,10 @@ from mcap.writer import MCAP0_MAGIC
 
 from handscope.estimators.data.events import Event
 
-if sys.platform != "win32":
+try:
     import fcntl
+except ImportError:  # Windows: nobody else can open a file that is being written
+    fcntl = None  # type: ignore[assignment]
 
 FORMAT_VERSION = 1
 SYNC_EVERY = 1.0  # s between syncs to the disk
@@ -141,7 +142,7 @@ class Recorder:
 
 def is_being_written(path: Path) -> bool:
     """Whether a recorder has the file open: one may outlive the server that started it. (Not told on Windows: there nobody else can open it.)"""
-    if sys.platform == "win32":
+    if fcntl is None:
         return False
     with path.open("rb") as file:
         try:
@@ -155,7 +156,7 @@ def is_being_written(path: Path) -> bool:
 
 def _create_locked(path: Path) -> IO[bytes]:
     file = path.open("xb")
-    if sys.platform != "win32":
+    if fcntl is not None:
         with contextlib.suppress(OSError):  # a file system without locks
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     return file

@@ -1,0 +1,98 @@
+"""Gloves at addresses: recorded like a serial port's, refused where nobody allowed them, taken up again after an outage."""
+
+import socket
+import subprocess
+import sys
+import threading
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from handscope.app.cli import main
+from handscope.app.devices import acquisition, ports
+from handscope.estimators.errors import InputError
+from handscope.sessions.formats import recordings as formats_recordings
+
+ALLOWED = ["socket://10.1.2.*:4000", "rfc2217://glove-7:2217"]
+
+
+@pytest.mark.parametrize("port", ["/dev/ttyACM0", "COM3", "socket://10.1.2.7:4000", ALLOWED[1]])
+def test_ports_of_this_machine_and_allowed_addresses_may_be_opened(port: str) -> None:
+    ports.require_allowed(port, ALLOWED)
+
+
+@pytest.mark.parametrize(
+    "port",
+    [
+        "socket://127.0.0.1:4000",
+        "socket://10.1.2.7:22",
+        "rfc2217://10.1.2.7:4000",
+        "tcp://10.1.2.7:4000",
+        "socket://10.1.2.7:4000/../x",
+        "socket://10.1.2.1@evil.example:4000",
+        "socket://10.1.2.7",
+        "socket://:4000",
+        "socket://10.1.2.7:99999",
+        "\\\\fileserver\\share",
+    ],
+)
+def test_other_addresses_are_refused_without_a_look_at_the_network(
+    port: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: pytest.fail("looked up"))
+    with pytest.raises(InputError, match=r"port|address"):
+        ports.require_allowed(port, ALLOWED)
+
+
+def test_whoever_does_not_listen_is_named() -> None:
+    with closing(socket.create_server(("127.0.0.1", 0))) as free:
+        number = free.getsockname()[1]
+    with pytest.raises(InputError, match=f"nothing listens at socket://127.0.0.1:{number}"):
+        ports.open_port(f"socket://127.0.0.1:{number}")
+
+
+@pytest.mark.parametrize("silently", [True, False])
+def test_a_connection_that_breaks_is_opened_again(
+    silently: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A host that closes, and one whose cable was cut: it says nothing any more."""
+    monkeypatch.setattr(acquisition, "SILENCE", 0.3)
+    server = socket.create_server(("127.0.0.1", 0))
+    server.settimeout(20)
+    url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+    reader = acquisition.Acquisition(url, None, None)  # type: ignore[arg-type]
+    thread = threading.Thread(target=reader._reader, daemon=True)
+    thread.start()
+    try:
+        received, hosts = b"", []
+        for words in (b"before", b"after"):
+            host, _ = server.accept()
+            hosts.append(host)
+            host.sendall(words)
+            while not received.endswith(words):
+                received += reader._read.get(timeout=20)[1]
+            if not silently:
+                host.close()
+    finally:
+        reader._stop.set()
+        thread.join(10)
+        for one in (*hosts, server):
+            one.close()
+    assert received == b"beforeafter"
+
+
+def test_a_glove_behind_tcp_is_recorded_without_a_lost_sample(tmp_path: Path) -> None:
+    words = ["glove", "--tcp", "127.0.0.1:0", "--strips", "index,forearm", "--rate", "200"]
+    program = [sys.executable, "-P", "-m", "handscope.app.cli", *words]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as glove:
+        assert glove.stdout is not None
+        url = glove.stdout.readline().split()[-1]
+        out = tmp_path / "glove.mcap"
+        assert main(["record", url, "--out", str(out), "--seconds", "2"]) == 0
+        glove.terminate()
+    recording = formats_recordings.load(out)
+    assert {s.name for s in recording.streams} == {"hand", "index", "forearm"}
+    for stream in recording.streams:
+        steps = recording.samples[stream.name].t
+        assert len(steps) > 350 and max(steps[1:] - steps[:-1]) < 1.5 / 200
