@@ -9,7 +9,7 @@ from handscope.app.options import with_options
 from handscope.estimators.data.samples import Recording
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
-from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.methods import ALL_METHODS, DEFAULT
 from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import Processed
 from handscope.estimators.pipeline.process import process as process_recording
@@ -26,7 +26,7 @@ def load(path: str | PathLike[str], hand: Hand | None = None) -> LoadedRecording
 
 
 def process(
-    recording: Recording | str | PathLike[str], method: str = "m2", **options: Any
+    recording: Recording | str | PathLike[str], method: str = DEFAULT, **options: Any
 ) -> Processed:
     """Run a method over a recording or the path of one.
 

@@ -39,6 +39,7 @@ from handscope.app.version import software_version
 from handscope.app.workers.storage_mover import StorageMover
 from handscope.app.workers.upload_reader import UploadReader
 from handscope.estimators.errors import InputError
+from handscope.estimators.methods import DEFAULT
 from handscope.sessions.clinic import self_calibrations as stored_calibrations
 from handscope.sessions.store import records
 from handscope.sessions.store.store import open_store
@@ -145,7 +146,7 @@ def _recover(parts: Parts) -> None:
     with parts.store.database() as db:
         open_sessions = [session.id for session in records.list_abandoned(db)]
     for session in open_sessions:
-        _close(parts, session, "m2", {})
+        _close(parts, session, DEFAULT, {})
 
 
 def _close(parts: Parts, session_id: int, method: str, options: dict[str, Any]) -> None:

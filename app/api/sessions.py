@@ -22,7 +22,7 @@ from handscope.app.state import Db, Parts, PartsDep
 from handscope.app.version import software_version
 from handscope.estimators.data.options import describe
 from handscope.estimators.errors import InputError
-from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.methods import ALL_METHODS, DEFAULT
 from handscope.sessions.clinic import (
     audit,
     corrections,
@@ -59,7 +59,7 @@ class NewSession(BaseModel):
         max_length=400,
         description="serial port of the glove, or an address that the administrator allowed",
     )
-    method: str = "m2"
+    method: str = DEFAULT
     options: dict[str, Any] = {}
     examiner: str = Field("", max_length=200)
     reuse: Decision | None = Field(
@@ -106,7 +106,7 @@ class NewCorrection(BaseModel):
 class NewResult(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    method: str = "m2"
+    method: str = DEFAULT
     options: dict[str, Any] = {}
 
 
@@ -146,7 +146,7 @@ async def upload_recording(
     patient_id: int,
     file: UploadFile,
     hand: Annotated[str | None, Form()] = None,
-    method: Annotated[str, Form()] = "m2",
+    method: Annotated[str, Form()] = DEFAULT,
 ) -> dict[str, Any]:
     """Keep a Motion-BIDS zip or a native recording made elsewhere as a session and process it."""
     patient = patients.get(db, patient_id)
@@ -196,7 +196,7 @@ def close_session(db: Db, parts: PartsDep, session_id: int) -> None:
     if station := parts.stations.of_session(session_id):
         parts.stations.close(station.name)
     elif session.state == "open" and records.close(db, parts.store, session_id).state == "recorded":
-        _queue(db, parts, session, "m2", {})
+        _queue(db, parts, session, DEFAULT, {})
 
 
 @router.get("/sessions/{session_id}", dependencies=[requires_role(CLINICIAN, SCIENTIST)])

@@ -25,7 +25,7 @@ from handscope.estimators.measures import clock_drift, comparison, synchronisati
 from handscope.estimators.measures.comparison import WHOLE, Pair
 from handscope.estimators.measures.synchronisation import Lag
 from handscope.estimators.measures.tip_errors import Frame
-from handscope.estimators.methods import METHODS
+from handscope.estimators.methods import DEFAULT, METHODS
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline import optical_trajectory
 from handscope.estimators.pipeline.optical_trajectory import FlatPose, Markers
@@ -370,7 +370,7 @@ def _load_movement(
 
 
 def _processed(path: Path, recording: LoadedRecording, given: dict[str, Any]) -> ComparedMovement:
-    name = given["method"] or "m2"
+    name = given["method"] or DEFAULT
     method, params = method_of(argparse.Namespace(method=name, option=given["option"]))
     other = (
         formats_recordings.load(given["calibration"], recording.hand)

@@ -10,7 +10,7 @@ from handscope.app.options import help_text, parse, with_options
 from handscope.app.workers.deadline import LIMIT, limit_time
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
-from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.methods import ALL_METHODS, DEFAULT
 from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import Processed, process
 from handscope.sessions.files.recording import LoadedRecording
@@ -30,9 +30,9 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
 def add_method(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--method",
-        default="m2",
+        default=DEFAULT,
         metavar="NAME",
-        help=f"one of {', '.join(ALL_METHODS)} (default m2)",
+        help=f"one of {', '.join(ALL_METHODS)} (default {DEFAULT})",
     )
     parser.add_argument(
         "--option",

@@ -9,7 +9,7 @@ Limits  a pose that is not the one asked for becomes an offset of every angle; a
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import ACC, GYR, MAG, Block, Event, Stream
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand import joint_angles
-from handscope.estimators.hand.anatomy import CHAINS, SEGMENTS, Hand
+from handscope.estimators.hand.anatomy import JOINTS, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
@@ -75,14 +75,22 @@ class PoseParams:
     )
 
 
+Angles = tuple[float, float, float]  # flexion, deviation, pronation
+NEUTRAL: Angles = (0.0, 0.0, 0.0)
+
+
 @dataclass(frozen=True)
 class Pose:
-    """The pose taken: when, and the thumb's known CMC angles (all zero: aligned with the fingers)."""
+    """The pose taken: when, and the joints' angles that are known; the others are straight, the thumb aligned with the fingers."""
 
     onset: float  # s
     duration: float  # s
-    thumb_cmc: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad: flexion, deviation, pronation
+    thumb_cmc: Angles = NEUTRAL  # rad
     passive: bool = False  # the therapist laid the hand so
+    measured: Mapping[str, Angles] = field(default_factory=dict)  # rad, by other joint
+    sd: Mapping[str, Angles] = field(
+        default_factory=dict
+    )  # rad, by joint, of what was measured; NaN: as well as a person takes the pose
 
     @property
     def end(self) -> float:
@@ -91,27 +99,45 @@ class Pose:
 
 def pose_of(event: Event) -> Pose:
     """The pose that an `initial_pose` event describes (docs/motion-bids.md)."""
-    angles = [event.details.get(f"thumb_cmc_{name}_deg") for name in joint_angles.ANGLES]
-    try:
-        known = [0.0 if a is None else float(a) for a in angles]
-        if not np.isfinite(known).all():
-            raise ValueError
-    except (TypeError, ValueError):
-        raise InputError(
-            f"the initial pose at {event.onset:.1f} s gives the thumb's angles {angles}; they are numbers of degrees"
-        ) from None
+    known = {joint.name: _known_angles(event, joint.name, "deg", 0.0) for joint in JOINTS}
+    sd = {joint.name: _known_angles(event, joint.name, "sd_deg", np.nan) for joint in JOINTS}
     return Pose(
         event.onset,
         event.duration,
-        (known[0] * DEG, known[1] * DEG, known[2] * DEG),
+        known["thumb_cmc"],
         event.details.get("held_by") == THERAPIST,
+        {name: a for name, a in known.items() if a != NEUTRAL and name != "thumb_cmc"},
+        {name: a for name, a in sd.items() if not np.isnan(a).all()},
     )
 
 
+def _known_angles(event: Event, joint: str, unit: str, otherwise: float) -> Angles:
+    """A joint's angles, or their standard deviations, that the event tells, rad; `otherwise` where it tells none."""
+    found = []
+    for name in joint_angles.ANGLES:
+        column = f"{joint}_{name}_{unit}"
+        given = event.details.get(column)
+        try:
+            value = otherwise if given is None else float(given) * DEG
+            usable = given is None or (np.isfinite(value) and (unit == "deg" or value > 0))
+        except (TypeError, ValueError):
+            usable = False
+        if not usable:
+            raise InputError(
+                f"the initial pose at {event.onset:.1f} s gives {given!r} as {column}; it is a number of degrees, or n/a"
+            )
+        found.append(value)
+    return found[0], found[1], found[2]
+
+
 def segments_in_pose(pose: Pose) -> dict[str, Array]:
-    """Orientation of every segment on the hand (4,) while the pose is held; the wrist is neutral."""
-    thumb = joint_angles.compose(np.array(pose.thumb_cmc))
-    return {segment: thumb if segment in CHAINS["thumb"] else quat.IDENTITY for segment in SEGMENTS}
+    """Orientation of every segment on the hand (4,) while the pose is held."""
+    angles = {"thumb_cmc": pose.thumb_cmc, **pose.measured}
+    q_pc = {j.name: joint_angles.compose(np.array(angles.get(j.name, NEUTRAL))) for j in JOINTS}
+    on_hand = {"hand": quat.IDENTITY, "forearm": quat.conjugate(q_pc["wrist"])}
+    for joint in JOINTS[1:]:  # from the hand outwards
+        on_hand[joint.child] = quat.multiply(on_hand[joint.parent], q_pc[joint.name])
+    return {segment: on_hand[segment] for segment in SEGMENTS}
 
 
 def calibrate(
@@ -160,6 +186,7 @@ def calibrate(
         warnings,
         north,
         rates,
+        pose_sd=pose.sd,
     )
 
 

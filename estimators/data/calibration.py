@@ -89,6 +89,9 @@ class Calibration:
     p_BS_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) m
     gyr_bias_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) rad/s
     acc_bias_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) m/s^2
+    pose_sd: Mapping[str, tuple[float, float, float]] = field(
+        default_factory=dict
+    )  # rad, by joint, of the pose's angles that were measured; NaN and absent: not measured
     stretch: tuple[float, float] | None = (
         None  # s, of the movement that told it, where it is not of a pose from t to end
     )

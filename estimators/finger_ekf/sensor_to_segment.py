@@ -48,10 +48,10 @@ class SensorToSegmentParams:
         least=1e-3,
     )
     pose_sd: float = option(
-        1.45,
+        2.0,
         "deg",
-        "what a person misses the initial pose by, each freedom of a joint",
-        "ours: at most 2.5 deg, evenly spread",
+        "what a person misses the initial pose by, each freedom of a joint that was not measured",
+        "ours: how careful a person is is not known; any standard deviation from 1.5 to 2.5 deg counted as likely",
         least=1e-3,
     )
     angle_sd: float = option(
@@ -68,6 +68,7 @@ class SensorToSegmentPrior:
     """What is known of how the sensors of F chains sit before they move."""
 
     covariance: Array  # (F, 12, 12) rad^2, of the four sensors' turns against their segments, about the segments' axes
+    pose_sd: Array  # (F, 3, 3) rad, of each joint's angles in the pose
     aligned: Bools  # (F, 4) the pose has turned its frame until gravity agrees, so it is tilted as the chain's first; else it is as it is
 
 
@@ -81,7 +82,7 @@ def covariance_after_pose(
     """
     chains = len(q_pc)
     L = np.zeros((chains, SIZE, 42))
-    pose_error, gravity_error = np.radians(params.pose_sd), np.radians(params.angle_sd)
+    gravity_error = np.radians(params.angle_sd)
     gain_sd = (
         np.radians(params.skin) / (np.pi / 2) / np.sqrt(3) * np.array([np.sqrt(2), 1.0, 1.0])
     )  # of the first joint that of both sensors
@@ -97,9 +98,9 @@ def covariance_after_pose(
         about = up[:, :, None] * up[:, None, :]
         level, place, gravity = np.eye(3) - about, slice(24 + 3 * j, 27 + 3 * j), 12 + 3 * j
         pose, tilt = np.zeros((chains, 3, 42)), np.zeros((chains, 3, 42))
-        pose[:, :, 24 + 3 * j : 27 + 3 * j] = (
-            pose_error * free[:, j, None] * joint_angles.axes(angles[:, j])
-        )
+        pose[:, :, 24 + 3 * j : 27 + 3 * j] = (prior.pose_sd[:, j] * free[:, j])[
+            :, None
+        ] * joint_angles.axes(angles[:, j])
         tilt[:, :, gravity : gravity + 3], tilt[:, :, gravity + 3 : gravity + 6] = (
             -gravity_error * level @ R_cp[:, j],
             gravity_error * level,

@@ -9,5 +9,6 @@ from handscope.estimators.methods import map as self_calibrated
 METHODS: dict[str, ModuleType] = {"b": b, "m1": m1, "m2": m2, "ekf": ekf}
 BATCH: dict[str, ModuleType] = {"map": self_calibrated}
 EXPERIMENTS: dict[str, ModuleType] = {"map-live": map_live}
+DEFAULT = "ekf"  # of a session, a recording and a call that name none: docs/decisions/0013
 OFFERED = {**METHODS, **BATCH}  # on pages, for recordings
 ALL_METHODS = {**OFFERED, **EXPERIMENTS}  # that a recording can be processed with

@@ -150,8 +150,16 @@ def _sensor_to_segment_prior(params: Params, calibration: Calibration) -> Sensor
         [params.alignment != "heading" and k not in calibrated for k in range(len(SEGMENTS))]
     )
     return SensorToSegmentPrior(
-        covariance[chains[:, :, None], chains[:, None, :]], aligned[SENSORS]
+        covariance[chains[:, :, None], chains[:, None, :]],
+        _pose_sd(params, calibration)[JOINTS_OF.astype(int)],
+        aligned[SENSORS],
     )
+
+
+def _pose_sd(params: Params, calibration: Calibration) -> Array:
+    """Standard deviations (joints, 3) of the pose's angles, rad: as they were measured, else as a person takes the pose."""
+    sd = np.array([calibration.pose_sd.get(j.name, (np.nan,) * 3) for j in JOINTS])
+    return np.where(np.isnan(sd), np.radians(params.pose_sd), sd)
 
 
 def _misalignment_sd(params: Params, calibration: Calibration) -> float:

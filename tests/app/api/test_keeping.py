@@ -62,7 +62,7 @@ def test_everything_about_a_patient_comes_in_one_file_that_can_be_checked(
     folder = f"sessions/{made['session']}"
     (kept,) = [data for name, data in files.items() if name.startswith(f"{folder}/recording-")]
     assert kept == native
-    told = json.loads(files[f"{folder}/result-{made['result']}-m2.json"])
+    told = json.loads(files[f"{folder}/result-{made['result']}-ekf.json"])
     assert told["figures"] == figures
     with np.load(io.BytesIO(files[f"{folder}/result-{made['result']}.npz"])) as replay:
         assert len(replay["t"]) == len(replay["angles"]) > 100

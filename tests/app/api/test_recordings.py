@@ -79,7 +79,7 @@ def test_an_upload_becomes_a_session_with_figures_and_exports(
         None,
     )
     assert 1 < largest["sd"] < 5
-    assert "docs/reproduction.md" in largest["sd_basis"]
+    assert "own standard deviation" in largest["sd_basis"]
     session = client.get(f"/api/sessions/{made.json()['session']}").json()
     assert (session["state"], session["hand"], session["source"], session["tasks"]) == (
         "processed",
@@ -117,7 +117,7 @@ def test_an_upload_becomes_a_session_with_figures_and_exports(
     assert [pseudonym in head for head in heads] == [False, True]
     with zipfile.ZipFile(io.BytesIO(client.get(f"{base}/derivative.zip").content)) as derivative:
         assert any(
-            name.endswith("_tracksys-handscope_desc-m2_motion.tsv")
+            name.endswith("_tracksys-handscope_desc-ekf_motion.tsv")
             for name in derivative.namelist()
         )
 
@@ -176,7 +176,7 @@ def test_the_same_method_and_options_give_the_result_that_is_there(
 ) -> None:
     made = upload(client, patient, packed).json()
     again = client.post(
-        f"/api/sessions/{made['session']}/results", json={"method": "m2", "options": {}}
+        f"/api/sessions/{made['session']}/results", json={"method": "ekf", "options": {}}
     ).json()
     assert again["result"] == made["result"]
     other = client.post(

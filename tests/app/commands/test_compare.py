@@ -162,7 +162,12 @@ def test_a_recording_against_its_derivative_and_against_the_truth(
         == 0
     )
     told, found = compared(
-        [str(simulated), str(tmp_path / "m2"), "--option-a", "gyr_reading=instant"], tmp_path / "x"
+        [
+            str(simulated),
+            str(tmp_path / "m2"),
+            *("--method-a", "m2", "--option-a", "gyr_reading=instant"),
+        ],
+        tmp_path / "x",
     )
     assert (told["lag"]["seconds"], told["lag"]["correlation"]) == pytest.approx(
         (0.0, 1.0), abs=1e-5

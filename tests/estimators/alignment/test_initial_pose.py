@@ -229,7 +229,7 @@ def test_a_pose_event_tells_the_thumbs_angles_in_degrees() -> None:
 
 @pytest.mark.parametrize("value", ["sideways", "nan", [1.0]])
 def test_a_thumb_angle_that_is_no_number_is_refused(value: object) -> None:
-    with pytest.raises(InputError, match="numbers of degrees"):
+    with pytest.raises(InputError, match="number of degrees"):
         initial_pose.pose_of(Event(1.0, 3.0, "initial_pose", {"thumb_cmc_flexion_deg": value}))
 
 

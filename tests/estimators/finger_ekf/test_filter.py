@@ -345,6 +345,7 @@ def _prior(params: FilterParams, trials: int = 1) -> SensorToSegmentPrior:
     """Sensors put on somehow, their frames aligned by the pose."""
     return SensorToSegmentPrior(
         np.tile((params.misalignment * DEG) ** 2 * np.eye(12), (trials, 1, 1)),
+        np.full((trials, 3, 3), params.pose_sd * DEG),
         np.ones((trials, 4), bool),
     )
 

@@ -40,7 +40,9 @@ from tests.simulated import (
     with_samples,
 )
 
-PARAMS = ekf.Params(gyr_reading="instant")  # as the simulated gyroscopes read
+PARAMS = ekf.Params(
+    gyr_reading="instant", pose_sd=1.45
+)  # as the simulated gyroscopes read, and as these people take the pose
 
 
 def _tracked(recording: Simulated, params: ekf.Params = PARAMS) -> Trajectory:
