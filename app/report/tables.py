@@ -3,9 +3,7 @@
 Values stand twice: in SI, exactly as measured, and in the unit a person reads. A value that was not measured is empty (CSV) or null (JSON).
 """
 
-import csv as csv_format
 import hashlib
-import io
 import math
 from typing import Any
 
@@ -14,6 +12,7 @@ import orjson
 from handscope.app.language import ENGLISH
 from handscope.app.report.content import Content
 from handscope.app.report.units import reading
+from handscope.sessions.tables_io.spreadsheet import write_table
 
 SIGNS = (
     "angles: flexion, ulnar deviation and pronation are positive; extension, radial deviation and supination are negative; the same on both hands",
@@ -25,26 +24,12 @@ COLUMNS = (
     "task", "onset_s", "end_s", "measure", "name", "value", "unit", "value_si", "sd_si", "unit_si", "grade", "reason", "source"
 )  # fmt: skip
 TAG, NOTICE = ENGLISH.say("notice.short"), ENGLISH.say("notice")
-FORMULA = (
-    "=",
-    "+",
-    "-",
-    "@",
-    "\t",
-    "\r",
-)  # a cell of text that begins so would be run by a spreadsheet
 
 
 def csv(content: Content) -> bytes:
-    """UTF-8, comment lines (#) before the header; text that a spreadsheet would take for a formula gets a leading apostrophe."""
-    buffer = io.StringIO()
-    for line in _preamble(content):
-        buffer.write("# " + " ".join(line.split()) + "\n")
-    writer = csv_format.writer(buffer, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for row in rows(content):
-        writer.writerow([_cell(row[column]) for column in COLUMNS])
-    return buffer.getvalue().encode()
+    """UTF-8, comment lines (#) before the header; nothing in it is a formula (sessions/tables_io/spreadsheet.py)."""
+    figures = ([row[column] for column in COLUMNS] for row in rows(content))
+    return write_table(COLUMNS, figures, _preamble(content))
 
 
 def json(content: Content) -> bytes:
@@ -130,11 +115,3 @@ def _preamble(content: Content) -> list[str]:
 
 def _known(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
-
-
-def _cell(value: Any) -> Any:
-    if value is None:
-        return ""
-    if isinstance(value, float):
-        return repr(value)
-    return f"'{value}" if str(value).startswith(FORMULA) else value

@@ -1,7 +1,5 @@
 """The comparison of two recordings as text, CSV and JSON; all differences are B minus A."""
 
-import csv as csv_format
-import io
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,13 +8,13 @@ from typing import Any, Literal
 
 import orjson
 
-from handscope.app.report.tables import FORMULA
 from handscope.app.report.units import DEG, READABLE
 from handscope.app.version import software_version
 from handscope.estimators.measures.comparison import Agreement, Consistency
 from handscope.estimators.measures.synchronisation import Lag
 from handscope.estimators.measures.tip_errors import Frame, TipError
 from handscope.estimators.pipeline.optical_trajectory import Rigidity
+from handscope.sessions.tables_io.spreadsheet import write_table
 
 COLUMNS = (
     "task", "onset_s", "end_s", "name", "unit", "samples", "share", "rom_a", "rom_b", "drom",
@@ -92,21 +90,12 @@ def as_text(compared: Compared) -> str:
 
 def as_csv(compared: Compared) -> bytes:
     """A row a quantity and task, in the unit named; comment lines (#) before the header."""
-    buffer = io.StringIO()
-    for line in (
+    preamble = (
         *_head(compared),
         SIGN,
         "angles: flexion, ulnar deviation and pronation are positive",
-    ):
-        buffer.write("# " + " ".join(line.split()) + "\n")
-    writer = csv_format.DictWriter(buffer, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    for agreement in compared.agreements:
-        row = _values(agreement)
-        unit, factor = READABLE[agreement.unit]
-        row |= {name: factor * row[name] for name in LENGTHS} | {"unit": unit}
-        writer.writerow({name: _cell(value) for name, value in row.items()})
-    return buffer.getvalue().encode()
+    )
+    return write_table(COLUMNS, map(_readable_row, compared.agreements), preamble)
 
 
 def as_json(compared: Compared) -> bytes:
@@ -270,7 +259,8 @@ def _side(side: Side) -> dict[str, Any]:
     }
 
 
-def _cell(value: Any) -> Any:
-    if isinstance(value, float):
-        return repr(value) if math.isfinite(value) else ""
-    return f"'{value}" if str(value).startswith(FORMULA) else value
+def _readable_row(agreement: Agreement) -> list[Any]:
+    row = _values(agreement)
+    unit, factor = READABLE[agreement.unit]
+    row |= {name: factor * row[name] for name in LENGTHS} | {"unit": unit}
+    return [row[name] for name in COLUMNS]
