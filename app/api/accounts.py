@@ -3,9 +3,10 @@
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from handscope.app.auth.gate import cookie_of
+from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import (
     ADMINISTRATOR,
     EVERY_ACCOUNT,
@@ -25,23 +26,17 @@ own = APIRouter(tags=["accounts"], dependencies=[requires_role(*EVERY_ACCOUNT)])
 MOST = 200  # lines of the audit trail in one answer
 
 
-class NewAccount(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class NewAccount(Incoming):
     name: str = Field(max_length=64)
     roles: list[str] = Field(max_length=len(accounts.ROLES), description=", ".join(accounts.ROLES))
 
 
-class AccountChange(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class AccountChange(Incoming):
     roles: list[str] | None = Field(None, max_length=len(accounts.ROLES))
     disabled: bool | None = None
 
 
-class NewPassword(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class NewPassword(Incoming):
     current: str = Field(
         "", max_length=accounts.LONGEST, description="the password until now, where there is one"
     )
@@ -80,7 +75,7 @@ def change_account(
 
 @router.post("/accounts/{account_id}/code", status_code=201)
 def make_code(db: Db, parts: PartsDep, account_id: int) -> dict[str, str]:
-    """A one-time code: it logs in as this account, once, within twelve hours."""
+    """A one-time code: it logs in as this account, once, within 15 minutes."""
     account = accounts.get(db, account_id)
     if account.name == LOCAL or account.disabled:
         raise InputError(

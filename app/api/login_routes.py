@@ -3,13 +3,14 @@
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
-from pydantic import BaseModel, ConfigDict, Field
-from sqlalchemy import select
+from pydantic import Field
 from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.responses import FileResponse, JSONResponse, RedirectResponse
 
 from handscope.app.api.pages import STATIC
 from handscope.app.auth.gate import cookie_name, cookie_of, secure
+from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import ANYBODY, EVERY_ACCOUNT, address_of, requires_role
 from handscope.app.state import Db, PartsDep
 from handscope.app.version import software_version
@@ -17,14 +18,14 @@ from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit
 from handscope.sessions.clinic.audit import AuditEvent
 from handscope.sessions.store import logins
+from handscope.sessions.store.database import require_writable
 
 router = APIRouter(tags=["login"], dependencies=[requires_role(ANYBODY)])
+HEALTH_WAIT = 1.0  # s: a change of the server itself is over by then
 pages = APIRouter(include_in_schema=False, dependencies=[requires_role(ANYBODY)])
 
 
-class Proof(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class Proof(Incoming):
     token: str = Field("", max_length=200, description="a one-time token; or")
     name: str = Field("", max_length=64, description="an account, with its")
     password: str = Field("", max_length=accounts.LONGEST)
@@ -102,9 +103,9 @@ def health(parts: PartsDep, response: Response) -> dict[str, Any]:
     status = "ok"
     try:
         with parts.store.database() as db:
-            db.execute(select(1))
-    except DBAPIError:
-        response.status_code, status = 503, "the database does not answer"
+            require_writable(db, HEALTH_WAIT)
+    except (DBAPIError, PoolTimeout):
+        response.status_code, status = 503, "the database is locked or does not answer"
     payload: dict[str, Any] = {"status": status, "version": software_version()}
     if parts.storage_mover:
         latest = parts.storage_mover.latest

@@ -5,12 +5,13 @@ from itertools import chain
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from starlette.responses import StreamingResponse
 
 from handscope.app.api.pseudonymisation import for_reader
 from handscope.app.api.result_view import calibration_payload
 from handscope.app.api.sessions import session_row
+from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import (
     ADMINISTRATOR,
     CLINICIAN,
@@ -28,9 +29,7 @@ router = APIRouter(tags=["patients"], dependencies=[requires_role(CLINICIAN)])
 MOST = 200  # patients in one answer
 
 
-class NewPatient(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class NewPatient(Incoming):
     pseudonym: str = Field(description="a code, never a name", max_length=200)
     year_of_birth: int | None = None
     dominant_hand: str | None = None
@@ -41,9 +40,7 @@ class NewPatient(BaseModel):
     )
 
 
-class PatientChange(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class PatientChange(Incoming):
     version: int = Field(
         description="the version that was seen; somebody else's change meanwhile is refused"
     )
@@ -65,23 +62,17 @@ class PatientChange(BaseModel):
     )
 
 
-class Erasure(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class Erasure(Incoming):
     pseudonym: str = Field(
         max_length=200, description="typed by the person who erases, as it is stored"
     )
 
 
-class NewNote(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class NewNote(Incoming):
     text: str = Field(max_length=notes.LONGEST + 100)
 
 
-class NoteChange(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class NoteChange(Incoming):
     version: int = Field(description="the version that was seen")
     text: str | None = Field(None, max_length=notes.LONGEST + 100)
     removed: bool | None = Field(None, description="a removed note can be brought back for a week")

@@ -3,9 +3,10 @@
 from typing import Any
 
 from fastapi import APIRouter
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from handscope.app.api.sessions import Decision, recomputed
+from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, requires_role
 from handscope.app.language import Language
 from handscope.app.report.sections.self_calibration import describe
@@ -20,17 +21,13 @@ from handscope.sessions.store import records
 router = APIRouter(tags=["self-calibrations"], dependencies=[requires_role(CLINICIAN)])
 
 
-class NewSelfCalibration(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class NewSelfCalibration(Incoming):
     result: int = Field(
         description="a result by map, whose findings are to be kept with the patient"
     )
 
 
-class SelfCalibrationChange(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class SelfCalibrationChange(Incoming):
     withdrawn: bool = Field(description="it is not offered any more; what took it over keeps it")
 
 

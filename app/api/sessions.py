@@ -10,10 +10,11 @@ from typing import Annotated, Any
 
 from anyio import to_thread
 from fastapi import APIRouter, Form, UploadFile
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from starlette.responses import FileResponse
 
 from handscope.app.api.pseudonymisation import for_reader
+from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.devices import ports
 from handscope.app.live.stations import live_setup
@@ -32,6 +33,7 @@ from handscope.sessions.clinic import (
     self_calibrations,
 )
 from handscope.sessions.clinic.self_calibrations import FoundCalibration
+from handscope.sessions.db.plain_text import require_plain
 from handscope.sessions.db.tables import Correction, PatientSession, RecordingFile, Result, now
 from handscope.sessions.files import native
 from handscope.sessions.store import records, stored_files, visit_facts
@@ -42,25 +44,21 @@ CHUNK = 2**20
 UNDECIDED = "a self-calibration of this hand is kept; say what the session takes over of it (reuse), also where that is nothing"
 
 
-class Decision(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class Decision(Incoming):
     parts: str = Field(
         description=f"one of {', '.join(self_calibrations.PARTS)}; seats only where the glove was not taken off since"
     )
     self_calibration: int | None = None
 
 
-class NewSession(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class NewSession(Incoming):
     hand: str
     port: str = Field(
         max_length=400,
         description="serial port of the glove, or an address that the administrator allowed",
     )
     method: str = DEFAULT
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = Field(default_factory=dict)
     examiner: str = Field("", max_length=200)
     reuse: Decision | None = Field(
         None,
@@ -68,9 +66,7 @@ class NewSession(BaseModel):
     )
 
 
-class SessionChange(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class SessionChange(Incoming):
     version: int = Field(
         description="the version that was seen; somebody else's change meanwhile is refused"
     )
@@ -87,9 +83,7 @@ class SessionChange(BaseModel):
     )
 
 
-class NewCorrection(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class NewCorrection(Incoming):
     event: int = Field(description="which of the recording's events, from 0")
     kind: str = Field(
         description="exclude (the trial), move (its ends), leave_out (a stretch within it)"
@@ -103,11 +97,9 @@ class NewCorrection(BaseModel):
     end: float = Field(0.0, allow_inf_nan=False)
 
 
-class NewResult(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class NewResult(Incoming):
     method: str = DEFAULT
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = Field(default_factory=dict)
 
 
 @router.post("/patients/{patient_id}/sessions", status_code=201)
@@ -151,6 +143,7 @@ async def upload_recording(
     """Keep a Motion-BIDS zip or a native recording made elsewhere as a session and process it."""
     patient = patients.get(db, patient_id)
     name = Path(file.filename or "recording").name
+    require_plain((name, hand or "", method), "the form", one_line=True)
     suffix = native.SUFFIX if name.endswith(native.SUFFIX) else ".zip"
     handle, place = tempfile.mkstemp(suffix=suffix, dir=parts.store.incoming)
     try:

@@ -4,10 +4,11 @@ import asyncio
 from typing import Any
 
 from fastapi import APIRouter, WebSocket
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from starlette.websockets import WebSocketDisconnect
 
 from handscope.app.api.broadcast import localised_snapshot, time_to_next_pulse
+from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.devices import ports
 from handscope.app.language import Language
@@ -21,9 +22,7 @@ WATCHERS = requires_role(CLINICIAN, SCIENTIST)  # of replays, scientists too
 NO_SUCH, GONE = 4404, 1001  # web socket close codes
 
 
-class StationAction(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class StationAction(Incoming):
     action: str = Field(max_length=40)
     task: str = Field("", max_length=100)
     reason: str = Field("", max_length=1000)

@@ -13,6 +13,7 @@ from handscope.estimators.hand.geometry import measures_from
 from handscope.sessions.clinic import trunk_height
 from handscope.sessions.clinic.pseudonyms import require_code
 from handscope.sessions.db.conflicts import ConflictError, require_seen
+from handscope.sessions.db.plain_text import require_plain
 from handscope.sessions.db.tables import Note, Patient, PatientSession
 
 Rows = TypeVarTuple("Rows")
@@ -120,6 +121,7 @@ def change(
 
 
 def _check(patient: Patient) -> None:
+    require_plain(patient.pseudonym or "", "the pseudonym", one_line=True)
     patient.pseudonym = " ".join((patient.pseudonym or "").split())
     if not 1 <= len(patient.pseudonym) <= LONGEST_PSEUDONYM:
         raise InputError(f"a pseudonym has 1 to {LONGEST_PSEUDONYM} characters")

@@ -6,10 +6,23 @@ NEVER_AGAIN  the number of a row that was erased is not given again: a page that
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import JSON, DateTime, ForeignKey, String, TypeDecorator, UniqueConstraint
+from sqlalchemy import (
+    JSON,
+    Connection,
+    DateTime,
+    ForeignKey,
+    String,
+    TypeDecorator,
+    UniqueConstraint,
+    event,
+    inspect,
+)
 from sqlalchemy.engine import Dialect
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
+from sqlalchemy.orm import DeclarativeBase, Mapped, Mapper, mapped_column, relationship
 
+from handscope.sessions.db.plain_text import replaced
+
+TEXTS = (str, dict, list)
 NEVER_AGAIN = {"sqlite_autoincrement": True}
 
 
@@ -390,3 +403,15 @@ class Attempt(Base):
         String(64), index=True
     )  # hash of the account's name or of the address
     at: Mapped[datetime] = mapped_column(default=now)
+
+
+@event.listens_for(Base, "before_insert", propagate=True)
+@event.listens_for(Base, "before_update", propagate=True)
+def _replace_unstorable(mapper: Mapper[Any], connection: Connection, row: Base) -> None:
+    """What devices and files say is stored without control characters; requests with such are refused before (app/auth/incoming_text.py)."""
+    state = inspect(row)
+    for column in mapper.column_attrs:
+        if column.key in state.dict and isinstance(value := state.dict[column.key], TEXTS):
+            plain = replaced(value)
+            if plain != value:
+                setattr(row, column.key, plain)

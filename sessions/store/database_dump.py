@@ -24,6 +24,7 @@ from sqlalchemy import (
 )
 
 from handscope.estimators.errors import InputError
+from handscope.sessions.db.plain_text import replaced
 from handscope.sessions.store.database import is_known, upgrade
 
 REVISION = "alembic_version"
@@ -163,13 +164,13 @@ def _plain(value: Any) -> Any:
 def _of_column(column: Column[Any], value: Any) -> Any:
     """A value of a line as the column takes it."""
     if value is None or isinstance(column.type, JSON):
-        return value
+        return replaced(value)
     kind = column.type.python_type
     if issubclass(kind, datetime):
         return datetime.fromisoformat(value)
     if issubclass(kind, date):
         return date.fromisoformat(value)
-    return base64.b64decode(value) if issubclass(kind, bytes) else value
+    return base64.b64decode(value) if issubclass(kind, bytes) else replaced(value)
 
 
 def _line(value: Any) -> bytes:
