@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 from sqlalchemy.exc import DBAPIError
 
+from handscope.app.private_log import describe_error
 from handscope.app.report import Paper
 from handscope.app.workers.process import DiedError, WorkerProcess
 from handscope.estimators.errors import InputError
@@ -92,7 +93,7 @@ class Jobs:
                 elif results.requeue(db, result_id) and not self._leaving.is_set():
                     self.process(result_id)
         except DBAPIError as problem:
-            log.error("result %s: %s", result_id, problem)
+            log.error("result %s: %s", result_id, describe_error(problem))
             return False
         return True
 

@@ -1,8 +1,11 @@
 """The server: pages, API and 3-D scenes on one port under one login."""
 
 import logging
+import tempfile
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager, nullcontext
+from multiprocessing.util import get_temp_dir
+from pathlib import Path
 from typing import Any
 
 import anyio.to_thread
@@ -28,6 +31,7 @@ from handscope.app.api import (
     stations,
 )
 from handscope.app.auth.gate import Gate
+from handscope.app.auth.incoming_text import PlainAddresses
 from handscope.app.auth.request_limits import RequestLimits
 from handscope.app.auth.roles import EVERY_ACCOUNT, RoleRequirement
 from handscope.app.job_queue import Jobs
@@ -67,6 +71,7 @@ def create_app(settings: Settings) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         storage_mover = StorageMover(store, settings.cache_bytes) if store.away else None
         with (
+            _spool_in(store.incoming),
             storage_mover or nullcontext(),
             UploadReader() as upload_reader,
             Jobs(store) as jobs,
@@ -95,6 +100,7 @@ def create_app(settings: Settings) -> FastAPI:
         openapi_url=None,
         middleware=[
             *proxies,
+            Middleware(PlainAddresses),
             Middleware(RequestLimits, largest_upload=settings.largest_upload),
             Middleware(Gate, store=store, settings=settings),
         ],
@@ -119,6 +125,17 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(pages.router)
     app.mount("/static", Files(directory=pages.STATIC), name="static")
     return app
+
+
+@contextmanager
+def _spool_in(folder: Path) -> Iterator[None]:
+    """Uploads wait in the data folder while they are read, not in the system's folder of temporary files."""
+    get_temp_dir()  # where the working processes' sockets are, which need a short path
+    before, tempfile.tempdir = tempfile.tempdir, str(folder)
+    try:
+        yield
+    finally:
+        tempfile.tempdir = before
 
 
 @contextmanager

@@ -5,9 +5,11 @@ import logging
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 
+from handscope.app.database_answers import NO_ROOM, answer_to_database, route_of
 from handscope.app.state import preferred
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic.pseudonyms import UnconfirmedError
@@ -16,7 +18,6 @@ from handscope.sessions.db.full_disk import FULL, is_full
 from handscope.sessions.store.logins import ThrottledError
 
 TOO_LARGE = "there is no such number: it is larger than any that the database can hold"
-NO_ROOM = 507  # HTTP: insufficient storage
 log = logging.getLogger(__name__)
 
 
@@ -72,20 +73,21 @@ def install(app: FastAPI) -> None:
         return JSONResponse({"error": preferred(request).translate(TOO_LARGE)}, 404)
 
     @app.exception_handler(OSError)
+    @app.exception_handler(PoolTimeout)
     @app.exception_handler(DBAPIError)
     async def unwritten(request: Request, error: Exception) -> JSONResponse:
         if (
             getattr(getattr(error, "orig", None), "sqlstate", None) == "22003"
         ):  # PostgreSQL: numeric value out of range
             return JSONResponse({"error": preferred(request).translate(TOO_LARGE)}, 404)
-        if not is_full(error):
+        answer = answer_to_database(request, error)
+        if answer is None:
             raise error
-        log.error("%s %s: %s", request.method, request.url.path, error)
-        return JSONResponse({"error": preferred(request).translate(FULL)}, NO_ROOM)
+        return answer
 
     @app.exception_handler(Exception)
     async def bug(request: Request, error: Exception) -> JSONResponse:
-        log.exception("%s %s", request.method, request.url.path, exc_info=error)
+        log.exception("%s %s", request.method, route_of(request), exc_info=error)
         sentence = (
             "something went wrong inside Handscope; the log has the details, nothing was changed"
         )

@@ -2,16 +2,20 @@
 
 import asyncio
 import contextlib
+import posixpath
 from urllib.parse import urlsplit
 
 import anyio.to_thread
-from starlette.datastructures import URL, Headers, MutableHeaders
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from handscope.app.auth.audit_hooks import AuditHooks
 from handscope.app.auth.roles import ANYBODY, Requester, RouteAccess, RouteTable
+from handscope.app.database_answers import answer_to_database
 from handscope.app.settings import Settings
 from handscope.app.state import preferred
 from handscope.sessions.store.logins import find_login, new_token
@@ -65,11 +69,11 @@ class Gate:
         self._routes = self._routes or RouteTable(scope["app"].routes)
         access = self._routes.of(scope)
         refusal = self._refuse_foreign(connection, scope) or await anyio.to_thread.run_sync(
-            self._refuse_requester, connection, scope, access
+            self._refuse_safely, connection, scope, access
         )
-        if refusal is not None:
+        if refusal is not None and refusal.status_code < 500:
             await self._audit.record_refusal(connection, refusal.status_code)
-        elif scope["type"] == "websocket":
+        elif refusal is None and scope["type"] == "websocket":
             await self._audit.record_view(connection, access, 200)
         if scope["type"] == "http":
             send_with_headers = _with_headers(
@@ -105,7 +109,7 @@ class Gate:
         self, connection: HTTPConnection, scope: Scope, access: RouteAccess | None
     ) -> Response | None:
         """Refuse a request without a login, or to a route that does not admit the account."""
-        if _is_open(connection.url) or (
+        if _is_open(scope["path"]) or (
             access is not None
             and access.requirement is not None
             and ANYBODY in access.requirement.roles
@@ -126,6 +130,18 @@ class Gate:
         ):
             return _answer(connection, 403, NOT_YOURS)
         return None
+
+    def _refuse_safely(
+        self, connection: HTTPConnection, scope: Scope, access: RouteAccess | None
+    ) -> Response | None:
+        """The same; a database that cannot be asked refuses with words."""
+        try:
+            return self._refuse_requester(connection, scope, access)
+        except (DBAPIError, PoolTimeout) as problem:
+            answer = answer_to_database(connection, problem)
+            if answer is None:
+                raise
+            return answer
 
     def _requester_of(self, connection: HTTPConnection) -> Requester | None:
         with self._store.database() as db:
@@ -163,16 +179,19 @@ class Gate:
         self, connection: HTTPConnection, access: RouteAccess | None
     ) -> None:
         await asyncio.sleep(CHECK_EVERY)
-        while (
-            await anyio.to_thread.run_sync(
-                self._refuse_requester, connection, connection.scope, access
-            )
-            is None
-        ):
+        while await anyio.to_thread.run_sync(self._may_stay, connection, access):
             await asyncio.sleep(CHECK_EVERY)
 
+    def _may_stay(self, connection: HTTPConnection, access: RouteAccess | None) -> bool:
+        """A database that cannot be asked for a while ends no live view."""
+        refusal = self._refuse_safely(connection, connection.scope, access)
+        return refusal is None or refusal.status_code >= 500
+
     def _is_own_host(self, host: str) -> bool:
-        name = urlsplit(f"//{host}").hostname or ""
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:  # such as [::1
+            return False
         return name in {"127.0.0.1", "localhost", "::1", self._settings.host, *self._settings.hosts}
 
 
@@ -222,8 +241,10 @@ def _from_elsewhere(headers: Headers, ours: str, kind: str, changes: bool) -> bo
     return site not in ("same-origin", "none") and not followed
 
 
-def _is_open(url: URL) -> bool:
-    return url.path in OPEN_FILES or url.path.startswith(OPEN_FOLDERS)
+def _is_open(path: str) -> bool:
+    """Whether a path, decoded, is one of the login page's; none that leads out of its folder."""
+    plain = posixpath.normpath(path) == path and "\\" not in path
+    return plain and (path in OPEN_FILES or path.startswith(OPEN_FOLDERS))
 
 
 def _answer(connection: HTTPConnection, status: int, sentence: str) -> Response:

@@ -13,6 +13,7 @@ from handscope.app.commands.words import say
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import patients
 from handscope.sessions.db.tables import Patient
+from handscope.sessions.store.folder_lock import hold_folder
 from handscope.sessions.store.store import open_store
 
 GLOVES = ("left", "right")
@@ -31,6 +32,14 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    with hold_folder(arguments.data, arguments.database):
+        _add_patient(arguments)
+        _serve(arguments)
+    say("stopped")
+    return 0
+
+
+def _add_patient(arguments: argparse.Namespace) -> None:
     store = open_store(arguments.data, arguments.database)
     with store.database() as db:
         if db.query(Patient).count() == 0:
@@ -43,15 +52,17 @@ def run(arguments: argparse.Namespace) -> int:
                 year_of_birth=1960,
                 note="A simulated person with a virtual glove on either hand.",
             )
+    store.close()
+
+
+def _serve(arguments: argparse.Namespace) -> None:
     signal.signal(
         signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM)
     )  # as Ctrl-C does: what is below is undone
     with ExitStack() as gloves:
         put_up = _terminals if hasattr(os, "openpty") else _addresses
         ports = zip(put_up(arguments, gloves), (f"virtual {hand} glove" for hand in GLOVES))
-        serve.serve(arguments, dict(ports), browser=not arguments.no_browser)
-    say("stopped")
-    return 0
+        serve.serve(arguments, dict(ports), browser=not arguments.no_browser, printed=True)
 
 
 def _terminals(arguments: argparse.Namespace, gloves: ExitStack) -> tuple[str, ...]:

@@ -2,13 +2,13 @@
 
 import argparse
 import gc
-import logging
 import os
 import signal
 import socket
 import sys
 import webbrowser
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from types import FrameType
 
@@ -18,11 +18,14 @@ from handscope.app.auth.oidc import SCOPE, SignOn
 from handscope.app.auth.request_limits import BoundedProtocol
 from handscope.app.commands.words import FOLDER, database_url, default_data, say
 from handscope.app.options import parse
+from handscope.app.private_log import begin_logging
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic.accounts import ROLES
-from handscope.sessions.store.logins import new_token
+from handscope.sessions.store.folder_lock import hold_folder
+from handscope.sessions.store.folder_privacy import keep_private
+from handscope.sessions.store.logins import TOKEN_LIFE, new_token
 
 DEFAULT_PORT = 8420
 IDLE, LONGEST = 4.0, 24.0  # h of a login
@@ -129,6 +132,11 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
         help="a word of that claim and the role that it means (HANDSCOPE_OIDC_ROLES, several with spaces between); without any, the roles' own names",
     )
     parser.add_argument(
+        "--print-login",
+        action="store_true",
+        help="print the one-time address also where the output is no terminal, such as a container's log",
+    )
+    parser.add_argument(
         "--idle-logout",
         type=_hours,
         default=IDLE,
@@ -145,7 +153,9 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    serve(arguments, {}, browser=False)
+    printed = arguments.print_login or sys.stdout.isatty()
+    with hold_folder(arguments.data, arguments.database):
+        serve(arguments, {}, browser=False, printed=printed)
     return 0
 
 
@@ -192,11 +202,12 @@ def _gigabytes(word: str) -> float:
     return size
 
 
-def serve(arguments: argparse.Namespace, demo_ports: Mapping[str, str], browser: bool) -> None:
-    """Listen, print the address with a one-time token, serve until stopped."""
-    logging.basicConfig(
-        level=logging.WARNING, format="%(asctime)s %(name)s %(levelname)s %(message)s"
-    )
+def serve(
+    arguments: argparse.Namespace, demo_ports: Mapping[str, str], browser: bool, printed: bool
+) -> None:
+    """Listen, print the address, `printed` with a one-time token, serve until stopped."""
+    keep_private()
+    begin_logging()
     settings = Settings(
         data=arguments.data,
         host=arguments.host,
@@ -228,18 +239,12 @@ def serve(arguments: argparse.Namespace, demo_ports: Mapping[str, str], browser:
     )
     base = f"http://{name}:{listener.getsockname()[1]}"
     (arguments.data / "address").write_text(base + "\n")
-    address = f"{base}/login?token={new_token(arguments.data)}"
-
-    def announce() -> None:
-        say(
-            f"Handscope is at  {address}\nThe address works once; print another with: handscope login --data {arguments.data}\nResearch use; not a medical device. Stop with Ctrl-C."
-        )
-        if browser:
-            webbrowser.open(address)
+    announce = partial(_announce, base, arguments.data, printed, browser)
 
     config = uvicorn.Config(
         app,
         http=BoundedProtocol,
+        log_config=None,  # uvicorn's lines go where ours go, without what people typed
         log_level="warning",
         access_log=False,
         ws="websockets-sansio",
@@ -254,6 +259,22 @@ def serve(arguments: argparse.Namespace, demo_ports: Mapping[str, str], browser:
     server.run(sockets=[listener])
     if server.interrupted:
         raise KeyboardInterrupt
+
+
+def _announce(base: str, data: Path, printed: bool, browser: bool) -> None:
+    """Say where the server is. A code that lets a browser in is printed to a terminal alone, or where that is asked for: logs are kept."""
+    address = f"{base}/login?token={new_token(data)}" if printed or browser else base
+    minutes = TOKEN_LIFE.total_seconds() / 60
+    once = (
+        f"The address works once, for {minutes:.0f} minutes; print another"
+        if printed
+        else "Print an address that logs in"
+    )
+    say(
+        f"Handscope is at  {address if printed else base}\n{once} with: handscope login --data {data}\nResearch use; not a medical device. Stop with Ctrl-C."
+    )
+    if browser:
+        webbrowser.open(address)
 
 
 def _place(word: str) -> tuple[str, int]:

@@ -2,26 +2,35 @@
 
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from alembic import command
 from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import Engine, create_engine, event
+from sqlalchemy import Engine, create_engine, event, text, update
 from sqlalchemy.exc import ArgumentError, DatabaseError
 from sqlalchemy.orm import Session, sessionmaker
 
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit, repeatability
+from handscope.sessions.db.tables import Login
+from handscope.sessions.store.folder_privacy import keep_private
 
 FILE = "handscope.sqlite"
 RESTORING = "restoring"  # lies in a data folder while a backup is being put into it
 MIGRATIONS = str(files("handscope.sessions.db") / "migrations")
+WAIT = 5.0  # s that a change waits for another process that holds SQLite's lock
+_POOL: dict[str, Any] = {
+    "pool_size": 20,
+    "max_overflow": 40,
+}  # reads go on beside changes that wait
 UPGRADE_LOCK = 0x68616E64  # PostgreSQL: one process at a time brings the schema up to date; any number that nobody else uses
 
 
 def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]:
     """A factory of database sessions on a schema that is up to date."""
+    keep_private()
     engine = connect(folder, url)
     try:
         _require_known(engine)
@@ -43,14 +52,36 @@ def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]
 def connect(folder: Path, url: str | None = None) -> Engine:
     """The database as it is, not brought up to date; InputError where the URL names none or its driver is not installed."""
     try:
-        engine = create_engine(url or f"sqlite:///{folder / FILE}", pool_pre_ping=True)
+        engine = create_engine(
+            url or f"sqlite:///{folder / FILE}",
+            pool_pre_ping=True,
+            hide_parameters=True,  # an error's words, which are logged, quote no patient
+            **_POOL,
+            connect_args=_connect_arguments(url or ""),
+        )
     except (ArgumentError, ImportError) as problem:
         raise InputError(
             f"the database URL is not understood ({problem}); for PostgreSQL: postgresql+psycopg://user:password@host/name, with pip install handscope[postgresql]"
         ) from None
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _prepare_sqlite)
+        event.listen(engine, "checkin", _patient_again)
     return engine
+
+
+def hurry(db: Session, wait: float) -> None:
+    """Until its end, changes of the transaction that begins wait at most so long (s) for another writer: work that may be left out makes nobody wait."""
+    if db.get_bind().dialect.name == "sqlite":  # the pool sets it back (_patient_again)
+        db.execute(text(f"PRAGMA busy_timeout={1000 * wait:.0f}"))
+    else:
+        db.execute(text(f"SET LOCAL lock_timeout = {1000 * wait:.0f}"))
+
+
+def require_writable(db: Session, wait: float) -> None:
+    """DBAPIError where the database takes no change within `wait` s; nothing is changed."""
+    hurry(db, wait)
+    db.execute(update(Login).where(Login.id < 0).values(token_hash=""))
+    db.rollback()
 
 
 def place_of(engine: Engine) -> str:
@@ -73,6 +104,7 @@ def upgrade(engine: Engine, to: str = "head") -> None:
                     "BEGIN IMMEDIATE"
                 )  # all or nothing, one process at a time
             else:
+                connection.exec_driver_sql("SET LOCAL lock_timeout = 0")
                 connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({UPGRADE_LOCK})")
             config.attributes["connection"] = connection
             command.upgrade(config, to)
@@ -101,13 +133,33 @@ def _require_known(engine: Engine) -> None:
         )
 
 
+def _connect_arguments(url: str) -> dict[str, Any]:
+    """PostgreSQL: a network that was cut is noticed within seconds, and a change waits for a lock at most WAIT."""
+    if not url.startswith("postgresql+psycopg"):
+        return {}
+    return {
+        "connect_timeout": round(WAIT),
+        "keepalives_idle": 5,
+        "keepalives_interval": 2,
+        "keepalives_count": 3,
+        "tcp_user_timeout": round(1000 * 2 * WAIT),
+        "options": f"-c lock_timeout={1000 * WAIT:.0f}",
+    }
+
+
+def _patient_again(connection: object, record: object) -> None:
+    """A connection that goes back to the pool waits as long as every other."""
+    if connection is not None:
+        connection.execute(f"PRAGMA busy_timeout={1000 * WAIT:.0f}")  # type: ignore[attr-defined]
+
+
 def _prepare_sqlite(connection: object, record: object) -> None:
     cursor = connection.cursor()  # type: ignore[attr-defined]
     for pragma in (
         "journal_mode=WAL",
         "synchronous=FULL",
         "foreign_keys=ON",
-        "busy_timeout=10000",
+        f"busy_timeout={1000 * WAIT:.0f}",
         "secure_delete=ON",
     ):
         cursor.execute(f"PRAGMA {pragma}")

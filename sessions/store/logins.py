@@ -5,13 +5,12 @@ may let a browser in. Tries of passwords are counted in the database, by account
 too, and a restart forgets none. Tokens (192 random bits) and cookies (256) are kept as their SHA-256 alone.
 """
 
-import contextlib
 import hashlib
 import secrets
 from datetime import datetime, timedelta
 from pathlib import Path
 
-from sqlalchemy import delete, func, select
+from sqlalchemy import delete, func, select, update
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
@@ -20,10 +19,12 @@ from handscope.sessions.clinic import accounts, audit
 from handscope.sessions.clinic.accounts import LOCAL
 from handscope.sessions.clinic.audit import AuditEvent
 from handscope.sessions.db.tables import Account, Attempt, Login, now
+from handscope.sessions.store.database import hurry
 from handscope.sessions.store.store import Store
 
-TOKEN_LIFE = timedelta(hours=12)
+TOKEN_LIFE = timedelta(minutes=15)
 TOUCH_EVERY = timedelta(minutes=1)
+TOUCH_WAIT = 0.1  # s
 WINDOW = timedelta(minutes=15)  # in which tries are counted
 MOST_OF_ACCOUNT, MOST_OF_ADDRESS = 5, 20  # tries that fail within it
 
@@ -94,10 +95,18 @@ def find_login(db: Session, cookie: str | None, idle: float, longest: float) -> 
         db.commit()
         return None
     if moment - login.seen > TOUCH_EVERY:
-        login.seen = moment
-        with contextlib.suppress(DBAPIError):  # a full disk locks nobody out
-            db.commit()
+        _touch(db, login.id, moment)
     return login
+
+
+def _touch(db: Session, login_id: int, moment: datetime) -> None:
+    """Keep a login alive. Where the database takes nothing now, a full disk or a lock, nobody is locked out: the next request tries again."""
+    try:
+        hurry(db, TOUCH_WAIT)
+        db.execute(update(Login).where(Login.id == login_id).values(seen=moment))
+        db.commit()
+    except DBAPIError:
+        db.rollback()
 
 
 def end(db: Session, cookie: str | None) -> Account | None:

@@ -16,6 +16,7 @@ from handscope.sessions.db.tables import ErasedFile
 from handscope.sessions.files import object_storage
 from handscope.sessions.files.object_storage import ObjectStorage
 from handscope.sessions.store.database import RESTORING, open_database
+from handscope.sessions.store.folder_privacy import keep_private, mend_permissions
 
 CACHE = "cache"  # of files that are in the object storage
 AWAY = (
@@ -90,6 +91,7 @@ def open_store(folder: Path, url: str | None = None, recordings: str | None = No
 
     `recordings` is the URL of an object storage that closed files are moved to from now on; None leaves that as it is.
     """
+    keep_private()
     try:
         for place in (folder, folder / "recordings", folder / "incoming"):
             place.mkdir(parents=True, exist_ok=True)
@@ -104,6 +106,7 @@ def open_store(folder: Path, url: str | None = None, recordings: str | None = No
     for leftover in (folder / "incoming").iterdir():
         leftover.unlink() if leftover.is_file() else shutil.rmtree(leftover, ignore_errors=True)
     _require_writable(folder)
+    mend_permissions(folder)
     if recordings is not None:
         object_storage.attach(folder, recordings)
     store = store_at(folder, url)

@@ -1,0 +1,114 @@
+"""One server at a time on a data folder, and on a PostgreSQL database.
+
+An advisory lock of the operating system on the file `lock`, which also says who holds it; it ends with its process, however that ends.
+On PostgreSQL an advisory lock of a connection that stays open, under a name that says the same.
+"""
+
+import contextlib
+import importlib
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import Connection, create_engine, make_url, text
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.pool import NullPool
+
+from handscope.estimators.errors import InputError
+
+
+def _system_module(name: str) -> Any:
+    """A module of this operating system; None where it is not of this one."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        return None
+
+
+fcntl, msvcrt = _system_module("fcntl"), _system_module("msvcrt")
+FILE = "lock"
+BEYOND = 1 << 20  # where Windows locks: the holder's name before it stays readable
+SERVER_LOCK = 0x73657276  # of PostgreSQL's advisory locks; any number that nobody else uses
+HOLDERS = text(
+    "SELECT a.application_name FROM pg_locks l JOIN pg_stat_activity a USING (pid) "
+    "WHERE l.locktype = 'advisory' AND l.granted AND l.classid = 0 AND l.objid = :lock AND l.objsubid = 1"
+)
+
+
+@contextmanager
+def hold_folder(folder: Path, url: str | None = None) -> Iterator[None]:
+    """The folder, and the database at `url`, for this process alone; InputError that names the holder where another has them."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        file = os.open(folder / FILE, os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError as problem:
+        raise InputError(
+            f"the data folder {folder} cannot be made: {problem.strerror}; choose another with --data"
+        ) from None
+    try:
+        if not _lock(file):
+            raise InputError(_refusal(f"the data folder {folder}", _read_holder(file)))
+        os.truncate(file, 0)
+        os.lseek(file, 0, os.SEEK_SET)
+        os.write(file, _own_name().encode())
+        with _hold_database(url):
+            yield
+    finally:
+        os.close(file)
+
+
+def _own_name() -> str:
+    return f"process {os.getpid()} on {socket.gethostname()}"
+
+
+def _read_holder(file: int) -> str:
+    with contextlib.suppress(OSError):
+        os.lseek(file, 0, os.SEEK_SET)
+        return os.read(file, 200).decode("utf-8", "replace").strip()
+    return ""
+
+
+def _refusal(what: str, holder: str) -> str:
+    return f"{what} is in use by {holder or 'another process'}; stop that server first, or choose another --data folder"
+
+
+def _lock(file: int) -> bool:
+    """Whether the lock is ours now."""
+    try:
+        if fcntl is not None:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        elif msvcrt is not None:
+            os.lseek(file, BEYOND, os.SEEK_SET)
+            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+            os.lseek(file, 0, os.SEEK_SET)
+    except OSError:
+        return False
+    return True
+
+
+@contextmanager
+def _hold_database(url: str | None) -> Iterator[None]:
+    """PostgreSQL: the server's advisory lock. SQLite lies in the folder and needs none; what cannot be opened is said by open_database."""
+    if not (url or "").startswith("postgresql"):
+        yield
+        return
+    try:
+        named = make_url(url or "").update_query_dict({"application_name": _own_name()[:63]})
+        engine = create_engine(named, poolclass=NullPool, isolation_level="AUTOCOMMIT")
+        connection = engine.connect()
+    except (SQLAlchemyError, ImportError):
+        yield
+        return
+    with contextlib.closing(connection):
+        _require_database(connection)
+        yield
+
+
+def _require_database(connection: Connection) -> None:
+    if connection.scalar(text("SELECT pg_try_advisory_lock(:lock)"), {"lock": SERVER_LOCK}):
+        return
+    holder = connection.scalar(HOLDERS, {"lock": SERVER_LOCK})
+    raise InputError(_refusal("the database", str(holder or "")))
