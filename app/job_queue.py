@@ -158,3 +158,16 @@ def make_derivative(result_id: int, reasons: bool = True) -> bytes:
     assert _store is not None
     with _store.database() as db:
         return pack(derivative_files(_store, results.get(db, result_id), reasons))
+
+
+def make_export(result_id: int, name: str, reasons: bool = True) -> bytes:
+    """In the worker process: a result in a format of app/exports, folders as a zip."""
+    from handscope.app.exports.formats import written
+    from handscope.app.results.make import export_content
+    from handscope.sessions.motion_bids.writer import pack
+
+    assert _store is not None
+    with _store.database() as db:
+        content = export_content(_store, results.get(db, result_id), reasons)
+    data = written(content, name)
+    return data if isinstance(data, bytes) else pack(dict(data))

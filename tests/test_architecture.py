@@ -91,7 +91,7 @@ LEVELS = {  # a package imports packages of lower levels only
         "report",
         "workers",
         "scene results",
-        "replay_file",
+        "exports replay_file",
         "live",
         "auth",
         "api",

@@ -10,7 +10,8 @@ from starlette.responses import Response
 from handscope.app.api.pseudonymisation import events_for
 from handscope.app.api.result_view import readings
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
-from handscope.app.job_queue import make_derivative, make_replay_file, make_report
+from handscope.app.exports.formats import FORMATS
+from handscope.app.job_queue import make_derivative, make_export, make_replay_file, make_report
 from handscope.app.protocols import offered
 from handscope.app.report import Paper
 from handscope.app.report.gradings import DEFAULT, MEASURE, uninjured
@@ -190,6 +191,31 @@ async def read_derivative(
         "application/zip",
         f"handscope-session-{result.recording.session_id}-{result.method}.zip",
     )
+
+
+@router.get("/{result_id}/exports")
+def list_exports(language: LanguageDep) -> list[dict[str, str]]:
+    """The formats in which the movement can be taken away."""
+    return [
+        {"name": name, "title": language.translate(f.title), "suffix": f.suffix or ".zip"}
+        for name, f in FORMATS.items()
+    ]
+
+
+@router.get(
+    "/{result_id}/exports/{form}",
+    dependencies=[requires_role(CLINICIAN, SCIENTIST, does="exported")],
+)
+async def read_export(
+    db: Db, parts: PartsDep, requester: RequesterDep, result_id: int, form: str
+) -> Response:
+    """The movement in another program's format; a folder comes as a zip. No name and no date of birth is in any of them."""
+    if form not in FORMATS:
+        raise InputError(f"there is no format {form!r}; formats are {', '.join(FORMATS)}")
+    result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
+    data = await parts.jobs.run(make_export, result_id, form, requester.sees_all)
+    stem = f"handscope-session-{result.recording.session_id}-{result.method}-{form}"
+    return _download(data, "application/octet-stream", stem + (FORMATS[form].suffix or ".zip"))
 
 
 @router.get(

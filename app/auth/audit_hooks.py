@@ -85,7 +85,9 @@ class AuditHooks:
         subject = _subject(connection, access)
         what = access.requirement.does
         if subject and (what != SEEN or self._is_due((connection.state.requester.login, subject))):
-            await anyio.to_thread.run_sync(self._write, connection, AuditEvent(what, *subject))
+            forms = {k: v for k, v in connection.path_params.items() if k == "form"}
+            event = AuditEvent(what, *subject, counts=forms)
+            await anyio.to_thread.run_sync(self._write, connection, event)
 
     async def record_refusal(self, connection: HTTPConnection, status: int) -> None:
         """Record a refusal: of an account for each address, of a stranger once in REPEAT_AFTER."""

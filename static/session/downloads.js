@@ -53,6 +53,11 @@ export function mount(root, api, { session, result, go }) {
     saved(t("downloads.json"), `${base}/report.json`, name(".json")),
     saved(t("downloads.derivative"), `${base}/derivative.zip`, name(".zip"), ""),
   ];
+  const formats = h("div", { class: "buttons" });
+  api.get(`${base}/exports`).then(
+    (all) => formats.replaceChildren(...all.map((f) => saved(f.title, `${base}/exports/${f.name}`, name(`-${f.name}${f.suffix}`), ""))),
+    box.show,
+  );
   root.append(
     h(
       "div",
@@ -65,6 +70,8 @@ export function mount(root, api, { session, result, go }) {
       { class: "more" },
       h("summary", {}, t("downloads.more")),
       h("div", { class: "buttons" }, tables),
+      h("p", { class: "hint" }, t("downloads.formats")),
+      formats,
       h(
         "div",
         { class: "buttons" },

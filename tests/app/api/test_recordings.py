@@ -120,6 +120,14 @@ def test_an_upload_becomes_a_session_with_figures_and_exports(
             name.endswith("_tracksys-handscope_desc-ekf_motion.tsv")
             for name in derivative.namelist()
         )
+    offered = {f["name"] for f in client.get(f"{base}/exports").json()}
+    assert {"opensim", "fhir", "parquet"} <= offered
+    with zipfile.ZipFile(io.BytesIO(client.get(f"{base}/exports/opensim").content)) as model:
+        assert set(model.namelist()) == {"motion.mot", "orientations.sto", "hand.osim"}
+    bvh = client.get(f"{base}/exports/bvh")
+    assert bvh.text.startswith("HIERARCHY") and pseudonym not in bvh.text
+    refused = client.get(f"{base}/exports/docx")
+    assert refused.status_code == 404 and "opensim" in refused.json()["error"]
 
 
 def test_a_second_session_says_what_changed_since_the_first(
