@@ -15,7 +15,7 @@ from handscope.estimators.errors import InputError
 from handscope.sessions.clinic.pseudonyms import UnconfirmedError
 from handscope.sessions.db.conflicts import ConflictError
 from handscope.sessions.db.full_disk import FULL, is_full
-from handscope.sessions.store.logins import ThrottledError
+from handscope.sessions.store.throttle import ThrottledError
 
 TOO_LARGE = "there is no such number: it is larger than any that the database can hold"
 log = logging.getLogger(__name__)

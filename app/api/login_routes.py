@@ -15,8 +15,7 @@ from handscope.app.auth.roles import ANYBODY, EVERY_ACCOUNT, address_of, require
 from handscope.app.state import Db, PartsDep
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
-from handscope.sessions.clinic import accounts, audit
-from handscope.sessions.clinic.audit import AuditEvent
+from handscope.sessions.clinic import accounts
 from handscope.sessions.store import logins
 from handscope.sessions.store.database import require_writable
 
@@ -36,11 +35,11 @@ def login_page(
     parts: PartsDep, db: Db, request: Request, token: Annotated[str, Query(max_length=200)] = ""
 ) -> Response:
     """Log in with a valid token; otherwise the page that asks for one."""
-    account = logins.redeem(db, parts.store, token) if token else None
+    account = logins.log_in_by_code(db, parts.store, token, address_of(request)) if token else None
     if account is None:
-        _record_refusal(db, token)
         return FileResponse(STATIC / "login" / "index.html", status_code=401 if token else 200)
-    return with_cookie(RedirectResponse("/", 303), request, logins.begin(db, account))
+    cookie = logins.begin(db, account, cookie_of(request))
+    return with_cookie(RedirectResponse("/", 303), request, cookie)
 
 
 @router.get("/login")
@@ -55,16 +54,17 @@ def log_in(parts: PartsDep, db: Db, request: Request, given: Proof) -> Response:
         account = logins.log_in(db, given.name, given.password, address_of(request))
         if account is None:
             raise InputError(
-                "the name or the password is not right; after five tries the account is closed for a quarter of an hour"
+                "the name or the password is not right; after five tries the next ones have to wait"
             )
     else:
-        account = logins.redeem(db, parts.store, given.token.strip())
+        code = given.token.strip()
+        account = logins.log_in_by_code(db, parts.store, code, address_of(request))
         if account is None:
-            _record_refusal(db, given.token)
             raise InputError(
                 "this code was used before or is not right; print a new one with: handscope login"
             )
-    return with_cookie(Response(status_code=204), request, logins.begin(db, account))
+    cookie = logins.begin(db, account, cookie_of(request))
+    return with_cookie(Response(status_code=204), request, cookie)
 
 
 @router.delete(
@@ -89,12 +89,6 @@ def log_out(db: Db, parts: PartsDep, request: Request) -> Response:
         samesite="strict",
     )
     return response
-
-
-def _record_refusal(db: Db, token: str) -> None:
-    if token:
-        audit.record(db, AuditEvent("refused", "login", counts={"by": "code"}))
-        db.commit()
 
 
 @router.get("/health")

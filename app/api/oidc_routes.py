@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query, Request, Response
 from starlette.responses import HTMLResponse, RedirectResponse
 
 from handscope.app.api.login_routes import with_cookie
-from handscope.app.auth.gate import secure
+from handscope.app.auth.gate import cookie_of, secure
 from handscope.app.auth.oidc import (
     NAME,
     Answer,
@@ -91,7 +91,9 @@ def receive_answer(
         db.commit()
         response = _refuse(problem)
     else:
-        response = with_cookie(HTMLResponse(IN), request, logins.begin(db, account))
+        response = with_cookie(
+            HTMLResponse(IN), request, logins.begin(db, account, cookie_of(request))
+        )
     response.delete_cookie(COOKIE, path="/login/sso")
     return response
 

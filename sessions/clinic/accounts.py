@@ -8,6 +8,8 @@ Passwords are kept as argon2id hashes with the library's parameters (RFC 9106, 4
 """
 
 import hashlib
+import logging
+import math
 import re
 import threading
 from collections.abc import Sequence
@@ -28,6 +30,9 @@ NAME = re.compile(r"[\w.@+-]{1,64}")
 SHORTEST, LONGEST = 12, 256  # characters of a password
 LONGEST_SUBJECT = 400  # characters of issuer and subject
 DIFFERENT = 5  # characters that a password has at least
+MOST_GUESSES = 1e10  # that a password must withstand: "very unguessable" of zxcvbn (Wheeler 2016)
+LONGEST_GUESSED = 72  # characters of it that are looked at: longer ones are guessed no sooner
+log = logging.getLogger(__name__)
 _hasher = PasswordHasher()
 _working = threading.BoundedSemaphore(
     2
@@ -185,3 +190,17 @@ def _require_good(password: str, name: str) -> None:
         raise InputError(
             "this password is easily guessed; take one without the account's name and with more different characters"
         )
+    if _guesses(password, name) < MOST_GUESSES:
+        raise InputError(
+            "this password is among those that are tried first, or is made of such; take several words that do not belong together"
+        )
+
+
+def _guesses(password: str, name: str) -> float:
+    """How many guesses find it (zxcvbn: lists of the commonest passwords, words, dates, patterns of keys)."""
+    try:
+        from zxcvbn import zxcvbn
+    except ImportError:
+        log.error("zxcvbn is not installed: passwords are checked by their length alone")
+        return math.inf
+    return float(zxcvbn(password[:LONGEST_GUESSED], [name, "handscope"])["guesses"])

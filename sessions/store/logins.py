@@ -1,8 +1,7 @@
 """Logins: one-time tokens and passwords make them, cookies carry them, they end after a while without a request and after a longest time.
 
 A token is a file named after its hash in the data folder, with the name of its account: whoever may write there (the same user of the machine)
-may let a browser in. Tries of passwords are counted in the database, by account and by address, before they are checked: tries at once count
-too, and a restart forgets none. Tokens (192 random bits) and cookies (256) are kept as their SHA-256 alone.
+may let a browser in. Tries are counted (sessions/store/throttle.py) by account and address together and by address; nobody shuts an account's owner out from elsewhere. Tokens (192 random bits) and cookies (256) are kept as their SHA-256 alone.
 """
 
 import hashlib
@@ -10,33 +9,33 @@ import secrets
 from datetime import datetime, timedelta
 from pathlib import Path
 
-from sqlalchemy import delete, func, select, update
+from sqlalchemy import delete, select, update
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
-from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit
 from handscope.sessions.clinic.accounts import LOCAL
 from handscope.sessions.clinic.audit import AuditEvent
-from handscope.sessions.db.tables import Account, Attempt, Login, now
+from handscope.sessions.db.tables import Account, AuditLine, Login, now
+from handscope.sessions.store import throttle
 from handscope.sessions.store.database import hurry
 from handscope.sessions.store.store import Store
 
 TOKEN_LIFE = timedelta(minutes=15)
 TOUCH_EVERY = timedelta(minutes=1)
 TOUCH_WAIT = 0.1  # s
-WINDOW = timedelta(minutes=15)  # in which tries are counted
-MOST_OF_ACCOUNT, MOST_OF_ADDRESS = 5, 20  # tries that fail within it
-
-
-class ThrottledError(InputError):
-    """Too many tries; `wait` s until the next one is taken."""
-
-    def __init__(self, wait: float) -> None:
-        super().__init__(
-            "too many logins failed for this account or from this address; wait a quarter of an hour and try again"
-        )
-        self.wait = wait
+MOST, MOST_OF_ADDRESS = 5, 20  # tries that fail: of an account from an address, of the address
+MOST_ELSEWHERE = 100  # of an account from addresses where it has never logged in
+REPORTED = (
+    1,
+    2,
+    3,
+    4,
+    5,
+    20,
+    100,
+    500,
+)  # numbers of tries in a window that the audit trail is told
 
 
 def new_token(data: Path, account: str = LOCAL) -> str:
@@ -68,8 +67,9 @@ def redeem(db: Session, store: Store, token: str) -> Account | None:
     return account if account is not None and not account.disabled else None
 
 
-def begin(db: Session, account: Account) -> str:
-    """The cookie of a new login."""
+def begin(db: Session, account: Account, before: str | None = None) -> str:
+    """The cookie of a new login; the login that the same browser had `before` ends."""
+    end(db, before)
     cookie = secrets.token_urlsafe(32)
     audit.set_actor(db, account.name, db.info.get("address", ""))
     audit.record(db, AuditEvent("logged in", "account", str(account.id)))
@@ -111,7 +111,7 @@ def _touch(db: Session, login_id: int, moment: datetime) -> None:
 
 def end(db: Session, cookie: str | None) -> Account | None:
     """End a login; gives whose it was."""
-    login = db.scalar(select(Login).where(Login.token_hash == _hash(cookie or "")))
+    login = db.scalar(select(Login).where(Login.token_hash == _hash(cookie))) if cookie else None
     if login is None:
         return None
     account = login.account
@@ -131,52 +131,59 @@ def end_all(db: Session, account: Account, but: str | None = None) -> None:
 
 
 def log_in(db: Session, name: str, password: str, address: str) -> Account | None:
-    """The account that proves itself, None where it does not; ThrottledError after too many tries of the account or from the address."""
-    tried = _counted(db, name, address)
+    """The account that proves itself, None where it does not; ThrottledError after too many tries."""
+    limits = [
+        throttle.Limit(_hash(f"account {_plain(name)} from {throttle.network(address)}"), MOST),
+        throttle.Limit(_hash(f"address {throttle.network(address)}"), MOST_OF_ADDRESS),
+    ]
+    if not _has_logged_in(db, name, address):  # nobody elsewhere may shut out who is known here
+        limits.append(throttle.Limit(_hash(f"account {_plain(name)}"), MOST_ELSEWHERE))
+    tried = throttle.count(db, limits)
     account = accounts.authenticate(db, name, password)
-    if account is not None:  # who is in clears the account; the address keeps its other tries
-        db.execute(
-            delete(Attempt).where(Attempt.key.in_([_of_account(name)]) | Attempt.id.in_(tried))
-        )
-    else:
-        audit.record(db, _failed(db, name))
+    if account is not None:  # who is in clears these tries; the address keeps its others
+        throttle.forget(db, tried, limits[0])
+    elif (tries := throttle.tries(db, limits[0])) in REPORTED:
+        audit.record(db, _failed(db, name, tries))
     db.commit()
     return account
 
 
-def _counted(db: Session, name: str, address: str) -> list[int]:
-    """Count a try before it is checked."""
-    moment = now()
-    db.execute(delete(Attempt).where(Attempt.at < moment - WINDOW))
-    made = [Attempt(key=key, at=moment) for key in (_of_account(name), _hash(f"address {address}"))]
-    db.add_all(made)
-    db.commit()
-    for attempt, most in zip(made, (MOST_OF_ACCOUNT, MOST_OF_ADDRESS)):
-        count, oldest = db.execute(
-            select(func.count(Attempt.id), func.min(Attempt.at)).where(Attempt.key == attempt.key)
-        ).one()
-        if count > most:
-            db.execute(
-                delete(Attempt).where(Attempt.id.in_([a.id for a in made]))
-            )  # what is turned away makes nobody wait longer
-            db.commit()
-            raise ThrottledError(_until(oldest, moment))
-    return [a.id for a in made]
+def log_in_by_code(db: Session, store: Store, token: str, address: str) -> Account | None:
+    """The account of a one-time code; None where it is not right, ThrottledError after too many that were not.
+
+    A right code always lets in: its 192 bits are not guessed, and others behind the same address shut nobody out.
+    """
+    account = redeem(db, store, token)
+    if account is not None:
+        return account
+    limit = throttle.Limit(_hash(f"codes from {throttle.network(address)}"), MOST_OF_ADDRESS)
+    throttle.count(db, [limit])
+    if (tries := throttle.tries(db, limit)) in REPORTED:
+        audit.record(db, AuditEvent("refused", "login", counts={"by": "code", "tries": tries}))
+        db.commit()
+    return None
 
 
-def _failed(db: Session, name: str) -> AuditEvent:
+def _has_logged_in(db: Session, name: str, address: str) -> bool:
+    """Whether the account has logged in from this address before, by the audit trail."""
+    query = select(AuditLine.id).where(
+        AuditLine.who == _plain(name),
+        AuditLine.what == "logged in",
+        AuditLine.address == address,
+    )
+    return db.scalar(query.limit(1)) is not None
+
+
+def _failed(db: Session, name: str, tries: int) -> AuditEvent:
     """A name that no account has is not kept: it may be a password typed in the wrong place."""
-    known = db.scalar(select(Account.id).where(Account.name == name.strip().casefold()))
-    return AuditEvent("refused", "login", str(known or ""), counts={"by": "password"})
+    known = db.scalar(select(Account.id).where(Account.name == _plain(name)))
+    counts = {"by": "password", "tries": tries}
+    return AuditEvent("refused", "login", str(known or ""), counts=counts)
 
 
-def _until(oldest: datetime, moment: datetime) -> float:
-    return max(1.0, (oldest + WINDOW - moment).total_seconds())
-
-
-def _of_account(name: str) -> str:
-    """Of unknown names, too; a hash, as somebody may have typed a password in its place."""
-    return _hash(f"account {name.strip().casefold()}")
+def _plain(name: str) -> str:
+    """Of unknown names, too; kept as a hash alone, as somebody may have typed a password in its place."""
+    return name.strip().casefold()
 
 
 def _hash(secret: str) -> str:

@@ -1,8 +1,6 @@
 """Passwords and logins: what is kept, what is refused, and that many tries are throttled whatever is restarted or done at once."""
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -12,7 +10,6 @@ from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts
 from handscope.sessions.db.tables import Attempt
 from handscope.sessions.store import logins
-from handscope.sessions.store.logins import MOST_OF_ACCOUNT, MOST_OF_ADDRESS, WINDOW, ThrottledError
 from handscope.sessions.store.store import Store, open_store
 
 GOOD = "seven hands on a table"
@@ -78,45 +75,6 @@ def test_a_password_that_is_easily_guessed_is_refused(store: Store, password: st
     with store.database() as db, pytest.raises(InputError):
         accounts.set_password(db, accounts.find_by_name(db, "anna"), password)
     assert tried(store, "anna", GOOD) == "anna"
-
-
-def test_an_account_is_closed_after_five_tries_wherever_they_came_from_and_a_restart_forgets_none(
-    store: Store,
-) -> None:
-    for k in range(MOST_OF_ACCOUNT):
-        assert tried(store, "anna", "wrong", f"10.0.0.{k}") is None
-    again = open_store(store.folder)
-    for address in ("10.0.0.9", "10.0.0.1"):
-        with pytest.raises(ThrottledError) as told:
-            tried(again, "anna", GOOD, address)
-        assert 0 < told.value.wait <= WINDOW.total_seconds()
-    assert tried(again, "ben", GOOD, "10.0.0.1") == "ben", "others come in"
-    with again.database() as db:
-        for attempt in db.query(Attempt):
-            attempt.at -= WINDOW + timedelta(seconds=1)
-        db.commit()
-    assert tried(again, "anna", GOOD) == "anna"
-
-
-def test_an_address_is_closed_after_twenty_tries_of_any_names(store: Store) -> None:
-    with ThreadPoolExecutor(2) as two:
-        list(two.map(lambda k: tried(store, f"guess{k}", "wrong"), range(MOST_OF_ADDRESS)))
-    with pytest.raises(ThrottledError):
-        tried(store, "anna", GOOD)
-    assert tried(store, "anna", GOOD, "10.0.0.2") == "anna"
-
-
-def test_tries_at_once_are_counted_before_any_is_checked(store: Store) -> None:
-    def outcome(_: int) -> str:
-        try:
-            return str(tried(store, "anna", "wrong"))
-        except ThrottledError:
-            return "throttled"
-
-    with ThreadPoolExecutor(8) as many:
-        outcomes = list(many.map(outcome, range(12)))
-    assert outcomes.count("None") <= MOST_OF_ACCOUNT
-    assert set(outcomes) == {"None", "throttled"}
 
 
 def test_a_code_of_an_account_that_is_out_of_use_lets_nobody_in(
