@@ -30,7 +30,7 @@ VERBS = {
     "locate": "where a magnet is, from the recording of any magnetometer array",
     "learn-magnet": "where magnetometers and magnet sit, from half a minute of movement",
     "info": "say what a recording holds and what was cut",
-    "export": "write any recording as Motion-BIDS",
+    "export": "write a recording or its movement as files of other programs",
     "bench": "speed and memory of the hot paths",
     "reproduce": "the figures that the papers report, measured again on simulated and real recordings",
 }

@@ -160,14 +160,23 @@ def make_derivative(result_id: int, reasons: bool = True) -> bytes:
         return pack(derivative_files(_store, results.get(db, result_id), reasons))
 
 
-def make_export(result_id: int, name: str, reasons: bool = True) -> bytes:
-    """In the worker process: a result in a format of app/exports, folders as a zip."""
-    from handscope.app.exports.formats import written
-    from handscope.app.results.make import export_content
-    from handscope.sessions.motion_bids.writer import pack
+def make_export(result_id: int, name: str, sees_all: bool = True) -> bytes:
+    """In the worker process: a result in a format of sessions/exports; several files as a zip.
+
+    What people typed (reasons of corrections, the report) is left out unless the account `sees_all`.
+    """
+    from handscope.app.exporting.measured import export_processed, gather
+    from handscope.app.exporting.saving import packed
+    from handscope.app.options import with_options
+    from handscope.app.results.make import process_result
+    from handscope.estimators.methods import ALL_METHODS
+    from handscope.sessions.exports import format_of
 
     assert _store is not None
     with _store.database() as db:
-        content = export_content(_store, results.get(db, result_id), reasons)
-    data = written(content, name)
-    return data if isinstance(data, bytes) else pack(dict(data))
+        result = results.get(db, result_id)
+        recording, processed = process_result(_store, result, reasons=sees_all)
+        params = with_options(ALL_METHODS[result.method].Params, result.parameters)
+        measured = gather(recording, processed, result.method, params, software=result.version)
+    made = export_processed(measured, name, processed, params, with_report=sees_all)
+    return packed(made.files, format_of(name), f"handscope-{name}")

@@ -10,7 +10,6 @@ from starlette.responses import Response
 from handscope.app.api.pseudonymisation import events_for
 from handscope.app.api.result_view import readings
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
-from handscope.app.exports.formats import FORMATS
 from handscope.app.job_queue import make_derivative, make_export, make_replay_file, make_report
 from handscope.app.protocols import offered
 from handscope.app.report import Paper
@@ -26,7 +25,9 @@ from handscope.estimators.measures.total_active_motion import GRADINGS
 from handscope.sessions.clinic import results
 from handscope.sessions.clinic.corrections import without_reasons
 from handscope.sessions.db.tables import Result
+from handscope.sessions.exports import FORMATS, download_ending
 
+MOVEMENTS = {name: f for name, f in FORMATS.items() if name != "bids"}  # the raw file has its route
 router = APIRouter(
     prefix="/results", tags=["results"], dependencies=[requires_role(CLINICIAN, SCIENTIST)]
 )
@@ -197,8 +198,8 @@ async def read_derivative(
 def list_exports(language: LanguageDep) -> list[dict[str, str]]:
     """The formats in which the movement can be taken away."""
     return [
-        {"name": name, "title": language.translate(f.title), "suffix": f.suffix or ".zip"}
-        for name, f in FORMATS.items()
+        {"name": name, "title": language.translate(f.title), "suffix": download_ending(f)}
+        for name, f in MOVEMENTS.items()
     ]
 
 
@@ -210,12 +211,15 @@ async def read_export(
     db: Db, parts: PartsDep, requester: RequesterDep, result_id: int, form: str
 ) -> Response:
     """The movement in another program's format; a folder comes as a zip. No name and no date of birth is in any of them."""
-    if form not in FORMATS:
-        raise InputError(f"there is no format {form!r}; formats are {', '.join(FORMATS)}")
+    if form not in MOVEMENTS:
+        raise InputError(f"there is no format {form!r}; formats are {', '.join(MOVEMENTS)}")
     result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
     data = await parts.jobs.run(make_export, result_id, form, requester.sees_all)
     stem = f"handscope-session-{result.recording.session_id}-{result.method}-{form}"
-    return _download(data, "application/octet-stream", stem + (FORMATS[form].suffix or ".zip"))
+    wanted = MOVEMENTS[form]
+    ending = download_ending(wanted)
+    kind = "application/zip" if ending == ".zip" else wanted.media_type
+    return _download(data, kind, stem + ending)
 
 
 @router.get(

@@ -1,16 +1,17 @@
-"""`handscope export`: any recording as Motion-BIDS, or its movement in the formats of other programs."""
+"""`handscope export`: a recording and its movement in the files of other programs, or as a replay in one file."""
 
 import argparse
 from pathlib import Path
 
 from handscope.app.commands.methods import add_method, add_recording, method_of, processed_by
 from handscope.app.commands.words import output_folder, require_file, say
-from handscope.app.exports.formats import FORMATS
+from handscope.app.exporting.saving import require_place, save
 from handscope.app.language import ENGLISH
 from handscope.app.protocols import load_all
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.sessions import motion_bids
+from handscope.sessions.exports import FORMATS, format_of
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.tables_io.writing import save_file
 
@@ -21,10 +22,20 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--format",
         default="bids",
         metavar="NAME",
-        help="bids (default; the samples as they are), or the movement by a method: "
-        + ", ".join(FORMATS),
+        help="; ".join(f"{name}: {f.title}" for name, f in FORMATS.items()) + " (default bids)",
     )
-    parser.add_argument("--out", type=Path, metavar="PATH", help="the file or folder to write")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="PATH",
+        help="file to write; a folder for bids (or FILE.zip), opensim and redcap",
+    )
+    parser.add_argument(
+        "--pseudonym",
+        default="",
+        metavar="WORD",
+        help="written into the export as its subject; never a name. Without it nothing tells who moved",
+    )
     parser.add_argument(
         "--replay",
         type=Path,
@@ -52,16 +63,14 @@ def run(arguments: argparse.Namespace) -> int:
             )
     if arguments.out is None and arguments.replay is None:
         raise InputError(
-            "say where to write: --out PATH, or --replay FILE.html for the movement in 3-D"
-        )
-    if arguments.format not in ("bids", *FORMATS):
-        raise InputError(
-            f"there is no format {arguments.format!r}; formats are bids, {', '.join(FORMATS)}"
+            "say what to write: --out PATH (with --format NAME), or --replay FILE.html for the movement in 3-D"
         )
     if arguments.replay is not None:
         require_file(arguments.replay)
+    wanted = format_of(arguments.format)
     if arguments.out is not None and arguments.format != "bids":
-        _write_movement(arguments)
+        require_place(arguments.out, wanted)
+        _write_format(arguments)
     elif arguments.out is not None:
         recording = formats_recordings.load(arguments.recording, arguments.hand)
         target = arguments.out if arguments.out.suffix == ".zip" else output_folder(arguments.out)
@@ -72,18 +81,16 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _write_movement(arguments: argparse.Namespace) -> None:
-    from handscope.app.exports import formats  # here: figures and scene take a while to import
-    from handscope.app.results.export_content import Content
+def _write_format(arguments: argparse.Namespace) -> None:
+    from handscope.app.exporting.measured import export_processed, gather  # here: reports are slow
 
-    _require_path(arguments.format, arguments.out)
     method, params = method_of(arguments)
     recording, processed = processed_by(method, params, arguments)
-    content = Content(recording, processed, arguments.method, params)
-    for sentence in formats.save(content, arguments.format, arguments.out):
-        say(f"note: {sentence}")
-    for warning in processed.warnings:
-        say(f"warning: {warning}")
+    measured = gather(recording, processed, arguments.method, params, arguments.pseudonym)
+    exported = export_processed(measured, arguments.format, processed, params)
+    save(exported.files, arguments.out)
+    for sentence in (*processed.warnings, *exported.notices):
+        say(f"warning: {sentence}")
     say(f"{len(processed.trajectory)} samples by {arguments.method}: {arguments.out}")
 
 
@@ -108,14 +115,3 @@ def _write_replay(arguments: argparse.Namespace) -> None:
     say(
         f"{moved.t[-1] - moved.t[0]:.1f} s by {arguments.method}, {len(data) / 1e6:.1f} MB: {arguments.replay}"
     )
-
-
-def _require_path(name: str, path: Path) -> None:
-    """Refuse a place that cannot be written to before anything is computed; InputError."""
-    if FORMATS[name].suffix:
-        if path.is_dir():
-            raise InputError(f"--out {path} is a folder; --format {name} writes one file")
-        if not path.parent.is_dir():
-            raise InputError(f"--out {path}: there is no folder {path.parent}")
-    elif path.exists() and not path.is_dir():
-        raise InputError(f"--out {path} is a file; --format {name} writes a folder")

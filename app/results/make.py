@@ -22,7 +22,6 @@ from handscope.app.protocols import offered
 from handscope.app.report.content import Content, Visit, content
 from handscope.app.report.sections import self_calibration
 from handscope.app.report.stored import pack, unpack
-from handscope.app.results.export_content import Content as ExportContent
 from handscope.app.workers import deadline
 from handscope.estimators.data.samples import Event
 from handscope.estimators.data.trajectory import Trajectory
@@ -151,13 +150,6 @@ def derivative_files(store: Store, result: Result, reasons: bool = True) -> dict
     recording, processed = process_result(store, result, reasons=reasons)
     params = with_options(ALL_METHODS[result.method].Params, result.parameters)
     return derivative.tree(processed, recording, result.method, params, result.version)
-
-
-def export_content(store: Store, result: Result, reasons: bool = True) -> ExportContent:
-    """What the formats of app/exports write of a result."""
-    recording, processed = process_result(store, result, reasons=reasons)
-    params = with_options(ALL_METHODS[result.method].Params, result.parameters)
-    return ExportContent(recording, processed, result.method, params)
 
 
 def figure_rows(t: TaskResult) -> list[dict[str, Any]]:

@@ -124,8 +124,15 @@ def test_an_upload_becomes_a_session_with_figures_and_exports(
     assert {"opensim", "fhir", "parquet"} <= offered
     with zipfile.ZipFile(io.BytesIO(client.get(f"{base}/exports/opensim").content)) as model:
         assert set(model.namelist()) == {"motion.mot", "orientations.sto", "hand.osim"}
-    bvh = client.get(f"{base}/exports/bvh")
-    assert bvh.text.startswith("HIERARCHY") and pseudonym not in bvh.text
+    with zipfile.ZipFile(io.BytesIO(client.get(f"{base}/exports/bvh").content)) as animated:
+        assert set(animated.namelist()) == {"handscope-bvh.bvh", "handscope-bvh.json"}
+        hierarchy = animated.read("handscope-bvh.bvh").decode()
+    assert hierarchy.startswith("HIERARCHY")
+    bundle = client.get(f"{base}/exports/fhir")
+    assert bundle.headers["content-type"] == "application/fhir+json"
+    assert pseudonym not in bundle.text
+    trail = client.get("/api/audit", params={"what": "exported"}).json()
+    assert "fhir" in str(trail)
     refused = client.get(f"{base}/exports/docx")
     assert refused.status_code == 404 and "opensim" in refused.json()["error"]
 

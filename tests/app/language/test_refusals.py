@@ -14,6 +14,7 @@ COMMAND_LINE = (
         "app/analysis.py",
         "app/results/cohort.py",
         "app/commands",
+        "app/exporting/saving.py",
         "app/devices/force_strip.py",
         "app/devices/strip_flash.py",
         "app/devices/virtual_glove",

@@ -1,0 +1,63 @@
+"""Files that other programs open: one module a format, each with `write(measured) -> Exported`; docs/exports.md tells what each holds and loses."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+
+from handscope.estimators.errors import InputError
+from handscope.sessions.exports.measured import Exported, Measured
+
+
+@dataclass(frozen=True)
+class Format:
+    """One way out."""
+
+    title: str
+    module: str  # of this package
+    ending: str  # of the file; "" = a folder
+    beside: bool = False  # writes a second file of the same name
+    media_type: str = "application/octet-stream"
+    report: bool = False  # takes the report's PDF
+    skin: bool = False  # takes the drawn hand
+
+
+FORMATS: Mapping[str, Format] = {
+    "bids": Format("Motion-BIDS: the samples as they are", "bids", ""),
+    "opensim": Format("OpenSim: angles, orientations, model of the hand", "opensim", ""),
+    "bvh": Format("BVH: animated skeleton", "bvh", ".bvh", beside=True),
+    "glb": Format("glTF: animated hand", "glb", ".glb", media_type="model/gltf-binary", skin=True),
+    "c3d": Format("C3D: joint centres, fingertips, angles, events", "c3d_points", ".c3d"),
+    "mat": Format("MATLAB: columns with units", "mat", ".mat"),
+    "parquet": Format("Parquet: columns with units", "parquet", ".parquet"),
+    "fhir": Format(
+        "FHIR R4: figures and report for a record system",
+        "fhir",
+        ".json",
+        media_type="application/fhir+json",
+        report=True,
+    ),
+    "redcap": Format("REDCap: figures and data dictionary", "redcap", ""),
+    "mcap-ros2": Format("ROS 2: joint states, transforms, fingertips", "mcap_ros2", ".mcap"),
+    "jsonl": Format(
+        "JSON lines: a line a sample", "jsonl", ".jsonl", media_type="application/jsonl"
+    ),
+}
+
+
+def format_of(name: str) -> Format:
+    """InputError where there is no such format."""
+    if name not in FORMATS:
+        raise InputError(f"there is no format {name!r}; formats are {', '.join(FORMATS)}")
+    return FORMATS[name]
+
+
+def download_ending(wanted: Format) -> str:
+    """Of the one file that a browser gets: several come as a zip."""
+    return ".zip" if wanted.beside or not wanted.ending else wanted.ending
+
+
+def export(measured: Measured, name: str) -> Exported:
+    """The files of one format."""
+    module = import_module(f"{__name__}.{format_of(name).module}")
+    made: Exported = module.write(measured)
+    return made
