@@ -21,6 +21,7 @@ from handscope.sessions.clinic.accounts import LOCAL
 from handscope.sessions.db.tables import Account, AuditLine
 from handscope.sessions.store import logins
 
+UNGUARDED = "the triggers that refuse changes of the trail are gone"
 router = APIRouter(tags=["accounts"], dependencies=[requires_role(ADMINISTRATOR)])
 own = APIRouter(tags=["accounts"], dependencies=[requires_role(*EVERY_ACCOUNT)])
 MOST = 200  # lines of the audit trail in one answer
@@ -126,7 +127,9 @@ def read_audit(
 def verify_audit(db: Db, language: LanguageDep) -> dict[str, Any]:
     """Whether the chain holds from the first line to the last."""
     chain = audit.verify(db)
-    return {"lines": chain.lines, "last": chain.last, "broken": language.translate(chain.broken)}
+    gone = UNGUARDED if chain.unguarded else ""
+    broken = language.translate(chain.broken or gone)
+    return {"lines": chain.lines, "last": chain.last, "broken": broken}
 
 
 def account_row(a: Account) -> dict[str, Any]:

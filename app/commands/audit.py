@@ -97,6 +97,11 @@ def run(arguments: argparse.Namespace) -> int:
         say(
             f"Line {found.back} is of an earlier time than line {found.back - 1}: was this machine's clock set back then?"
         )
+    if found.unguarded:
+        say(
+            f"The triggers {', '.join(found.unguarded)} are gone, which refuse changes of the trail: who removed them? The chain of its {found.lines} lines holds, up to {found.lines}:{found.last}."
+        )
+        return BROKEN
     say(
         f"The audit trail holds: {found.lines} lines. Note the last one elsewhere, to verify against it: {found.lines}:{found.last}"
     )

@@ -20,6 +20,7 @@ from typing import Any
 from sqlalchemy import Connection, event, insert, inspect, select, text, update
 from sqlalchemy.orm import Session, sessionmaker
 
+from handscope.sessions.clinic import audit_guards
 from handscope.sessions.db.tables import (
     Account,
     AuditLine,
@@ -80,6 +81,7 @@ class Verdict:
     last: str  # hash of the last of them
     broken: str = ""  # the first that does not, and how
     back: int = 0  # the first line of an earlier time than the one before: a clock was set back, or lines are somebody's own; 0 for none
+    unguarded: tuple[str, ...] = ()  # triggers that should refuse changes and are gone
 
 
 def enable(database: sessionmaker[Session]) -> None:
@@ -121,6 +123,14 @@ def list_lines(
 
 def verify(db: Session, against: Sequence[tuple[int, str]] = ()) -> Verdict:
     """Go along the chain until the first line that does not fit; `against` are numbers and hashes noted before."""
+    if not audit_guards.has_trail(db):
+        return Verdict(0, NOTHING, "the table of the trail is gone")
+    missing = audit_guards.find_missing_triggers(db)
+    return replace(_follow(db, against), unguarded=missing)
+
+
+def _follow(db: Session, against: Sequence[tuple[int, str]]) -> Verdict:
+    """The chain itself."""
     number, last, noted, before, back = 0, NOTHING, dict(against), None, 0
     for line in db.execute(
         select(AuditLine.__table__).order_by(AuditLine.id).execution_options(yield_per=1000)
