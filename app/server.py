@@ -4,6 +4,7 @@ import logging
 import tempfile
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager, nullcontext
+from functools import partial
 from multiprocessing.util import get_temp_dir
 from pathlib import Path
 from typing import Any
@@ -40,13 +41,14 @@ from handscope.app.live.stations import Stations
 from handscope.app.settings import Settings
 from handscope.app.state import Parts
 from handscope.app.version import software_version
+from handscope.app.workers.session_repair import SessionRepair
 from handscope.app.workers.storage_mover import StorageMover
 from handscope.app.workers.upload_reader import UploadReader
 from handscope.estimators.errors import InputError
 from handscope.estimators.methods import DEFAULT
 from handscope.sessions.clinic import self_calibrations as stored_calibrations
 from handscope.sessions.store import records
-from handscope.sessions.store.store import open_store
+from handscope.sessions.store.store import Store, open_store
 
 log = logging.getLogger(__name__)
 
@@ -80,8 +82,12 @@ def create_app(settings: Settings) -> FastAPI:
             app.state.parts = Parts(
                 settings, store, jobs, open_stations, upload_reader, storage_mover
             )
-            await anyio.to_thread.run_sync(_recover, app.state.parts)
-            with _serve_metrics(app.state.parts):
+            left_open = await anyio.to_thread.run_sync(_list_left_open, store)
+            finish = partial(_process_closed, app)
+            with (
+                SessionRepair(store, left_open, finish) as app.state.repair,
+                _serve_metrics(app.state.parts),
+            ):
                 yield
             await anyio.to_thread.run_sync(open_stations.__exit__, None, None, None)
         store.close()
@@ -158,12 +164,19 @@ def _store_finished(parts: Parts, station: Station) -> None:
     _close(parts, station.setup.session, station.setup.method_name, {})
 
 
-def _recover(parts: Parts) -> None:
-    """Close the sessions that the last server left open, with what their recordings hold."""
+def _list_left_open(store: Store) -> list[int]:
+    """Sessions that the last server left open."""
+    with store.database() as db:
+        return [session.id for session in records.list_abandoned(db)]
+
+
+def _process_closed(app: FastAPI, session_id: int) -> None:
+    """Process a session that was repaired."""
+    parts: Parts = app.state.parts
     with parts.store.database() as db:
-        open_sessions = [session.id for session in records.list_abandoned(db)]
-    for session in open_sessions:
-        _close(parts, session, DEFAULT, {})
+        session = records.get(db, session_id)
+        stored_calibrations.settle(db, session)
+        sessions.queue_session(db, parts, session, DEFAULT, {})
 
 
 def _close(parts: Parts, session_id: int, method: str, options: dict[str, Any]) -> None:

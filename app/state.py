@@ -16,6 +16,7 @@ from handscope.app.language import Language
 from handscope.app.live.replay import Replay
 from handscope.app.live.stations import AnyStation, Stations
 from handscope.app.settings import Settings
+from handscope.app.workers.session_repair import SessionRepair
 from handscope.app.workers.storage_mover import StorageMover
 from handscope.app.workers.upload_reader import UploadReader
 from handscope.estimators.errors import InputError
@@ -37,6 +38,12 @@ class Parts:
 def parts(connection: HTTPConnection) -> Parts:
     """The parts of the application that serves this request or web socket."""
     value: Parts = connection.app.state.parts
+    return value
+
+
+def repair(connection: HTTPConnection) -> SessionRepair:
+    """The repair of sessions that the last server left open."""
+    value: SessionRepair = connection.app.state.repair
     return value
 
 
@@ -76,6 +83,7 @@ def preferred(connection: HTTPConnection) -> Language:
 
 
 StationDep = Annotated[AnyStation, Depends(station_of)]
+RepairDep = Annotated[SessionRepair, Depends(repair)]
 PartsDep = Annotated[Parts, Depends(parts)]
 Db = Annotated[Session, Depends(database)]
 LanguageDep = Annotated[Language, Depends(language)]

@@ -19,7 +19,7 @@ from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, require
 from handscope.app.devices import ports
 from handscope.app.live.stations import live_setup
 from handscope.app.options import with_options
-from handscope.app.state import Db, Parts, PartsDep
+from handscope.app.state import Db, Parts, PartsDep, RepairDep
 from handscope.app.version import software_version
 from handscope.estimators.data.options import describe
 from handscope.estimators.errors import InputError
@@ -41,6 +41,7 @@ from handscope.sessions.store.visit_facts import TrunkHeight
 
 router = APIRouter(tags=["sessions"], dependencies=[requires_role(CLINICIAN)])
 CHUNK = 2**20
+REPAIRED = "the session is being repaired after the server was stopped; it is finished by itself, wait a moment"
 UNDECIDED = "a self-calibration of this hand is kept; say what the session takes over of it (reuse), also where that is nothing"
 
 
@@ -164,8 +165,8 @@ async def upload_recording(
 
 
 @router.get("/sessions/unfinished")
-def unfinished_sessions(db: Db, parts: PartsDep) -> list[dict[str, Any]]:
-    """Sessions that run or that nobody finished, the oldest first."""
+def unfinished_sessions(db: Db, parts: PartsDep, repair: RepairDep) -> list[dict[str, Any]]:
+    """Sessions that run or that nobody finished, the oldest first; `repairing` [this, of so many] after a server that was killed."""
     rows = []
     for session in records.list_abandoned(db):
         station = parts.stations.of_session(session.id)
@@ -177,14 +178,17 @@ def unfinished_sessions(db: Db, parts: PartsDep) -> list[dict[str, Any]]:
                 "patient": patient,
                 "station": station.name if station else None,
                 "overnight": overnight,
+                "repairing": repair.progress(session.id),
             }
         )
     return rows
 
 
 @router.post("/sessions/{session_id}/closing", status_code=204)
-def close_session(db: Db, parts: PartsDep, session_id: int) -> None:
+def close_session(db: Db, parts: PartsDep, repair: RepairDep, session_id: int) -> None:
     """Finish a session that was left open; its recording is stored and processed."""
+    if repair.progress(session_id):
+        raise InputError(REPAIRED)
     session = records.get(db, session_id)
     if station := parts.stations.of_session(session_id):
         parts.stations.close(station.name)

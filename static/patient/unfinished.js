@@ -3,16 +3,22 @@ import { h } from "../dom.js";
 import { errorBox, once } from "../forms.js";
 import { dayAndTime, t } from "../words/words.js";
 
+const REPAIR_MS = 3000; // between two looks at a repair
+
 export function mount(root, api) {
   let gone = false;
+  let timer = 0;
+  const show = (sessions) => {
+    if (gone) return;
+    root.replaceChildren(...sessions.map((session) => one(api, session, draw)));
+    if (sessions.some((session) => session.repairing)) timer = setTimeout(draw, REPAIR_MS);
+  };
   const draw = () =>
-    api.get("/api/sessions/unfinished").then(
-      (sessions) => gone || root.replaceChildren(...sessions.map((session) => one(api, session, draw))),
-      () => {}, // the list below says what is wrong
-    );
+    api.get("/api/sessions/unfinished").then(show, () => {}); // the list below says what is wrong
   draw();
   return () => {
     gone = true;
+    clearTimeout(timer);
   };
 }
 
@@ -26,6 +32,10 @@ export function closing(api, session, done) {
 
 function one(api, session, done) {
   const who = { patient: session.patient.pseudonym, since: dayAndTime(session.started) };
+  if (session.repairing) {
+    const [now, all] = session.repairing;
+    return h("p", { class: "note" }, t("unfinished.repairing", { ...who, this: now, all }));
+  }
   const words = t(session.overnight ? "unfinished.overnight" : "unfinished.runs", who);
   const address = session.station ? `/stations/${session.station}` : `/sessions/${session.id}`;
   const open = h("a", { class: "button", href: address }, t("unfinished.open"));

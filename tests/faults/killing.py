@@ -45,6 +45,7 @@ class Clinic:
         getattr(self, f"_{stage}")()
         if not self.server.runs:
             self.server.start()
+            wait_for(self._is_repaired)
         self.require_order()
 
     def require_order(self) -> None:
@@ -170,6 +171,11 @@ class Clinic:
 
     def _kill(self) -> None:
         self.server.kill()
+
+    def _is_repaired(self) -> bool:
+        """Whether no session is being repaired any more."""
+        found = self.server.call("GET", "/api/sessions/unfinished")
+        return not any(session["repairing"] for session in found)
 
     def _result(self, result: int) -> Any:
         return self.server.call("GET", f"/api/results/{result}")
