@@ -46,6 +46,14 @@ MIN_REPEATS = 3  # equal extreme readings in a row are a limit
 
 
 @dataclass(frozen=True)
+class BenchReadings:
+    """Readings of an array on one time base."""
+
+    t: Array  # (n,) s
+    mag: Array  # (n, magnetometers, 3) T
+
+
+@dataclass(frozen=True)
 class RotationCalibration:
     """Calibrations of all magnetometers of one board."""
 

@@ -34,9 +34,10 @@ from handscope.estimators.magnet.tracker import standstill as magnet_standstill
 from handscope.estimators.magnet.tracker.history import Trace, make_trace, slice_trace
 from handscope.estimators.magnet.tracker.initialisation import Setup
 from handscope.estimators.magnet.tracker.latency import KINEMATICS_SIZE
+from handscope.estimators.magnet.tracker.monitor import LOST_SD, MONITOR_SIZE
 from handscope.estimators.magnet.tracker.options import DEG, MagnetParams, noise_model
 from handscope.estimators.magnet.tracker.state import OWN, P_, TH, THG, V_, XB, XGB, XM, XQ
-from handscope.estimators.magnet.tracker.update_cycle import LOST_SD, MONITOR_SIZE, run_filter
+from handscope.estimators.magnet.tracker.update_cycle import run_filter
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array, Bools

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from handscope.estimators.magnet.array import dipole_fit, field_gradient_test, systematic_errors
-from handscope.estimators.magnet.array import search as magnet_search
-from handscope.estimators.magnet.array.search import LocalisationResult, Search
+from handscope.estimators.magnet.array.recording_localisation import (
+    LocalisationResult,
+    locate_recording,
+)
+from handscope.estimators.magnet.array.search import Search
 from handscope.estimators.magnet.model import setup as setup
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -56,7 +59,7 @@ def _searched(
     B = quat.rotate(quat.exp(turn * np.array([0.6, 0.0, 0.8])), B)
     mag = gains * B + places @ gradient + NOISE * rng.normal(size=B.shape)
     search = Search(t, mag, setup.make_constellation(places), 1.5 * NOISE, 5e-4)
-    return magnet_search.locate_recording(search, None, 0.03, NOISE), p
+    return locate_recording(search, None, 0.03, NOISE), p
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,11 @@
 
 import numpy as np
 
-from handscope.estimators.magnet.array import search as magnet_search
-from handscope.estimators.magnet.array.search import LocalisationResult, Search
+from handscope.estimators.magnet.array.recording_localisation import (
+    LocalisationResult,
+    locate_recording,
+)
+from handscope.estimators.magnet.array.search import Search
 from handscope.estimators.magnet.model import setup as setup
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.magnetic_field import MagneticField
@@ -50,7 +53,7 @@ def _stamped_late(late: Array) -> tuple[Array, Array, Array]:
 
 
 def _searched(t: Array, mag: Array, noise: float, places: Array = PLACES) -> LocalisationResult:
-    return magnet_search.locate_recording(
+    return locate_recording(
         Search(t, mag, setup.make_constellation(places), noise, 0.0), None, 0.03, CALIBRATION
     )
 

@@ -20,7 +20,7 @@ from handscope.estimators.magnet.tracker.latency import (
     smooth_velocity,
     state_delayed,
 )
-from handscope.estimators.magnet.tracker.magnetic_update import predict_delayed_reading
+from handscope.estimators.magnet.tracker.measurement_model import predict_delayed_reading
 from handscope.estimators.magnet.tracker.options import MagnetParams, noise_model
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY

@@ -1,0 +1,151 @@
+"""Innovation monitor of the magnetometers and tests of what their readings determine; compiled.
+
+In      state x and covariance P (state.py); monitor (9,): rows below
+Out     normalised innovation squared, observability of the magnet's position, reset of a lost one
+Source  Kortier, thesis ch. 5, (5.7), Fig. 5.3; limits: ours
+"""
+
+import math
+
+import numpy as np
+
+from handscope.estimators.magnet.tracker.measurement_model import (
+    compute_innovations,
+    count_axes,
+    magnetometers,
+)
+from handscope.estimators.magnet.tracker.state import (
+    LEV,
+    P_,
+    TH,
+    V_,
+    XB,
+    XL,
+    XM,
+    XQ,
+    NoiseModel,
+)
+from handscope.estimators.numerics.constants import MU0_4PI
+from handscope.estimators.numerics.jit import inlined
+from handscope.estimators.numerics.kalman import innovation_gain
+from handscope.estimators.numerics.kernels import multiply_matrices, rotation_matrix, skew
+from handscope.estimators.numerics.small_matrices import block, spread
+from handscope.estimators.numerics.typing import Array
+
+LOST_SD = 0.06  # m: a position of a larger sd is searched for in the whole workspace
+NIS_GATE = 5.0  # normalised innovation squared a degree of freedom; readings beyond are left out
+MIN_SIGNAL = 1.0  # times the noise of a single reading: least signal of a known position
+MIN_SIGNAL_LOST = 3.0  # the same of a lost one
+DIPOLE_CURVATURE = 12.0  # second derivative along the axis, over field by squared distance
+MAX_SD_SHARE = 0.3  # largest sd that readings may set, over the nearest distance
+MAX_SD_SHARE_LOST = 0.15  # the same of a lost position
+LOST_NIS = 3.0  # mean NIS at which the position is given up: no chance over half a second
+LOST_TURN_SD = 20 * math.pi / 180
+INHOMOGENEITY_MEMORY = 600.0  # s over which the field's inhomogeneity is measured
+# rows of the monitor: mean NIS, s since it is too large, s without a usable reading
+MEAN_NIS, LOST_TIME, SILENT_TIME = 0, 1, 2
+# s of measurement, mean (2) and mean square (2, T^2) of the field's other two components
+FIELD_TIME, FIELD_MEAN, FIELD_SQUARE = 3, 4, 6
+SEARCH_DELAY = 8  # s until a hand out of reach is searched again
+MONITOR_SIZE = 9
+
+
+@inlined
+def reset_position(s: NoiseModel, x: Array, P: Array, centre: Array, turn: float) -> None:
+    """Forget position and velocity; make the hand's orientation less certain."""
+    for i in range(6):
+        for j in range(len(P)):
+            P[i, j] = P[j, i] = 0.0
+    for i in range(3):
+        P[P_ + i, P_ + i], P[V_ + i, V_ + i] = s.reach**2 / 3, s.reach_speed**2
+        P[TH + i, TH + i] += turn**2
+        x[P_ + i], x[V_ + i] = centre[i], 0.0
+
+
+@inlined
+def compute_nis(s: NoiseModel, x: Array, P: Array, kinematics: Array, mag: Array) -> float:
+    """Normalised innovation squared a degree of freedom of the axes that answered, at least one."""
+    rows = 3 * len(mag)
+    H, innovation, noise = np.zeros((rows, len(P))), np.zeros(rows), np.zeros((rows, rows))
+    compute_innovations(
+        s, x, kinematics, mag, 1.0 + linearisation_variance(x, P) / s.mag**2, H, innovation, noise
+    )
+    out: float = innovation_gain(
+        P, innovation, H, noise, np.empty((rows, len(P))), np.empty(len(P))
+    ) / count_axes(mag)
+    return out
+
+
+@inlined
+def linearisation_variance(x: Array, P: Array) -> float:
+    """Variance, T^2, of the field's second-order term at an uncertain position."""
+    away = nearest_distance(x)
+    by_place: float = (
+        DIPOLE_CURVATURE
+        * field_strength(x, away)
+        / away**2
+        * (P[P_, P_] + P[P_ + 1, P_ + 1] + P[P_ + 2, P_ + 2])
+        / 3
+    )
+    return by_place**2 / 2  # (e^2 - E e^2) / 2 has half the square of e's variance
+
+
+@inlined
+def error_correlation_samples(P: Array, dt: float) -> float:
+    """Number of readings, dt s apart, over which a position error is constant: its size over its
+    rate. The second-order term counts so many times, else readings would seem to carry information
+    that none has."""
+    place, speed = 0.0, 0.0
+    for i in range(3):
+        place, speed = place + P[P_ + i, P_ + i], speed + P[V_ + i, V_ + i]
+    return max(1.0, math.sqrt(place / speed) / dt)
+
+
+@inlined
+def is_observable(s: NoiseModel, x: Array, P: Array, audible: float, straight: float) -> bool:
+    """Whether readings determine the magnet's position: sd below a share of its distance, as the
+    dipole is not linear beyond, and field above a multiple of the noise, which does not average
+    out."""
+    nearest, J, known = nearest_distance(x), np.zeros((3, LEV + 3)), np.empty((3, 3))
+    loud, R = field_strength(x, nearest), rotation_matrix(x[XQ : XQ + 4])
+    for i in range(3):
+        J[i, P_ + i] = 1.0
+    block(1.0, R, 0, LEV, J)
+    block(-1.0, multiply_matrices(R, skew(x[XM + 3 : XM + 6])), 0, TH, J)
+    spread(J, P, known)
+    return bool(
+        known[0, 0] + known[1, 1] + known[2, 2] < (straight * nearest) ** 2
+        and loud**2 > audible**2 * s.single**2
+    )
+
+
+@inlined
+def nearest_distance(x: Array) -> float:
+    """From the hand's sensor to the nearest magnetometer, m."""
+    nearest, many = math.inf, magnetometers(x)
+    for k in range(many):
+        first, square = XL + 3 * (many + k), 0.0
+        for i in range(3):
+            square += (x[i] - x[first + i]) ** 2
+        nearest = min(nearest, square)
+    return math.sqrt(nearest)
+
+
+@inlined
+def field_strength(x: Array, away: float) -> float:
+    """Field beside the magnet, T; twice that on its axis. (5.7)"""
+    return MU0_4PI * math.sqrt(x[XM] ** 2 + x[XM + 1] ** 2 + x[XM + 2] ** 2) / max(away, 0.01) ** 3
+
+
+@inlined
+def field_inhomogeneity(monitor: Array, x: Array, dt: float) -> float:
+    """Standard deviation of the field between positions, T, of the two components that readings and
+    gravity determine. Updates the monitor."""
+    monitor[FIELD_TIME] = min(monitor[FIELD_TIME] + dt, INHOMOGENEITY_MEMORY)
+    square, share = 0.0, dt / monitor[FIELD_TIME]
+    for i in range(2):
+        off = x[XB + 1 + i] - monitor[FIELD_MEAN + i]
+        monitor[FIELD_MEAN + i] += share * off
+        monitor[FIELD_SQUARE + i] += share * ((1.0 - share) * off * off - monitor[FIELD_SQUARE + i])
+        square += 0.5 * monitor[FIELD_SQUARE + i]
+    return math.sqrt(square)
