@@ -20,7 +20,7 @@ LIKELY = 2.0  # sensors at rest that the prior counts as; ours
 WINDOW = 1.0  # s
 SETTLED = 0.1  # m/s^2, standard deviation of the size within a window: ours
 RATE = np.radians(3.0)  # rad/s, and of the angular rate: ours
-DISTINCT = np.cos(np.radians(45.0))  # inclinations further apart tell another axis; ours
+DISTINCT = np.cos(np.radians(45.0))  # larger differences of inclination show another axis; ours
 GLOVE = {"hand", *(segment for chain in CHAINS.values() for segment in chain)}
 
 

@@ -40,7 +40,7 @@ IMPOSSIBLE = 500.0  # N: no fingertip does that; ours, five times the strongest 
 UNUSED = "torques without forces of the same fingertip are not used"
 LEAST = 8  # force samples of a sensor that is used
 SETTLED, BEHIND = 0.3, 1.0  # s behind a grasp until fingers have let go, and then looked at
-LOST = 1.0  # s without a force sample, beyond which no force is told
+LOST = 1.0  # s without a force sample, beyond which a force counts as unknown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -311,7 +311,7 @@ def _select_sensor(block: Block, k: int) -> Block:
 
 
 def _scales(params: ForceParams, sensors: Sequence[Sensor]) -> Array:
-    """Share (S,) by which the forces of each sensor may be wrong alike: its calibration's, or what is usual."""
+    """Share (S,) by which the forces of each sensor may be wrong in all samples: its calibration's, or what is usual."""
     return np.array(
         [next(iter(s.block.stream.scale_sd.values()), params.force_scale) for s in sensors]
     )
@@ -370,7 +370,7 @@ def _read(params: ForceParams, block: Block, at: Array) -> _SensorForce:
 
 
 def _subtract_zero(params: ForceParams, block: Block) -> tuple[Array, Bools, Array, Zero]:
-    """One sensor's readings (n, 1, 3) without those at a limit and those told before, which are at a limit (n,), the noise of one, and what is read of nothing."""
+    """Readings (n, 1, 3) of one sensor without limited and repeated ones, which are limited (n,), the noise of a reading, and the zero."""
     raw = block.of(FORCE)
     limited = block.at_limit(FORCE)[:, 0] | is_stuck(raw[:, 0]) | exceeds(raw[:, 0], IMPOSSIBLE)
     values = np.where(limited[:, None, None], np.nan, raw)

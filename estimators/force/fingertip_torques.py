@@ -19,10 +19,8 @@ LEVER = 5e-3  # m: interpolation.py knows how forces change; a torque is taken f
 IMPOSSIBLE = (
     5.0  # Nm: 500 N at a lever of a centimetre; no fingertip does that, the unit is another
 )
-BRIDGED = (
-    0.25  # s to the nearest sample, beyond which no torque is told, as forces count as missing
-)
-PUSHES = 0.5  # N along the normal, below which nothing is told of what twists: ours
+BRIDGED = 0.25  # s to the nearest sample, beyond which a torque counts as missing, as forces do
+PUSHES = 0.5  # N along the normal, below which no twist is computed: ours
 LEAST = 8  # samples of a sensor that is used
 
 

@@ -17,7 +17,7 @@ from handscope.estimators.numerics.typing import Array, Bools
 
 EXCITED = 0.02  # of the largest power of the force: frequencies with more are excited
 BANDWIDTH = 0.95  # share of the force's power below its bandwidth
-LEAST = 4  # segments of which something is told
+LEAST = 4  # segments, fewest for an estimate
 COHERENT = 0.8
 TIMING = 0.01  # s by which force and movement may be shifted against each other: a sample at 100 Hz
 

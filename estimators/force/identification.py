@@ -1,7 +1,7 @@
 """What is held: parameters of a linear model, by weighted least squares of all samples at once and by recursive least squares that forgets.
 
 In      y (n, m) and H (n, m, p) with y = H theta + e, standard deviation of e (n,)
-Out     theta (p,), its covariance: as large as what is left over says, with samples that err alike counted as one
+Out     theta (p,), its covariance: scaled by the residuals, with samples of correlated errors counted as one
 Source  Kortier, thesis (6.7), (6.8); recursive least squares with forgetting: the thesis' [64], Gustafsson 2010, Statistical Sensor
         Fusion
         Models: mass f_i + f_t = M (g + a) (6.5); spring and damper (f_t - f_i) . e / 2 = K (p0 - p) - D v with e from i to t and p the tips' distance. (6.6) writes
@@ -16,7 +16,7 @@ import numpy as np
 
 from handscope.estimators.numerics.typing import Array
 
-KNOWN = 0.5  # standard deviation over value from which on a running estimate is told
+KNOWN = 0.5  # standard deviation over value below which a running estimate is reported
 VAGUE = 1e8  # prior variance, in units of the square of each parameter's usual size
 
 
@@ -49,7 +49,7 @@ def fit_least_squares(y: Array, H: Array, sd: Array) -> Fit:
 
 
 def _correlated_samples(r: Array) -> float:
-    """How many samples in a row err alike: the sum of the autocorrelation until it first vanishes."""
+    """Number of consecutive samples with correlated errors: the sum of the autocorrelation until it first vanishes."""
     r = r - r.mean()
     power = float(r @ r)
     if len(r) < 8 or power <= 0:
@@ -73,7 +73,7 @@ class RecursiveLeastSquares:
 
     @property
     def sd(self) -> Array:
-        """As large as the surprise says."""
+        """Standard deviations, enlarged where the innovations are larger than expected."""
         return np.sqrt(np.diag(self.P) * max(1.0, self.nis))
 
 

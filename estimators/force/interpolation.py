@@ -3,7 +3,7 @@
 In      samples y (n, S, 3) at t (n,), NaN where missing, variance of one reading (S,)
 Out     values and standard deviations at the instants wanted (m,)
 Source  Kortier, thesis 6.4: a cubic interpolator feeds the filter. Ours is the same cubic as what a rate of change that wanders at random makes likely
-        (Wahba 1978: smoothing splines; Kalman filter and Rauch-Tung-Striebel smoother), so that noise is smoothed and gaps are told
+        (Wahba 1978: smoothing splines; Kalman filter and Rauch-Tung-Striebel smoother), so that noise is smoothed and gaps get a standard deviation
 Limits  what changes faster than half the rate is not there to be brought back; how much the rate of change wanders is read from the samples near by
 """
 

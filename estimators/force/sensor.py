@@ -1,4 +1,4 @@
-"""What a force sensor's raw readings mean: matrix and offset, told by loads that are known.
+"""Calibration of a force sensor: matrix and offset from known loads.
 
 In      raw readings (n, k) of k channels under known loads (n, 3) N, or (n, 6) N and Nm, as a fingertip would exert them, in the sensor's frame
 Out     Solved: loads = matrix @ (raw - offset) with standard deviations, what is left over, which loads were left out
@@ -85,7 +85,7 @@ class ForceCalibration:
         return np.asarray((raw - self.offset) @ self.matrix.T)
 
     def clipped(self, raw: Array) -> Bools:
-        """Which readings (n,) have a channel at the end of what it ever reads: mixed with the others it could not be told any more."""
+        """Which readings (n,) have a channel at the end of its range; mixing the channels would hide that."""
         return is_stuck(raw * np.linalg.norm(self.matrix[:3], axis=0))
 
 
@@ -99,7 +99,7 @@ class Solved:
     left_out: tuple[int, ...]  # rows of loads that do not belong to the others
     one_way: tuple[str, ...]  # axes that were loaded one way alone
     heaviest: float  # N
-    turn_sd: float  # rad about each axis, by which the frame of the loads may be missed where an accelerometer told their directions
+    turn_sd: float  # rad about each axis, error of the frame of the loads where an accelerometer measured their directions
 
 
 def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = ()) -> Solved:
@@ -180,7 +180,7 @@ def _describe_rows(rows: Sequence[int], names: Sequence[str]) -> str:
 
 
 def is_stuck(values: Array) -> Bools:
-    """Readings (n,) of axes (n, a) N with an axis at the end of what it ever reads, several times in a row: clipped by a limit that nobody told.
+    """Readings (n,) of axes (n, a) N with an axis at the end of its range several times in a row: clipped by a limit that is not declared.
 
     Not where a sensor repeats itself anyhow (coarse counts, no noise), and not near its level at rest.
     """

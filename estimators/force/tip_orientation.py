@@ -6,7 +6,7 @@ Out     the turn to be put before q_GF (n, S, 3) rad in the global frame, its co
 Source  Kortier, thesis 6.2.2, (6.13), (6.14), gates after Skog et al. 2010. The error state is the turn of every tip, a random walk, and, ours, how each cuff
         holds its force sensor turned against its inertial sensor, a constant; filtered and smoothed.
         Ours: (6.13) holds the part of the net force across the specific force, not only while the hand is still: f_i + f_t = M (g + a) lies along it
-Limits  a turn about the line between the tips that both share, and the heading of both, cannot be seen; errors that stay alike (biases, scales) count as white
+Limits  a turn about the line between the tips that both share, and the heading of both, cannot be seen; errors that stay constant (biases, scales) count as white
         noise of as much more variance
 """
 

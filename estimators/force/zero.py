@@ -5,7 +5,7 @@ Out     their zero (n, S, 3) with its standard deviation, and where each sensor 
 Source  Kortier, thesis 6.4: readings follow the supply. The zero is a random walk: Kalman filter and Rauch-Tung-Striebel smoother, here for one number an axis.
         How fast it walks is read from the sensor while it is free, `drift` being what is likely beforehand: ours
 Limits  a force that is there from the first to the last sample, or that never changes by more than `least`, is taken for the zero; a sensor whose zero begins
-        to walk within a contact is told by the jump alone
+        to walk within a contact shows in the jump only
 """
 
 from dataclasses import dataclass
@@ -166,7 +166,7 @@ def _moving_mean(y: Array, known: Bools, many: int) -> Array:
 def _estimate_walk(t: Array, y: Array, free: Bools, noise: float, likely: float) -> float:
     """How fast the zero walks, in the readings' unit a root of a second: root of the mean square of what the free readings leave likely.
 
-    Each stretch by itself tells by what its readings surprise a Kalman filter, one for each walk of a grid; what is `likely` where there is none.
+    The likelihood of each stretch is that of a Kalman filter's innovations, one filter for each walk of a grid; `likely` where there is none.
     """
     walks = likely * WALKS
     chances = (

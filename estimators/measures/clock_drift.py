@@ -5,7 +5,7 @@ Out     the lag at the start of what both show, the drift and its standard devia
 Source  ours: the sampling errors of crystals are below 1e-4, of computers' and cameras' time stamps below 1e-3; line by weighted least squares,
         outliers out by Tukey's biweight (Beaton & Tukey 1974, Technometrics 16:147); weight: the variance of a delay estimate (Quazi 1981, IEEE Trans
         ASSP 29:527) goes with the squared bandwidth and the signal's power against the rest
-Limits  a drift that changes (temperature) is told as its mean; windows in which nothing moves tell nothing; from 12 s on
+Limits  a drift that changes (temperature) is reported as its mean; windows without movement carry no information; from 12 s on
 """
 
 from dataclasses import replace

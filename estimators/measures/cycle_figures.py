@@ -1,4 +1,4 @@
-"""What is said of movements that go there and back: rate, rhythm, size, speed, how they change, where they stop.
+"""Figures of movements there and back: rate, rhythm, size, speed, their change, and stops.
 
 In      complete cycles (cycles.py), stretches without movement, the standard deviation of the opening's error
 Out     figures, each with the standard deviation of its error

@@ -3,7 +3,7 @@
 In      a trajectory with fingertip forces, the stretch of time of the task
 Out     means over the lifts: grip force, load force, their ratio, shares, times of the phases, height, work, mass with its standard deviation
 Source  forces and mass: Kortier, thesis ch. 6, (6.5), (6.8), (1.15); phases: grasp at a threshold of force, the object rises (Lang & Schieber, PMC3305822, Fig. 1)
-Limits  a mass is told of an object that is lifted with the fingers measured alone; in the thesis it was wrong by 20 to 30 %. What else carries part of it is told
+Limits  a mass is estimated only of an object that the measured fingers lift by themselves; in the thesis it was wrong by 20 to 30 %. What else carries part of it is told
         apart by accelerations alone: of lifts by 0.2 to 0.5 m in a second 1 N nearly always, 0.5 N half of the time, 0.3 N one time in five
 """
 
@@ -109,7 +109,7 @@ class LiftedObject:
 
     held: GraspPhase
     off: Bools  # (n,) instants at which the object is off the table
-    mass: float  # kg; NaN where it cannot be told
+    mass: float  # kg; NaN where it is not observable
     mass_sd: float
     slips: Array  # s
     reason: str

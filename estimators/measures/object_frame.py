@@ -1,9 +1,9 @@
 """What is held, as it seems so far: mass or stiffness by recursive least squares while a task still goes on.
 
 In      a trajectory with fingertip forces up to now
-Out     the estimate as it stood after every sample of the newest grasp, with its standard deviation; None where it cannot be told
+Out     the estimate as it stood after every sample of the newest grasp, with its standard deviation; None where it is not observable
 Source  Kortier, thesis (6.5), (6.6), recursive with forgetting; lift.py and squeeze.py tell the same of the finished task
-Limits  the object is taken to be at rest now: while it is being raised its speed is not known, and the mass is told from what has been seen since it left the table
+Limits  the object is taken to be at rest now: while it is being raised its speed is not known, and the mass is estimated from the samples since it left the table
 """
 
 from collections.abc import Callable, Mapping
@@ -71,7 +71,7 @@ def squeezed_stiffness(trajectory: Trajectory, geometry: HandGeometry) -> Runnin
 
 SO_FAR: Mapping[
     str, tuple[str, Callable[[Trajectory, HandGeometry], RunningEstimate | None]]
-] = {  # by measure: what is told of it
+] = {  # by measure: the quantity and its running estimate
     "lift": ("mass", lifted_mass),
     "squeeze": ("stiffness", squeezed_stiffness),
 }

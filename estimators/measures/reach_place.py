@@ -6,7 +6,7 @@ Out     per reach: straight distance, way, straightness, peak speed, smoothness,
 Source  straightness as the way over the straight distance, trunk compensation: Levin et al. 2002, Exp Brain Res 143:171; Subramanian et al. 2010,
         Stroke 41:2303 (there of markers, the trunk by its displacement); SPARC and LDLJ: smoothness.py; volume: convex hull, its standard
         deviation from its corners', taken as independent
-Limits  a place is the hand's against the trunk: what the trunk brings the hand forward is not in it, and is told by itself (trunk_displacement.py)
+Limits  a place is the hand's against the trunk: the forward movement by the trunk is not in it, but a figure of its own (trunk_displacement.py)
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -127,7 +127,7 @@ def measure_places(
 ) -> ReachPlaces | None:
     """What the places say of every stretch that was called; None where there is no magnet.
 
-    `of_speed` finds one reach in a speed; `height` of the trunk's sensor above the hips, m, where it was measured, NaN where what was told is none.
+    `of_speed` finds one reach in a speed; `height` of the trunk's sensor above the hips, m, where it was measured, NaN where the declared value is no number.
     """
     if (
         part.place is None
@@ -224,7 +224,7 @@ def _sd(each: Array, own: Sequence[float]) -> float | None:
 
 
 def _grade_places(part: Trajectory) -> tuple[Grade, str]:
-    """How far the places can be trusted: where a fifth of them cannot, none is told."""
+    """Grade of the places, by the share of samples with each flag."""
     assert part.place_flags is not None
     grades: list[tuple[Grade, str]] = [("good", "")]
     for flag, words in PLACE_WORDS.items():

@@ -163,7 +163,7 @@ class SqueezeGrasp:
     tops: Array  # (k,) N
     depths: Array  # (k,) m
     work: Array  # (k,) J
-    fit: Fit | None  # of K N/m, K p0 N and D N s/m; None where it cannot be told
+    fit: Fit | None  # of K N/m, K p0 N and D N s/m; None where it is not observable
     conditions: Conditions | None
     reason: str
     running: RunningEstimate | None = None  # the stiffness as it stood after each sample
@@ -302,7 +302,7 @@ def _identify(
     x: Array,
     p: Array,
 ) -> tuple[Fit | None, Conditions | None, list[str]]:
-    """Stiffness and damping (6.6) where the data bear them, and what there is to be said."""
+    """Stiffness and damping (6.6) where the data allow them, the conditions, and reasons for doubt."""
     reasons = [r for r in [h.flagged(inside)] if r]
     doubtful = bool(np.bitwise_or.reduce(h.flags[inside], axis=None) & UNSURE)
     if np.ptp(p) < params.least_depth:
@@ -422,12 +422,12 @@ def figures(r: Squeeze) -> list[Figure]:
 
 
 def _returns_energy(r: Squeeze) -> bool:
-    """Whether energy seems to come out of what is held: neither damping nor work can be told."""
+    """Whether energy seems to come out of the object; then neither damping nor work is observable."""
     return any(one.conditions is not None and one.conditions.passive is False for one in r.grasps)
 
 
 def _condition_figures(answers: Sequence[Conditions], graded: tuple[Grade, str]) -> list[Figure]:
-    """The conditions of 6.5.1: what decides each, and as its category whether it holds. How far up force and answer reach is told where that was
+    """The conditions of 6.5.1: what decides each, and as its category whether it holds. The bandwidths of force and answer are given where they were
     seen: an answer that goes on as far as the force does is no fault."""
     short = (graded[0], TOO_SHORT) if any(np.isnan(c.coherence) for c in answers) else graded
     coherence, lag, lag_sd, force, load = (
@@ -451,7 +451,7 @@ def _condition_figures(answers: Sequence[Conditions], graded: tuple[Grade, str])
 
 
 def _all(each: Iterable[bool | None]) -> bool | None:
-    """Whether it is so of all grasps; None where that cannot be told."""
+    """Whether it holds of all grasps; None where that is not known."""
     found = set(each)
     return False if False in found else True if found == {True} else None
 

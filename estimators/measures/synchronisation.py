@@ -4,7 +4,7 @@ In      two signals of the same channels (n, channels) on clocks of their own, a
 Out     the lag that brings B's time to A's, finer than a sample, with the correlation found there
 Source  Kortier, thesis 3.2.5 (post-hoc cross-correlation); correlation of data with holes: Padfield 2012, IEEE Trans Image Process 21:2706, (18)
 Limits  two clocks are taken to run equally fast here, clock_drift.py looks for the rest; a movement that only repeats itself fits at every period:
-        the lag of the longest overlap is taken then and the next one told as `rival`
+        the lag of the longest overlap is taken then and the next one is reported as `rival`
 """
 
 from dataclasses import dataclass

@@ -4,7 +4,7 @@ In      a trajectory and the stretch of time in which fist and stretch were made
 Out     per finger TAF, TAM, its share of the norm with the word of a grading scheme, extension deficit and hyperextension of every joint
 Source  ASSH: sum of active flexion of MCP, PIP and DIP in a fist less the sum of extension deficits with all stretched (HandLab Clinical Pearl 18, 2012);
         TAF the first sum alone; thumb: MCP and IP (eatonhand.com clf217). The instants are ours: where the sum's running median is largest and smallest
-Limits  hyperextension counts as zero and is told by itself; joints moved one by one give no TAM: AMA Guides Newsletter 7(3):8 has 16 % against 61 % for one hand
+Limits  hyperextension counts as zero and has a figure of its own; joints moved one by one give no TAM: AMA Guides Newsletter 7(3):8 has 16 % against 61 % for one hand
 """
 
 from collections.abc import Mapping, Sequence

@@ -5,7 +5,7 @@ In      orientations of the trunk q_trunk (n, 4) (x forward, y up, z right; the 
 Out     displacement (n,) m from where it is first, along the horizontal direction that the trunk faces there, backward negative; standard deviation (n,)
 Source  the quantity: sagittal displacement of a marker on the breastbone, Levin et al. 2002, Exp Brain Res 143:171. The model is ours:
         s = h f'(R R_0' e_z), with the sensor straight above the hips at first; f is where the trunk faces there, h its height
-Limits  who bends in the back more than at the hips is carried less far than told; turning about the vertical carries the shoulder, not the breastbone, and is
+Limits  who bends in the back more than at the hips is carried less far than computed; turning about the vertical carries the shoulder, not the breastbone, and is
         not in it; sliding on the chair is not seen
 """
 

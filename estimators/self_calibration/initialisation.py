@@ -1,4 +1,4 @@
-"""A first guess from nothing but the readings: each sensor's fusion, then joint by joint the heading and the arms that make the accelerations meet.
+"""Initial values from the readings alone: fusion of each sensor, then by joint the heading and the arms that make both accelerations of its centre agree.
 
 In      even readings of a chain's sensors; about what the nominal mounting has each flex its segment
 Out     where the solver begins
@@ -17,7 +17,7 @@ from handscope.estimators.self_calibration.residuals import NUMEROV, SECOND_DIFF
 
 HEADINGS = 72
 EXPECTED = 0.05  # m, how far a joint usually is from a sensor
-MOUNTED = 0.05  # share of what accelerations are apart by which a heading square to the nominal one must be better; one that movement tells is better by far
+MOUNTED = 0.05  # share of the residual by which a heading square to the nominal one must be better; an observable one is better by far
 
 
 def initial_unknowns(chain: Chain, noise: Noise, readings: Readings, flexing: Array) -> Unknowns:
@@ -67,7 +67,7 @@ def fuse_sensors(readings: Readings) -> tuple[Array, Array]:
 def fit_joint(
     noise: Noise, readings: Readings, q_GS: Array, i: int, j: int, flexing: Array
 ) -> tuple[float, float, Array, Array]:
-    """The turn of j about the vertical, and the arms in the frames of i and j, with which their joint moves alike seen from both; before them, how far it does not (squares added)."""
+    """Residual (sum of squares), the turn of j about the vertical, and the arms in the frames of i and j with which both see the same movement of their joint."""
     (A_i, f_i), (A_j, f_j) = (_acceleration_by_arm(readings, q_GS[:, s], s) for s in (i, j))
     M_i, M_j = (
         np.concatenate([A, f[..., None]], axis=2) for A, f in ((A_i, f_i), (A_j, f_j))

@@ -1,4 +1,4 @@
-"""What a person is told of a self-calibration: what a recording lacks and what to do, what movement did not tell, what was given and is not so.
+"""Messages to people about a self-calibration: what a recording lacks, what was not observable, which declared values are wrong, and what to do.
 
 In      readings, Solutions, Fingers
 Out     sentences; InputError where nothing can be found
@@ -20,9 +20,9 @@ from handscope.estimators.self_calibration.result import Finger, Requirements
 from handscope.estimators.self_calibration.sample_preparation import DOUBTFUL, LONGEST_GAP, Gap
 from handscope.estimators.self_calibration.solver import Solution
 
-ROUNDED = 0.05  # s, as durations are said
+ROUNDED = 0.05  # s, rounding of durations in messages
 LEFT_OUT = 3.0  # s of a recording that are not worth a word
-LACKING = 0.15  # share of rates that may lack before it is said to be why nothing was found
+LACKING = 0.15  # share of missing rates from which on they are named as the reason of a failure
 LOST = 0.25  # of DOUBTFUL: a mean of samples of which at least so many are bridged, at the slowest rates, too
 NAMED = 3  # sensors with most gaps
 RECOMMENDED_RATE = 100.0  # deg/s, of a finger's last sensor: slower ones were refused at 40
@@ -61,7 +61,7 @@ def describe_stretch(start: float, stop: float, whole: float) -> list[str]:
 
 
 def describe_silent_sensors(finger: str, silent: Sequence[str], clipped: bool) -> list[str]:
-    """What of a finger is lost with its silent sensors, the first of which and those behind it are told; InputError where nothing is left.
+    """What a finger loses by its silent sensors (the first one and those behind it); InputError where nothing is left.
 
     `clipped`: the first is silent for it was at its limit all the time.
     """
@@ -141,7 +141,7 @@ def require_one_minimum(
 
 
 def require_possible(finger: Finger) -> None:
-    """InputError where a joint would be bent as none can: the hand's sensor, or the last phalanx', does not sit as it is said to."""
+    """InputError where a joint would be bent as none can: the hand's sensor, or the last phalanx', does not sit as declared."""
     for joint in finger.solution.problem.chain.joints:
         about, q_GB = JOINTS[JOINT[joint]], finger.segments.q_GB
         angles, limits = (

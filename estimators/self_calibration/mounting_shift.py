@@ -1,9 +1,9 @@
-"""Whether every sensor stayed where it was: each half of the stretch is asked alone.
+"""Detection of a sensor that moved on its segment: each half of the stretch is solved alone.
 
 In      a Solution of the whole stretch, its Readings
 Out     sensors whose joints lie elsewhere, or whose hinges point elsewhere, in the second half than in the first
 Source  ours: a test for a break (Chow 1960, Econometrica 28) by the places that either half finds, in their standard deviations
-Limits  as much as joints' places may err before it is told: SHIFTED, TILTED; skin that moves with the joint is no slip
+Limits  smaller shifts than SHIFTED and TILTED are not reported; skin that moves with the joint is no shift
 """
 
 from collections.abc import Sequence

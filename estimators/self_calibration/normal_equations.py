@@ -43,7 +43,7 @@ class Factor:
 
 
 def keep_covariance_only(covariance: Array) -> Factor:
-    """A factor of which only the covariance is kept: of a minute of one finger the rest is a hundred megabytes."""
+    """A factor with the covariance only: of a minute of one finger the rest is a hundred megabytes."""
     return Factor(np.empty((0, SPAN, 0, 0)), np.empty((0, 0, len(covariance))), covariance)
 
 
@@ -60,7 +60,7 @@ def empty(samples: int, each: int, parameters: int) -> Normal:
 
 
 def add_terms(normal: Normal, terms: Terms) -> None:
-    """Take up residuals, in place."""
+    """Add residuals, in place."""
     if not len(terms.r):
         return
     _gather(
@@ -81,13 +81,13 @@ def add_terms(normal: Normal, terms: Terms) -> None:
 
 
 def factorise(normal: Normal, damping: float = 0.0) -> Factor:
-    """The diagonal grows by the factor 1 + damping. LinAlgError where the equations do not tell the unknowns."""
+    """The diagonal grows by the factor 1 + damping. LinAlgError where the unknowns are not observable."""
     L, Y, schur = eliminate_trajectory(normal, damping)
     return Factor(L, Y, invert(schur))
 
 
 def eliminate_trajectory(normal: Normal, damping: float = 0.0) -> tuple[Array, Array, Array]:
-    """L and Y of `Factor`, and what is left to tell of the parameters (P, P). LinAlgError where the equations do not tell the trajectory."""
+    """L and Y of `Factor`, and the Schur complement of the parameters (P, P). LinAlgError where the trajectory is not observable."""
     L, Y, C = normal.A.copy(), normal.B.copy(), normal.C.copy()
     diagonal = np.arange(L.shape[2])
     L[:, 0, diagonal, diagonal] *= 1 + damping

@@ -1,7 +1,7 @@
-"""What free movement has told of a finger already, while it goes on: how sure self-calibration would be of lengths, and how far joints were bent.
+"""Observability during free movement: standard deviations that self-calibration would reach, and excursions of joints.
 
 In      even readings of a finger's sensors and the hand's over about a second, and how they are turned at its beginning as live tracking has it
-Out     Told: information on the parameters, which adds up over stretches; from all so far a standard deviation of each length and place, by joint
+Out     AccumulatedInformation: information on the parameters, which adds up over stretches; from all so far a standard deviation of each length and place, by joint
 Source  the residuals of self-calibration and their derivatives (residuals.py), the movement eliminated (normal_equations.py), what noise makes up taken
         off (covariance.py), sizes of errors learnt as of a solution (posterior.py); enough is what self-calibration itself asks for (findings.Asked)
 Limits  each stretch turns as its gyroscopes say from where tracking has it, sensors sit in the middle of their segments: derivatives are those of a hand
@@ -81,7 +81,7 @@ class Limb:
 
 @dataclass(frozen=True)
 class AccumulatedInformation:
-    """What stretches of movement tell of a finger together."""
+    """Information of stretches of movement, added up."""
 
     information: Array  # (P, P) on the parameters that are kept
     spurious_information: Array  # (P, P) of it by noise
@@ -136,7 +136,7 @@ def no_information(of: Limb) -> AccumulatedInformation:
 
 
 def accumulate(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> AccumulatedInformation:
-    """What a stretch tells with errors of these sizes; q_GS (S, 4) are the sensors' orientations at its first sample."""
+    """Information of a stretch with errors of these sizes; q_GS (S, 4) are the sensors' orientations at its first sample."""
     problem, at = _nominal_limb(of, read, q_GS, noise)
     n, selected = len(problem), of.selected
     normal = normal_equations.empty(
@@ -191,7 +191,7 @@ def accumulate(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> Accumulat
 
 
 def add_information(a: AccumulatedInformation, b: AccumulatedInformation) -> AccumulatedInformation:
-    """What two stretches tell, one after the other."""
+    """Information of two stretches."""
     return AccumulatedInformation(
         a.information + b.information,
         a.spurious_information + b.spurious_information,
@@ -207,7 +207,7 @@ def add_information(a: AccumulatedInformation, b: AccumulatedInformation) -> Acc
 def assess_joints(
     asked: Requirements, of: Limb, so_far: AccumulatedInformation, flexion: Mapping[str, Array]
 ) -> list[JointObservability]:
-    """Joint by joint, from what was told so far and the flexion (n,) rad by joint, NaN where it was not followed."""
+    """By joint, from the information so far and the flexion (n,) rad by joint, NaN where unknown."""
     covariance, problem, at = _parameter_covariance(of, so_far)
     lengths = {
         s: float(np.sqrt(slope @ covariance @ slope))

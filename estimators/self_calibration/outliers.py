@@ -1,7 +1,7 @@
-"""Samples that fit nowhere: a sensor was knocked, or turned faster than its gyroscope can tell.
+"""Outliers: a sensor was hit, or turned faster than its gyroscope can measure.
 
 In      a Problem, a place, how far each acceleration is off there (posterior.strange)
-Out     Knocks: which accelerations and turns are not to be believed, and how little; Jolt: which sensor it was, and when
+Out     ImpactDetection: which accelerations and turns to down-weight, and by how much; Outlier: which sensor, and when
 Source  ours; weights of accelerations where it lasts: Huber's loss; squared of the worst turn, 3 deg that never were still pulled by 4 of 0.7 deg
 Limits  in a brief knock neither accelerometer nor gyroscope is believed; where it lasts accelerometers say how the sensor turned
 """
@@ -40,7 +40,7 @@ class Outlier:
 
 @dataclass(frozen=True)
 class ImpactDetection:
-    """What was found strange so far."""
+    """Outliers detected so far."""
 
     in_impact: Bools  # (n,) samples of brief knocks: what was read there is not believed
     suspect: Bools  # (n-1,) turns beside strange accelerations

@@ -1,10 +1,10 @@
-"""What self-calibration knows and what it looks for: sensors on a chain of joints, their readings, the unknowns and how they move on their manifold.
+"""Knowns and unknowns of self-calibration: sensors on a chain of joints, their readings, the unknowns and how they move on their manifold.
 
 In      even samples of inertial sensors whose segments hang together by joints
 Out     Problem (what is known), Unknowns (a place in the space that is searched), their increments
 Source  Kortier, thesis ch. 4, (4.1)-(4.5). Written without loss in fewer unknowns: rates and accelerations (4.8), (4.9) are the readings less biases and
         errors, places and velocities (4.17a, b) follow from them, and the segments' poses (4.10) from the sensors': orientations of the sensors are all
-        of the trajectory that is left. A sensor's pose on its segment and the segment's length are told by where its joints and their axes lie in
+        of the trajectory that is left. A sensor's pose on its segment and the segment's length follow from where its joints and their axes lie in
         the sensor's frame, in which the problem is linear (segments.py gives p_BS, q_BS and lengths)
 """
 
@@ -254,7 +254,7 @@ def build_chain(
     joints: Sequence[str] | None = None,
     hinges: Sequence[str] | None = None,
 ) -> Chain:
-    """The tree of those of `segments` that hang together from the first; which joints are hinges is the hand's anatomy's unless told otherwise.
+    """The tree of those of `segments` that hang together from the first; which joints are hinges is the hand's anatomy's unless given.
 
     The hand as the first has the forearm behind the wrist.
     """

@@ -282,7 +282,7 @@ def hinge_terms(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
 
 
 def mean_acceleration_terms(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
-    """(4.15): the root's acceleration is zero on average; this is what tells the vertical, and how large the world is: by gravity.
+    """(4.15): the root's acceleration is zero on average; this makes the vertical, and by gravity the scale, observable.
 
     Its size grows with the accelerometers' common scale, as noise does in `joint_acceleration_terms`: a small world would look like one that stays.
     """
@@ -381,7 +381,7 @@ def prior_residuals(problem: Problem, at: Unknowns) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class PriorResidual:
-    """How far what was known before is off here."""
+    """Residual of prior knowledge: a mounting or a length."""
 
     sensor: int
     off: Array  # (m,) rad, m
@@ -450,7 +450,7 @@ def bones(chain: Chain) -> list[tuple[int, int, int]]:
 def _frame_constraints(
     problem: Problem, at: Unknowns, c: Columns, h: int
 ) -> list[tuple[float, Array]]:
-    """Where along a hinge's axis its centre lies is told by no movement: the axis is square to the bones, and the sensors sit over them."""
+    """No movement shows the centre's place along a hinge's axis: by definition the axis is square to the bones, and the sensors lie over them."""
     chain, joint, constraints = problem.chain, int(problem.chain.hinges[h]), []
     for s, axis, place in (
         (chain.parents[joint], at.axis_far[h], c.axis_far.start + 2 * h),

@@ -1,4 +1,4 @@
-"""What one finger, or the forearm, was found to be, and what of it movement told well enough to be used.
+"""The result for one finger, or the forearm, and which parts of it are certain enough to be used.
 
 In      a Solution of one finger, its Segments and how sure they are
 Out     Finger; how far joints bent, which lengths are known
@@ -87,13 +87,13 @@ def adjacent_segments(chain: Chain, joint: str) -> tuple[str, str]:
 
 
 def is_length_known(asked: Requirements, finger: Finger, segment: str) -> bool:
-    """Whether movement told a segment's length: both joints bent, and it is sure."""
+    """Whether a segment's length is known: both joints bent, and its standard deviation is small."""
     length, sd = finger.segments.lengths[segment], finger.segments.lengths_sd[segment]
     return sd < asked.length_known * length and not _is_beside_stiff(asked, finger, segment)
 
 
 def is_placed(asked: Requirements, finger: Finger, segment: str) -> bool:
-    """Whether movement told where the sensor sits on its segment: both joints bent, and it is sure."""
+    """Whether the sensor's place on its segment is known: both joints bent, and its standard deviation is small."""
     return float(
         np.linalg.norm(finger.sure.p_BS[segment])
     ) < 1e-3 * asked.place_known and not _is_beside_stiff(asked, finger, segment)

@@ -1,7 +1,7 @@
-"""From a recording's streams to even readings of the sensors of one finger and the hand.
+"""Resampling of a recording's streams to uniform samples of one finger's sensors and the hand's.
 
 In      whole inertial streams, a stretch of time
-Out     Readings at about 100 Hz; what is missing or at its limit is bridged and said to be doubtful
+Out     Readings at about 100 Hz; missing and clipped samples are bridged and get a large noise factor
 Source  streams with clocks of their own are brought to the hand's samples by cubics through four samples (Lagrange); means of faster samples by what
         they lack where a signal bends, Taylor to T^2
 Limits  sensors' noise is taken for white, of the same density at every rate: a mean over faster samples is as noisy as one sample at its own rate, and turns add up the same random walk in a second however many there are

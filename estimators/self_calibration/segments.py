@@ -100,7 +100,7 @@ def _flexion_axes(at: Unknowns, chain: Chain, nominals: Sequence[Array]) -> list
 def _sensor_to_segment(
     z: Array | None, near: Array | None, far: Array | None, sign: float, nominal: Array
 ) -> Array:
-    """q_BS (4,): z from the hinges on either side, y from the bone, x square to both; what is not told as nominal."""
+    """q_BS (4,): z from the hinges on either side, y from the bone, x square to both; nominal where that is not observable."""
     if z is None or near is None:
         return nominal
     y = sign * (far - near) if far is not None else quat.rotate(quat.conjugate(nominal), Y)

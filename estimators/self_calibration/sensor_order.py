@@ -1,4 +1,4 @@
-"""In which order sensors sit along a finger, asked of their movement alone: two that are moved by one joint have a point in common.
+"""Order of sensors along a finger from their movement alone: two sensors at one joint have a point in common.
 
 In      even readings of a chain's sensors, one behind the other
 Out     the order from the hand on in which they meet best, where that is clearly not the chain's own

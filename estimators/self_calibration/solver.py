@@ -1,4 +1,4 @@
-"""Levenberg's and Marquardt's way down to the most probable movement and parameters.
+"""Maximum a posteriori movement and parameters by the Levenberg-Marquardt method.
 
 In      a Problem and where to begin
 Out     Solution: the place of the minimum, how it was reached, the factor of its normal equations (posterior.py makes covariances of it)
@@ -63,7 +63,7 @@ class Solution:
 
 @dataclass(frozen=True)
 class ProblemOps(Generic[P, X]):
-    """What the way down must know of a kind of problem P and of its places X."""
+    """Operations that the descent needs of a kind of problem P and of its places X."""
 
     update_flexion: Callable[
         [P, X], P
@@ -76,7 +76,7 @@ class ProblemOps(Generic[P, X]):
 
 @dataclass(frozen=True)
 class DescentResult(Generic[P, X]):
-    """How far down it went."""
+    """Where the descent ended."""
 
     problem: P
     at: X
@@ -132,7 +132,7 @@ def levenberg_marquardt(
             if max(costs[-1 - AROUND :]) - min(costs[-1 - AROUND :]) < CIRCLE:
                 outcome = "converged"
                 break
-            renewing = False  # from here with joints flexed as they are: how a stiff one is flexed is as little told as where its bones lie
+            renewing = False  # from here with joints flexed as they are: the flexion of a stiff joint is as unobservable as the places of its bones
         while True:
             try:
                 there = stepped(damping)
@@ -221,7 +221,7 @@ def solve_with_noise(
 
 
 def _check_convergence(solution: Solution) -> Solution:
-    """Converged also where the way leads on in directions that no movement tells: the next step is small against what is known of each parameter."""
+    """Converged also along unobservable directions: the next step is small against each parameter's standard deviation."""
     if solution.outcome != "not converged":
         return solution
     spurious = parameter_covariance.spurious_information(
@@ -242,7 +242,7 @@ def _check_convergence(solution: Solution) -> Solution:
 
 
 def reweight_priors(problem: Problem, at: Unknowns) -> Problem:
-    """The problem with what was known before counting as uncertain as it was found to be off, where that is more than chance makes it."""
+    """Enlarge the standard deviation of each prior that is off by more than chance."""
     mounting_sd, length_sd = problem.mounting_sd.copy(), problem.length_sd.copy()
     for priors, sds in (
         (residuals.mounting_priors(problem, at), mounting_sd),

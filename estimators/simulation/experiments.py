@@ -63,7 +63,7 @@ def record_experiment(
     steps: bool = False,
     give_deg: float = 0.0,
 ) -> Simulated:
-    """Somebody with a hand of their own does it; its geometry is what the method is told. The wrist misses the pose as the fingers do unless told otherwise.
+    """Somebody with a hand of their own does it; the method gets its declared geometry. The wrist misses the pose as the fingers do unless given.
 
     With `steps` a functional calibration stands between the pose and the experiment; joints give by `give_deg` (giving.py).
 

@@ -23,7 +23,7 @@ PRECISION = "full-scale errors of a four-axis skin-interface sensor, BioMed Eng 
 
 @dataclass(frozen=True, kw_only=True)
 class ForceErrors:
-    """Sizes (standard deviations unless said otherwise) from which each sensor's own errors are drawn."""
+    """Sizes (standard deviations unless noted) from which each sensor's own errors are drawn."""
 
     noise: float = option(
         0.05,

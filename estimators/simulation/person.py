@@ -1,8 +1,8 @@
 """Somebody's hand: how it really is, and how a method that measured its total lengths and applied the ratios takes it to be.
 
 In      a random generator and the sizes of the anatomical spread
-Out     the true geometry and the geometry that is told to a method
-Source  every spread is an option with its source; what is told is what the paper measures: palm length and the fingers' total lengths
+Out     the true geometry and the declared geometry that a method gets
+Source  every spread is an option with its source; declared is what the paper measures: palm length and the fingers' total lengths
 Limits  the measured lengths themselves are exact: the paper gives no error of its measuring
 """
 

@@ -26,7 +26,7 @@ WALK_LENGTH = 7200  # s of bias random walk drawn for each sensor; it stays wher
 
 @dataclass(frozen=True, kw_only=True)
 class SensorErrors:
-    """Sizes (standard deviations unless said otherwise) from which each sensor's own errors are drawn."""
+    """Sizes (standard deviations unless noted) from which each sensor's own errors are drawn."""
 
     gyr_noise: float = option(
         0.01, "deg/s/sqrt(Hz)", "white noise density of the gyroscope", MPU9250

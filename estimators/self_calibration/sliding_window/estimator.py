@@ -1,4 +1,4 @@
-"""Self-calibration in a window that slides along: what leaves it stays as a Gaussian over the samples that it touched and the parameters.
+"""Self-calibration in a sliding window: samples that leave are marginalised to a Gaussian prior.
 
 In      readings of a chain's sensors, some samples at a time; where to begin
 Out     Window: orientations of its samples and all parameters as everything read so far makes them probable; covariance of one sample with the parameters
@@ -39,7 +39,7 @@ EVERY_SAMPLE = (
     residuals.joint_acceleration_terms,
     residuals.hinge_terms,
     residuals.mean_acceleration_terms,
-)  # how it begins is told by `MarginalPrior`
+)  # `MarginalPrior` holds the initial orientations
 SHARED = 2  # samples of the window that those that left have touched: a joint's meeting spans three
 TAIL = 3  # last readings that are needed again: two samples of the window and the one ahead of it, without which the last turn is not known
 POSE_SD = 1e-3  # rad: what the first sample may have turned from the pose; the hand is held still
@@ -48,7 +48,7 @@ HEADING_SD = 1e-3  # rad: the root's heading is free and is held where it began
 
 @dataclass(frozen=True)
 class MarginalPrior:
-    """What was told by samples that left: a quadratic form of the way from a place, of SHARED samples, parameters and pose."""
+    """Information of the samples that left the window: a quadratic form of the increment from the linearisation point, over SHARED samples, parameters and pose."""
 
     at: Unknowns  # of SHARED samples, where it was linearised
     pose: Array  # (S, 4) there
@@ -136,7 +136,7 @@ def extend_window(window: Window, fresh: Readings) -> Window:
 
 
 def solve_window(window: Window, most: int, rounds: int, straight: float) -> WindowResult:
-    """Gauss-Newton steps, `rounds` of them; then the oldest samples leave until there are `most`. LinAlgError where it is not told.
+    """Gauss-Newton steps, `rounds` of them; then the oldest samples leave until there are `most`. LinAlgError where it is not observable.
 
     `straight` (rad): how far a joint may have been off in the pose.
     """
@@ -164,7 +164,7 @@ def solve_window(window: Window, most: int, rounds: int, straight: float) -> Win
 
 
 def inherit_prior(fresh: Window, before: Window) -> Window:
-    """A window just begun that knows of parameters and pose what had left another one: it begins where that was told."""
+    """A new window that inherits the prior on parameters and pose of another one, linearised at the same point."""
     k = SHARED * 3 * len(before.pose)
     H, g = np.zeros_like(fresh.prior.H), np.zeros_like(fresh.prior.g)
     H[:k, :k] = fresh.prior.H[:k, :k]
@@ -244,7 +244,7 @@ def _straight_pose_residuals(window: Window, sd: float) -> tuple[Array, Array]:
 
 
 def _marginalise_oldest(window: Window, terms: Sequence[Terms], leave: int) -> MarginalPrior:
-    """What the first samples and those before them tell of the next two, the parameters and the pose: theirs eliminated."""
+    """Marginalise the first samples and the prior onto the next two samples, the parameters and the pose."""
     heads = [
         replace(
             t, r=t.r[:leave], by_turns=t.by_turns[:leave], by_parameters=t.by_parameters[:leave]
@@ -259,7 +259,7 @@ def _marginalise_oldest(window: Window, terms: Sequence[Terms], leave: int) -> M
 
 
 def _eliminate(H: Array, g: Array, k: int) -> tuple[Array, Array]:
-    """A quadratic form with its first k unknowns eliminated. LinAlgError where they are not told."""
+    """A quadratic form with its first k unknowns eliminated. LinAlgError where they are not observable."""
     eliminated = cho_solve(cho_factor(H[:k, :k]), np.column_stack([H[:k, k:], g[:k]]))
     rest = H[k:, k:] - H[k:, :k] @ eliminated[:, :-1]
     return 0.5 * (rest + rest.T), g[k:] - H[k:, :k] @ eliminated[:, -1]
@@ -285,7 +285,7 @@ def _build_normal(n: int, window: Window, terms: Sequence[Terms]) -> Normal:
 
 
 def _increment_since_prior(prior: MarginalPrior, window: Window, c: Columns) -> tuple[Array, Array]:
-    """How far it is from where the past was linearised to here, in increments (m,), and how that changes with increments here (m, m)."""
+    """Increment (m,) from the prior's linearisation point to here, and its Jacobian (m, m)."""
     before, at, S = prior.at, window.at, len(window.pose)
     turns = quat.log(
         quat.relative(

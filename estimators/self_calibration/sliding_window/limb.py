@@ -1,4 +1,4 @@
-"""One finger with the hand's sensor in a sliding window: where it begins, what becomes of it with every few nodes, how sure it is.
+"""One finger with the hand's sensor in a sliding window: initialisation, update with every few nodes, uncertainty.
 
 In      Nodes of all sensors (live_readings.py), a Calibration from the initial pose, orientations of the sensors as they are believed where a window begins
 Out     Finger: its window, and what that says of its segments on the hand, lengths, standard deviations
@@ -127,7 +127,7 @@ def advance_finger(
 
 
 def close_window(finger: Finger) -> Finger:
-    """A sensor is silent: what is known of parameters stays."""
+    """Close the window of a silent sensor; its prior on the parameters stays."""
     return Finger(finger.name, finger.chain, known=finger.window or finger.known)
 
 
@@ -167,7 +167,7 @@ def _start_window(
 
 
 def _mounting_sd(setting: Setting, sensor: str) -> float:
-    """How far a sensor may sit off what the calibration says, rad: as its movements told, else as sensors are put on."""
+    """Standard deviation of a sensor's mounting, rad: as its calibration has it, else the usual one."""
     measured_sd = setting.calibration.q_BS_sd.get(sensor)
     return float(
         np.radians(setting.noise.mounting)
@@ -236,7 +236,7 @@ def _select_readings(nodes: Nodes, rows: list[int]) -> Readings:
 
 
 def _read_window(setting: Setting, finger: Finger, result: WindowResult) -> Finger:
-    """What a window says."""
+    """Read segments, lengths and uncertainty from a solved window."""
     window, steps = result.window, finger.steps + 1
     on_hand, lengths = _segments_on_hand(
         setting, _solution(window.at, window.problem, result.factor), window.pose

@@ -91,7 +91,7 @@ def store_block(state: State, block: Block) -> State:
 
 
 def count_ready(state: State, reached: float) -> int:
-    """How many more nodes can be told, whatever comes later, when every stream has `reached` an instant: a mean needs the next one, too."""
+    """Number of nodes that are complete when every stream has `reached` an instant: a mean needs the next one, too."""
     if not reached > state.begin:
         return 0
     return max(

@@ -1,8 +1,8 @@
-"""How sure the seats, the places and the movement of one finger, or of the forearm, are: everything drawn again as the readings, and the nominal mounting, leave it open.
+"""Uncertainty of mountings, places and movement of one finger, or of the forearm, by Monte-Carlo draws from the posterior.
 
 In      a Solution of one finger, DRAWS places as probable as it (of the finger alone, or of the whole hand)
-Out     Certainty: standard deviations of seats, places, angles and tip
-Source  draws from the Gauss-Newton covariance (posterior.py); what no movement tells of a seat is as uncertain as nominal mountings are, and
+Out     Uncertainty: standard deviations of mountings, places, angles and tip
+Source  draws from the Gauss-Newton covariance (posterior.py); the unobservable part of a mounting is as uncertain as nominal mountings are, and
         so is at what angle of a joint skin is not pulled
 """
 

@@ -1,10 +1,10 @@
-"""The covariance of the parameters with what the normal equations do not know: noise looks like information, and biases walk.
+"""Covariance of the parameters, corrected for noise that looks like information and for the random walk of biases.
 
 In      a Problem, the place of its minimum, the factor of its normal equations
 Out     the same factor with a covariance (P, P) that has both in it
 Source  errors in variables: an arm multiplies an angular acceleration that is noisy itself; Fuller 1987, Measurement error models, 1.2, 2.2. A walk's mean
         against its beginning: its variance grows by q^2 T / 3, integral of a Wiener process
-Limits  gyroscopes' noise is as said within NOISE_KNOWN; the walk is that of the option, it is not learnt
+Limits  gyroscopes' noise is as declared within NOISE_KNOWN; the walk is that of the option, it is not estimated
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from handscope.estimators.self_calibration.uncertainty import posterior, sandwic
 
 CHUNK = 1024  # samples whose derivatives are in memory at once
 DRAWS = 2  # of the trajectory: it has thousands of samples
-NOISE_KNOWN = 0.25  # share of the gyroscopes' variance by which it may be another one than was said: their noise is known within an eighth
+NOISE_KNOWN = 0.25  # share of the gyroscopes' variance by which it may differ from the declared one: their noise is known within an eighth
 DOUBTED = 3.0  # times what noise makes up is taken off: it may be that much larger, and it is random itself
 
 

@@ -35,7 +35,7 @@ class Movement:
     move: float = SLOW  # s of it that are movement
     repetitions: int = 10
     phases: tuple[str, str] | None = (
-        None  # what each half is called in the events, where they are to be told apart
+        None  # what each half is called in the events, where they are to be distinguished
     )
 
 

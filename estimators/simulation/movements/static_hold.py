@@ -1,7 +1,7 @@
 """Holding a spacer, a pinch or a block while the hand moves: closed chains whose contact points keep their distance.
 
 Source  Salchow-Hoemmen 2019, 3.2 and Table 5: spacers of 3 cm, a pinch closed twice, a block; every trial 15 to 35 s
-Limits  which points of the fingertips touch the block is not told in the paper: the bottoms here; fingers sway by a few degrees as the hold permits
+Limits  which points of the fingertips touch the block is not given in the paper: the bottoms here; fingers sway by a few degrees as the hold permits
 """
 
 from collections.abc import Mapping, Sequence

@@ -338,7 +338,7 @@ IN_STEP: Mapping[
         index_circles, task="circular_pointing", rate=10 / (10.0 - RAMP)
     ),  # ten in 10 s
 }
-TIMED: Mapping[str, Callable[..., Performance]] = {  # go on for as long as they are told
+TIMED: Mapping[str, Callable[..., Performance]] = {  # of a given duration
     "tapping": tapping,
     "open_close": open_close,
     "pronation_supination": pronation_supination,
