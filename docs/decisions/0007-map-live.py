@@ -17,7 +17,8 @@ from handscope.estimators.data import trajectory
 from handscope.estimators.data.samples import Block
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.methods import ALL_METHODS
-from handscope.estimators.pipeline.process import calibrate, process
+from handscope.estimators.pipeline.process import process
+from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.estimators.simulation.experiments import EXPERIMENTS
 from handscope.estimators.simulation.person import draw_person
 from handscope.estimators.simulation.scenario import Simulated

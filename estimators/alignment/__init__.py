@@ -1,1 +1,2 @@
-"""Sensor-to-segment alignment: the initial pose, functional movements, and checks of how sensors are mounted."""
+"""Sensor-to-segment alignment: the initial pose, functional movements, and checks of how sensors
+are mounted."""

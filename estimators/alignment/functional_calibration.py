@@ -1,11 +1,15 @@
-"""How each sensor sits on its segment, however it was put on: from gravity on the flat hand and from the axes about which the joints bend.
+"""How each sensor sits on its segment, however it was put on: from gravity on the flat hand and
+from the axes about which the joints bend.
 
 In      the pieces of the calibration (functional_steps.py), a Calibration from the initial pose
-Out     a Calibration with q_BS of every sensor of which the pieces tell something; the others as in the pose, against the hand
-Source  Kortier, thesis (2.34): x from gravity on the flat hand, z from the gyroscope in flexion, R = [x, z x x, z] re-orthogonalised; steps: 3.2.2.
-        All steps together then make the joints move as they can (mounting_fit.py, ours)
-Limits  where flexion is zero only the still postures tell: a finger that was not straight there is off by that. The sensors of hand, thumb metacarpal
-        and forearm do not bend: which way they point on the level hand is seen only while all move together (`figure_eight`)
+Out     a Calibration with q_BS of every sensor of which the pieces tell something; the others as in
+        the pose, against the hand
+Source  Kortier, thesis (2.34): x from gravity on the flat hand, z from the gyroscope in flexion, R
+        = [x, z x x, z] re-orthogonalised; steps: 3.2.2. All steps together then make the joints
+        move as they can (mounting_fit.py, ours)
+Limits  where flexion is zero only the still postures tell: a finger that was not straight there is
+        off by that. The sensors of hand, thumb metacarpal and forearm do not bend: which way they
+        point on the level hand is seen only while all move together (`figure_eight`)
 """
 
 from collections.abc import Mapping, Sequence
@@ -50,9 +54,11 @@ def combine(
     pose: Calibration,
     mounting: Mapping[str, Array],
 ) -> Calibration:
-    """The pose's calibration (alignment full or common) with the sensors as the accepted pieces say; `mounting`: nominal.
+    """The pose's calibration (alignment full or common) with the sensors as the accepted pieces
+    say; `mounting`: nominal.
 
-    Pieces with problems are left out. A sensor of which no piece tells an axis keeps what the pose says; without any axis the pose's calibration stays.
+    Pieces with problems are left out. A sensor of which no piece tells an axis keeps what the pose
+    says; without any axis the pose's calibration stays.
     """
     good = {step: p for step, p in pieces.items() if not p.problems}
     seen = _initial_mountings(good, pose)
@@ -74,9 +80,7 @@ def combine(
         if quat.angle(quat.relative(q, fitted.q_BS[s])) > CONTRADICTION
         or _axis_disagreement(good, s) > CONTRADICTION
     ]
-    if (
-        far
-    ):  # no careless step does that: something else was done than was said, or a sensor has slipped
+    if far:  # no careless step does that: another movement was done, or a sensor has slipped
         unsure = {s: np.full(3, CONTRADICTION) for s in fitted.sd}
         fitted = mounting_fit.Fit(
             {**fitted.q_BS, **seen}, unsure, CONTRADICTION**2 * np.eye(3 * len(unsure))
@@ -105,7 +109,8 @@ def combine(
 def _initial_mountings(
     good: Mapping[str, CalibrationMovement], pose: Calibration
 ) -> dict[str, Array]:
-    """q_BS (4,) of (2.34) for every segment with a flexion axis of its own or of a neighbour that moved along with it."""
+    """q_BS (4,) of (2.34) for every segment with a flexion axis of its own or of a neighbour that
+    moved along with it."""
     axes = {s: b.axis for step in AXES_FROM if step in good for s, b in good[step].bent.items()}
     eight = good["figure_eight"].together if "figure_eight" in good else {}
     for segment, others in ALONGSIDE.items():
@@ -133,7 +138,8 @@ def _axis_disagreement(good: Mapping[str, CalibrationMovement], segment: str) ->
 def _vertical_pair(
     good: Mapping[str, CalibrationMovement], pose: Calibration, segment: str
 ) -> tuple[Array, Array]:
-    """Up in the sensor's frame and in the segment's: x in a flat posture; without one as the initial pose has it."""
+    """Up in the sensor's frame and in the segment's: x in a flat posture; without one as the
+    initial pose has it."""
     flat = "thumb_flat" if segment.startswith("thumb") else "flat_hand"
     if flat in good and segment in good[flat].up:
         return good[flat].up[segment], np.array([side_sign(pose.hand), 0.0, 0.0])
@@ -159,19 +165,19 @@ def _gravity_sightings(
     for segment in segments:
         finger = segment.split("_")[0]
         thumb, chain = finger == "thumb", CHAINS.get(finger, ())
-        joints = (
-            chain[: chain.index(segment) + 1] if chain else ()
-        )  # by their children: what is to be straight from the hand to here
+        # by their children: what is to be straight from the hand to here
+        joints = chain[: chain.index(segment) + 1] if chain else ()
         roll = sd * np.sqrt(len(joints)) if thumb else 1.0 * DEG
         flat = good.get("thumb_flat" if thumb else "flat_hand")
         if flat is not None and segment in flat.up:
+            # each lies by itself
             from_table = (
                 ("thumb", *joints[1:])
                 if thumb
                 else ("forearm",)
                 if segment == "forearm"
                 else ("hand", *joints)
-            )  # each lies by itself
+            )
             found.append(
                 GravitySighting(
                     segment,
@@ -195,7 +201,7 @@ def _gravity_sightings(
 
 
 def apply_mounting(pose: Calibration, q_BS: Mapping[str, Array]) -> Calibration:
-    """The pose seen anew with sensors that sit so: the hand as gravity has it, every segment on it as the pose was asked for."""
+    """The pose re-evaluated with this mounting: the hand from gravity, every segment on it as the pose requires."""
     q_GH_full = _segment(pose, "hand")
     ahead = quat.normalize(
         make_upright(
@@ -244,7 +250,7 @@ def _mounting_deviation(
 def _warnings(
     pose: Calibration, sd: Mapping[str, Array], missing: Sequence[str], far: Sequence[str]
 ) -> tuple[str, ...]:
-    """Which sensors have less than the whole, and for lack of what."""
+    """Sensors without a complete calibration, and what is missing."""
     others = [s for s in pose.q_GS if s not in sd]
     lacking = f"; steps not done: {', '.join(STEPS[s] for s in missing)}" if missing else ""
     warnings = []

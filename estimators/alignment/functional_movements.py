@@ -1,9 +1,12 @@
-"""The steps of a functional calibration, each measured for itself: axes of flexion, gravity, common rotation, and how well it was done.
+"""The steps of a functional calibration, each measured for itself: axes of flexion, gravity, common
+rotation, and how well it was done.
 
 In      samples of one step, gyroscope biases
-Out     Piece: what the step tells, what it is judged by, and a sentence for each thing that is wrong
-Source  Kortier, thesis ch. 2 (2.34) and 3.2.2: flat hand, thumb flat, thumb IP, MCP and all joints three times, figure of eight with the hands together
-Limits  how sensors sit is told by all pieces together: functional_calibration.py
+Out     Piece: measurements of the step, its quality, and a sentence for each thing that is
+        wrong
+Source  Kortier, thesis ch. 2 (2.34) and 3.2.2: flat hand, thumb flat, thumb IP, MCP and all joints
+        three times, figure of eight with the hands together
+Limits  the mounting follows from all movements together: functional_calibration.py
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,7 +44,7 @@ BENT: Mapping[str, tuple[str, ...]] = {
     "flexion_thumb_ip": ("thumb_distal",),
     "flexion_mcp": tuple(
         s for f in FINGERS[1:] for s in CHAINS[f]
-    ),  # straight fingers: all three segments turn alike
+    ),  # straight fingers: all three segments turn equally
     "flexion_all": (*(s for f in FINGERS[1:] for s in CHAINS[f]), "thumb_proximal", "thumb_distal"),
 }
 REST = {
@@ -115,12 +118,10 @@ class CalibrationMovement:
     up: Mapping[str, Array] = field(default_factory=dict)  # (3,) unit, sensor frames: still steps
     movement: Movement | None = None  # the others
     bent: Mapping[str, Bending] = field(default_factory=dict)  # flexions
-    together: Mapping[str, CommonRotation] = field(
-        default_factory=dict
-    )  # q_HS of the sensors in the figure of eight
-    quality: Mapping[str, float] = field(
-        default_factory=dict
-    )  # what the step is judged by, angles in rad
+    # q_HS of the sensors in the figure of eight
+    together: Mapping[str, CommonRotation] = field(default_factory=dict)
+    # what the step is judged by, angles in rad
+    quality: Mapping[str, float] = field(default_factory=dict)
     problems: tuple[str, ...] = ()  # sentences: why it should be done again
 
 
@@ -132,7 +133,8 @@ def measure(
     end: float,
     bias: Mapping[str, Array],
 ) -> CalibrationMovement:
-    """What one step tells; `bias`: of the gyroscopes (3,) by segment, from a pose or a still step."""
+    """What one step tells; `bias`: of the gyroscopes (3,) by segment, from a pose or a still
+    step."""
     window = [b.between(onset, end) for b in blocks if b.stream.inertial]
     piece = CalibrationMovement(step, onset, end)
     if step not in BENT and step != "figure_eight":

@@ -1,10 +1,15 @@
-"""Calibration from one pose held still: gyroscope biases, sensor headings against the hand and, if wanted, the whole sensor-to-segment rotation.
+"""Calibration from one pose held still: gyroscope biases, sensor headings against the hand and, if
+wanted, the whole sensor-to-segment rotation.
 
-In      at least 3 s of samples with index..little straight, the thumb straight and either aligned with the fingers or at a known CMC angle
-Out     Calibration: orientations of all sensors at the start of the pose, q_BS, biases, how still it was
-Source  Salchow-Hoemmen 2019, 2.4.2 (`heading`); the whole relative orientation (`full`) goes beyond the paper
-Limits  a pose that is not the one asked for becomes an offset of every angle; a slow turn about the vertical looks like a bias; of a misaligned sensor
-        the part about the vertical cannot be seen
+In      at least 3 s of samples with index..little straight, the thumb straight and either aligned
+        with the fingers or at a known CMC angle
+Out     Calibration: orientations of all sensors at the start of the pose, q_BS, biases, how still
+        it was
+Source  Salchow-Hoemmen 2019, 2.4.2 (`heading`); the whole relative orientation (`full`) goes beyond
+        the paper
+Limits  a pose that is not the one asked for becomes an offset of every angle; a slow turn about the
+        vertical looks like a bias; of a misaligned sensor the part about the vertical cannot be
+        seen
 """
 
 import math
@@ -27,9 +32,12 @@ from handscope.estimators.orientation.fusion import make_upright
 from handscope.estimators.orientation.resampling import measure_rates
 from handscope.estimators.sensors.missing_samples import is_complete
 
-RATE_DOUBT = 0.02  # of the rate: the oscillator of a sensor is good for 1 % (MPU-9250 specification, table 3)
-QUARTERS = 4  # pieces a second, of whose means the standard deviation of a mean is told: longer than a period of tremor
-DIFFERENCES, LEAST_SAMPLES = 8, 60  # of which noise is told
+# of the rate: the oscillator of a sensor is good for 1 % (MPU-9250 specification, table 3)
+RATE_DOUBT = 0.02
+# pieces a second, whose means give the standard deviation of a mean: longer than a period of
+# tremor
+QUARTERS = 4
+DIFFERENCES, LEAST_SAMPLES = 8, 60  # to estimate noise from
 DEG = np.pi / 180
 THERAPIST = "therapist"  # what an event says of a pose that the patient did not take alone
 
@@ -81,7 +89,10 @@ NEUTRAL: Angles = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Pose:
-    """The pose taken: when, and the joints' angles that are known; the others are straight, the thumb aligned with the fingers."""
+    """The pose taken: when, and the joints' angles that are known.
+
+    The other joints are straight, the thumb aligned with the fingers.
+    """
 
     onset: float  # s
     duration: float  # s
@@ -148,7 +159,8 @@ def calibrate(
     blocks: Sequence[Block],
     pose: Pose,
 ) -> Calibration:
-    """Calibrate from the inertial samples of the pose (one block a stream); refuses a pose that is short, incomplete or not still."""
+    """Calibrate from the inertial samples of the pose (one block a stream); refuses a pose that is
+    short, incomplete or not still."""
     window = _stillest_stretch(
         params, [b.between(pose.onset, pose.end) for b in blocks if b.stream.inertial], pose
     )
@@ -197,7 +209,8 @@ def uncalibrated(
     sensors: Sequence[str],
     t: float,
 ) -> Calibration:
-    """What is known without any pose: the nominal mounting; headings come from magnetometers or are guesses."""
+    """What is known without any pose: the nominal mounting; headings come from magnetometers or are
+    guesses."""
     nominal = {
         s: quat.normalize(np.asarray(mounting.get(s, quat.IDENTITY), dtype=float))
         for s in sensors
@@ -213,7 +226,8 @@ def guess_calibration(
     mounting: Mapping[str, Array],
     blocks: Sequence[Block],
 ) -> Calibration:
-    """Without any pose, for a method that needs one: nominal mounting, gravity of this moment, headings as if every segment pointed as the hand does."""
+    """Without any pose, for a method that needs one: nominal mounting, gravity of this moment,
+    headings as if every segment pointed as the hand does."""
     window = [b for b in blocks if b.stream.inertial and len(b.t)]
     still = {name: s for b in window for name, s in held_still(b).items()}
     if "hand" not in still:
@@ -254,7 +268,8 @@ def rate_warnings(rates: Mapping[str, float], streams: Sequence[Stream]) -> tupl
 
 
 def _magnetic_headings(q_GS: Mapping[str, Array], blocks: Sequence[Block]) -> dict[str, float]:
-    """Heading of magnetic north (rad, from the global y axis towards x) in each magnetometer's mean over the pose."""
+    """Heading of magnetic north (rad, from the global y axis towards x) in each magnetometer's mean
+    over the pose."""
     found = {}
     for block in (b for b in blocks if MAG in b.stream.quantities):
         for k, name in enumerate(block.stream.sensors):
@@ -268,7 +283,8 @@ def _magnetic_headings(q_GS: Mapping[str, Array], blocks: Sequence[Block]) -> di
 
 @dataclass(frozen=True)
 class _Still:
-    """One sensor's samples in the pose: their mean and the means of its one-second pieces, gyroscope then accelerometer."""
+    """One sensor's samples in the pose: their mean and the means of its one-second pieces,
+    gyroscope then accelerometer."""
 
     mean: Array  # (6,)
     pieces: Array  # (pieces, 6)
@@ -277,7 +293,8 @@ class _Still:
 
 
 def held_still(block: Block, duration: float = 0.0) -> dict[str, _Still]:
-    """The sensors that gave at least half of the block's samples and of those that `duration` s have."""
+    """The sensors that gave at least half of the block's samples and of those that `duration` s
+    have."""
     values = np.concatenate([block.of(GYR), block.of(ACC)], axis=-1)
     pieces, least = (
         max(1, round(len(block.t) / block.stream.rate)),
@@ -301,7 +318,8 @@ def held_still(block: Block, duration: float = 0.0) -> dict[str, _Still]:
 
 
 def _mean_sd(samples: Array, pieces: int) -> float | None:
-    """Standard deviation of the mean of samples (n, 3), one of all axes, as the means of their pieces scatter; None where pieces are too short."""
+    """Standard deviation of the mean of samples (n, 3), one of all axes, as the means of their
+    pieces scatter; None where pieces are too short."""
     if len(samples) < LEAST_SAMPLES:
         return None
     means = np.array([p.mean(axis=0) for p in np.array_split(samples, pieces)])
@@ -309,10 +327,12 @@ def _mean_sd(samples: Array, pieces: int) -> float | None:
 
 
 def white_noise(samples: Array, rate: float) -> float | None:
-    """Density of the white noise in samples (n, axes) at `rate` Hz, in their unit per sqrt(Hz); None where there are too few samples.
+    """Density of the white noise in samples (n, axes) at `rate` Hz, in their unit per sqrt(Hz);
+    None where there are too few samples.
 
-    The eighth differences pass what is near the highest frequency alone: of a tremor at a tenth of the rate 2e-4 of its size. A sensor that filters
-    its samples more narrowly than their rate shows less than it has.
+    The eighth differences pass what is near the highest frequency alone: of a tremor at a tenth of
+    the rate 2e-4 of its size. A sensor that filters its samples more narrowly than their rate shows
+    less than it has.
     """
     if len(samples) < LEAST_SAMPLES:
         return None
@@ -323,7 +343,8 @@ def white_noise(samples: Array, rate: float) -> float | None:
 
 
 def _stillest_stretch(params: PoseParams, window: list[Block], pose: Pose) -> list[Block]:
-    """The stretch of `pose_duration` in which the gyroscopes vary least; the whole window where it is not longer."""
+    """The stretch of `pose_duration` in which the gyroscopes vary least; the whole window where it
+    is not longer."""
     longest = max((b.t[-1] - b.t[0] + 1 / b.stream.rate for b in window if len(b.t)), default=0.0)
     if longest < params.pose_duration - 0.05:
         raise InputError(
@@ -345,7 +366,8 @@ def _stillest_stretch(params: PoseParams, window: list[Block], pose: Pose) -> li
 
 
 def _unsteadiness(blocks: list[Block], duration: float) -> tuple[int, float]:
-    """How many sensors lack more than a tenth of their samples in a stretch, and how much the gyroscopes of the others vary: the least is the best."""
+    """How many sensors lack more than a tenth of their samples in a stretch, and how much the
+    gyroscopes of the others vary: the least is the best."""
     lacking, spread = 0, 0.0
     for block in blocks:
         gyr, whole = block.of(GYR), is_complete(block)
@@ -391,7 +413,8 @@ def _orient(
     pose: Pose,
     q_GH_guess: Array,
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Sensor orientations with gravity's inclination and the pose's heading, and the sensor-to-segment rotations."""
+    """Sensor orientations with gravity's inclination and the pose's heading, and the
+    sensor-to-segment rotations."""
     nominal = {
         name: quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), dtype=float))
         for name in still
@@ -416,7 +439,8 @@ def _up_in_hand(
     on_hand: Mapping[str, Array],
     names: Sequence[str],
 ) -> Array:
-    """Upwards (3,) in the hand's frame as most of these sensors have it: each sits askew in its own way, and the pose makes their segments agree."""
+    """Upwards (3,) in the hand's frame as most of these sensors have it: each sits askew in its own
+    way, and the pose makes their segments agree."""
     ups = [
         quat.rotate(
             quat.multiply(on_hand[n], nominal[n]),
@@ -428,7 +452,8 @@ def _up_in_hand(
 
 
 def palm_down(hand: Hand) -> Array:
-    """Orientation of a hand that lies palm down with the fingers along the global y axis: where headings start to count."""
+    """Orientation of a hand that lies palm down with the fingers along the global y axis: where
+    headings start to count."""
     sign = 1.0 if hand == "left" else -1.0
     return quat.from_matrix(np.column_stack([(0, 0, sign), (0, sign, 0), (-1, 0, 0)]))
 
@@ -454,7 +479,8 @@ def _warnings(
 
 
 def reorient(calibration: Calibration, beginning: Sequence[Block]) -> dict[str, Array]:
-    """Orientations of the sensors at another moment (4,) by segment: inclination from these samples, headings as in the calibration's pose."""
+    """Orientations of the sensors at another moment (4,) by segment: inclination from these
+    samples, headings as in the calibration's pose."""
     still = {name: s for b in beginning for name, s in held_still(b).items()}
     return {
         name: make_upright(q_GS, still[name].mean[3:])

@@ -1,13 +1,17 @@
-"""Sensors that sit turned against their nominal mounting, and strips that are exchanged, from the initial pose and the first flexions.
+"""Sensors that sit turned against their nominal mounting, and strips that are exchanged, from the
+initial pose and the first flexions.
 
 In      samples of all inertial streams, one block each; the pose's stretch; nominal mounting
 Out     Findings: which of the 24 right-angled turns a sensor has, which strips are exchanged
-Source  gravity in the pose and the axis of a hinge in flexion are what Salchow-Hoemmen 2019, 2.4.2, and Kortier's thesis, (2.34), calibrate with; rules ours
-Limits  turned: with the palm level gravity does not show a turn about the vertical, only the flexions do; with the palm upright a turn about the
-        flexion axis is seen by neither. The hand's own sensor is judged against the fingers': with fewer than three other sensors nothing is said.
-        exchanged: thumb and finger by gravity where the pose spreads the thumb, fingers among each other only by what they were told to do: the order of
-        `wiggle`, the one finger that a task is named after, the index in `tapping`. In a free recording two fingers' strips exchanged look like two
-        fingers that moved so.
+Source  gravity in the pose and the axis of a hinge in flexion are what Salchow-Hoemmen 2019, 2.4.2,
+        and Kortier's thesis, (2.34), calibrate with; rules ours
+Limits  turned: with the palm level gravity does not show a turn about the vertical, only the
+        flexions do; with the palm upright a turn about the flexion axis is seen by neither. The
+        hand's own sensor is judged against the fingers': with fewer than three other sensors
+        there is no finding. exchanged: thumb and finger by gravity where the pose spreads the thumb,
+        fingers among each other only by their tasks: the order of `wiggle`, the one
+        finger that a task is named after, the index in `tapping`. In a free recording two fingers'
+        strips exchanged look like two fingers that moved so.
 """
 
 import itertools
@@ -27,14 +31,13 @@ from handscope.estimators.numerics.typing import Array
 
 OFF = np.radians(45.0)  # from here on the next right angle is nearer than the nominal mounting
 EXCHANGED = np.radians(30.0)  # mean misfit of two strips in their own places ...
-FITS = np.radians(
-    25.0
-)  # ... and in each other's: twice the 5 to 10 deg of misalignment (Salchow-Hoemmen 2019, 5)
+# ... and in each other's: twice the 5 to 10 deg of misalignment (Salchow-Hoemmen 2019, 5)
+FITS = np.radians(25.0)
 BENDS = 0.5  # rad/s
 FIRST = 20.0  # s behind the pose that count as the first flexions
 LEAST_BENT = 0.3  # s of bending
 PLANAR = 0.8  # share of the principal axis
-MOVES = 1.0  # rad/s, root mean square of a finger that is told to move
+MOVES = 1.0  # rad/s, root mean square of a finger asked to move
 DIFFERENT = 0.5  # s between two fingers of a wiggle
 REMOUNT = "mount it as drawn"
 
@@ -50,7 +53,8 @@ class _WornSensor:
     rate: Array  # (n, 3) rad/s behind the pose, bias removed, sensor frame
 
     def up_on_hand(self, on_hand: Array | None = None) -> Array:
-        """Where the hand's up would be if this sensor sat as it should on a segment that lies so."""
+        """Where the hand's up would be if this sensor sat as it should on a segment that lies
+        so."""
         return quat.rotate(
             quat.multiply(self.on_hand if on_hand is None else on_hand, self.nominal), self.up
         )
@@ -154,7 +158,7 @@ def _pair(one: str, other: str, why: str, worn: Mapping[str, _WornSensor]) -> li
 def _check_finger_exchange(
     worn: Mapping[str, _WornSensor], events: Sequence[Event]
 ) -> list[Finding]:
-    """By what the fingers were told to do."""
+    """Exchanged fingers, found from their tasks."""
     for event in events:
         if (
             found := _check_wiggle(worn, event)
@@ -179,7 +183,7 @@ def _task(event: Event) -> str:
 
 
 def _finger(event: Event) -> str | None:
-    """The one finger that a task is named after; tapping is the index's. The thumb's strip is told by gravity."""
+    """The one finger that a task is named after; tapping is the index's. The thumb's strip is recognised by gravity."""
     words = re.split("[^a-z]+", _task(event).lower())
     named = [f for f in FINGERS if f in words]
     if not named and "tapping" in words:
@@ -188,7 +192,8 @@ def _finger(event: Event) -> str | None:
 
 
 def _check_wiggle(worn: Mapping[str, _WornSensor], event: Event) -> list[Finding]:
-    """One finger after the other bends, thumb first: two that bend in each other's turn are exchanged."""
+    """One finger after the other bends, thumb first: two that bend in each other's turn are
+    exchanged."""
     turn = {f: when for f in FINGERS if (when := _bending_time(worn, f, event)) is not None}
     came, due = sorted(turn, key=lambda f: turn[f]), [f for f in FINGERS if f in turn]
     if len(due) < 3 or min(np.diff(sorted(turn.values()))) < DIFFERENT:
@@ -260,7 +265,8 @@ def _check_one_finger(worn: Mapping[str, _WornSensor], event: Event, finger: str
 def _check_turn(
     name: str, w: _WornSensor, worn: Mapping[str, _WornSensor], up: Array
 ) -> Finding | None:
-    """The right-angled turn that explains gravity in the pose and the axis of flexion better than the nominal mounting does."""
+    """The right-angled turn that explains gravity in the pose and the axis of flexion better than
+    the nominal mounting does."""
     expected, axis = (
         quat.rotate(quat.conjugate(quat.multiply(w.on_hand, w.nominal)), up),
         _flexion_axis(name, worn),
@@ -277,9 +283,10 @@ def _check_turn(
     as_drawn = misfit(quat.IDENTITY)
     if as_drawn < OFF:
         return None
+    # of those that fit the least turn
     best = min(
         RIGHT_ANGLES, key=lambda q: (misfit(q) > FITS, round(float(quat.angle(q)), 3), misfit(q))
-    )  # of those that fit the least turn
+    )
     if as_drawn - misfit(best) < OFF / 2:
         return None
     angle, q = (
@@ -300,9 +307,11 @@ def _check_turn(
 
 
 def _flexion_axis(name: str, worn: Mapping[str, _WornSensor]) -> Array | None:
-    """Axis (3,) about which the sensor turned when its finger first bent, with the sign of flexion; None where nothing bent in a plane.
+    """Axis (3,) about which the sensor turned when its finger first bent, with the sign of flexion;
+    None where nothing bent in a plane.
 
-    The thumb's carpometacarpal joint has no fixed axis: only what its two hinges do while its metacarpal rests counts.
+    The thumb's carpometacarpal joint has no fixed axis: only what its two hinges do while its
+    metacarpal rests counts.
     """
     finger = name.split("_")[0]
     if (
@@ -328,10 +337,11 @@ def _flexion_axis(name: str, worn: Mapping[str, _WornSensor]) -> Array | None:
         return None
     axis = axes[:, -1]
     turned = np.cumsum(np.where(hand_moves < BENDS, rate @ axis, 0.0)) * period
+    # from straight a finger can only flex far
     forth, back = (
         float(turned.max()),
         float(-turned.min()),
-    )  # from straight a finger can only flex far
+    )
     return (
         None
         if max(forth, back) < 2 * min(forth, back)

@@ -1,12 +1,16 @@
-"""Sensor-to-segment rotations that make every joint of the hand move as it can, from several movements at once.
+"""Sensor-to-segment rotations that make every joint of the hand move as it can, from several
+movements at once.
 
-In      angular rates of all sensors on one time base for each movement, gravity in still postures, a first guess of every q_BS
+In      angular rates of all sensors on one time base for each movement, gravity in still postures,
+        a first guess of every q_BS
 Out     q_BS by segment with standard deviations; what each movement's first posture was off by
-Source  ours: the thesis' dimension update (Kortier, (2.29)-(2.32)) said of angular rates. The relative rate of two neighbours, turned by what the
-        gyroscopes have integrated since the movement began, has no part about an axis that is no freedom of their joint. Gauss-Newton over small turns
-        of all sensors; the posture each movement begins with is estimated along
-Limits  a turn of a sensor about its segment's flexion axis is seen by gravity in the still postures only: there the posture's error stays. Soft tissue
-        turns sensors by a share of the movement: a movement counts as `LOOKS` independent looks of that error, however many its samples
+Source  ours: the thesis' dimension update (Kortier, (2.29)-(2.32)) for angular rates. The
+        relative rate of two neighbours, turned by what the gyroscopes have integrated since the
+        movement began, has no part about an axis that is no freedom of their joint. Gauss-Newton
+        over small turns of all sensors; the posture each movement begins with is estimated along
+Limits  a turn of a sensor about its segment's flexion axis is seen by gravity in the still postures
+        only: there the posture's error stays. Soft tissue turns sensors by a share of the movement:
+        a movement counts as `LOOKS` independent looks of that error, however many its samples
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,7 +30,9 @@ FIRST = 5.0 * DEG  # sd of a joint's flexion where a movement begins: asked for 
 ASIDE = 2.0 * DEG  # sd of an MCP joint's deviation there; ours
 SEEN = 0.3 * DEG  # sd of gravity's direction in a sensor at rest: 0.05 m/s^2 of accelerometer bias
 UNKNOWN = 30.0 * DEG  # sd of a first guess: sensors are put on up to 30 deg off
-CLEAR = 4.0  # times what soft tissue makes of the neighbours' movement: from here on a segment moved itself; ours
+# times what soft tissue makes of the neighbours' movement: from here on a segment moved itself;
+# ours
+CLEAR = 4.0
 STEADY = 0.005  # rad/s, rate that is noise
 THINNED = 25.0  # Hz
 ITERATIONS = 5
@@ -46,14 +52,13 @@ class GravitySighting:
 
     segment: str
     up_S: Array  # (3,) unit, sensor frame
-    held: tuple[
-        str, ...
-    ]  # what was to be held straight between what is known and the segment: its flexion misses by the sum of what they miss
+    # what was to be held straight between what is known and the segment: its flexion misses by the
+    # sum of what they miss
+    held: tuple[str, ...]
     sd: float  # rad, that each of them misses
     roll_sd: float = 1.0 * DEG  # rad, of its turn about its long axis: fingers have no such freedom
-    up_H: Array | None = (
-        None  # (3,) seen by the hand's sensor in its frame; None: the posture lay level, x upright
-    )
+    # (3,) seen by the hand's sensor in its frame; None: the posture lay level, x upright
+    up_H: Array | None = None
     q_HB: Array | None = None  # (4,) the segment on the hand there
 
 
@@ -77,7 +82,8 @@ def fit(
     hand: Hand,
     soft_tissue: float,
 ) -> Fit:
-    """Refine the guesses (4,) by segment; `soft_tissue`: turn of a sensor per turn of its segment."""
+    """Refine the guesses (4,) by segment; `soft_tissue`: turn of a sensor per turn of its
+    segment."""
     places = {segment: np.arange(3 * k, 3 * k + 3) for k, segment in enumerate(guess)}
     thin = [_thin_out(m, list(guess), soft_tissue) for m in movements]
     joints = [j for j in JOINTS if j.parent in guess and j.child in guess and len(j.dofs) < 3]
@@ -157,13 +163,14 @@ class _System:
 
 @dataclass(frozen=True)
 class _ThinnedMovement:
-    """A movement with fewer samples: rates and how far each sensor has turned since the beginning."""
+    """A movement with fewer samples: rates and how far each sensor has turned since the
+    beginning."""
 
     rate: Mapping[str, Array]  # (n, 3)
     turned: Mapping[str, Array]  # (n, 4) sensor at its beginning <- sensor now
-    clear: frozenset[
-        str
-    ]  # segments that moved themselves; of the others it may have been the skin, which tells nothing of how the sensor sits
+    # segments that moved themselves; of the others it may have been soft tissue
+    # of how the sensor sits
+    clear: frozenset[str]
 
 
 def _thin_out(movement: Movement, segments: Sequence[str], soft_tissue: float) -> _ThinnedMovement:
@@ -196,7 +203,8 @@ def _means(rate: Array, every: int) -> Array:
 
 
 def _integrate_rates(rate: Array, dt: float) -> Array:
-    """How far each sensor has turned since the beginning (n, sensors, 4), from rates (n, sensors, 3)."""
+    """How far each sensor has turned since the beginning (n, sensors, 4), from rates (n, sensors,
+    3)."""
     q = np.tile(quat.IDENTITY, (*rate.shape[:2], 1))
     turns = quat.exp(0.5 * (rate[1:] + rate[:-1]) * dt)
     for k, turn in enumerate(turns):
@@ -213,7 +221,8 @@ def _add_sighting(
     misses: Sequence[int],
     found: Array,
 ) -> None:
-    """Where up is in the segment: two components, across x. The first is turned by all that was missed from what is known to the segment."""
+    """Where up is in the segment: two components, across x. The first is turned by all that was
+    missed from what is known to the segment."""
     up = quat.rotate(q_BS[sight.segment], sight.up_S)
     columns, parts = [places[sight.segment]], [-quat.skew(up)]
     if sight.up_H is None or sight.q_HB is None:
@@ -254,7 +263,8 @@ def _add_relative_rates(
     start: Array,
     soft_tissue: float,
 ) -> None:
-    """The joint's relative rate about axes that are no freedom of it; unknown: both sensors' turns, flexion and deviation at the beginning."""
+    """The joint's relative rate about axes that are no freedom of it; unknown: both sensors' turns,
+    flexion and deviation at the beginning."""
     hinge = len(joint.dofs) == 1
     system.add(
         [place], [np.eye(2)], start, 1.0 / np.array([FIRST, (0.1 * DEG if hinge else ASIDE)])
@@ -280,14 +290,14 @@ def forbidden_rates(
 ) -> tuple[Array, Array]:
     """Relative rates that the joint does not permit (rows, n), and their derivatives (rows, n, 8).
 
-    In: rates (n, 3) of parent and child in their segments' frames, what each has turned since the beginning (n, 3, 3), flexion and deviation there.
-    The derivatives are by small turns of the child's sensor (3), of the parent's (3), by flexion and by deviation at the beginning.
+    In: rates (n, 3) of parent and child in their segments' frames, what each has turned since the
+    beginning (n, 3, 3), flexion and deviation there. The derivatives are by small turns of the
+    child's sensor (3), of the parent's (3), by flexion and by deviation at the beginning.
     """
     R_start = quat.matrix(joint_angles.compose(np.array([start[0], start[1], 0.0])))
     back = np.swapaxes(A_c, -1, -2)
-    at_start = np.einsum(
-        "nij,nj->ni", A_p, w_p
-    )  # the parent's rate in its frame at the beginning ...
+    # the parent's rate in its frame at the beginning ...
+    at_start = np.einsum("nij,nj->ni", A_p, w_p)
     in_child = at_start @ R_start  # ... and in the child's there
     carried = np.einsum("nij,nj->ni", back, in_child)
     w_pc_c = w_c - carried
@@ -312,13 +322,13 @@ def forbidden_rates(
         ],
         axis=-1,
     )
-    more = (
-        np.cos(pronation) * turned[:, 0] + np.sin(pronation) * turned[:, 2]
-    )  # that much more deviation
+    # that much more deviation
+    more = np.cos(pronation) * turned[:, 0] + np.sin(pronation) * turned[:, 2]
+    # a turn about the parent's z shows about y of a child that deviates
     t, w_z = (
         np.tan(deviation),
         w_pc_c[:, 2:],
-    )  # a turn about the parent's z shows about y of a child that deviates
+    )
     return (w_pc_c[:, 1:2] - t * w_z)[None, :, 0], (
         J[:, 1] - t * J[:, 2] - (1 + t * t) * w_z * more
     )[None]

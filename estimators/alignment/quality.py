@@ -1,10 +1,13 @@
-"""How good a calibration is for each joint, and why: in three grades, by the worse of the two sensors that the joint lies between.
+"""How good a calibration is for each joint, and why: in three grades, by the worse of the two
+sensors that the joint lies between.
 
 In      a Calibration, the segments whose sensors are at fault
 Out     JointQuality by joint: grade, what decided it, where and how much
-Source  grades ours: half the limits at which a pose is refused are good; 15 deg of misalignment is what careful mounting gives (5 to 10 deg,
-        Salchow-Hoemmen 2019, 5) half as much again; a flexion axis is known by movements to 2 deg (good) or 5 deg (fair) of standard deviation
-Limits  a pose that was not the one asked for is not seen: every angle is off by that, and all joints may be good
+Source  grades ours: half the limits at which a pose is refused are good; 15 deg of misalignment is
+        what careful mounting gives (5 to 10 deg, Salchow-Hoemmen 2019, 5) half as much again; a
+        flexion axis is known by movements to 2 deg (good) or 5 deg (fair) of standard deviation
+Limits  a pose that was not the one asked for is not seen: every angle is off by that, and all
+        joints may be good
 """
 
 from collections.abc import Collection

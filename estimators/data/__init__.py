@@ -1,1 +1,2 @@
-"""What flows: blocks of samples, events, calibrations, trajectories, findings, and the options of methods."""
+"""What flows: blocks of samples, events, calibrations, trajectories, findings, and the options of
+methods."""

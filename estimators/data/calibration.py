@@ -1,4 +1,5 @@
-"""What a method knows before it starts: how each sensor sits, its bias, where it points at a given moment, the hand's geometry."""
+"""What a method knows before it starts: how each sensor sits, its bias, where it points at a given
+moment, the hand's geometry."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -19,22 +20,21 @@ class SensorQuality:
     bias: float  # rad/s, size of the bias removed
     misalignment: float  # rad, between the nominal mounting and the pose
     warnings: tuple[str, ...] = ()
-    bias_sd: float | None = (
-        None  # rad/s, of each axis of the bias as the pose's samples scatter; None: not told
-    )
-    rate_noise: float | None = (
-        None  # rad/s/sqrt(Hz), white noise density of a gyroscope axis; None: too few samples
-    )
+    # rad/s, of each axis of the bias as the pose's samples scatter; None: unknown
+    bias_sd: float | None = None
+    # rad/s/sqrt(Hz), white noise density of a gyroscope axis; None: too few samples
+    rate_noise: float | None = None
 
 
 @dataclass(frozen=True)
 class PriorCalibration:
-    """What was found of a hand and a glove before: it holds as long as the glove is not taken off. Everything by segment name."""
+    """What was found of a hand and a glove before: it holds as long as the glove is not taken off.
+    Everything by segment name."""
 
     hand: Hand
-    q_BS: Mapping[str, Array]  # (4,) sensor-to-segment rotations that movement told
+    q_BS: Mapping[str, Array]  # (4,) sensor-to-segment rotations found from movement
     gyr_bias: Mapping[str, Array]  # (3,) rad/s
-    lengths: Mapping[str, float]  # m, of segments that movement told
+    lengths: Mapping[str, float]  # m, segment lengths found from movement
 
     def of_hand(self) -> "PriorCalibration":
         """What is the hand's alone, and holds whatever glove is worn: its lengths."""
@@ -47,7 +47,8 @@ class Calibration:
 
     hand: Hand
     geometry: HandGeometry
-    t: float  # s, when `q_GS` holds: the start of the pose, of its stillest stretch where it is long
+    # s, when `q_GS` holds: the start of the pose, of its stillest stretch where it is long
+    t: float
     end: float  # s, the end of that stretch; `q_GS` holds until here
     q_GS: Mapping[str, Array]  # (4,) sensor orientations at t, headings resolved
     q_BS: Mapping[str, Array]  # (4,) sensor-to-segment rotations
@@ -55,46 +56,37 @@ class Calibration:
     source: str  # "initial pose", "none", ...
     quality: Mapping[str, SensorQuality] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
-    north: Mapping[str, float] = field(
-        default_factory=dict
-    )  # rad, heading of magnetic north as each magnetometer saw it in the pose
-    rates: Mapping[str, float] = field(
-        default_factory=dict
-    )  # Hz, by stream: how fast its samples come where that is not the rate it names
-    q_BS_sd: Mapping[str, Array] = field(
-        default_factory=dict
-    )  # (3,) rad about the segment's x, y, z, where the movements told it
-    steps: Mapping[str, Mapping[str, float]] = field(
-        default_factory=dict
-    )  # quality of the functional steps used, angles in rad
-    q_BS_covariance: Array | None = (
-        None  # (3 k, 3 k) rad^2 of all that is in q_BS_sd, in its order: what the movements tell of neighbours errs together
-    )
+    # rad, heading of magnetic north as each magnetometer saw it in the pose
+    north: Mapping[str, float] = field(default_factory=dict)
+    # Hz, by stream: how fast its samples come where that is not the rate it names
+    rates: Mapping[str, float] = field(default_factory=dict)
+    # (3,) rad about the segment's x, y, z, where movements determined it
+    q_BS_sd: Mapping[str, Array] = field(default_factory=dict)
+    # quality of the functional steps used, angles in rad
+    steps: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    # (3 k, 3 k) rad^2 of all that is in q_BS_sd, in its order: what the movements tell of
+    # neighbours errs together
+    q_BS_covariance: Array | None = None
 
     def mounting_covariance(self) -> Array:
-        """Covariance (3 k, 3 k) of the mountings that movements told; each for itself where it is not known how they err together."""
+        """Covariance (3 k, 3 k) of the mountings that movements determined; block-diagonal where correlations are unknown."""
         if self.q_BS_covariance is not None:
             return self.q_BS_covariance
         return np.diag(np.concatenate([np.zeros(0), *self.q_BS_sd.values()]) ** 2)
 
-    p_BS: Mapping[str, Array] = field(
-        default_factory=dict
-    )  # (3,) m, where a sensor sits in its segment's frame, where the method finds it
-    acc_bias: Mapping[str, Array] = field(
-        default_factory=dict
-    )  # (3,) m/s^2, where the method finds it
-    lengths_sd: Mapping[str, float] = field(
-        default_factory=dict
-    )  # m, of the geometry's lengths that the method found
+    # (3,) m, where a sensor sits in its segment's frame, where the method finds it
+    p_BS: Mapping[str, Array] = field(default_factory=dict)
+    # (3,) m/s^2, where the method finds it
+    acc_bias: Mapping[str, Array] = field(default_factory=dict)
+    # m, of the geometry's lengths that the method found
+    lengths_sd: Mapping[str, float] = field(default_factory=dict)
     p_BS_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) m
     gyr_bias_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) rad/s
     acc_bias_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) m/s^2
-    pose_sd: Mapping[str, tuple[float, float, float]] = field(
-        default_factory=dict
-    )  # rad, by joint, of the pose's angles that were measured; NaN and absent: not measured
-    stretch: tuple[float, float] | None = (
-        None  # s, of the movement that told it, where it is not of a pose from t to end
-    )
+    # rad, by joint, of the pose's angles that were measured; NaN and absent: not measured
+    pose_sd: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    # s, the movement used, where the calibration is not from a pose
+    stretch: tuple[float, float] | None = None
 
     @property
     def span(self) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Something wrong with a sensor, said so that a person can put it right."""
+"""Fault of a sensor, with what to do about it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,8 @@ from handscope.estimators.data.samples import Block, join
 
 @dataclass(frozen=True)
 class Finding:
-    """One fault of one sensor; `fault` means that its segment is not to be trusted, `warning` that it may be."""
+    """One fault of one sensor; `fault` means that its segment is not to be trusted, `warning` that
+    it may be."""
 
     sensor: str
     kind: str  # "dead_axis", or the code of a message

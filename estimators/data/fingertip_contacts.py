@@ -2,9 +2,11 @@
 
 In      joint angles or a trajectory, a sized hand, the fingertip's width and thickness
 Out     places (n, 3) of a contact point in the wrist frame WCS, m
-Source  Salchow-Hoemmen 2019, 3.2.1 and Fig. 10; widths and thicknesses: ours, an adult's to the millimetre - the paper measured its subjects',
-        so truth and estimate know the same; how far the skin reaches beyond the bone: the geometry's tip tissue
-Limits  the paper's hand is a left one, palm down: its `left` is the ulnar side, its `right` the radial one, on either hand here
+Source  Salchow-Hoemmen 2019, 3.2.1 and Fig. 10; widths and thicknesses: ours, an adult's to the
+        millimetre - the paper measured its subjects', so truth and estimate know the same; how far
+        the skin reaches beyond the bone: the geometry's tip tissue
+Limits  the paper's hand is a left one, palm down: its `left` is the ulnar side, its `right` the
+        radial one, on either hand here
 """
 
 from collections.abc import Mapping
@@ -49,12 +51,12 @@ POINTS = ("left", "right", "bottom", "distal")
 def contact_points(
     angles: Array, geometry: HandGeometry, finger: str, point: str, fingertip: FingertipSize
 ) -> Array:
-    """Places (n, 3) in WCS from joint angles (n, joints, 3); an angle that is no freedom of its joint counts as zero."""
+    """Places (n, 3) in WCS from joint angles (n, joints, 3); an angle that is no freedom of its
+    joint counts as zero."""
     q_pc = joint_angles.compose(np.where(IS_DOF, angles, 0.0))
     q = q_pc[..., JOINT["wrist"], :]
-    q = np.where(
-        np.isnan(q), quat.IDENTITY, q
-    )  # an unknown wrist counts as neutral, as in forward kinematics
+    # an unknown wrist counts as neutral, as in forward kinematics
+    q = np.where(np.isnan(q), quat.IDENTITY, q)
     for joint in FINGER_JOINTS[finger]:
         q = quat.multiply(q, q_pc[..., JOINT[joint], :])
     tips = forward_kinematics.tips(q_pc, geometry)[..., FINGERS.index(finger), :]
@@ -68,11 +70,11 @@ def contact_points_of(
     point: str,
     fingertip: FingertipSize,
 ) -> Array:
-    """The same of a trajectory, from its tips and segment orientations: with all that a method without joint constraints leaves in them."""
+    """The same of a trajectory, from its tips and segment orientations: with all that a method
+    without joint constraints leaves in them."""
     q_GW = trajectory.q_GS[:, SEGMENT["forearm"]]
-    q_GW = np.where(
-        np.isnan(q_GW), trajectory.q_GS[:, SEGMENT["hand"]], q_GW
-    )  # without a forearm sensor WCS moves with the hand
+    # without a forearm sensor WCS moves with the hand
+    q_GW = np.where(np.isnan(q_GW), trajectory.q_GS[:, SEGMENT["hand"]], q_GW)
     q_WD = quat.relative(q_GW, trajectory.q_GS[:, SEGMENT[CHAINS[finger][-1]]])
     return np.asarray(
         trajectory.tips[:, FINGERS.index(finger)]

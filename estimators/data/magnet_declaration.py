@@ -1,6 +1,8 @@
-"""What somebody tells of a plate of magnetometers on the trunk and of a magnet on the hand: with the recording, before anything is judged.
+"""What somebody tells of a plate of magnetometers on the trunk and of a magnet on the hand: with
+the recording, before anything is judged.
 
-Frames  trunk: that of its inertial sensor; hand: that of its inertial sensor. What it must be to be used: magnet_setup.py
+Frames  trunk: that of its inertial sensor; hand: that of its inertial sensor. What it must be to be
+        used: magnet_setup.py
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +26,8 @@ class Plate:
 
 
 def plate_from(table: Mapping[str, Any]) -> Plate | None:
-    """The plate of a recording's table with the names of Plate; None of an empty one. InputError where it cannot be read."""
+    """The plate of a recording's table with the names of Plate; None of an empty one. InputError
+    where it cannot be read."""
     if not table:
         return None
     missing = [name for name in ("places", "moment", "earth") if name not in table]

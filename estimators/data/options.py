@@ -1,4 +1,5 @@
-"""Options of methods, devices and measures, declared once: default, unit, meaning and source stand in one line."""
+"""Options of methods, devices and measures, declared once: default, unit, meaning and source stand
+in one line."""
 
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any
@@ -30,7 +31,8 @@ def option(
     least: float = 0.0,
     most: float = UNBOUNDED,
 ) -> Any:
-    """A dataclass field with its unit, meaning and source; `choices` lists the words allowed where it is one, `least` and `most` bound a number."""
+    """A dataclass field with its unit, meaning and source; `choices` lists the words allowed where
+    it is one, `least` and `most` bound a number."""
     words = {
         "unit": unit,
         "meaning": meaning,

@@ -1,7 +1,8 @@
 """What flows: blocks of samples of a stream, and the events that say what the patient was doing.
 
-A stream is a set of sensors sampled together: one tracking system of a Motion-BIDS recording, one strip of a glove. Each keeps its own rate
-and clock; times in blocks are seconds from the start of the recording. Values are in each sensor's own frame; NaN is a missing sample.
+A stream is a set of sensors sampled together: one tracking system of a Motion-BIDS recording, one
+strip of a glove. Each keeps its own rate and clock; times in blocks are seconds from the start of
+the recording. Values are in each sensor's own frame; NaN is a missing sample.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,14 +19,14 @@ from handscope.estimators.numerics.jit import rowwise_bool
 from handscope.estimators.numerics.typing import Array, Bools
 
 GYR, ACC, MAG, FORCE, TORQUE = "gyr", "acc", "mag", "force", "torque"
-SATURATION = 0.98  # of full scale counts as saturated; ours: sensors clip a little early, and fast tapping comes near 2000 deg/s
+# of full scale counts as saturated; ours: sensors clip a little early, and fast tapping comes near
+# 2000 deg/s
+SATURATION = 0.98
 UNITS = {GYR: "rad/s", ACC: "m/s^2", MAG: "T", FORCE: "N", TORQUE: "Nm"}
-TRUNK = (
-    "trunk"  # base of the magnet's array: an inertial sensor, and a magnetometer where it has one
-)
-TRUNK_MAGNETOMETERS = tuple(
-    f"trunk_mag_{k}" for k in range(1, 33)
-)  # more magnetometers on the trunk, rigid with it
+# base of the magnet's array: an inertial sensor, and a magnetometer where it has one
+TRUNK = "trunk"
+# more magnetometers on the trunk, rigid with it
+TRUNK_MAGNETOMETERS = tuple(f"trunk_mag_{k}" for k in range(1, 33))
 FORCE_POINTS = tuple(
     f"{finger}_tip_force" for finger in ("thumb", "index", "middle", "ring", "little")
 )
@@ -34,24 +35,21 @@ TRACKED_POINTS = (*SEGMENTS, TRUNK, *FORCE_POINTS, *TRUNK_MAGNETOMETERS)
 
 @dataclass(frozen=True)
 class Stream:
-    """Sensors that are sampled together: which quantities they give (three axes each), how fast, by whose clock."""
+    """Sensors that are sampled together: which quantities they give (three axes each), how fast, by
+    whose clock."""
 
     name: str
     sensors: tuple[str, ...]  # names of TRACKED_POINTS
-    quantities: tuple[
-        str, ...
-    ]  # of GYR, ACC, MAG, FORCE, TORQUE (of a force sensor with six axes, about its origin)
+    # of GYR, ACC, MAG, FORCE, TORQUE (of a force sensor with six axes, about its origin)
+    quantities: tuple[str, ...]
     rate: float  # Hz, nominal
     clock: str = "recording"
-    full_scale: Mapping[str, float] = field(
-        default_factory=dict
-    )  # largest value of a quantity that the sensor can give, where known
-    scale_sd: Mapping[str, float] = field(
-        default_factory=dict
-    )  # by force sensor that was calibrated, share by which its forces may be wrong
-    turn_sd: Mapping[str, float] = field(
-        default_factory=dict
-    )  # by force sensor, rad by which it may be turned against its cuff's inertial sensor, where known
+    # largest value of a quantity that the sensor can give, where known
+    full_scale: Mapping[str, float] = field(default_factory=dict)
+    # by force sensor that was calibrated, share by which its forces may be wrong
+    scale_sd: Mapping[str, float] = field(default_factory=dict)
+    # by force sensor, rad by which it may be turned against its cuff's inertial sensor, where known
+    turn_sd: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def inertial(self) -> bool:
@@ -76,7 +74,8 @@ class Block:
         return self.values[..., self.stream.axes(quantity)]
 
     def at_limit(self, quantity: str) -> Bools:
-        """Which readings (n, sensors) of a quantity are at the sensor's limit; none where its full scale is not known."""
+        """Which readings (n, sensors) of a quantity are at the sensor's limit; none where its full
+        scale is not known."""
         limit = self.stream.full_scale.get(quantity)
         if limit is None or quantity not in self.stream.quantities:
             return np.zeros(self.values.shape[:2], dtype=bool)
@@ -118,7 +117,7 @@ class Recording(Protocol):
 
     @property
     def plate(self) -> Plate | None:
-        """What is told of magnetometers on the trunk and a magnet on the hand."""
+        """Declared setup of magnetometers on the trunk and a magnet on the hand."""
         ...
 
     def blocks(self) -> Iterator[Block]:
@@ -127,13 +126,14 @@ class Recording(Protocol):
 
 
 def every(flags: Bools) -> Bools:
-    """Whether all of a vector's components are true: (..., 3) -> (...). Numpy's own reduction over so short an axis takes ten times as long."""
+    """Whether all of a vector's components are true: (..., 3) -> (...). Numpy's own reduction over
+    so short an axis takes ten times as long."""
     return np.asarray(flags[..., 0] & flags[..., 1] & flags[..., 2])
 
 
 @rowwise_bool("(v),()->()")
 def exceeds(vector: Array, limit: float, result: Bools) -> None:
-    """Whether one of a vector's components (..., 3) is as large as a limit (...): no for what is missing."""
+    """Whether one of a vector's components (..., 3) is as large as a limit (...): false for missing samples."""
     result[0] = abs(vector[0]) >= limit or abs(vector[1]) >= limit or abs(vector[2]) >= limit
 
 
@@ -150,7 +150,7 @@ def join(blocks: list[Block]) -> Block:
 
 
 def join_consecutive(blocks: Sequence[Block]) -> list[Block]:
-    """Consecutive blocks of the same stream as one; a stream that was described anew in between is another one."""
+    """Consecutive blocks of the same stream as one; a stream with a new description is another one."""
     runs: list[list[Block]] = []
     newest: dict[str, list[Block]] = {}  # by name
     for block in blocks:

@@ -16,13 +16,14 @@ class Flag(IntFlag):
     """What is to be known about a segment's sample before it is trusted."""
 
     MISSING = 1  # no sensor sample at this time: bridged or held
-    HEADING_LOST = (
-        2  # a gap too long to bridge: the segment's heading is unknown until the next calibration
-    )
+    # a gap too long to bridge: the segment's heading is unknown until the next calibration
+    HEADING_LOST = 2
     SATURATED = 4  # the gyroscope or accelerometer was at its limit
     UNCALIBRATED = 8  # no initial pose: heading and alignment are guesses
     MAGNETIC = 16  # the magnetometer disagreed with the field learnt before
-    FAULTY = 32  # the sensor is broken, turned or exchanged: estimators/sensors/fault_detection.py, mounting_checks.py
+    # the sensor is broken, turned or exchanged: estimators/sensors/fault_detection.py,
+    # mounting_checks.py
+    FAULTY = 32
     DOUBTFUL = 64  # something is wrong with the sensor's readings; angles may be off
 
 
@@ -46,7 +47,9 @@ class ForceFlag(IntFlag):
     UNBALANCED = 8  # the forces do not add up: something that is not measured touches the object
     SLIP = 16  # the object moved against the fingers
     UNORIENTED = 32  # how the fingertip is turned was not known
-    SHARED = 64  # what the fingers push against each other does not quite cancel: another may carry part of the load
+    # what the fingers push against each other does not quite cancel: another may carry part of the
+    # load
+    SHARED = 64
 
 
 FORCE_WORDS = {
@@ -64,10 +67,9 @@ class PlaceFlag(IntFlag):
     """What is to be known about the hand's place before it is trusted."""
 
     MISSING = 1  # no samples of hand, trunk or magnetometers near
-    OUT_OF_REACH = (
-        2  # the magnet is not heard well enough: the place is known to some centimetres at best
-    )
-    DOUBTFUL = 4  # the readings contradict what was told of magnetometers, magnet and room
+    # the magnet's field is too weak: the place is known to some centimetres at best
+    OUT_OF_REACH = 2
+    DOUBTFUL = 4  # the readings contradict the declared magnetometers, magnet and room
     SATURATED = 8  # a magnetometer was at its limit
 
 
@@ -85,43 +87,42 @@ class Trajectory:
 
     hand: Hand
     t: Array  # (n,) s from the start of the recording
-    angles: Array  # (n, joints, 3) rad: flexion, deviation, pronation of hand_anatomy.JOINTS; NaN where a joint has no such freedom
+    # (n, joints, 3) rad: flexion, deviation, pronation of hand_anatomy.JOINTS; NaN where a joint
+    # has no such freedom
+    angles: Array
     q_GS: Array  # (n, segments, 4) segment orientations in the global frame
     tips: Array  # (n, 5, 3) m, ends of the distal bones in the wrist frame WCS, thumb first
     flags: NDArray[np.uint8]  # (n, segments) Flag bits
     angles_sd: Array | None = None  # (n, joints, 3) rad, where the method knows it
     tips_sd: Array | None = None  # (n, 5, 3) m
-    forces: Array | None = (
-        None  # (n, 5, 3) N, exerted by each fingertip on what it touches, in the global frame; NaN where not measured
-    )
+    # (n, 5, 3) N, exerted by each fingertip on what it touches, in the global frame; NaN where not
+    # measured
+    forces: Array | None = None
     forces_sd: Array | None = None  # (n, 5, 3) N
-    forces_common_sd: Array | None = (
-        None  # (n, 5, 3) N, of that what a hold does not average out: zero, scale, orientation
-    )
+    # (n, 5, 3) N, of that what a hold does not average out: zero, scale, orientation
+    forces_common_sd: Array | None = None
     force_flags: NDArray[np.uint8] | None = None  # (n, 5) ForceFlag bits
-    force_scale_sd: Array | None = (
-        None  # (n, 5) share of each force that may be wrong in all samples alike, where a sensor was calibrated
-    )
-    torques: Array | None = (
-        None  # (n, 5, 3) Nm, exerted by each fingertip about its force sensor's origin, in the global frame; of sensors with six axes
-    )
+    # (n, 5) relative error of each force common to all samples, where a sensor was
+    # calibrated
+    force_scale_sd: Array | None = None
+    # (n, 5, 3) Nm, exerted by each fingertip about its force sensor's origin, in the global frame;
+    # of sensors with six axes
+    torques: Array | None = None
     torques_sd: Array | None = None  # (n, 5, 3) Nm
-    lifting: Array | None = (
-        None  # (n, 3) m/s^2, mean specific force g + a of the fingertips with force sensors, in the global frame
-    )
+    # (n, 3) m/s^2, mean specific force g + a of the fingertips with force sensors, in the global
+    # frame
+    lifting: Array | None = None
 
-    place: Array | None = (
-        None  # (n, 3) m, the hand's sensor from the trunk's, trunk's axes: forward, up, right; NaN where not known
-    )
+    # (n, 3) m, the hand's sensor from the trunk's, trunk's axes: forward, up, right; NaN where not
+    # known
+    place: Array | None = None
     place_sd: Array | None = None  # (n, 3) m
     place_flags: NDArray[np.uint8] | None = None  # (n,) PlaceFlag bits
-    q_trunk: Array | None = (
-        None  # (n, 4) of the trunk, z up, y where the horizontal field points: not the heading of q_GS
-    )
+    # (n, 4) of the trunk, z up, y where the horizontal field points: not the heading of q_GS
+    q_trunk: Array | None = None
     q_trunk_sd: Array | None = None  # (n, 3) rad about the axes of the trunk's sensor
-    signal: Array | None = (
-        None  # (n,) dB of the magnetometer that hears most, (5.23); 0: the earth's field alone
-    )
+    # (n,) dB of the magnetometer that hears most, (5.23); 0: the earth's field alone
+    signal: Array | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -169,7 +170,8 @@ def empty(hand: Hand) -> Trajectory:
 
 
 def join(pieces: Iterable[Trajectory], hand: Hand) -> Trajectory:
-    """One trajectory of consecutive pieces; those of a generator are let go as they come, so that the memory is not doubled. One alone is itself."""
+    """One trajectory of consecutive pieces; those of a generator are let go as they come, so that
+    the memory is not doubled. One alone is itself."""
     full: list[Trajectory] = [p for p in pieces if len(p)] if isinstance(pieces, list) else []
     if len(full) == 1:
         return full[0]
@@ -198,8 +200,7 @@ def _append(grown: Array | None, rows: int, values: Array) -> Array:
         grown = np.empty((0, *values.shape[1:]), values.dtype)
     needed = rows + len(values)
     if needed > len(grown):
-        grown.resize(
-            (max(needed, len(grown) * 9 // 8), *grown.shape[1:]), refcheck=False
-        )  # the system moves pages, it copies nothing
+        # the system moves pages, it copies nothing
+        grown.resize((max(needed, len(grown) * 9 // 8), *grown.shape[1:]), refcheck=False)
     grown[rows:needed] = values
     return grown

@@ -1,11 +1,9 @@
-"""How far the vertical that sensors see may be off: more where they have turned fast, and by the accelerometers' biases once they lie another way.
+"""Error of the vertical: larger after fast turns, and from accelerometer biases once a sensor lies differently.
 
-In      verticals as a chain's sensors see them, how fast they turn
-Out     variances of their errors, and what constant biases of accelerometers make of the joints
-Source  a bias b turns the vertical u that a sensor sees by u x b / g. The pose takes what it makes there for how the sensor sits, so that it does no harm
-        while the sensor lies as it did; later (u - u_0) x b / g is left of it, the same in the sensor's frame as long as it lies so. That size grows with
-        the rate: measured on real trials, docs/decisions/0009-sizes-of-errors.md
-Limits  seats count as straight where biases are told of joints; scales of accelerometers are not told apart from biases
+In      verticals in the sensors' frames, angular rates
+Out     variances of the verticals, and the joint covariance caused by accelerometer biases
+Source  a bias b tilts the vertical u of a sensor by u x b / g. The pose attributes this tilt to the mounting, so it cancels while the sensor lies as in the pose; later (u - u_0) x b / g remains. Growth with the rate: measured on real trials, docs/decisions/0009-sizes-of-errors.md
+Limits  mountings count as straight here; scale errors of accelerometers count as biases
 """
 
 import numpy as np
@@ -34,7 +32,7 @@ def track_motion_row(
     initial_vertical: Array,
     current_vertical: Array,
 ) -> None:
-    """Over the time that errors of the vertical stay alike: squared rates (4,) and verticals `current_vertical` (4, 3); `initial_vertical` (4, 3) is the first, 0 before it."""
+    """Low-pass squared rates (4,) and verticals (4, 3) over the correlation time; `initial_vertical` (4, 3) is the first, 0 before it."""
     weight = span / max(span, p[INCLINATION_TIME])
     for s in range(4):
         mean_square_rate[s] += weight * (rates[s] ** 2 - mean_square_rate[s])
@@ -53,7 +51,7 @@ def track_motion_row(
 
 @inlined
 def inclination_variance_row(p: Array, mean_square_rate: Array, variance: Array) -> None:
-    """Of each axis of the vertical in every sensor (4,), rad^2."""
+    """Variance of each axis of the vertical in every sensor (4,), rad^2."""
     for s in range(4):
         variance[s] = p[INCLINATION] ** 2 + p[TURNING] ** 2 * mean_square_rate[s]
 
@@ -62,7 +60,7 @@ def inclination_variance_row(p: Array, mean_square_rate: Array, variance: Array)
 def add_accelerometer_biases_row(
     p: Array, q_joint: Array, initial_vertical: Array, current_vertical: Array, P_joints: Array
 ) -> None:
-    """Add to the covariance (9, 9) of the joints' errors what accelerometers' biases do to sensors that lie another way than they began.
+    """Add to the joint covariance (9, 9) what accelerometer biases cause in sensors that lie differently from the start.
 
     (u - u_0) x b of the child's sensor, -R_cp of its parent's: neighbours share a sensor.
     """

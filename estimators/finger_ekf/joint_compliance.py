@@ -1,11 +1,10 @@
-"""How much a joint gives about the axes that are none of its freedoms: more than is believed, where its two sensors show it while it moves.
+"""Compliance of a joint about its forbidden axes, learnt from its two sensors while it moves.
 
-In      by what the angles that should be zero miss it, and by how much the filter's own errors may have made them; how far the joint has turned
-Out     the variance of such an angle, for the pseudo-measurement that it is zero
-Source  covariance matching: Mehra 1972, IEEE Trans Autom Control 17:693; Myers & Tapley 1976, ibid. 21:520. Of what is missed squared, expected h P h' + R,
-        R is what h P h' does not explain; samples count as the likelihood's information of R weighs them, (R / (h P h' + R))^2
-Limits  what follows flexion is taken up by skin and seats (ekf_seats.py) and never seen here, so that a joint never counts as giving less than is
-        believed: docs/decisions/0009-sizes-of-errors.md; a joint that lies as it lay gives as it gave and tells nothing; ranges are not learnt
+In      innovations of the angles that should be zero, their variance from the filter's own errors, how far the joint has turned
+Out     variance of such an angle, for the pseudo-measurement that it is zero
+Source  covariance matching: Mehra 1972, IEEE Trans Autom Control 17:693; Myers & Tapley 1976, ibid.
+        21:520. The squared innovation has the expectation h P h' + R, so R is what h P h' does not explain; samples are weighted by the Fisher information of R, (R / (h P h' + R))^2
+Limits  what follows flexion is absorbed by mounting and soft-tissue gain (sensor_to_segment.py) and not seen here, so the option is the smallest value: docs/decisions/0009-sizes-of-errors.md; a joint that does not move adds no information; ranges are not learnt
 """
 
 import math
@@ -17,14 +16,14 @@ from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.small_matrices import variance_of
 from handscope.estimators.numerics.typing import Array
 
-ASSUMED = 2.0  # samples that the option counts as: one of each axis of a hinge
-ANOTHER = 1.0  # rad that a joint turns by until how it gives is another
-UNLIKELY = 9.0  # times its variance, squared: an angle so far off is less trusted
+ASSUMED = 2.0  # weight of the option in samples: one for each axis of a hinge
+ANOTHER = 1.0  # rad of joint rotation after which the residual is independent
+UNLIKELY = 9.0  # squared sd beyond which a residual is downweighted
 
 
 @inlined
 def compliance_variance_row(p: Array, compliance_stats: Array, variance: Array) -> None:
-    """Of an angle that is no freedom of each joint (3,), rad^2; `compliance_stats` (3, 2): weighted sum of what R seemed to be, and of the weights."""
+    """Variance of the forbidden angles of each joint (3,), rad^2; `compliance_stats` (3, 2): weighted sum of estimates of R, and sum of weights."""
     usual = p[DIMENSION_NOISE] ** 2
     for j in range(3):
         variance[j] = max(
@@ -37,8 +36,7 @@ def update_compliance_row(
     p: Array, q_before: Array, q: Array, P: Array, free: Array, variance: Array, span: float,
     innovation: Array, H: Array, noise: Array, compliance_stats: Array,
 ) -> None:  # fmt: skip
-    """What rows 9..17 tell of `compliance_stats`; an angle that is unlikely as far off as it is counts as unsure as that. Rotations between sensors (3, 4) before the
-    window and after it."""
+    """Update `compliance_stats` from rows 9..17 and enlarge the noise of unlikely residuals. Rotations between sensors (3, 4) before and after the window."""
     lasts = max(1.0, p[CORRELATION] / span)
     for j in range(3):
         cosine = abs(

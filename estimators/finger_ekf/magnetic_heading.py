@@ -1,12 +1,9 @@
-"""What the magnetometers of hand and fingertip tell of the heading of a chain's joints: both see the same horizontal field.
+"""Heading of a chain from the magnetometers of hand and fingertip: both see the same horizontal field.
 
-In      fields (2, 3) uT that the chain's first and last sensors see in their frames, the vertical there, rotations q_pc between the sensors
-Out     one row for a Kalman update: by what heading the two fields differ, its Jacobian by the chain's error states, its noise
-Source  Kortier, thesis ch. 2: (2.24)-(2.26) over the three joints between hand and tip, as a heading: what is up is told by the accelerometers;
-        gates as (2.27), on the size of the field and on its vertical part. Ours: by what two magnetometers differ is an error state, which stays as it is
-        while they keep their orientation and is another after a turn of a radian, so that looks at one and the same error do not count as many
-Limits  a field that differs between hand and tip in direction alone passes the gates on its size: what it seems to tell must lie within three of the
-        filter's own standard deviations
+In      fields (2, 3) uT in the frames of the chain's first and last sensor, their verticals, rotations q_pc between the sensors
+Out     one row of a Kalman update: innovation (heading difference of the two fields), Jacobian, noise
+Source  Kortier, thesis ch. 2: (2.24)-(2.26) over the three joints between hand and tip, as a heading, for the accelerometers give the vertical; gates as (2.27), on the field's strength and vertical part. Ours: the difference of two magnetometers is an error state that persists while they keep their orientation and decorrelates over a turn of one radian
+Limits  a field that differs between hand and tip in direction only passes the gates on strength; its innovation must lie within three standard deviations
 """
 
 import math
@@ -22,13 +19,12 @@ from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.small_matrices import variance_of
 from handscope.estimators.numerics.typing import Array
 
-LEAST = 3.0  # uT: a horizontal field that is weaker tells no heading
+LEAST = 3.0  # uT, weakest horizontal field that is used
 UNLIKELY = 3.0  # standard deviations
-KNOWN = math.radians(
-    5.0
-)  # a heading that is known so well before the look tells what the room is like
-LOOKS = 50.0  # over which that is averaged: 10 s of updates
-DISTURBED = 0.1  # share of unlikely looks from which on a room is not trusted
+# rad, sd of a heading known well enough to judge the room by
+KNOWN = math.radians(5.0)
+LOOKS = 50.0  # updates over which rejections are averaged: 10 s
+DISTURBED = 0.1  # share of rejections beyond which the room is not trusted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +58,7 @@ class MagnetometerParams:
 
 
 def pack_params(params: MagnetometerParams) -> Array:
-    """The options as kernels take them; nothing errs, and nothing is used, where magnetometers are not asked for."""
+    """Options as kernels take them; mag_error is 0 where magnetometers are not used."""
     return np.array(
         [params.mag_noise, params.mag_error if params.magnetometers else 0.0, params.mag_gate]
     )
@@ -80,11 +76,11 @@ def heading_row(
     H: Array,
     noise: Array,
 ) -> bool:
-    """Row 0 of an update: the heading of the tip's field against the hand's, but for what they are `field_difference` (2,) (uT; the share of looks left out
-    while the heading was known); false where it must not be used.
+    """Fill row 0 of an update: heading of the tip's field against the hand's, corrected by `field_difference` (2,) (uT, share of rejections); false where it must not be used.
 
-    With y the tip's field in the hand's frame, b its horizontal part and u the vertical there, what turns y by d changes that heading by
-    (u - (u.y) / |b|^2 b).d: where the field dips steeply, tilts count more than headings.
+    With y the tip's field in the hand's frame, b its horizontal part and u the vertical there, what
+    turns y by d changes that heading by (u - (u.y) / |b|^2 b).d: where the field dips steeply,
+    tilts count more than headings.
     """
     R, q, q_next, y = np.empty((3, 3, 3)), q_pc[0].copy(), np.empty(4), np.empty(3)
     quat.matrix_row(q, y, R[0])
@@ -96,10 +92,11 @@ def heading_row(
     quat.rotate_row(q, mag[1], y)
     u, at_hand, b = up[0], mag[0].copy(), np.empty(3)
     down_hand, down = _dot(u, at_hand), _dot(u, y)
+    # (2.27)
     gates = (
         abs(math.sqrt(_dot(at_hand, at_hand)) - math.sqrt(_dot(y, y))) < p[MAG_GATE]
         and abs(down_hand - down) < p[MAG_GATE]
-    )  # (2.27)
+    )
     for a in range(3):
         at_hand[a] -= down_hand * u[a]
         b[a] = y[a] - down * u[a]

@@ -1,11 +1,10 @@
-"""What a chain's sensors and joints say: measurements of an error-state filter with their Jacobians.
+"""Measurements of the finger filter with their Jacobians: shared vertical and joint constraints.
 
-In      of one chain the rotations between sensors, gravity or specific forces in their frames (4, 3), how fast they turn (4,); the true joints
-Out     rows for a Kalman update: what was missed, its Jacobian H by the 42 error states, its noise; rows that are not used have zero Jacobians and miss
-        nothing
-Source  Kortier, thesis ch. 2: (2.25)-(2.28) vectors of neighbouring segments with their gates, (2.29)-(2.32) what joints cannot do, written for angles:
-        the same for small ones, and ranges of motion fit in; zero-rate updates as VQF has them (Laidig & Seel 2023)
-Limits  time-correlated noise counts as white noise of as much more variance as the time it lasts is longer than the time between two updates
+In      rotations between the sensors of one chain, gravity or specific forces in their frames (4, 3), rates (4,); the true joints
+Out     rows for a Kalman update: innovation, Jacobian H by the 43 error states, noise; unused rows have zero Jacobians and innovations
+Source  Kortier, thesis ch. 2: (2.25)-(2.28) vectors of neighbouring segments with their gates,
+        (2.29)-(2.32) joint constraints, written for angles: the same for small ones, and ranges of motion fit in; zero-rate updates as in VQF (Laidig & Seel 2023)
+Limits  time-correlated noise counts as white noise, its variance scaled by correlation time over update interval
 """
 
 import math
@@ -32,13 +31,15 @@ from handscope.estimators.numerics.jit import inlined, rowwise
 from handscope.estimators.numerics.small_matrices import variance_of
 from handscope.estimators.numerics.typing import Array, Bools
 
-SETTLED = 20.0  # s over which the vertical is taken where turns about it must not be seen: VQF's errors stay alike for 3
-FAR = math.cos(math.radians(10.0))  # cosine between verticals that cannot be the same
-STEEPEST = math.radians(80.0)  # at 90 deg of deviation flexion and pronation are one
+# s, time constant of the vertical at which Jacobians are taken; VQF's errors are correlated over 3 s
+SETTLED = 20.0
+FAR = math.cos(math.radians(10.0))  # cosine between verticals beyond which the filter restarts
+STEEPEST = math.radians(80.0)  # flexion and pronation are one at 90 deg of deviation
+# the wrist's chain has one joint
 _CHAINS = [
     *([JOINT[j] for j in FINGER_JOINTS[f]] for f in FINGERS),
     [JOINT["wrist"]] * 3,
-]  # the wrist's has one joint: the others are never known
+]
 IS_FREE: Bools = IS_DOF[np.array(_CHAINS)]  # (6 chains, 3 joints, 3 angles)
 LIMITS: Array = hand_anatomy.LIMITS[np.array(_CHAINS)]  # (6, 3, 3, 2) rad
 
@@ -144,13 +145,13 @@ class UpdateParams:
     )
 
 
-# places of the options in what a kernel takes of them
+# indices of the options in kernel_params
 (FUSED, INCLINATION, INCLINATION_TIME, ACC_NOISE, ACC_ERROR, ACC_GATE, RATE_GATE, LEVER) = range(8)
 (DIMENSIONS, DIMENSION_NOISE, CORRELATION, REST_RATE, CREEPING, TURNING, ACC_BIAS) = range(8, 15)
 
 
 def pack_params(params: UpdateParams) -> Array:
-    """The options in SI units."""
+    """Options in SI units, in the order of the indices above."""
     of_vectors = (
         params.vertical == "fused",
         np.radians(params.inclination),
@@ -174,11 +175,6 @@ def pack_params(params: UpdateParams) -> Array:
     )
 
 
-def angle_jacobian(angles: Array) -> Array:
-    """How flexion, deviation and pronation (..., 3) change with d, q_true = q exp(d): (..., 3 angles, 3)."""
-    return _angle_jacobian(angles, angles)
-
-
 @inlined
 def vectors_row(
     p: Array,
@@ -193,13 +189,11 @@ def vectors_row(
     H: Array,
     noise: Array,
 ) -> None:
-    """Rows 0..8, three a joint: both sensors see the same vector acc (4, 3); `both_sensors_valid` (3,) says where both are measured, `inclination_variance` (4,) rad^2 by how
-    much each may be off where fusions tell it.
+    """Rows 0..8, three a joint: both sensors see the same vector acc (4, 3); `both_sensors_valid` (3,) is 1 where both are measured, `inclination_variance` (4,) rad^2 applies to fused verticals.
 
-    Turns about the vertical are not seen. The slopes are taken at `up` (4, 3), the vertical as it was seen over a long time: about the newest, whose
-    errors change all the time, the filter would seem to see them after all (Huang, Mourikis & Roumeliotis 2010, Int J Rob Res 29:502).
+    Turns about the vertical are unobservable. Jacobians are taken at `up` (4, 3), the low-passed vertical: at the newest one, whose errors change, the filter would gain spurious heading information (Huang, Mourikis & Roumeliotis 2010, Int J Rob Res 29:502).
 
-    Neighbouring joints share a sensor and its error: what the one joint misses too much the other misses too little.
+    Neighbouring joints share a sensor, so their innovations are negatively correlated.
     """
     used, variance, R_pc, v = np.zeros(3), np.empty(3), np.empty((3, 3, 3)), np.empty(3)
     lasts = max(1.0, (p[INCLINATION_TIME] if p[FUSED] > 0 else p[CORRELATION]) / span)
@@ -234,18 +228,18 @@ def vectors_row(
             vector_jacobian_row(R_pc[j], v, 3 * j, 3 * j, H)
             for a in range(3):
                 r = R_pc[j, a]
+                # (2.25)
                 innovation[3 * j + a] = acc[j, a] - (
                     r[0] * acc[j + 1, 0] + r[1] * acc[j + 1, 1] + r[2] * acc[j + 1, 2]
-                )  # (2.25)
+                )
     for j in range(2):
         both = (
             GRAVITY**2 * inclination_variance[j + 1]
             if p[FUSED] > 0
             else 0.5 * math.sqrt(variance[j] * variance[j + 1])
         )
-        shared = (
-            -lasts * both * used[j] * used[j + 1]
-        )  # what is not used misses nothing, and tells nothing
+        # 0 for unused rows
+        shared = -lasts * both * used[j] * used[j + 1]
         for a in range(3):
             for b in range(3):
                 noise[3 * j + a, 3 * j + 3 + b] = noise[3 * j + 3 + b, 3 * j + a] = (
@@ -255,7 +249,7 @@ def vectors_row(
 
 @inlined
 def vector_jacobian_row(R_pc: Array, v_c: Array, row: int, column: int, H: Array) -> None:
-    """How R_pc v_c changes with dth, at its place in H: -R_pc [v_c]x. (2.26)"""
+    """Write the derivative of R_pc v_c by dth, -R_pc [v_c]x, into H. (2.26)"""
     for a in range(3):
         x, y, z = R_pc[a, 0], R_pc[a, 1], R_pc[a, 2]
         H[row + a, column] = v_c[1] * z - v_c[2] * y
@@ -267,7 +261,7 @@ def vector_jacobian_row(R_pc: Array, v_c: Array, row: int, column: int, H: Array
 def smoothed_vertical_row(
     up: Array, delta_q: Array, acc: Array, vector_valid: Array, span: float, smoothed: Array
 ) -> None:
-    """The vertical (4, 3) over a long time in frames that have turned by `delta_q` (4, 4), drawn towards what is `vector_valid` (4,) now."""
+    """Low-pass the vertical (4, 3): carry it over the rotations `delta_q` (4, 4), then draw it towards valid readings."""
     back, carried = np.empty(4), np.empty(3)
     for s in range(4):
         quat.conjugate_row(delta_q[s], back)
@@ -277,9 +271,8 @@ def smoothed_vertical_row(
             along = (
                 carried[0] * acc[s, 0] + carried[1] * acc[s, 1] + carried[2] * acc[s, 2]
             ) / size
-            weight = (
-                1.0 if along < FAR else min(1.0, span / SETTLED)
-            )  # far: a beginning, or after a gap
+            # far: at the start or after a gap
+            weight = 1.0 if along < FAR else min(1.0, span / SETTLED)
             for a in range(3):
                 carried[a] += weight * (acc[s, a] / size - carried[a])
         size = _norm(carried)
@@ -302,10 +295,9 @@ def joint_constraints_row(
     H: Array,
     noise: Array,
 ) -> None:
-    """Rows 9..17, three a joint: angles that are no freedom are zero, the others within their range; softly. (2.29)-(2.32)
+    """Rows 9..17, three a joint: forbidden angles are zero, the others within their range; soft. (2.29)-(2.32)
 
-    Slopes are taken where the joint is allowed to be, so that a hinge never seems to tell its flexion. The end of a range tells only that an angle is
-    below it: its noise is as large as the angle's own, from the covariance P (42, 42) of the error states.
+    Jacobians are taken at the permitted angles, so that a hinge gains no spurious flexion information. The end of a range is one-sided: its noise includes the angle's own variance from P (43, 43).
     """
     angles, allowed, J = np.empty(3), np.empty(3), np.empty((3, 3))
     lasts = max(1.0, p[CORRELATION] / span)
@@ -338,7 +330,8 @@ def _norm(v: Array) -> float:
 
 
 @rowwise("(a),(v)->(a,v)")
-def _angle_jacobian(angles: Array, row: Array, J: Array) -> None:
+def angle_jacobian(angles: Array, row: Array, J: Array) -> None:
+    """Derivative J of flexion, deviation, pronation (..., 3) by d, q_true = q exp(d); `row`: any 3."""
     deviation = min(max(angles[DEVIATION], -STEEPEST), STEEPEST)
     c, s, cd, td = (
         math.cos(angles[PRONATION]),
@@ -351,4 +344,4 @@ def _angle_jacobian(angles: Array, row: Array, J: Array) -> None:
     J[PRONATION, 0], J[PRONATION, 1], J[PRONATION, 2] = s * td, 1.0, -c * td
 
 
-angle_jacobian_row = _angle_jacobian.row
+angle_jacobian_row = angle_jacobian.row

@@ -1,8 +1,9 @@
-"""How sure a hand's filters are of its angles and tips: standard deviations from the covariances of the joints' rotations.
+"""Standard deviations of joint angles and fingertips from the covariances of the joints' rotations.
 
-In      angles and rotations q_pc of all joints, covariances P (n, 6 chains, 9, 9) of the errors of their rotations, q_true = q exp(d); a sized hand
+In      angles and rotations q_pc of all joints, covariances P (n, 6 chains, 9, 9) of the errors of
+        their rotations, q_true = q exp(d); a sized hand
 Out     standard deviations of angles (n, joints, 3) and of tips along the axes of WCS (n, 5, 3)
-Source  derivatives of Salchow-Hoemmen 2019, (20)-(22) and (23)-(27); which lengths err together: length_errors.py
+Source  derivatives of Salchow-Hoemmen 2019, (20)-(22) and (23)-(27); lengths: hand/length_covariance.py
 """
 
 import math
@@ -18,18 +19,14 @@ from handscope.estimators.numerics.jit import inlined, rowwise
 from handscope.estimators.numerics.small_matrices import variance_of
 from handscope.estimators.numerics.typing import Array
 
-JOINTS_OF: Array = np.vstack([CHAIN_JOINTS, np.full(3, JOINT["wrist"])]).astype(
-    float
-)  # (6 chains, 3) as kernels take them
+# (6 chains, 3) as kernels take them
+JOINTS_OF: Array = np.vstack([CHAIN_JOINTS, np.full(3, JOINT["wrist"])]).astype(float)
 
 
 def of_hand(
     angles: Array, q_pc: Array, P: Array, geometry: HandGeometry, of_lengths: Array
 ) -> tuple[Array, Array, Array]:
-    """Standard deviations of all joints' angles, finite for those that are no freedom, too; of the tips: of the fingers' rotations, of the wrist's where
-    it is measured, and of lengths with the covariance `of_lengths` (5, 6, 6) of length_errors.py; and the largest variance (n, 6 chains, 3 joints)
-    of a rotation about any axis.
-    """
+    """Standard deviations of all joint angles (also of forbidden ones) and of the tips, from fingers, wrist where measured, and lengths with covariance `of_lengths` (5, 6, 6); and the largest variance (n, 6 chains, 3 joints) of a rotation about any axis."""
     angles_sd, tips_sd, largest = _of_hand(
         JOINTS_OF, geometry.roots(), geometry.chain_offsets(), of_lengths, angles, q_pc, P
     )
@@ -38,9 +35,9 @@ def of_hand(
 
 @inlined
 def tip_row(q_WH: Array, q_pc: Array, root: Array, offsets: Array, J: Array, bones: Array) -> None:
-    """A chain's bones (4, 3) in WCS, from the wrist to the tip, and how the tip changes with the errors of its joints' rotations and the wrist's, J (3, 12).
+    """A chain's bones (4, 3) in WCS, from wrist to tip, and the derivative J (3, 12) of the tip by the errors of its joints and the wrist.
 
-    What turns a frame by d in itself moves the tip by -[arm]x R d.
+    An error d of a frame, in that frame, moves the tip by -[arm]x R d.
     """
     R, arm, q, q_next = np.empty((4, 3, 3)), np.zeros(3), q_WH.copy(), np.empty(4)
     quat.matrix_row(q, arm, R[3])

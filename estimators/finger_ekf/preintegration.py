@@ -1,9 +1,9 @@
-"""What a chain's sensors turn by between two updates of its filter, and how rotations and covariance go on over that.
+"""Preintegration of the gyroscopes between two updates, and propagation of state and covariance.
 
-In      turns of the four sensors at every sample, the biases that are in them, what they may have missed
-Out     turns summed up with their change by the biases; joint rotations q_pc and the covariance of the chain's error states at the end
-Source  Kortier, thesis ch. 2: (2.3)-(2.5), (2.16), (2.20)-(2.22), two-sided; sums with their change by the biases: Forster et al. 2017
-        (IEEE Trans Robot 33:1); exact for piecewise constant rates
+In      rotation of the four sensors at every sample, their biases, rotation variance from gaps
+Out     preintegrated rotations with derivatives by the biases; q_pc and the covariance of the chain's error states at the end
+Source  Kortier, thesis ch. 2: (2.3)-(2.5), (2.16), (2.20)-(2.22), two-sided; bias derivatives: Forster et al. 2017 (IEEE Trans Robot 33:1); exact for piecewise constant
+        rates
 """
 
 import math
@@ -19,7 +19,7 @@ from handscope.estimators.numerics.kernels import right_jacobian_row
 from handscope.estimators.numerics.small_matrices import block, product, put, spread
 from handscope.estimators.numerics.typing import Array
 
-# places of the options in what a kernel takes of them
+# indices of the options in kernel_params, behind those of measurements.py
 (GYR_NOISE, GYR_SCALE, BIAS_WALK, MAG_NOISE, MAG_ERROR, MAG_GATE) = range(
     ACC_BIAS + 1, ACC_BIAS + 7
 )
@@ -30,7 +30,7 @@ def preintegrate(
     turn: Array, time: Array, added_variance: Array, bias: Array, delta_q: Array, J_bias: Array, bias_time: Array, rotation_variance: Array,
     after: Array, J: Array, time_new: Array, variance_new: Array,
 ) -> None:  # fmt: skip
-    """Turns summed up, T <- T exp(w), and their change by the biases, J <- R(exp(w))' J - J_r(w) dt: Forster et al. 2017, (36)."""
+    """T <- T exp(w), and its derivative by the bias, J <- R(exp(w))' J - J_r(w) dt: Forster et al. 2017, (36)."""
     w, step, q, both = np.empty(3), np.empty(4), np.empty(4), np.empty(4)
     R, Jr, own, back = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for s in range(delta_q.shape[0]):
@@ -62,7 +62,7 @@ preintegrate_row = preintegrate.row  # as other kernels call it
 
 @rowwise("(p),(s,q)->()")
 def field_correlation(p: Array, T: Array, left: Array) -> None:
-    """How much of what the fields at hand and tip differ by is left after their sensors have turned by T (4, 4): another after a radian or so."""
+    """Correlation of the field difference before and after the sensors turn by T (4, 4): it decays over one radian."""
     w = min(abs(T[0, 0]), abs(T[3, 0]), 1.0)
     left[0] = math.exp(-2 * math.acos(w)) if p[MAG_ERROR] > 0 else 1.0
 
@@ -82,10 +82,10 @@ def propagate_row(
     q: Array,
     P_new: Array,
 ) -> None:
-    """How rotations and covariance go on over a window. (2.16), (2.20)-(2.22), not linearised in dt
+    """Propagate rotations and covariance over a window. (2.16), (2.20)-(2.22), not linearised in dt
 
-    With q_new = conj(T_p) q T_c and T(b + db) = T exp(J db): dth_new = R(T_c)' dth + J_c db_c - R(q_new)' J_p db_p, and a sensor that turned by e more
-    than it told adds e to the joint whose child it is, -R(q_new)' e to that whose parent it is.
+    With q_new = conj(T_p) q T_c and T(b + db) = T exp(J db): dth_new = R(T_c)' dth + J_c db_c -
+    R(q_new)' J_p db_p, and a sensor's rotation error e adds e to the joint whose child it is, -R(q_new)' e to the joint whose parent it is.
     """
     F, G = np.zeros((9, 21)), np.zeros((9, 12))
     back, R_cp, R_cs, by_parent, row = (
@@ -151,7 +151,7 @@ def propagate(
     q_new: Array,
     P_new: Array,
 ) -> None:
-    """Over the window of every chain, as `propagate_row`."""
+    """`propagate_row` for every chain."""
     q, C = np.empty((3, 4)), np.empty(P.shape)
     propagate_row(
         p, span, delta_q.copy(), J_bias.copy(), rotation_variance, q_pc.copy(), P.copy(), q, C

@@ -1,12 +1,10 @@
-"""Samples of all sensors at the instants of the rows, as the fingers' filters take them.
+"""Samples of all sensors on one time base, as the finger filters take them.
 
 In      inertial blocks as they come; rows of fused orientations once every stream has got that far
-Out     finger_ekf.Samples in the frames that the calibration gives the sensors: turns since the row before, the vertical or specific forces, what may
-        have been missed
-Source  ours: where a gyroscope has no good sample (missing, at its limit, of another rate) its turn is that of the fused orientation, which is bridged
-        by estimators/numerics/gap_interpolation.py and tells how much that may have missed; its bias is not in that turn
-Limits  accelerations of a stream with other instants are interpolated over two samples; where a stream's samples are not at the instants of the rows,
-        its gyroscopes' biases are not found
+Out     finger_ekf.Samples in the frames that the calibration gives the sensors: rotation since the previous row, vertical or specific force, rotation variance from gaps
+Source  ours: where a gyroscope has no good sample (missing, saturated, of another rate) its rotation is that of the fused orientation, which gap_interpolation.py bridges with a variance; the bias is not in that rotation
+Limits  accelerations of a stream with other instants are interpolated over two samples; where a
+        stream's samples are not at the instants of the rows, its gyroscope biases are not estimated
 """
 
 import math
@@ -32,14 +30,12 @@ from handscope.estimators.sensors.missing_samples import is_complete_row
 
 MISSING, UNSURE = int(Flag.MISSING), int(Flag.MISSING | Flag.SATURATED)
 _WRIST = [SEGMENT[s] for s in ("forearm", "hand", "hand", "hand")]
-SENSORS = np.vstack(
-    [np.column_stack([np.full(5, SEGMENT["hand"]), CHAIN_SEGMENTS]), _WRIST]
-)  # (6, 4) segments of each chain's sensors
+# (6, 4) segments of each chain's sensors
+SENSORS = np.vstack([np.column_stack([np.full(5, SEGMENT["hand"]), CHAIN_SEGMENTS]), _WRIST])
 _SENSORS: Array = SENSORS.astype(float)  # as a kernel takes them
 _UNKNOWN: Array = np.full((len(SEGMENTS), 3), np.nan)
-_JOINTS = np.array(
-    [[1.0] * 3] * 5 + [[1.0, 0.0, 0.0]]
-)  # (6, 3) which of them are joints: the wrist's chain has one
+# (6, 3) 1 for joints: the wrist's chain has one
+_JOINTS = np.array([[1.0] * 3] * 5 + [[1.0, 0.0, 0.0]])
 
 
 @dataclass(frozen=True)
@@ -54,7 +50,8 @@ class WornSensors:
 
 @dataclass(frozen=True)
 class Waiting:
-    """Samples of a stream's sensors on the hand in segment frames, the calibration's biases removed; NaN where not to be used."""
+    """Samples of a stream's sensors on the hand in segment frames, the calibration's biases
+    removed; NaN where not to be used."""
 
     stream: Stream
     worn: WornSensors
@@ -67,8 +64,9 @@ class Waiting:
 
 @dataclass(frozen=True)
 class State:
-    unposed: Bools  # (segments,) the pose knows nothing of the sensor, and it has given nothing yet
-    noisy: Array  # (segments,) rad^2/s that its gyroscope's noise turns it by more than the filters assume
+    unposed: Bools  # (segments,) sensors unknown to the pose that have given nothing yet
+    # (segments,) rad^2/s that its gyroscope's noise turns it by more than the filters assume
+    noisy: Array
     posed: Array  # (segments, 4) q_GB in the pose, NaN where it is not known
     pose_end: float  # s, until when they lie so
     waiting: Mapping[str, Waiting] = field(default_factory=dict)
@@ -78,7 +76,8 @@ class State:
 
 
 def start(calibration: Calibration, gyr_noise: float) -> State:
-    """Before the first samples; filters count with `gyr_noise`, rad/s/sqrt(Hz), and a sensor that was noisier in the pose misses that much more."""
+    """Before the first samples; filters count with `gyr_noise`, rad/s/sqrt(Hz), and a sensor that
+    was noisier in the pose misses that much more."""
     seen = [
         calibration.quality[s].rate_noise if s in calibration.quality else None for s in SEGMENTS
     ]
@@ -93,7 +92,8 @@ def start(calibration: Calibration, gyr_noise: float) -> State:
 
 
 def buffer_block(state: State, block: Block, calibration: Calibration, q_SB: Array) -> State:
-    """Keep a block's samples until their rows come, with their magnetometers' where the block has them."""
+    """Keep a block's samples until their rows come, with their magnetometers' where the block has
+    them."""
     before = state.waiting.get(block.stream.name)
     if before is None or before.stream != block.stream:
         before = _empty_buffer(block.stream, calibration, q_SB)
@@ -120,8 +120,9 @@ def buffer_block(state: State, block: Block, calibration: Calibration, q_SB: Arr
 def align_samples(
     state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, max_gap: float
 ) -> tuple[State, Samples]:
-    """The filters' samples at the rows, orientations q_GB (n, segments, 4) fused at the same; `instant`: gyroscopes tell the rate at the sample;
-    `fused`: the vertical is that of the orientations, else the accelerometers'."""
+    """The filters' samples at the rows, orientations q_GB (n, segments, 4) fused at the same;
+    `instant`: gyroscopes tell the rate at the sample; `fused`: the vertical is that of the
+    orientations, else the accelerometers'."""
     q_first, variance_first = (
         (q_GB[0], rows.rotation_variance[0])
         if state.q_GB is None or state.rotation_variance is None
@@ -194,14 +195,16 @@ def align_samples(
 
 
 def _first_rotations(posed: Array, q_GB: Array, q_first: Array) -> Array:
-    """Rotations (F, 3, 4) of the joints at the first row: those of the whole pose, where a fusion has no more than its first sample yet."""
+    """Rotations (F, 3, 4) of the joints at the first row: those of the whole pose, where a fusion
+    has no more than its first sample yet."""
     q = np.where(np.isfinite(posed), posed, q_GB)[SENSORS]
     q_pose = quat.relative(q[:, :-1], q[:, 1:])
     return np.asarray(np.where(np.isfinite(q_pose), q_pose, q_first))
 
 
 def _chain_fields(waiting: Collection[Waiting], t: Array) -> Array | None:
-    """Fields (n, F, 2, 3) at the chains' first and last sensors, the newest not after t; NaN where there are none, None where none is asked for."""
+    """Fields (n, F, 2, 3) at the chains' first and last sensors, the newest not after t; NaN where
+    there are none, None where none is asked for."""
     if all(w.mag is None for w in waiting):
         return None
     found = np.full((len(t), len(SEGMENTS), 3), np.nan)
@@ -214,7 +217,8 @@ def _chain_fields(waiting: Collection[Waiting], t: Array) -> Array | None:
 
 
 def _appearing_sensors(unposed: Bools, q_GB: Array) -> tuple[Bools, Array]:
-    """Which sensors are still to appear of those of which the pose knows nothing, and the variance (n, segments) of one that does."""
+    """Which sensors are still to appear of those of which the pose knows nothing, and the variance
+    (n, segments) of one that does."""
     present = np.isfinite(q_GB[:, unposed, 0])
     if not present.any():
         return unposed, np.zeros(len(SEGMENTS))
@@ -241,7 +245,8 @@ def _empty_buffer(stream: Stream, calibration: Calibration, q_SB: Array) -> Wait
 
 
 def _segment_readings(worn: WornSensors, block: Block) -> tuple[Array, Array]:
-    """Rates and specific forces (n, worn, 3) in segment frames; NaN where missing or at the sensor's limit."""
+    """Rates and specific forces (n, worn, 3) in segment frames; NaN where missing or at the
+    sensor's limit."""
     limits = [SATURATION * block.stream.full_scale.get(quantity, np.inf) for quantity in (GYR, ACC)]
     gyr, acc = _in_segments(
         block.of(GYR), block.of(ACC), worn.columns, worn.bias, worn.q_BS, *limits
@@ -297,7 +302,8 @@ def _chain_samples(
     q_before: Array, variance_before: Array, q_GB: Array, rotation_variance: Array, flags: Array, appears: Array, rate: Array, acc: Array,
     turn: Array, bias_time: Array, force: Array, grown: Array, known: Array, q_first: Array,
 ) -> None:  # fmt: skip
-    """What every sensor of every chain turned by: by its own rates where it has them, else by its fusion's orientations, which bridge what is missing.
+    """What every sensor of every chain turned by: by its own rates where it has them, else by its
+    fusion's orientations, which bridge what is missing.
 
     The fusion counts a gap once; what is silent goes on turning: by the variance `silent` a second.
     """
@@ -352,7 +358,8 @@ def _place_readings(
     known_t: Array, gyr: Array, acc: Array, segments: Array, period: float, instant: float, fused: float, t: float, dt: float,
     rate_before: Array, acc_before: Array, rate: Array, force: Array,
 ) -> None:  # fmt: skip
-    """A stream's own rates where it has a sample at the row and the one before, and its specific forces where they are asked for."""
+    """A stream's own rates where it has a sample at the row and the one before, and its specific
+    forces where they are asked for."""
     put(rate_before, rate)
     put(acc_before, force)
     after = min(np.searchsorted(known_t, t), known_t.shape[0] - 1)

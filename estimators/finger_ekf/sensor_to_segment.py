@@ -1,10 +1,10 @@
-"""How the true joints follow from the rotations between sensors that sit askew on their segments, and what one pose tells of that.
+"""True joints from rotations between misaligned sensors, and the covariance after the initial pose.
 
-In      rotations q_pc between the (calibrated) frames of neighbouring sensors, seats q_SB (segment to sensor) and skin (turn of a sensor on its segment
-        in rad per rad of its joint's flexion)
-Out     true joint rotations, their derivatives by all error states of a chain, the covariance of those after the initial pose
-Source  ours; that a sensor is turned by its skin in proportion to flexion is the first order of what is not known better
-Limits  the hand's sensor is not turned by skin: its part is counted to the chain's first joint
+In      rotations q_pc between the calibrated frames of neighbouring sensors, q_SB (segment to sensor), soft-tissue gain (rotation of a sensor on its segment, rad per rad of flexion)
+Out     true joint rotations, their derivatives by all error states of a chain, the covariance of
+        those after the initial pose
+Source  ours; a soft-tissue artefact proportional to flexion is the first-order model
+Limits  the hand's soft-tissue artefact is counted with the chain's first joint
 """
 
 import math
@@ -28,7 +28,8 @@ ANGLES, BIASES, SENSOR_TO_SEGMENT, SOFT_TISSUE, FIELD_DIFFERENCE = (
     slice(33, 42),
     42,
 )
-SIZE = 43  # the last: by what the field at the tip differs from the hand's (estimators/finger_ekf/magnetic_heading.py); nothing where it is not asked for
+# the last: field difference between tip and hand (magnetic_heading.py), unused without magnetometers
+SIZE = 43
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,34 +66,33 @@ class SensorToSegmentParams:
 
 @dataclass(frozen=True)
 class SensorToSegmentPrior:
-    """What is known of how the sensors of F chains sit before they move."""
+    """Prior knowledge of the mounting of F chains."""
 
-    covariance: Array  # (F, 12, 12) rad^2, of the four sensors' turns against their segments, about the segments' axes
+    # (F, 12, 12) rad^2, of the four sensors' misalignments about the segments' axes
+    covariance: Array
     pose_sd: Array  # (F, 3, 3) rad, of each joint's angles in the pose
-    aligned: Bools  # (F, 4) the pose has turned its frame until gravity agrees, so it is tilted as the chain's first; else it is as it is
+    # (F, 4) the pose has rotated the sensor's frame until gravity agrees with the chain's first
+    aligned: Bools
 
 
 def covariance_after_pose(
     params: SensorToSegmentParams, q_pc: Array, acc: Array, free: Bools, prior: SensorToSegmentPrior
 ) -> Array:
-    """Covariance (F, 43, 43) of the error states of joints and seats once the pose has told q_pc (F, 3, 4); acc (F, 4, 3) points up in it.
+    """Covariance (F, 43, 43) of the error states after the pose has given q_pc (F, 3, 4); acc (F, 4, 3) points up in it.
 
-    The pose knows the true joints but for what the person misses, and gravity in every sensor; it never sees turns about the vertical. The
-    errors are written as a matrix times independent ones: twelve of the seats, gravity in each sensor, what is missed of each joint's pose, the skins.
+    The pose gives the true joints up to the person's pose error, and gravity in every sensor, but no turns about the vertical. The errors are a matrix times independent ones: 12 of the mounting, gravity in each sensor, each joint's pose error, soft-tissue gains.
     """
     chains = len(q_pc)
     L = np.zeros((chains, SIZE, 42))
     gravity_error = np.radians(params.angle_sd)
-    gain_sd = (
-        np.radians(params.skin) / (np.pi / 2) / np.sqrt(3) * np.array([np.sqrt(2), 1.0, 1.0])
-    )  # of the first joint that of both sensors
+    # the first joint has that of both sensors
+    gain_sd = np.radians(params.skin) / (np.pi / 2) / np.sqrt(3) * np.array([np.sqrt(2), 1.0, 1.0])
     L[:, 21:33, 0:12] = _root(prior.covariance)
     L[:, range(33, 42), range(33, 42)] = np.repeat(gain_sd, 3)
     R_cp = quat.matrix(quat.conjugate(q_pc))
     angles = joint_angles.decompose(q_pc)
-    soft_tissue_turn = angles[..., FLEXION, None, None] * L[:, 33:42].reshape(
-        chains, 3, 3, 42
-    )  # what turns the sensors already
+    # soft-tissue rotation in the pose
+    soft_tissue_turn = angles[..., FLEXION, None, None] * L[:, 33:42].reshape(chains, 3, 3, 42)
     for j in range(3):
         up = _upwards(acc[:, j + 1])
         about = up[:, :, None] * up[:, None, :]
@@ -106,9 +106,8 @@ def covariance_after_pose(
             gravity_error * level,
         )
         parent = L[:, 21 + 3 * j : 24 + 3 * j] - (soft_tissue_turn[:, j - 1] if j else 0.0)
-        asked = (
-            pose + R_cp[:, j] @ parent + soft_tissue_turn[:, j]
-        )  # dth + m_c: the joint is as asked but for what is missed
+        # dth + m_c: the joint as asked, up to the pose error
+        asked = pose + R_cp[:, j] @ parent + soft_tissue_turn[:, j]
         q_SB_rows = np.where(
             prior.aligned[:, j + 1, None, None],
             about @ L[:, place] + level @ (asked - tilt),
@@ -121,7 +120,7 @@ def covariance_after_pose(
 
 @inlined
 def propagate_joints_row(q_pc: Array, delta_q: Array, q_new: Array) -> None:
-    """Joint rotations (3, 4) after the four sensors have turned by (4, 4): exp(-w_p dt) q exp(w_c dt). (2.3) with (2.17), exact"""
+    """Joint rotations (3, 4) after sensor rotations (4, 4): exp(-w_p dt) q exp(w_c dt). (2.3) with (2.17), exact"""
     back, half = np.empty(4), np.empty(4)
     for j in range(3):
         quat.conjugate_row(delta_q[j], back)
@@ -134,7 +133,7 @@ def propagate_joints_row(q_pc: Array, delta_q: Array, q_new: Array) -> None:
 def joint_rotation_row(
     q_pc: Array, q_SB: Array, soft_tissue_gain: Array, q: Array, q_SB_bent: Array, flexion: Array
 ) -> None:
-    """True joints (3, 4), seats of their children as the skin has turned them (3, 4), flexions (3,) that count for the skin."""
+    """True joints (3, 4), q_SB of the children with soft tissue (3, 4), flexions (3,) that the artefact follows."""
     inverse, half, bent, soft_tissue_turn, before, turn = (
         np.empty(4),
         np.empty(4),
@@ -146,11 +145,10 @@ def joint_rotation_row(
     for j in range(3):
         quat.conjugate_row(q_SB[j], inverse)
         quat.multiply_row(inverse, q_pc[j], half)
-        quat.multiply_row(half, q_SB[j + 1], bent)  # were it not for the skin
+        quat.multiply_row(half, q_SB[j + 1], bent)  # without soft-tissue artefact
         w, x, y, z = bent[0], bent[1], bent[2], bent[3]
-        flexion[j] = math.atan2(
-            2 * (w * z - x * y), w * w - x * x + y * y - z * z
-        )  # as joint_angles.decompose
+        # as joint_angles.decompose
+        flexion[j] = math.atan2(2 * (w * z - x * y), w * w - x * x + y * y - z * z)
         for a in range(3):
             turn[a] = -flexion[j] * soft_tissue_gain[j, a]
         quat.exp_row(turn, half, soft_tissue_turn)
@@ -167,8 +165,7 @@ def joint_rotation_row(
 def joint_jacobian_row(
     q_pc: Array, q_SB: Array, soft_tissue_gain: Array, q: Array, A: Array
 ) -> None:
-    """True joints q (3, 4) of rotations (3, 4) between sensors, and A (9, 43): how their errors d, q_true = q exp(d), follow from the chain's error
-    states; flexion counts as known where it turns the skin."""
+    """True joints q (3, 4) of rotations (3, 4) between sensors, and A (9, 43): derivative of their errors d, q_true = q exp(d), by the chain's error states; flexion counts as known in the soft-tissue term."""
     q_SB_bent, flexion, inverse, turn = np.empty((3, 4)), np.empty(3), np.empty(4), np.empty(3)
     R_cs, R_cp, by_parent = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     of_q_SB, of_gain = np.empty((3, 3, 3)), np.empty((3, 3, 3))
@@ -201,7 +198,7 @@ def joint_jacobian_row(
 def true_joints_row(
     q_pc: Array, q_SB: Array, soft_tissue_gain: Array, delta_q: Array, q: Array
 ) -> None:
-    """True joint rotations (3, 4) after the sensors have turned by (4, 4)."""
+    """True joint rotations (3, 4) after sensor rotations (4, 4)."""
     q_now, q_SB_bent, flexion = np.empty((3, 4)), np.empty((3, 4)), np.empty(3)
     propagate_joints_row(q_pc, delta_q, q_now)
     joint_rotation_row(q_now, q_SB, soft_tissue_gain, q, q_SB_bent, flexion)
@@ -216,7 +213,7 @@ def inject_error(
     field_difference: Array,
     dx: Array,
 ) -> None:
-    """The errors found are put into the rotations, whose covariance changes by that only in the second order."""
+    """Inject the estimated errors into the means; the reset changes the covariance only in second order."""
     d, q_dx, q_new = np.empty(3), np.empty(4), np.empty(4)
     for i in range(7):
         q, first = (q_pc[i], 3 * i) if i < 3 else (q_SB[i - 3], 12 + 3 * i)
@@ -233,12 +230,12 @@ def inject_error(
 
 
 def _root(covariance: Array) -> Array:
-    """R with R R' = covariance (..., n, n), which may be singular: one sensor may stand in a chain more than once."""
+    """R with R R' = covariance (..., n, n), which may be singular: a sensor may occur twice in a chain."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
 
 
 def _upwards(acc: Array) -> Array:
-    """Unit vectors; where nothing is known the back of a flat hand."""
+    """Unit vectors; dorsal where unknown."""
     size = np.sqrt((acc * acc).sum(axis=-1, keepdims=True))
     return np.where(size > 0, acc / np.where(size > 0, size, 1.0), np.array([1.0, 0.0, 0.0]))

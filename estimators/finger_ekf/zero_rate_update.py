@@ -1,10 +1,9 @@
-"""Gyroscopes at rest: sensors that hardly turn show their bias, and from rest to rest how far such rates are to be trusted.
+"""Zero-rate updates: sensors at rest measure their bias; rate differences between rests give the noise.
 
-In      what the sensors of a chain seem to have turned by over a window, their biases as they are known
-Out     the error states put right, and what the next rest needs: rates of the last one, how much they differ from rest to rest
-Source  zero-rate updates as VQF has them (Laidig & Seel 2023); the variance of what comes one after the other from their differences: von Neumann 1941,
-        Ann Math Stat 12:367. A bias is the same in both, what a person creeps is not, nor is noise
-Limits  what creeps alike for many seconds looks like a bias: only one that is unlikely, as the bias is known, is held against it
+In      rotation of a chain's sensors over a window, estimated biases
+Out     corrected state, and statistics for the next rest
+Source  zero-rate updates as in VQF (Laidig & Seel 2023); variance from successive differences: von Neumann 1941, Ann Math Stat 12:367. Differences cancel the bias and leave slow movement and noise
+Limits  a constant slow rotation looks like a bias; only an unlikely rate is downweighted
 """
 
 import math
@@ -18,9 +17,9 @@ from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kalman import correct
 from handscope.estimators.numerics.typing import Array
 
-REST = 1.5  # s that a sensor has to rest before its rate counts as bias: VQF's restMinT
-ASSUMED = 12.0  # differences that the option counts as: those of one rest of a chain's sensors
-UNLIKELY = 9.0  # times its variance, squared: a rate so far from the bias is less trusted
+REST = 1.5  # s of rest before a rate measures the bias: VQF's restMinT
+ASSUMED = 12.0  # weight of the option in differences: one rest of a chain's sensors
+UNLIKELY = 9.0  # squared sd beyond which a rate is downweighted
 
 
 @inlined
@@ -28,10 +27,9 @@ def zero_rate_update_row(
     p: Array, delta_q: Array, bias_time: Array, span: float, rates: Array,
     q: Array, bias: Array, q_SB: Array, soft_tissue_gain: Array, field_difference: Array, P: Array, rest_time: Array, rest_rotation: Array, previous_rest_rate: Array, rest_rate_scatter: Array,
 ) -> None:  # fmt: skip
-    """A mean rate over every REST seconds is a measurement of the bias; what is between those of one rest and the next its noise.
+    """The mean rate over REST seconds measures the bias; rate differences between rests give its noise.
 
-    `rest_rotation` (4, 3) rad in `rest_time` (4,) s with the bias in it; `previous_rest_rate` (4, 3) rad/s at the rest before, NaN without; `rest_rate_scatter` (2,): half the sum of
-    squared differences, their number.
+    `rest_rotation` (4, 3) rad in `rest_time` (4,) s, bias included; `previous_rest_rate` (4, 3) rad/s, NaN without; `rest_rate_scatter` (2,): half the sum of squared differences, their number.
     """
     due, some, turn = np.zeros(4), False, np.empty(3)
     for s in range(4):
@@ -74,7 +72,7 @@ def update_rest_scatter_row(
     previous_rest_rate: Array,
     rest_rate_scatter: Array,
 ) -> None:
-    """How much the rates of rests differ from those before; of the sensors that are `due` (4,)."""
+    """Add squared rate differences from the previous rest, for the sensors that are `due` (4,)."""
     for s in range(4):
         for a in range(3 if due[s] > 0 else 0):
             rate = rest_rotation[s, a] / rest_time[s]
@@ -97,7 +95,7 @@ def zero_rate_rows(
     H: Array,
     noise: Array,
 ) -> None:
-    """Three rows a sensor: what it seemed to turn by, (4, 3) rad in `rest_time` (4,) s, was its bias; of those that are `due`."""
+    """Three rows a sensor that is `due`: its rotation (4, 3) rad in `rest_time` (4,) s was bias."""
     variance = (ASSUMED * p[CREEPING] ** 2 + rest_rate_scatter[0]) / (
         ASSUMED + rest_rate_scatter[1]
     )

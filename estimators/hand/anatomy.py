@@ -1,12 +1,15 @@
-"""Names of the hand's segments and joints, what each joint may do, and how frames lie on the left and the right hand.
+"""Names of the hand's segments and joints, what each joint may do, and how frames lie on the left
+and the right hand.
 
-Segment frames follow Salchow-Hoemmen 2019, 2.2.2 (after ISB, Wu 2005), origin at the segment's distal joint centre:
+Segment frames follow Salchow-Hoemmen 2019, 2.2.2 (after ISB, Wu 2005), origin at the segment's
+distal joint centre:
 
     left   x dorsal   y distal    z ulnar
     right  x palmar   y proximal  z radial
 
-so a vector with the anatomical components (dorsal, distal, ulnar) reads `side_sign(hand) * (dorsal, distal, ulnar)` in either hand,
-rotations have the same components on both, and flexion, ulnar deviation and pronation are positive on both.
+so a vector with the anatomical components (dorsal, distal, ulnar) reads `side_sign(hand) * (dorsal,
+distal, ulnar)` in either hand, rotations have the same components on both, and flexion, ulnar
+deviation and pronation are positive on both.
 """
 
 from dataclasses import dataclass
@@ -35,7 +38,8 @@ ANGLES = ("flexion", "deviation", "pronation")
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint between two segments; `limits` holds the permitted range in degrees of each angle it may take."""
+    """A joint between two segments; `limits` holds the permitted range in degrees of each angle it
+    may take."""
 
     name: str
     parent: str
@@ -90,9 +94,10 @@ JOINT = {joint.name: k for k, joint in enumerate(JOINTS)}
 PARENTS = np.array([SEGMENT[joint.parent] for joint in JOINTS])
 CHILDREN = np.array([SEGMENT[joint.child] for joint in JOINTS])
 IS_DOF = np.array([[a in joint.limits for a in range(3)] for joint in JOINTS])
+# (joints, 3 angles, 2) rad
 LIMITS: Array = np.radians(
     [[joint.limits.get(a, (0.0, 0.0)) for a in range(3)] for joint in JOINTS]
-)  # (joints, 3 angles, 2) rad
+)
 FINGER_JOINTS = {
     finger: tuple(joint.name for joint in JOINTS if joint.child in CHAINS[finger])
     for finger in FINGERS

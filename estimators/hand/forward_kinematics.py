@@ -1,4 +1,5 @@
-"""Fingertips and segment orientations from joint rotations, by unit dual quaternions along wrist - hand - proximal - middle - distal.
+"""Fingertips and segment orientations from joint rotations, by unit dual quaternions along wrist -
+hand - proximal - middle - distal.
 
 In      q_pc (..., joints, 4) of hand_anatomy.JOINTS, a sized hand
 Out     tips (..., 5, 3) in WCS, m; or segment orientations on the hand
@@ -21,25 +22,24 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import rowwise
 from handscope.estimators.numerics.typing import Array
 
-CHAIN_JOINTS = np.array(
-    [[JOINT[name] for name in FINGER_JOINTS[finger]] for finger in FINGERS]
-)  # (5 fingers, 3 joints)
-CHAIN_SEGMENTS = np.array(
-    [[SEGMENT[name] for name in CHAINS[finger]] for finger in FINGERS]
-)  # (5 fingers, 3 segments)
+# (5 fingers, 3 joints)
+CHAIN_JOINTS = np.array([[JOINT[name] for name in FINGER_JOINTS[finger]] for finger in FINGERS])
+# (5 fingers, 3 segments)
+CHAIN_SEGMENTS = np.array([[SEGMENT[name] for name in CHAINS[finger]] for finger in FINGERS])
 
 
 def tips(q_pc: Array, geometry: HandGeometry) -> Array:
-    """Ends of the distal bones (..., 5, 3) in the wrist frame; NaN where a joint of the chain is not known."""
+    """Ends of the distal bones (..., 5, 3) in the wrist frame; NaN where a joint of the chain is
+    not known."""
     return joint_places(q_pc, geometry)[..., -1, :]
 
 
 def joint_places(q_pc: Array, geometry: HandGeometry) -> Array:
-    """Distal ends of all chain segments (..., 5 fingers, 3 segments, 3) in the wrist frame, m; the last are the tips."""
+    """Distal ends of all chain segments (..., 5 fingers, 3 segments, 3) in the wrist frame, m; the
+    last are the tips."""
     q_wrist = q_pc[..., JOINT["wrist"], :]
-    q_wrist = np.where(
-        np.isfinite(q_wrist), q_wrist, quat.IDENTITY
-    )  # an unknown wrist counts as neutral
+    # an unknown wrist counts as neutral
+    q_wrist = np.where(np.isfinite(q_wrist), q_wrist, quat.IDENTITY)
     return _places(
         q_wrist[..., None, :],
         q_pc[..., CHAIN_JOINTS, :],
@@ -49,7 +49,8 @@ def joint_places(q_pc: Array, geometry: HandGeometry) -> Array:
 
 
 def segments_on(q_GH: Array, q_pc: Array) -> Array:
-    """Orientations of all segments (..., segments, 4) from the hand's (..., 4) and the joints' rotations."""
+    """Orientations of all segments (..., segments, 4) from the hand's (..., 4) and the joints'
+    rotations."""
     q = np.empty((*q_pc.shape[:-2], len(SEGMENTS), 4))
     q[..., SEGMENT["hand"], :] = q_GH
     q[..., SEGMENT["forearm"], :] = quat.multiply(

@@ -1,11 +1,15 @@
 """Lengths of the hand's segments and where its joints lie, from whatever was measured.
 
-In      any of: hand length and breadth, palm length, finger lengths, segment lengths, tip tissue, joint positions (metres)
-Out     functional segment lengths, MCP and thumb CMC centres in the hand's frame from the wrist's centre
-Source  phalanx ratios and tip tissue: Salchow-Hoemmen 2019, Tables 2 and 3; joint centres and finger lengths as fractions of hand length and
-        breadth: Buchholz, Armstrong & Goldstein 1992, Ergonomics 35:261; thumb angle 58 deg: Salchow-Hoemmen 2019, Fig. 3;
-        average adult hand 0.187 m x 0.085 m: mean of men and women, ANSUR (Gordon et al. 1989)
-Limits  the palm is flat and rigid; a derived length is as good as the ratio (95 % CI of its mean: RATIO_CI95, in units of the ratio) and the measure it came from
+In      any of: hand length and breadth, palm length, finger lengths, segment lengths, tip tissue,
+        joint positions (metres)
+Out     functional segment lengths, MCP and thumb CMC centres in the hand's frame from the wrist's
+        centre
+Source  phalanx ratios and tip tissue: Salchow-Hoemmen 2019, Tables 2 and 3; joint centres and
+        finger lengths as fractions of hand length and breadth: Buchholz, Armstrong & Goldstein
+        1992, Ergonomics 35:261; thumb angle 58 deg: Salchow-Hoemmen 2019, Fig. 3; average adult
+        hand 0.187 m x 0.085 m: mean of men and women, ANSUR (Gordon et al. 1989)
+Limits  the palm is flat and rigid; a derived length is as good as the ratio (95 % CI of its mean:
+        RATIO_CI95, in units of the ratio) and the measure it came from
 """
 
 from collections.abc import Mapping
@@ -39,12 +43,13 @@ RATIOS = {
     "ring": (1.70, 1.29),
     "little": (1.91, 1.06),
 }
+# of the same two ratios
 RATIO_CI95 = {
     "index": (0.018, 0.018),
     "middle": (0.013, 0.016),
     "ring": (0.016, 0.016),
     "little": (0.022, 0.022),
-}  # of the same two ratios
+}
 TIP_TISSUE = {
     "thumb": 5.67e-3,
     "index": 3.84e-3,
@@ -78,22 +83,19 @@ class HandMeasures:
     hand_length: float | None = None
     hand_breadth: float | None = None
     palm_length: float | None = None  # wrist centre to MCP 3
-    finger_length: Mapping[str, float] = field(
-        default_factory=dict
-    )  # MCP centre to the outer tip, by finger
-    segment_length: Mapping[str, float] = field(
-        default_factory=dict
-    )  # functional length by segment
+    # MCP centre to the outer tip, by finger
+    finger_length: Mapping[str, float] = field(default_factory=dict)
+    # functional length by segment
+    segment_length: Mapping[str, float] = field(default_factory=dict)
     tip_tissue: Mapping[str, float] = field(default_factory=dict)  # by finger
-    joint_positions: Mapping[str, tuple[float, float, float]] = field(
-        default_factory=dict
-    )  # in the hand's frame from the wrist's centre, by joint
-    measured: frozenset[str] | None = (
-        None  # which of all these were measured where others were derived before; None: all of them
-    )
+    # in the hand's frame from the wrist's centre, by joint
+    joint_positions: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    # which of all these were measured where others were derived before; None: all of them
+    measured: frozenset[str] | None = None
 
     def measured_names(self) -> frozenset[str]:
-        """What was measured: names of the hand's lengths, fingers whose total is known, segments, joints."""
+        """What was measured: names of the hand's lengths, fingers whose total is known, segments,
+        joints."""
         if self.measured is not None:
             return self.measured
         scalars = (
@@ -111,24 +113,23 @@ class HandGeometry:
     """The sized hand: everything forward kinematics needs."""
 
     hand: Hand
-    lengths: Mapping[
-        str, float
-    ]  # m, joint centre to joint centre by segment, a distal phalanx to the end of its bone; forearm 0 = unknown
-    joint_positions: Mapping[
-        str, tuple[float, float, float]
-    ]  # m, MCP and thumb CMC centres in the hand's frame from the wrist's centre
+    # m, joint centre to joint centre by segment, a distal phalanx to the end of its bone; forearm 0
+    # = unknown
+    lengths: Mapping[str, float]
+    # m, MCP and thumb CMC centres in the hand's frame from the wrist's centre
+    joint_positions: Mapping[str, tuple[float, float, float]]
     tip_tissue: Mapping[str, float]  # m, by finger
     palm_length: float  # m
-    measured: frozenset[str] = (
-        frozenset()
-    )  # what of it was measured, as HandMeasures.told names it; the rest is derived: length_errors.py
+    # what of it was measured, as HandMeasures.measured_names has it; the rest is derived: length_covariance.py
+    measured: frozenset[str] = frozenset()
 
     def roots(self) -> Array:
         """Where the five chains begin in the hand's frame (5, 3), thumb first."""
         return self._arrays[0]
 
     def chain_offsets(self) -> Array:
-        """Translation along each segment of each chain in its own frame (5 fingers, 3 segments, 3)."""
+        """Translation along each segment of each chain in its own frame (5 fingers, 3 segments,
+        3)."""
         return self._arrays[1]
 
     @cached_property
@@ -179,9 +180,11 @@ def sized(hand: Hand, measures: HandMeasures | None = None) -> HandGeometry:
 def with_finger_lengths(
     geometry: HandGeometry, limb: str, found: Mapping[str, float], off: float = 0.0
 ) -> HandGeometry:
-    """The hand with lengths (m) of a finger, or of the forearm, that movement told; the others of it are off by a share.
+    """The hand with lengths (m) of a finger, or of the forearm, found from movement; the others of
+    it are off by a share.
 
-    A last phalanx that was measured stays, of a finger whose total was measured it is what is left, else it grows as its finger did.
+    A last phalanx that was measured stays, of a finger whose total was measured it is what is left,
+    else it grows as its finger did.
     """
     chain = CHAINS.get(limb, (limb,))
     rest = {s: geometry.lengths[s] for s in chain if s not in found}
@@ -201,15 +204,15 @@ def _last_length(geometry: HandGeometry, finger: str, found: Mapping[str, float]
     """Of a finger's last phalanx beside the others as they were found, m."""
     chain, given = CHAINS[finger], geometry.lengths
     grown = given[chain[-1]] * sum(found.values()) / sum(given[s] for s in found)
-    counted = set(chain[-len(RATIOS[finger]) - 1 :]) & set(
-        found
-    )  # the thumb's metacarpal is not of its length
+    # the thumb's metacarpal is not of its length
+    counted = set(chain[-len(RATIOS[finger]) - 1 :]) & set(found)
     left = given[chain[-1]] - sum(found[s] - given[s] for s in counted)
     return left if finger in geometry.measured and left >= PLAUSIBLE["segment"][0] else grown
 
 
 def hand_length(m: HandMeasures) -> float:
-    """Length of the hand: measured, else from the palm, else from the fingers, else the average adult's."""
+    """Length of the hand: measured, else from the palm, else from the fingers, else the average
+    adult's."""
     if m.hand_length is not None:
         return m.hand_length
     if m.palm_length is not None or "middle_mcp" in m.joint_positions:
@@ -250,7 +253,8 @@ def check(m: HandMeasures) -> None:
 
 
 def measures_from(table: Mapping[str, Any]) -> HandMeasures:
-    """Read the contract's `HandGeometry` object: named measures, and functional lengths by segment name."""
+    """Read the contract's `HandGeometry` object: named measures, and functional lengths by segment
+    name."""
     known = {
         "hand_length",
         "hand_breadth",
@@ -334,10 +338,10 @@ def _palm_length(m: HandMeasures, hand: float) -> float:
 def _phalanges(
     finger: str, measured: Mapping[str, float], outer: float | None, typical: float, tissue: float
 ) -> dict[str, float]:
-    """Split a finger by the ratios of Table 2; measured phalanges stay, the others share what is left."""
-    segments = CHAINS[finger][
-        -len(RATIOS[finger]) - 1 :
-    ]  # the thumb's ratio covers its two phalanges
+    """Split a finger by the ratios of Table 2; measured phalanges stay, the others share what is
+    left."""
+    # the thumb's ratio covers its two phalanges
+    segments = CHAINS[finger][-len(RATIOS[finger]) - 1 :]
     share = np.cumprod([1.0, *RATIOS[finger][::-1]])[::-1]  # distal = 1, then up the finger
     known = {s: measured[s] for s in segments if s in measured}
     free = {s: w for s, w in zip(segments, share) if s not in known}

@@ -3,7 +3,8 @@
 In      q_pc (..., 4): takes vectors from child to parent
 Out     angles (..., 3) rad: flexion about z, deviation about x', pronation about y''
 Source  Salchow-Hoemmen 2019, (20)-(22); Valtin 2017, (3)-(5)
-Limits  deviation of +-90 deg is singular (gimbal lock): flexion and pronation are then only known together
+Limits  deviation of +-90 deg is singular (gimbal lock): flexion and pronation are then only known
+        together
 """
 
 import math
@@ -38,7 +39,8 @@ def compose(angles: Array) -> Array:
 
 
 def axes(angles: Array) -> Array:
-    """Axes (..., 3, 3 angles), in the child's frame, about which each angle turns it at `angles` (..., 3): q(angles + da) = q(angles) exp(axes @ da)."""
+    """Axes (..., 3, 3 angles), in the child's frame, about which each angle turns it at `angles`
+    (..., 3): q(angles + da) = q(angles) exp(axes @ da)."""
     deviation, pronation = angles[..., DEVIATION], angles[..., PRONATION]
     cx, sx, cy, sy = np.cos(deviation), np.sin(deviation), np.cos(pronation), np.sin(pronation)
     found = np.zeros((*angles.shape, 3))
@@ -49,12 +51,14 @@ def axes(angles: Array) -> Array:
 
 
 def of_segments(q_GS: Array) -> Array:
-    """Angles of all joints (..., joints, 3) of segment orientations (..., segments, 4); NaN where either side is not known."""
+    """Angles of all joints (..., joints, 3) of segment orientations (..., segments, 4); NaN where
+    either side is not known."""
     return decompose(quat.relative(q_GS[..., PARENTS, :], q_GS[..., CHILDREN, :]))
 
 
 def constrain(angles: Array) -> Array:
-    """Zero the angles that are no freedom of their joint and clip the others to the permitted range. Source: Salchow-Hoemmen 2019, 2.4.3."""
+    """Zero the angles that are no freedom of their joint and clip the others to the permitted
+    range. Source: Salchow-Hoemmen 2019, 2.4.3."""
     return _constrain(angles, _FREE, LIMITS)
 
 
@@ -68,9 +72,8 @@ def _decompose(q: Array, row: Array, angles: Array) -> None:
     w, x, y, z = q[0], q[1], q[2], q[3]
     ww, xx, yy, zz = w * w, x * x, y * y, z * z
     angles[FLEXION] = math.atan2(2 * (w * z - x * y), ww - xx + yy - zz)  # (20)
-    angles[DEVIATION] = math.asin(
-        min(max(2 * (w * x + y * z), -1.0), 1.0)
-    )  # (21), rounding may leave [-1, 1]
+    # (21), rounding may leave [-1, 1]
+    angles[DEVIATION] = math.asin(min(max(2 * (w * x + y * z), -1.0), 1.0))
     angles[PRONATION] = math.atan2(2 * (w * y - x * z), ww - xx - yy + zz)  # (22)
 
 
@@ -101,8 +104,9 @@ def _constrain(angles: Array, free: Array, limits: Array, allowed: Array) -> Non
             allowed[a] = limits[a, 1] if angles[a] > limits[a, 1] else angles[a]
 
 
+# as other kernels call them
 decompose_row, compose_row, constrain_row = (
     _decompose.row,
     _compose.row,
     _constrain.row,
-)  # as other kernels call them
+)

@@ -1,13 +1,19 @@
-"""How far the lengths of a sized hand may be off, and which of a finger err together: that follows from what was measured.
+"""How far the lengths of a sized hand may be off, and which of a finger err together: that follows
+from what was measured.
 
 In      a sized hand that knows what of it was measured
-Out     for each finger the covariance of what its tip depends on: where its root lies and how long its three bones are
-Source  a finger whose total was measured leaves its bones only their shares: one that is longer makes the others shorter; of a finger derived from the
-        hand's length the total errs, too. Ratios of a hand's lengths to each other vary from subject to subject by a few percents: Salchow-Hoemmen
-        2019, 5 (the option `length_sd`); tissue at the tip: ibid., Table 3; breadth of a hand of given length, 85 +- 3.8 mm: ANSUR (Gordon et al. 1989),
-        men and women together; calipers on hands: technical error of measurement about 1 % of a length (doi:10.1177/10519815261458341)
-Limits  bones measured one by one err each for itself, by `length_sd`, and so does a place of a joint that was given; that a hand of which nothing was
-        measured is larger or smaller than the average one (by 6 %) errs all tips alike and is not counted
+Out     for each finger the covariance of what its tip depends on: where its root lies and how long
+        its three bones are
+Source  a finger whose total was measured leaves its bones only their shares: one that is longer
+        makes the others shorter; of a finger derived from the hand's length the total errs, too.
+        Ratios of a hand's lengths to each other vary from subject to subject by a few percents:
+        Salchow-Hoemmen 2019, 5 (the option `length_sd`); tissue at the tip: ibid., Table 3; breadth
+        of a hand of given length, 85 +- 3.8 mm: ANSUR (Gordon et al. 1989), men and women together;
+        calipers on hands: technical error of measurement about 1 % of a length
+        (doi:10.1177/10519815261458341)
+Limits  bones measured one by one err each for itself, by `length_sd`, and so does a place of a
+        joint that was given; that a hand of which nothing was measured is larger or smaller than
+        the average one (by 6 %) shifts all tips equally and is not counted
 """
 
 import numpy as np
@@ -22,7 +28,8 @@ THUMB_ANGLE_SD = np.radians(3.0)  # of the angle between wrist-MCP 3 and wrist-C
 
 
 def covariance(geometry: HandGeometry, length_sd: float) -> Array:
-    """(5 fingers, 6, 6): the root's place in the hand's frame, m, then the shares of themselves by which the three bones from the root to the tip err."""
+    """(5 fingers, 6, 6): the root's place in the hand's frame, m, then the shares of themselves by
+    which the three bones from the root to the tip err."""
     return np.array([_of_finger(geometry, finger, length_sd) for finger in FINGERS])
 
 
@@ -33,7 +40,8 @@ def _of_finger(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
 
 
 def _root(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
-    """How its place errs (3, causes): with its distance from the wrist, with the hand's breadth, about the hand's normal."""
+    """How its place errs (3, causes): with its distance from the wrist, with the hand's breadth,
+    about the hand's normal."""
     joint = root_joint(finger)
     x, y, z = geometry.joint_positions[joint]
     distance = float(np.hypot(y, z))
@@ -59,14 +67,12 @@ def _bones(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
     chain = CHAINS[finger]
     if geometry.measured & set(chain):
         return length_sd * np.eye(3)
-    sharing = chain[
-        -len(RATIOS[finger]) - 1 :
-    ]  # the thumb's metacarpal is not counted to its length
+    # the thumb's metacarpal is not counted to its length
+    sharing = chain[-len(RATIOS[finger]) - 1 :]
     size = sum(geometry.lengths[s] for s in sharing)
     share = np.array([geometry.lengths[s] / size for s in sharing])
-    above = np.triu(
-        np.ones((len(share), len(share) - 1))
-    )  # a ratio makes all bones before it longer against those behind
+    # a ratio makes all bones before it longer against those behind
+    above = np.triu(np.ones((len(share), len(share) - 1)))
     by_ratio = length_sd * (above - share @ above)
     total = (
         np.hypot(MEASURED_SD, TIP_TISSUE_SD[finger]) / size

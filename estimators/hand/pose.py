@@ -1,7 +1,10 @@
-"""How the hand stands: from rotations of its joints, or orientations of its segments, to angles, segments and fingertips in one pass.
+"""How the hand stands: from rotations of its joints, or orientations of its segments, to angles,
+segments and fingertips in one pass.
 
-In      rotations q_pc (n, joints, 4) as sensors tell them, or orientations (n, segments, 4); NaN where not known; a sized hand
-Out     angles, the joints' rotations with what they cannot do taken away, orientations of the segments on the hand, fingertips in WCS
+In      rotations q_pc (n, joints, 4) as sensors tell them, or orientations (n, segments, 4); NaN
+        where not known; a sized hand
+Out     angles, the joints' rotations with what they cannot do taken away, orientations of the
+        segments on the hand, fingertips in WCS
 Source  Salchow-Hoemmen 2019, (19)-(27), 2.4.3
 """
 
@@ -35,7 +38,9 @@ class Pose:
     angles: Array  # (n, joints, 3) rad, of every joint about all three axes
     freedoms: Array  # (n, joints, 3) rad, the same, NaN where the joint has no such freedom
     q_pc: Array  # (n, joints, 4) of those angles
-    q_GS: Array  # (n, segments, 4) as the joints put them on the hand; where the chain to it is not known, as told
+    # (n, segments, 4) as the joints put them on the hand; where the chain to it is not known, as
+    # told
+    q_GS: Array
     tips: Array  # (n, 5, 3) m, in WCS
 
 
@@ -45,7 +50,7 @@ def joint_rotations(q_GB: Array) -> Array:
 
 
 def pose_hand(q_pc: Array, q_GB: Array, geometry: HandGeometry, constraints: bool) -> Pose:
-    """The hand of joint rotations (n, joints, 4), oriented as told q_GB (n, segments, 4); `constraints`: what joints cannot do is taken away."""
+    """The hand of joint rotations (n, joints, 4), oriented by q_GB (n, segments, 4); `constraints`: forbidden angles are removed."""
     anatomy = _FREE, LIMITS, _CHAIN_JOINTS, _CHAIN_SEGMENTS
     return Pose(
         *_pose_hand(

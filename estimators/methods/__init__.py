@@ -1,5 +1,7 @@
-"""The tables of methods: a new one is a file beside this and a line here. Those of METHODS step through blocks, live or not; those of BATCH need the
-whole recording (`solve`) and are offered for recordings alone; those of EXPERIMENTS step as well and are offered nowhere: who wants one names it."""
+"""The tables of methods: a new one is a file beside this and a line here. Those of METHODS step
+through blocks, live or not; those of BATCH need the whole recording (`solve`) and are offered for
+recordings alone; those of EXPERIMENTS step as well and are offered nowhere: who wants one names
+it."""
 
 from types import ModuleType
 

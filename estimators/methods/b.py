@@ -1,9 +1,12 @@
-"""B, the baseline: orientations of the sensors from gyroscope, accelerometer and magnetometer, taken as those of the segments.
+"""B, the baseline: orientations of the sensors from gyroscope, accelerometer and magnetometer,
+taken as those of the segments.
 
-In      inertial and magnetic blocks of any subset of sensors, a Calibration with the nominal mounting
+In      inertial and magnetic blocks of any subset of sensors, a Calibration with the nominal
+        mounting
 Out     Trajectory: joint angles, segment orientations, fingertips in the wrist frame
-Source  Salchow-Hoemmen 2019, 2.4, method B: (17), (19)-(22), (23)-(27), without initial pose and joint constraints; Valtin 2017, (1)-(5)
-Limits  a sensor that sits askew or a field that is not homogeneous becomes an error of the angles
+Source  Salchow-Hoemmen 2019, 2.4, method B: (17), (19)-(22), (23)-(27), without initial pose and
+        joint constraints; Valtin 2017, (1)-(5)
+Limits  a misaligned sensor or a field that is not homogeneous becomes an error of the angles
 """
 
 from dataclasses import dataclass

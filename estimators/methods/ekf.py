@@ -1,10 +1,13 @@
-"""EKF: joint rotations by a filter a chain that knows how sure it is; where the sensors sit is found while the hand moves.
+"""EKF: an error-state filter for each finger, with standard deviations; the mounting is estimated while the hand moves.
 
-In      inertial blocks of any subset of sensors, a Calibration from the initial pose, or from that and the movements of a functional calibration
-Out     Trajectory: joint angles, segment orientations, fingertips in the wrist frame, with the standard deviations of angles and tips
-Source  Kortier, thesis ch. 2, finger filter (2.3)-(2.32); which way is up for each sensor: VQF, Laidig & Seel 2023; seats and skin: ekf_seats.py, ours
-Limits  the hand's own orientation is that of its fusion; a sensor whose samples are not at the instants of the rows (another rate or clock) counts by
-        its orientation from the fusion, interpolated; standard deviations are those of the newest update, up to 0.2 s ago
+In      inertial blocks of any subset of sensors, a Calibration from the initial pose, or from that
+        and the movements of a functional calibration
+Out     Trajectory: joint angles, segment orientations, fingertips in the wrist frame, with the
+        standard deviations of angles and tips
+Source  Kortier, thesis ch. 2, finger filter (2.3)-(2.32); vertical of each sensor: VQF, Laidig & Seel 2023; mounting and soft tissue: sensor_to_segment.py, ours
+Limits  the hand's own orientation is that of its fusion; a sensor whose samples are not at the
+        instants of the rows (another rate or clock) counts by its orientation from the fusion,
+        interpolated; standard deviations are those of the newest update, up to 0.2 s ago
 """
 
 import math
@@ -65,7 +68,7 @@ class Params(FilterParams, orientation_fusion.FusionParams, functional_movements
 
 @dataclass(frozen=True)
 class OutputUncertainty:
-    """What holds from one covariance to the next."""
+    """Output uncertainty between two updates."""
 
     angles_sd: Array  # (joints, 3) rad
     tips_sd: Array  # (5, 3) m
@@ -74,7 +77,7 @@ class OutputUncertainty:
 
 @dataclass(frozen=True)
 class State:
-    """Everything the next step needs: save it, copy it, start again from it."""
+    """Everything the next step needs."""
 
     calibration: Calibration
     q_SB: Array  # (segments, 4) segment-to-sensor rotations
@@ -83,7 +86,7 @@ class State:
     raw: sample_alignment.State  # samples that wait for their rows
     chains: finger_ekf_filter.State
     uncertainty: OutputUncertainty
-    of_lengths: Array  # (5, 6, 6) how the lengths err: length_errors.py
+    of_lengths: Array  # (5, 6, 6) covariance of the lengths: length_covariance.py
     magnetic: magnetometer_resampling.State | None = None  # None: magnetometers are not asked for
 
 
@@ -126,10 +129,11 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
 
 
 def _bias_sd(params: Params, calibration: Calibration) -> Array:
-    """What the pose leaves of each sensor's bias (segments,), rad/s: as its rates scatter in the pose, noise as well as swaying.
+    """What the pose leaves of each sensor's bias (segments,), rad/s: as its rates scatter in the
+    pose, noise as well as swaying.
 
-    Quarters of a second tell how well their mean is known where each errs for itself; of a hand that sways more slowly the farthest of three one-second
-    means does.
+    Quarters of a second tell how well their mean is known where each errs for itself; of a hand
+    that sways more slowly the farthest of three one-second means does.
     """
     qualities = [calibration.quality.get(s) for s in SEGMENTS]
     scatter = [
@@ -140,7 +144,7 @@ def _bias_sd(params: Params, calibration: Calibration) -> Array:
 
 
 def _sensor_to_segment_prior(params: Params, calibration: Calibration) -> SensorToSegmentPrior:
-    """How well it is known how each sensor sits: as the movements of a functional calibration told, else as sensors are put on."""
+    """Prior of the mounting: from a functional calibration, else the option's misalignment."""
     calibrated = [SEGMENT[s] for s in calibration.q_BS_sd]
     covariance = _misalignment_sd(params, calibration) ** 2 * np.eye(3 * len(SEGMENTS))
     places = (3 * np.array(calibrated, int)[:, None] + np.arange(3)).ravel()
@@ -163,7 +167,8 @@ def _pose_sd(params: Params, calibration: Calibration) -> Array:
 
 
 def _misalignment_sd(params: Params, calibration: Calibration) -> float:
-    """Standard deviation of a sensor's turn about each axis, rad: as the option says, or as those about the two level axes that the pose has seen."""
+    """Standard deviation of a sensor's turn about each axis, rad: as the option says, or as those
+    about the two level axes that the pose has seen."""
     seen = np.array([q.misalignment for q in calibration.quality.values()])
     return max(
         float(np.radians(params.misalignment)),
@@ -182,7 +187,8 @@ def _start_fusion(calibration: Calibration, stream: Stream) -> orientation_fusio
 
 
 def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
-    """Advance by one block of any length, 0 included; blocks of streams that the method does not use change nothing."""
+    """Advance by one block of any length, 0 included; blocks of streams that the method does not
+    use change nothing."""
     if state.magnetic is None:
         return _fuse(params, state, [block] if block.stream.inertial else [])
     magnetic, blocks = magnetometer_resampling.step(state.magnetic, block)
@@ -190,7 +196,8 @@ def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]
 
 
 def release(params: Params, state: State, patience: float) -> tuple[State, Trajectory]:
-    """For a live view: give out what is older than `patience` s without waiting for a strip or magnetometer that is silent."""
+    """For a live view: give out what is older than `patience` s without waiting for a strip or
+    magnetometer that is silent."""
     state, pieces = _without_waiting(params, state, patience)
     rows, given = resampling.release(state.rows, patience)
     state, piece = _hand(params, replace(state, rows=rows), given)
@@ -294,7 +301,8 @@ def _by_joint(joints: Array, q_chains: Array, known: Array, row: Array, q_pc: Ar
 def _output_uncertainty(
     params: Params, state: State, estimate: finger_ekf_filter.Estimate, pose: Pose
 ) -> OutputUncertainty:
-    """Standard deviations and lost headings from each covariance on, (u + 1, ...): the first as the step before left them."""
+    """Standard deviations and lost headings from each covariance on, (u + 1, ...): the first as the
+    step before left them."""
     before = OutputUncertainty(
         state.uncertainty.angles_sd[None],
         state.uncertainty.tips_sd[None],
@@ -325,7 +333,8 @@ def _output_uncertainty(
 
 @rowwise_bool("(f,k),(c,k),(),(s)->(s)")
 def _lost(segments: Array, largest: Array, most: float, row: Array, lost: Bools) -> None:
-    """Which segments are not known against the hand, of the largest variances of the chains' joints: an unsure joint stands between them."""
+    """Which segments are not known against the hand, of the largest variances of the chains'
+    joints: an unsure joint stands between them."""
     for f in range(segments.shape[0]):
         unsure = False
         for k in range(segments.shape[1]):

@@ -1,4 +1,5 @@
-"""The hand from the orientations of its sensors: the pipeline that B, M1 and M2 share (estimators/methods/b.py, m1.py, m2.py).
+"""The hand from the orientations of its sensors: the pipeline that B, M1 and M2 share
+(estimators/methods/b.py, m1.py, m2.py).
 
 In      inertial and magnetic blocks of any subset of sensors (the hand's is needed), a Calibration
 Out     Trajectory: joint angles, segment orientations, fingertips in the wrist frame
@@ -79,7 +80,8 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
 
 
 def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
-    """Advance by one block of any length, 0 included; blocks of streams that the method does not use change nothing."""
+    """Advance by one block of any length, 0 included; blocks of streams that the method does not
+    use change nothing."""
     if state.magnetic is None:
         return _fuse(params, state, [block] if block.stream.inertial else [])
     magnetic, blocks = magnetometer_resampling.step(state.magnetic, block)
@@ -87,7 +89,8 @@ def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]
 
 
 def release(params: Params, state: State, patience: float) -> tuple[State, Trajectory]:
-    """For a live view: give out what is older than `patience` s without waiting for a strip or magnetometer that is silent."""
+    """For a live view: give out what is older than `patience` s without waiting for a strip or
+    magnetometer that is silent."""
     pieces = []
     if state.magnetic is not None:
         magnetic, blocks = magnetometer_resampling.release(state.magnetic, patience)

@@ -1,9 +1,11 @@
 """M1: as M2, with magnetometers keeping the headings that the pose gave.
 
-In      inertial and magnetic blocks of any subset of sensors (the hand's is needed), a Calibration from the initial pose
+In      inertial and magnetic blocks of any subset of sensors (the hand's is needed), a Calibration
+        from the initial pose
 Out     Trajectory: joint angles, segment orientations, fingertips in the wrist frame
 Source  Salchow-Hoemmen 2019, 2.4, method M1: (17), (19)-(22), (23)-(27)
-Limits  as good as the magnetic field is homogeneous: near steel or devices the headings follow the disturbance
+Limits  as good as the magnetic field is homogeneous: near steel or devices the headings follow the
+        disturbance
 """
 
 from dataclasses import dataclass

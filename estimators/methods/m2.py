@@ -1,9 +1,11 @@
 """M2: the hand from gyroscopes and accelerometers alone, its headings from one pose.
 
-In      inertial blocks of any subset of sensors (the hand's is needed), a Calibration from the initial pose
+In      inertial blocks of any subset of sensors (the hand's is needed), a Calibration from the
+        initial pose
 Out     Trajectory: joint angles, segment orientations, fingertips in the wrist frame
 Source  Salchow-Hoemmen 2019, 2.4, method M2: (18), (19)-(22), (23)-(27)
-Limits  headings drift with what is left of the gyroscopes' biases; joint constraints hide, not heal, an error within the permitted range
+Limits  headings drift with what is left of the gyroscopes' biases; joint constraints hide, not
+        heal, an error within the permitted range
 """
 
 from handscope.estimators.methods.fusion_pipeline import Params as Params

@@ -1,10 +1,15 @@
-"""MAP-LIVE: an experiment; each finger as `map` sees it, in a window that slides along while the hand moves.
+"""MAP-LIVE: an experiment; each finger as `map` sees it, in a window that slides along while the
+hand moves.
 
-In      inertial blocks of the hand and of fingers of which at least the first phalanx has a sensor, a Calibration from the initial pose
-Out     Trajectory, `lag` and up to 0.2 s behind the newest sample: fingers as their windows have them, all else as `ekf` has it, with standard deviations
-Source  Kortier, thesis ch. 4, and its outlook (fixed lag); estimators/self_calibration/sliding_window/estimator.py
-Limits  fingers one by one; a finger of which a sensor was silent for long, or whose readings fit no hand, is as `ekf` has it until a window has begun
-        again. How it does beside `ekf`: docs/decisions/0007-map-live.md
+In      inertial blocks of the hand and of fingers of which at least the first phalanx has a sensor,
+        a Calibration from the initial pose
+Out     Trajectory, `lag` and up to 0.2 s behind the newest sample: fingers as their windows have
+        them, all else as `ekf` has it, with standard deviations
+Source  Kortier, thesis ch. 4, and its outlook (fixed lag);
+        estimators/self_calibration/sliding_window/estimator.py
+Limits  fingers one by one; a finger of which a sensor was silent for long, or whose readings fit no
+        hand, is as `ekf` has it until a window has begun again. How it does beside `ekf`:
+        docs/decisions/0007-map-live.md
 """
 
 from dataclasses import dataclass, fields, replace
@@ -89,7 +94,8 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
 
 
 def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
-    """Advance by one block of any length, 0 included; blocks of streams that the method does not use change nothing."""
+    """Advance by one block of any length, 0 included; blocks of streams that the method does not
+    use change nothing."""
     after, rows = ekf.step(params, state.filter, block)
     return _advance(
         params,
@@ -99,7 +105,8 @@ def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]
 
 
 def release(params: Params, state: State, patience: float) -> tuple[State, Trajectory]:
-    """For a live view: give out what is older than `patience` s without waiting for a strip that is silent."""
+    """For a live view: give out what is older than `patience` s without waiting for a strip that is
+    silent."""
     after, rows = ekf.release(params, state.filter, patience)
     return _advance(params, replace(state, filter=after), rows)
 
@@ -177,7 +184,8 @@ def _nodes(params: Params, state: State, count: int) -> State:
 
 
 def _give_out(params: Params, state: State, rows: Trajectory) -> Trajectory:
-    """The filter's rows with the fingers as their windows have them; a finger that has none is as the filter has it, and as sure."""
+    """The filter's rows with the fingers as their windows have them; a finger that has none is as
+    the filter has it, and as sure."""
     if not len(rows):
         return rows
     assert rows.angles_sd is not None and rows.tips_sd is not None

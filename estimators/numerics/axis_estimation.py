@@ -1,10 +1,16 @@
-"""The axis about which a segment turned while a joint bent, seen by its gyroscope; and the rotation between two sensors that turned together.
+"""The axis about which a segment turned while a joint bent, seen by its gyroscope; and the rotation
+between two sensors that turned together.
 
-In      angular rates (n, 3) of one movement in the sensor's frame, rad/s, bias removed, evenly sampled
-Out     the axis with the sign of flexion, how much of the movement was about it, how alike the single repetitions were; q_ab with what is left over
-Source  Kortier, thesis (2.34): z is the gyroscope's direction in flexion; principal axis over the whole movement instead of one sample, outliers weighted
-        down (Cauchy). Rotation of two rates: Wahba 1965, solved by SVD (Markley 1988); so did the thesis' chapter 3 relate two hand sensors
-Limits  an axis is that of everything the segment did: what its parent did is part of it (estimators/alignment/mounting_fit.py takes that apart)
+In      angular rates (n, 3) of one movement in the sensor's frame, rad/s, bias removed, evenly
+        sampled
+Out     the axis with the sign of flexion, how much of the movement was about it, how similar the
+        single repetitions were; q_ab with what is left over
+Source  Kortier, thesis (2.34): z is the gyroscope's direction in flexion; principal axis over the
+        whole movement instead of one sample, outliers weighted down (Cauchy). Rotation of two
+        rates: Wahba 1965, solved by SVD (Markley 1988); so did the thesis' chapter 3 relate two
+        hand sensors
+Limits  an axis is that of everything the segment did: what its parent did is part of it
+        (estimators/alignment/mounting_fit.py resolves that)
 """
 
 from dataclasses import dataclass
@@ -25,7 +31,8 @@ class Bending:
     axis: Array  # (3,) in the sensor's frame; positive turns are flexion
     planarity: float  # share of the squared rate about the axis
     repetitions: int
-    repeatability: float  # rad, largest angle between the axis of a single repetition and the whole; 0 with a single one
+    # rad, largest angle between the axis of a single repetition and the whole; 0 with a single one
+    repeatability: float
     extent: float  # rad, from straightest to most bent
 
 
@@ -35,12 +42,14 @@ class CommonRotation:
 
     q_ab: Array  # (4,)
     residual: float  # RMS of what differs, share of the RMS rate
-    spread: float  # second principal rate against the first: 0 is a turn about one axis only, and tells nothing about a turn around that
-    offset: float = 0.0  # s, to be added to b's times to meet a's
+    # second principal rate against the first: 0 is a turn about one axis only, and tells nothing
+    # about a turn around that
+    spread: float
 
 
 def principal_axis(rate: Array) -> Array:
-    """Axis (3,), either sign, about which most of the movement (n, 3) was; single samples that were about another axis count little."""
+    """Axis (3,), either sign, about which most of the movement (n, 3) was; single samples that were
+    about another axis count little."""
     weight = np.ones(len(rate))
     for _ in range(REWEIGHTINGS):
         axis = np.asarray(np.linalg.eigh((rate * weight[:, None]).T @ rate)[1][:, -1])
@@ -69,7 +78,7 @@ def fit_bending(rate: Array, dt: float) -> Bending:
     )
 
 
-def fit_common_rotation(rate_a: Array, rate_b: Array, offset: float = 0.0) -> CommonRotation:
+def fit_common_rotation(rate_a: Array, rate_b: Array) -> CommonRotation:
     """The rotation that takes the rates (n, 3) of b to those of a, least squares."""
     U, _, Vt = np.linalg.svd(rate_a.T @ rate_b)
     R_ab = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
@@ -80,29 +89,7 @@ def fit_common_rotation(rate_a: Array, rate_b: Array, offset: float = 0.0) -> Co
         quat.from_matrix(R_ab),
         float(np.linalg.norm(left)) / total,
         float(principal[1] / (principal[0] + 1e-30)),
-        offset,
     )
-
-
-def of_two_clocks(
-    t_a: Array, rate_a: Array, t_b: Array, rate_b: Array, largest: float = 0.5
-) -> CommonRotation:
-    """The same of sensors with clocks of their own: first the offset (at most `largest` s) at which they turn equally fast, then the rotation."""
-    dt = float(np.median(np.diff(t_a)))
-    lags = np.arange(-round(largest / dt), round(largest / dt) + 1) * dt
-    grid = t_a[(t_a >= t_b[0] + largest) & (t_a <= t_b[-1] - largest)]
-    speed_a, speed_b = (
-        np.interp(grid, t_a, np.linalg.norm(rate_a, axis=1)),
-        np.linalg.norm(rate_b, axis=1),
-    )
-    misfit = np.array(
-        [np.mean((np.interp(grid - lag, t_b, speed_b) - speed_a) ** 2) for lag in lags]
-    )
-    k = int(np.clip(np.argmin(misfit), 1, len(lags) - 2))
-    before, here, after = misfit[k - 1 : k + 2]
-    curvature = before - 2 * here + after
-    offset = float(lags[k] + (0.5 * (before - after) / curvature * dt if curvature > 0 else 0.0))
-    return fit_common_rotation(_at(grid, t_a, rate_a), _at(grid - offset, t_b, rate_b), offset)
 
 
 def _integral(rate: Array, dt: float) -> Array:
@@ -118,7 +105,3 @@ def _edges(angle: Array) -> list[int]:
         return [0]
     valleys = [int(a + np.argmin(angle[a:b])) for a, b in zip(peaks, peaks[1:])]
     return [0, *valleys, len(angle)]
-
-
-def _at(t: Array, known: Array, values: Array) -> Array:
-    return np.stack([np.interp(t, known, values[:, k]) for k in range(3)], axis=1)

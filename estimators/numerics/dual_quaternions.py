@@ -1,6 +1,7 @@
 """Unit dual quaternions: a rotation and a translation in one product.
 
-Convention  Q_ab = [q_r, q_d] as one array (..., 8), real part first; takes points from frame b to frame a
+Convention  Q_ab = [q_r, q_d] as one array (..., 8), real part first; takes points from frame b to
+            frame a
 Source      Salchow-Hoemmen 2019, 2.3, (7)-(16), after Leclercq et al. 2013
 """
 
@@ -10,9 +11,8 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import rowwise
 from handscope.estimators.numerics.typing import Array
 
-ROW = np.zeros(
-    8
-)  # of the length of a dual quaternion, where nothing that a compiled row takes has it
+# of the length of a dual quaternion, where nothing that a compiled row takes has it
+ROW = np.zeros(8)
 
 
 def rotation(q_ab: Array) -> Array:
@@ -20,23 +20,17 @@ def rotation(q_ab: Array) -> Array:
     return np.concatenate([q_ab, np.zeros_like(q_ab)], axis=-1)
 
 
-def translation(p_a: Array) -> Array:
-    """Pure translation by p (..., 3) in metres: (..., 8). (15)"""
-    Q = np.zeros((*p_a.shape[:-1], 8))
-    Q[..., 0] = 1.0
-    Q[..., 5:] = 0.5 * p_a
-    return Q
-
-
 def link(q_ab: Array, p_b: Array) -> Array:
-    """A rotation and behind it a translation by p_b (..., 3) in the turned frame, (14) times (15): (..., 8)."""
+    """A rotation and behind it a translation by p_b (..., 3) in the turned frame, (14) times (15):
+    (..., 8)."""
     return _link(q_ab, p_b, ROW)
 
 
 def multiply(Q_ab: Array, Q_bc: Array) -> Array:
     """Chain two rigid motions: Q_ac (..., 8). (8)
 
-    The paper prints the second dual term as q_Br q_Ad; the order must be q_Ad q_Br, quaternions do not commute.
+    The paper prints the second dual term as q_Br q_Ad; the order must be q_Ad q_Br, quaternions do
+    not commute.
     """
     return _multiply(Q_ab, Q_bc)
 
@@ -116,8 +110,9 @@ def _origin(Q: Array, row: Array, p: Array) -> None:
     p[2] = 2.0 * (-Q[4] * Q[3] - Q[5] * Q[2] + Q[6] * Q[1] + Q[7] * Q[0])
 
 
+# for one row, as other kernels call them
 link_row, multiply_row, origin_row = (
     _link.row,
     _multiply.row,
     _origin.row,
-)  # for one row, as other kernels call them
+)

@@ -1,9 +1,11 @@
 """Missing samples between known ones, by cubics that take up the slopes on either side.
 
 In      samples of one sensor with rows missing
-Out     the rows filled in, and the variance of the angle that a filled stretch of angular rates may have missed
-Source  Hermite interpolation; a movement of frequency f is missed by (2 pi f L)^4 / 720 of the angle turned in a gap of length L (remainder of the
-        corrected trapezium rule; the straight line misses (2 pi f L)^2 / 12), which at 3 Hz and 0.1 s is 2 % instead of 30 %
+Out     the rows filled in, and the variance of the angle that a filled stretch of angular rates may
+        have missed
+Source  Hermite interpolation; a movement of frequency f is missed by (2 pi f L)^4 / 720 of the
+        angle turned in a gap of length L (remainder of the corrected trapezium rule; the straight
+        line misses (2 pi f L)^2 / 12), which at 3 Hz and 0.1 s is 2 % instead of 30 %
 """
 
 import numpy as np
@@ -15,7 +17,8 @@ FREQUENCY = 3.0  # Hz, ours: fast finger movements
 
 
 def bridge_gaps(t: Array, values: Array, known: Bools) -> Array:
-    """Values (n, axes) with the rows that are not `known` (n,) filled in wherever there are known ones on both sides; t (n,) in s."""
+    """Values (n, axes) with the rows that are not `known` (n,) filled in wherever there are known
+    ones on both sides; t (n,) in s."""
     row = np.arange(len(t))
     before = np.maximum.accumulate(np.where(known, row, -1))
     behind = np.minimum.accumulate(np.where(known, row, len(t))[::-1])[::-1]
@@ -39,7 +42,8 @@ def bridge_gaps(t: Array, values: Array, known: Bools) -> Array:
 
 
 def missed_variance(t: Array, gyr: Array, known: Bools) -> Array:
-    """Variance (n,) in rad^2, at the first row of each gap, of the angle that bridging it may have missed; zero elsewhere."""
+    """Variance (n,) in rad^2, at the first row of each gap, of the angle that bridging it may have
+    missed; zero elsewhere."""
     found = np.zeros(len(t))
     edges = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]]).astype(int)))
     first, behind = edges[::2], edges[1::2]
@@ -63,7 +67,8 @@ def _slopes(
     beside: NDArray[np.int_],
     secant: Array,
 ) -> Array:
-    """Slopes at rows `at` towards their neighbours `beside`, which lie away from the gap; the gap's own secant where a neighbour is not known."""
+    """Slopes at rows `at` towards their neighbours `beside`, which lie away from the gap; the gap's
+    own secant where a neighbour is not known."""
     inside = (beside >= 0) & (beside < len(t))
     neighbour = np.where(inside, beside, at)
     usable = inside & known[neighbour]

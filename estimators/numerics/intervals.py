@@ -6,7 +6,7 @@ from handscope.estimators.numerics.typing import Bools
 
 
 def find_runs(flags: Bools, gap: int = 0) -> list[tuple[int, int]]:
-    """Intervals [first, stop) of true flags (n,); runs at most `gap` false flags apart are one."""
+    """Intervals [first, stop) of true flags (n,); runs separated by at most `gap` false flags are merged."""
     true = np.flatnonzero(flags)
     if not len(true):
         return []

@@ -1,7 +1,9 @@
-"""Row-wise arithmetic compiled to machine code: what is written for one row runs over arrays of any leading shape, broadcast as by numpy.
+"""Row-wise arithmetic compiled to machine code: what is written for one row runs over arrays of any
+leading shape, broadcast as by numpy.
 
-numba translates a kernel when its module is first imported on a machine, some tenths of a second each, and keeps the code beside the module (or in the
-user's cache where that folder is not writable). docs/decisions/0004-compiled-rows.md has why and what it gains.
+numba translates a kernel when its module is first imported on a machine, some tenths of a second
+each, and keeps the code beside the module (or in the user's cache where that folder is not
+writable). docs/decisions/0004-compiled-rows.md has why and what it gains.
 """
 
 import hashlib
@@ -19,7 +21,8 @@ from handscope.estimators.numerics.typing import Bools
 
 
 class Compiled(Protocol):
-    """A kernel over arrays; `row` is what other kernels call for one row of it, with the last argument to be filled."""
+    """A kernel over arrays; `row` is what other kernels call for one row of it, with the last
+    argument to be filled."""
 
     row: Callable[..., None]
 
@@ -41,10 +44,12 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def rowwise(layout: str) -> Callable[[Callable[..., None]], Compiled]:
-    """A kernel of float64 rows as a numpy ufunc; `layout` as of generalised ufuncs, "(q),(v)->(v)": the kernel fills its last argument, or its
-    last ones where the layout names more than one result.
+    """A kernel of float64 rows as a numpy ufunc; `layout` as of generalised ufuncs, "(q),(v)->(v)":
+    the kernel fills its last argument, or its last ones where the layout names more than one
+    result.
 
-    Sums are never reordered (no fastmath), so a row's result does not depend on its neighbours. NaN is what is not known: it passes through, unwarned.
+    Sums are never reordered (no fastmath), so a row's result does not depend on its neighbours. NaN
+    is what is not known: it passes through, unwarned.
     """
     return lambda kernel: _over_rows(kernel, layout, float64)
 
@@ -55,7 +60,8 @@ def rowwise_bool(layout: str) -> Callable[[Callable[..., None]], RowPredicate]:
 
 
 def looped(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """A loop over samples of which each needs the one before: translated when it is first called on a machine, and kept."""
+    """A loop over samples of which each needs the one before: translated when it is first called on
+    a machine, and kept."""
     _name_by_calls(kernel)
     compiled: Callable[..., Any] = njit(error_model="numpy", cache=True)(kernel)
     return compiled
@@ -79,13 +85,15 @@ def _over_rows(kernel: Callable[..., None], layout: str, gives: Any) -> Any:
 
 
 def _name_by_calls(kernel: Callable[..., Any]) -> None:
-    """numba knows a kept kernel by its own file: what it calls may stand in others and gives it a name of its own."""
+    """numba knows a kept kernel by its own file: what it calls may stand in others and gives it a
+    name of its own."""
     if called := list(called_by(kernel)):
         kernel.__qualname__ += "_" + hashlib.sha256(repr(called).encode()).hexdigest()[:12]
 
 
 def called_by(kernel: Callable[..., Any]) -> Iterator[Any]:
-    """Code of the functions that a kernel calls, and numbers that it takes from its module or others."""
+    """Code of the functions that a kernel calls, and numbers that it takes from its module or
+    others."""
     names, scope = kernel.__code__.co_names, kernel.__globals__
     for within in (scope, *(vars(scope[n]) for n in names if isinstance(scope.get(n), ModuleType))):
         for name in names:
@@ -107,7 +115,7 @@ def _typed(core: str, each: Any, scalar: Any) -> Any:
 
 
 def loops(kernel: Callable[..., None]) -> Callable[..., None]:
-    """A kernel of loops over whole arrays, that fills some of its arguments; translated when it is first called on a machine, then kept. No fastmath.
-    Other threads work meanwhile."""
+    """A kernel of loops over whole arrays, that fills some of its arguments; translated when it is
+    first called on a machine, then kept. No fastmath. Other threads work meanwhile."""
     translated: Callable[..., None] = njit(cache=True, error_model="numpy", nogil=True)(kernel)
     return translated

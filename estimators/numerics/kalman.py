@@ -1,8 +1,9 @@
-"""What measurements tell of a filter's errors, for one row of a kernel.
+"""Kalman measurement update of an error-state filter, for one row of a kernel.
 
-In      covariance P (e, e) of the errors, changed in place; what each measurement missed (m,), its Jacobian H (m, e), their noise (m, m)
-Out     the change of the errors' means (e,); returned: what was missed squared by its covariance, missed' S^-1 missed
-Source  Kortier, thesis (2.14), (2.15), written with the Cholesky factor of the innovation's covariance: P stays symmetric to the last bit
+In      covariance P (e, e) of the errors, changed in place; innovations (m,), Jacobian H (m, e), noise (m, m)
+Out     estimated errors dx (e,); returned: normalised innovation squared, innovation' S^-1 innovation
+Source  Kortier, thesis (2.14), (2.15), written with the Cholesky factor of the innovation's
+        covariance: P stays symmetric to the last bit
 """
 
 import math
@@ -16,7 +17,7 @@ from handscope.estimators.numerics.typing import Array
 
 @inlined
 def correct(P: Array, innovation: Array, H: Array, noise: Array, dx: Array) -> float:
-    """The update of P and of the means."""
+    """Update P and estimate dx; returns the normalised innovation squared."""
     W = np.empty(H.shape)
     total: float = innovation_gain(P, innovation, H, noise, W, dx)
     downdate_covariance(P, W)
@@ -27,10 +28,9 @@ def correct(P: Array, innovation: Array, H: Array, noise: Array, dx: Array) -> f
 def innovation_gain(
     P: Array, innovation: Array, H: Array, noise: Array, W: Array, dx: Array
 ) -> float:
-    """The change of the means alone. With S = H P H' + noise = L L', W = L^-1 H P (m, e), filled, and y = L^-1 missed the gain K gives K missed = W' y and
-    K H P = W' W.
+    """Estimate dx and fill W (m, e). With S = H P H' + noise = L L', W = L^-1 H P and y = L^-1 innovation: K innovation = W' y and K H P = W' W.
 
-    Measurements that are not used have rows of zeros; of the others only what is not zero is gone through.
+    Unused measurements have zero rows; only nonzero entries are visited.
     """
     m, e = H.shape
     clear(W)

@@ -2,8 +2,8 @@
 
 In      a piece's work, the pieces; who hears how far all are
 Out     values in the order of the pieces
-Source  ours. numpy, BLAS and compiled loops leave the interpreter to the other thread while they count: two fingers take 0.6 of their time,
-        products of matrices 0.5 of it
+Source  ours. numpy, BLAS and compiled loops leave the interpreter to the other thread while they
+        count: two fingers take 0.6 of their time, products of matrices 0.5 of it
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -41,10 +41,11 @@ def run_each(
     pieces: Sequence[A],
     progress: Callable[[float], None],
 ) -> list[B | InputError]:
-    """What work made of every piece, or why it refused it. `progress` hears the share of all that is done, in the caller's thread.
+    """What work made of every piece, or why it refused it. `progress` hears the share of all that
+    is done, in the caller's thread.
 
-    Work tells its own share now and then. An InputError of `progress` (no time is left) refuses every piece that is still being worked on; any
-    other error ends them all and is raised.
+    Work tells its own share now and then. An InputError of `progress` (no time is left) refuses
+    every piece that is still being worked on; any other error ends them all and is raised.
     """
     shares, ends = [0.0] * len(pieces), list[BaseException]()
 

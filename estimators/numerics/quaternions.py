@@ -1,9 +1,11 @@
 """Unit quaternions as arrays: Hamilton, scalar first, any leading shape.
 
-Convention  q_ab = [w, x, y, z] takes vectors from frame b to frame a; letters cancel: q_ac = multiply(q_ab, q_bc)
+Convention  q_ab = [w, x, y, z] takes vectors from frame b to frame a; letters cancel: q_ac =
+            multiply(q_ab, q_bc)
 Shapes      quaternions (..., 4), vectors (..., 3), broadcast against each other
-Exactness   every function is compiled for one row and runs over the leading axes, so the result of a row never depends on its neighbours:
-            a recording cut anywhere gives the same bits (tests/estimators/numerics/test_quaternions.py)
+Exactness   every function is compiled for one row and runs over the leading axes, so the result of
+            a row never depends on its neighbours: a recording cut anywhere gives the same bits
+            (tests/estimators/numerics/test_quaternions.py)
 """
 
 import math
@@ -15,10 +17,11 @@ from handscope.estimators.numerics.jit import rowwise
 from handscope.estimators.numerics.typing import Array
 
 IDENTITY: Array = np.array([1.0, 0.0, 0.0, 0.0])
+# of the length of what a compiled row gives, where nothing that it takes has it
 ROW, AXES = (
     np.zeros(4),
     np.zeros(3),
-)  # of the length of what a compiled row gives, where nothing that it takes has it
+)
 
 
 def multiply(q_ab: Array, q_bc: Array) -> Array:
@@ -32,7 +35,8 @@ def conjugate(q_ab: Array) -> Array:
 
 
 def relative(q_ga: Array, q_gb: Array) -> Array:
-    """Orientation of b seen from a: q_ab = conj(q_ga) q_gb (..., 4). Source: Salchow-Hoemmen 2019, (19); Valtin 2017, (1)."""
+    """Orientation of b seen from a: q_ab = conj(q_ga) q_gb (..., 4). Source: Salchow-Hoemmen 2019,
+    (19); Valtin 2017, (1)."""
     return _relative(q_ga, q_gb)
 
 
@@ -70,12 +74,14 @@ def about(axis: int, theta: Any) -> Array:
 
 
 def turn_heading(q_GS: Array, theta: Any) -> Array:
-    """Turn q_GS (..., 4) by theta (...) rad about the global vertical: about(2, theta) times q_GS, at half its cost."""
+    """Turn q_GS (..., 4) by theta (...) rad about the global vertical: about(2, theta) times q_GS,
+    at half its cost."""
     return _turn_heading(q_GS, theta)
 
 
 def twist(q: Array, axis: int) -> Array:
-    """Angle in rad of the part of q that turns about its own coordinate axis: (..., 4) -> (...), in [-pi, pi).
+    """Angle in rad of the part of q that turns about its own coordinate axis: (..., 4) -> (...), in
+    [-pi, pi).
 
     About axis 2 of a rotation between two earth frames this is the heading between them.
     """
@@ -84,14 +90,16 @@ def twist(q: Array, axis: int) -> Array:
 
 
 def slerp(q_0: Array, q_1: Array, weight: Array) -> Array:
-    """Interpolate along the great circle: weight (...) 0 gives q_0 exactly, 1 gives q_1 up to sign and rounding."""
+    """Interpolate along the great circle: weight (...) 0 gives q_0 exactly, 1 gives q_1 up to sign
+    and rounding."""
     step = log(relative(q_0, q_1))
     between = multiply(q_0, exp(step * weight[..., None]))
     return np.where((weight == 0)[..., None], q_0, between)
 
 
 def mean(q: Array) -> Array:
-    """Average over the first axis, sign-independent: (n, 4) -> (4,). Source: Markley et al. 2007, J Guid Control Dyn 30:1193, (13)."""
+    """Average over the first axis, sign-independent: (n, 4) -> (4,). Source: Markley et al. 2007, J
+    Guid Control Dyn 30:1193, (13)."""
     values, vectors = np.linalg.eigh(q.T @ q)
     best: Array = vectors[:, np.argmax(values)]
     return best * (1.0 if best[0] >= 0 else -1.0)
@@ -107,9 +115,8 @@ def from_matrix(R_ab: Array) -> Array:
     """Quaternion of rotation matrices (..., 3, 3) -> (..., 4), scalar part not negative."""
     R = np.asarray(R_ab, dtype=float)
     flat = R.reshape(-1, 3, 3)
-    k = np.empty(
-        (len(flat), 4, 4)
-    )  # the symmetric matrix whose largest eigenvector is q: Bar-Itzhack 2000
+    # the symmetric matrix whose largest eigenvector is q: Bar-Itzhack 2000
+    k = np.empty((len(flat), 4, 4))
     k[:, 0, 0] = np.trace(flat, axis1=1, axis2=2)
     off = np.stack(
         [
@@ -133,7 +140,8 @@ def skew(v: Array) -> Array:
 
 
 def _stack(*parts: Array) -> Array:
-    """One array of components that each lie together in memory: arithmetic with strides is slower."""
+    """One array of components that each lie together in memory: arithmetic with strides is
+    slower."""
     out = np.empty((len(parts), *np.broadcast(*parts).shape))
     for k, part in enumerate(parts):
         out[k] = part

@@ -1,7 +1,9 @@
-"""Small dense matrices in kernels, written out: of those of a filter most entries are zero, and a library call costs more than the product.
+"""Small dense matrices in kernels, written out: of those of a filter most entries are zero, and a
+library call costs more than the product.
 
 In      arrays of a kernel's row; the last argument is filled
-Limits  a kernel copies whole arrays by `put` only: numba takes seconds to translate an assignment to a slice
+Limits  a kernel copies whole arrays by `put` only: numba takes seconds to translate an assignment
+        to a slice
 """
 
 import math

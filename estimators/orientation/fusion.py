@@ -1,10 +1,13 @@
-"""Orientation of every sensor of a stream in the global frame, from its gyroscope, accelerometer and, if wanted, magnetometer.
+"""Orientation of every sensor of a stream in the global frame, from its gyroscope, accelerometer
+and, if wanted, magnetometer.
 
-In      blocks of one stream, rad/s, m/s^2 and T in the sensors' frames; NaN or a jump in time is a missing sample
+In      blocks of one stream, rad/s, m/s^2 and T in the sensors' frames; NaN or a jump in time is a
+        missing sample
 Out     q_GS: takes vectors from a sensor to the global frame (z up); flags
-Source  VQF: Laidig & Seel 2023, Information Fusion 91:187 (package vqf), successor of the filter in Salchow-Hoemmen 2019, (17) and (18);
-        the magnetometer corrects the heading only
-Limits  without magnetometer the heading drifts with what is left of the gyroscope's bias; a gap longer than `max_gap` loses it
+Source  VQF: Laidig & Seel 2023, Information Fusion 91:187 (package vqf), successor of the filter in
+        Salchow-Hoemmen 2019, (17) and (18); the magnetometer corrects the heading only
+Limits  without magnetometer the heading drifts with what is left of the gyroscope's bias; a gap
+        longer than `max_gap` loses it
 """
 
 import itertools
@@ -33,9 +36,8 @@ from handscope.estimators.orientation.vqf_bank import (
 from handscope.estimators.orientation.vqf_bank import FusionParams as FusionParams
 from handscope.estimators.sensors.missing_samples import check_samples, insert_missing_instants
 
-LOST_VARIANCE = (
-    np.radians(60.0) ** 2
-)  # rad^2, ours: what a hand may have turned while a sensor was silent
+# rad^2, ours: what a hand may have turned while a sensor was silent
+LOST_VARIANCE = np.radians(60.0) ** 2
 
 
 def start(
@@ -46,7 +48,8 @@ def start(
     norths: Mapping[str, float] | None = None,
     rate: float | None = None,
 ) -> StreamState:
-    """Begin with known orientations q_GS (4,), gyroscope biases (3,) and headings of magnetic north by sensor; what is not known starts from gravity.
+    """Begin with known orientations q_GS (4,), gyroscope biases (3,) and headings of magnetic north
+    by sensor; what is not known starts from gravity.
 
     `rate` (Hz) is that at which samples come, where it is not the one that the stream names.
     """
@@ -59,7 +62,8 @@ def start(
 
 
 def step(params: FusionParams, state: StreamState, block: Block) -> tuple[StreamState, Oriented]:
-    """Advance by one block; samples behind an open gap are held until it closes or grows longer than `max_gap`."""
+    """Advance by one block; samples behind an open gap are held until it closes or grows longer
+    than `max_gap`."""
     block, sampled = insert_missing_instants(block, state.t, state.period, params.max_gap)
     block, sampled = _prepend_held(state, block, sampled)
     whole, limit = check_samples(block)
@@ -95,7 +99,8 @@ def _advance(
     limit: Bools,
     count: int,
 ) -> tuple[StreamState, Oriented]:
-    """Process the first `count` rows and hold the others; `limit` (n, sensors) tells samples at the sensor's limit."""
+    """Process the first `count` rows and hold the others; `limit` (n, sensors) tells samples at the
+    sensor's limit."""
     settled, held = (
         Block(block.stream, block.t[:count], block.values[:count]),
         Block(block.stream, block.t[count:], block.values[count:]),
@@ -161,7 +166,8 @@ def _prepend_held(state: StreamState, block: Block, sampled: Bools) -> tuple[Blo
 
 
 def _count_processable(params: FusionParams, state: StreamState, t: Array, whole: Bools) -> int:
-    """How many rows can be processed: all before the first gap that is still open and may yet be bridged, cutting no other such gap."""
+    """How many rows can be processed: all before the first gap that is still open and may yet be
+    bridged, cutting no other such gap."""
     count = len(t)
     if whole.all():
         return count
@@ -178,7 +184,8 @@ def _count_processable(params: FusionParams, state: StreamState, t: Array, whole
 def _before_gap(
     params: FusionParams, sensor: SensorState, t: Array, whole: Bools, count: int
 ) -> int:
-    """`count`, or where the sensor's gap begins that may be bridged and reaches beyond the first `count` rows or to the last row but one."""
+    """`count`, or where the sensor's gap begins that may be bridged and reaches beyond the first
+    `count` rows or to the last row but one."""
     good = np.flatnonzero(whole[:count])
     first = int(good[-1]) + 1 if len(good) else 0
     if first == count:
@@ -192,7 +199,8 @@ def _before_gap(
 def _before_last_gap(
     params: FusionParams, sensor: SensorState, t: Array, good: NDArray[np.int_], count: int
 ) -> int:
-    """`count`, or where the gap begins that ends just before the last row: the row behind it has yet to tell the slope."""
+    """`count`, or where the gap begins that ends just before the last row: the row behind it has
+    yet to tell the slope."""
     first = int(good[-2]) + 1 if len(good) > 1 else 0
     if first == count - 1:
         return count
@@ -209,7 +217,8 @@ def _fuse(
     k: int,
     count: int,
 ) -> tuple[SensorState, Array, NDArray[np.uint8], Array]:
-    """Over the first `count` rows bridge short gaps, run the filter over what is known, hold the orientation where nothing is."""
+    """Over the first `count` rows bridge short gaps, run the filter over what is known, hold the
+    orientation where nothing is."""
     q_GS, flags, rotation_variance = (
         np.full((count, 4), np.nan),
         np.zeros(count, np.uint8),
@@ -279,14 +288,16 @@ def _from_first(flags: Bools) -> Bools:
 
 
 def _has_north(sensor: SensorState, samples: Array) -> bool:
-    """Whether a magnetometer may turn this sensor: one that gave nothing in the pose has no relation to the pose's heading."""
+    """Whether a magnetometer may turn this sensor: one that gave nothing in the pose has no
+    relation to the pose's heading."""
     return samples.shape[-1] > 6 and (sensor.start is None or sensor.north is not None)
 
 
 def _known_stretches(
     params: FusionParams, sensor: SensorState, t: Array, whole: Bools
 ) -> list[tuple[int, int, bool]]:
-    """Cut rows into (first, last, known): known rows are complete or lie in a gap that is bridged."""
+    """Cut rows into (first, last, known): known rows are complete or lie in a gap that is
+    bridged."""
     if whole.all():
         return [(0, len(t), True)] if len(t) else []
     known = whole.copy()
@@ -301,7 +312,8 @@ def _known_stretches(
 def _bridge_gaps(
     sensor: SensorState, block: Block, k: int, whole: Bools, first: int, last: int
 ) -> tuple[Array, Array]:
-    """Rows first..last of sensor k with gaps filled in, and the variance (rows,) of the heading that gaps have cost so far."""
+    """Rows first..last of sensor k with gaps filled in, and the variance (rows,) of the heading
+    that gaps have cost so far."""
     inside = block.values[first:last, k, : 9 if MAG in block.stream.quantities else 6]
     if whole[first:last].all():
         return inside, np.full(last - first, sensor.rotation_variance)
@@ -330,7 +342,7 @@ def _nan_if_missing(sample: Array | None) -> Array:
 def _run_together(
     params: FusionParams, before: JointState, period: float, block: Block
 ) -> tuple[JointState, Array]:
-    """All sensors over complete samples, orientations (n, sensors, 4): what is alike of all is done at once."""
+    """All sensors over complete samples, orientations (n, sensors, 4): common work is done once."""
     samples, t = np.ascontiguousarray(block.values[..., :6].swapaxes(0, 1)), block.t
     rates = samples[..., :3]
     if params.gyr_reading != "mean":
@@ -361,12 +373,13 @@ def _next_state(
         samples[-1, :6].copy(),
         float(t[-1]),
     )
+    # `replace` would cost as much as the filter's step
     known = (
         sensor.start,
         sensor.bias,
         sensor.known_until,
         sensor.north,
-    )  # `replace` would cost as much as the filter's step
+    )
     return SensorState(
         *known,
         vqf.state,
@@ -391,7 +404,8 @@ def _filter(
     first: int,
     last: int,
 ) -> tuple[SensorState, Array, Bools]:
-    """Orientations (n, 4) of rows first..last, and where the magnetometer saw another field than the one learnt (n,)."""
+    """Orientations (n, 4) of rows first..last, and where the magnetometer saw another field than
+    the one learnt (n,)."""
     if not sensor.is_running:
         vqf.resetState()
     vqf.state = (
@@ -417,9 +431,10 @@ def _filter(
 def _filter_with_magnetometer(
     vqf: VQF, sensor: SensorState, gyr: Array, acc: Array, mag: Array
 ) -> tuple[Array, Bools]:
-    """Orientations (n, 4) with the heading that the magnetometer keeps; where its samples are missing the gyroscope carries it on.
+    """Orientations (n, 4) with the heading that the magnetometer keeps; where its samples are
+    missing the gyroscope carries it on.
 
-    And where its field is not the one that the filter has learnt (n,): before it has learnt one nothing is said.
+    And where its field is not the one that the filter has learnt (n,): before it has learnt one, false.
     """
     known = every(np.isfinite(mag))
     cuts = [0, *(np.flatnonzero(known[1:] != known[:-1]) + 1), len(mag)]
@@ -446,15 +461,17 @@ def _filter_with_magnetometer(
 
 
 def _midway_rates(before: Array, gyr: Array) -> Array:
-    """Rates (..., n, 3) halfway between a sample and the one before, that of the first (..., 1, 3): the filter turns by rate times period, and a rate at
-    its instant would run half a period ahead (1.7 deg in fast tapping at 100 Hz, halfway 0.1)."""
+    """Rates (..., n, 3) halfway between a sample and the one before, that of the first (..., 1, 3):
+    the filter turns by rate times period, and a rate at its instant would run half a period ahead
+    (1.7 deg in fast tapping at 100 Hz, halfway 0.1)."""
     return np.asarray(0.5 * (gyr + np.concatenate([before, gyr[..., :-1, :]], axis=-2)))
 
 
 def _filter_start(
     fresh: Mapping[str, Any], sensor: SensorState, sample: Array
 ) -> Mapping[str, Any]:
-    """A fresh filter's state at its first sample, after a long gap with the old heading, bias and the new inclination."""
+    """A fresh filter's state at its first sample, after a long gap with the old heading, bias and
+    the new inclination."""
     if sensor.filter_state is None:
         q = (
             sensor.start
@@ -464,14 +481,14 @@ def _filter_start(
         return {**fresh, "accQuat": [float(x) for x in q], "delta": sensor.north or 0.0}
     assert sensor.q_GS is not None
     preserved = {name: sensor.filter_state[name] for name in ("bias", "biasP", "delta")}
-    q_6D = quat.turn_heading(
-        sensor.q_GS, (sensor.north or 0.0) - preserved["delta"]
-    )  # before the magnetometer's turn
+    # before the magnetometer's turn
+    q_6D = quat.turn_heading(sensor.q_GS, (sensor.north or 0.0) - preserved["delta"])
     return {**fresh, **preserved, "accQuat": [float(x) for x in make_upright(q_6D, sample[3:6])]}
 
 
 def make_upright(q_GS: Array, acc: Array) -> Array:
-    """Turn an orientation (4,) the shortest way so that the specific force acc (3,) of a resting sensor points up."""
+    """Turn an orientation (4,) the shortest way so that the specific force acc (3,) of a resting
+    sensor points up."""
     up = quat.rotate(q_GS, acc / np.linalg.norm(acc))
     tilt = np.array([1.0 + up[2], up[1], -up[0], 0.0])
     if up[2] < -1 + 1e-12:

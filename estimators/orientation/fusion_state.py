@@ -25,12 +25,11 @@ class SensorState:
 
     start: Array | None  # (4,) q_GS to start from, None = from the first accelerometer sample
     bias: Array  # (3,) rad/s, subtracted before the filter
-    known_until: float = (
-        np.inf
-    )  # s, `start` holds up to here; a sensor that begins later does not know its heading
-    north: float | None = (
-        None  # rad, heading of magnetic north in the pose; None: it is taken from the first magnetometer sample
-    )
+    # s, `start` holds up to here; a sensor that begins later does not know its heading
+    known_until: float = np.inf
+    # rad, heading of magnetic north in the pose; None: it is taken from the first magnetometer
+    # sample
+    north: float | None = None
     filter_state: Mapping[str, Any] | None = None
     last: Array | None = None  # (6,) newest complete sample, bias still in it
     last_t: float = -np.inf
@@ -58,7 +57,8 @@ class SensorState:
 
 @dataclass(frozen=True)
 class JointState:
-    """All sensors of a stream whose filters go on without magnetometers: what changes from sample to sample, and what is prepared once."""
+    """All sensors of a stream whose filters go on without magnetometers: what changes from sample
+    to sample, and what is prepared once."""
 
     initial: tuple[SensorState, ...]  # as they were when this began
     bias: Array  # (sensors, 3)
@@ -111,7 +111,6 @@ class Oriented:
     t: Array  # (n,)
     q_GS: Array  # (n, sensors, 4)
     flags: NDArray[np.uint8]  # (n, sensors)
-    rotation_variance: (
-        Array  # (n, sensors) rad^2, variance of the heading that gaps have cost so far
-    )
+    # (n, sensors) rad^2, variance of the heading that gaps have cost so far
+    rotation_variance: Array
     sampled: Bools  # (n,) false at instants where the recording has no sample

@@ -1,10 +1,13 @@
 """Relative headings of neighbouring segments, kept by what their joint cannot do.
 
-In      orientations of the segments from a fusion without magnetometer, and how much heading each sensor may have lost so far
+In      orientations of the segments from a fusion without magnetometer, and how much heading each
+        sensor may have lost so far
 Out     the orientations with corrected headings, and which headings are not known
-Source  ours: one scalar Kalman filter a joint; that joints tell relative headings: Laidig, Lehmann, Begin & Seel 2019 (EMBC), Lehmann, Laidig & Seel
-        2020 (IFAC-PapersOnLine 53:2); their batch versions are in the package qmt
-Limits  a joint whose free axis stands upright tells nothing; the thumb's CMC joint is held by its range alone; the hand's own heading stays what it is
+Source  ours: one scalar Kalman filter a joint; that joints tell relative headings: Laidig, Lehmann,
+        Begin & Seel 2019 (EMBC), Lehmann, Laidig & Seel 2020 (IFAC-PapersOnLine 53:2); their batch
+        versions are in the package qmt
+Limits  a joint whose free axis stands upright tells nothing; the thumb's CMC joint is held by its
+        range alone; the hand's own heading stays what it is
 """
 
 from collections.abc import Collection
@@ -34,11 +37,12 @@ from handscope.estimators.numerics.typing import Array, Bools
 DEG = np.pi / 180
 UPDATE = 0.2  # s of recording between two looks at the joints
 VERTICAL = np.array([0.0, 0.0, 1.0])
+# as kernels take them
 _PARENTS, _CHILDREN, _SEGMENTS = (
     PARENTS.astype(float),
     CHILDREN.astype(float),
     np.zeros(len(SEGMENTS)),
-)  # as kernels take them
+)
 _HAND = SEGMENT["hand"]
 
 
@@ -90,7 +94,8 @@ class State:
 
 
 def start(known: Collection[str] = ()) -> State:
-    """At the initial pose: relative headings are what the pose says. `known`: segments of which a functional calibration tells how the sensor sits."""
+    """At the initial pose: relative headings are what the pose says. `known`: segments of which a
+    functional calibration tells how the sensor sits."""
     both = np.array([joint.parent in known and joint.child in known for joint in JOINTS])
     return State(np.zeros(len(JOINTS)), np.zeros(len(JOINTS)), np.zeros(len(SEGMENTS)), both)
 
@@ -103,17 +108,18 @@ def step(
     gap_variance: Array,
     usable: Bools,
 ) -> tuple[State, Array, Bools]:
-    """Corrected orientations (n, segments, 4) of orientations q_GB (n, segments, 4) and cumulative heading variances (n, segments) in rad^2,
-    and which of their headings are lost (n, segments), none where there is no orientation; joints are looked at where both segments are `usable` (n, segments)."""
+    """Corrected orientations (n, segments, 4) of orientations q_GB (n, segments, 4) and cumulative
+    heading variances (n, segments) in rad^2, and which of their headings are lost (n, segments),
+    none where there is no orientation; joints are looked at where both segments are `usable` (n,
+    segments)."""
     looks = _update_rows(state.t, t)
     states = [state]
     for row in looks:
         states.append(
             _update(params, states[-1], float(t[row]), q_GB[row], gap_variance[row], usable[row])
         )
-    newest = np.searchsorted(
-        looks, np.arange(len(t)), side="right"
-    )  # the look that counts in each row
+    # the look that counts in each row
+    newest = np.searchsorted(looks, np.arange(len(t)), side="right")
     deltas = np.array([s.delta for s in states])
     corrected = quat.turn_heading(q_GB, _by_segment(deltas)[newest]) if deltas.any() else q_GB
     return (
@@ -160,7 +166,8 @@ def _is_lost(
 
 
 def _update_rows(t_last: float, t: Array) -> NDArray[np.int_]:
-    """Rows at which the joints are looked at: the first in each stretch of UPDATE, wherever the blocks are cut."""
+    """Rows at which the joints are looked at: the first in each stretch of UPDATE, wherever the
+    blocks are cut."""
     slot = np.floor(t / UPDATE + 1e-9)
     before = np.concatenate([[np.floor(t_last / UPDATE + 1e-9)], slot[:-1]])
     return np.flatnonzero(slot > before)
@@ -178,9 +185,8 @@ def _update(
     seconds = t - state.t if np.isfinite(state.t) else 0.0
     more = np.maximum(gap_variance - state.gap_variance, 0.0)
     walked = state.variance + (params.heading_walk * DEG) ** 2 * seconds
-    slow = np.minimum(
-        walked, np.maximum(state.variance, 0.99 * (params.heading_known * DEG) ** 2)
-    )  # only a gap loses a heading
+    # only a gap loses a heading
+    slow = np.minimum(walked, np.maximum(state.variance, 0.99 * (params.heading_known * DEG) ** 2))
     predicted = slow + more[PARENTS] + more[CHILDREN]
     gap_variance = np.maximum(gap_variance, state.gap_variance)
     play = (np.where(state.known, params.joint_play_known, params.joint_play) * DEG) ** 2
@@ -189,9 +195,8 @@ def _update(
     miss, slope = _constraint_residuals(state.delta, np.where(usable[:, None], q_GB, np.nan))
     sharpness = (slope * slope).sum(axis=-1)
     learnt = predicted / (1.0 + predicted * sharpness * UPDATE / (play * params.joint_play_time))
-    variance = np.maximum(
-        learnt, np.minimum(predicted, play)
-    )  # the play stays the same for long: no look tells more than it leaves
+    # the play stays the same for long: no look tells more than it leaves
+    variance = np.maximum(learnt, np.minimum(predicted, play))
     gain = (1.0 - variance / np.where(predicted > 0, predicted, 1.0)) / np.where(
         sharpness > 0, sharpness, 1.0
     )
@@ -200,7 +205,8 @@ def _update(
 
 
 def _constraint_residuals(delta: Array, q_GB: Array) -> tuple[Array, Array]:
-    """What the joints say: how far each angle (joints, 3) is from what is possible, and how it changes with the child's heading; zero where nothing."""
+    """What the joints say: how far each angle (joints, 3) is from what is possible, and how it
+    changes with the child's heading; zero where nothing."""
     parent, child = q_GB[PARENTS], quat.turn_heading(q_GB[CHILDREN], delta)
     angles = joint_angles.decompose(quat.relative(parent, child))
     miss = np.minimum(np.maximum(angles, LIMITS[..., 0]), LIMITS[..., 1]) - angles
@@ -210,12 +216,12 @@ def _constraint_residuals(delta: Array, q_GB: Array) -> tuple[Array, Array]:
 
 
 def _slopes(angles: Array, up: Array) -> Array:
-    """How fast each angle (joints, 3) changes while the child turns about the vertical `up` (joints, 3) of its parent."""
+    """How fast each angle (joints, 3) changes while the child turns about the vertical `up`
+    (joints, 3) of its parent."""
     c, s = np.cos(angles[:, FLEXION]), np.sin(angles[:, FLEXION])
     x, y = c * up[:, 0] + s * up[:, 1], c * up[:, 1] - s * up[:, 0]
-    deviation = np.minimum(
-        np.maximum(angles[:, DEVIATION], -80 * DEG), 80 * DEG
-    )  # at 90 deg flexion and pronation are one
+    # at 90 deg flexion and pronation are one
+    deviation = np.minimum(np.maximum(angles[:, DEVIATION], -80 * DEG), 80 * DEG)
     slopes = np.empty_like(angles)
     slopes[:, FLEXION], slopes[:, DEVIATION], slopes[:, PRONATION] = (
         up[:, 2] - y * np.tan(deviation),
@@ -226,7 +232,8 @@ def _slopes(angles: Array, up: Array) -> Array:
 
 
 def _by_segment(by_joint: Array) -> Array:
-    """Sums (n, segments) of a joint's values (n, joints) over the joints between a segment and the hand; the forearm's is the wrist's, turned round."""
+    """Sums (n, segments) of a joint's values (n, joints) over the joints between a segment and the
+    hand; the forearm's is the wrist's, turned round."""
     return _sum_over_segments(_PARENTS, _CHILDREN, by_joint, _SEGMENTS)
 
 

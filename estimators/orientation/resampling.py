@@ -1,14 +1,18 @@
-"""One time base: orientations of sensors with different rates and clocks, brought to the instants of the fastest stream.
+"""One time base: orientations of sensors with different rates and clocks, brought to the instants
+of the fastest stream.
 
 In      oriented samples of each stream, in order per stream, interleaved anyhow
-Out     q_GS of every segment at every sample of the reference stream, as soon as every stream has got that far
-Limits  a silent stream holds the rows up until `release` leaves it behind: its segments are then held and marked missing
+Out     q_GS of every segment at every sample of the reference stream, as soon as every stream has
+        got that far
+Limits  a silent stream holds the rows up until `release` leaves it behind: its segments are then
+        held and marked missing
 """
 
+# of a few samples; numpy's search would hand the interpreter to another thread each time
 from bisect import (
     bisect_left,
     bisect_right,
-)  # of a few samples; numpy's search would hand the interpreter to another thread each time
+)
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cache
@@ -32,7 +36,8 @@ NOTICED = 1e-3  # of the rate: over a turn of 90 deg it makes a tenth of a degre
 
 @dataclass(frozen=True)
 class Waiting:
-    """Oriented samples of a stream that are still needed; the first may lie before the next row to give."""
+    """Oriented samples of a stream that are still needed; the first may lie before the next row to
+    give."""
 
     stream: Stream
     data: Oriented
@@ -54,13 +59,13 @@ class Rows:
     t: Array  # (n,)
     q_GS: Array  # (n, segments, 4), NaN where no sensor
     flags: NDArray[np.uint8]  # (n, segments)
-    rotation_variance: (
-        Array  # (n, segments) rad^2, variance of the heading that gaps have cost each sensor so far
-    )
+    # (n, segments) rad^2, variance of the heading that gaps have cost each sensor so far
+    rotation_variance: Array
 
 
 def start(streams: Iterable[Stream]) -> State:
-    """Begin with the inertial streams of a recording; the fastest makes the rows, with the hand's sensor where rates are equal."""
+    """Begin with the inertial streams of a recording; the fastest makes the rows, with the hand's
+    sensor where rates are equal."""
     inertial = [s for s in streams if s.inertial and set(s.sensors) & set(SEGMENTS)]
     return State(
         _reference(inertial), {s.name: Waiting(s, _empty_waiting(len(s.sensors))) for s in inertial}
@@ -78,9 +83,11 @@ def step(state: State, stream: Stream, fresh: Oriented) -> tuple[State, Rows]:
 
 
 def release(state: State, patience: float) -> tuple[State, Rows]:
-    """Give out rows older than `patience` s against the newest, although a silent stream has not got that far.
+    """Give out rows older than `patience` s against the newest, although a silent stream has not
+    got that far.
 
-    While the reference itself is silent (its strip was pulled), the fastest stream that is not makes the rows.
+    While the reference itself is silent (its strip was pulled), the fastest stream that is not
+    makes the rows.
     """
     newest = max(w.newest for w in state.waiting.values())
     alive = [w.stream for w in state.waiting.values() if w.newest >= newest - patience]
@@ -97,7 +104,8 @@ def drain(
     fusions: Mapping[str, orientation_fusion.StreamState],
     state: State,
 ) -> tuple[dict[str, orientation_fusion.StreamState], State, Rows]:
-    """What the fusions of all streams and the time base still held back: the states behind it, and the rows."""
+    """What the fusions of all streams and the time base still held back: the states behind it, and
+    the rows."""
     after, last = dict(fusions), []
     for name, fusion in fusions.items():
         after[name], oriented = orientation_fusion.finish(params, fusion)
@@ -108,9 +116,11 @@ def drain(
 
 
 def measure_rates(blocks: Iterable[Block]) -> dict[str, float]:
-    """Rates (Hz) by stream at which samples come, where they differ from the named ones by more than NOTICED; one block a stream, at least a second.
+    """Rates (Hz) by stream at which samples come, where they differ from the named ones by more
+    than NOTICED; one block a stream, at least a second.
 
-    A line through the samples' times against their numbers: jitter hardly turns it, and missing samples are counted by the named period where a step is longer than jitter makes it.
+    A line through the samples' times against their numbers: jitter hardly turns it, and missing
+    samples are counted by the named period where a step is longer than jitter makes it.
     """
     found = {}
     for block in blocks:
@@ -142,9 +152,8 @@ def _numbers(block: Block) -> Array:
 
 def _count_missing(steps: Array) -> Array:
     """Samples missing before each step's end, of steps (n,) in periods."""
-    scatter = float(
-        np.median(steps) - np.quantile(steps, 0.16)
-    )  # of the shorter ones: what is missing makes none of them
+    # of the shorter ones: what is missing makes none of them
+    scatter = float(np.median(steps) - np.quantile(steps, 0.16))
     return np.where(steps > 1.0 + max(0.5, SCATTERS * scatter), np.rint(steps) - 1.0, 0.0)
 
 
@@ -180,7 +189,8 @@ def _give(state: State, patience: float) -> tuple[State, Rows]:
 
 
 def _place(rows: Rows, waiting: Waiting) -> None:
-    """Write the stream's segments into the rows, interpolated between the samples around each instant; outside them another stream goes first."""
+    """Write the stream's segments into the rows, interpolated between the samples around each
+    instant; outside them another stream goes first."""
     count, sensors, segments = _sensors_on_hand(waiting.stream.sensors)
     data, t = waiting.data, rows.t
     if not count or not len(t) or not len(data.t):

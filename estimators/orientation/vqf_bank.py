@@ -1,9 +1,11 @@
-"""The filter of a sensor's orientation as the library has it, its options, and the filters of many sensors that go on together.
+"""The filter of a sensor's orientation as the library has it, its options, and the filters of many
+sensors that go on together.
 
 In      rates, rad/s, and specific forces, m/s^2, in the sensors' frames
 Out     q_GS: takes vectors from the sensor to the global frame (z up)
 Source  VQF: Laidig & Seel 2023, Information Fusion 91:187 (package vqf)
-Limits  a state remembers some blocks: to read a filter costs ten times its step, so that not every filter is read behind every sample
+Limits  a state remembers some blocks: to read a filter costs ten times its step, so that not every
+        filter is read behind every sample
 """
 
 from collections.abc import Mapping, Sequence
@@ -104,7 +106,8 @@ def start_filter(params: FusionParams, period: float) -> VQF:
 
 
 def update_filter(vqf: VQF, gyr: Array, acc: Array) -> Array:
-    """Orientations (n, 4) by gyroscope and accelerometer, (n, 3) each; the library's call for many samples costs a single one three times as much."""
+    """Orientations (n, 4) by gyroscope and accelerometer, (n, 3) each; the library's call for many
+    samples costs a single one three times as much."""
     if len(gyr) == 1:
         vqf.update(gyr[0], acc[0])
         return np.asarray(vqf.getQuat6D())[None]
@@ -123,8 +126,9 @@ class FilterCache:
 class FilterBank:
     """Filters of sensors that go on together: each as it was some blocks ago, and the blocks since.
 
-    `standing` holds at most one set of the library's own filters, which stand behind the newest block: whoever goes on first takes them,
-    anyone later makes others and goes through the blocks since again, to the same bits. It is not saved.
+    `standing` holds at most one set of the library's own filters, which stand behind the newest
+    block: whoever goes on first takes them, anyone later makes others and goes through the blocks
+    since again, to the same bits. It is not saved.
     """
 
     params: FusionParams
@@ -148,7 +152,8 @@ class FilterBank:
         )
 
     def advance(self, gyr: Array, acc: Array) -> tuple["FilterBank", Array]:
-        """Behind one more block, (sensors, n, 3) each, and the orientations (n, sensors, 4) at its samples."""
+        """Behind one more block, (sensors, n, 3) each, and the orientations (n, sensors, 4) at its
+        samples."""
         try:
             filters = self.standing.pop()
         except IndexError:

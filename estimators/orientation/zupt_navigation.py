@@ -1,11 +1,15 @@
-"""Where the hand moves for a few seconds: position, velocity and orientation of its sensor by strap-down integration, brought to rest whenever it stands still.
+"""Where the hand moves for a few seconds: position, velocity and orientation of its sensor by
+strap-down integration, brought to rest whenever it stands still.
 
 In      inertial (and, if wanted, magnetic) samples of the hand's sensor, a Calibration
-Out     HandPath at every sample: place and velocity in the global frame (z up) since the start, orientation of the hand, standard deviations
-Source  Kortier, thesis 2.2.4, (2.33), after Roetenberg et al. 2005; standstill: Skog et al. 2010 (zero_velocity.py). The error state is
-        [dp, dv, dth, db_g, db_a] in the global frame: q_true = exp(dth) q; the accelerometer's bias is ours
-Limits  between two standstills the place drifts with the square of time: a path is good for a few seconds, and its standard deviation says how good; the
-        place is the sensor's on the back of the hand, not the wrist's; without magnetometer the heading drifts with the gyroscope's bias
+Out     HandPath at every sample: place and velocity in the global frame (z up) since the start,
+        orientation of the hand, standard deviations
+Source  Kortier, thesis 2.2.4, (2.33), after Roetenberg et al. 2005; standstill: Skog et al. 2010
+        (zero_velocity.py). The error state is [dp, dv, dth, db_g, db_a] in the global frame: q_true
+        = exp(dth) q; the accelerometer's bias is ours
+Limits  between two standstills the place drifts with the square of time: a path is good for a few
+        seconds, and its standard deviation says how good; the place is the sensor's on the back of
+        the hand, not the wrist's; without magnetometer the heading drifts with the gyroscope's bias
 """
 
 from dataclasses import dataclass, fields, replace
@@ -155,7 +159,8 @@ NOTHING = HandPath(
 
 
 def start(params: HandFilterParams, calibration: Calibration) -> State:
-    """At rest where it is, as the pose found it; without a pose the first sample tells the inclination."""
+    """At rest where it is, as the pose found it; without a pose the first sample tells the
+    inclination."""
     q_BS = calibration.q_BS.get("hand", quat.IDENTITY)
     q_GS, bias = calibration.q_GS.get("hand"), np.zeros(6)
     bias[:3] = quat.rotate(q_BS, calibration.gyr_bias.get("hand", np.zeros(3)))
@@ -183,7 +188,8 @@ def start(params: HandFilterParams, calibration: Calibration) -> State:
 
 
 def step(params: HandFilterParams, state: State, block: Block) -> tuple[State, HandPath]:
-    """Advance by one block of any length; blocks without the hand's sensor change nothing, and nothing depends on where they are cut."""
+    """Advance by one block of any length; blocks without the hand's sensor change nothing, and
+    nothing depends on where they are cut."""
     if "hand" not in block.stream.sensors or not len(block.t):
         return state, NOTHING
     k = block.stream.sensors.index("hand")
@@ -293,12 +299,12 @@ def _integrate(
 def _propagate_covariance(
     params: HandFilterParams, covariance: Array, dt: Array, R: Array, force: Array
 ) -> Array:
-    """The covariance after samples of orientation R (n, 3, 3) and force (n, 3) in the global frame: derivatives summed as the values are."""
+    """The covariance after samples of orientation R (n, 3, 3) and force (n, 3) in the global frame:
+    derivatives summed as the values are."""
     T, F, Q = float(dt.sum()), np.eye(15), np.zeros((15, 15))
     turned = _integral(R, dt)  # dth = -turned db_g
-    pushed = np.concatenate(
-        [-quat.skew(force), quat.skew(force) @ turned, -R], axis=2
-    )  # of the force by dth, db_g, db_a
+    # of the force by dth, db_g, db_a
+    pushed = np.concatenate([-quat.skew(force), quat.skew(force) @ turned, -R], axis=2)
     faster = _integral(_between(pushed), dt)
     F[P, V], F[TH, BG] = T * np.eye(3), -turned[-1]
     F[V, 6:], F[P, 6:] = faster[-1], _integral(_between(faster, np.zeros_like(faster[:1])), dt)[-1]
@@ -321,7 +327,8 @@ def _cumulative_products(turns: Array) -> Array:
 
 
 def _between(values: Array, first: Array | None = None) -> Array:
-    """Means of each value and the one before; before the first there is `first` or nothing else than itself."""
+    """Means of each value and the one before; before the first there is `first` or nothing else
+    than itself."""
     return np.asarray(
         0.5 * (values + np.concatenate([values[:1] if first is None else first, values[:-1]]))
     )
@@ -365,7 +372,8 @@ def _heading_update(params: HandFilterParams, state: State) -> State:
 
 
 def _correct(state: State, H: Array, r: Array, sd: Array) -> State:
-    """One Kalman update with measurement residuals r and noise sd; the covariance in Joseph's form."""
+    """One Kalman update with measurement residuals r and noise sd; the covariance in Joseph's
+    form."""
     assert state.q_GH is not None
     C = state.covariance
     K = np.linalg.solve(H @ C @ H.T + np.diag(sd**2), H @ C).T

@@ -1,12 +1,17 @@
-"""Joint angles from optical markers: a cluster on every segment, aligned with the hand in a still, flat pose.
+"""Joint angles from optical markers: a cluster on every segment, aligned with the hand in a still,
+flat pose.
 
-In      places of markers in a frame that stands still, m, NaN where hidden; `<segment>_1`, `<segment>_2`, ... three or more on a segment,
-        `<finger>_tip` at a finger's end; a stretch in which the hand lies flat: fingers straight and parallel, joint angles known
-Out     q_GS, joint angles with all three components, tips in the hand's frame from its cluster's centre
-Source  Kortier, thesis 3.2.3 (axes from a static posture, dorsal is up) and 3.2.5 (Grood & Suntay 1983; rigid-marker check by singular values);
-        rigid fit: Soderkvist & Wedin 1993, J Biomech 26:1473
-Limits  axes rest on the flat pose alone, not on a flexion movement: a finger that is bent or spread there has that angle as its offset. Grood &
-        Suntay's flexion, ab/adduction and rotation are our z-x'-y'': about the parent's z, the floating axis, the child's y
+In      places of markers in a frame that stands still, m, NaN where hidden; `<segment>_1`,
+        `<segment>_2`, ... three or more on a segment, `<finger>_tip` at a finger's end; a stretch
+        in which the hand lies flat: fingers straight and parallel, joint angles known
+Out     q_GS, joint angles with all three components, tips in the hand's frame from its cluster's
+        centre
+Source  Kortier, thesis 3.2.3 (axes from a static posture, dorsal is up) and 3.2.5 (Grood & Suntay
+        1983; rigid-marker check by singular values); rigid fit: Soderkvist & Wedin 1993, J Biomech
+        26:1473
+Limits  axes rest on the flat pose alone, not on a flexion movement: a finger that is bent or spread
+        there has that angle as its offset. Grood & Suntay's flexion, ab/adduction and rotation are
+        our z-x'-y'': about the parent's z, the floating axis, the child's y
 """
 
 import re
@@ -30,20 +35,22 @@ from handscope.estimators.hand.anatomy import (
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array, Bools
 
-NAME = re.compile(
-    rf"(?:.*:)?(?P<segment>{'|'.join(SEGMENTS)})_\d+$", re.IGNORECASE
-)  # a subject's name before a colon is passed over
+# a subject's name before a colon is passed over
+NAME = re.compile(rf"(?:.*:)?(?P<segment>{'|'.join(SEGMENTS)})_\d+$", re.IGNORECASE)
 TIP = re.compile(rf"(?:.*:)?(?P<finger>{'|'.join(FINGERS)})_tip$", re.IGNORECASE)
 NAMING = "three or more markers a segment named like index_proximal_1, index_proximal_2, index_proximal_3; tips like index_tip"
-STILL = 0.001  # m, standard deviation of every marker's place in the flat pose; ours, above the noise of optical systems (0.1-0.5 mm)
-UPRIGHT = np.radians(
-    45.0
-)  # of fingers that are said to lie flat; ours: clusters on a hand's back and on a finger differ in height by up to 20 deg
-SIDE_BY_SIDE = (
-    0.005  # m between the outermost fingers' clusters from which on their order is looked at
-)
+# m, standard deviation of every marker's place in the flat pose; ours, above the noise of optical
+# systems (0.1-0.5 mm)
+STILL = 0.001
+# of fingers assumed to lie flat; ours: clusters on a hand's back and on a finger differ in
+# height by up to 20 deg
+UPRIGHT = np.radians(45.0)
+# m between the outermost fingers' clusters from which on their order is looked at
+SIDE_BY_SIDE = 0.005
 OTHERWISE = "another axis of the markers' frame points up (--up), the hand is the other one (--hand), or the stretch is another one (--static)"
-FLATNESS = 0.05  # second to first singular value below which a cluster's markers lie on a line and tell no turn about it
+# second to first singular value below which a cluster's markers lie on a line and tell no turn
+# about it
+FLATNESS = 0.05
 
 
 @dataclass(frozen=True)
@@ -83,14 +90,16 @@ class Rigidity:
     segment: str
     movement_mean: float  # m
     movement_max: float
-    angle_mean: float  # rad, between axes laid through the first three markers and those of the rigid body; NaN where these are never seen together
+    # rad, between axes laid through the first three markers and those of the rigid body; NaN where
+    # these are never seen together
+    angle_mean: float
     angle_max: float
 
 
 def trajectory_of(
     markers: Markers, fits: Mapping[str, Cluster], hand: Hand, pose: FlatPose
 ) -> Trajectory:
-    """The hand's movement from its clusters; InputError where no joint can be told."""
+    """The hand's movement from its clusters; InputError where no joint can be determined."""
     joints = [k for k, joint in enumerate(JOINTS) if joint.parent in fits and joint.child in fits]
     tips = {
         m["finger"].lower(): k for k, name in enumerate(markers.names) if (m := TIP.match(name))
@@ -120,7 +129,8 @@ def trajectory_of(
 
 
 def align(movement: Trajectory, pose: FlatPose) -> Trajectory:
-    """The movement with every segment lying on the hand in the flat pose as it should: for orientations of bodies that sit anyhow; `pose.up` is not used."""
+    """The movement with every segment lying on the hand in the flat pose as it should: for
+    orientations of bodies that sit anyhow; `pose.up` is not used."""
     still = movement.between(pose.start, pose.stop).q_GS
     q_GS, hand = movement.q_GS.copy(), _mean(still[:, SEGMENT["hand"]])
     if hand is None:
@@ -197,7 +207,8 @@ def _cluster(segment: str, markers: Markers, columns: tuple[int, ...], still: Bo
 
 
 def _fit_rigid(rest: Array, places: Array) -> tuple[Array, Array, Array]:
-    """Turns (n, 4), centres (n, 3) and misfits (n, k); NaN where fewer than three markers are seen. One pass for each set of visible markers."""
+    """Turns (n, 4), centres (n, 3) and misfits (n, k); NaN where fewer than three markers are seen.
+    One pass for each set of visible markers."""
     n, k = places.shape[:2]
     q, p, residuals = np.full((n, 4), np.nan), np.full((n, 3), np.nan), np.full((n, k), np.nan)
     seen: Bools = np.asarray(np.isfinite(places).all(axis=2))
@@ -225,21 +236,25 @@ def _fit_rigid(rest: Array, places: Array) -> tuple[Array, Array, Array]:
 
 
 def _quaternion(R: Array) -> Array:
-    """Of rotations (n, 3, 3) that are exact but for rounding: (n, 4), w not negative; a tenth of the time of an eigenvector. Source: Shepperd 1978, J Guid Control 1:223."""
+    """Of rotations (n, 3, 3) that are exact but for rounding: (n, 4), w not negative; a tenth of
+    the time of an eigenvector. Source: Shepperd 1978, J Guid Control 1:223."""
     xx, yy, zz = R[:, 0, 0], R[:, 1, 1], R[:, 2, 2]
+    # 4 w^2, 4 x^2, 4 y^2, 4 z^2
     squares = np.stack(
         [1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz], axis=-1
-    )  # 4 w^2, 4 x^2, 4 y^2, 4 z^2
+    )
+    # 4 wx, 4 wy, 4 wz
     a, b, c = (
         R[:, 2, 1] - R[:, 1, 2],
         R[:, 0, 2] - R[:, 2, 0],
         R[:, 1, 0] - R[:, 0, 1],
-    )  # 4 wx, 4 wy, 4 wz
+    )
+    # 4 xy, 4 xz, 4 yz
     d, e, f = (
         R[:, 0, 1] + R[:, 1, 0],
         R[:, 0, 2] + R[:, 2, 0],
         R[:, 1, 2] + R[:, 2, 1],
-    )  # 4 xy, 4 xz, 4 yz
+    )
     s0, s1, s2, s3 = squares.T
     rows = np.stack([s0, a, b, c, a, s1, d, e, b, d, s2, f, c, e, f, s3], axis=-1).reshape(-1, 4, 4)
     q = rows[np.arange(len(R)), squares.argmax(axis=1)]  # 4 q times its largest component
@@ -286,7 +301,8 @@ def _in_pose(segment: str, thumb_cmc: Array) -> Array:
 
 
 def _on_hand(place: Array, q_GH: Array, hand: Cluster | None) -> Array:
-    """A place (n, 3) in the hand's frame from its cluster's centre; as it is where the hand has no cluster."""
+    """A place (n, 3) in the hand's frame from its cluster's centre; as it is where the hand has no
+    cluster."""
     return place if hand is None else quat.rotate(quat.conjugate(q_GH), place - hand.p)
 
 

@@ -1,7 +1,8 @@
 """Run a method over a whole recording: once for every method, the same steps as live.
 
-From one calibration to the next the method starts at the pose and steps through the blocks behind it. What lies before the first pose is gone
-through backwards from the pose's end (so that the filters settle while the hand is still): time runs the other way, so angular rates and gyroscope
+From one calibration to the next the method starts at the pose and steps through the blocks behind
+it. What lies before the first pose is gone through backwards from the pose's end (so that the
+filters settle while the hand is still): time runs the other way, so angular rates and gyroscope
 biases change their sign.
 """
 
@@ -32,7 +33,8 @@ class Samples(Protocol):
 def run(
     method: ModuleType, params: Any, calibrations: Sequence[Calibration], samples: Samples
 ) -> Iterator[Trajectory]:
-    """Pieces of the trajectory in order of time; every calibration (in order of time) serves until the next one."""
+    """Pieces of the trajectory in order of time; every calibration (in order of time) serves until
+    the next one."""
     first = calibrations[0]
     before = [
         b.between(-np.inf, first.end) for b in samples.blocks() if len(b.t) and b.t[0] < first.end
@@ -93,7 +95,8 @@ def _backwards(
 
 
 def _reversed(block: Block, means: bool) -> Block:
-    """Time runs the other way; where rates are `means` since the sample before, the turn back to a sample is told by the one behind it."""
+    """Time runs the other way; where rates are `means` since the sample before, the turn back to a
+    sample is that of the following one."""
     values = block.values[::-1].copy()
     if GYR in block.stream.quantities:
         gyr = block.stream.axes(GYR)

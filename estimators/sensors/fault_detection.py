@@ -1,8 +1,10 @@
-"""Faults of single sensors, from their readings: axes that stand still (standstill.py), clipping, gravity, bias, magnetometers.
+"""Faults of single sensors, from their readings: axes that stand still (standstill.py), clipping,
+gravity, bias, magnetometers.
 
 In      samples of all streams, one block each; a stretch at rest
 Out     Findings; nothing for a healthy sensor
-Source  limits from data sheets (MPU-9250 specification rev. 1.0, tables 1-3; LSM330DLC), the Earth's field from the IGRF; rules ours
+Source  limits from data sheets (MPU-9250 specification rev. 1.0, tables 1-3; LSM330DLC), the
+        Earth's field from the IGRF; rules ours
 Limits  those of standstill.py and full_scales.py
 """
 
@@ -18,14 +20,16 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors import saturation, stuck_axes
 from handscope.estimators.sensors.stuck_axes import WORDS
 
+# m/s^2 that |a| at rest may be off: 0.5 is 5 sd of the errors of a calibrated MPU-9250
 GRAVITY_DOUBT, GRAVITY_FAULT = (
     0.5,
     1.0,
-)  # m/s^2 that |a| at rest may be off: 0.5 is 5 sd of the errors of a calibrated MPU-9250
+)
+# deg/s: zero-rate level at most 5 (MPU-9250), 20 (LSM330DLC at 2000 deg/s)
 BIAS_DOUBT, BIAS_FAULT = (
     10.0,
     20.0,
-)  # deg/s: zero-rate level at most 5 (MPU-9250), 20 (LSM330DLC at 2000 deg/s)
+)
 FIELD = (15e-6, 100e-6)  # T, the Earth's is 22 to 67 uT (IGRF), half as much again for a building
 
 
@@ -46,7 +50,8 @@ def check(blocks: Sequence[Block], rest: tuple[float, float]) -> list[Finding]:
 
 
 def _find_saturation(block: Block, quantity: str) -> list[Finding]:
-    """Sensors at their limit, by the known full scale or, without one, by largest readings that repeat."""
+    """Sensors at their limit, by the known full scale or, without one, by largest readings that
+    repeat."""
     limit = saturation.find_limits(block, quantity)
     hit, found = exceeds(block.of(quantity), SATURATION * limit), []
     for k, sensor in enumerate(block.stream.sensors):

@@ -1,8 +1,11 @@
-"""The calibration of one inertial and magnetic sensor, and how it is applied: corrected = matrix @ (reading - bias).
+"""The calibration of one inertial and magnetic sensor, and how it is applied: corrected = matrix @
+(reading - bias).
 
 In      readings of any number of sensors, SI, in the sensors' frames
-Out     the same corrected: matrix holds scale and cross-axis (and, for the gyroscope and magnetometer, the turn into the accelerometer's axes)
-Source  Valtin, Salchow, Seel et al. 2017 (calibration matrices on the strip's flash); Tedaldi, Pretto & Menegatti 2014, ICRA, (1)-(6)
+Out     the same corrected: matrix holds scale and cross-axis (and, for the gyroscope and
+        magnetometer, the turn into the accelerometer's axes)
+Source  Valtin, Salchow, Seel et al. 2017 (calibration matrices on the strip's flash); Tedaldi,
+        Pretto & Menegatti 2014, ICRA, (1)-(6)
 Limits  temperature is not modelled
 """
 
@@ -24,9 +27,8 @@ class ImuCalibration:
     """By quantity; one that is absent is taken as it reads."""
 
     matrix: Mapping[str, Array] = field(default_factory=dict)  # (3, 3)
-    bias: Mapping[str, Array] = field(
-        default_factory=dict
-    )  # (3,) rad/s, m/s^2, T: the reading's own units
+    # (3,) rad/s, m/s^2, T: the reading's own units
+    bias: Mapping[str, Array] = field(default_factory=dict)
 
     def of(self, quantity: str) -> tuple[Array, Array]:
         """Matrix (3, 3) and bias (3,) of a quantity."""
@@ -71,7 +73,8 @@ def apply(
 
 
 def correct(by: Correction, values: Array) -> Array:
-    """Corrected values (..., sensors, 3 * quantities), each sample by itself; a missing axis leaves its whole sample missing.
+    """Corrected values (..., sensors, 3 * quantities), each sample by itself; a missing axis leaves
+    its whole sample missing.
 
     Three exact zeros of an accelerometer stay what they are: a sensor that does not answer.
     """
@@ -87,7 +90,8 @@ def correct(by: Correction, values: Array) -> Array:
 def _correct(
     reading: Array, matrix: Array, bias: Array, known: float, acc: float, made: Array
 ) -> None:
-    """One reading; `known` and `acc` are 1 where the sensor's calibration tells the quantity, and where it is specific force."""
+    """One reading; `known` and `acc` are 1 where the sensor's calibration tells the quantity, and
+    where it is specific force."""
     made[0], made[1], made[2] = reading[0], reading[1], reading[2]
     if known > 0 and not (acc > 0 and reading[0] == 0 and reading[1] == 0 and reading[2] == 0):
         x, y, z = reading[0] - bias[0], reading[1] - bias[1], reading[2] - bias[2]
@@ -108,7 +112,8 @@ def compose(first: ImuCalibration, second: ImuCalibration) -> ImuCalibration:
 def saturation_level(
     calibrations: Sequence[ImuCalibration], quantity: str, full_scale: float
 ) -> float:
-    """Least size that a corrected axis can have while the sensor is at its limit: what then counts as full scale."""
+    """Least size that a corrected axis can have while the sensor is at its limit: what then counts
+    as full scale."""
     return min((_least(*c.of(quantity), full_scale) for c in calibrations), default=full_scale)
 
 

@@ -1,9 +1,13 @@
-"""Calibrate magnetometers that have no inertial sensor beside them, rigid on one plate that was turned through all directions.
+"""Calibrate magnetometers that have no inertial sensor beside them, rigid on one plate that was
+turned through all directions.
 
-In      readings (n, magnetometers, 3) T at the same instants, the nominal turn of each against the plate
-Out     Solved by magnetometer: hard and soft iron of each, one strength of the field, axes that agree with the first one's; why others could not be
+In      readings (n, magnetometers, 3) T at the same instants, the nominal turn of each against the
+        plate
+Out     Solved by magnetometer: hard and soft iron of each, one strength of the field, axes that
+        agree with the first one's; why others could not be
 Source  magnetometer_sphere.py (Kok & Schoen 2016; Kortier, thesis 5.2.4)
-Limits  how the first is turned against the trunk's inertial sensor stays as its mounting says; a magnetometer alone is its own first
+Limits  how the first is turned against the trunk's inertial sensor stays as its mounting says; a
+        magnetometer alone is its own first
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,7 +35,7 @@ AGAINST_GRAVITY = (
 
 @dataclass(frozen=True)
 class BoardCalibration:
-    """What turning a plate told."""
+    """Calibration of all magnetometers of a board that was turned."""
 
     solved: Mapping[str, SolvedCalibration]  # by magnetometer
     refused: Sequence[str]
@@ -39,7 +43,8 @@ class BoardCalibration:
 
 
 def calibrate_board(names: Sequence[str], mag: Array, q_BS: Array) -> BoardCalibration:
-    """q_BS (magnetometers, 4) takes vectors from each magnetometer's axes to the plate's, as nominally mounted."""
+    """q_BS (magnetometers, 4) takes vectors from each magnetometer's axes to the plate's, as
+    nominally mounted."""
     spheres: dict[str, EllipsoidCalibration] = {}
     refused = []
     for k, name in enumerate(names):
@@ -69,7 +74,8 @@ def calibrate_board(names: Sequence[str], mag: Array, q_BS: Array) -> BoardCalib
 
 
 def _turn_sphere(s: EllipsoidCalibration, share: float, turn: Array) -> SolvedCalibration:
-    """With the matrix (3, 3) of the sphere turned, and mirrored where the magnetometer is, so that all of the plate agree."""
+    """With the matrix (3, 3) of the sphere turned, and mirrored where the magnetometer is, so that
+    all of the plate agree."""
     calibration = ImuCalibration({MAG: share * turn @ s.matrix}, {MAG: s.bias})
     return SolvedCalibration(
         calibration,

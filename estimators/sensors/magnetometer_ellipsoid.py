@@ -1,11 +1,16 @@
-"""Calibrate magnetometers by turning them through all directions where the field is homogeneous: readings are mapped onto a sphere.
+"""Calibrate magnetometers by turning them through all directions where the field is homogeneous:
+readings are mapped onto a sphere.
 
-In      readings of one magnetometer (n, 3), T, or of several on one rigid plate (n, magnetometers, 3); no equipment, no other sensor
-Out     Sphere: matrix and bias (corrected = matrix @ (reading - bias)) with standard deviations, strength of the field, what is left
-Source  Kok & Schoen 2016, IEEE Sensors J. 16:5679, (20)-(26) (maximum likelihood; Kortier, thesis 5.2.4 uses it); first values: the quadric of least
-        squares, Gander, Golub & Strebel 1994, BIT 34:558. Hard iron is the bias, soft iron and the axes' scales are the matrix
-Limits  strength alone cannot see a turn of the whole magnetometer: the matrix is symmetric; on one plate `common_axes` finds the turns against the
-        first, six_positions.py the turn against the accelerometer. The field's strength is not known from readings: theirs is kept, or told
+In      readings of one magnetometer (n, 3), T, or of several on one rigid plate (n, magnetometers,
+        3); no equipment, no other sensor
+Out     Sphere: matrix and bias (corrected = matrix @ (reading - bias)) with standard deviations,
+        strength of the field, what is left
+Source  Kok & Schoen 2016, IEEE Sensors J. 16:5679, (20)-(26) (maximum likelihood; Kortier, thesis
+        5.2.4 uses it); first values: the quadric of least squares, Gander, Golub & Strebel 1994,
+        BIT 34:558. Hard iron is the bias, soft iron and the axes' scales are the matrix
+Limits  strength alone cannot see a turn of the whole magnetometer: the matrix is symmetric; on one
+        plate `common_axes` finds the turns against the first, six_positions.py the turn against the
+        accelerometer. The field's strength is not known from readings: theirs is kept, or given
 """
 
 from collections.abc import Sequence
@@ -23,8 +28,11 @@ from handscope.estimators.sensors.imu_calibration import ImuCalibration
 
 FEWEST = 50  # readings
 MOST = 4000  # readings that are fitted: more are thinned out evenly
-SEEN = 0.05  # largest standard deviation of an entry of the matrix and of the bias as a share of the field that counts as observed
-HOMOGENEOUS = 0.05  # of the field: more left on the sphere is no homogeneous field, or no magnetometer in order
+# largest standard deviation of an entry of the matrix and of the bias as a share of the field that
+# counts as observed
+SEEN = 0.05
+# of the field: more left on the sphere is no homogeneous field, or no magnetometer in order
+HOMOGENEOUS = 0.05
 MIRRORED = 0.5  # of what is left over: so much less tells that an axis points the other way
 MISALIGNED = 0.1  # of the field: more left of a magnetometer against the first is no common plate
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # of a symmetric matrix
@@ -56,8 +64,10 @@ class EllipsoidCalibration:
 class CommonAxes:
     """How the axes of magnetometers on one plate are turned against the first one's."""
 
-    q_1l: Array  # (magnetometers, 4) into the first one's axes, of readings that are turned round where mirrored
-    mirrored: Bools  # (magnetometers,) left-handed, or the others are: an axis points the other way than on most
+    # (magnetometers, 4) into the first one's axes, of readings that are turned round where mirrored
+    q_1l: Array
+    # (magnetometers,) left-handed, or the others are: an axis points the other way than on most
+    mirrored: Bools
     left: Array  # (magnetometers,) share of the field that does not agree with the first
 
     @property
@@ -69,7 +79,8 @@ class CommonAxes:
 def fit_ellipsoid(
     mag: Array, name: str = "the magnetometer", strength: float | None = None
 ) -> EllipsoidCalibration:
-    """Calibrate one magnetometer from readings (n, 3); `strength` T of the field, if it is known. InputError says what was missing."""
+    """Calibrate one magnetometer from readings (n, 3); `strength` T of the field, if it is known.
+    InputError says what was missing."""
     readings = mag[np.isfinite(mag).all(axis=-1)]
     if len(readings) < FEWEST:
         raise InputError(
@@ -87,7 +98,7 @@ def fit_ellipsoid(
     s, V = np.linalg.svd(np.asarray(found.jac), full_matrices=False)[1:]
     sd = noise * np.sqrt((V.T**2 / np.maximum(s, 1e-12) ** 2).sum(axis=1))
     A = _symmetric(found.x[:6])
-    own = np.cbrt(np.linalg.det(A))  # the readings' own strength, if none is told
+    own = np.cbrt(np.linalg.det(A))  # the readings' own strength, if none is given
     radius = size / own if strength is None else strength
     if not sd.max() < SEEN:
         raise InputError(
@@ -111,7 +122,8 @@ def fit_ellipsoid(
 
 
 def find_common_axes(mag: Array) -> CommonAxes:
-    """Of corrected readings (n, magnetometers, 3): all are on one rigid plate that is turned in a homogeneous field, no magnet near."""
+    """Of corrected readings (n, magnetometers, 3): all are on one rigid plate that is turned in a
+    homogeneous field, no magnet near."""
     good, many = np.isfinite(mag).all(axis=(-1, -2)), mag.shape[1]
     q_1l, mirrored, left = np.tile(quat.IDENTITY, (many, 1)), np.zeros(many, bool), np.zeros(many)
     for k in range(1, many):
@@ -121,9 +133,8 @@ def find_common_axes(mag: Array) -> CommonAxes:
         mirrored[k] = flipped.residual < MIRRORED * as_is.residual
         found = flipped if mirrored[k] else as_is
         q_1l[k], left[k] = found.q_ab, found.residual
-    return CommonAxes(
-        q_1l, ~mirrored if mirrored.mean() > 0.5 else mirrored, left
-    )  # the first may be the odd one
+    # the first may be the odd one
+    return CommonAxes(q_1l, ~mirrored if mirrored.mean() > 0.5 else mirrored, left)
 
 
 def find_outsiders(names: Sequence[str], common: CommonAxes) -> dict[str, str]:
@@ -136,7 +147,8 @@ def find_outsiders(names: Sequence[str], common: CommonAxes) -> dict[str, str]:
 
 
 def dip(mag: Array, acc: Array) -> float:
-    """How far the field points below the horizon, rad: corrected readings (n, 3) and an accelerometer's (n, 3) in the same axes, turned slowly."""
+    """How far the field points below the horizon, rad: corrected readings (n, 3) and an
+    accelerometer's (n, 3) in the same axes, turned slowly."""
     good = np.isfinite(mag).all(axis=1) & np.isfinite(acc).all(axis=1)
     m, a = mag[good], acc[good]
     down = -(m * a).sum(axis=1) / (np.linalg.norm(m, axis=1) * np.linalg.norm(a, axis=1))

@@ -1,8 +1,11 @@
-"""Bring magnetometer samples to the instants of the inertial samples, whatever stream and rate they come in.
+"""Bring magnetometer samples to the instants of the inertial samples, whatever stream and rate they
+come in.
 
 In      blocks of inertial and magnetic streams, interleaved anyhow
-Out     inertial blocks with the magnetometer as a third quantity: the newest sample not after each instant, NaN where it is older than MOST_AGE
-Limits  an inertial sample waits until the magnetometers of its sensors have got that far; `release` stops the waiting of a live view
+Out     inertial blocks with the magnetometer as a third quantity: the newest sample not after each
+        instant, NaN where it is older than MOST_AGE
+Limits  an inertial sample waits until the magnetometers of its sensors have got that far; `release`
+        stops the waiting of a live view
 """
 
 from collections.abc import Mapping
@@ -24,13 +27,13 @@ class State:
     serving: Mapping[str, tuple[str, int]]  # sensor -> magnetic stream and its column there
     waiting: Mapping[str, Block] = field(default_factory=dict)
     magnetic: Mapping[str, Block] = field(default_factory=dict)
-    given: Mapping[str, float] = field(
-        default_factory=dict
-    )  # s, newest inertial sample given of each stream: others may still come from there on
+    # s, newest inertial sample given of each stream: others may still come from there on
+    given: Mapping[str, float] = field(default_factory=dict)
 
 
 def start(streams: tuple[Stream, ...]) -> State:
-    """Which magnetic stream serves which sensor; a stream that has all three quantities serves itself."""
+    """Which magnetic stream serves which sensor; a stream that has all three quantities serves
+    itself."""
     separate = [s for s in streams if MAG in s.quantities and not s.inertial]
     serving = {sensor: (s.name, k) for s in separate for k, sensor in enumerate(s.sensors)}
     return State(serving, given={s.name: -np.inf for s in streams if s.inertial})
@@ -63,7 +66,8 @@ def step(state: State, block: Block) -> tuple[State, list[Block]]:
 
 
 def release(state: State, patience: float) -> tuple[State, list[Block]]:
-    """Give out inertial samples older than `patience` s against the newest although their magnetometer is silent."""
+    """Give out inertial samples older than `patience` s against the newest although their
+    magnetometer is silent."""
     newest = max((b.t[-1] for b in state.waiting.values()), default=-np.inf)
     return _give(state, set(state.waiting), newest - patience)
 

@@ -1,4 +1,5 @@
-"""Which samples of a block are missing: values that are not there, and instants at which nothing came.
+"""Which samples of a block are missing: values that are not there, and instants at which nothing
+came.
 
 In      blocks of an inertial stream
 Out     masks, and blocks with rows of NaN where the stream's clock expects a sample
@@ -15,13 +16,15 @@ from handscope.estimators.numerics.typing import Array, Bools
 
 
 def is_complete(block: Block) -> Bools:
-    """Which rows (n, sensors) have all six inertial values; three exact zeros are an accelerometer that does not answer."""
+    """Which rows (n, sensors) have all six inertial values; three exact zeros are an accelerometer
+    that does not answer."""
     return _is_complete(block.of(GYR), block.of(ACC))
 
 
 def check_samples(block: Block) -> tuple[Bools, Bools]:
-    """Which samples (n, sensors) are whole: all six inertial values are there and the rate is within its limit, beyond which it is bridged as a missing
-    one is; and which rates or accelerations are at the sensor's limit."""
+    """Which samples (n, sensors) are whole: all six inertial values are there and the rate is
+    within its limit, beyond which it is bridged as a missing one is; and which rates or
+    accelerations are at the sensor's limit."""
     fastest, hardest = (
         SATURATION * block.stream.full_scale.get(quantity, math.nan) for quantity in (GYR, ACC)
     )
@@ -57,7 +60,8 @@ def _check_samples(
 def insert_missing_instants(
     block: Block, newest: float, period: float, max_gap: float
 ) -> tuple[Block, Bools]:
-    """Put rows of NaN where the stream's clock (`period` s, `newest` sample before the block) says that samples are missing; the mask tells the others."""
+    """Put rows of NaN where the stream's clock (`period` s, `newest` sample before the block) says
+    that samples are missing; the mask tells the others."""
     if not _has_gap(block.t, newest, period, max_gap):
         return block, np.ones(len(block.t), bool)
     previous = np.concatenate([[newest], block.t[:-1]])

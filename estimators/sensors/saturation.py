@@ -1,10 +1,13 @@
-"""Full scales that a recording does not tell, from readings that repeat their largest value; with them clipped samples are bridged, not used.
+"""Full scales that a recording does not tell, from readings that repeat their largest value; with
+them clipped samples are bridged, not used.
 
 In      samples of a stream, one block; or a whole Recording
-Out     the value at which each sensor clips, or the same recording with the full scales that were found
+Out     the value at which each sensor clips, or the same recording with the full scales that were
+        found
 Source  smallest and usual full scales: data sheets of MPU-9250 and LSM330DLC; the rule is ours
-Limits  a sensor whose readings were corrected for misalignment clips at no single value, and sensors of one stream may clip at different
-        values: without known full scales neither is bridged by tracking, the second is said by sensor_checks.py and bridged by self-calibration
+Limits  a sensor whose readings were corrected for misalignment clips at no single value, and
+        sensors of one stream may clip at different values: without known full scales neither is
+        bridged by tracking, the second is reported by fault_detection.py and bridged by self-calibration
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -25,15 +28,17 @@ USUAL = {
 }
 LEAST = {GYR: np.radians(240.0), ACC: 1.9 * GRAVITY}
 NEAR = 0.02  # of a usual full scale: what a scale error leaves
-OFTEN = 3  # equal largest readings: in a row anywhere, apart only near a usual full scale
+OFTEN = 3  # equal largest readings: in a row anywhere, separate ones only near a usual full scale
+# rad/s: a gyroscope clips below LEAST, too, where so many rows of equal largest readings say so
 SLOW, PLATEAUS = (
     np.radians(60.0),
     3,
-)  # rad/s: a gyroscope clips below LEAST, too, where so many rows of equal largest readings say so
+)
 
 
 def find_limits(block: Block, quantity: str) -> Array:
-    """Where each sensor clips (sensors,): its known full scale, a value that its readings repeat, or inf."""
+    """Where each sensor clips (sensors,): its known full scale, a value that its readings repeat,
+    or inf."""
     if quantity in block.stream.full_scale:
         return np.full(len(block.stream.sensors), block.stream.full_scale[quantity])
     values = block.of(quantity)
@@ -55,7 +60,8 @@ def find_limits(block: Block, quantity: str) -> Array:
 
 
 def find_full_scales(blocks: Iterable[Block]) -> dict[str, dict[str, float]]:
-    """Full scales by stream and quantity that are not told but seen: where one of its sensors clips and none reads more."""
+    """Full scales by stream and quantity inferred where not declared: where one of its sensors clips
+    and none reads more."""
     seen: dict[str, dict[str, float]] = {}
     for block in (b for b in blocks if b.stream.inertial):
         for quantity in (q for q in (GYR, ACC) if q not in block.stream.full_scale):

@@ -1,11 +1,16 @@
 """Calibrate a sensor from being laid down in six or more positions and turned from one to the next.
 
-In      samples of one sensor: gyroscope and accelerometer, and a magnetometer if there is one; any positions, no equipment
-Out     Solved: ImuCalibration, its standard deviations, what is left at rest and over the turns, what could not be seen
-Source  accelerometer: |M (y - b)| = g at rest, Frosio, Pedersini & Borghese 2009, IEEE Trans. Instrum. Meas. 58:2034; gyroscope: Tedaldi, Pretto &
-        Menegatti 2014, ICRA, (14)-(17); magnetometer: ellipsoid and constant dip, Kok & Schoen 2016, IEEE Sensors J. 16:5679, (20)-(26)
-Limits  gravity alone cannot see a turn of the whole sensor: the accelerometer's matrix is taken symmetric, the others are relative to it; the local g
-        is a parameter; a magnetometer keeps its mean strength, because that of the local field is not known
+In      samples of one sensor: gyroscope and accelerometer, and a magnetometer if there is one; any
+        positions, no equipment
+Out     Solved: ImuCalibration, its standard deviations, what is left at rest and over the turns,
+        what could not be seen
+Source  accelerometer: |M (y - b)| = g at rest, Frosio, Pedersini & Borghese 2009, IEEE Trans.
+        Instrum. Meas. 58:2034; gyroscope: Tedaldi, Pretto & Menegatti 2014, ICRA, (14)-(17);
+        magnetometer: ellipsoid and constant dip, Kok & Schoen 2016, IEEE Sensors J. 16:5679,
+        (20)-(26)
+Limits  gravity alone cannot see a turn of the whole sensor: the accelerometer's matrix is taken
+        symmetric, the others are relative to it; the local g is a parameter; a magnetometer keeps
+        its mean strength, because that of the local field is not known
 """
 
 from collections.abc import Callable, Mapping
@@ -31,6 +36,7 @@ from handscope.estimators.sensors.static_segments import (
     missing_positions,
 )
 
+# entries of a symmetric matrix: scales first
 LOWER = (
     (0, 0),
     (1, 1),
@@ -38,12 +44,13 @@ LOWER = (
     (0, 1),
     (0, 2),
     (1, 2),
-)  # entries of a symmetric matrix: scales first
+)
+# largest standard deviation of a matrix entry that still counts as observed
 SEEN = {
     ACC: 0.01,
     GYR: 0.02,
     MAG: 0.05,
-}  # largest standard deviation of a matrix entry that still counts as observed
+}
 DIPS = 4  # positions with a magnetometer that fix its turn against gravity
 FIELD_SAMPLES = 2000  # magnetometer samples that the ellipsoid is drawn through
 
@@ -65,9 +72,8 @@ class SolvedCalibration:
     calibration: ImuCalibration
     matrix_sd: Mapping[str, Array]  # (3, 3) by quantity; infinite where not observed
     bias_sd: Mapping[str, Array]  # (3,)
-    residuals: Mapping[
-        str, tuple[float, float]
-    ]  # RMS before and after: gyr rad of direction over a turn, acc m/s^2, mag share of the field
+    # RMS before and after: gyr rad of direction over a turn, acc m/s^2, mag share of the field
+    residuals: Mapping[str, tuple[float, float]]
     positions: int
     turns: int
     unobserved: tuple[str, ...] = ()  # in words
@@ -90,7 +96,8 @@ def solve(
     t_mag: Array | None = None,
     mag: Array | None = None,
 ) -> SolvedCalibration:
-    """Calibrate one sensor from its samples (n, 3); InputError names the position or turn that is missing."""
+    """Calibrate one sensor from its samples (n, 3); InputError names the position or turn that is
+    missing."""
     rests = find_rests(params, t, gyr, acc) if len(t) > 2 else []
     found = distinct_positions(rests)
     _require_positions(name, found)
@@ -138,7 +145,8 @@ def _require_positions(name: str, found: list[Array]) -> None:
 def _accelerometer(
     params: SolveParams, rests: list[Rest], different: int, unobserved: list[str]
 ) -> tuple[Array, Array, tuple[Array, Array], tuple[float, float]]:
-    """Symmetric matrix and bias that give every rest the length g; scales and biases alone where the positions do not show more."""
+    """Symmetric matrix and bias that give every rest the length g; scales and biases alone where
+    the positions do not show more."""
     mean = np.array([r.acc for r in rests])
     sd = np.array([max(r.acc_noise, 1e-4) / np.sqrt(len(r)) for r in rests])
     entries: tuple[tuple[int, int], ...] = LOWER
@@ -179,7 +187,8 @@ def _norm_fit(y: Array, sd: Array, g: float, entries: tuple[tuple[int, int], ...
 
 
 def _gyroscope_bias(rests: list[Rest]) -> tuple[Array, Array]:
-    """Mean over all rests, and its standard deviation from how the rests differ, never less than their noise allows."""
+    """Mean over all rests, and its standard deviation from how the rests differ, never less than
+    their noise allows."""
     means, weights = np.array([r.gyr for r in rests]), np.array([float(len(r)) for r in rests])
     bias = np.average(means, axis=0, weights=weights)
     noise = np.mean([r.gyr_noise for r in rests]) / np.sqrt(weights.sum())
@@ -196,7 +205,8 @@ def _gyroscope(
     ways: list[tuple[int, int]],
     unobserved: list[str],
 ) -> tuple[Array, Array, tuple[float, float]]:
-    """Matrix (3, 3) with which the integrated rate takes the direction of gravity from each position to the next; scales alone where no more shows."""
+    """Matrix (3, 3) with which the integrated rate takes the direction of gravity from each
+    position to the next; scales alone where no more shows."""
     if len(ways) < 5:
         raise InputError(
             f"{name}: only {len(ways)} turns from one position to the next were found, 5 are needed; turn it within 30 s each and record again"
@@ -220,7 +230,8 @@ def _gyroscope(
 def _turn_fit(
     steps: Array, start: Array, end: Array, sd: Array, free: Bools
 ) -> tuple[_Fit, Array, Array]:
-    """The fit with the matrix's `free` entries, the matrix and its standard deviations, infinite where not free."""
+    """The fit with the matrix's `free` entries, the matrix and its standard deviations, infinite
+    where not free."""
 
     def entries(x: Array, rest: Array) -> Array:
         M = rest.copy()
@@ -239,7 +250,8 @@ def _turn_fit(
 
 
 def _direction_sd(noise: float, a: Rest, b: Rest, dt: Array) -> float:
-    """Expected error (rad) of a direction taken over a turn: noise walked through, what is left of the bias, noise of both rests."""
+    """Expected error (rad) of a direction taken over a turn: noise walked through, what is left of
+    the bias, noise of both rests."""
     walked = noise * float(np.sqrt((dt**2).sum()))
     bias = noise / np.sqrt(min(len(a), len(b))) * float(dt.sum())
     return (
@@ -253,7 +265,8 @@ def _direction_sd(noise: float, a: Rest, b: Rest, dt: Array) -> float:
 
 
 def _steps(t: Array, rate: Array, ways: list[tuple[int, int]]) -> tuple[Array, list[Array]]:
-    """Rate times time from sample to sample (ways, longest, 3), zero behind the end; and the times."""
+    """Rate times time from sample to sample (ways, longest, 3), zero behind the end; and the
+    times."""
     dt = [np.diff(t[a : b + 1]) for a, b in ways]
     steps = np.zeros((len(ways), max(len(d) for d in dt), 3))
     for row, (a, b), d in zip(steps, ways, dt):
@@ -271,7 +284,8 @@ def _product(q: Array) -> Array:
 
 
 def _magnetometer(t: Array, t_mag: Array, mag: Array, rests: list[Rest], up: list[Array]) -> Any:
-    """Matrix, bias, their standard deviations and residuals of the field's constant strength and dip; a sentence where they cannot be seen."""
+    """Matrix, bias, their standard deviations and residuals of the field's constant strength and
+    dip; a sentence where they cannot be seen."""
     whole = np.isfinite(mag).all(axis=1)
     t_mag, mag = t_mag[whole], mag[whole]
     if len(mag) < 100 or (np.ptp(mag, axis=0) == 0).any():
@@ -292,16 +306,18 @@ def _magnetometer(t: Array, t_mag: Array, mag: Array, rests: list[Rest], up: lis
     fit = _dip_fit(y, mean, np.array([up[k] for k in used]), noise, noise / np.sqrt(count))
     if not fit.sd[:9].max() < SEEN[MAG]:
         return "the magnetometer: it was not turned through all directions"
+    # strength of the field: the readings' own mean
     M, scale = (
         fit.x[:9].reshape(3, 3),
         np.cbrt(np.linalg.det(fit.x[:9].reshape(3, 3))),
-    )  # strength of the field: the readings' own mean
+    )
     sd = fit.sd[:9].reshape(3, 3) / scale, fit.sd[9:12] * size
     return M / scale, centre + size * fit.x[9:12], sd, (fit.before, fit.after)
 
 
 def _dip_fit(y: Array, mean: Array, up: Array, sd: float, mean_sd: Array) -> _Fit:
-    """Matrix (9), bias (3) and the sine of the dip: |M (y - b)| = 1, up . M (y - b) = sine at rest; Kok & Schoen 2016, (20), (25)."""
+    """Matrix (9), bias (3) and the sine of the dip: |M (y - b)| = 1, up . M (y - b) = sine at rest;
+    Kok & Schoen 2016, (20), (25)."""
 
     def strength(x: Array) -> Array:
         return np.asarray(np.linalg.norm((y - x[9:12]) @ x[:9].reshape(3, 3).T, axis=1) - 1.0)
@@ -319,7 +335,8 @@ def _dip_fit(y: Array, mean: Array, up: Array, sd: float, mean_sd: Array) -> _Fi
 def _fit(
     left: Callable[[Array], Array], begin: Array, slope: Any, rms: Callable[[Array], float]
 ) -> _Fit:
-    """Least squares of whitened residuals; standard deviations from their curvature, larger where the residuals are larger than told."""
+    """Least squares of whitened residuals; standard deviations from their curvature, larger where
+    the residuals are larger than expected."""
     found = least_squares(left, begin, jac=slope, method="trf", x_scale="jac")
     s, V = np.linalg.svd(np.asarray(found.jac), full_matrices=False)[1:]
     seen = s > 1e-9 * s[0]

@@ -2,8 +2,10 @@
 
 In      samples of one sensor (n, ...) at instants t; NaN is missing
 Out     Rest: means and noise of every stretch; Turn: the samples from one stretch to the next
-Source  Tedaldi, Pretto & Menegatti 2014, ICRA, III.C: a static interval is one whose variance over a window stays low
-Limits  a slow steady turn about the vertical looks like rest: one whose mean rate stands out from the others is dropped
+Source  Tedaldi, Pretto & Menegatti 2014, ICRA, III.C: a static interval is one whose variance over
+        a window stays low
+Limits  a slow steady turn about the vertical looks like rest: one whose mean rate stands out from
+        the others is dropped
 """
 
 from dataclasses import dataclass
@@ -15,9 +17,8 @@ from handscope.estimators.numerics.intervals import find_runs
 from handscope.estimators.numerics.typing import Array
 
 NEIGHBOUR = np.radians(20.0)  # positions closer than this count as one
-ODD_RATE = np.radians(
-    2.0
-)  # rad/s that the mean rate of a stretch may differ from the median of all
+# rad/s that the mean rate of a stretch may differ from the median of all
+ODD_RATE = np.radians(2.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +101,8 @@ def distinct_positions(rests: list[Rest]) -> list[Array]:
 
 
 def missing_positions(found: list[Array]) -> list[str]:
-    """Sensor axes, with sign, that no position turns upwards within 60 deg; an octahedron in any direction misses none."""
+    """Sensor axes, with sign, that no position turns upwards within 60 deg; an octahedron in any
+    direction misses none."""
     wanted = {
         f"{sign}{name}": s * np.eye(3)[k]
         for k, name in enumerate("xyz")
@@ -112,7 +114,8 @@ def missing_positions(found: list[Array]) -> list[str]:
 def find_turns(
     params: RestParams, t: Array, gyr: Array, rests: list[Rest]
 ) -> list[tuple[int, int]]:
-    """Pairs (k, k + 1) of stretches with an unbroken and not too long way between them that changes the position."""
+    """Pairs (k, k + 1) of stretches with an unbroken and not too long way between them that changes
+    the position."""
     step = float(np.median(np.diff(t)))
     kept = []
     for k, (a, b) in enumerate(zip(rests, rests[1:])):
@@ -133,7 +136,8 @@ def _rest(gyr: Array, acc: Array, first: int, last: int) -> Rest:
 
 
 def _spread(x: Array, window: int) -> Array:
-    """Standard deviation (n - window + 1,) over a sliding window, of the axis that varies most; infinite where a sample is missing."""
+    """Standard deviation (n - window + 1,) over a sliding window, of the axis that varies most;
+    infinite where a sample is missing."""
     whole = np.asarray(np.isfinite(x).all(axis=1))
     y = (
         np.where(whole[:, None], x - x[whole].mean(axis=0), 0.0)

@@ -1,11 +1,14 @@
-"""Which axes of which sensors stand still, second by second: a living sensor's noise changes every axis.
+"""Which axes of which sensors stand still, second by second: a living sensor's noise changes every
+axis.
 
 In      samples of all streams, one block each
 Out     Findings: dead axes, sensors and magnetometers that give one reading
-Source  ours. An axis is dead where the covariance of the steps from sample to sample has no extent in some direction; after a strip's correction that
-        direction is no longer quite the axis, so the covariance is looked at and not the axis
-Limits  noiseless data (a simulation) has no such mark: where in some second nearly everything stands still, or most of the other fingers' sensors do,
-        nothing is said; nothing either while nothing moves
+Source  ours. An axis is dead where the covariance of the steps from sample to sample has no extent
+        in some direction; after a strip's correction that direction is no longer quite the axis, so
+        the covariance is looked at and not the axis
+Limits  noiseless data (a simulation) has no such mark: where in some second nearly everything
+        stands still, or most of the other fingers' sensors do, there is no finding; nor
+        while nothing moves
 """
 
 import math
@@ -22,11 +25,12 @@ from handscope.estimators.numerics.jit import Compiled, rowwise
 from handscope.estimators.numerics.typing import Array, Bools, Indices
 
 WINDOW = 1.0  # s
+# rad/s, m/s^2, T: far below a count of any sensor, far above rounding
 STILL = {
     GYR: 1e-6,
     ACC: 1e-5,
     MAG: 1e-11,
-}  # rad/s, m/s^2, T: far below a count of any sensor, far above rounding
+}
 NOISELESS = 0.95  # share of all directions that stand still in some second
 OTHERS = 0.8  # share of the other sensors' directions that must change meanwhile
 MOVES = 0.2  # rad/s, root mean square of the angular rate in a second of movement
@@ -113,7 +117,8 @@ def _moving_seconds(block: Block, edges: Array) -> Bools:
 def _by_second(
     measure: Compiled, block: Block, quantity: str, first: Indices, shape: tuple[int, ...]
 ) -> Array:
-    """What `measure` gives of each sensor's samples in each second (seconds, sensors, *shape); zeros where there are none."""
+    """What `measure` gives of each sensor's samples in each second (seconds, sensors, *shape);
+    zeros where there are none."""
     values = np.moveaxis(block.of(quantity), 1, 0)
     found = np.zeros((len(first) - 1, len(values), *shape))
     for k, (a, b) in enumerate(pairwise(first)):
@@ -163,7 +168,8 @@ def _share(dead: Sequence[Bools], known: Sequence[Bools]) -> Array:
 
 
 def _others_move(sensor: str, quantity: str, seen: Mapping[tuple[str, str], _AxisExtents]) -> Bools:
-    """Seconds in which the same quantity of other fingers changes; where no other has it, seconds in which this one's other axes do."""
+    """Seconds in which the same quantity of other fingers changes; where no other has it, seconds
+    in which this one's other axes do."""
     others = [
         s for (name, q), s in seen.items() if q == quantity and _finger(name) != _finger(sensor)
     ]

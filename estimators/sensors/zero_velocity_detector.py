@@ -1,7 +1,10 @@
-"""Whether a sensor stands still: generalized likelihood ratio test on a short window of accelerations and angular rates.
+"""Whether a sensor stands still: generalized likelihood ratio test on a short window of
+accelerations and angular rates.
 
-Source  Skog, Handel, Nilsson & Rantakokko 2010, IEEE Trans Biomed Eng 57:2657 (SHOE); Kortier's thesis 2.2.4 and 5.2.2 use it
-Limits  a movement at constant velocity without a turn looks like a standstill; a hand that trembles more than the limits never stands still
+Source  Skog, Handel, Nilsson & Rantakokko 2010, IEEE Trans Biomed Eng 57:2657 (SHOE); Kortier's
+        thesis 2.2.4 and 5.2.2 use it
+Limits  a movement at constant velocity without a turn looks like a standstill; a hand that trembles
+        more than the limits never stands still
 """
 
 import math
@@ -14,9 +17,11 @@ from handscope.estimators.numerics.typing import Array
 
 
 def likelihood_ratio(gyr: Array, acc: Array, gyr_sd: float, acc_sd: float) -> float:
-    """The test's statistic of a window: rates gyr (n, 3) rad/s without bias, specific forces acc (n, 3) m/s^2; below one (ours) it stands still.
+    """The test's statistic of a window: rates gyr (n, 3) rad/s without bias, specific forces acc
+    (n, 3) m/s^2; below one (ours) it stands still.
 
-    The mean over the window of |a - g u|^2 / acc_sd^2 + |w|^2 / gyr_sd^2 with u the direction of the mean of a.
+    The mean over the window of |a - g u|^2 / acc_sd^2 + |w|^2 / gyr_sd^2 with u the direction of
+    the mean of a.
     """
     mean = acc.mean(axis=0)
     up = mean / max(float(np.sqrt(mean @ mean)), 1e-9)

@@ -12,7 +12,7 @@ import numpy as np
 from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.methods import METHODS
-from handscope.estimators.pipeline.process import calibrate
+from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.validation.benchmarks import Metric
 from handscope.validation.benchmarks.batch import FAST, recording_of
 

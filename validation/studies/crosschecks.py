@@ -20,7 +20,8 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.pipeline.process import calibrate, process
+from handscope.estimators.pipeline.process import process
+from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.estimators.simulation import experiments
 from handscope.estimators.simulation.experiments import Experiment
 from handscope.estimators.simulation.movements import task_performance as tasks

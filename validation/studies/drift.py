@@ -17,7 +17,7 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import IS_DOF, SEGMENTS
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.pipeline.process import calibrate
+from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.estimators.simulation import kinematics, sensors
 from handscope.estimators.simulation.movements import guided_movements, task_performance
 from handscope.estimators.simulation.movements.task_performance import Performance

@@ -10,7 +10,7 @@ from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.pipeline import process as pipeline_process
+from handscope.estimators.pipeline import recording_calibration
 from handscope.estimators.simulation.movements import functional_calibration, task_performance
 from handscope.estimators.simulation.movements.functional_calibration import (
     Carelessness,
@@ -20,9 +20,8 @@ from handscope.estimators.simulation.person import draw_person
 from handscope.estimators.simulation.scenario import Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
 
-ANYHOW = SensorErrors(
-    misalignment=15.0, misalignment_width=15.0
-)  # up to 30 deg off, about any axis
+# up to 30 deg off, about any axis
+ANYHOW = SensorErrors(misalignment=15.0, misalignment_width=15.0)
 PERFECT = Carelessness(pose=0.0, apart=0.0, joints=0.0, hand=2.0)
 TURNED = SensorErrors(
     **{
@@ -64,18 +63,19 @@ def done(
 
 def posed(recording: Simulated) -> Calibration:
     """The calibration from the initial pose alone."""
-    (calibration,), _ = pipeline_process.calibrate(m2.Params(functional=False), recording)
+    (calibration,), _ = recording_calibration.calibrate(m2.Params(functional=False), recording)
     return calibration
 
 
 def pieces(recording: Simulated, params: m2.Params | None = None) -> dict[str, CalibrationMovement]:
-    return pipeline_process.functional_pieces(params or m2.Params(), recording, [posed(recording)])[
-        0
-    ]
+    return recording_calibration.functional_pieces(
+        params or m2.Params(), recording, [posed(recording)]
+    )[0]
 
 
 def errors_of(recording: Simulated, calibration: Calibration) -> dict[str, Array]:
-    """Turns (3,) in rad, in the segment's frame, between the sensors as they are taken to sit and as they do."""
+    """Turns (3,) in rad, in the segment's frame, between the sensors as they are taken to sit and
+    as they do."""
     true = dict(zip(recording.sensors.segments, recording.sensors.q_BS))
     return {
         s: quat.log(quat.multiply(q, quat.conjugate(true[s]))) for s, q in calibration.q_BS.items()

@@ -1,4 +1,5 @@
-"""Sensors put on anyhow, from the steps to joint angles: alone, by process, with steps missing, on either hand."""
+"""Sensors put on anyhow, from the steps to joint angles: alone, by process, with steps missing, on
+either hand."""
 
 from dataclasses import replace
 
@@ -28,6 +29,7 @@ from tests.estimators.alignment.functional import (
 from tests.simulated import DEG
 
 PARAMS = m2.Params(gyr_reading="instant")
+# deg: our targets for slow and fast tasks
 MAIN = {  # the angles that a task moves: joints and which of their angles
     "rom_fist": ([(f"{f}_{j}", 0) for f in FINGERS[1:] for j in ("mcp", "pip", "dip")], 3.0),
     "rom_spread": ([(f"{f}_mcp", 1) for f in FINGERS[1:]], 3.0),
@@ -39,7 +41,7 @@ MAIN = {  # the angles that a task moves: joints and which of their angles
         [(f"index_{j}", 0) for j in ("mcp", "pip", "dip")] + [("thumb_mcp", 0), ("thumb_ip", 0)],
         5.0,
     ),
-}  # deg: our targets for slow and fast tasks
+}
 
 
 def _combined(recording: Simulated, *without: str):
@@ -59,14 +61,12 @@ def test_axes_of_sensors_put_on_anyhow_are_found_within_two_degrees(hand: Hand) 
     found = _combined(recording)
     errors = errors_of(recording, found)
     assert set(found.q_BS_sd) == set(SEGMENTS)
-    assert (
-        max(np.linalg.norm(e[:2]) for s, e in errors.items() if s != "forearm") < 3 * DEG
-    )  # where z points
+    # where z points
+    assert max(np.linalg.norm(e[:2]) for s, e in errors.items() if s != "forearm") < 3 * DEG
     assert np.sqrt(np.mean([e[:2] ** 2 for s, e in errors.items() if s != "forearm"])) < 1.2 * DEG
     alone = errors_of(recording, posed(recording))
-    assert (
-        np.sqrt(np.mean([e[:2] ** 2 for e in alone.values()])) > 5 * DEG
-    )  # what the pose alone leaves
+    # what the pose alone leaves
+    assert np.sqrt(np.mean([e[:2] ** 2 for e in alone.values()])) > 5 * DEG
 
 
 @pytest.mark.parametrize("hand", HANDS)
@@ -106,8 +106,8 @@ def test_a_sensor_on_its_head_is_no_different() -> None:
     for segment, q in turned.items():
         there = quat.multiply(found.q_BS[segment], q)
         assert quat.angle(quat.relative(plain.q_BS[segment], there)) < 1 * DEG
-    said = process(m2, PARAMS, upset)
-    assert not [f for f in said.findings if f.kind == "turned"]
+    warnings = process(m2, PARAMS, upset)
+    assert not [f for f in warnings.findings if f.kind == "turned"]
     assert [
         f for f in process(m2, m2.Params(functional=False), upset).findings if f.kind == "turned"
     ]
@@ -145,9 +145,8 @@ def test_without_the_figure_of_eight_a_hand_that_rested_points_as_mounted_and_th
     )
     assert "forearm" not in found.q_BS_sd
     off = abs(errors_of(recording, found)["hand"][0])
-    assert (
-        off < 2 * found.q_BS_sd["hand"][0]
-    )  # the knuckles pull the skin under a hand that rests: that is no movement of the hand
+    # the knuckles pull the skin under a hand that rests: that is no movement of the hand
+    assert off < 2 * found.q_BS_sd["hand"][0]
 
 
 def test_without_the_figure_of_eight_a_hand_that_swayed_has_told_enough() -> None:
@@ -210,9 +209,9 @@ def test_a_step_may_be_repeated_and_the_last_good_one_counts() -> None:
     only_bad = replace(
         _without(recording, "flexion_mcp"), events=(*_without(recording, "flexion_mcp").events, bad)
     )
-    said = process(m2, PARAMS, only_bad).warnings
-    assert any("MCP flexion" in w and "repeat it" in w for w in said)
-    assert any("steps not done: MCP flexion" in w for w in said)
+    warnings = process(m2, PARAMS, only_bad).warnings
+    assert any("MCP flexion" in w and "repeat it" in w for w in warnings)
+    assert any("steps not done: MCP flexion" in w for w in warnings)
 
 
 def test_without_an_initial_pose_the_flat_hand_serves() -> None:
@@ -233,7 +232,8 @@ def test_steps_of_another_recording_seat_the_sensors_in_this_one() -> None:
 
 
 def test_magnetic_north_turns_with_the_headings() -> None:
-    """The field in the global frame, as a sensor saw it in the pose, lies where the new heading puts it."""
+    """The field in the global frame, as a sensor saw it in the pose, lies where the new heading
+    puts it."""
     pose = posed(done("left"))
     field_S = {s: np.array([0.3, 0.7, -0.4]) for s in pose.q_GS}
 

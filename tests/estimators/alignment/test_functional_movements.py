@@ -1,4 +1,5 @@
-"""Each step measured for itself: good ones have no problem, bad ones a sentence that says what to do."""
+"""Each step measured for itself: good ones have no problem, bad ones a sentence that says what to
+do."""
 
 from dataclasses import replace
 

@@ -30,7 +30,8 @@ def _calibrate(recording: Simulated, pose: Pose = STILL, **options: float | str)
 
 
 def _changed(recording: Simulated, name: str, change: "object") -> Simulated:
-    """The recording with the values of one stream changed by a function that works in place on (t, values)."""
+    """The recording with the values of one stream changed by a function that works in place on (t,
+    values)."""
     block = recording.samples[name]
     values = block.values.copy()
     change(block.t, values)
@@ -51,9 +52,10 @@ def test_biases_are_found_and_misalignment_but_for_its_part_about_the_vertical()
             np.linalg.norm(recording.sensors.bias[k, :3]), abs=1e-9
         )
         if not segment.startswith("thumb"):  # the pose turns the thumb's frames against the hand's
+            # the hand's own cannot be seen
             true = quat.multiply(
                 quat.conjugate(recording.sensors.q_BS[hand]), recording.sensors.q_BS[k]
-            )  # the hand's own cannot be seen
+            )
             error = quat.log(quat.multiply(found.q_BS[segment], quat.conjugate(true)))
             up = quat.rotate(
                 quat.conjugate(
@@ -78,9 +80,8 @@ def test_the_paper_keeps_the_nominal_mounting_and_takes_the_heading_only() -> No
     for segment in recording.sensors.segments:
         np.testing.assert_array_equal(found.q_BS[segment], quat.IDENTITY)
     true = quat.multiply(recording.truth.q_GS[200, 0], recording.sensors.q_BS[0])
-    assert (
-        quat.angle(quat.relative(true, found.q_GS["forearm"])) < 15 * DEG
-    )  # heading of the pose, inclination measured
+    # heading of the pose, inclination measured
+    assert quat.angle(quat.relative(true, found.q_GS["forearm"])) < 15 * DEG
 
 
 def test_a_nominal_mounting_is_the_starting_point() -> None:
@@ -145,9 +146,9 @@ def _refusal(recording: Simulated, pose: Pose = STILL) -> str:
 
 
 def test_a_short_pose_is_refused() -> None:
-    said = _refusal(pose_and_wiggle("left"), Pose(1.5, 2.0))
-    assert "2.0 s of samples" in said
-    assert "3 s are needed" in said
+    warnings = _refusal(pose_and_wiggle("left"), Pose(1.5, 2.0))
+    assert "2.0 s of samples" in warnings
+    assert "3 s are needed" in warnings
 
 
 def test_a_pose_outside_the_recording_is_refused() -> None:
@@ -184,9 +185,9 @@ def test_a_hand_that_turns_is_refused_by_the_sensors_name(words: str, change: "o
     def turn(t: np.ndarray, values: np.ndarray) -> None:
         values[:, k, 1] += change(t) * DEG
 
-    said = _refusal(_changed(recording, "imu", turn))
-    assert f"little_middle {words}" in said
-    assert "hold the pose still" in said
+    warnings = _refusal(_changed(recording, "imu", turn))
+    assert f"little_middle {words}" in warnings
+    assert "hold the pose still" in warnings
 
 
 def test_a_hand_that_tilts_is_refused() -> None:

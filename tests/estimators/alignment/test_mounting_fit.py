@@ -38,20 +38,24 @@ def test_without_any_carelessness_or_noise_the_mounting_is_found(hand: Hand) -> 
 
 
 def test_standard_deviations_are_honest() -> None:
-    """Normalised error squared of sensors put on anyhow by careless people, about each axis, of all sensors together and of neighbours' flexions: what a
-    posture misses is shared by the sensors of a finger."""
+    """Normalised error squared of sensors put on anyhow by careless people, about each axis, of all
+    sensors together and of neighbours' flexions: what a posture misses is shared by the sensors of
+    a finger."""
     squared, together, bends = [], [], []
     for seed, hand in ((3, "left"), (4, "right"), (5, "left"), (6, "right")):
         recording = done(hand, seed)
         found = functional_calibration.combine(m2.Params(), pieces(recording), posed(recording), {})
         errors = errors_of(recording, found)
         squared += [(errors[s] / sd) ** 2 for s, sd in found.q_BS_sd.items()]
-        told, all_errors = list(found.q_BS_sd), np.concatenate([errors[s] for s in found.q_BS_sd])
+        determined, all_errors = (
+            list(found.q_BS_sd),
+            np.concatenate([errors[s] for s in found.q_BS_sd]),
+        )
         together.append(
             all_errors @ np.linalg.solve(found.mounting_covariance(), all_errors) / len(all_errors)
         )
         for joint in JOINTS:
-            child, parent = (3 * told.index(s) + 2 for s in (joint.child, joint.parent))
+            child, parent = (3 * determined.index(s) + 2 for s in (joint.child, joint.parent))
             between = np.zeros(len(all_errors))
             between[child], between[parent] = 1.0, -1.0
             bends.append(

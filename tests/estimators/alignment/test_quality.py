@@ -1,4 +1,5 @@
-"""The grade of each joint's calibration follows the worse of its two sensors, and says what decided it."""
+"""The grade of each joint's calibration follows the worse of its two sensors, and says what decided
+it."""
 
 from dataclasses import replace
 
@@ -66,12 +67,15 @@ def test_one_sensor_decides_the_joints_on_either_side_and_no_other(
 def test_where_movements_told_how_a_sensor_sits_their_doubt_counts_and_not_how_askew_it_is() -> (
     None
 ):
-    askew = replace(
+    misaligned = replace(
         GOOD, quality={**GOOD.quality, "index_distal": replace(STILL, misalignment=60 * DEG)}
     )
-    told = replace(askew, q_BS_sd={"index_distal": np.array([1.0, 1.0, 1.0]) * DEG})
-    assert (graded(askew)["index_dip"].grade, graded(told)["index_dip"].grade) == ("poor", "good")
-    doubtful = replace(askew, q_BS_sd={"index_distal": np.array([9.0, 1.0, 1.0]) * DEG})
+    determined = replace(misaligned, q_BS_sd={"index_distal": np.array([1.0, 1.0, 1.0]) * DEG})
+    assert (graded(misaligned)["index_dip"].grade, graded(determined)["index_dip"].grade) == (
+        "poor",
+        "good",
+    )
+    doubtful = replace(misaligned, q_BS_sd={"index_distal": np.array([9.0, 1.0, 1.0]) * DEG})
     assert (graded(doubtful)["index_dip"].grade, graded(doubtful)["index_dip"].reason) == (
         "poor",
         "axis",

@@ -1,7 +1,6 @@
-"""The chains' filter: its derivatives, its exact turns, its honesty."""
+"""The finger filter: exact propagation, honest covariances."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,13 +14,15 @@ from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentPri
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
+from tests.estimators.finger_ekf.test_jacobians import joint_jacobian
 
 DEG = np.pi / 180
 RATE = 200.0
+# MCP, PIP, DIP
 FREE_INDEX, LIMITS_INDEX = (
     finger_ekf_measurements.IS_FREE[1],
     finger_ekf_measurements.LIMITS[1],
-)  # MCP, PIP, DIP
+)
 WHITE = FilterParams(
     correlation=0.0,
     inclination_time=0.0,
@@ -35,229 +36,27 @@ WHITE = FilterParams(
 WHITE = replace(WHITE, inclination_by_rate=0.0, acc_bias=0.0)
 
 
-def _derivative(f: Callable[[Array], Array], size: int, step: float = 1e-6) -> Array:
-    """Central differences: the last axis is that of the argument."""
-    return np.stack([(f(e) - f(-e)) / (2 * step) for e in step * np.eye(size)], axis=-1)
-
-
-def _random(rng: np.random.Generator, *shape: int) -> Array:
-    return quat.normalize(rng.normal(size=(*shape, 4)))
-
-
-@dataclass(frozen=True)
-class _Jacobian:
-    q: Array  # (F, 3, 4)
-    A: Array  # (F, 9, 43)
-
-
-def _joint_jacobian(q_pc: Array, q_SB: Array, soft_tissue_gain: Array) -> _Jacobian:
-    found = _Jacobian(np.empty(q_pc.shape), np.zeros((len(q_pc), 9, sensor_to_segment.SIZE)))
-    for each in zip(q_pc, q_SB, soft_tissue_gain, found.q, found.A):
-        sensor_to_segment.joint_jacobian_row(*each)
-    return found
-
-
-def _bent_chain(rng: np.random.Generator) -> tuple[Array, Array]:
-    """Seats 8 deg askew and rotations between sensors of a chain that is bent in all its joints."""
-    q_SB = quat.exp(8 * DEG * rng.normal(size=(1, 4, 3)))
-    q = joint_angles.compose(rng.uniform(-0.3, 1.0, (1, 3, 3)))
-    return q_SB, quat.multiply(quat.multiply(q_SB[:, :3], q), quat.conjugate(q_SB[:, 1:]))
-
-
-def test_the_errors_of_true_joints_follow_from_all_error_states_as_the_derivative_says(
-    rng: np.random.Generator,
-) -> None:
-    """Skin that turns in proportion to flexion, whose own error counts for nothing in it: a part in fifty."""
-    q_SB, q_pc = _bent_chain(rng)
-    soft_tissue_gain = 0.02 * rng.normal(size=(1, 3, 3))
-    at = _joint_jacobian(q_pc, q_SB, soft_tissue_gain)
-
-    def found(x: Array) -> Array:
-        parts = (
-            quat.multiply(q_pc, quat.exp(x[:9].reshape(1, 3, 3))),
-            quat.multiply(q_SB, quat.exp(x[21:33].reshape(1, 4, 3))),
-        )
-        return quat.log(
-            quat.relative(
-                at.q, _joint_jacobian(*parts, soft_tissue_gain + x[33:42].reshape(1, 3, 3)).q
-            )
-        ).ravel()
-
-    numeric = _derivative(found, sensor_to_segment.SIZE)
-    np.testing.assert_allclose(
-        at.A[0][:, sensor_to_segment.SOFT_TISSUE],
-        numeric[:, sensor_to_segment.SOFT_TISSUE],
-        atol=1e-7,
-    )
-    np.testing.assert_allclose(at.A[0], numeric, atol=0.06)
-    at = _joint_jacobian(q_pc, q_SB, soft_tissue_gain := np.zeros((1, 3, 3)))
-    without = np.delete(np.arange(sensor_to_segment.SIZE), np.arange(33, 42))
-    np.testing.assert_allclose(
-        at.A[0][:, without], _derivative(found, sensor_to_segment.SIZE)[:, without], atol=1e-7
-    )
-
-
-def test_true_joints_of_sensors_that_sit_straight_are_the_rotations_between_them(
-    rng: np.random.Generator,
-) -> None:
-    q_pc, straight = _random(rng, 5, 3), np.tile(quat.IDENTITY, (5, 4, 1))
-    np.testing.assert_allclose(
-        np.abs((_joint_jacobian(q_pc, straight, np.zeros((5, 3, 3))).q * q_pc).sum(axis=-1)),
-        1.0,
-        atol=1e-12,
-    )
-
-
-def test_skin_turns_the_child_s_sensor_by_its_share_of_the_flexion() -> None:
-    """Sensors turned on their segments as the simulator does it: q_BS = exp(flexion k)."""
-    flexion, k = (
-        np.array([0.9, 1.2, 0.7]),
-        0.03 * np.array([[1.0, -0.5, 0.0], [0.2, 1.0, 0.0], [-1.0, 0.3, 0.0]]),
-    )
-    q = quat.about(2, flexion)
-    q_BS = np.concatenate([[quat.IDENTITY], quat.exp(flexion[:, None] * k)])
-    q_pc = quat.multiply(quat.multiply(quat.conjugate(q_BS[:3]), q), q_BS[1:])
-    found = _joint_jacobian(q_pc[None], np.tile(quat.IDENTITY, (1, 4, 1)), k[None]).q[0]
-    assert (
-        quat.angle(quat.relative(q, found)).max() < 0.1 * DEG
-    )  # from which flexion, is of the second order
-    assert quat.angle(quat.relative(q, q_pc)).max() > 2 * DEG
-
-
-def test_vector_and_angle_jacobians_are_derivatives(rng: np.random.Generator) -> None:
-    q_pc, v, angles = (
-        _random(rng, 6),
-        9.8 * rng.normal(size=(6, 3)),
-        rng.uniform(-1.2, 1.2, (20, 3)),
-    )
-    vectors = _derivative(lambda dth: quat.rotate(quat.multiply(q_pc, quat.exp(dth)), v), 3)
-    for R_pc, v_c, expected in zip(quat.matrix(q_pc), v, vectors):
-        H = np.zeros((5, 6))
-        finger_ekf_measurements.vector_jacobian_row(R_pc, v_c, 1, 2, H)
-        np.testing.assert_allclose(H[1:4, 2:5], expected, atol=1e-7)
-        assert not H[[0, 4]].any()
-    q = joint_angles.compose(angles)
-    turned = _derivative(lambda d: joint_angles.decompose(quat.multiply(q, quat.exp(d))), 3)
-    np.testing.assert_allclose(finger_ekf_measurements.angle_jacobian(angles), turned, atol=1e-7)
-
-
-@dataclass(frozen=True)
-class _Rows:
-    innovation: Array  # (F, M)
-    H: Array  # (F, M, 42)
-    noise: Array  # (F, M, M)
-
-
-def _constrain(jacobian: _Jacobian) -> _Rows:
-    """What index fingers cannot do, three rows a joint."""
-    rows = _Rows(
-        np.zeros((len(jacobian.q), 18)),
-        np.zeros((len(jacobian.q), 18, sensor_to_segment.SIZE)),
-        np.zeros((len(jacobian.q), 18, 18)),
-    )
-    for each in zip(jacobian.q, jacobian.A, rows.innovation, rows.H, rows.noise):
-        given = (
-            np.eye(sensor_to_segment.SIZE),
-            np.full(3, (2 * DEG) ** 2),
-            FREE_INDEX.astype(float),
-            LIMITS_INDEX,
-            np.ones(3),
-            0.2,
-        )
-        finger_ekf_measurements.joint_constraints_row(
-            finger_ekf_measurements.pack_params(FilterParams()), *each[:2], *given, *each[2:]
-        )
-    return _Rows(rows.innovation[:, 9:], rows.H[:, 9:], rows.noise[:, 9:, 9:])
-
-
-def test_what_joints_cannot_do_misses_what_the_derivative_says(rng: np.random.Generator) -> None:
-    """A chain near what it may be: every angle that is no freedom, by all error states."""
-    q_SB, _ = _bent_chain(rng)
-    q = joint_angles.compose(np.array([[[0.8, 0.1, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 0.0]]]))
-    q_pc = quat.multiply(quat.multiply(q_SB[:, :3], q), quat.conjugate(q_SB[:, 1:]))
-    no_skin = np.zeros((1, 3, 3))
-
-    def missed(x: Array) -> Array:
-        parts = (
-            quat.multiply(q_pc, quat.exp(x[:9].reshape(1, 3, 3))),
-            quat.multiply(q_SB, quat.exp(x[21:33].reshape(1, 4, 3))),
-        )
-        return np.asarray(
-            _constrain(_joint_jacobian(*parts, no_skin + x[33:42].reshape(1, 3, 3))).innovation[0]
-        )
-
-    rows = _constrain(_joint_jacobian(q_pc, q_SB, no_skin))
-    np.testing.assert_allclose(rows.H[0], -_derivative(missed, sensor_to_segment.SIZE), atol=1e-7)
-    np.testing.assert_allclose(rows.innovation, 0.0, atol=1e-12)
-
-
-def test_a_hinge_tells_nothing_of_its_flexion_however_askew_it_seems(
-    rng: np.random.Generator,
-) -> None:
-    angles = rng.uniform(-0.3, 0.3, (4, 3, 3)) + [0.5, 0.0, 0.0]
-    straight = np.tile(quat.IDENTITY, (4, 4, 1))
-    H = _constrain(_joint_jacobian(joint_angles.compose(angles), straight, np.zeros((4, 3, 3)))).H
-    np.testing.assert_allclose(H[:, 3:, 5], 0.0, atol=1e-15)  # PIP, about its own z
-    np.testing.assert_allclose(H[:, 6:, 8], 0.0, atol=1e-15)  # DIP
-
-
-def test_only_a_flexion_beyond_its_range_is_told() -> None:
-    straight, flexion = (
-        np.tile(quat.IDENTITY, (2, 4, 1)),
-        np.array([[0.5, 1.0, 0.5], [0.5, 2.3, 0.5]]),
-    )
-    rows = _constrain(_joint_jacobian(quat.about(2, flexion), straight, np.zeros((2, 3, 3))))
-    np.testing.assert_allclose(rows.innovation[:, 3], [0.0, 120 * DEG - 2.3], atol=1e-12)
-    assert rows.H[0, 3].any() == np.False_
-    assert rows.H[1, 3, 5] == pytest.approx(1.0)
-
-
-def test_the_gates_leave_out_accelerometers_that_disagree_or_turn_fast() -> None:
-    params, up = FilterParams(vertical="accelerometers"), np.tile([9.81, 0.0, 0.0], (3, 4, 1))
-    up[1, 2, 0] = 10.5  # the middle phalanx is pushed
-    rates = np.zeros((3, 4))
-    rates[2, 1] = 3.0  # the proximal one turns
-    straight, H = np.tile(quat.IDENTITY, (3, 1)), np.zeros((3, 18, sensor_to_segment.SIZE))
-    for case in range(3):
-        given = (
-            straight,
-            up[case],
-            up[case] / 9.81,
-            np.zeros(4),
-            rates[case],
-            np.ones(3),
-            0.2,
-            np.zeros(18),
-            H[case],
-            np.zeros((18, 18)),
-        )
-        finger_ekf_measurements.vectors_row(finger_ekf_measurements.pack_params(params), *given)
-    used = np.abs(H[:, :9]).reshape(3, 3, 3, -1).sum(axis=(2, 3)) > 0
-    np.testing.assert_array_equal(
-        used, [[True, True, True], [True, False, False], [False, False, True]]
-    )
-
-
-def test_a_pose_leaves_joints_to_what_is_missed_and_seats_alike_but_about_the_vertical() -> None:
-    """The covariance after the pose against 20000 people who put on sensors askew, miss the pose and are calibrated by gravity."""
+def test_a_pose_determines_joints_and_mounting_except_about_the_vertical() -> None:
+    """The covariance after the pose against 20000 people who put on sensors askew, miss the pose
+    and are calibrated by gravity."""
     rng, params, trials = (
         np.random.default_rng(1),
         FilterParams(misalignment=1.0, pose_sd=0.5, angle_sd=0.2),
         20000,
     )
     up = np.array([1.0, 0.0, 0.0])
+    # segment to sensor
     q_nominal = quat.multiply(
         quat.exp(1.0 * DEG * rng.normal(size=(trials, 4, 3))),
         np.tile(quat.IDENTITY, (trials, 4, 1)),
-    )  # segment to sensor
+    )
     missed = 0.5 * DEG * rng.normal(size=(trials, 3, 3)) * FREE_INDEX
     q_joint = joint_angles.compose(missed)
     q_HS = quat.multiply(_chained(q_joint), quat.conjugate(q_nominal))  # of the sensors as they sit
     seen = quat.rotate(quat.conjugate(q_HS), up)
     seen += 0.2 * DEG * rng.normal(size=(trials, 4, 3)) * [0, 1, 1]
-    turn = quat.exp(
-        np.cross(seen, seen[:, :1])
-    )  # small: each sensor's frame is turned until it sees up where the hand's sees it
+    # small: each sensor's frame is turned until it sees up where the hand's sees it
+    turn = quat.exp(np.cross(seen, seen[:, :1]))
     q_SB = quat.multiply(turn, q_nominal)
     q_pc = quat.relative(
         quat.multiply(q_HS, quat.conjugate(turn))[:, :3],
@@ -286,14 +85,15 @@ def test_a_pose_leaves_each_freedom_of_a_thumb_held_aside_to_what_is_missed() ->
     P = sensor_to_segment.covariance_after_pose(
         params, q_pc, up, finger_ekf_measurements.IS_FREE[:1], _prior(params)
     )[0]
-    A = _joint_jacobian(q_pc, np.tile(quat.IDENTITY, (1, 4, 1)), np.zeros((1, 3, 3))).A[0]
-    J = finger_ekf_measurements.angle_jacobian(angles[0, 0])
+    A = joint_jacobian(q_pc, np.tile(quat.IDENTITY, (1, 4, 1)), np.zeros((1, 3, 3))).A[0]
+    J = finger_ekf_measurements.angle_jacobian(angles[0, 0], angles[0, 0])
     of_angles = J @ (A @ P @ A.T)[:3, :3] @ J.T
     np.testing.assert_allclose(np.sqrt(np.diag(of_angles)) / DEG, 1.45, rtol=1e-3)
 
 
 def _chained(q_pc: Array) -> Array:
-    """Orientations (F, 4, 4) of a chain's segments against its first, of the rotations of its joints (F, 3, 4)."""
+    """Orientations (F, 4, 4) of a chain's segments against its first, of the rotations of its
+    joints (F, 3, 4)."""
     q = [np.tile(quat.IDENTITY, (len(q_pc), 1))]
     for j in range(3):
         q.append(quat.multiply(q[-1], q_pc[:, j]))
@@ -329,9 +129,9 @@ def test_constant_rates_of_both_segments_are_followed_exactly_for_a_minute() -> 
     turn = np.broadcast_to(w * 0.01, (len(t), 1, 4, 3)).copy()
     turn[0] = 0.0
     params = FilterParams(dimensions=False, rest_rate=0.01)
-    _, found = finger_ekf_filter.step(params, _index(params), _samples(t, turn))
+    _, estimate = finger_ekf_filter.step(params, _index(params), _samples(t, turn))
     exact = quat.multiply(quat.exp(-w[0, 0] * t[:, None]), quat.exp(w[0, 1] * t[:, None]))
-    assert quat.angle(quat.relative(exact, found.q_joint[:, 0, 0])).max() < 1e-9
+    assert quat.angle(quat.relative(exact, estimate.q_joint[:, 0, 0])).max() < 1e-9
 
 
 def _index(params: FilterParams, trials: int = 1) -> State:
@@ -353,8 +153,9 @@ def _prior(params: FilterParams, trials: int = 1) -> SensorToSegmentPrior:
 def _finger_trials(
     rng: np.random.Generator, params: FilterParams, trials: int, seconds: float
 ) -> tuple[Samples, Array, Array, Array]:
-    """Index fingers that bend while the hand turns, drawn as the model says: samples, the true q_pc between sensors and of the joints
-    (n, trials, 3, 4), the true biases at the end (trials, 4, 3)."""
+    """Index fingers that bend while the hand turns, drawn as the model says: samples, the true q_pc
+    between sensors and of the joints (n, trials, 3, 4), the true biases at the end (trials, 4,
+    3)."""
     t = np.arange(0.0, seconds, 1 / RATE)
     flexion = (
         0.6 * (np.cos(2 * np.pi * 0.4 * t[:, None, None]) - 1) * rng.uniform(-1, -0.2, (trials, 3))
@@ -384,9 +185,8 @@ def _finger_trials(
     seen = up[0] + np.cross(wrong, up[0])
     to_hand = np.cross(seen, seen[:, :1])
     size = np.linalg.norm(to_hand, axis=-1, keepdims=True)
-    aligned = quat.exp(
-        to_hand * np.arcsin(size) / size.clip(1e-12)
-    )  # calibration turns each sensor's frame until it sees up where the hand's does
+    # calibration turns each sensor's frame until it sees up where the hand's does
+    aligned = quat.exp(to_hand * np.arcsin(size) / size.clip(1e-12))
     q_GS, up = quat.multiply(q_GS, quat.conjugate(aligned)), quat.rotate(aligned, up)
     turn = quat.log(quat.relative(np.concatenate([q_GS[:1], q_GS[:-1]]), q_GS))
     bias = params.bias_sd * DEG * rng.normal(size=(trials, 4, 3))
@@ -408,7 +208,8 @@ def _finger_trials(
 
 
 def _nees(state: State, q_true: Array, bias: Array) -> Array:
-    """Normalised error squared of each trial's 21 states of rotations between sensors and biases."""
+    """Normalised error squared of each trial's 21 states of rotations between sensors and
+    biases."""
     dth = quat.log(quat.relative(state.q_pc, q_true)).reshape(len(q_true), 9)
     error = np.concatenate([dth, (bias - state.bias).reshape(len(q_true), 12)], axis=-1)
     return np.asarray(
@@ -416,10 +217,10 @@ def _nees(state: State, q_true: Array, bias: Array) -> Array:
     )
 
 
-def _nees_of_joints(found: finger_ekf_filter.Estimate, q_joint: Array) -> Array:
-    d = quat.log(quat.relative(found.q_joint[-1], q_joint[-1])).reshape(len(q_joint[-1]), 9)
+def _nees_of_joints(estimate: finger_ekf_filter.Estimate, q_joint: Array) -> Array:
+    d = quat.log(quat.relative(estimate.q_joint[-1], q_joint[-1])).reshape(len(q_joint[-1]), 9)
     return np.asarray(
-        (d * np.linalg.solve(found.P[-1] + 1e-9 * np.eye(9), d[..., None])[..., 0]).sum(axis=-1)
+        (d * np.linalg.solve(estimate.P[-1] + 1e-9 * np.eye(9), d[..., None])[..., 0]).sum(axis=-1)
     )
 
 
@@ -433,21 +234,22 @@ def _bounds(freedoms: int, trials: int) -> tuple[float, float]:
 def test_standard_deviations_of_joints_rotations_and_biases_are_honest_on_data_as_modelled(
     seconds: float,
 ) -> None:
-    """Everything at once, joints that are true hinges but for what the noise says; means over 100 fingers within the 95 % bounds of chi squared."""
+    """Everything at once, joints that are true hinges but for what the noise says; means over 100
+    fingers within the 95 % bounds of chi squared."""
     trials = 100
     samples, q_true, q_joint, bias = _finger_trials(
         np.random.default_rng(7), WHITE, trials, seconds + 0.5 / RATE
     )
     free = replace(WHITE, dimensions=False)
-    state, found = finger_ekf_filter.step(free, _index(free, trials), samples)
+    state, estimate = finger_ekf_filter.step(free, _index(free, trials), samples)
     assert state.newest == state.t
     low, high = _bounds(21, trials)
     assert low < _nees(state, q_true[-1], bias).mean() < high
     low, high = _bounds(9, trials)
-    assert low < _nees_of_joints(found, q_joint).mean() < high
+    assert low < _nees_of_joints(estimate, q_joint).mean() < high
 
 
-def test_noise_of_the_gyroscopes_alone_makes_angles_walk_as_said() -> None:
+def test_gyroscope_noise_alone_makes_angles_walk_as_predicted() -> None:
     """No vertical, biases next to nothing: 9 angles of 300 fingers after 2 s."""
     params, trials = (
         replace(WHITE, dimensions=False, gyr_noise=0.3, bias_sd=1e-4, bias_walk=1e-8),
@@ -476,10 +278,10 @@ def test_what_joints_cannot_do_makes_them_better_known_and_the_filter_no_less_ca
     )
     free, errors, sizes = replace(WHITE, dimensions=False), [], []
     for params in (WHITE, free):
-        _, found = finger_ekf_filter.step(params, _index(params, trials), samples)
-        assert _nees_of_joints(found, q_joint).mean() < _bounds(9, trials)[1]
-        errors.append(quat.angle(quat.relative(found.q_joint[-200:], q_joint[-200:])).mean())
-        sizes.append(np.trace(found.P[-1], axis1=1, axis2=2).mean())
+        _, estimate = finger_ekf_filter.step(params, _index(params, trials), samples)
+        assert _nees_of_joints(estimate, q_joint).mean() < _bounds(9, trials)[1]
+        errors.append(quat.angle(quat.relative(estimate.q_joint[-200:], q_joint[-200:])).mean())
+        sizes.append(np.trace(estimate.P[-1], axis1=1, axis2=2).mean())
     assert errors[0] < 0.7 * errors[1]
     assert sizes[0] < 0.7 * sizes[1]
 
@@ -518,40 +320,41 @@ def test_missing_samples_cost_certainty_and_leave_no_nan() -> None:
     holed = replace(
         samples, acc=acc, turn=turn, rotation_variance=rotation_variance, bias_time=bias_time
     )
-    (_, whole), (state, found) = (
+    (_, whole), (state, estimate) = (
         finger_ekf_filter.step(params, _index(params, 5), s) for s in (samples, holed)
     )
-    assert np.isfinite(found.q_joint).all()
+    assert np.isfinite(estimate.q_joint).all()
     assert np.isfinite(state.P).all()
     k = int(np.flatnonzero(gap)[-1])
     at, at_whole = (
-        int(np.searchsorted(f.update_rows, k, side="right")) - 1 for f in (found, whole)
+        int(np.searchsorted(f.update_rows, k, side="right")) - 1 for f in (estimate, whole)
     )
-    sd = np.sqrt(np.trace(found.P[at, :, 3:6, 3:6], axis1=1, axis2=2))
+    sd = np.sqrt(np.trace(estimate.P[at, :, 3:6, 3:6], axis1=1, axis2=2))
     assert (sd > 20 * DEG).all()
-    assert (quat.angle(quat.relative(found.q_joint[k, :, 1], q_true[k, :, 1])) < 3 * sd).all()
+    assert (quat.angle(quat.relative(estimate.q_joint[k, :, 1], q_true[k, :, 1])) < 3 * sd).all()
     assert (
         np.linalg.eigvalsh(state.P[:, :42, :42]) > 0
     ).all()  # without magnetometers the last is nothing
     assert (
-        np.trace(found.P[at], axis1=1, axis2=2) > 10 * np.trace(whole.P[at_whole], axis1=1, axis2=2)
+        np.trace(estimate.P[at], axis1=1, axis2=2)
+        > 10 * np.trace(whole.P[at_whole], axis1=1, axis2=2)
     ).all()
 
 
-def test_what_may_have_been_missed_is_told_at_once() -> None:
-    """Between two updates a sensor is bridged: from that sample on the joint is less sure, not from the next update."""
+def test_rotation_variance_of_a_gap_shows_at_once() -> None:
+    """Between two updates a sensor is bridged: from that sample on the joint is less sure, not from
+    the next update."""
     samples, _, _, _ = _finger_trials(np.random.default_rng(5), WHITE, 2, 2.0)
     row, rotation_variance = 215, samples.rotation_variance.copy()
     rotation_variance[row, 0, 2] = (5 * DEG) ** 2
-    params = replace(
-        WHITE, dimensions=False
-    )  # turns about the vertical are then told by nothing else
-    _, found = finger_ekf_filter.step(
+    # turns about the vertical are then told by nothing else
+    params = replace(WHITE, dimensions=False)
+    _, estimate = finger_ekf_filter.step(
         params, _index(params, 2), replace(samples, rotation_variance=rotation_variance)
     )
-    assert row in found.update_rows
-    at = int(np.searchsorted(found.update_rows, row))
-    sd = np.sqrt(np.trace(found.P[at - 1 : at + 1, 0, 3:6, 3:6], axis1=1, axis2=2))
+    assert row in estimate.update_rows
+    at = int(np.searchsorted(estimate.update_rows, row))
+    sd = np.sqrt(np.trace(estimate.P[at - 1 : at + 1, 0, 3:6, 3:6], axis1=1, axis2=2))
     assert sd[1] > sd[0] + 2 * DEG
 
 

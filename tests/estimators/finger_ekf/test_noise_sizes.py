@@ -1,4 +1,5 @@
-"""Sizes of errors that the filter learns of a recording, and those that it derives: noise, creeping, give of joints, verticals, accelerometers' biases."""
+"""Sizes of errors that the filter learns of a recording, and those that it derives: noise,
+creeping, give of joints, verticals, accelerometers' biases."""
 
 import numpy as np
 import pytest
@@ -15,10 +16,11 @@ NUMBERS = finger_ekf_measurements.pack_params(UpdateParams())
 
 
 @pytest.mark.parametrize("density", [0.01, 0.04])
-def test_white_noise_is_told_from_tremor_and_swaying(
+def test_white_noise_is_separated_from_tremor_and_swaying(
     density: float, rng: np.random.Generator
 ) -> None:
-    """Three seconds at 100 Hz: 3 deg/s at 8 Hz and 0.5 deg/s at 0.7 Hz beside noise of two qualities."""
+    """Three seconds at 100 Hz: 3 deg/s at 8 Hz and 0.5 deg/s at 0.7 Hz beside noise of two
+    qualities."""
     t = np.arange(300)[:, None] / 100
     moved = 3 * np.sin(2 * np.pi * (8 * t + [0, 0.3, 0.6])) + 0.5 * np.sin(
         2 * np.pi * (0.7 * t + [0.2, 0.5, 0])
@@ -34,7 +36,8 @@ def test_too_few_samples_tell_no_noise(rng: np.random.Generator) -> None:
 
 
 def _rests(rates: Array, biases_known: float = 0.01 * DEG) -> Array:
-    """Noise (12, 12) that the last of rests counts with; rates (rests, 4, 3) rad/s that sensors of bias 0 show."""
+    """Noise (12, 12) that the last of rests counts with; rates (rests, 4, 3) rad/s that sensors of
+    bias 0 show."""
     previous_rest_rate, rest_rate_scatter, P = (
         np.full((4, 3), np.nan),
         np.zeros(2),
@@ -67,7 +70,7 @@ def _rests(rates: Array, biases_known: float = 0.01 * DEG) -> Array:
 
 
 @pytest.mark.parametrize("creeping", [0.01, 0.3])
-def test_how_much_sensors_creep_is_learnt_from_rest_to_rest(
+def test_scatter_of_rest_rates_is_learnt_from_rest_to_rest(
     creeping: float, rng: np.random.Generator
 ) -> None:
     noise = _rests(creeping * DEG * rng.normal(size=(40, 4, 3)))
@@ -77,8 +80,9 @@ def test_how_much_sensors_creep_is_learnt_from_rest_to_rest(
     assert usual == pytest.approx(max(creeping, 0.1 * np.sqrt(12 / (12 + 39 * 12))) * DEG, rel=0.3)
 
 
-def test_creeping_that_goes_on_alike_is_not_taken_for_a_bias() -> None:
-    """One finger turns at 0.2 deg/s all the time where biases are known to 0.01: nothing differs from rest to rest, yet it counts for little."""
+def test_a_constant_slow_rotation_is_not_taken_for_a_bias() -> None:
+    """One finger turns at 0.2 deg/s all the time where biases are known to 0.01: nothing differs
+    from rest to rest, yet it counts for little."""
     rates = np.zeros((40, 4, 3))
     rates[:, 3, 2] = 0.2 * DEG
     sd = np.sqrt(_rests(rates).diagonal()).reshape(4, 3)
@@ -87,8 +91,9 @@ def test_creeping_that_goes_on_alike_is_not_taken_for_a_bias() -> None:
 
 
 def _learnt(seemed: Array, known: float, turned: float) -> Array:
-    """How much each joint is believed to give (3,), deg, after windows of 0.2 s in which axes of hinges seemed off by (windows, 3 joints, 2) deg, where the
-    filter knows them to `known` deg and they turn by `turned` rad in each."""
+    """How much each joint is believed to give (3,), deg, after windows of 0.2 s in which axes of
+    hinges seemed off by (windows, 3 joints, 2) deg, where the filter knows them to `known` deg and
+    they turn by `turned` rad in each."""
     compliance_stats, variance, free = (
         np.zeros((3, 2)),
         np.empty(3),

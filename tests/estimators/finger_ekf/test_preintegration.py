@@ -1,4 +1,5 @@
-"""What sensors turn by between two updates of a chain's filter: derivatives of rotations and sums."""
+"""What sensors turn by between two updates of a chain's filter: derivatives of rotations and
+sums."""
 
 from collections.abc import Callable
 
@@ -23,7 +24,8 @@ def _ended(q_pc: Array, delta_q: Array) -> Array:
 
 
 def _window(rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
-    """Ten samples of fast and unequal turning of one chain's sensors with their biases in them: q_pc, turns, bias, times."""
+    """Ten samples of fast and unequal turning of one chain's sensors with their biases in them:
+    q_pc, turns, bias, times."""
     return (
         quat.normalize(rng.normal(size=(3, 4))),
         rng.normal(scale=0.1, size=(10, 4, 3)),
@@ -45,7 +47,8 @@ def _preintegrated(turns: Array, bias: Array, times: Array) -> tuple[Array, Arra
 def test_the_covariance_goes_along_by_the_derivative_of_the_two_sided_update(
     rng: np.random.Generator,
 ) -> None:
-    """21 errors put in before, 9 read off behind; what is correlated with all 21 then shows their transition F."""
+    """21 errors put in before, 9 read off behind; what is correlated with all 21 then shows their
+    transition F."""
     q_pc, turns, bias, times = _window(rng)
     delta_q, J_bias = _preintegrated(turns, bias, times)
     P = np.zeros((43, 43))

@@ -48,7 +48,8 @@ def test_a_straight_finger_points_distally(hand: Any) -> None:
 
 @pytest.mark.parametrize("hand", ["left", "right"])
 def test_a_fist_folds_the_finger_back_on_itself(hand: Any) -> None:
-    """All three joints at 90 deg: the proximal phalanx points to the palm, the middle one back to the wrist, the distal one to the back."""
+    """All three joints at 90 deg: the proximal phalanx points to the palm, the middle one back to
+    the wrist, the distal one to the back."""
     geometry = sized(hand)
     proximal, middle, distal = (geometry.lengths[s] for s in CHAINS["ring"])
     tips = forward_kinematics.tips(_bent(ring_mcp=90, ring_pip=90, ring_dip=90), geometry)
@@ -73,7 +74,8 @@ def test_joint_places_are_the_tips_of_shorter_fingers() -> None:
 
 @given(ANGLES)
 def test_equal_angles_give_mirrored_hands(angles: np.ndarray) -> None:
-    """The frames of the two hands are turned against each other, so that mirroring the hand changes the sign of every component."""
+    """The frames of the two hands are turned against each other, so that mirroring the hand changes
+    the sign of every component."""
     q_pc = joint_angles.compose(angles)
     left, right = (forward_kinematics.tips(q_pc, sized(hand)) for hand in ("left", "right"))
     np.testing.assert_allclose(left, -right, atol=1e-15)

@@ -175,10 +175,11 @@ def test_a_last_phalanx_is_what_the_others_leave_of_a_measured_finger_and_grows_
     assert with_finger_lengths(bone, "index", found, off=0.05).lengths[
         "index_distal"
     ] == pytest.approx(0.019 * 1.05)
+    # of that finger nothing would be left
     too_long = {
         "index_proximal": 0.06,
         "index_middle": 0.04,
-    }  # of that finger nothing would be left
+    }
     assert (
         with_finger_lengths(total, "index", too_long).lengths["index_distal"]
         > total.lengths["index_distal"]

@@ -69,9 +69,8 @@ def test_each_angle_turns_the_child_about_its_axis(rng: np.random.Generator) -> 
     angles = rng.uniform([-3.0, -1.5, -3.0], [3.0, 1.5, 3.0], (30, 3))
     step = 1e-6 * np.eye(3)
     q = joint_angles.compose(angles)[:, None]
-    turned = quat.log(
-        quat.relative(q, joint_angles.compose(angles[:, None] + step))
-    )  # (30, angle, 3)
+    # (30, angle, 3)
+    turned = quat.log(quat.relative(q, joint_angles.compose(angles[:, None] + step)))
     np.testing.assert_allclose(joint_angles.axes(angles), turned.swapaxes(1, 2) / 1e-6, atol=1e-5)
 
 

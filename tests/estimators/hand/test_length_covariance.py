@@ -65,7 +65,8 @@ def test_tips_err_as_drawn_lengths_make_them(rng: np.random.Generator) -> None:
 
 @pytest.mark.parametrize("finger", FINGERS[1:])
 def test_bones_of_a_measured_finger_make_up_for_each_other(finger: str) -> None:
-    """Together they err by the calipers and the tissue, each by its ratios; of a finger that was not measured they err together."""
+    """Together they err by the calipers and the tissue, each by its ratios; of a finger that was
+    not measured they err together."""
     geometry, f = sized("left", MEASURED), FINGERS.index(finger)
     size = np.array([geometry.lengths[s] for s in CHAINS[finger]])
     bones = length_covariance.covariance(geometry, FEW_PERCENTS)[f, 3:, 3:] * np.outer(size, size)
@@ -91,7 +92,8 @@ def test_bones_measured_one_by_one_err_each_for_itself() -> None:
 
 
 def test_people_err_as_told(rng: np.random.Generator) -> None:
-    """Palm and fingers measured without error, ratios and knuckles of their own within two standard deviations of the mean hand."""
+    """Palm and fingers measured without error, ratios and knuckles of their own within two standard
+    deviations of the mean hand."""
     normal = []
     for _ in range(150):
         somebody, q_pc = person.draw_person("left", rng), _bent(rng)

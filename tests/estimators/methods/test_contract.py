@@ -108,7 +108,8 @@ def test_a_method_has_a_title_and_says_whether_it_needs_a_pose(method: ModuleTyp
 
 @every_method
 def test_a_mirrored_recording_gives_the_mirrored_hand(method: ModuleType) -> None:
-    """In the mirror polar vectors change the sign of their components in the other hand's frames, axial ones (rates, magnetic fields) keep it."""
+    """In the mirror polar vectors change the sign of their components in the other hand's frames,
+    axial ones (rates, magnetic fields) keep it."""
     recording = in_strips("left")
     moved, seen = (
         _stepped(method, r, list(r.blocks())) for r in (recording, _in_the_mirror(recording))

@@ -1,4 +1,5 @@
-"""The method ekf from end to end: the truth recovered, honest standard deviations, whatever is missing."""
+"""The method ekf from end to end: the truth recovered, honest standard deviations, whatever is
+missing."""
 
 import pickle
 from collections.abc import Callable, Mapping
@@ -76,9 +77,8 @@ def _assert_all_same(a: Trajectory, b: Trajectory) -> None:
 def test_the_truth_is_recovered_without_noise(simulated: Simulated) -> None:
     moved = _tracked(simulated)
     np.testing.assert_array_equal(moved.t, simulated.truth.t)
-    assert (
-        np.nanmax(np.abs(moved.angles - simulated.truth.angles)) < 0.5 * DEG
-    )  # accelerometers disagree while fingers turn
+    # accelerometers disagree while fingers turn
+    assert np.nanmax(np.abs(moved.angles - simulated.truth.angles)) < 0.5 * DEG
     assert np.abs(moved.tips - simulated.truth.tips).max() < 1e-3
     assert not moved.flags.any()
 
@@ -128,7 +128,8 @@ NOISIER = replace(SensorErrors(), gyr_noise=0.04, acc_noise=1.2e-3)  # four time
 def _somebody(
     name: str, seed: int, errors: SensorErrors, give: float = 0.0
 ) -> tuple[Simulated, Trajectory]:
-    """A hand of its own, left or right, that misses the pose by up to 2.5 deg, sensors with all errors: what ekf makes of it."""
+    """A hand of its own, left or right, that misses the pose by up to 2.5 deg, sensors with all
+    errors: what ekf makes of it."""
     hand: Hand = "left" if seed % 2 else "right"
     recording = record_experiment(
         experiments.EXPERIMENTS[name],
@@ -175,8 +176,9 @@ def test_it_is_never_worse_than_m2(performed: list[tuple[Simulated, Trajectory]]
 
 
 def _within_bounds(performed: list[tuple[Simulated, Trajectory]], what: str) -> Array:
-    """Normalised error squared within its 95 % bounds: an angle of a recording is one draw, as what it errs by hardly changes; of the tips, which err
-    together with the wrist, each axis is one. The normalised errors."""
+    """Normalised error squared within its 95 % bounds: an angle of a recording is one draw, as what
+    it errs by hardly changes; of the tips, which err together with the wrist, each axis is one. The
+    normalised errors."""
     errors, normal = _errors(performed, what), []
     for (recording, moved), error in zip(performed, errors):
         sd = getattr(moved, f"{what}_sd")[judged_samples(recording)]
@@ -199,12 +201,14 @@ def test_standard_deviations_are_honest_with_all_errors(
 def test_standard_deviations_are_honest_with_sensors_of_another_quality(
     performed_noisily: list[tuple[Simulated, Trajectory]], what: str
 ) -> None:
-    """Noise of all sensors four times as large, which nobody has told the method; joints give as measured ones."""
+    """Noise of all sensors four times as large, which nobody has told the method; joints give as
+    measured ones."""
     _within_bounds(performed_noisily, what)
 
 
 def test_a_functional_calibration_tells_how_well_it_is_known_how_the_sensors_sit() -> None:
-    """Sensors 20-30 deg askew: the movements' calibration and its covariance are used, and the angles are as good as told."""
+    """Sensors 20-30 deg askew: the movements' calibration and its covariance are used, and the
+    angles are as good as told."""
     errors = replace(SensorErrors(), misalignment=25.0, misalignment_width=5.0)
     recording = record_experiment(
         experiments.EXPERIMENTS["free"],

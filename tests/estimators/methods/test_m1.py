@@ -1,4 +1,5 @@
-"""M1 where magnetometers are missing: what has no relation to the pose's heading turns nothing, and flags do not depend on where blocks are cut."""
+"""M1 where magnetometers are missing: what has no relation to the pose's heading turns nothing, and
+flags do not depend on where blocks are cut."""
 
 from dataclasses import replace
 
@@ -84,7 +85,8 @@ def test_before_the_pose_magnetometers_count_too() -> None:
 
 
 def _stepped(recording: Simulated, length: int) -> Trajectory:
-    """B, whose headings come from magnetometers alone, over blocks of a length, in order of time."""
+    """B, whose headings come from magnetometers alone, over blocks of a length, in order of
+    time."""
     sensors = [s for st in recording.streams if st.inertial for s in st.sensors]
     found = initial_pose.uncalibrated("left", recording.geometry, {}, sensors, 0.0)
     parts = sorted(

@@ -139,9 +139,9 @@ def test_a_stiff_joint_is_named_and_the_rest_is_calibrated() -> None:
     """PIP stays at 20 deg: its neighbours' lengths stay as given, and what is told of angles holds."""
     recording = stiffened(4, 11.0, {"index_pip_flexion": 20.0})
     done = process(METHOD, METHOD.Params(), recording)
-    (said,) = (w for w in done.warnings if "hardly moved" in w)
-    assert said.startswith("index_pip (")
-    assert "the lengths of index_proximal, index_middle stay as given" in said
+    (messages,) = (w for w in done.warnings if "hardly moved" in w)
+    assert messages.startswith("index_pip (")
+    assert "the lengths of index_proximal, index_middle stay as given" in messages
     assert dict(done.calibrations[0].lengths_sd) == {}
     assert {o.joint for o in watched(recording) if o.share < 0.5} == {"index_pip"}, (
         "so did the live meter"
@@ -192,10 +192,10 @@ def test_a_last_sensor_that_falls_silent_costs_its_own_segment_alone(spoke: int)
     values = recording.samples["imu"].values.copy()
     values[spoke:, 3] = np.nan
     done = process(METHOD, PRINTED, _with(recording, values))
-    said = (
+    messages = (
         "index: the sensor of index_distal gave no samples; it is calibrated without index_distal"
     )
-    assert any(w.startswith(said) for w in done.warnings) == (not spoke)
+    assert any(w.startswith(messages) for w in done.warnings) == (not spoke)
     found, moved, truth = done.calibrations[0], done.trajectory, recording.truth
     assert found.geometry.lengths["index_proximal"] == pytest.approx(
         artificial_finger.HINGES, rel=0.02
@@ -220,8 +220,10 @@ def test_knocks_on_gyroscopes_are_named_and_cost_nothing() -> None:
         values[round(100 * at), row, :3] += 300 * DEG * rng.standard_normal(3)
     done = process(METHOD, METHOD.Params(), _with(recording, values))
     for row, at in knocks.items():
-        said = f"the gyroscope of {SEGMENTS[row]} contradicts the accelerations once, at {at:.1f} s"
-        assert any(w.startswith(said) for w in done.warnings)
+        messages = (
+            f"the gyroscope of {SEGMENTS[row]} contradicts the accelerations once, at {at:.1f} s"
+        )
+        assert any(w.startswith(messages) for w in done.warnings)
     assert not any(
         word in w
         for w in done.warnings

@@ -21,7 +21,8 @@ def _flags(marks: str) -> np.ndarray:
     ],
 )
 def test_runs_are_half_open_and_reach_both_ends(marks: str, runs: list[tuple[int, int]]) -> None:
-    """sensors/fault_detection.py, stuck_axes.py and static_segments.py; force/contact.py crosses a level at `stop`."""
+    """sensors/fault_detection.py, stuck_axes.py and static_segments.py; force/contact.py crosses a
+    level at `stop`."""
     assert find_runs(_flags(marks)) == runs
 
 
@@ -34,7 +35,8 @@ def test_runs_that_lie_within_the_gap_are_one(gap: int, runs: list[tuple[int, in
 
 
 def test_the_interval_of_a_run_selects_it_alone() -> None:
-    """force/sensor.py, force/zero.py and magnet/array/bench_readings.py write into `[first:stop]` and count `stop - first`."""
+    """force/sensor.py, force/zero.py and magnet/array/bench_readings.py write into `[first:stop]`
+    and count `stop - first`."""
     flags = np.random.default_rng(3).random(200) < 0.5
     written = np.zeros(200, bool)
     for first, stop in find_runs(flags):

@@ -45,16 +45,18 @@ def test_a_piece_that_is_refused_costs_no_other() -> None:
     assert isinstance(refused, InputError) and str(refused) == "two is refused"
 
 
-def test_how_far_all_are_is_heard_in_the_callers_thread() -> None:
-    heard, events = [], [threading.Event(), *_set(1)]
+def test_progress_is_reported_in_the_callers_thread() -> None:
+    shares, events = [], [threading.Event(), *_set(1)]
 
     def progress(share: float) -> None:
-        heard.append((share, threading.current_thread()))
+        shares.append((share, threading.current_thread()))
         if share == 0.75:  # one is done, the other half
             events[0].set()
 
     assert parallel.run_each(_patient, events, progress) == ["done", "done"]
-    assert heard[-1][0] >= 0.75 and {thread for _, thread in heard} == {threading.current_thread()}
+    assert shares[-1][0] >= 0.75 and {thread for _, thread in shares} == {
+        threading.current_thread()
+    }
 
 
 def test_when_the_time_is_over_what_is_done_stays_and_the_rest_is_refused() -> None:

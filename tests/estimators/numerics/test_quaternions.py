@@ -1,4 +1,5 @@
-"""Group laws, inverses and references over batch shapes, and that a row's bits never depend on its neighbours."""
+"""Group laws, inverses and references over batch shapes, and that a row's bits never depend on its
+neighbours."""
 
 from collections.abc import Callable
 
@@ -85,9 +86,8 @@ def test_log_undoes_exp_the_shorter_way_round(rotvec: np.ndarray) -> None:
     back = quat.log(q)
     assert (np.linalg.norm(back, axis=-1) <= np.pi + ROUNDING).all()
     assert_same_rotation(quat.exp(back), q)
-    np.testing.assert_allclose(
-        quat.angle(q), np.linalg.norm(back, axis=-1), atol=1e-9
-    )  # 1e-9: log's first order below 1e-10
+    # 1e-9: log's first order below 1e-10
+    np.testing.assert_allclose(quat.angle(q), np.linalg.norm(back, axis=-1), atol=1e-9)
     short = np.linalg.norm(rotvec, axis=-1) < np.pi - 1e-6
     np.testing.assert_allclose(back[short], rotvec[short], atol=1e-14)
 

@@ -163,9 +163,8 @@ def test_gaps_of_two_sensors_that_overlap_are_both_bridged_wherever_the_block_en
         assert not (_oriented(cut(block, [end])).flags & Flag.HEADING_LOST).any(), f"cut at {end}"
 
 
-@pytest.mark.parametrize(
-    "length", [1, 2, 5]
-)  # samples a block: a filter's state is read less often than it goes on
+# samples a block: a filter's state is read less often than it goes on
+@pytest.mark.parametrize("length", [1, 2, 5])
 def test_any_state_may_be_gone_on_from_more_than_once_and_saved(length: int) -> None:
     parts = list(_turning().parts(length))
     states, given = [orientation_fusion.start(STREAM, LEVEL, {})], []
@@ -184,9 +183,8 @@ def test_any_state_may_be_gone_on_from_more_than_once_and_saved(length: int) -> 
 
 def test_options_may_change_from_block_to_block() -> None:
     leaning = _turning()
-    leaning.values[..., 3] = (
-        2.0  # the accelerometers say so, the pose does not: how fast they are believed is an option
-    )
+    # the accelerometers say so, the pose does not: how fast they are believed is an option
+    leaning.values[..., 3] = 2.0
     first, second = cut(leaning, [N // 2])
     state, _ = orientation_fusion.step(PARAMS, orientation_fusion.start(STREAM, LEVEL, {}), first)
     for part in second.parts(1):

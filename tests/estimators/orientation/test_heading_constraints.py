@@ -71,9 +71,8 @@ def test_a_heading_of_the_thumb_s_base_stays_lost_because_its_joint_turns_all_wa
 
 def test_a_joint_whose_axis_stands_upright_tells_nothing() -> None:
     t, q_GB = _moving()
-    on_its_side = quat.multiply(
-        quat.about(1, np.array(90 * DEG)), q_GB
-    )  # the hand's edge down: flexion axes are vertical
+    # the hand's edge down: flexion axes are vertical
+    on_its_side = quat.multiply(quat.about(1, np.array(90 * DEG)), q_GB)
     _, lost = _stepped(t, on_its_side, ["index_middle"])
     assert lost[-1, SEGMENT["index_middle"]]
 

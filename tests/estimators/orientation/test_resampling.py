@@ -75,11 +75,12 @@ def test_rows_wait_for_the_slowest_stream() -> None:
             (FOREARM, _turning(FOREARM, 0.5, 1)),
         ],
     )
+    # up to the forearm's samples at 0.475 and 0.975 s
     assert [len(g.t) for g in given] == [
         0,
         48,
         50,
-    ]  # up to the forearm's samples at 0.475 and 0.975 s
+    ]
     assert len(rows.t) == 100
 
 
@@ -102,9 +103,8 @@ def test_a_live_view_leaves_a_silent_stream_behind_after_its_patience() -> None:
     state, released = resampling.release(state, 0.1)
     assert released.t[0] == pytest.approx(0.48)
     assert released.t[-1] == pytest.approx(0.99 - 0.1)
-    _, later = resampling.step(
-        state, FOREARM, _turning(FOREARM, 0.5, 1)
-    )  # it was only late: what was shown is not shown again
+    # it was only late: what was shown is not shown again
+    _, later = resampling.step(state, FOREARM, _turning(FOREARM, 0.5, 1))
     assert later.t[0] == pytest.approx(0.90)
 
 

@@ -1,4 +1,5 @@
-"""The hand's path against the simulator's truth: reaches with the wrist turning, between standstills."""
+"""The hand's path against the simulator's truth: reaches with the wrist turning, between
+standstills."""
 
 from dataclasses import fields
 
@@ -33,7 +34,8 @@ AWAY = {
 def _reaching(
     hand: Hand, errors: SensorErrors, seed: int = 1, rate: float = 100.0, reaches: int = 3
 ) -> tuple[Simulated, Array]:
-    """A pose, then reaches of 0.9 s to and fro with rests of 1 s; the recording and where the hand's sensor truly was (n, 3)."""
+    """A pose, then reaches of 0.9 s to and fro with rests of 1 s; the recording and where the
+    hand's sensor truly was (n, 3)."""
     geometry, flat = sized(hand), task_performance.flat()
     pose = task_performance.initial_pose(geometry)
     points, t = [(0.0, task_performance.relaxed())], 0.0
@@ -96,7 +98,8 @@ def _path(
 
 
 def _off(path: HandPath, recording: Simulated, truth: Array) -> Array:
-    """Distance (n,) from the truth, both counted from the path's first sample and turned to one heading."""
+    """Distance (n,) from the truth, both counted from the path's first sample and turned to one
+    heading."""
     true = truth[-len(path) :]
     q = calibrated(recording).q_GS["hand"]
     turn = quat.twist(
@@ -178,7 +181,7 @@ def test_the_transition_is_the_derivative_of_the_integration() -> None:
     )
     dt = np.full(5, 0.01)
 
-    def moved(error: Array) -> Array:
+    def path_error(error: Array) -> Array:
         turned = quat.multiply(quat.exp(error[6:9]), state.q_GH)
         off = zupt_navigation.State(
             state.q_BS,
@@ -195,7 +198,7 @@ def test_the_transition_is_the_derivative_of_the_integration() -> None:
         q, p, v, _ = zupt_navigation._integrate(PARAMS, off, dt, samples)
         return np.concatenate([p[-1], v[-1], q[-1]])
 
-    q_0 = moved(np.zeros(15))[6:]
+    q_0 = path_error(np.zeros(15))[6:]
     unit = np.diag(np.full(15, 1.0))
     still = zupt_navigation.State(
         state.q_BS,
@@ -216,7 +219,7 @@ def test_the_transition_is_the_derivative_of_the_integration() -> None:
     F = np.empty((15, 15))
     for k in range(15):
         step = 1e-5
-        plus, minus = moved(step * np.eye(15)[k]), moved(-step * np.eye(15)[k])
+        plus, minus = path_error(step * np.eye(15)[k]), path_error(-step * np.eye(15)[k])
         dth = quat.log(quat.multiply(plus[6:], quat.conjugate(q_0))) - quat.log(
             quat.multiply(minus[6:], quat.conjugate(q_0))
         )

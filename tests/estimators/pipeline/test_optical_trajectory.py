@@ -275,11 +275,11 @@ def test_orientations_of_bodies_that_sit_anyhow_are_aligned_in_the_flat_pose() -
         markers, optical_trajectory.find_clusters(markers, pose), "left", pose
     )
     rng = np.random.default_rng(2)
-    askew = moved.q_GS.copy()
+    misaligned = moved.q_GS.copy()
     for k in range(len(SEGMENTS)):
         if k != SEGMENT["hand"]:
-            askew[:, k] = quat.multiply(askew[:, k], quat.normalize(rng.normal(size=4)))
-    moved.q_GS[:] = askew
+            misaligned[:, k] = quat.multiply(misaligned[:, k], quat.normalize(rng.normal(size=4)))
+    moved.q_GS[:] = misaligned
     np.testing.assert_allclose(optical_trajectory.align(moved, pose).angles, angles, atol=1e-9)
 
 

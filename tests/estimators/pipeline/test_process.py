@@ -35,10 +35,10 @@ def test_the_initial_pose_is_found_by_itself(simulated: Simulated) -> None:
 
 
 def test_progress_grows_to_the_whole() -> None:
-    heard: list[float] = []
-    process(m2, PARAMS, pose_and_wiggle("left"), progress=heard.append)
-    assert heard == sorted(heard)
-    assert heard[-1] == pytest.approx(1.0)
+    shares: list[float] = []
+    process(m2, PARAMS, pose_and_wiggle("left"), progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1.0)
 
 
 def test_a_bad_pose_beside_a_good_one_is_a_warning() -> None:
@@ -111,13 +111,13 @@ def test_seats_and_lengths_found_before_serve_a_pose() -> None:
     skewed = replace(IDEAL, misalignment=8.0)
     worn = pose_and_wiggle("left", skewed)
     told = ("index_proximal", "index_middle")
-    seats = {s: worn.sensors.q_BS[worn.sensors.segments.index(s)] for s in told}
+    mounting = {s: worn.sensors.q_BS[worn.sensors.segments.index(s)] for s in told}
     longer = {s: 1.1 * worn.geometry.lengths[s] for s in told}
     done = process(
-        m2, PARAMS, worn, known=PriorCalibration("left", seats, {}, longer)
+        m2, PARAMS, worn, known=PriorCalibration("left", mounting, {}, longer)
     ).calibrations[0]
     for s in told:
-        assert quat.angle(quat.relative(done.q_BS[s], seats[s])) < 1e-9
+        assert quat.angle(quat.relative(done.q_BS[s], mounting[s])) < 1e-9
         assert done.geometry.lengths[s] == longer[s]
     assert done.geometry.lengths["ring_middle"] == worn.geometry.lengths["ring_middle"]
     assert "self-calibration" in done.source

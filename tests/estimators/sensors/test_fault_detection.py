@@ -1,4 +1,5 @@
-"""Faults of sensors: each is found and named with its fix, and nothing is found in healthy recordings."""
+"""Faults of sensors: each is found and named with its fix, and nothing is found in healthy
+recordings."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +16,8 @@ from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import b, m2
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.pipeline.process import calibrate, findings_of, process
+from handscope.estimators.pipeline.process import findings_of, process
+from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.estimators.sensors.imu_calibration import ImuCalibration, apply
 from handscope.estimators.simulation.magnetic_field import homogeneous
 from handscope.estimators.simulation.movements import task_performance

@@ -33,10 +33,11 @@ from handscope.estimators.simulation.sensors import IDEAL
 from tests.laid_down import SIX, Readings, laid_down, many_positions
 
 PARAMS = SolveParams()
+# the six sides, and a turn about z held level
 TURNED_TOO = [
     *SIX,
     *(quat.multiply(SIX[1], quat.about(2, k * np.pi / 2)) for k in range(3)),
-]  # the six sides, and a turn about z held level
+]
 SEEDS = st.integers(0, 2**32 - 1)
 
 
@@ -153,9 +154,8 @@ def test_the_errors_found_are_as_far_from_the_true_ones_as_is_said() -> None:
                 float(np.mean(((found.calibration.bias[q] - r.bias[q]) / found.bias_sd[q]) ** 2))
             )
     for key, values in squares.items():
-        assert 0.4 < np.mean(values) < 1.6, (
-            key
-        )  # of 1: 12 sensors with 3 to 9 correlated parameters each
+        # of 1: 12 sensors with 3 to 9 correlated parameters each
+        assert 0.4 < np.mean(values) < 1.6, key
 
 
 def test_what_is_left_at_rest_and_over_a_turn_is_the_noise() -> None:
@@ -164,9 +164,8 @@ def test_what_is_left_at_rest_and_over_a_turn_is_the_noise() -> None:
     assert before > 0.3 and left < 0.002  # m/s^2
     before, left = found.residuals[GYR]
     assert before > np.radians(2.0) and left < np.radians(0.05)
-    assert (
-        found.residuals[MAG][1] < 1.2 * 0.6e-6 / 48e-6
-    )  # the magnetometer's noise, as a share of the field
+    # the magnetometer's noise, as a share of the field
+    assert found.residuals[MAG][1] < 1.2 * 0.6e-6 / 48e-6
 
 
 def test_six_sides_give_scales_and_say_what_they_do_not_give() -> None:
@@ -220,8 +219,7 @@ def test_rests_are_found_where_they_were_and_the_turns_are_not() -> None:
     rests = find_rests(RestParams(), r.t, r.gyr, r.acc)
     assert len(rests) == 14
     for k, rest in enumerate(rests):
-        assert (
-            5.0 * k - 0.01 <= r.t[rest.first] < r.t[rest.last - 1] <= 5.0 * k + 3.3
-        )  # the turns begin and end slowly
+        # the turns begin and end slowly
+        assert 5.0 * k - 0.01 <= r.t[rest.first] < r.t[rest.last - 1] <= 5.0 * k + 3.3
     assert len(distinct_positions(rests)) <= 14
     assert find_rests(RestParams(), r.t, np.full_like(r.gyr, np.nan), r.acc) == []

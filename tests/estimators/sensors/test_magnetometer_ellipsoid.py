@@ -1,4 +1,5 @@
-"""Hard and soft iron found again, honestly; what cannot be calibrated is refused; a real magnetometer."""
+"""Hard and soft iron found again, honestly; what cannot be calibrated is refused; a real
+magnetometer."""
 
 import os
 from dataclasses import replace
@@ -91,7 +92,8 @@ def test_a_plate_shares_its_axes() -> None:
 def test_magnetometers_of_a_plate_agree_once_it_was_turned_and_one_that_is_silent_is_named() -> (
     None
 ):
-    """Iron of 20 uT and 5 %, turned by a degree, the second left-handed, the third mounted the other way round; the fifth reads nothing."""
+    """Iron of 20 uT and 5 %, turned by a degree, the second left-handed, the third mounted the
+    other way round; the fifth reads nothing."""
     rng = np.random.default_rng(8)
     worn, room = magnet.draw_worn(rng), homogeneous()
     nominal = np.tile(quat.IDENTITY, (5, 1))
@@ -103,11 +105,11 @@ def test_magnetometers_of_a_plate_agree_once_it_was_turned_and_one_that_is_silen
     mag[:, 1] = mag[:, 1, [1, 0, 2]]
     names = ("a", "b", "c", "d", "e")
     silent = np.full_like(mag[:, :1], np.nan)
-    told = plate.calibrate_board(names, np.concatenate([mag, silent], axis=1), nominal)
-    found = told.solved
+    given = plate.calibrate_board(names, np.concatenate([mag, silent], axis=1), nominal)
+    found = given.solved
     assert tuple(found) == names[:4]
-    assert [said.split(":")[0] for said in told.refused] == ["e"]
-    assert told.strength == pytest.approx(STRENGTH, rel=0.05)
+    assert [message.split(":")[0] for message in given.refused] == ["e"]
+    assert given.strength == pytest.approx(STRENGTH, rel=0.05)
     corrected = np.stack(
         [apply([found[n].calibration], (MAG,), mag[:, [k]])[:, 0] for k, n in enumerate(names[:4])],
         axis=1,
@@ -117,7 +119,7 @@ def test_magnetometers_of_a_plate_agree_once_it_was_turned_and_one_that_is_silen
     before, after = (np.linalg.norm(v[:, 1:] - v[:, :1], axis=-1).mean() for v in (raw, level))
     assert after < 0.8e-6 < 10e-6 < before  # of which 0.5 uT is noise
     np.testing.assert_allclose(
-        np.linalg.norm(level, axis=-1).mean(axis=0), told.strength, rtol=2e-3
+        np.linalg.norm(level, axis=-1).mean(axis=0), given.strength, rtol=2e-3
     )
 
 
@@ -156,7 +158,8 @@ def test_what_cannot_be_calibrated_is_refused(readings, says) -> None:
 
 @pytest.mark.skipif(not BROAD.is_dir(), reason="the BROAD trials are not here (HANDSCOPE_BROAD)")
 def test_a_real_magnetometer_with_iron_added_is_brought_back() -> None:
-    """A real board turned by hand (Laidig et al. 2021); iron put on its readings must not change what is left."""
+    """A real board turned by hand (Laidig et al. 2021); iron put on its readings must not change
+    what is left."""
     trial = loadmat(BROAD / "06_undisturbed_fast_rotation_A.mat")
     mag = 1e-6 * trial["imu_mag"][::10]
     found = sphere.fit_ellipsoid(mag)

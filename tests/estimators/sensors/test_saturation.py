@@ -1,4 +1,5 @@
-"""Full scales found from what clips, and clipped rates bridged although the recording does not tell its full scale."""
+"""Full scales found from what clips, and clipped rates bridged although the recording does not tell
+its full scale."""
 
 from dataclasses import replace
 
@@ -19,7 +20,8 @@ STREAM = Stream("imu", ("hand", "index_distal"), (GYR, ACC), 100.0)
 
 
 def _block(rate: np.ndarray) -> Block:
-    """A sensor that rests and one that turns at `rate` rad/s about x; noise makes every value its own."""
+    """A sensor that rests and one that turns at `rate` rad/s about x; noise makes every value its
+    own."""
     values = np.random.default_rng(2).normal(0, 1e-3, (len(rate), 2, 6))
     values[:, 1, 0] += rate
     return Block(STREAM, np.arange(len(rate)) / 100.0, values)
@@ -51,7 +53,7 @@ def test_what_does_not_clip_has_no_limit() -> None:
     assert np.isinf(saturation.find_limits(_block(_swinging(1990.0)), ACC)).all()
 
 
-def test_clipped_rates_are_bridged_as_if_the_full_scale_had_been_told() -> None:
+def test_clipped_rates_are_bridged_as_if_the_full_scale_were_declared() -> None:
     made = simulate(
         ("initial_pose", "tapping"), "left", sized("left"), np.random.default_rng(4), IDEAL
     )
@@ -60,7 +62,7 @@ def test_clipped_rates_are_bridged_as_if_the_full_scale_had_been_told() -> None:
     assert limit > np.radians(240.0)
     values = block.values.copy()
     values[..., :3] = np.clip(values[..., :3], -limit, limit)
-    untold, told = (
+    untold, declared = (
         with_samples(
             made,
             {
@@ -70,7 +72,7 @@ def test_clipped_rates_are_bridged_as_if_the_full_scale_had_been_told() -> None:
         )
         for scale in ({}, {GYR: limit})
     )
-    moved, reference = (process(m2, INSTANT, r).trajectory for r in (untold, told))
+    moved, reference = (process(m2, INSTANT, r).trajectory for r in (untold, declared))
     np.testing.assert_array_equal(moved.angles, reference.angles)
     assert ((moved.flags & Flag.SATURATED) != 0).any()
     assert np.nanmax(np.abs(moved.angles - made.truth.angles)) < 2.0 * DEG
@@ -83,6 +85,6 @@ def test_samples_tell_what_was_found_and_keep_what_they_told() -> None:
         values=np.clip(block.values, -np.radians(500.0), np.radians(500.0)),
         stream=replace(STREAM, full_scale={ACC: 78.0}),
     )
-    (told,) = saturation.declare_full_scales({"imu": clipped}).values()
-    assert told.stream.full_scale == {ACC: 78.0, GYR: pytest.approx(np.radians(500.0))}
-    assert told.at_limit(GYR)[:, 1].mean() > 0.3
+    (declared,) = saturation.declare_full_scales({"imu": clipped}).values()
+    assert declared.stream.full_scale == {ACC: 78.0, GYR: pytest.approx(np.radians(500.0))}
+    assert declared.at_limit(GYR)[:, 1].mean() > 0.3

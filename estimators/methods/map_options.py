@@ -1,0 +1,41 @@
+"""Options of self-calibration by MAP: those of tracking, noise and result, and its own."""
+
+from dataclasses import dataclass
+
+from handscope.estimators.data.options import option
+from handscope.estimators.methods import fusion_pipeline
+from handscope.estimators.self_calibration.problem import (
+    Noise,
+)
+from handscope.estimators.self_calibration.result import Requirements
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params(fusion_pipeline.Params, Noise, Requirements):
+    longest: float = option(
+        60.0,
+        "s",
+        "longest stretch that is calibrated from: the one with most movement",
+        "ours: the thesis' 40 s and some more",
+        least=5.0,
+    )
+    length_guess: float = option(
+        0.05,
+        "1",
+        "how far a length that no movement tells may be off, share of it",
+        "Salchow-Hoemmen 2019, 5: ratios vary by a few percents; size ours",
+    )
+    hand_skin: float = option(
+        1.0,
+        "1",
+        "how far skin moves the hand's sensor with the fingers, before that is known: share of what it was found to do to the fingers' own sensors;"
+        " 0 where the hand's sits on something rigid",
+        "ours: skin of the back of the hand moves as the fingers' does",
+        least=0.0,
+    )
+    tracked: float = option(
+        2.0,
+        "deg",
+        "standard deviation that tracking adds before and after the stretch",
+        "docs/reproduction.md, Table 6, m2: 1.8",
+    )
