@@ -30,10 +30,12 @@ VERBS = {
     "locate": "where a magnet is, from the recording of any magnetometer array",
     "learn-magnet": "where magnetometers and magnet sit, from half a minute of movement",
     "info": "say what a recording holds and what was cut",
+    "import": "a table of any logger as a recording, by a map of its columns",
     "export": "write a recording or its movement as files of other programs",
     "bench": "speed and memory of the hot paths",
     "reproduce": "the figures that the papers report, measured again on simulated and real recordings",
 }
+MODULES = {"import": "import_table"}  # where a verb is no name for a module
 EVIDENCE = {"bench", "reproduce"}  # verbs of handscope.validation
 
 
@@ -77,7 +79,8 @@ def _done(words: Sequence[str] | None) -> int:
         )
         if verb == wanted:  # only the verb asked for is imported: the others' imports cost time
             room = "validation" if verb in EVIDENCE else "app"
-            module = import_module(f"handscope.{room}.commands.{verb.replace('-', '_')}")
+            name = MODULES.get(verb, verb.replace("-", "_"))
+            module = import_module(f"handscope.{room}.commands.{name}")
             module.add(sub)
             sub.set_defaults(run=module.run)
     arguments = parser.parse_args(given)

@@ -81,7 +81,7 @@ LEVELS = {  # a package imports packages of lower levels only
         "db tables_io",
         "wire",
         "files",
-        "motion_bids",
+        "motion_bids table_import",
         "formats",
         "exports",
         "clinic",

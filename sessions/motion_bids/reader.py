@@ -451,6 +451,17 @@ def _mounting(table: Mapping[str, Any]) -> dict[str, Array]:
     return mounting
 
 
+def read_events(path: Path) -> tuple[Event, ...]:
+    """Events of one events.tsv in order of onset; InputError with its line where a row is none."""
+    try:
+        text = path.read_bytes()
+    except OSError as problem:
+        raise InputError(f"{path} cannot be read: {problem.strerror}") from None
+    found = rows(text, path.name, ("onset", "duration", "trial_type")).items()
+    events = (_event(row, f"{path.name}, line {number}") for number, row in found)
+    return tuple(sorted(events, key=lambda e: e.onset))
+
+
 def events_of(files: Files, inside: str) -> tuple[Event, ...]:
     folder, stem = PurePosixPath(inside).parent, PurePosixPath(inside).name
     names = [

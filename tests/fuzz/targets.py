@@ -4,6 +4,7 @@ Anything else that it raises is a finding; so is what takes longer than HANG or 
 """
 
 import io
+import json
 import signal
 import sys
 import tempfile
@@ -28,6 +29,10 @@ from handscope.sessions.formats.qualisys import BACK, ELBOWS
 from handscope.sessions.formats.qualisys import read_markers as read_table
 from handscope.sessions.store import backup
 from handscope.sessions.store.store import open_store
+from handscope.sessions.table_import.column_map import read_map
+from handscope.sessions.table_import.convert import blocks_of, write_native
+from handscope.sessions.table_import.guess import guess_map
+from handscope.sessions.table_import.tables import read_table as read_columns
 from handscope.sessions.wire.assembly import Assembler
 from tests.bids import dataset
 from tests.glove import frames, whole_session
@@ -105,6 +110,19 @@ def qualisys(data: bytes, folder: Path) -> None:
     read_table(folder / "m.tsv")
 
 
+def table(data: bytes, folder: Path) -> None:
+    (folder / "t.csv").write_bytes(data)
+    columns, _ = guess_map(folder / "t.csv")
+    if columns.sensors:
+        blocks = blocks_of(read_columns(folder / "t.csv", columns.table), columns)
+        write_native(blocks, columns, (), folder / "r.mcap", {})
+
+
+def column_map(data: bytes, folder: Path) -> None:
+    (folder / "m.json").write_bytes(data)
+    read_map(folder / "m.json")
+
+
 def restored(data: bytes, folder: Path) -> None:
     (folder / "b.zip").write_bytes(data)
     backup.restore(folder / "b.zip", folder / "restored")
@@ -170,6 +188,27 @@ def _exported() -> list[bytes]:
     return ["\n".join([*head, *rows]).encode()]
 
 
+def _logged() -> list[bytes]:
+    names = [f"index_middle {kind} {axis}" for kind in ("gyr [deg/s]", "acc") for axis in "XYZ"]
+    rows = [f"{10 * k};1,5;-2,25;0;0;0;9,81" for k in range(40)]
+    plain = "\n".join(["0.01,1,2,3,0,0,1"] * 5)
+    return ["\n".join([";".join(["time", *names]), *rows]).encode(), plain.encode()]
+
+
+def _mapped() -> list[bytes]:
+    gyr = {"columns": ["a", 1, 2], "unit": "deg/s"}
+    sensors = {"hand": {"gyr": gyr, "mounting": [1, 0, 0, 0]}}
+    layout = {"delimiter": ";", "decimal": ",", "header": True, "skip": 2}
+    value = {
+        "hand": "left",
+        "table": layout,
+        "rate": 100.0,
+        "sensors": sensors,
+        "geometry": {"hand_length": 0.18},
+    }
+    return [json.dumps(value).encode()]
+
+
 def _tasks() -> list[bytes]:
     folder = Path(str(protocols.__file__)).parent
     return [(folder / f"{name}.json").read_bytes() for name in ("tapping", "rom_fist", "kapandji")]
@@ -193,6 +232,8 @@ TARGETS = {
     "bids_files": Target(bids_files, _joined),
     "c3d": Target(markers, _marked),
     "qualisys": Target(qualisys, _exported),
+    "table": Target(table, _logged),
+    "column_map": Target(column_map, _mapped),
     "protocol": Target(protocol, _tasks, refuses=False),
     "backup": Target(restored, _backed_up),
 }

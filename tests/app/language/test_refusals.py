@@ -48,6 +48,7 @@ COMMAND_LINE = (
         "estimators/simulation",
         "estimators/sensors/six_position_calibration.py",
         "sessions/formats/load_table.py",
+        "sessions/table_import",
     ),
 )
 PROGRAMMERS = (

@@ -1,0 +1,64 @@
+"""`handscope import`: a table of any logger as a native recording, by a map of its columns; or a first guess of that map."""
+
+import argparse
+from pathlib import Path
+
+from handscope.app.commands.words import require_file, say
+from handscope.app.version import software_version
+from handscope.estimators.errors import InputError
+from handscope.sessions.files import native
+from handscope.sessions.motion_bids.reader import read_events
+from handscope.sessions.table_import.column_map import as_json, read_map
+from handscope.sessions.table_import.convert import blocks_of, write_native
+from handscope.sessions.table_import.guess import guess_map
+from handscope.sessions.table_import.tables import read_table
+from handscope.sessions.tables_io.writing import save_file
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("table", type=Path, help="CSV, TSV, XLSX, Parquet or MAT, a row a sample")
+    parser.add_argument("--map", type=Path, metavar="MAP.json", help="which columns are what")
+    parser.add_argument("--guess", type=Path, metavar="MAP.json", help="write a first map there")
+    parser.add_argument(
+        "--events",
+        type=Path,
+        metavar="EVENTS.tsv",
+        help="poses and tasks as in Motion-BIDS; onset in s from the first row",
+    )
+    parser.add_argument("--out", type=Path, metavar="REC.mcap", help="the native recording")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    if not arguments.table.is_file():
+        raise InputError(f"{arguments.table} is not a file")
+    if (arguments.guess is None) == (arguments.map is None):
+        raise InputError("give either --guess MAP.json or --map MAP.json with --out REC.mcap")
+    return _guess(arguments) if arguments.guess else _convert(arguments)
+
+
+def _guess(arguments: argparse.Namespace) -> int:
+    require_file(arguments.guess)
+    columns, open_questions = guess_map(arguments.table)
+    save_file(as_json(columns).encode(), arguments.guess)
+    mapped = sum(len(s.triads) for s in columns.sensors.values())
+    say(f"{len(columns.sensors)} sensors, {mapped} triads: {arguments.guess}")
+    for question in open_questions:
+        say(f"to fill in: {question}")
+    return 0
+
+
+def _convert(arguments: argparse.Namespace) -> int:
+    out = arguments.out
+    if out is None or out.suffix != native.SUFFIX or out.exists():
+        raise InputError(f"--out {out} must be a new file that ends in {native.SUFFIX}")
+    require_file(out)
+    columns = read_map(arguments.map)
+    events = read_events(arguments.events) if arguments.events else ()
+    blocks = blocks_of(read_table(arguments.table, columns.table), columns)
+    about = {"software": software_version(), "imported_from": arguments.table.name}
+    write_native(blocks, columns, events, out, about)
+    t = blocks[0].t
+    say(f"{t[-1]:.1f} s of {len(columns.sensors)} sensors at {blocks[0].stream.rate:.4g} Hz: {out}")
+    if not events:
+        say("warning: no events: without an initial pose the headings are guesses; give --events")
+    return 0

@@ -1,0 +1,195 @@
+"""Which columns of a table are what: MAP.json, read and checked.
+
+In      the contract's object: hand, table, time or rate, sensors, geometry
+Out     a ColumnMap; InputError names the key that is wrong
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from handscope.estimators.data.samples import ACC, GYR, MAG, TRACKED_POINTS
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import HANDS, Hand
+from handscope.estimators.hand.geometry import measures_from
+from handscope.estimators.numerics.constants import GRAVITY
+
+Column = str | int
+FACTORS: Mapping[str, Mapping[str, float]] = {  # to SI, by quantity and unit
+    GYR: {"rad/s": 1.0, "deg/s": np.pi / 180},
+    ACC: {"m/s^2": 1.0, "g": GRAVITY, "mg": 1e-3 * GRAVITY},
+    MAG: {"T": 1.0, "uT": 1e-6, "mG": 1e-7},
+}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+@dataclass(frozen=True)
+class TableLayout:
+    """How the text is laid out."""
+
+    delimiter: str = ","
+    decimal: str = "."
+    header: bool = True
+    skip: int = 0  # lines before the header, or before the first row
+
+
+@dataclass(frozen=True)
+class Triad:
+    """Three columns, x y z, and their unit."""
+
+    columns: tuple[Column, Column, Column]
+    unit: str
+
+
+@dataclass(frozen=True)
+class MappedSensor:
+    """What one sensor gives, and how it is said to sit."""
+
+    triads: Mapping[str, Triad]  # by quantity
+    mounting: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)  # q_BS
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """The map; columns by name, or by number from 0 where there is no header."""
+
+    hand: Hand
+    sensors: Mapping[str, MappedSensor]  # by tracked point
+    time: tuple[Column, str] | None = None  # column and unit
+    rate: float | None = None  # Hz, where there is no column of times
+    table: TableLayout = field(default_factory=TableLayout)
+    geometry: Mapping[str, Any] = field(default_factory=dict)
+
+
+def read_map(path: Path) -> ColumnMap:
+    """The map in a file; InputError where it is none."""
+    try:
+        value = json.loads(path.read_text("utf-8"))
+    except OSError as problem:
+        raise InputError(f"{path} cannot be read: {problem.strerror}") from None
+    except ValueError as problem:
+        raise InputError(f"{path.name} is not JSON: {problem}") from None
+    return parse_map(value, path.name)
+
+
+def parse_map(value: Any, name: str) -> ColumnMap:
+    """The map as plain data; InputError names file and key."""
+    _only(value, {"hand", "table", "time", "rate", "sensors", "geometry"}, name)
+    hand = value.get("hand")
+    if hand not in HANDS:
+        raise InputError(f"{name}: hand is {hand!r}; say left or right")
+    time, rate = _time(value, name)
+    sensors = value.get("sensors")
+    if not isinstance(sensors, dict) or not sensors:
+        raise InputError(f"{name}: sensors names no sensor; map the columns of at least one")
+    geometry = dict(value.get("geometry") or {})
+    measures_from(geometry)
+    return ColumnMap(
+        hand,
+        {point: _sensor(point, sensor, name) for point, sensor in sensors.items()},
+        time,
+        rate,
+        _layout(value.get("table") or {}, name),
+        geometry,
+    )
+
+
+def as_json(columns: ColumnMap) -> str:
+    """The map as the contract writes it."""
+    value: dict[str, Any] = {"hand": columns.hand, "table": asdict(columns.table)}
+    if columns.time:
+        value["time"] = {"column": columns.time[0], "unit": columns.time[1]}
+    else:
+        value["rate"] = columns.rate
+    value["sensors"] = {
+        point: {q: {"columns": list(t.columns), "unit": t.unit} for q, t in s.triads.items()}
+        | {"mounting": list(s.mounting)}
+        for point, s in columns.sensors.items()
+    }
+    value["geometry"] = dict(columns.geometry)
+    return json.dumps(value, indent=2, ensure_ascii=False) + "\n"
+
+
+def _only(value: Any, known: set[str], where: str) -> None:
+    if not isinstance(value, dict):
+        raise InputError(f"{where} is not an object with {', '.join(sorted(known))}")
+    if unknown := sorted(set(value) - known):
+        raise InputError(
+            f"{where} has unknown keys: {', '.join(unknown)}; known are {', '.join(sorted(known))}"
+        )
+
+
+def _layout(value: Any, name: str) -> TableLayout:
+    where = f"{name}: table"
+    _only(value, {"delimiter", "decimal", "header", "skip"}, where)
+    layout = TableLayout(**value)
+    if len(str(layout.delimiter)) != 1 or layout.decimal not in (".", ","):
+        raise InputError(f"{where}: the delimiter is one character, the decimal mark . or ,")
+    if layout.delimiter == layout.decimal:
+        raise InputError(f"{where}: delimiter and decimal mark are both {layout.decimal!r}")
+    if not isinstance(layout.skip, int) or layout.skip < 0 or not isinstance(layout.header, bool):
+        raise InputError(f"{where}: header is true or false, skip a number of lines")
+    return layout
+
+
+def _time(value: Mapping[str, Any], name: str) -> tuple[tuple[Column, str] | None, float | None]:
+    time, rate = value.get("time"), value.get("rate")
+    if (time is None) == (rate is None):
+        raise InputError(f"{name}: give either time (a column and its unit) or rate (Hz)")
+    if time is None:
+        if not isinstance(rate, int | float) or not 1 <= rate <= 10000:
+            raise InputError(f"{name}: rate {rate!r} is no number of Hz from 1 to 10000")
+        return None, float(rate)
+    _only(time, {"column", "unit"}, f"{name}: time")
+    if time.get("unit") not in SECONDS:
+        raise InputError(
+            f"{name}: time has the unit {time.get('unit')!r}; units are {', '.join(SECONDS)}"
+        )
+    return (_column(time.get("column"), f"{name}: time"), str(time["unit"])), None
+
+
+def _column(value: Any, where: str) -> Column:
+    if isinstance(value, bool) or not isinstance(value, str | int):
+        raise InputError(f"{where}: {value!r} is no column; give its name, or its number from 0")
+    return value
+
+
+def _sensor(point: str, value: Any, name: str) -> MappedSensor:
+    where = f"{name}: {point}"
+    if point not in TRACKED_POINTS:
+        raise InputError(f"{where} is no tracked point; points are {', '.join(TRACKED_POINTS)}")
+    _only(value, {GYR, ACC, MAG, "orientation", "mounting"}, where)
+    if "orientation" in value:
+        raise InputError(
+            f"{where}: orientations cannot be imported yet; map gyroscope and accelerometer"
+        )
+    triads = {
+        q: _triad(value[q], q, f"{where}, {q}") for q in (GYR, ACC, MAG) if value.get(q) is not None
+    }
+    if not triads:
+        raise InputError(f"{where} maps nothing; give gyr, acc or mag")
+    mounting = value.get("mounting") or [1, 0, 0, 0]
+    try:
+        q = np.asarray(mounting, dtype=float)
+    except (TypeError, ValueError):
+        q = np.zeros(0)
+    if q.shape != (4,) or not 0.9 < np.linalg.norm(q) < 1.1:
+        raise InputError(f"{where}: mounting {mounting!r} is no unit quaternion [w, x, y, z]")
+    return MappedSensor(triads, (float(q[0]), float(q[1]), float(q[2]), float(q[3])))
+
+
+def _triad(value: Any, quantity: str, where: str) -> Triad:
+    _only(value, {"columns", "unit"}, where)
+    columns = value.get("columns")
+    if not isinstance(columns, list) or len(columns) != 3:
+        raise InputError(f"{where}: columns are three, for x, y and z, not {columns!r}")
+    if value.get("unit") not in FACTORS[quantity]:
+        raise InputError(
+            f"{where} has the unit {value.get('unit')!r}; units are {', '.join(FACTORS[quantity])}"
+        )
+    x, y, z = (_column(c, where) for c in columns)
+    return Triad((x, y, z), value["unit"])

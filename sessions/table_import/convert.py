@@ -1,0 +1,181 @@
+"""A mapped table to a recording: units, rate and gravity are checked before anything is stored.
+
+In      columns of numbers, a ColumnMap, events
+Out     blocks in SI, then a native recording that holds them as a glove would have sent them
+Source  wire protocol (docs/wire-protocol.md); rules ours
+"""
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from handscope.estimators.data.samples import ACC, GYR, MAG, Block, Event, Stream
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.typing import Array
+from handscope.sessions.files.recorder import Recorder
+from handscope.sessions.table_import.column_map import FACTORS, SECONDS, ColumnMap
+from handscope.sessions.table_import.tables import NumberColumns
+from handscope.sessions.wire.framing import Encoder
+from handscope.sessions.wire.messages import Format, Identity, Samples, StreamInfo, Strip
+from handscope.sessions.wire.sample_values import encode_values
+
+NS = 1e9
+START = 10.0  # s that the clock shows at the first sample
+BURST = 0.01  # s of samples in a frame
+EVEN = 1e-6  # s by which samples of one frame may be off an even spacing
+GRAVITY_SHARE = 0.15  # of gravity that the median size of accelerations may be off
+FASTEST = 60.0  # rad/s; a gyroscope's largest full scale is 4000 deg/s = 70 rad/s
+QUANTITIES = (GYR, ACC, MAG)
+
+
+def blocks_of(table: NumberColumns, columns: ColumnMap) -> list[Block]:
+    """One block a strip and set of quantities, SI; InputError where the numbers contradict the map."""
+    t, rate = _times(table, columns)
+    groups: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for point, sensor in columns.sensors.items():
+        kinds = tuple(q for q in QUANTITIES if q in sensor.triads)
+        groups.setdefault((_strip_of(point), kinds), []).append(point)
+    found = []
+    for (strip, kinds), points in groups.items():
+        values = np.stack(
+            [np.concatenate([_triad(table, columns, p, q) for q in kinds], axis=1) for p in points],
+            axis=1,
+        )
+        name = strip if GYR in kinds or ACC in kinds else f"{strip}_mag"
+        found.append(Block(Stream(name, tuple(points), kinds, rate), t, values))
+    _require_plausible(found, table.file)
+    return found
+
+
+def _strip_of(point: str) -> str:
+    return next((finger for finger, chain in CHAINS.items() if point in chain), point)
+
+
+def _triad(table: NumberColumns, columns: ColumnMap, point: str, quantity: str) -> Array:
+    triad = columns.sensors[point].triads[quantity]
+    factor = FACTORS[quantity][triad.unit]
+    values = np.column_stack([table.column(c) for c in triad.columns]) * factor
+    if not np.isfinite(values).all(axis=1).any():
+        raise InputError(
+            f"{table.file}: the columns {', '.join(map(str, triad.columns))} of {point} hold no numbers"
+        )
+    return values
+
+
+def _times(table: NumberColumns, columns: ColumnMap) -> tuple[Array, float]:
+    """Times (rows,) from 0, s, and the rate, Hz."""
+    if columns.time is None:
+        assert columns.rate is not None
+        return np.arange(len(table.values)) / columns.rate, columns.rate
+    column, unit = columns.time
+    t = table.column(column) * SECONDS[unit]
+    if not np.isfinite(t).all():
+        row = int(np.flatnonzero(~np.isfinite(t))[0])
+        raise InputError(f"{table.file}: the time column {column!r} has no number in row {row + 1}")
+    steps = np.diff(t)
+    if len(t) < 2 or (steps <= 0).any():
+        row = int(np.flatnonzero(steps <= 0)[0]) + 2 if len(t) > 1 else 1
+        raise InputError(
+            f"{table.file}: the times in {column!r} do not increase at row {row}; sort the rows, or map another column"
+        )
+    rate = float(1 / np.median(steps))
+    if not 5 <= rate <= 10000:
+        raise InputError(
+            f"{table.file}: by {column!r} in {unit} there are {rate:.4g} rows a second; is the unit of the time right?"
+        )
+    return t - t[0], rate
+
+
+def _require_plausible(blocks: Sequence[Block], file: str) -> None:
+    """Gravity must have its size and rates must be possible: else a unit of the map is wrong."""
+    sizes, rates = [], []
+    for block in blocks:
+        if ACC in block.stream.quantities:
+            sizes.append(np.nanmedian(np.linalg.norm(block.of(ACC), axis=2)))
+        if GYR in block.stream.quantities:
+            rates.append(np.nanmax(np.abs(block.of(GYR))))
+    size = float(np.median(sizes)) if sizes else GRAVITY
+    if not abs(size / GRAVITY - 1) < GRAVITY_SHARE:
+        raise InputError(
+            f"{file}: with the map's units the accelerometers read {size:.3g} m/s^2, not {GRAVITY:.2f}; {_likely_unit(size)}"
+        )
+    if rates and max(rates) > FASTEST:
+        raise InputError(
+            f"{file}: with the map's units a gyroscope reads {np.degrees(max(rates)):.0f} deg/s, beyond any sensor; are they deg/s, not rad/s?"
+        )
+
+
+def _likely_unit(size: float) -> str:
+    likely = {"g": 1.0 / GRAVITY, "m/s^2": GRAVITY, "mg": 1000.0 / GRAVITY}
+    for unit, factor in (("g", 1.0), ("mg", 1000.0), ("m/s^2", GRAVITY)):
+        for told in likely:
+            seen = factor * FACTORS[ACC][told]
+            if told != unit and abs(size / seen - 1) < GRAVITY_SHARE:
+                return f"this looks like {unit} mapped as {told}: set the unit to {unit}"
+    return "check the unit and which columns are mapped"
+
+
+def write_native(
+    blocks: Sequence[Block],
+    columns: ColumnMap,
+    events: Iterable[Event],
+    path: Path,
+    about: Mapping[str, str],
+) -> None:
+    """A new native recording at `path`, whole or not at all."""
+    encoder = Encoder()
+    metadata = {"hand": columns.hand, "geometry": dict(columns.geometry), **about}
+    try:
+        with Recorder(path, metadata, 0.0, datetime.now(UTC)) as recorder:
+            for at, frame in _frames(blocks, columns, encoder):
+                recorder.write(frame, at)
+            for k, event in enumerate(events):
+                recorder.event(f"imported-{k}", event, 0.0)
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+
+
+def _frames(
+    blocks: Sequence[Block], columns: ColumnMap, encoder: Encoder
+) -> Iterator[tuple[float, bytes]]:
+    """Arrival and bytes of every message, in order of time."""
+    infos = [
+        StreamInfo(
+            k, k, 0, b.stream.quantities, Format.FLOAT32, b.stream.rate, (1.0,) * n, (0.0,) * n
+        )
+        for k, b in enumerate(blocks)
+        for n in [len(b.stream.quantities)]
+    ]
+    name = hashlib.sha256(repr(sorted(columns.sensors)).encode()).digest()
+    yield (
+        0.0,
+        encoder.frame(
+            Identity(int.from_bytes(name[:6], "big"), 1, columns.hand, "imported table", "")
+        ),
+    )
+    for k, (block, info) in enumerate(zip(blocks, infos)):
+        points = tuple(block.stream.sensors)
+        mounting = tuple(x for p in points for x in columns.sensors[p].mounting)
+        yield 0.0, encoder.frame(Strip(k, True, k + 1, points, mounting))
+        yield 0.0, encoder.frame(info)
+    bursts = [b for block, info in zip(blocks, infos) for b in _bursts(block, info)]
+    for burst in sorted(bursts, key=lambda b: (b.t_sent, b.stream)):
+        yield (burst.t_sent / NS - START) + 1e-3, encoder.frame(burst)
+
+
+def _bursts(block: Block, info: StreamInfo) -> Iterator[Samples]:
+    t, rate, most = block.t, block.stream.rate, max(1, round(BURST * block.stream.rate))
+    first = 0
+    for k in range(1, len(t) + 1):
+        even = k < len(t) and abs(t[k] - t[first] - (k - first) / rate) < EVEN
+        if not even or k - first == most:
+            start, sent = round((START + t[first]) * NS), round((START + t[k - 1]) * NS)
+            data = encode_values(block.values[first:k], info)
+            yield Samples(info.stream, first, start, sent, k - first, data)
+            first = k

@@ -1,0 +1,192 @@
+"""A logger's table as numbers by column: text, Excel, Parquet or MATLAB.
+
+In      a file, how its text is laid out
+Out     names and values (rows, columns), NaN where a cell is empty
+"""
+
+import csv
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from handscope.estimators.errors import InputError
+from handscope.estimators.numerics.typing import Array
+from handscope.sessions.table_import.column_map import Column, TableLayout
+
+MOST_BYTES = 2**30
+LARGEST = 1e30  # beyond it a cell is no reading
+EMPTY = {"", "nan", "n/a", "na", "null", "none"}
+
+
+@dataclass(frozen=True)
+class NumberColumns:
+    """Columns of numbers; `names` is empty where the table has no header."""
+
+    file: str
+    names: tuple[str, ...]
+    values: Array  # (rows, columns)
+
+    def column(self, wanted: Column) -> Array:
+        """A column (rows,) by name, or by number from 0; InputError where it is not there."""
+        if isinstance(wanted, int):
+            if not 0 <= wanted < self.values.shape[1]:
+                raise InputError(
+                    f"{self.file} has no column {wanted}; it has {self.values.shape[1]}, counted from 0"
+                )
+            return self.values[:, wanted]
+        if self.names.count(wanted) != 1:
+            known = ", ".join(self.names[:40]) or "none: it has no header, give numbers from 0"
+            many = "no" if wanted not in self.names else "more than one"
+            raise InputError(f"{self.file} has {many} column {wanted!r}; columns are {known}")
+        return self.values[:, self.names.index(wanted)]
+
+
+def read_table(path: Path, layout: TableLayout) -> NumberColumns:
+    """The table; InputError with file, line and column where a cell is no number."""
+    try:
+        size = path.stat().st_size
+    except OSError as problem:
+        raise InputError(f"{path} cannot be read: {problem.strerror}") from None
+    if size > MOST_BYTES:
+        raise InputError(f"{path.name} has {size / 2**30:.1f} GB; cut it into parts below 1 GB")
+    return READERS.get(path.suffix.lower(), _read_text)(path, layout)
+
+
+def text_lines(path: Path) -> list[str]:
+    """The lines of a text file; InputError where it is none."""
+    data = path.read_bytes()
+    for encoding in (
+        ("utf-8-sig", "utf-16")
+        if data[:2] in (b"\xff\xfe", b"\xfe\xff")
+        else (
+            "utf-8-sig",
+            "latin-1",
+        )
+    ):
+        try:
+            text = data.decode(encoding)
+        except UnicodeError:
+            continue
+        if "\0" in text:
+            break
+        return text.splitlines()
+    raise InputError(f"{path.name} is no text; CSV, TSV, XLSX, Parquet and MAT are read")
+
+
+def _read_text(path: Path, layout: TableLayout) -> NumberColumns:
+    lines = text_lines(path)[layout.skip :]
+    rows = csv.reader(lines, delimiter=layout.delimiter)
+    names: tuple[str, ...] = ()
+    first = layout.skip + layout.header + 1
+    try:
+        if layout.header:
+            names = tuple(cell.strip() for cell in next(rows, []))
+        values = list(_numbers(rows, names, first, path.name, layout.decimal))
+    except csv.Error as problem:
+        raise InputError(f"{path.name} cannot be read as a table: {problem}") from None
+    if not values:
+        raise InputError(f"{path.name} has no rows of numbers behind line {first - 1}")
+    return NumberColumns(path.name, names, np.array(values))
+
+
+def _numbers(
+    rows: Iterator[list[str]], names: Sequence[str], first: int, file: str, decimal: str
+) -> Iterator[list[float]]:
+    width = len(names)
+    for number, row in enumerate(rows, start=first):
+        if not any(cell.strip() for cell in row):
+            continue
+        while len(row) > width > 0 and not row[-1].strip():
+            row.pop()  # a delimiter at the end of the line
+        width = width or len(row)
+        if len(row) != width:
+            raise InputError(f"{file}, line {number}: {len(row)} cells, the first line has {width}")
+        yield [
+            _number(cell, decimal, file, number, names[k] if names else str(k))
+            for k, cell in enumerate(row)
+        ]
+
+
+def _number(cell: str, decimal: str, file: str, line: int, column: str) -> float:
+    text = cell.strip()
+    try:
+        value = float(text if decimal == "." else text.replace(".", "").replace(",", "."))
+        return value if abs(value) < LARGEST else float("nan")
+    except ValueError:
+        if text.lower() in EMPTY:
+            return float("nan")
+        if any(c.isdigit() for c in text) and not any(c.isalpha() for c in text):
+            raise InputError(
+                f"{file}, line {line}, column {column}: {text[:40]!r} is not a number; is the decimal mark {decimal!r}?"
+            ) from None
+        return float("nan")  # words: a column that nobody maps
+
+
+def _frame_reader(function: str, package: str) -> Callable[[Path, TableLayout], NumberColumns]:
+    def read(path: Path, layout: TableLayout) -> NumberColumns:
+        try:
+            pandas = import_module("pandas")
+            import_module(package)
+        except ImportError:
+            raise InputError(
+                f'{path.suffix} files need pandas and {package}; install them by: pip install "handscope[tables]"'
+            ) from None
+        options: Mapping[str, Any] = (
+            {"header": 0 if layout.header else None, "skiprows": layout.skip}
+            if function == "read_excel"
+            else {}
+        )
+        try:
+            frame = getattr(pandas, function)(path, **options)
+        except Exception as problem:  # whatever the library raises on a foreign file
+            raise InputError(f"{path.name} cannot be read: {problem}") from None
+        numbers = frame.apply(pandas.to_numeric, errors="coerce").to_numpy(dtype=float)
+        return NumberColumns(path.name, tuple(str(c).strip() for c in frame.columns), numbers)
+
+    return read
+
+
+def _read_matlab(path: Path, layout: TableLayout) -> NumberColumns:
+    from scipy.io import loadmat
+
+    del layout
+    try:
+        found = loadmat(path, simplify_cells=True)
+    except Exception as problem:  # whatever a foreign file raises
+        raise InputError(f"{path.name} cannot be read as MATLAB 5: {problem}") from None
+    names, columns = [], []
+    for name, value in _flatten("", found):
+        array = np.asarray(value)
+        if array.dtype.kind in "fiu" and array.ndim in (1, 2) and array.size > 1:
+            wide = array[:, None] if array.ndim == 1 else array
+            several = wide.shape[1] > 1
+            names += [f"{name}_{k}" if several else name for k in range(wide.shape[1])]
+            columns += list(wide.T.astype(float))
+    rows = max((len(c) for c in columns), key=[len(c) for c in columns].count, default=0)
+    kept = [(n, c) for n, c in zip(names, columns) if len(c) == rows]
+    if not kept:
+        raise InputError(f"{path.name} holds no columns of numbers")
+    return NumberColumns(
+        path.name, tuple(n for n, _ in kept), np.column_stack([c for _, c in kept])
+    )
+
+
+def _flatten(prefix: str, value: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    for name, inner in value.items():
+        if name.startswith("__"):
+            continue
+        if isinstance(inner, dict):
+            yield from _flatten(f"{prefix}{name}.", inner)
+        else:
+            yield f"{prefix}{name}", inner
+
+
+READERS: Mapping[str, Callable[[Path, TableLayout], NumberColumns]] = {
+    ".xlsx": _frame_reader("read_excel", "openpyxl"),
+    ".parquet": _frame_reader("read_parquet", "pyarrow"),
+    ".mat": _read_matlab,
+}

@@ -1,0 +1,180 @@
+"""Tables of other loggers: mapped, checked and processed as the recording that they were made from."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from handscope.app.cli import main
+from handscope.estimators.data.samples import ACC, GYR
+from handscope.estimators.methods import METHODS
+from handscope.estimators.pipeline.process import process
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.formats import recordings
+from handscope.sessions.motion_bids.writer import events_table
+from tests.simulated import DEG
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> LoadedRecording:
+    path = tmp_path_factory.mktemp("import") / "tapping.zip"
+    assert main(["simulate", "tapping", "--out", str(path), "--seed", "11"]) == 0
+    return recordings.load(path)
+
+
+@pytest.fixture(scope="module")
+def german(original: LoadedRecording, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a table of decimal commas, degrees and g, shuffled columns that no program knows, its map and events."""
+    folder = tmp_path_factory.mktemp("german")
+    block = original.samples["imu"]
+    t = block.t
+    columns = [("zeit", (t - t[0]) * 1e3)]
+    sensors = {}
+    for k, point in enumerate(block.stream.sensors):
+        gyr, acc = block.of(GYR)[:, k] / DEG, block.of(ACC)[:, k] / 9.80665
+        columns += [(f"a{k}{c}", gyr[:, j]) for j, c in enumerate("uvw")]
+        columns += [(f"b{k}{c}", acc[:, j]) for j, c in enumerate("uvw")]
+        sensors[point] = {
+            "gyr": {"columns": [f"a{k}{c}" for c in "uvw"], "unit": "deg/s"},
+            "acc": {"columns": [f"b{k}{c}" for c in "uvw"], "unit": "g"},
+            "mounting": [float(x) for x in original.mounting.get(point, (1, 0, 0, 0))],
+        }
+    order = np.random.default_rng(3).permutation(len(columns))
+    lines = ["Logger 7;exported"]
+    lines.append(";".join(columns[k][0] for k in order))
+    rows = np.column_stack([columns[k][1] for k in order])
+    lines += [";".join(f"{v:.7f}" for v in row).replace(".", ",") for row in rows]
+    (folder / "log.csv").write_text("\n".join(lines) + "\n")
+    column_map = {
+        "hand": original.hand,
+        "table": {"delimiter": ";", "decimal": ",", "header": True, "skip": 1},
+        "time": {"column": "zeit", "unit": "ms"},
+        "sensors": sensors,
+        "geometry": {"hand_length": 0.18},
+    }
+    (folder / "map.json").write_text(json.dumps(column_map))
+    (folder / "events.tsv").write_bytes(events_table(original.events))
+    return folder
+
+
+def imported(folder: Path, out: Path, **changed: object) -> int:
+    """Import with the map of the folder, some of its keys changed."""
+    column_map = json.loads((folder / "map.json").read_text()) | changed
+    (out.parent / "map.json").write_text(json.dumps(column_map))
+    words = ["import", str(folder / "log.csv"), "--map", str(out.parent / "map.json")]
+    return main([*words, "--events", str(folder / "events.tsv"), "--out", str(out)])
+
+
+def test_decimal_commas_degrees_and_g_give_the_angles_of_the_original(
+    original: LoadedRecording, german: Path, tmp_path: Path
+) -> None:
+    assert imported(german, tmp_path / "r.mcap") == 0
+    recording = recordings.load(tmp_path / "r.mcap")
+    assert recording.hand == original.hand and recording.events == original.events
+    method = METHODS["m2"]
+    inertial = LoadedRecording(
+        original.hand,
+        recording.geometry,
+        original.mounting,
+        {"imu": original.samples["imu"]},
+        original.events,
+    )
+    ours, theirs = (process(method, method.Params(), r).trajectory for r in (recording, inertial))
+    rows = np.searchsorted(ours.t, theirs.t - 1e-4)
+    np.testing.assert_allclose(ours.angles[rows], theirs.angles, atol=0.2 * DEG, equal_nan=True)
+
+
+def test_a_guess_finds_layout_and_time_and_says_what_is_open(
+    german: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    guess = tmp_path / "guess.json"
+    assert main(["import", str(german / "log.csv"), "--guess", str(guess)]) == 0
+    found = json.loads(guess.read_text())
+    assert found["table"] == {"delimiter": ";", "decimal": ",", "header": True, "skip": 1}
+    assert found["time"] == {"column": "zeit", "unit": "ms"} and found["sensors"] == {}
+    assert "fill in sensors" in capsys.readouterr().out
+
+
+def test_a_guess_reads_names_of_segments_quantities_and_units(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    names = [f"index_middle {q} {a}" for q in ("Gyr [deg/s]", "Acc") for a in "XYZ"]
+    rows = np.column_stack(
+        [np.arange(200) * 0.01, 400 * rng.normal(size=(200, 3)), np.tile([0.0, 0.0, 1.0], (200, 1))]
+    )
+    table = "\n".join([",".join(["time", *names]), *(",".join(map(str, r)) for r in rows)])
+    (tmp_path / "right_hand.csv").write_text(table)
+    guess = tmp_path / "guess.json"
+    assert main(["import", str(tmp_path / "right_hand.csv"), "--guess", str(guess)]) == 0
+    sensor = json.loads(guess.read_text())["sensors"]["index_middle"]
+    assert sensor["gyr"] == {"columns": names[:3], "unit": "deg/s"}
+    assert sensor["acc"] == {"columns": names[3:], "unit": "g"}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "sentence"),
+    [
+        ("sensor", {}, "unknown keys: sensor"),
+        ("hand", "both", "say left or right"),
+        ("sensors", {"toe": {}}, "toe is no tracked point"),
+        ("time", {"column": "nowhere", "unit": "ms"}, "no column 'nowhere'"),
+        ("time", {"column": "zeit", "unit": "s"}, "is the unit of the time right?"),
+        ("time", {"column": "a1u", "unit": "ms"}, "do not increase"),
+        ("rate", 100, "either time"),
+        ("table", {"delimiter": ";", "decimal": ".", "skip": 1}, "is the decimal mark '.'?"),
+    ],
+)
+def test_a_map_that_is_wrong_is_refused_and_nothing_is_left(
+    german: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    key: str,
+    value: object,
+    sentence: str,
+) -> None:
+    assert imported(german, tmp_path / "r.mcap", **{key: value}) == 2
+    assert sentence in capsys.readouterr().err
+    assert not (tmp_path / "r.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit", "sentence"),
+    [("acc", "m/s^2", "this looks like g mapped as m/s^2"), ("gyr", "rad/s", "are they deg/s")],
+)
+def test_a_unit_that_contradicts_the_numbers_is_named(
+    german: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    quantity: str,
+    unit: str,
+    sentence: str,
+) -> None:
+    sensors = json.loads((german / "map.json").read_text())["sensors"]
+    for sensor in sensors.values():
+        sensor[quantity]["unit"] = unit
+    assert imported(german, tmp_path / "r.mcap", sensors=sensors) == 2
+    assert sentence in capsys.readouterr().err and not (tmp_path / "r.mcap").exists()
+
+
+def test_columns_without_a_header_are_counted_from_0_and_a_rate_may_stand_for_times(
+    tmp_path: Path,
+) -> None:
+    rows = np.tile([0.01, 0.02, 0.03, 0.0, 0.0, 9.81], (300, 1))
+    np.savetxt(tmp_path / "t.tsv", rows, delimiter="\t")
+    column_map = {
+        "hand": "right",
+        "table": {"delimiter": "\t", "header": False},
+        "rate": 50.0,
+        "sensors": {
+            "hand": {
+                "gyr": {"columns": [0, 1, 2], "unit": "rad/s"},
+                "acc": {"columns": [3, 4, 5], "unit": "m/s^2"},
+            }
+        },
+    }
+    (tmp_path / "map.json").write_text(json.dumps(column_map))
+    words = ["import", str(tmp_path / "t.tsv"), "--map", str(tmp_path / "map.json")]
+    assert main([*words, "--out", str(tmp_path / "r.mcap")]) == 0
+    block = recordings.load(tmp_path / "r.mcap").samples["hand"]
+    assert len(block.t) == 300 and block.stream.rate == 50
+    np.testing.assert_allclose(block.values[7, 0], rows[0], rtol=1e-6)
