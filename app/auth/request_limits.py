@@ -2,13 +2,14 @@
 
 Every body has a limit by its route, enforced on the bytes as they come, whether their length was announced or not. A body must keep
 coming: who sends slower than SLOWEST, or stops, is cut. Requests of one address at a time, and in a row, are bounded. A connection that
-does not finish the head of its request is closed.
+does not finish the head of its request is closed; where an address has too many, the oldest half-sent request makes room.
 """
 
 import asyncio
 import re
 import time
 from collections import Counter, OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -71,13 +72,10 @@ class RequestLimits:
         if _announced(scope) > limit:
             await _refuse(413, _words(limit), scope, receive, send)
             return
-        self._open[address] += 1
-        try:
-            await self._app(scope, _bounded(receive, limit), send)
-        finally:
-            self._open[address] -= 1
-            if not self._open[address]:
-                del self._open[address]
+        with _Counted(self._open, address) as counted:
+            if not _has_body(scope):
+                counted.begin()
+            await self._app(scope, _bounded(receive, limit, counted.begin), send)
 
     def _limit(self, scope: Scope) -> int:
         return self._largest_upload + FORM if UPLOADS.fullmatch(scope["path"]) else SMALL
@@ -90,6 +88,32 @@ class RequestLimits:
         return allowance
 
 
+class _Counted:
+    """A request among those of its address, from the moment at which it is there whole: half-sent ones keep nobody else out."""
+
+    def __init__(self, open_requests: Counter[str], address: str) -> None:
+        self._open, self._address, self._began = open_requests, address, False
+
+    def __enter__(self) -> "_Counted":
+        return self
+
+    def begin(self) -> None:
+        if not self._began:
+            self._began = True
+            self._open[self._address] += 1
+
+    def __exit__(self, *_: object) -> None:
+        if self._began:
+            self._open[self._address] -= 1
+            if not self._open[self._address]:
+                del self._open[self._address]
+
+
+def _has_body(scope: Scope) -> bool:
+    names = {name for name, _ in scope["headers"]}
+    return _announced(scope) > 0 or b"transfer-encoding" in names
+
+
 def _announced(scope: Scope) -> int:
     """The body's length as its header says; 0 where it does not."""
     word = dict(scope["headers"]).get(b"content-length", b"0")
@@ -100,7 +124,7 @@ def _words(limit: int) -> str:
     return TOO_LARGE.format(limit=f"{limit / 2**20:.0f}")
 
 
-def _bounded(receive: Receive, limit: int) -> Receive:
+def _bounded(receive: Receive, limit: int, when_whole: Callable[[], None]) -> Receive:
     """The body as it comes; HTTPException where it grows beyond the limit or comes too slowly."""
     total, complete, began = 0, False, time.monotonic()
 
@@ -115,6 +139,8 @@ def _bounded(receive: Receive, limit: int) -> Receive:
             raise HTTPException(408, TOO_SLOW, {"Connection": "close"}) from None
         total += len(message.get("body", b""))
         complete = message["type"] != "http.request" or not message.get("more_body", False)
+        if complete:
+            when_whole()
         if total > limit:
             raise HTTPException(413, _words(limit), {"Connection": "close"})
         if not complete and time.monotonic() - began > PATIENCE + total / SLOWEST:
@@ -131,16 +157,23 @@ async def _refuse(status: int, words: str, scope: Scope, receive: Receive, send:
 class BoundedProtocol(H11Protocol):  # type: ignore[misc]  # mypy does not follow uvicorn
     """HTTP/1.1 whose connections are bounded for each address, and closed where the head of a request does not arrive in time."""
 
-    _of_address: ClassVar[Counter[str]] = Counter()
+    _of_address: ClassVar[dict[str, dict["BoundedProtocol", None]]] = {}  # the oldest first
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
         self._address = self.client[0] if self.client else ""
-        self._of_address[self._address] += 1
         self._head: asyncio.TimerHandle | None = None
         self._wait_for_head(True)
-        if self._of_address[self._address] > MOST_CONNECTIONS:
-            transport.abort()
+        others = self._of_address.setdefault(self._address, {})
+        if len(others) >= MOST_CONNECTIONS:
+            unfinished = (one for one in others if one.sends_half)
+            next(unfinished, self).transport.abort()
+        others[self] = None
+
+    @property
+    def sends_half(self) -> bool:
+        """Whether it keeps a request that is not there whole: such a connection makes room for a new one."""
+        return self._head is not None or self.conn.their_state is h11.SEND_BODY
 
     def data_received(self, data: bytes) -> None:
         super().data_received(data)
@@ -164,6 +197,7 @@ class BoundedProtocol(H11Protocol):  # type: ignore[misc]  # mypy does not follo
 
     def _leave(self) -> None:
         self._wait_for_head(False)
-        self._of_address[self._address] -= 1
-        if not self._of_address[self._address]:
-            del self._of_address[self._address]
+        others = self._of_address.get(self._address, {})
+        others.pop(self, None)
+        if not others:
+            self._of_address.pop(self._address, None)

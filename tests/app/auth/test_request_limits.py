@@ -95,8 +95,27 @@ def test_the_head_of_a_later_request_has_to_come_as_well(port: int) -> None:
 def test_connections_of_one_address_are_bounded(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(request_limits, "MOST_CONNECTIONS", 3)
     many = [socket.create_connection(("127.0.0.1", port), timeout=10) for _ in range(4)]
+    assert many[0].recv(1) == b"", "the oldest that has sent nothing made room"
     many[-1].sendall(_head("/api/login", "Content-Length: 0"))
-    assert _read(many[-1]) == b""
+    assert b'"length":0' in _read(many[-1])
+    for connection in many:
+        connection.close()
+
+
+def test_half_sent_requests_make_room_for_whole_ones(
+    port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(request_limits, "MOST_CONNECTIONS", 4)
+    monkeypatch.setattr(request_limits, "MOST_AT_ONCE", 2)
+    monkeypatch.setattr(request_limits, "PATIENCE", 5.0)
+    half = [b"POST /api/lo", _head("/api/login", "Content-Length: 100") + b"x"]
+    many = [socket.create_connection(("127.0.0.1", port), timeout=10) for _ in range(8)]
+    for k, connection in enumerate(many):
+        with suppress(OSError):
+            connection.sendall(half[k % 2])
+    whole = _head("/api/login", "Content-Length: 1") + b"x"
+    for _ in range(3):
+        assert b'"length":1' in _answer(port, whole)
     for connection in many:
         connection.close()
 
