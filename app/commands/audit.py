@@ -4,6 +4,7 @@ import argparse
 import getpass
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 
 from sqlalchemy.orm import Session
@@ -11,6 +12,7 @@ from sqlalchemy.orm import Session
 from handscope.app.commands.words import database_url, default_data, say
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit
+from handscope.sessions.clinic.audit_copy import read_heads
 from handscope.sessions.db.tables import AuditLine
 from handscope.sessions.store import backup
 from handscope.sessions.store.database import FILE, open_database
@@ -38,6 +40,14 @@ def add(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="a backup of this server: its note of the last line counts",
+    )
+    verify.add_argument(
+        "--copy",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE",
+        help="a copy of the trail (HANDSCOPE_AUDIT_COPY=file:FILE): all its lines count",
     )
     listed = actions.add_parser("list", help="lines, the newest first")
     listed.add_argument("--who", default="", metavar="NAME", help="of one account")
@@ -78,7 +88,11 @@ def run(arguments: argparse.Namespace) -> int:
             f"{arguments.data} has no database, so no audit trail; name the server's data folder with --data, or its database with --database"
         )
     noted = (
-        [*arguments.against, *map(backup.read_audit_head, arguments.backup)]
+        [
+            *arguments.against,
+            *map(backup.read_audit_head, arguments.backup),
+            *chain.from_iterable(map(read_heads, arguments.copy)),
+        ]
         if arguments.action == "verify"
         else []
     )

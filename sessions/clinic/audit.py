@@ -20,7 +20,7 @@ from typing import Any
 from sqlalchemy import Connection, event, insert, inspect, select, text, update
 from sqlalchemy.orm import Session, sessionmaker
 
-from handscope.sessions.clinic import audit_guards
+from handscope.sessions.clinic import audit_copy, audit_guards
 from handscope.sessions.db.tables import (
     Account,
     AuditLine,
@@ -84,11 +84,12 @@ class Verdict:
     unguarded: tuple[str, ...] = ()  # triggers that should refuse changes and are gone
 
 
-def enable(database: sessionmaker[Session]) -> None:
-    """From now on every commit of this database is audited."""
+def enable(database: sessionmaker[Session], copy_to: str = "") -> None:
+    """From now on every commit of this database is audited, and its lines copied to a place outside where one is named."""
     event.listen(database, "after_flush", _collect_rows)
     event.listen(database, "before_commit", _write)
     event.listen(database, "after_rollback", _discard)
+    audit_copy.enable(database, copy_to)
 
 
 def set_actor(db: Session, who: str, address: str) -> None:
@@ -295,6 +296,7 @@ def _append(db: Session, happened: Sequence[AuditEvent]) -> None:
         previous = row["hash"] = hash_of(row)
         rows.append(row)
     db.execute(insert(AuditLine), rows)
+    audit_copy.add_waiting(db, rows)
 
 
 def _discard(db: Session) -> None:

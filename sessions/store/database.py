@@ -1,5 +1,6 @@
 """Open the database: SQLite in the data folder by default, any SQLAlchemy URL otherwise; brought up to date on opening."""
 
+import os
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from handscope.sessions.db.tables import Login
 from handscope.sessions.store.folder_privacy import keep_private
 
 FILE = "handscope.sqlite"
+AUDIT_COPY = "HANDSCOPE_AUDIT_COPY"  # environment: where lines of the audit trail go besides
 RESTORING = "restoring"  # lies in a data folder while a backup is being put into it
 MIGRATIONS = str(files("handscope.sessions.db") / "migrations")
 WAIT = 5.0  # s that a change waits for another process that holds SQLite's lock
@@ -45,7 +47,7 @@ def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]
         ) from None
     database = sessionmaker(engine, expire_on_commit=False)
     repeatability.enable(database)
-    audit.enable(database)
+    audit.enable(database, os.environ.get(AUDIT_COPY, ""))
     return database
 
 

@@ -1,5 +1,7 @@
 """ASVS 5, 16.4: the audit trail is only appended to, and what somebody did to its protection is found."""
 
+import json
+import socket
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
@@ -10,8 +12,9 @@ import sqlalchemy as sa
 from sqlalchemy.exc import DBAPIError
 
 from handscope.app.cli import main
+from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit, patients
-from handscope.sessions.store.database import FILE
+from handscope.sessions.store.database import AUDIT_COPY, FILE
 from handscope.sessions.store.store import Store, open_store
 from tests import postgres
 
@@ -68,3 +71,47 @@ def test_verifying_finds_what_was_removed(
     assert main(["audit", "verify", "--data", str(tmp_path)]) == 1
     said = capsys.readouterr()
     assert sentence in said.out and "Traceback" not in said.err
+
+
+def test_a_copy_outside_finds_an_end_that_was_cut_off(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copy, data = tmp_path / "trail.jsonl", tmp_path / "data"
+    monkeypatch.setenv(AUDIT_COPY, f"file:{copy}")
+    store = _filled(data)
+    with store.database() as db:
+        audit.record(db, audit.AuditEvent("viewed", "patient", "1"))
+        db.rollback()
+    store.close()
+    words = ["audit", "verify", "--data", str(data), "--copy", str(copy)]
+    assert [json.loads(line)["id"] for line in copy.read_text().splitlines()] == [1, 2, 3]
+    assert (copy.stat().st_mode & 0o077, main(words)) == (0, 0)
+    with closing(sqlite3.connect(data / FILE)) as other:
+        trigger = "SELECT sql FROM sqlite_master WHERE name = 'audit_no_delete'"
+        (made,) = other.execute(trigger).fetchone()
+        other.execute("DROP TRIGGER audit_no_delete")
+        other.execute("DELETE FROM audit WHERE id = 3")
+        other.execute(made)
+        other.commit()
+    assert main(words[:-2]) == 0, "by itself it holds"
+    assert main(words) == 1
+    assert "cut off after line 2" in capsys.readouterr().out
+
+
+def test_a_copy_goes_to_syslog_as_rfc_5424_has_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as server:
+        server.bind(("127.0.0.1", 0))
+        server.settimeout(10)
+        monkeypatch.setenv(AUDIT_COPY, f"syslog:127.0.0.1:{server.getsockname()[1]}")
+        _filled(tmp_path).close()
+        head, _, line = server.recv(65536).decode().partition(" audit - ")
+    assert head.startswith("<109>1 20") and " handscope " in head
+    assert (json.loads(line)["id"], json.loads(line)["what"]) == (1, "created")
+
+
+def test_a_place_that_is_none_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(AUDIT_COPY, "somewhere")
+    with pytest.raises(InputError, match="no place for the audit trail"):
+        open_store(tmp_path)
