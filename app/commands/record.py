@@ -112,6 +112,10 @@ def run(arguments: argparse.Namespace) -> int:
     )
     for sentence in shortfalls(recording):
         say(f"warning: {sentence}")
+    if glove.state.dropped:
+        say(
+            f"note: this machine was too slow to show {glove.state.dropped} pieces of the data live; the recording has them"
+        )
     if arguments.live and tracking.calibration is not None:
         shown = Processed(trajectory.join(rows, hand), (tracking.calibration,), recording.warnings)
         files = derivative.tree(shown, recording, arguments.method, params, software_version())

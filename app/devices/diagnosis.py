@@ -18,6 +18,7 @@ from handscope.estimators.sensors import fault_detection
 from handscope.estimators.sensors.static_segments import Rest, RestParams, find_rests
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.wire.assembly import Assembler
+from handscope.sessions.wire.protocol_warnings import deviations
 
 RATE_SHARE = 0.02  # of the stated rate: oscillators of inertial sensors are within 1 to 2 % (LSM6DSV16X, BMI270 data sheets)
 CLOCK_DRIFT = 2000.0  # ppm; crystals are within 100, resistor-capacitor clocks are not
@@ -76,8 +77,10 @@ def diagnose(recording: LoadedRecording, glove: Glove) -> Diagnosis:
     rests = {s: rest for block in blocks for s, rest in _rests(block)}
     sensors = tuple(_sensor_figures(s, rest, rate) for s, (rest, rate) in rests.items())
     losses = {
-        "glove": a.status.overruns if a.status else 0,
-        "wire": a.counters.lost + a.counters.corrupt,
+        "glove": a.frame_losses.glove,
+        "wire": max(  # the first piece may be half a frame: it was on its way when we began
+            a.frame_losses.wire + a.frame_losses.open, a.counters.corrupt - 1
+        ),
         "host": glove.state.dropped,
     }
     clock = 1e6 * (a.host.rate - 1.0)
@@ -86,6 +89,7 @@ def diagnose(recording: LoadedRecording, glove: Glove) -> Diagnosis:
         *_rates_to_mend(streams),
         *_clock_to_mend(clock, recording.duration),
         *_sensors_to_mend(sensors),
+        *deviations(a),
         *(f.message for f in fault_detection.check(blocks, _common_rest(blocks, rests))),
     ]
     silent = sorted(s for block in blocks for s in block.stream.sensors if s not in rests)

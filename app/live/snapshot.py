@@ -22,6 +22,7 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import SEGMENTS
 from handscope.estimators.measures import repetitions, tapping
 from handscope.sessions.wire.assembly import StreamCount
+from handscope.sessions.wire.frame_losses import FrameLosses
 from handscope.sessions.wire.messages import Identity, Status
 
 SCALES = {"repetitions": 1.0} | dict.fromkeys(
@@ -41,7 +42,7 @@ class GloveView:
     status: Status | None
     streams: Mapping[int, Stream]  # by stream number
     counts: Mapping[str, StreamCount]  # by stream name
-    lost: int  # frames
+    losses: FrameLosses
     corrupt: int  # frames
     decoding_failures: int
     skipped: int  # blocks that the tracker left out
@@ -123,9 +124,9 @@ def _glove(glove: GloveView, status: StationStatus) -> dict[str, Any]:
         "strips": _strips(glove),
         "forces": _forces(glove),
         "measured": [s for s in SEGMENTS if s in status.measured],
-        "frames_lost": glove.lost,
+        "frames_lost": glove.losses.wire,
         "frames_corrupt": glove.corrupt,
-        "overruns": glove.status.overruns if glove.status else 0,
+        "overruns": glove.losses.glove,
         "dropped_live": glove.state.dropped + glove.skipped,
         "method_failures": glove.method_failures,
         "decoding_failures": glove.decoding_failures,

@@ -214,7 +214,7 @@ class Station:
             status=a.status,
             streams=dict(a.streams),
             counts={name: replace(count) for name, count in a.counts.copy().items()},
-            lost=a.counters.lost,
+            losses=a.frame_losses,
             corrupt=a.counters.corrupt,
             decoding_failures=self.glove.decoding_failures,
             skipped=self.tracking.skipped,

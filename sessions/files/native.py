@@ -21,6 +21,7 @@ from handscope.sessions.files.recording_file import Findings, read_messages
 from handscope.sessions.tables_io import force_calibrations
 from handscope.sessions.wire.assembly import Assembler
 from handscope.sessions.wire.messages import Identity
+from handscope.sessions.wire.protocol_warnings import protocol_warnings
 
 SUFFIX = ".mcap"
 TOGETHER = 1000  # pieces of the wire taken at a time
@@ -190,20 +191,13 @@ def _warnings(contents: Contents, assembler: Assembler) -> Iterator[str]:
         yield str(ended)
     if contents.file.damaged:
         yield f"{contents.file.damaged} pieces of the recording are damaged and were left out"
-    c = assembler.counters
-    if c.lost or c.corrupt:
-        yield f"on the wire {c.lost} frames were lost and {c.corrupt} damaged, of {c.frames + c.lost}"
-    if dropped := assembler.undescribed + assembler.waiting:
-        yield f"{dropped} bursts of samples were left out: the glove never said what they are"
+    yield from protocol_warnings(assembler)
     if assembler.replaced:
         yield "another glove was plugged in during the recording: a calibration holds for the glove that it was made with"
     for finger, on in assembler.exchanged.items():
         yield f"the strip of the {finger} finger was worn on the {on} finger and is read as that".replace(
             "thumb finger", "thumb"
         )
-    for name, count in assembler.counts.items():
-        if count.lost:
-            yield f"stream {name}: {count.lost} of {count.samples + count.lost} samples were lost"
 
 
 def _source(metadata: Mapping[str, Any], identity: Identity | None) -> dict[str, Any]:

@@ -33,6 +33,7 @@ from handscope.sessions.tables_io.force_calibrations import StoredSetups
 from handscope.sessions.wire import force_calibration
 from handscope.sessions.wire.clock_mapping import ClockMap
 from handscope.sessions.wire.force_calibration import ForceSensorCalibration
+from handscope.sessions.wire.frame_losses import FrameLosses, LossAttribution
 from handscope.sessions.wire.framing import Counters, Decoder
 from handscope.sessions.wire.messages import (
     Identity,
@@ -65,6 +66,9 @@ class StreamCount:
 
     samples: int = 0
     lost: int = 0  # by the sample counter, or dropped because they would run back in time
+    unsent: int = (
+        0  # of the lost, those that are missing though every frame came: the glove never sent them
+    )
     saturated: int = 0  # samples with a value at the sensor's limit
 
 
@@ -94,6 +98,9 @@ class Assembler:
         None  # magnetometers on the trunk and magnet on the hand, as the glove tells
     )
     replaced: int = 0  # times that another device was plugged in
+    contested: dict[int, str] = field(
+        default_factory=dict
+    )  # by slot, ids of the strip that held it and of another that claimed it
     undescribed: int = 0  # bursts dropped because their stream was never described
     exchanged: dict[str, str] = field(
         default_factory=dict
@@ -107,7 +114,11 @@ class Assembler:
     _zero: int | None = (
         None  # base clock at recording time 0, ns; moves when the device begins again
     )
+    _attribution: LossAttribution = field(default_factory=LossAttribution)
     _next_index: dict[int, int] = field(default_factory=dict)
+    _missing_at: dict[str, int] = field(
+        default_factory=dict
+    )  # frames missing when a stream's newest burst came
     _waiting: deque[tuple[Samples, float]] = field(default_factory=lambda: deque(maxlen=WAITING))
     _early: deque[Mark] = field(
         default_factory=lambda: deque(maxlen=64)
@@ -118,6 +129,11 @@ class Assembler:
     @property
     def counters(self) -> Counters:
         return self.decoder.counters
+
+    @property
+    def frame_losses(self) -> FrameLosses:
+        """Frames that are missing, by where they were lost."""
+        return self._attribution.losses(self.counters.lost)
 
     def feed(self, chunk: bytes, arrival: float) -> list[Block]:
         """Blocks completed by this chunk, at most one a stream; `arrival` is the host's clock in s."""
@@ -224,6 +240,7 @@ class Assembler:
                 return self._sampled(message, arrival)
             case Status():
                 self.status = message
+                self._attribution.update(message.overruns, self.counters.lost)
             case Reply():
                 self.replies.append(message)
             case Pong():
@@ -263,6 +280,8 @@ class Assembler:
         self._announced[announced.slot] = announced
         strip = self._worn(announced)
         before = self.strips.get(strip.slot)
+        if before is not None and strip.attached and before.strip_id != strip.strip_id:
+            self.contested[strip.slot] = f"{before.strip_id:x} and {strip.strip_id:x}"
         if not strip.attached or (
             before is not None and before.strip_id != strip.strip_id
         ):  # another strip has another flash
@@ -454,7 +473,12 @@ class Assembler:
         count = self.counts.setdefault(name, StreamCount())
         expected = self._next_index.get(samples.stream)
         lost = (samples.index - expected) % 2**32 if expected is not None else 0
-        count.lost += (lost if lost < 2**31 else 0) + stale
+        lost = lost if lost < 2**31 else 0
+        missing = self.counters.lost
+        if lost and missing == self._missing_at.get(name, missing):
+            count.unsent += lost
+        self._missing_at[name] = missing
+        count.lost += lost + stale
         count.samples += samples.count - stale
         self._next_index[samples.stream] = (samples.index + samples.count) % 2**32
 

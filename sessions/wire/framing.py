@@ -14,6 +14,7 @@ from handscope.sessions.wire.messages import BadPayloadError, Identity, Message,
 from handscope.sessions.wire.stuffing import unstuff
 
 LONGEST = 4096  # bytes of a frame on the wire; more without a zero byte is garbage. A burst of 3 sensors, 6 axes of 4 bytes, has 72 a sample
+LONGEST_REFUSAL = 200  # letters
 REORDER = 1000  # a sequence number further back than this is a gap forward, not an old frame
 
 
@@ -36,6 +37,7 @@ class Decoder:
         """A device's end is not `ordered`: a host that began again numbers its commands anew, and a command may come twice without harm."""
         self._counts = dict.fromkeys((f.name for f in fields(Counters)), 0)
         self._ordered = ordered
+        self.refusal = ""  # why the newest malformed message was left out
         self._rest = b""
         self._skipping = False
         self._sequence: int | None = None
@@ -72,7 +74,8 @@ class Decoder:
         code, sequence = struct.unpack_from("<BH", body)
         try:
             message = decode(code, body[3:-4])
-        except BadPayloadError:
+        except BadPayloadError as problem:
+            self.refusal = str(problem)[:LONGEST_REFUSAL]
             self._count(malformed=1)
             message = None
         if isinstance(message, Identity) and message.boot_id != self._boot:

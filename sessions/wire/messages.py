@@ -285,7 +285,7 @@ def _read_stream(p: bytes) -> StreamInfo:
     quantities = tuple(q for k, q in enumerate(QUANTITIES) if mask >> k & 1)
     numbers = struct.unpack_from(f"<{2 * len(quantities)}f", p, 13)
     if not (0 < rate <= 10_000) or not 0 < mask < 1 << len(QUANTITIES):
-        raise ValueError(f"rate {rate}, quantities {mask:#x}")
+        raise ValueError(f"stream {stream} states {rate:g} Hz and quantities {mask:#x}")
     if not np.isfinite(numbers).all():
         raise ValueError(f"scale or full scale of {numbers}")
     return StreamInfo(

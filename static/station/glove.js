@@ -108,6 +108,7 @@ function notes(glove) {
     lost.length && t("glove.losing", { strips: lost.join(", ") }),
     saturated.length && t("glove.saturated", { strips: saturated.join(", ") }),
     glove.frames_corrupt > 0 && t("glove.corrupt", { count: whole(glove.frames_corrupt) }),
+    glove.frames_lost > 0 && t("glove.wire_lost", { count: whole(glove.frames_lost) }),
     glove.overruns > 0 && t("glove.overruns", { count: whole(glove.overruns) }),
     glove.dropped_live > 0 && t("glove.dropped", { count: whole(glove.dropped_live) }),
     glove.method_failures > 0 && t("glove.method_failures", { count: whole(glove.method_failures) }),

@@ -158,7 +158,7 @@ def test_lost_samples_are_counted_by_their_index_also_where_it_wraps() -> None:
     line = Line()
     sent = bursts("index", INDEX, info("index"), first=2**32 - 12)
     line.send(identity(), strip("index"), info("index"), *sent[:2], *sent[4:])
-    assert line.assembler.counts["index"] == StreamCount(len(INDEX.t) - 10, lost=10)
+    assert line.assembler.counts["index"] == StreamCount(len(INDEX.t) - 10, lost=10, unsent=10)
 
 
 def test_a_strip_may_be_pulled_and_plugged_in_again() -> None:
