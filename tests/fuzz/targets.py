@@ -23,8 +23,10 @@ from cobs import cobs
 from handscope.app import protocols
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FINGERS
+from handscope.estimators.pipeline.landmark_trajectory import trajectory_of
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.formats.c3d import read_markers
+from handscope.sessions.formats.landmarks import read_landmarks
 from handscope.sessions.formats.qualisys import BACK, ELBOWS
 from handscope.sessions.formats.qualisys import read_markers as read_table
 from handscope.sessions.store import backup
@@ -96,6 +98,20 @@ def bids_files(data: bytes, folder: Path) -> None:
 def markers(data: bytes, folder: Path) -> None:
     (folder / "m.c3d").write_bytes(data)
     read_markers(folder / "m.c3d")
+
+
+def landmarks(data: bytes, folder: Path) -> None:
+    """The same bytes as JSON and as CSV: what one refuses the other may take."""
+    taken = 0
+    for name in ("l.json", "l.csv"):
+        (folder / name).write_bytes(data)
+        with suppress(InputError):
+            found = read_landmarks(folder / name)
+            with suppress(InputError):
+                trajectory_of(found, found.hand or "left")
+            taken += 1
+    if not taken:
+        raise InputError("neither JSON nor CSV")
 
 
 def protocol(data: bytes, folder: Path) -> None:
@@ -209,6 +225,12 @@ def _mapped() -> list[bytes]:
     return [json.dumps(value).encode()]
 
 
+def _seen() -> list[bytes]:
+    from tests.sessions.formats.test_landmarks import layouts
+
+    return [text.encode() for _, text in layouts().values()]
+
+
 def _tasks() -> list[bytes]:
     folder = Path(str(protocols.__file__)).parent
     return [(folder / f"{name}.json").read_bytes() for name in ("tapping", "rom_fist", "kapandji")]
@@ -234,6 +256,7 @@ TARGETS = {
     "qualisys": Target(qualisys, _exported),
     "table": Target(table, _logged),
     "column_map": Target(column_map, _mapped),
+    "landmarks": Target(landmarks, _seen),
     "protocol": Target(protocol, _tasks, refuses=False),
     "backup": Target(restored, _backed_up),
 }

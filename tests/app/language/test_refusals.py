@@ -28,6 +28,7 @@ COMMAND_LINE = (
         "sessions/tables_io/array_table.py",
         "sessions/store/backup.py",
         "sessions/formats/c3d.py",
+        "sessions/formats/landmarks.py",
         "sessions/tables_io/calibration_result.py",
     ),
     *(
@@ -40,6 +41,7 @@ COMMAND_LINE = (
         "estimators/magnet/array/bench_readings.py",
         "estimators/magnet/pipeline/setup_learning.py",
         "estimators/pipeline/optical_trajectory.py",
+        "estimators/pipeline/landmark_trajectory.py",
         "estimators/measures/synchronisation.py",
         "estimators/measures/tip_errors.py",
     ),
