@@ -27,12 +27,13 @@ from handscope.estimators.measures.synchronisation import Lag
 from handscope.estimators.measures.tip_errors import Frame
 from handscope.estimators.methods import DEFAULT, METHODS
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.pipeline import optical_trajectory
+from handscope.estimators.pipeline import landmark_trajectory, optical_trajectory
+from handscope.estimators.pipeline.landmark_trajectory import Landmarks
 from handscope.estimators.pipeline.optical_trajectory import FlatPose, Markers
 from handscope.estimators.pipeline.process import process
 from handscope.sessions.files import native
 from handscope.sessions.files.recording import LoadedRecording
-from handscope.sessions.formats import c3d
+from handscope.sessions.formats import c3d, landmarks
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.motion_bids import kinematics
 from handscope.sessions.motion_bids.kinematics import Kinematics
@@ -45,6 +46,8 @@ UP = {
     for k, axis in enumerate("xyz")
     for sign in ("", "-")
 }
+
+Opened = LoadedRecording | Kinematics | Markers | Landmarks
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ class ComparedMovement:
 
 def add(parser: argparse.ArgumentParser) -> None:
     for name in ("a", "b"):
-        what = "a recording, a derivative, a motion.tsv with JNTANG, ORNT or POS, or a C3D file with markers"
+        what = "a recording, a derivative, a motion.tsv with JNTANG, ORNT or POS, a C3D file with markers, or a JSON or CSV file of 21 camera landmarks"
         parser.add_argument(
             name,
             type=Path,
@@ -278,7 +281,10 @@ def _both(arguments: argparse.Namespace) -> tuple[ComparedMovement, ComparedMove
     hand = hands["a"] or hands["b"] or arguments.hand
     if hand is None:
         raise InputError("neither recording says which hand was measured; give --hand")
-    poses = {name: _pose(() if isinstance(o, Markers) else o.events) for name, o in opened.items()}
+    poses = {
+        name: _pose(() if isinstance(o, Markers | Landmarks) else o.events)
+        for name, o in opened.items()
+    }
     a = _load_movement("a", opened["a"], hand, poses["a"], poses["b"], arguments)
     return a, _load_movement("b", opened["b"], hand, poses["b"], poses["a"], arguments)
 
@@ -287,10 +293,12 @@ def _pose(events: tuple[Event, ...]) -> Event | None:
     return next((e for e in events if e.trial_type == "initial_pose"), None)
 
 
-def _opened(path: Path, hand: Hand | None) -> LoadedRecording | Kinematics | Markers:
+def _opened(path: Path, hand: Hand | None) -> Opened:
     """What is at a path: raw inertial samples go before the kinematics beside them, unless the path names a table of these."""
     if path.suffix.lower() == c3d.SUFFIX:
         return c3d.read_markers(path)
+    if path.suffix.lower() in landmarks.SUFFIXES:
+        return landmarks.read_landmarks(path)
     if path.suffix == native.SUFFIX and path.is_file():
         return formats_recordings.load(path, hand)
     files, tables, inertial = kinematics.tables_at(path)
@@ -305,7 +313,7 @@ def _opened(path: Path, hand: Hand | None) -> LoadedRecording | Kinematics | Mar
 
 def _load_movement(
     name: str,
-    opened: LoadedRecording | Kinematics | Markers,
+    opened: Opened,
     hand: Hand,
     own: Event | None,
     other: Event | None,
@@ -325,6 +333,8 @@ def _load_movement(
         raise InputError(
             f"{path.name} is no raw recording: --method-{name}, --option-{name} and --calibration-{name} have nothing to work on"
         )
+    if isinstance(opened, Landmarks):
+        return _by_landmarks(path.name, opened, hand, name if given["static"] else "")
     static = _stretch(given["static"], name, "static") if given["static"] else None
     markers = opened if isinstance(opened, Markers) else opened.markers
     if isinstance(opened, Markers) or opened.trajectory is None:
@@ -419,6 +429,16 @@ def _by_markers(name: str, markers: Markers, hand: Hand, pose: FlatPose) -> tupl
     return Side(
         name, source, len(moved), (), tuple(optical_trajectory.rigidity(fits, markers))
     ), moved
+
+
+def _by_landmarks(file: str, opened: Landmarks, hand: Hand, static: str) -> ComparedMovement:
+    if static:
+        raise InputError(f"{file} holds camera landmarks; --static-{static} has nothing to align")
+    moved = landmark_trajectory.trajectory_of(opened, hand)
+    limits = (landmark_trajectory.LIMITS,)
+    return ComparedMovement(
+        Side(file, "camera landmarks", len(moved), warnings=limits), moved, (), ""
+    )
 
 
 def _stretch(words: str, name: str, option: str) -> tuple[float, float]:

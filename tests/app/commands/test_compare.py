@@ -12,6 +12,7 @@ from handscope.app.cli import main
 from handscope.estimators.data.samples import Event
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import ANGLES, FINGERS, JOINTS, SEGMENT, SEGMENTS
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.formats.qualisys import read_markers
@@ -19,6 +20,7 @@ from handscope.sessions.motion_bids import kinematics
 from tests.app.commands.test_commands import refused
 from tests.estimators.measures.movements import movement
 from tests.sessions.formats.test_c3d import written
+from tests.sessions.formats.test_landmarks import as_json, drawn
 from tests.sessions.motion_bids.test_kinematics import Column, table
 from tests.simulated import DEG
 
@@ -345,3 +347,28 @@ def test_mistakes_are_one_line_and_nothing_is_written(
             capsys,
         ), words
         assert set(tmp_path.rglob("*")) == before
+
+
+def test_camera_landmarks_are_a_reference_whose_limits_are_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The camera's clock reads 2.4 s more, and it sees the joints to about 1 mm."""
+    t, angles_a, places = drawn("left", 600, 2)
+    dofs = [(k, a) for k, joint in enumerate(JOINTS) for a in joint.dofs]
+    a = angles(tmp_path / "a", t, angles_a[:, [k for k, _ in dofs], [a for _, a in dofs]])
+    seen = places + np.random.default_rng(3).normal(0, 0.001, places.shape)
+    (tmp_path / "camera.json").write_text(as_json(t + 2.4, seen))
+    told, found = compared([str(a), str(tmp_path / "camera.json")], tmp_path / "out")
+    assert told["lag"]["seconds"] == pytest.approx(-2.4, abs=0.005)
+    assert told["b"]["source"] == "camera landmarks"
+    lengths = sized("left").lengths
+    for finger in FINGERS[1:]:
+        g = found["whole recording", f"{finger}_pip_flexion"]
+        a_, b_ = (1 / lengths[f"{finger}_{phalanx}"] for phalanx in ("proximal", "middle"))
+        sd = 0.001 * np.sqrt(a_**2 + b_**2 + (a_ + b_) ** 2)  # three points, two bones
+        assert g["drms"] == pytest.approx(sd, rel=0.1)
+        assert abs(g["offset"]) < 4 * sd / np.sqrt(600)
+    assert "warning: B: camera landmarks are a coarse reference" in capsys.readouterr().out
+    words = ["compare", str(a), str(tmp_path / "camera.json")]
+    assert "nothing to align" in refused([*words, "--static-b", "0:1"], capsys)
+    assert "no raw recording" in refused([*words, "--method-b", "m2"], capsys)
