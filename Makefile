@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Modules are compiled once, not again by every process that starts
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: firmware run test test-fast test-all check audit tests browser format lock bench faults fuzz soak clean
+.PHONY: sbom firmware run test test-fast test-all check audit tests browser format lock bench faults fuzz soak clean
 
 run: $(VENV)/runs
 	$(BIN)/handscope demo --port $(PORT) $(DEMO)
@@ -51,6 +51,10 @@ format: $(VENV)/develops
 # Known weaknesses of the locked versions; skipped with a word where the service cannot be reached
 audit: $(VENV)/develops
 	.ci/audit $(BIN)
+
+# What a server consists of (CycloneDX 1.6), from the lock with its hashes: sbom.json
+sbom: $(VENV)/installed
+	$(BIN)/uv tool run --quiet --from 'cyclonedx-bom>=7,<8' cyclonedx-py requirements requirements-server.lock --sv 1.6 --of JSON --output-reproducible -o sbom.json
 
 # A file's tests stay in one process, which makes their recordings once; files come longest first (tests/durations.txt)
 PYTEST = $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
