@@ -3,9 +3,9 @@
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
@@ -36,11 +36,24 @@ VERBS = {
     "reproduce": "the figures that the papers report, measured again on simulated and real recordings",
 }
 MODULES = {"import": "import_table"}  # where a verb is no name for a module
+CLOSED_PIPE = 141  # as a shell has it for SIGPIPE
 EVIDENCE = {"bench", "reproduce"}  # verbs of handscope.validation
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
+    """Says what is wrong in one line; its help may depend on the words given."""
+
+    given: Sequence[str] = ()
+    epilog_for: Callable[[Sequence[str]], str] | None = None
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        self.given = list(args or ())
+        return super().parse_known_args(args, namespace)
+
+    def format_help(self) -> str:
+        if self.epilog_for is not None:
+            self.epilog = self.epilog_for(self.given)
+        return super().format_help()
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
@@ -52,6 +65,9 @@ def main(words: Sequence[str] | None = None) -> int:
         return _done(words)
     except KeyboardInterrupt:
         return 130
+    except BrokenPipeError:  # whoever read the output has left, such as `head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CLOSED_PIPE
 
 
 def _done(words: Sequence[str] | None) -> int:

@@ -1,10 +1,10 @@
 """Handscope: an instrument that measures how a hand moves.
 
-    import handscope
+    import handscope as hs
 
-    recording = handscope.load("tapping.zip")
-    result = handscope.process(recording, method="m2")
-    print(result.trajectory.angles.shape)  # (n, joints, 3) rad
+    rec = hs.load("tapping.zip")
+    moved = hs.process(rec, method="ekf")
+    print(moved.angles(unit="deg"), moved.measures("tapping"), moved.cite())
 
 The rooms are `handscope.estimators` (numerics), `handscope.sessions` (what is stored), `handscope.app` (what runs)
 and `handscope.static` (the pages). Nothing is imported before it is used: a process that only records loads no numerics.
@@ -14,16 +14,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from handscope.app.analysis import load as load
-    from handscope.app.analysis import process as process
+    from handscope.app.analysis.functions import InputError as InputError
+    from handscope.app.analysis.functions import from_arrays as from_arrays
+    from handscope.app.analysis.functions import load as load
+    from handscope.app.analysis.functions import measure as measure
+    from handscope.app.analysis.functions import process as process
+    from handscope.app.analysis.functions import truth as truth
 
-__all__ = ["load", "process"]
+__all__ = ["InputError", "from_arrays", "load", "measure", "process", "truth"]
 
 
 def __getattr__(name: str) -> Any:
     """Import the analysis when it is first asked for (PEP 562)."""
     if name in __all__:
-        return getattr(import_module("handscope.app.analysis"), name)
+        return getattr(import_module("handscope.app.analysis.functions"), name)
     raise AttributeError(f"module 'handscope' has no attribute '{name}'")
 
 

@@ -93,6 +93,7 @@ LEVELS = {  # a package imports packages of lower levels only
         "workers",
         "scene results",
         "exporting replay_file",
+        "analysis",
         "live",
         "auth",
         "api",

@@ -1,7 +1,6 @@
 """`handscope assess`: the measures of a recording as JSON and CSV, and a report."""
 
 import argparse
-from datetime import UTC, datetime
 from pathlib import Path
 
 from handscope.app.commands.methods import add_method, add_recording, method_of, processed_by
@@ -52,9 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     recording, processed = processed_by(method, params, arguments)
     accuracy = accuracy_of(arguments.method, processed.calibrations)
     tasks = assess(processed.trajectory, recording.events, recording.geometry, accuracy)
-    visit = Visit(
-        patient=arguments.patient or "", date=None if recording.start_utc else datetime.now(UTC)
-    )
+    visit = Visit(patient=arguments.patient or "")
     style = Style(language(arguments.language), arguments.paper)
     made = content(
         visit, recording, processed, arguments.method, params, tasks, software_version(), load_all()

@@ -1,6 +1,8 @@
 """What verbs share that run a method over a recording: their arguments, and the recording processed."""
 
 import argparse
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -47,9 +49,16 @@ def add_method(parser: argparse.ArgumentParser) -> None:
         metavar="RECORDING",
         help="take the calibration events from another recording, or what `map` found from its ..._calibration.json",
     )
-    parser.epilog = "methods and their options:\n" + "\n".join(
-        f"\n{name}: {m.TITLE}\n{help_text(m.Params)}" for name, m in ALL_METHODS.items()
-    )
+    parser.epilog_for = _options_help  # type: ignore[attr-defined]  # a Parser of cli.py
+
+
+def _options_help(given: Sequence[str]) -> str:
+    """The methods, and the options of the one among the words given, or of the default."""
+    words = [part for word in given for part in word.split("=", 1)]
+    asked = next((b for a, b in pairwise(words) if a == "--method" and b in ALL_METHODS), DEFAULT)
+    titles = "\n".join(f"  {name}: {m.TITLE}" for name, m in ALL_METHODS.items())
+    options = help_text(ALL_METHODS[asked].Params)
+    return f"methods (--method NAME --help lists the options of another):\n{titles}\n\noptions of {asked}:\n{options}"
 
 
 def method_of(arguments: argparse.Namespace) -> tuple[ModuleType, Any]:

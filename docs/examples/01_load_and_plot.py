@@ -6,33 +6,20 @@ RECORDING is a Motion-BIDS zip or folder, or a native recording; `handscope simu
 """
 
 import sys
-from pathlib import Path
 
 import matplotlib as mpl
 
 mpl.use("Agg")  # leave this line out in a notebook
 from matplotlib import pyplot as plt
 
-from handscope.estimators.methods import METHODS
-from handscope.estimators.pipeline.process import process
-from handscope.sessions.files import frames
-from handscope.sessions.formats.recordings import load
+import handscope as hs
 
-recording = load(Path(sys.argv[1]))
-method = METHODS["m2"]
-processed = process(method, method.Params(), recording)
-for warning in processed.warnings:
-    print("warning:", warning)
+moved = hs.process(sys.argv[1], method="ekf")  # what the checks find is a Python warning
+angles, sd = moved.angles(unit="deg"), moved.angles_sd(unit="deg")
+print(moved.to_pandas().filter(regex="index_.*flexion_deg").describe().round(1))
 
-table = frames.frame(frames.movement(processed.trajectory))
-print(
-    table[[c for c in table if c.startswith("index_") and c.endswith("flexion_deg")]]
-    .describe()
-    .round(1)
-)
-
-axes = table.plot(
-    x="time", y=["index_mcp_flexion_deg", "index_pip_flexion_deg", "index_dip_flexion_deg"]
-)
+axes = angles[["index_mcp_flexion", "index_pip_flexion", "index_dip_flexion"]].plot()
+low, high = angles - 2 * sd, angles + 2 * sd
+axes.fill_between(angles.index, low.index_pip_flexion, high.index_pip_flexion, alpha=0.2)
 axes.set(xlabel="s", ylabel="deg")
 plt.savefig(sys.argv[2] if len(sys.argv) > 2 else "movement.png")

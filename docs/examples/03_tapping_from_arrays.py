@@ -5,7 +5,7 @@ python docs/examples/03_tapping_from_arrays.py
 
 import numpy as np
 
-from handscope.estimators.errors import InputError
+import handscope as hs
 from handscope.estimators.measures import tapping
 
 rng = np.random.default_rng(0)
@@ -37,5 +37,5 @@ print(
 
 try:
     tapping.of_angle(t[::-1], angle)
-except InputError as mistake:
+except hs.InputError as mistake:
     print("what happens to bad input:", mistake)

@@ -252,17 +252,37 @@ def test_a_mistake_is_one_line_and_exit_code_2(
     assert not any(tmp_path.rglob("*motion*"))  # nothing half-written stays
 
 
-def test_help_of_process_documents_every_option_of_every_method(
-    capsys: pytest.CaptureFixture[str],
+@pytest.mark.parametrize("words", ["--method {} --help", "--help --method={}"])
+def test_help_of_process_documents_every_option_of_the_method_asked_for(
+    words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(SystemExit):
-        main(["process", "--help"])
-    told = capsys.readouterr().out
     for name, method in METHODS.items():
-        assert f"{name}: {method.TITLE}" in told
-        for option in describe(method.Params):
-            assert f"{option.name}=" in told
-            assert option.source in told
+        with pytest.raises(SystemExit):
+            main(["process", *words.format(name).split()])
+        told = capsys.readouterr().out
+        titles, _, options = told.partition(f"options of {name}:")
+        assert all(f"{other}: {m.TITLE}" in titles for other, m in METHODS.items())
+        listed = [line.split("=")[0].strip() for line in options.strip().splitlines()]
+        assert listed == [option.name for option in describe(method.Params)]
+        assert all(option.source in options for option in describe(method.Params))
+
+
+def test_a_reader_that_leaves_ends_a_command_without_a_traceback(simulated: Path) -> None:
+    words = [sys.executable, "-m", "handscope.app.cli", "info", str(simulated)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as program:
+        assert program.stdout is not None
+        assert program.stderr is not None
+        program.stdout.close()
+        said = program.stderr.read()
+    assert (program.returncode, said) == (141, b"")
+
+
+def test_a_report_has_the_date_of_the_recording_and_never_that_of_processing(
+    simulated: Path, tmp_path: Path
+) -> None:
+    words = ["assess", str(simulated), "--method", "m2", "--out", str(tmp_path)]
+    assert main(words) == 0
+    assert json.loads((tmp_path / "figures.json").read_text())["session"]["date"] is None
 
 
 def test_the_demonstration_keeps_its_patient_away_from_those_of_the_clinic(

@@ -11,7 +11,7 @@ from tests.app.language.sentences import Sentence, sentences
 OTHERS = [one for one in languages().values() if one is not ENGLISH]
 COMMAND_LINE = (
     *(
-        "app/analysis.py",
+        "app/analysis",
         "app/results/cohort.py",
         "app/commands",
         "app/exporting/saving.py",
@@ -54,7 +54,7 @@ COMMAND_LINE = (
     ),
 )
 PROGRAMMERS = (
-    "app/analysis.py",  # the front door for notebooks
+    "app/analysis",  # the front door for notebooks
     *(
         "app/workers/process.py",
         "sessions/files/frames.py",

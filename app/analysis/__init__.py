@@ -1,0 +1,1 @@
+"""Analysis from Python: what `import handscope` offers (docs/measures.md)."""

@@ -1,0 +1,71 @@
+"""Load, process, measure: the functions that `import handscope` re-exports. Paths are strings or path objects alike."""
+
+import warnings
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from handscope.app.analysis.movement import Movement
+from handscope.app.analysis.recording import AnalysisRecording
+from handscope.app.analysis.recording import from_arrays as from_arrays
+from handscope.app.analysis.result import Result
+from handscope.app.options import with_options
+from handscope.estimators.data.samples import Recording
+from handscope.estimators.errors import InputError as InputError
+from handscope.estimators.hand.anatomy import Hand
+from handscope.estimators.methods import ALL_METHODS, DEFAULT
+from handscope.estimators.pipeline.check import check_processed
+from handscope.estimators.pipeline.process import process as process_recording
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.formats import recordings as formats_recordings
+from handscope.sessions.motion_bids import kinematics
+from handscope.sessions.motion_bids.files import open_files
+
+Source = AnalysisRecording | LoadedRecording | Recording | str | PathLike[str]
+
+
+def load(path: str | PathLike[str], hand: Hand | None = None) -> AnalysisRecording:
+    """Read a recording: a native file, or a Motion-BIDS folder or zip.
+
+    `hand` ("left" or "right") is needed only where the recording does not say it. InputError where the file cannot be read.
+    """
+    return AnalysisRecording(formats_recordings.load(Path(path), hand))
+
+
+def process(recording: Source, method: str = DEFAULT, **options: Any) -> Result:
+    """Run a method (b, m1, m2, ekf, map, ...) over a recording or the path of one.
+
+    `options` are those that `handscope process --method NAME --help` lists, with the same names and units. InputError for an
+    unknown method or option, and for a recording that cannot be calibrated. What the checks of the recording find, and what
+    else is to be known about the result, reaches the caller by `warnings.warn`, too.
+    """
+    if method not in ALL_METHODS:
+        raise InputError(f"there is no method {method!r}; methods are {', '.join(ALL_METHODS)}")
+    opened: Any = load(recording) if isinstance(recording, (str, PathLike)) else recording
+    samples = opened.loaded if isinstance(opened, AnalysisRecording) else opened
+    chosen = ALL_METHODS[method]
+    params = with_options(chosen.Params, options)
+    made = check_processed(process_recording(chosen, params, samples), samples)
+    for message in made.warnings:
+        warnings.warn(message, stacklevel=2)
+    return Result(samples, made, method, params)
+
+
+def measure(
+    recording: Source | Result, task: str | None = None, method: str = DEFAULT, **options: Any
+) -> Any:
+    """The figures of one task or of all as a table; of a result, or of a recording that is processed for it."""
+    result = recording if isinstance(recording, Result) else process(recording, method, **options)
+    return result.measures(task)
+
+
+def truth(path: str | PathLike[str], hand: Hand | None = None) -> Movement:
+    """The movement that a simulated recording was made from: it lies beside the samples. InputError where there is none."""
+    files = open_files(Path(path))
+    names = [n for n in sorted(files) if n.endswith("_desc-truth_motion.tsv")]
+    if not names:
+        raise InputError(f"{path} has no truth beside it; `handscope simulate` writes one")
+    found = kinematics.load(files, names[0], hand).trajectory
+    if found is None:
+        raise InputError(f"{path}: {names[0]} holds no movement")
+    return Movement(found)

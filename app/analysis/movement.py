@@ -1,0 +1,69 @@
+"""A movement as tables: what a scientist plots, compares and keeps."""
+
+from typing import Any, Literal
+
+import numpy as np
+
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import ANGLES, FINGERS, JOINTS
+from handscope.estimators.numerics.typing import Array
+from handscope.sessions.files import frames
+
+AngleUnit = Literal["deg", "rad"]
+LengthUnit = Literal["mm", "m"]
+SCALES = {"deg": 180 / np.pi, "rad": 1.0, "mm": 1e3, "m": 1.0}
+
+
+class Movement:
+    """How a hand moved. Tables have the time in s as their index and a column a freedom or a tip's axis."""
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self.trajectory = trajectory  # SI, as every estimator gives it
+
+    def angles(self, unit: AngleUnit = "deg") -> Any:
+        """Joint angles by name (`index_pip_flexion`) of every freedom that was measured."""
+        return _angle_table(self.trajectory, self.trajectory.angles, _scale(unit, "deg", "rad"))
+
+    def angles_sd(self, unit: AngleUnit = "deg") -> Any:
+        """Standard deviations of the angles; InputError where the method gives none (`ekf` does)."""
+        if self.trajectory.angles_sd is None:
+            raise InputError(
+                'this method gives no standard deviations of angles; process with method="ekf"'
+            )
+        return _angle_table(self.trajectory, self.trajectory.angles_sd, _scale(unit, "deg", "rad"))
+
+    def tips(self, unit: LengthUnit = "mm") -> Any:
+        """Fingertips (`index_tip_x`) in the wrist frame."""
+        scale, moved = _scale(unit, "mm", "m"), self.trajectory
+        columns = {
+            f"{finger}_tip_{axis}": scale * moved.tips[:, f, k]
+            for f, finger in enumerate(FINGERS)
+            for k, axis in enumerate("xyz")
+            if np.isfinite(moved.tips[:, f]).any()
+        }
+        return _indexed(moved, columns)
+
+    def to_pandas(self) -> Any:
+        """Everything in one table with the units in the columns' names (`index_pip_flexion_deg`, `index_tip_x_mm`)."""
+        return frames.frame(frames.movement(self.trajectory))
+
+
+def _angle_table(moved: Trajectory, values: Array, scale: float) -> Any:
+    columns = {
+        f"{joint.name}_{ANGLES[a]}": scale * values[:, j, a]
+        for j, joint in enumerate(JOINTS)
+        for a in joint.dofs
+        if np.isfinite(moved.angles[:, j, a]).any()
+    }
+    return _indexed(moved, columns)
+
+
+def _indexed(moved: Trajectory, columns: dict[str, Array]) -> Any:
+    return frames.frame({"time": moved.t, **columns}).set_index("time")
+
+
+def _scale(unit: str, *units: str) -> float:
+    if unit not in units:
+        raise InputError(f"there is no unit {unit!r} for this; units are {', '.join(units)}")
+    return SCALES[unit]

@@ -1,0 +1,163 @@
+"""A recording in a notebook: opened from a file or made of arrays, with events that can be added."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from handscope.estimators.data.samples import ACC, GYR, MAG, TRACKED_POINTS, Block, Event, Stream
+from handscope.estimators.errors import InputError
+from handscope.estimators.fault_detection.check import check_recording
+from handscope.estimators.fault_detection.words import sentence
+from handscope.estimators.hand.anatomy import HANDS, JOINTS, Hand
+from handscope.estimators.hand.geometry import measures_from, sized
+from handscope.estimators.numerics.typing import Array
+from handscope.sessions import motion_bids
+from handscope.sessions.files import frames
+from handscope.sessions.files.recording import LoadedRecording
+
+G = 9.80665  # m/s^2
+UNITS: Mapping[str, Mapping[str, float]] = {
+    GYR: {"rad/s": 1.0, "deg/s": np.pi / 180},
+    ACC: {"m/s^2": 1.0, "g": G, "mg": 1e-3 * G},
+    MAG: {"T": 1.0, "uT": 1e-6, "mG": 1e-7},
+}
+
+
+class AnalysisRecording:
+    """Raw samples and events. What is not here (`events`, `samples`, `geometry`, ...) is that of `loaded`."""
+
+    def __init__(self, loaded: LoadedRecording) -> None:
+        self.loaded = loaded
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "loaded":  # while it is being copied
+            raise AttributeError(name)
+        return getattr(self.loaded, name)
+
+    def add_pose(
+        self,
+        onset: float,
+        duration: float,
+        thumb_cmc_deg: Sequence[float] | None = None,
+        **measured_deg: float,
+    ) -> None:
+        """Say when the hand lay in the initial pose, s.
+
+        `thumb_cmc_deg`: flexion, deviation, pronation of the thumb's CMC joint; None: aligned with the fingers. Other
+        angles that were measured by name, such as `index_mcp_deviation_deg=4` (docs/motion-bids.md).
+        """
+        details: dict[str, Any] = dict(measured_deg)
+        known = {
+            f"{j.name}_{a}{sd}_deg" for j in JOINTS for a in _freedoms(j) for sd in ("", "_sd")
+        }
+        if wrong := sorted(set(details) - known):
+            raise InputError(f"{wrong[0]} is no angle of a pose; such as index_mcp_deviation_deg")
+        if thumb_cmc_deg is not None:
+            if len(thumb_cmc_deg) != 3:
+                raise InputError("thumb_cmc_deg has three angles: flexion, deviation, pronation")
+            names = ("flexion", "deviation", "pronation")
+            details |= {f"thumb_cmc_{n}_deg": float(v) for n, v in zip(names, thumb_cmc_deg)}
+        self._add(Event(onset, duration, "initial_pose", details))
+
+    def add_task(self, name: str, onset: float, duration: float) -> None:
+        """Say when a task was performed, s; its name chooses the measures (docs/measures.md)."""
+        self._add(Event(onset, duration, "task", {"task_name": name}))
+
+    def check(self) -> Any:
+        """What the checks find: a table with severity, code, sensors, words and probability without the fault."""
+        found = check_recording([b for b in self.loaded.samples.values() if len(b.t)])
+        return frames.frame(
+            {
+                "severity": [s.message.severity for s in found],
+                "code": [s.message.code for s in found],
+                "sensors": [", ".join(s.sensors) for s in found],
+                "message": [sentence(s.message) for s in found],
+                "p_value": [s.p_value for s in found],
+            }
+        )
+
+    def save_bids(self, path: str | PathLike[str], subject: str = "01", task: str = "hand") -> None:
+        """Write it as Motion-BIDS: a folder, or a zip where the name ends so."""
+        for name, label in (("subject", subject), ("task", task)):
+            if not label.isalnum():
+                raise InputError(f"{name} {label!r} may have letters and digits only")
+        motion_bids.write(self.loaded, Path(path), subject, task)
+
+    def _add(self, event: Event) -> None:
+        spans = [(b.t[0], b.t[-1]) for b in self.loaded.samples.values() if len(b.t)]
+        start, end = min(a for a, _ in spans), max(b for _, b in spans)
+        if not (event.duration > 0 and start <= event.onset and event.end <= end + 1e-6):
+            raise InputError(
+                f"{event.trial_type} from {event.onset:g} s for {event.duration:g} s is not within the recording ({start:g} to {end:g} s); give onset and duration"
+            )
+        self.loaded = self.loaded.with_events((*self.loaded.events, event))
+
+
+def from_arrays(
+    t: Any,
+    gyr: Any,
+    acc: Any,
+    segments: Sequence[str],
+    hand: Hand,
+    mag: Any = None,
+    gyr_unit: str = "rad/s",
+    acc_unit: str = "m/s^2",
+    mag_unit: str = "T",
+    mounting: Mapping[str, Sequence[float]] | None = None,
+    geometry: Mapping[str, Any] | None = None,
+) -> AnalysisRecording:
+    """A recording of arrays: `t` (n,) s, `gyr`, `acc`, `mag` (n, sensors, 3), one sensor a name in `segments`.
+
+    `mounting`: q_BS (w, x, y, z) by segment, identity where absent; `geometry`: HandGeometry of docs/motion-bids.md, m. NaN is a missing sample.
+
+    >>> import numpy as np, handscope as hs
+    >>> t, still = np.arange(500) / 100, np.zeros((500, 2, 3))
+    >>> rec = hs.from_arrays(t, still, still + [1, 0, 0], ["hand", "index_proximal"], "left", acc_unit="g")
+    >>> rec.add_pose(1.0, 3.0)
+    >>> [event.trial_type for event in rec.events]
+    ['initial_pose']
+    """
+    if hand not in HANDS:
+        raise InputError(f"hand is {hand!r}; it is left or right")
+    time = np.asarray(t, float)
+    if time.ndim != 1 or len(time) < 2 or not (np.diff(time) > 0).all():
+        raise InputError("t has one time a sample, s, each later than the one before")
+    names = tuple(segments)
+    if wrong := [s for s in names if s not in TRACKED_POINTS]:
+        raise InputError(
+            f"there is no segment {wrong[0]!r}; segments are named as in docs/conventions.md"
+        )
+    if len(set(names)) < len(names):
+        raise InputError("segments names one twice; every sensor has a segment of its own")
+    given = [(GYR, gyr, gyr_unit), (ACC, acc, acc_unit)]
+    given += [(MAG, mag, mag_unit)] if mag is not None else []
+    values = [_si(kind, array, unit, (len(time), len(names), 3)) for kind, array, unit in given]
+    rate = (len(time) - 1) / float(time[-1] - time[0])
+    stream = Stream("arrays", names, tuple(kind for kind, _, _ in given), rate)
+    turned = {s: np.asarray(q, float) for s, q in (mounting or {}).items()}
+    loaded = LoadedRecording(
+        hand,
+        sized(hand, measures_from(geometry or {})),
+        {s: turned.get(s, np.array([1.0, 0, 0, 0])) for s in names},
+        {"arrays": Block(stream, time, np.concatenate(values, axis=-1))},
+        (),
+        source={"format": "arrays"},
+    )
+    return AnalysisRecording(replace(loaded))
+
+
+def _si(kind: str, array: Any, unit: str, shape: tuple[int, int, int]) -> Array:
+    if unit not in UNITS[kind]:
+        raise InputError(f"{kind}_unit is {unit!r}; units are {', '.join(UNITS[kind])}")
+    values = np.asarray(array, float)
+    if values.shape != shape:
+        raise InputError(f"{kind} has the shape {values.shape}; (samples, sensors, 3) is {shape}")
+    return values * UNITS[kind][unit]
+
+
+def _freedoms(joint: Any) -> list[str]:
+    return [("flexion", "deviation", "pronation")[a] for a in joint.dofs]
