@@ -139,50 +139,50 @@ SENTENCES = {
     ),
     "sensors.exchanged": (
         "The sensors {first} and {second} are probably exchanged: their neighbours meet at "
-        "common joints only if each sits in the other's place (probability of such readings "
-        "without an exchange: {p}). Exchange the two and record again, or let the recording "
-        "be corrected."
+        "common joints only if each sits in the other's place (without an exchange, less than"
+        " 1 of {odds} recordings reads so). Exchange the two and record again, or let the "
+        "recording be corrected."
     ),
     "sensors.order": (
         "The sensors {sensors} probably sit in another order along the finger than declared "
-        "(probability of such readings in the declared order: {p}). Check the order of the "
-        "sensors, or let the recording be corrected."
+        "(in the declared order, less than 1 of {odds} recordings reads so). Check the order "
+        "of the sensors, or let the recording be corrected."
     ),
     "sensors.late": (
         "Samples of {sensors} come {delay_ms} ms too late against their neighbours, from "
-        "{start} s to {stop} s (probability of such readings without a delay: {p}). Check the"
-        " strip's clock and cable, or let the delay be removed."
+        "{start} s to {stop} s (without a delay, less than 1 of {odds} recordings reads so). "
+        "Check the strip's clock and cable, or let the delay be removed."
     ),
     "sensors.early": (
         "Samples of {sensors} come {delay_ms} ms too early against their neighbours, from "
-        "{start} s to {stop} s (probability of such readings without a shift: {p}). Check the"
-        " strip's clock and cable, or let the shift be removed."
+        "{start} s to {stop} s (without a shift, less than 1 of {odds} recordings reads so). "
+        "Check the strip's clock and cable, or let the shift be removed."
     ),
     "sensor.slipped": (
-        "The sensor {sensor} turned by about {angle_deg} deg on its segment at {start} s "
-        "(probability of such readings of a sensor that stayed: {p}). Fasten it and take the "
-        "initial pose again; what was measured after {start} s is not to be trusted for its "
-        "joints."
+        "The sensor {sensor} turned by about {angle_deg} deg on its segment at {start} s (of "
+        "sensors that stayed, less than 1 of {odds} recordings reads so). Fasten it and take "
+        "the initial pose again; what was measured after {start} s is not to be trusted for "
+        "its joints."
     ),
     "fingers.exchanged": (
         "The strips of {first} and {second} are probably exchanged: their knuckles lie where "
-        "the other's should (probability of such readings without an exchange: {p}). Exchange"
-        " the two strips, or let the recording be corrected."
+        "the other's should (without an exchange, less than 1 of {odds} recordings reads so)."
+        " Exchange the two strips, or let the recording be corrected."
     ),
     "hand.other": (
-        "Knuckles and bones lie the other way round than on the declared hand (probability of"
-        " that on the declared hand: {p}). Was the other hand measured? Correct the hand and "
-        "process the recording again."
+        "Knuckles and bones lie the other way round than on the declared hand (on the "
+        "declared hand, less than 1 of {odds} recordings reads so). Was the other hand "
+        "measured? Correct the hand and process the recording again."
     ),
     "hand.mirrored": (
-        "Thumb and little finger lie on the wrong sides for the declared hand (probability of"
-        " that on the declared hand: {p}). Was the other hand measured, or are the strips in "
-        "reverse order?"
+        "Thumb and little finger lie on the wrong sides for the declared hand (on the "
+        "declared hand, less than 1 of {odds} recordings reads so). Was the other hand "
+        "measured, or are the strips in reverse order?"
     ),
     "geometry.other_hand": (
-        "The joint positions that were given are those of the other hand (probability of the "
-        "measured knuckles if they were right: {p}). Correct the hand's geometry and process "
-        "the recording again."
+        "The joint positions that were given are those of the other hand (were they right, "
+        "less than 1 of {odds} recordings would read so). Correct the hand's geometry and "
+        "process the recording again."
     ),
     "geometry.impossible": (
         "The joint positions that were given put {joints} behind the wrist, as for the other "
@@ -205,5 +205,9 @@ SENTENCES = {
 
 
 def sentence(message: Message) -> str:
-    """A message in English: its code's sentence with the values filled in."""
-    return SENTENCES[message.code].format(**message.values)
+    """A message in English: its code's sentence with the values filled in, numbers to three digits."""
+    values = {
+        name: value if isinstance(value, str) else f"{float(f'{value:.3g}'):.10g}"
+        for name, value in message.values.items()
+    }
+    return SENTENCES[message.code].format(**values)

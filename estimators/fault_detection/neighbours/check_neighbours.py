@@ -25,12 +25,14 @@ from handscope.estimators.fault_detection.neighbours.exchanges import Exchange
 from handscope.estimators.fault_detection.neighbours.joint_places import Bone, Verdict
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.fault_detection.neighbours.slips import Slip
+from handscope.estimators.fault_detection.single_sensors.significance import odds_of
 from handscope.estimators.hand.anatomy import CHAINS, Hand, side_sign
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-FALSE_ALARM = 1e-3  # of each family of tests in one recording
+FALSE_ALARM = 1e-4  # of each family of tests in one recording
+OF_HAND = 1e-5  # the same of the declared hand: how far people's knuckles lie from the declared is known roughly
 
 
 def prepared(
@@ -82,7 +84,7 @@ def check_neighbours(
         subtracted from the sensors' times), `turn` (4,) from `start` (s) on: rotation that takes vectors of the sensor's later frame to its earlier one.
     """
     pairs = pairs or prepared(blocks, geometry, mounting, calibrations)
-    if pairs is None:
+    if pairs is None or not pairs.explains:
         return []
     if _behind_the_wrist(geometry):
         return []  # so are its joint positions told by `check_hand`
@@ -161,7 +163,7 @@ def check_hand(
         message = Message("geometry.impossible", {"joints": ", ".join(impossible)}, "fault")
         return [Suspicion(message, sensors, ((-np.inf, np.inf),), 0.0)]
     pairs = pairs or prepared(blocks, geometry, mounting, calibrations)
-    if pairs is None:
+    if pairs is None or not pairs.explains:
         return []
     verdict, along = _verdict(pairs, geometry)
     if verdict is not None:
@@ -195,7 +197,7 @@ def _behind_the_wrist(geometry: HandGeometry) -> list[str]:
 def _verdict(pairs: Pairs, geometry: HandGeometry) -> tuple[Verdict | None, list[Bone]]:
     along = joint_places.bones(pairs, geometry)
     verdict = joint_places.judge(joint_places.roots(pairs), along, geometry)
-    return verdict if verdict is not None and verdict.p_value < FALSE_ALARM else None, along
+    return verdict if verdict is not None and verdict.p_value < OF_HAND else None, along
 
 
 def _limb(sensor: str) -> str:
@@ -228,7 +230,7 @@ def _exchanged(found: Exchange, pairs: Pairs) -> Suspicion:
         "first": sensors[0],
         "second": sensors[1],
         "sensors": ", ".join(sensors),
-        "p": found.p_value,
+        "odds": odds_of(found.p_value),
     }
     code = "sensors.exchanged" if two else "sensors.order"
     return Suspicion(
@@ -243,7 +245,7 @@ def _late(found: Delay) -> Suspicion:
         "delay_ms": abs(1e3 * found.late),
         "start": found.span[0],
         "stop": found.span[1],
-        "p": found.p_value,
+        "odds": odds_of(found.p_value),
     }
     return Suspicion(
         Message(code, values, "fault"),
@@ -260,7 +262,7 @@ def _slipped(found: Slip, pairs: Pairs) -> Suspicion:
         "sensor": found.sensor,
         "angle_deg": turn,
         "start": found.start,
-        "p": found.p_value,
+        "odds": odds_of(found.p_value),
     }
     span = (found.start, float(pairs.series.t[-1]))
     correction = {"turn": quat.exp(found.turn), "start": found.start}
@@ -279,7 +281,9 @@ def _contradicted(verdict: Verdict, pairs: Pairs) -> Suspicion:
         a, b = verdict.fingers
         sensors = tuple(s for f in verdict.fingers for s in CHAINS[f] if s in every)
         message = Message(
-            "fingers.exchanged", {"first": a, "second": b, "p": verdict.p_value}, "fault"
+            "fingers.exchanged",
+            {"first": a, "second": b, "odds": odds_of(verdict.p_value)},
+            "fault",
         )
         exchange = tuple((s, t) for s, t in zip(CHAINS[a], CHAINS[b]))
         return Suspicion(
@@ -292,4 +296,6 @@ def _contradicted(verdict: Verdict, pairs: Pairs) -> Suspicion:
     code = {"hand": "hand.other", "side": "hand.mirrored", "positions": "geometry.other_hand"}[
         verdict.kind
     ]
-    return Suspicion(Message(code, {"p": verdict.p_value}, "fault"), every, span, verdict.p_value)
+    return Suspicion(
+        Message(code, {"odds": odds_of(verdict.p_value)}, "fault"), every, span, verdict.p_value
+    )

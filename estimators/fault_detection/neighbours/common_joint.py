@@ -11,8 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from handscope.estimators.fault_detection.neighbours.joint_kernels import (
+    UNKNOWNS,
+    products,
+    squares,
+)
 from handscope.estimators.fault_detection.neighbours.joint_windows import Windows
-from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 EXPECTED = (
@@ -33,9 +37,6 @@ TURNS = 0.5  # 1/s^2, root mean square of what a window adds to an arm of 1 m al
 ACC_BIAS = 0.1  # m/s^2, standard deviation of an accelerometer axis
 FLOOR = 0.015  # m/s^2, of an axis: noise of an accelerometer at 25 Hz and what a second of integrated rates leaves; size ours
 STEPS = 4
-UNKNOWNS = (
-    9  # place from the first sensor, from the second, difference of biases in the first's frame
-)
 WEIGHTS = 4.0 ** np.arange(0, 14, 1.0)
 PRIOR = np.diag([FLOOR**2 / EXPECTED**2] * 6 + [FLOOR**2 / ACC_BIAS**2] * 3)
 
@@ -81,17 +82,28 @@ def fit(
         x[:6] = region.centre
     use = use * (np.maximum(turning(first), turning(second)) > TURNS)
     noise = _noise(first, second, pulled)
-    rotation = aligned(_products(*_at(first, second, x)))
+    weight = use / (noise + FLOOR**2)
+    told = use > 0
+    some = tuple(values[told] for values in _read(first, second))
     for _ in range(STEPS):
-        normal, right, _, _ = _equations(first, second, rotation, x, use / (noise + FLOOR**2))
+        rotation = aligned(products(*some, _with_one(x)))
+        normal, right, _, _ = _equations(some, rotation, x, weight[told])
         x = _solved(normal, right, region)
-        rotation = aligned(_products(*_at(first, second, x)))
-    normal, _, gradient, rest = _equations(first, second, rotation, x, use / (noise + FLOOR**2))
+    every = _read(first, second)
+    rotation = aligned(products(*every, _with_one(x)))
+    normal, _, gradient, rest = _equations(every, rotation, x, weight)
     known = (
         PRIOR if region is None else PRIOR * np.repeat([(EXPECTED / region.sd) ** 2] * 2 + [1.0], 3)
     )
     covariance = _covariance(normal, known, gradient)[:6, :6]
     return Joint(x[:6], covariance, _systematic(first, second, rotation, use), rest, noise)
+
+
+def left_by_gravity(first: Windows, second: Windows) -> Array:
+    """Mean square (K,) that is left, (m/s^2)^2, if both sensors saw one specific force: gravity, and no acceleration of their own."""
+    read, nothing = _read(first, second), np.zeros(UNKNOWNS)
+    rotation = aligned(products(*read, _with_one(nothing)))
+    return _equations(read, rotation, nothing, np.zeros(len(first.force)))[3]
 
 
 def _solved(normal: Array, right: Array, region: Region | None) -> Array:
@@ -109,14 +121,14 @@ def _solved(normal: Array, right: Array, region: Region | None) -> Array:
 
 
 def _equations(
-    first: Windows, second: Windows, rotation: Array, x: Array, use: Array
+    read: tuple[Array, ...], rotation: Array, x: Array, use: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Normal matrix and right side of the unknowns, gradients of the windows, mean squares of the residuals; windows that fit badly count less (Cauchy)."""
-    J, r = _linear(first, second, rotation, x)
-    rest = (r * r).mean(axis=1)
+    by_window = squares(*read, rotation, _with_one(x))
+    rest = by_window[:, UNKNOWNS, UNKNOWNS] / (3 * read[0].shape[1])
     weight = FLOOR**2 * use / (1.0 + rest * use)
-    normal = np.einsum("k,kij->ij", weight, np.swapaxes(J, 1, 2) @ J)
-    gradient = weight[:, None] * np.einsum("kai,ka->ki", J, r)
+    normal = np.einsum("k,kij->ij", weight, by_window[:, :UNKNOWNS, :UNKNOWNS])
+    gradient = weight[:, None] * by_window[:, :UNKNOWNS, UNKNOWNS]
     return normal, normal @ x - gradient.sum(axis=0), gradient, rest
 
 
@@ -163,31 +175,12 @@ def _systematic(first: Windows, second: Windows, rotation: Array, use: Array) ->
     return np.diag(np.repeat(np.maximum(sd[:2], sd[2]) ** 2, 3))
 
 
-def _at(first: Windows, second: Windows, x: Array) -> tuple[Array, Array]:
-    """Specific force (K, m, 3) at the joint, from either sensor."""
-    a = first.force + first.arm @ x[:3] - first.turned @ x[6:]
-    return a, second.force + second.arm @ x[3:6]
+def _read(first: Windows, second: Windows) -> tuple[Array, ...]:
+    return first.force, first.arm, first.turned, second.force, second.arm
 
 
-def _linear(first: Windows, second: Windows, rotation: Array, x: Array) -> tuple[Array, Array]:
-    """Derivatives (K, 3 m, 9) and residuals (K, 3 m) with the window's own rotation projected out."""
-    a, b = _at(first, second, x)
-    R = rotation[:, None]
-    turned = np.einsum("kij,kmj->kmi", rotation, b)
-    K, m = a.shape[:2]
-    r = (a - turned).reshape(K, 3 * m)
-    J = np.concatenate([first.arm, -R @ second.arm, -first.turned], axis=-1).reshape(
-        K, 3 * m, UNKNOWNS
-    )
-    T = quat.skew(turned).reshape(K, 3 * m, 3)  # a small turn of the window's rotation
-    both = np.concatenate([J, r[..., None]], axis=-1)
-    inner = np.einsum("kai,kaj->kij", T, T) + 1e-6 * np.eye(3)
-    both = both - T @ np.linalg.solve(inner, np.einsum("kai,kaj->kij", T, both))
-    return both[..., :UNKNOWNS], both[..., UNKNOWNS]
-
-
-def _products(a: Array, b: Array) -> Array:
-    return np.asarray(np.swapaxes(a, 1, 2) @ b)
+def _with_one(x: Array) -> Array:
+    return np.append(x, 1.0)
 
 
 def aligned(products: Array) -> Array:

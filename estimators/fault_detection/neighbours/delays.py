@@ -18,8 +18,11 @@ from handscope.estimators.numerics.typing import Array
 FURTHEST, COARSE = 0.36, 0.04  # s
 PARTS = 8  # of the recording, at whose edges a delay may begin or end
 TOLERATED = 0.02  # s: clocks of strips and a sample at 50 Hz
-MARGIN = 0.1  # of the mean log ratio
+MARGIN = 0.4  # of the mean log ratio of a joint: as much as skin may favour a delay; ours
 LEAST_SURE = 0.01  # probability from which on a delay is looked at no further
+EXPLAINED = 4.0  # times their noise that joints leave at the delay: of what leaves more, a delay is not the cause
+
+Curves = dict[tuple[tuple[str, str], int], tuple[Array, Array]]  # by joint and sign of the lags
 
 
 @dataclass(frozen=True)
@@ -47,10 +50,11 @@ def find(pairs: Pairs) -> list[Delay]:
     ]
     count = len(_groups(pairs)) * len(lags) * len(spans)
     found: list[Delay] = []
+    curves: Curves = {}
     poor = [j for j in pairs.joints if pairs.is_poor(*j)]
     while poor and len(found) < 3:
         groups = [g for g in _groups(pairs) if any((a in g) != (b in g) for a, b in poor)]
-        tried = [_best(pairs, lags, g, s) for g in groups for s in spans]
+        tried = [_best(pairs, lags, g, s, curves) for g in groups for s in spans]
         sure = [d for d in tried if d.p_value * count < LEAST_SURE]
         if not sure:
             break
@@ -78,16 +82,19 @@ def _curve(pairs: Pairs, joint: tuple[str, str], lags: Array, sign: int) -> tupl
     return np.array(rest), np.array(noise)
 
 
-def _best(pairs: Pairs, lags: Array, group: tuple[str, ...], span: tuple[float, float]) -> Delay:
-    """The delay of a group that explains its joints best within a span."""
+def _best(
+    pairs: Pairs, lags: Array, group: tuple[str, ...], span: tuple[float, float], known: Curves
+) -> Delay:
+    """The delay of a group that explains its joints best within a span; `known` keeps what is left over of a joint."""
     t = pairs.windows(pairs.series.sensors[0]).t
     inside = (t >= span[0]) & (t < span[1])
     touched = [
         (j, 1 if j[1] in group else -1) for j in pairs.joints if (j[0] in group) != (j[1] in group)
     ]
-    curves = [
-        _curve(pairs, j, lags, sign) for j, sign in touched
-    ]  # the parent late is the child early
+    for key in touched:  # the parent late is the child early
+        if key not in known:
+            known[key] = _curve(pairs, key[0], lags, key[1])
+    curves = [known[key] for key in touched]
     rest, noise = (
         np.array([c[k] for c in curves])[:, :, inside] for k in (0, 1)
     )  # (joints, lags, K)
@@ -106,6 +113,8 @@ def _best(pairs: Pairs, lags: Array, group: tuple[str, ...], span: tuple[float, 
         paired_test.weight(np.where(told, before, 0.0), np.where(told, after, 0.0), noise),
         0.0,
     ).max(axis=0)
+    if float(np.nansum(weight * after)) > EXPLAINED * float((weight * noise)[told].sum()):
+        return Delay(group, 0.0, 1.0, 0.0, span)
     p = paired_test.p_value(gain / np.maximum(told.sum(axis=0), 1), MARGIN, weight)
     return Delay(group, _vertex(lags, total, k), p, float(gain @ (weight > 0)), span)
 

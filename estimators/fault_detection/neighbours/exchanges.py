@@ -18,9 +18,8 @@ from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.numerics.typing import Array
 
-MARGIN = np.log(
-    1.5
-)  # of the mean log ratio: a joint that hardly moves lets two orders fit about as well, and skin may favour the wrong one
+MARGIN = 1.2  # of the log ratio of all joints together: skin alone lets another order leave up to a third at one joint; ours
+EXPLAINED = 4.0  # times their noise that joints leave after the exchange: of what leaves more, it is not the cause
 BEYOND = 8.0  # weight of a window that skin does not explain, even where sensors that change places turn alike
 OTHERS = 0.01  # probability from which on a second exchange explains the readings as well as the best one
 
@@ -45,7 +44,12 @@ def find(pairs: Pairs) -> Exchange | None:
     if not candidates:
         return None
     gains = [_gain(pairs, {}, order) for order in candidates]
-    tests = [paired_test.p_value(gain, MARGIN, weight) * len(every) for gain, weight in gains]
+    tests = [
+        paired_test.p_value(gain, MARGIN / len(_touched(pairs, order)), weight) * len(every)
+        if _explains(pairs, order)
+        else 1.0
+        for order, (gain, weight) in zip(candidates, gains)
+    ]
     totals = [
         float(gain @ (weight > 0)) * len(_touched(pairs, order)) if p < OTHERS else -np.inf
         for order, (gain, weight), p in zip(candidates, gains, tests)
@@ -67,6 +71,16 @@ def _helps(pairs: Pairs, poor: list[tuple[str, str]], order: Order) -> bool:
         return False
     gain, weight = _compared(pairs, poor, {}, order)
     return float(gain @ weight) > 0
+
+
+def _explains(pairs: Pairs, order: Order) -> bool:
+    """Whether an order explains each of its joints, where they turn."""
+    for joint in _touched(pairs, order):
+        rest, noise, use = _rest(pairs, joint, order)
+        use = use & pairs.turns(*(order.get(s, s) for s in joint))
+        if rest[use].sum() > EXPLAINED * noise[use].sum():
+            return False
+    return True
 
 
 def _orders(pairs: Pairs) -> list[Order]:

@@ -22,6 +22,7 @@ from handscope.estimators.sensors.missing_samples import is_complete
 
 RATE = 100.0  # Hz, of the common time base
 LENGTH = 1.0  # s, of a window
+MOST_WINDOWS = 60  # of a recording, those with most movement: what longer ones cost
 AVERAGED = 4  # samples of the common time base that make one of a window's: 25 Hz
 LONGEST_GAP = 0.08  # s
 MOST_MISSING = 0.3
@@ -39,6 +40,7 @@ class Series:
     change: Array  # (n, S, 3) rad/s^2, derivative of the rates
     acc: Array  # (n, S, 3) m/s^2
     whole: NDArray[np.bool_]  # (n, S) near a sample that is there
+    chosen: NDArray[np.int_]  # (K,) numbers of the windows that are looked at, in order
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,19 @@ def common_series(blocks: Sequence[Block], bias: Mapping[str, Array]) -> Series 
     gyr, change, acc, whole = (
         np.stack([read[s][part] for s in names], axis=1) for part in range(4)
     )
-    return Series(t, names, gyr, change, acc, whole.astype(bool))
+    chosen = most_moved(gyr)
+    return Series(t, names, gyr, change, acc, whole.astype(bool), chosen)
+
+
+def most_moved(gyr: Array) -> NDArray[np.int_]:
+    """Numbers (K,) of the windows in which sensors turn most, each against its own whole recording; all where they are few."""
+    m = round(LENGTH * RATE)
+    count = len(gyr) // m
+    if count <= MOST_WINDOWS:
+        return np.arange(count)
+    turned = (gyr[: count * m] ** 2).sum(axis=2).reshape(count, m, -1).mean(axis=1)
+    share = (turned / np.maximum(turned.sum(axis=0), 1e-12)).sum(axis=1)
+    return np.sort(np.argsort(-share, kind="stable")[:MOST_WINDOWS])
 
 
 def _sampled(
@@ -124,8 +138,8 @@ def _resting_rate(t: Array, gyr: Array) -> Array:
 def cut(series: Series, sensor: int, late: float = 0.0) -> Windows:
     """Cut one sensor's series into windows; with `late` (s) its readings are taken from that much later."""
     m = round(LENGTH * RATE)
-    shift, K = round(late * RATE), len(series.t) // m
-    rows = np.arange(K)[:, None] * m + np.arange(m) + shift
+    shift, first = round(late * RATE), series.chosen * m
+    rows = first[:, None] + np.arange(m) + shift
     inside = (rows >= 0).all(axis=1) & (rows < len(series.t)).all(axis=1)
     rows = np.clip(rows, 0, len(series.t) - 1)
     gyr, change, acc = (v[rows, sensor] for v in (series.gyr, series.change, series.acc))
@@ -135,7 +149,12 @@ def cut(series: Series, sensor: int, late: float = 0.0) -> Windows:
     force, arm = np.einsum("kmij,kmj->kmi", turned, acc), turned @ tensor
     middle = turned[:, AVERAGED // 2 :: AVERAGED]
     return Windows(
-        series.t[np.arange(K) * m], _averaged(force), _averaged(arm), middle, _averaged(gyr), valid
+        series.t[np.minimum(first, len(series.t) - 1)],
+        _averaged(force),
+        _averaged(arm),
+        middle,
+        _averaged(gyr),
+        valid,
     )
 
 

@@ -25,6 +25,11 @@ DORSAL = {
 PHALANX = 0.009
 REACH = {"hand": 0.03, "forearm": 0.05}  # m, how far a joint may be from where it is expected; ours
 NEAR = 0.012
+GAINED = (
+    0.3  # log ratio by which a joint anywhere explains more than gravity does: movements 0.9 to 4
+)
+POOR = 2.0  # times its noise that a joint leaves over the recording; only then other descriptions are tried
+UNEXPLAINED = 3.0  # times its noise that a joint leaves in the middle of its windows; intact ones leave about one
 
 
 @dataclass
@@ -36,6 +41,7 @@ class Pairs:
     q_BS: Mapping[str, Array]
     _by_skin: Array | None = None
     _turning: dict[str, Array] = field(default_factory=dict)
+    _speed: dict[str, Array] = field(default_factory=dict)
     _windows: dict[tuple[str, float], Windows] = field(default_factory=dict)
     _joints: dict[tuple[str, str, tuple[str, str] | None, float], Joint] = field(
         default_factory=dict
@@ -61,6 +67,7 @@ class Pairs:
                 s.change[first:],
                 s.acc[first:],
                 s.whole[first:],
+                s.chosen,
             ),
             self.geometry,
             self.q_BS,
@@ -107,7 +114,9 @@ class Pairs:
 
     def speed(self, sensor: str) -> Array:
         """How fast a sensor turns, (K, m) rad/s."""
-        return np.asarray(np.linalg.norm(self.windows(sensor).rate, axis=2))
+        if sensor not in self._speed:
+            self._speed[sensor] = np.asarray(np.linalg.norm(self.windows(sensor).rate, axis=2))
+        return self._speed[sensor]
 
     def by_skin(self) -> Array:
         """Root mean square rate (K,) rad/s that skin may give to a segment that does not move itself."""
@@ -147,6 +156,31 @@ class Pairs:
         return Region(np.concatenate(places), np.array([REACH.get(s, NEAR) for s in at]))
 
     def is_poor(self, a: str, b: str) -> bool:
-        """Whether the joint between two segments leaves anything that another description could explain."""
-        joint, use = self.joint(a, b, (a, b)), self.use(a, b)
-        return int(np.count_nonzero((joint.rest > 1.5 * joint.noise)[use])) >= paired_test.FEWEST
+        """Whether the joint between two segments leaves anything that another description could explain, where they turn."""
+        joint, use = self.joint(a, b, (a, b)), self.use(a, b) & self.turns(a, b)
+        rest, noise = joint.rest[use], joint.noise[use]
+        many = np.count_nonzero(rest > 1.5 * noise) >= paired_test.FEWEST
+        return bool(many and rest.sum() > POOR * noise.sum())
+
+    @property
+    def explains(self) -> bool:
+        """Whether most joints explain what their sensors read, and better than gravity without any movement's acceleration does.
+
+        Otherwise what was measured is no hand of rigid segments (as in simulations that leave accelerations out), and joints tell nothing.
+        """
+        left, gained = [], []
+        for a, b in self.joints:
+            use = self.use(a, b) & self.turns(a, b)
+            if np.count_nonzero(use) >= paired_test.FEWEST:
+                joint = self.joint(a, b)
+                by_gravity = common_joint.left_by_gravity(self.windows(a), self.windows(b))
+                left.append(float(np.median((joint.rest / joint.noise)[use])))
+                gain = paired_test.log_rest(by_gravity, joint.noise) - paired_test.log_rest(
+                    joint.rest, joint.noise
+                )
+                gained.append(float(gain[use].mean()))
+        return not left or bool(np.median(left) < UNEXPLAINED and np.median(gained) > GAINED)
+
+    def turns(self, a: str, b: str) -> NDArray[np.bool_]:
+        """Windows (K,) in which either of two sensors turns, not only its noise."""
+        return np.asarray(np.maximum(self.turning(a), self.turning(b)) > common_joint.TURNS)

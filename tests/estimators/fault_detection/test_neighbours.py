@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handscope.estimators.data.samples import Block
+from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
 from handscope.estimators.hand.anatomy import CHAINS, Hand
@@ -108,6 +108,25 @@ def test_joint_places_of_the_other_hand_are_told_without_any_movement() -> None:
     )
     (found,) = told([b.between(0.0, 1.0) for b in intact()], "left", other)
     assert found.message.code == "geometry.impossible"
+
+
+def without_accelerations(seed: int) -> list[Block]:
+    """A fist that opens and closes, whose accelerometers show gravity alone, as simple simulations of a glove have it."""
+    rng, t = np.random.default_rng(seed), np.arange(0.0, 20.0, 0.01)
+    sensors = ("hand", *CHAINS["index"], *CHAINS["middle"], *CHAINS["ring"])
+    values = rng.normal(size=(len(t), len(sensors), 6)) * [*[0.002] * 3, *[0.02] * 3]
+    for k in range(1, len(sensors)):
+        most = np.radians((60.0, 140.0, 185.0)[(k - 1) % 3]) * (1 + 0.2 * rng.normal())
+        angle = most * (1 - np.cos(np.pi * t)) / 2
+        values[:, k, 2] += most * np.pi * np.sin(np.pi * t) / 2
+        values[:, k, 3:5] += 9.81 * np.stack([np.cos(angle), -np.sin(angle)], axis=1)
+    values[:, 0, 3] += 9.81
+    return [Block(Stream("imu", sensors, (GYR, ACC), 100.0), t, values)]
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_a_glove_without_accelerations_of_its_movement_is_not_suspected(seed: int) -> None:
+    assert told(without_accelerations(seed)) == []
 
 
 def test_a_resting_hand_tells_nothing_whatever_is_exchanged() -> None:
