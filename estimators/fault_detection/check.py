@@ -1,34 +1,59 @@
 """The checks that every recording goes through, and their findings.
 
-In      blocks of a recording, or of what has come so far
+In      blocks of a recording, or of what has come so far; what is declared of it
 Out     suspicions: what is probably wrong, which sensors, from when to when, how probable such evidence is without the fault
-Limits  each sensor is checked against itself. Sensors against each other (neighbours/) is an experiment: it takes a simulated glove whose
-        accelerations do not fit its joints for a late one, and costs 0.1 s of a processor a second; `handscope reproduce crosschecks`
+Limits  those of the checks: single_sensors/ and neighbours/. Sensors against each other are looked at only where each by itself is right
 """
 
 from collections.abc import Sequence
 
+from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.findings import Finding
-from handscope.estimators.data.samples import Block
+from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.fault_detection.finding import Suspicion
+from handscope.estimators.fault_detection.neighbours import check_neighbours
 from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
 from handscope.estimators.fault_detection.words import sentence
 
 
-def check_recording(blocks: Sequence[Block]) -> list[Suspicion]:
+def check_recording(
+    blocks: Sequence[Block],
+    declared: Recording | None = None,
+    calibrations: Sequence[Calibration] = (),
+) -> list[Suspicion]:
     """What is probably wrong with a recording, or with what has come of it so far.
 
     Parameters
     ----------
     blocks : sequence of Block
         One block a stream, SI units, values in the sensors' frames.
+    declared : Recording, optional
+        Hand, geometry and mounting; without it sensors are not checked against each other.
+    calibrations : sequence of Calibration, optional
+        How sensors are turned against their segments, where it is known better than nominally.
 
     Returns
     -------
     list of Suspicion
-        Faults of the file first, then those of single sensors.
+        Faults of the file first, then those of single sensors, then of sensors against each other and the declared hand.
     """
-    return check_sensors(blocks)
+    alone = check_sensors(blocks)
+    spoils = any(
+        s.message.severity == "fault" and "magnetometer" not in s.message.code for s in alone
+    )
+    if declared is None or spoils:
+        return alone
+    return [
+        *alone,
+        *check_neighbours.check(
+            blocks,
+            declared.hand,
+            declared.geometry,
+            declared.mounting,
+            calibrations,
+            declared.events,
+        ),
+    ]
 
 
 def as_findings(suspicions: Sequence[Suspicion]) -> list[Finding]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.deviations import widen_faulty
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINTS, SEGMENT, SEGMENTS, Joint
 from handscope.estimators.numerics.typing import Array
@@ -55,9 +56,10 @@ def accuracy_of(method: str, calibrations: Sequence[Calibration] = ()) -> Accura
 
 
 def with_sd(trajectory: Trajectory, accuracy: Accuracy) -> tuple[Trajectory, str]:
-    """The trajectory with a standard deviation of every angle and tip, and where it is from."""
+    """The trajectory with a standard deviation of every angle and tip, and where it is from; wide where a sensor is at fault."""
     if trajectory.angles_sd is not None and trajectory.tips_sd is not None:
-        return trajectory, OWN
+        widened = widen_faulty(trajectory.angles_sd, trajectory.flags)
+        return replace(trajectory, angles_sd=widened), OWN
     tilt = np.array([accuracy.tilt.get(s, 0.0) for s in SEGMENTS])
     unposed = ((trajectory.flags & Flag.UNCALIBRATED) != 0).any(axis=0)
     angles = np.array([_angle(accuracy, tilt, unposed, j) for j in JOINTS])
@@ -68,7 +70,7 @@ def with_sd(trajectory: Trajectory, accuracy: Accuracy) -> tuple[Trajectory, str
     own_angles, own_tips = trajectory.angles_sd, trajectory.tips_sd
     return replace(
         trajectory,
-        angles_sd=angles_sd if own_angles is None else own_angles,
+        angles_sd=widen_faulty(angles_sd if own_angles is None else own_angles, trajectory.flags),
         tips_sd=tips_sd if own_tips is None else own_tips,
     ), accuracy.source
 

@@ -5,11 +5,12 @@ Out     the same with findings; segments of faulty sensors are flagged from when
 Limits  those of the checks: fault_detection/check.py
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from handscope.estimators.data.deviations import widen_faulty
 from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import Recording
 from handscope.estimators.data.trajectory import Flag, Trajectory
@@ -24,14 +25,20 @@ EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and 
 def check_processed(processed: Processed, recording: Recording) -> Processed:
     """Check the recording, flag the segments of sensors that are at fault, and append the messages.
 
-    Flags are written into the trajectory in place.
+    Flags are written into the trajectory in place; standard deviations are widened (data/deviations.py).
     """
-    suspicions = check_recording(whole_of(recording))
+    suspicions = check_recording(whole_of(recording), recording, processed.calibrations)
     findings = as_findings(suspicions)
     flag_segments(processed.trajectory, findings)
+    trajectory = processed.trajectory
+    if trajectory.angles_sd is not None:
+        trajectory = replace(
+            trajectory, angles_sd=widen_faulty(trajectory.angles_sd, trajectory.flags)
+        )
     messages = dict.fromkeys([*processed.warnings, *(sentence(s.message) for s in suspicions)])
     return replace(
         processed,
+        trajectory=trajectory,
         warnings=tuple(messages),
         findings=(*processed.findings, *findings),
         suspicions=tuple(suspicions),
@@ -44,6 +51,12 @@ def flag_segments(trajectory: Trajectory, findings: Sequence[Finding]) -> None:
         if finding.sensor not in SEGMENT or "magnetometer" in finding.kind:
             continue
         flag = Flag.FAULTY if finding.severity == "fault" else Flag.DOUBTFUL
-        for start, stop in finding.spans:
-            first, last = np.searchsorted(trajectory.t, [start - EDGE, stop + EDGE])
-            trajectory.flags[first:last, SEGMENT[finding.sensor]] |= np.uint8(flag)
+        for rows in _rows(trajectory, finding):
+            trajectory.flags[rows, SEGMENT[finding.sensor]] |= np.uint8(flag)
+
+
+def _rows(trajectory: Trajectory, finding: Finding) -> Iterator[slice]:
+    """Samples in which a finding holds."""
+    for start, stop in finding.spans:
+        first, last = np.searchsorted(trajectory.t, [start - EDGE, stop + EDGE])
+        yield slice(int(first), int(last))

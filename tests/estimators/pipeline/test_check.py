@@ -8,12 +8,14 @@ import pytest
 
 from handscope.estimators.data.samples import GYR, Block
 from handscope.estimators.data.trajectory import Flag
-from handscope.estimators.hand.anatomy import SEGMENT
+from handscope.estimators.hand.anatomy import FLEXION, JOINT, SEGMENT
+from handscope.estimators.measures.accuracy import DEFAULT, with_sd
 from handscope.estimators.measures.figure import grade_of
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import process
+from handscope.estimators.simulation.experiments import EXPERIMENTS, record_experiment
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
 from tests.simulated import pose_and_wiggle
@@ -63,4 +65,35 @@ def test_a_gyroscope_at_fault_is_named_and_its_figures_are_not_good(
     flags = checked.trajectory.flags[:, [SEGMENT[SENSOR]]]
     assert (flags & (Flag.FAULTY | Flag.DOUBTFUL)).all()
     assert grade_of(flags)[0] == "poor"
+    sd = with_sd(checked.trajectory, DEFAULT)[0].angles_sd
+    assert sd is not None
+    assert (sd[:, JOINT["index_pip"], FLEXION] > np.radians(20.0)).all()
+    assert (sd[:, JOINT["ring_pip"], FLEXION] < np.radians(10.0)).all()
     assert any(SENSOR in warning for warning in checked.warnings)
+
+
+def exchanged(recording: Simulated, a: str, b: str) -> Simulated:
+    """The recording with the readings of two sensors in each other's place."""
+    samples = {}
+    for name, block in recording.samples.items():
+        values, names = block.values.copy(), block.stream.sensors
+        if a in names and b in names:
+            i, j = names.index(a), names.index(b)
+            values[:, [i, j]] = values[:, [j, i]]
+        samples[name] = Block(block.stream, block.t, values)
+    return replace(recording, samples=samples)
+
+
+def test_sensors_in_each_others_place_are_named_and_their_figures_are_not_good() -> None:
+    tapping = record_experiment(
+        EXPERIMENTS["tapping"], np.random.default_rng(12), SensorErrors(), None, "left", 2.5
+    )
+    wrong = exchanged(tapping, "index_middle", "index_distal")
+    checked = check_processed(process(m2, m2.Params(), wrong), wrong)
+    (suspicion,) = checked.suspicions
+    assert (suspicion.message.code, set(suspicion.sensors)) == (
+        "sensors.exchanged",
+        {"index_middle", "index_distal"},
+    )
+    assert grade_of(checked.trajectory.flags[:, [SEGMENT["index_distal"]]])[0] == "poor"
+    assert any("1000000 recordings" in warning for warning in checked.warnings)
