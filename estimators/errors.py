@@ -1,5 +1,24 @@
 """The one exception for a user's mistake."""
 
+from handscope.estimators.messages import Message, Value, english_texts, render_english
+
 
 class InputError(Exception):
-    """A mistake in what the user gave us: says what happened, to which data, and what to do."""
+    """A mistake in what the user gave us: says what happened, to which data, and what to do.
+
+    `InputError("motion_bids.not_utf8", name=file)` has the words of its code in every language. A whole English
+    sentence is accepted from rooms whose messages have no codes yet; `message` is None then.
+    """
+
+    message: Message | None
+
+    def __init__(self, what: str | Message, /, **values: Value) -> None:
+        super().__init__(what)
+        if isinstance(what, str):
+            coded = what in english_texts()
+            self.message = Message(what, values, "fault") if coded else None
+        else:
+            self.message = what if isinstance(what, Message) else None
+
+    def __str__(self) -> str:
+        return super().__str__() if self.message is None else render_english(self.message)

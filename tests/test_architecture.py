@@ -58,10 +58,11 @@ IMPURE = {
     ),
 }
 SKELETON = ("numerics", "hand")  # what a simulator may know besides itself
-VALUES = ("data", "errors")
+VALUES = ("data", "errors", "messages")
 LEVELS = {  # a package imports packages of lower levels only
     "handscope.estimators": (
         *(
+            "messages",
             "errors",
             "numerics",
             "hand",

@@ -44,8 +44,10 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(InputError)
     async def mistake(request: Request, error: InputError) -> JSONResponse:
+        message = error.message
+        coded = {"code": message.code, "values": dict(message.values)} if message else {}
         return JSONResponse(
-            {"error": preferred(request).translate(str(error))},
+            {"error": preferred(request).render_error(error), **coded},
             404 if str(error).startswith("there is no ") else 422,
         )
 

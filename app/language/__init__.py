@@ -2,7 +2,8 @@
 
 pages      the pages' own words by key, served to the browser as a module (app/api/languages.py)
 words      what the server writes into pages and reports, by key. In both, {names} are filled in, and a key that a language lacks is said in English
-sentences  written elsewhere in English (warnings, reasons, titles of tasks), by their original; {names} stand for what differs
+messages   errors and warnings by their code, with numbers' formats in the text ({seconds:.1f}) and plural forms ({"one": ..., "other": ...}); the English ones are in estimators/messages/en.json
+sentences  written elsewhere in English (reasons, titles of tasks, messages that have no code yet), by their original; {names} stand for what differs
 locale     numbers, dates and lists after the Unicode CLDR (Babel)
 """
 
@@ -23,11 +24,13 @@ from babel.numbers import format_decimal
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENTS
+from handscope.estimators.messages import GAP, Message, Text, english_texts, fill
 
 DEFAULT = "en"
 NAME = re.compile(r"\{(\w+)\}")
 CODE = re.compile(r"[a-z]{2,3}")
 PARTS = ("pages", "words", "sentences")
+PLURALS = {"zero", "one", "two", "few", "many", "other"}  # of the Unicode CLDR
 SEGMENT = re.compile(rf"\b({'|'.join(sorted(SEGMENTS, key=len, reverse=True))})\b(?!_)")
 NUMBER = re.compile(r"(?<![\w.])\d+\.\d+(?![\w.])")
 MOST_SENTENCES = 4000  # of a sentence's length; longer ones are said as they are
@@ -42,7 +45,21 @@ class Language:
     locale: Locale
     pages: Mapping[str, str]
     words: Mapping[str, str]
+    messages: Mapping[str, Text]  # by code
     sentences: Mapping[str, str]  # by their English original
+
+    def render(self, message: Message) -> str:
+        """A message in this language; KeyError where its code has no text or a value is missing."""
+        return fill(
+            self.messages[message.code],
+            message.values,
+            lambda count: str(self.locale.plural_form(count)),
+            self.locale.number_symbols["latn"]["decimal"],
+        )
+
+    def render_error(self, error: InputError) -> str:
+        """By its code where it has one, else by its English sentence."""
+        return self.render(error.message) if error.message else self.translate(str(error))
 
     def say(self, key: str, **values: object) -> str:
         """The words of a key."""
@@ -207,6 +224,9 @@ def _read(code: str, text: str, english: Language | None) -> Language:
             isinstance(words, str) for words in content[part].values()
         ):
             raise ValueError(f'"{part}" holds words by their keys')
+    messages = content.get("messages", {})
+    if not isinstance(messages, dict) or not all(_is_text(text) for text in messages.values()):
+        raise ValueError('"messages" holds a text, or its plural forms with "other", by code')
     try:
         locale = Locale.parse(content["locale"])
     except UnknownLocaleError:
@@ -218,8 +238,31 @@ def _read(code: str, text: str, english: Language | None) -> Language:
         locale,
         {**pages, **content["pages"]},
         {**words, **content["words"]},
-        content["sentences"],
+        {**english_texts(), **messages},
+        {**_by_original(messages), **content["sentences"]},
     )
+
+
+def _is_text(value: object) -> bool:
+    if not isinstance(value, dict):
+        return isinstance(value, str)
+    return "other" in value and value.keys() <= PLURALS and all(map(_is_text, value.values()))
+
+
+def _by_original(messages: Mapping[str, Text]) -> dict[str, str]:
+    """The messages of a language by their English originals: stored results hold finished sentences."""
+    return {
+        GAP.sub(r"{\1}", original): GAP.sub(r"{\1}", own)
+        for code, text in messages.items()
+        for original, own in _pairs(english_texts().get(code, {}), text)
+    }
+
+
+def _pairs(english: Text, own: Text) -> Iterable[tuple[str, str]]:
+    if isinstance(english, str):
+        return [(english, own)] if isinstance(own, str) else [(english, own["other"])]
+    forms = {form: own if isinstance(own, str) else own.get(form, own["other"]) for form in english}
+    return [(english[form], forms[form]) for form in english]
 
 
 def _each_once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:

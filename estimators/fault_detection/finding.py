@@ -1,17 +1,9 @@
 """A finding of the checks: what is probably wrong with a recording, how sure that is, and when."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass
 
-
-@dataclass(frozen=True)
-class Message:
-    """What is said to people, as data: the words stand in the languages under the code."""
-
-    code: str  # "sensor.gyroscope_sign"
-    values: Mapping[str, float | str] = field(default_factory=dict)
-    severity: Literal["info", "warning", "fault"] = "warning"
+from handscope.estimators.messages import Message as Message
 
 
 @dataclass(frozen=True)

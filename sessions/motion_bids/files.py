@@ -26,18 +26,13 @@ def open_files(path: Path) -> Files:
     if path.is_dir():
         return _folder(path)
     if not path.exists():
-        raise InputError(
-            f"{path} does not exist; give a Motion-BIDS folder or zip, or a native recording"
-        )
+        raise InputError("motion_bids.does_not_exist", name=str(path))
     if not _is_zip(path):
         with path.open("rb") as file:
             begins_like_zip = file.read(4) == b"PK\x03\x04"
-        what = (
-            "is a zip that was cut off; copy or download it again"
-            if begins_like_zip
-            else "is neither a folder, a zip nor a native recording; give a Motion-BIDS folder or zip"
-        )
-        raise InputError(f"{path.name} {what}")
+        if begins_like_zip:
+            raise InputError("motion_bids.zip_cut_off", name=path.name)
+        raise InputError("motion_bids.not_a_recording", name=path.name)
     return _zip(path)
 
 
@@ -70,9 +65,7 @@ def _folder(path: Path) -> dict[str, Pieces]:
         if p.suffix in WANTED and p.is_file() and p.resolve().is_relative_to(path.resolve())
     )
     if len(found) > MOST_FILES:
-        raise InputError(
-            f"{path} holds more than {MOST_FILES} files; give the folder of one recording"
-        )
+        raise InputError("motion_bids.folder_too_many_files", name=str(path), most=MOST_FILES)
     return {p.relative_to(path).as_posix(): partial(_of_file, p) for p in found}
 
 
@@ -88,9 +81,7 @@ def _zip(path: Path) -> dict[str, Pieces]:
                 entry for entry in archive.infolist() if not entry.filename.endswith("/")
             ]  # is_dir() fails on a name without a letter
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
-        raise InputError(
-            f"{path.name} is a damaged or cut zip; copy or download it again"
-        ) from None
+        raise InputError("motion_bids.zip_damaged", name=path.name) from None
     _refuse_tricks(path.name, entries)
     return {
         e.filename: partial(_unpacked, path, e)
@@ -102,7 +93,7 @@ def _zip(path: Path) -> dict[str, Pieces]:
 def _refuse_tricks(name: str, entries: list[zipfile.ZipInfo]) -> None:
     if len(entries) > MOST_FILES:
         raise InputError(
-            f"{name} holds {len(entries)} files, more than {MOST_FILES}; give a zip of one recording"
+            "motion_bids.zip_too_many_files", name=name, count=len(entries), most=MOST_FILES
         )
     for entry in entries:
         parts = PurePosixPath(entry.filename.replace("\\", "/")).parts
@@ -111,23 +102,23 @@ def _refuse_tricks(name: str, entries: list[zipfile.ZipInfo]) -> None:
             or entry.filename.startswith(("/", "\\"))
             or ":" in entry.filename.split("/")[0]
         ):
-            raise InputError(
-                f"{name} holds a file that would climb out of its folder ({entry.filename!r}); it was not opened"
-            )
+            raise InputError("motion_bids.zip_path_outside", name=name, file=entry.filename)
         if entry.external_attr >> 28 == 0xA:
-            raise InputError(
-                f"{name} holds a link ({entry.filename!r}); put the file itself into the zip"
-            )
+            raise InputError("motion_bids.zip_link", name=name, file=entry.filename)
         if entry.flag_bits & 1:
-            raise InputError(f"{name} is encrypted; unpack it and give the folder")
+            raise InputError("motion_bids.zip_encrypted", name=name)
         if entry.file_size > MOST_RATIO * max(entry.compress_size, 1) and entry.file_size > 2**20:
             raise InputError(
-                f"{name} unpacks {entry.filename!r} to {entry.file_size / 2**20:.0f} MB from {entry.compress_size} bytes; no recording does that, it was not opened"
+                "motion_bids.zip_compression_ratio",
+                name=name,
+                file=entry.filename,
+                size=entry.file_size / 2**20,
+                bytes=entry.compress_size,
             )
     total = sum(entry.file_size for entry in entries)
     if total > MOST_BYTES:
         raise InputError(
-            f"{name} unpacks to {total / 2**30:.1f} GB, more than {MOST_BYTES / 2**30:.0f} GB; split the recording"
+            "motion_bids.zip_too_large", name=name, size=total / 2**30, most=MOST_BYTES / 2**30
         )
 
 
@@ -139,7 +130,7 @@ def _unpacked(path: Path, entry: zipfile.ZipInfo) -> Iterator[bytes]:
                 length += len(piece)
                 if length > entry.file_size:
                     raise InputError(
-                        f"{path.name} lies about the size of {entry.filename!r}; it was not opened"
+                        "motion_bids.zip_wrong_size", name=path.name, file=entry.filename
                     )
                 yield piece
     except (
@@ -152,5 +143,5 @@ def _unpacked(path: Path, entry: zipfile.ZipInfo) -> Iterator[bytes]:
         RuntimeError,
     ):
         raise InputError(
-            f"{path.name} is damaged at {entry.filename!r}; copy or download it again"
+            "motion_bids.zip_file_damaged", name=path.name, file=entry.filename
         ) from None

@@ -83,7 +83,11 @@ def load(files: Files, path: str, hand: Hand | None = None) -> Kinematics:
     name = PurePosixPath(path).name
     base = path.removesuffix("_motion.tsv")
     if f"{base}_motion.json" not in files:
-        raise InputError(f"{PurePosixPath(base).name}_motion.json is missing beside {name}")
+        raise InputError(
+            "motion_bids.file_missing_beside",
+            file=f"{PurePosixPath(base).name}_motion.json",
+            name=name,
+        )
     match = NAME.search(path)
     needed = ("name", "component", "type", "tracked_point", "units")
     channels = list(
@@ -97,7 +101,7 @@ def load(files: Files, path: str, hand: Hand | None = None) -> Kinematics:
     system = System(match["system"] if match else name, path, sidecar, channels)
     table = numbers(files[path](), name, len(channels))
     if len(table) < 2:
-        raise InputError(f"{name} has {len(table)} samples; there is nothing to compare")
+        raise InputError("motion_bids.too_few_samples", name=name, count=len(table))
     warnings: list[str] = []
     t, _ = times_of(system, table, name, warnings)
     side = _side(sidecar.get("MeasuredHand"), hand, name)
@@ -113,9 +117,7 @@ def _side(value: object, hand: Hand | None, name: str) -> Hand | None:
     for side in HANDS:
         if str(value).lower() == side:
             if hand not in (None, side):
-                raise InputError(
-                    f"{name} was recorded on the {side} hand, not on the {hand} one; choose the other hand or the other recording"
-                )
+                raise InputError("motion_bids.other_hand", name=name, one=side, other=str(hand))
             return side
     return hand
 
@@ -153,13 +155,11 @@ def _orientations(found: Found, n: int, name: str) -> Array:
     q_GS = np.full((n, len(SEGMENTS), 4), np.nan)
     for segment in {point for point, _ in found} & set(SEGMENTS):
         if any((segment, c) not in found for c in "wxyz"):
-            raise InputError(
-                f"{name}: {segment} has not all of quat_w, quat_x, quat_y, quat_z of ORNT; name the four channels or none"
-            )
+            raise InputError("motion_bids.orientation_components", name=name, segment=segment)
         q = np.stack([found[segment, c] for c in "wxyz"], axis=-1)
         norm = np.linalg.norm(q, axis=-1, keepdims=True)
         if (np.abs(norm[np.isfinite(norm)] - 1) > 0.05).any():
-            raise InputError(f"{name}: ORNT of {segment} is no unit quaternion (w, x, y, z)")
+            raise InputError("motion_bids.orientation_not_unit", name=name, segment=segment)
         q_GS[:, SEGMENT[segment]] = q / norm
     return q_GS
 
@@ -217,6 +217,11 @@ def _factor(channel: Mapping[str, str], kind: str, name: str) -> float:
         return 1.0
     if channel["units"] not in UNITS[kind]:
         raise InputError(
-            f"{name}: channel {channel['name']} has the unknown unit {channel['units']!r}; {kind} is given in {', '.join(UNITS[kind])}"
+            "motion_bids.derivative_unknown_unit",
+            name=name,
+            channel=channel["name"],
+            unit=channel["units"],
+            kind=kind,
+            units=", ".join(UNITS[kind]),
         )
     return UNITS[kind][channel["units"]]

@@ -22,13 +22,20 @@ def raw_columns(
         missing = [c.name for c in setup.channels if c.name not in columns]
         if missing:
             raise InputError(
-                f"tracksys-{system}: {point} has no channel {', '.join(missing)}, which its ForceSetup needs; name the channels alike in both"
+                "motion_bids.raw_force_channel_missing",
+                system=system,
+                point=point,
+                missing=", ".join(missing),
             )
         for channel in here:
             units = channels[columns[channel.name]]["units"]
             if units != channel.units:
                 raise InputError(
-                    f"tracksys-{system}: channel {channel.name} is in {units!r}, its calibration in {channel.units!r}; write both in the same unit"
+                    "motion_bids.raw_force_unit",
+                    system=system,
+                    name=channel.name,
+                    units=units,
+                    other=channel.units,
                 )
         found[point] = [columns[c.name] for c in setup.channels]
     return found
@@ -39,7 +46,9 @@ def require_all(setups: Mapping[str, ForceSetup], found: set[str]) -> None:
     for point, setup in setups.items():
         if setup.channels and point not in found:
             raise InputError(
-                f"ForceSetup of {point} is for the channels {', '.join(c.name for c in setup.channels)}, and no channels.tsv has them at this tracked_point; name them alike"
+                "motion_bids.raw_force_point_missing",
+                point=point,
+                names=", ".join(c.name for c in setup.channels),
             )
 
 

@@ -24,6 +24,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.force.setup import ForceSetup, parse_setups
 from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
+from handscope.estimators.messages import Message, render_english
 from handscope.estimators.numerics.typing import Array
 from handscope.sessions.files.recording import LoadedRecording, require_samples
 from handscope.sessions.motion_bids import raw_forces
@@ -141,11 +142,17 @@ def _choose(path: Path) -> tuple[str, Files]:
         found = [f for f in found if f == wanted]
     if not found:
         raise InputError(
-            f"{path.name} holds no Motion-BIDS recording; expected sub-*/[ses-*/]motion/sub-*_task-*_tracksys-*_motion.tsv"
+            "motion_bids.no_recording",
+            name=path.name,
+            pattern="sub-*/[ses-*/]motion/sub-*_task-*_tracksys-*_motion.tsv",
         )
     if len(found) > 1:
+        shown = [PurePosixPath(f).name for f in found[:4]] + ["..."] * (len(found) > 4)
         raise InputError(
-            f"{path.name} holds {len(found)} recordings ({', '.join(PurePosixPath(f).name for f in found[:4])}{', ...' if len(found) > 4 else ''}); give the path of one of their motion.tsv files"
+            "motion_bids.several_recordings",
+            name=path.name,
+            count=len(found),
+            names=", ".join(shown),
         )
     belongs = found[0].split("/motion/")[0]
     return found[0], {
@@ -168,7 +175,9 @@ def _systems(files: Files, inside: str) -> list[System]:
         for beside in (f"{base}_motion.json", f"{base}_channels.tsv"):
             if beside not in files:
                 raise InputError(
-                    f"{PurePosixPath(beside).name} is missing beside {PurePosixPath(path).name}"
+                    "motion_bids.file_missing_beside",
+                    file=PurePosixPath(beside).name,
+                    name=PurePosixPath(path).name,
                 )
         needed = ("name", "component", "type", "tracked_point", "units")
         channels = list(
@@ -198,23 +207,15 @@ def _hand(sidecars: list[dict[str, Any]], wanted: Hand | None, name: str) -> Han
         if s.get("MeasuredHand") not in (None, MISSING)
     }
     if not sides <= set(HANDS):
-        raise InputError(
-            f"{name}: MeasuredHand is {sorted(sides - set(HANDS))[0]!r}; it is left or right"
-        )
+        raise InputError("motion_bids.unknown_hand", name=name, value=sorted(sides - set(HANDS))[0])
     if len(sides) > 1:
-        raise InputError(
-            f"{name} holds sensors of two hands (MeasuredHand says left and right); split it into one recording a hand"
-        )
+        raise InputError("motion_bids.two_hands", name=name)
     if wanted and sides and wanted not in sides:
-        raise InputError(
-            f"{name} was recorded on the {sides.pop()} hand, not on the {wanted} one; choose the other hand or the other recording"
-        )
+        raise InputError("motion_bids.other_hand", name=name, one=sides.pop(), other=wanted)
     for hand in HANDS:
         if hand in sides or (not sides and wanted == hand):
             return hand
-    raise InputError(
-        f"{name} does not say which hand was measured; add MeasuredHand (left or right) to motion.json, or give --hand"
-    )
+    raise InputError("motion_bids.hand_not_given", name=name)
 
 
 def _block(
@@ -231,7 +232,7 @@ def _block(
         return None
     table = numbers(files[system.path](), name, len(system.channels))
     if not len(table):
-        raise InputError(f"{name} has 0 samples; there is nothing to process")
+        raise InputError("motion_bids.no_samples", name=name)
     t, rate = times_of(system, table, name, warnings)
     kinds = {kind for _, kind, _ in wanted} | {
         kind for point in raw for kind in (FORCE, TORQUE)[: setups[point].axes // 3]
@@ -291,22 +292,34 @@ def _columns(
         )
         if component < 0:
             raise InputError(
-                f"tracksys-{system.name}: channel {channel['name']} has component {channel['component']!r}; it is x, y or z"
+                "motion_bids.channel_component",
+                system=system.name,
+                channel=channel["name"],
+                component=channel["component"],
             )
         key, factor = (point, TYPES[kind], component), _factor(system, channel, kind)
         if key in found:
             raise InputError(
-                f"tracksys-{system.name}: {point} has two {kind} channels for component {channel['component']}"
+                "motion_bids.channel_twice",
+                system=system.name,
+                point=point,
+                kind=kind,
+                component=channel["component"],
             )
         found[key] = (column, factor)
     for point, kind, _ in list(found):
         if any((point, kind, c) not in found for c in range(3)):
             raise InputError(
-                f"tracksys-{system.name}: {point} has not all of x, y, z of {kind}; name the three channels in channels.tsv or none"
+                "motion_bids.channel_components_missing", system=system.name, point=point, kind=kind
             )
     if strange:
         warnings.append(
-            f"tracksys-{system.name}: points unknown to Handscope were left out: {', '.join(sorted(strange))}"
+            render_english(
+                Message(
+                    "motion_bids.unknown_points",
+                    {"system": system.name, "points": ", ".join(sorted(strange))},
+                )
+            )
         )
     return found | _torques(system, torques, warnings)
 
@@ -322,7 +335,12 @@ def _torques(
     ]
     if partly:
         warnings.append(
-            f"tracksys-{system.name}: torques are passed over where not each of x, y, z is told once: {', '.join(sorted(partly))}"
+            render_english(
+                Message(
+                    "motion_bids.torques_incomplete",
+                    {"system": system.name, "points": ", ".join(sorted(partly))},
+                )
+            )
         )
     return {
         (point, TORQUE, "xyz".index(c)): (column, factor)
@@ -341,9 +359,7 @@ def _refuse_two_hands(point: str, system: System) -> None:
         and not c["tracked_point"].startswith("trunk")
     }
     if len(sides) > 1:
-        raise InputError(
-            f"tracksys-{system.name} holds sensors of two hands ({point} among them); split it into one recording a hand"
-        )
+        raise InputError("motion_bids.two_hands_in_channels", system=system.name, point=point)
 
 
 def _factor(system: System, channel: dict[str, str], kind: str) -> float:
@@ -351,11 +367,19 @@ def _factor(system: System, channel: dict[str, str], kind: str) -> float:
     if channel["units"] not in known:
         if kind == "MISC":
             raise InputError(
-                f"tracksys-{system.name}: channel {channel['name']} has the unit {channel['units']!r}, no force's and no torque's; write N or N*m, or tell what the raw channel means by a ForceSetup from `handscope calibrate-force`"
+                "motion_bids.not_a_force_unit",
+                system=system.name,
+                channel=channel["name"],
+                unit=channel["units"],
             )
         shown = list(known)[:2]
         raise InputError(
-            f"tracksys-{system.name}: channel {channel['name']} has the unknown unit {channel['units']!r}; {kind} is given in {' or '.join(shown)}"
+            "motion_bids.unknown_unit",
+            system=system.name,
+            channel=channel["name"],
+            unit=channel["units"],
+            kind=kind,
+            units=" or ".join(shown),
         )
     return known[channel["units"]]
 
@@ -369,20 +393,24 @@ def times_of(system: System, table: Array, name: str, warnings: list[str]) -> tu
     latency = [k for k, c in enumerate(system.channels) if c["type"].upper() == "LATENCY"]
     if not latency:
         if rate is None:
-            raise InputError(
-                f"tracksys-{system.name}: motion.json has no usable SamplingFrequency and there is no LATENCY channel; one of them is needed"
-            )
+            raise InputError("motion_bids.no_time", system=system.name)
         return np.arange(len(table)) / rate, rate
     t = table[:, latency[0]] * _factor(system, system.channels[latency[0]], "LATENCY")
     backwards = np.flatnonzero(~(np.diff(t) > 0))
     if not np.isfinite(t[0]) or len(backwards):
         raise InputError(
-            f"{name}, line {int(backwards[0]) + 2 if len(backwards) else 1}: LATENCY does not increase; every sample needs its own time"
+            "motion_bids.time_not_increasing",
+            name=name,
+            line=int(backwards[0]) + 2 if len(backwards) else 1,
         )
     seen = _rate_seen(t) if len(t) > 1 else rate or 100.0
     if rate is not None and abs(seen / rate - 1) > RATE_TOLERANCE:
         warnings.append(
-            f"tracksys-{system.name}: SamplingFrequency says {rate:g} Hz, the time stamps {seen:.4g} Hz; the time stamps count"
+            render_english(
+                Message(
+                    "motion_bids.rate_differs", {"system": system.name, "rate": rate, "seen": seen}
+                )
+            )
         )
     return t, rate if rate is not None and abs(seen / rate - 1) < SAME_RATE else seen
 
@@ -413,7 +441,11 @@ def _refuse_double(samples: Mapping[str, Block]) -> None:
                     and samples[other].t[0] <= block.t[-1]
                 ):
                     raise InputError(
-                        f"{point} has {quantity} samples in both tracksys-{other} and tracksys-{name}; keep one"
+                        "motion_bids.point_in_two_systems",
+                        point=point,
+                        quantity=quantity,
+                        one=f"tracksys-{other}",
+                        other=f"tracksys-{name}",
                     )
 
 
@@ -425,12 +457,10 @@ def _merged(systems: list[System], entry: str) -> dict[str, Any]:
         if value is None:
             continue
         if not isinstance(value, dict):
-            raise InputError(f"tracksys-{system.name}: {entry} in motion.json is not an object")
+            raise InputError("motion_bids.entry_not_an_object", system=system.name, entry=entry)
         for key, item in value.items():
             if key in total and total[key] != item:
-                raise InputError(
-                    f"{entry} of {key} differs between the recording's tracking systems; make them agree"
-                )
+                raise InputError("motion_bids.entries_differ", entry=entry, key=key)
             total[key] = item
     return total
 
@@ -444,9 +474,7 @@ def _mounting(table: Mapping[str, Any]) -> dict[str, Array]:
             else np.empty(0)
         )
         if q.shape != (4,) or not 0.99 < np.linalg.norm(q) < 1.01:
-            raise InputError(
-                f"SensorMounting of {point} is {value}; it is a unit quaternion [w, x, y, z]"
-            )
+            raise InputError("motion_bids.mounting_not_unit", point=point, value=str(value))
         mounting[point] = q / np.linalg.norm(q)
     return mounting
 
@@ -473,11 +501,11 @@ def events_of(files: Files, inside: str) -> tuple[Event, ...]:
         for number, row in rows(
             whole(files[path]), name, ("onset", "duration", "trial_type")
         ).items():
-            events.append(_event(row, f"{name}, line {number}"))
+            events.append(_event(row, name, number))
     return tuple(sorted(events, key=lambda e: e.onset))
 
 
-def _event(row: dict[str, str], where: str) -> Event:
+def _event(row: dict[str, str], name: str, line: int) -> Event:
     try:
         onset, duration = (
             float(row["onset"]),
@@ -485,10 +513,14 @@ def _event(row: dict[str, str], where: str) -> Event:
         )
     except ValueError:
         raise InputError(
-            f"{where}: onset {row['onset']!r} or duration {row['duration']!r} is not a number"
+            "motion_bids.event_not_a_number",
+            name=name,
+            line=line,
+            onset=row["onset"],
+            duration=row["duration"],
         ) from None
     if not (np.isfinite(onset) and np.isfinite(duration) and duration >= 0):
-        raise InputError(f"{where}: onset and duration must be finite, the duration not negative")
+        raise InputError("motion_bids.event_not_finite", name=name, line=line)
     details: dict[str, Any] = {
         key: value
         for key, value in row.items()
@@ -499,7 +531,11 @@ def _event(row: dict[str, str], where: str) -> Event:
             details[key] = float(details[key])
         except ValueError:
             raise InputError(
-                f"{where}: {key} {details[key]!r} is not a number of degrees"
+                "motion_bids.event_not_degrees",
+                name=name,
+                line=line,
+                key=key,
+                value=details[key],
             ) from None
     return Event(onset, duration, row["trial_type"], details)
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages import Message, Value
 from handscope.estimators.numerics.typing import Array
 
 MISSING = "n/a"
@@ -19,11 +20,9 @@ def json_object(data: bytes, name: str) -> dict[str, Any]:
     try:
         value = json.loads(data.decode("utf-8-sig"))
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as problem:
-        raise InputError(
-            f"{name} is not valid JSON ({problem}); mend it there or export it again"
-        ) from None
+        raise InputError("motion_bids.not_json", name=name, problem=str(problem)) from None
     if not isinstance(value, dict):
-        raise InputError(f'{name} does not hold a JSON object; it begins with {{"TaskName": ...')
+        raise InputError("motion_bids.not_a_json_object", name=name, example='{"TaskName": ...')
     return value
 
 
@@ -32,14 +31,17 @@ def rows(data: bytes, name: str, required: tuple[str, ...]) -> dict[int, dict[st
     try:
         lines = data.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError:
-        raise InputError(f"{name} is not UTF-8 text; save it as UTF-8") from None
+        raise InputError("motion_bids.not_utf8", name=name) from None
     if not lines:
-        raise InputError(f"{name} is empty; its first line names the columns {', '.join(required)}")
+        raise InputError("motion_bids.empty_table", name=name, columns=", ".join(required))
     header = [column.strip() for column in lines[0].split("\t")]
     absent = [column for column in required if column not in header]
     if absent:
         raise InputError(
-            f"{name} has no column {', '.join(absent)}; its columns are {', '.join(header)}"
+            "motion_bids.column_missing",
+            name=name,
+            missing=", ".join(absent),
+            columns=", ".join(header),
         )
     table = {}
     for number, line in enumerate(lines[1:], start=2):
@@ -47,7 +49,11 @@ def rows(data: bytes, name: str, required: tuple[str, ...]) -> dict[int, dict[st
             cells = [cell.strip() for cell in line.split("\t")]
             if len(cells) != len(header):
                 raise InputError(
-                    f"{name}, line {number}: {len(cells)} columns instead of {len(header)}"
+                    "motion_bids.row_length",
+                    name=name,
+                    line=number,
+                    found=len(cells),
+                    count=len(header),
                 )
             table[number] = dict(zip(header, cells))
     return table
@@ -81,20 +87,25 @@ def _parsed(text: bytes, name: str, columns: int, line: int) -> Array:
     except (ValueError, UnicodeDecodeError):
         raise InputError(_first_fault(text, name, columns, line)) from None
     if table.shape[1] != columns:
-        everywhere = f"{name} has {table.shape[1]} columns, its channels.tsv names {columns}"
-        raise InputError(everywhere if line == 1 else _first_fault(text, name, columns, line))
+        if line > 1:
+            raise InputError(_first_fault(text, name, columns, line))
+        raise InputError("motion_bids.table_width", name=name, found=table.shape[1], count=columns)
     table[np.isinf(table)] = np.nan
     return table
 
 
-def _first_fault(text: bytes, name: str, columns: int, first: int) -> str:
+def _first_fault(text: bytes, name: str, columns: int, first: int) -> Message:
+    values: dict[str, Value]
     for number, line in enumerate(text.splitlines(), start=first):
         cells = line.split(b"\t")
         if len(cells) != columns:
-            return f"{name}, line {number}: {len(cells)} columns, its channels.tsv names {columns}"
+            values = {"name": name, "line": number, "found": len(cells), "count": columns}
+            return Message("motion_bids.sample_width", values, "fault")
         for column, cell in enumerate(cells, start=1):
             try:
                 float(cell)
             except ValueError:
-                return f"{name}, line {number}, column {column}: {cell.decode(errors='replace')[:40]!r} is not a number (missing samples are n/a)"
-    return f"{name} cannot be read as a table of numbers"
+                shown = cell.decode(errors="replace")[:40]
+                values = {"name": name, "line": number, "column": column, "cell": shown}
+                return Message("motion_bids.sample_not_a_number", values, "fault")
+    return Message("motion_bids.not_a_table", {"name": name}, "fault")

@@ -34,7 +34,6 @@ COMMAND_LINE = (
     *(
         "sessions/store/database.py",
         "sessions/store/database_dump.py",
-        "sessions/motion_bids/kinematics.py",
         "estimators/sensors/magnetometer_ellipsoid.py",
     ),
     *(
@@ -69,7 +68,8 @@ PROGRAMMERS = (
     ),
     *("estimators/measures/tapping.py", "estimators/measures/tremor.py"),
 )
-MET = sentences(("app", "sessions", "estimators"), (*COMMAND_LINE, *PROGRAMMERS))
+BY_CODE = ("sessions/motion_bids",)  # test_messages.py checks these
+MET = sentences(("app", "sessions", "estimators"), (*COMMAND_LINE, *PROGRAMMERS, *BY_CODE))
 NOT_SO = {  # pieces that are never told by themselves
     "{what} was changed in another window meanwhile; compare with what is stored now and choose",  # said of four things, each by itself
     "{where} is missing{_and_more(more)}",  # said with and without the others' number

@@ -1,0 +1,114 @@
+"""Messages by code: every language has every code that the source raises, and each value is filled in by the site and used by the words."""
+
+import ast
+import pickle
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from handscope.app.language import ENGLISH, Language, languages
+from handscope.app.language.codes import table
+from handscope.estimators.errors import InputError
+from handscope.estimators.messages import GAP, Message, Text, english_texts
+
+ROOT = Path(__file__).parents[3]
+BY_CODE = ("sessions/motion_bids",)  # rooms that raise codes only
+OTHERS = [one for one in languages().values() if one is not ENGLISH]
+GERMAN = languages()["de"]
+CODE = re.compile(r"[a-z0-9_]+\.[a-z0-9_]+")
+
+
+def sites() -> Iterator[tuple[str, ast.Call]]:
+    """Every call in these rooms that makes an error or a message, with where it stands."""
+    for room in BY_CODE:
+        for path in sorted((ROOT / room).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+                match node:
+                    case ast.Call(func=ast.Name(id="InputError" | "Message"), args=[_, *_]):
+                        yield f"{path.relative_to(ROOT)}:{node.lineno}", node
+
+
+def code_of(call: ast.Call) -> str | None:
+    match call.args[0]:
+        case ast.Constant(value=str(code)):
+            return code
+    return None
+
+
+def gaps(text: Text) -> set[str]:
+    forms = [text] if isinstance(text, str) else text.values()
+    return {gap[1] for form in forms for gap in GAP.finditer(form)}
+
+
+SITES = [(where, call, code) for where, call in sites() if (code := code_of(call))]
+
+
+def test_every_code_that_is_raised_has_words_and_every_code_is_raised() -> None:
+    assert {code for _, _, code in SITES} == english_texts().keys()
+
+
+def test_rooms_by_code_raise_no_sentence() -> None:
+    made = {ast.unparse(call.args[0]) for _, call in sites() if code_of(call) is None}
+    assert made == {"_first_fault(text, name, columns, line)"}, "which gives a Message"
+    assert [where for where, _, code in SITES if not CODE.fullmatch(code)] == []
+
+
+def test_a_site_fills_in_every_value_of_its_english_words_and_no_other() -> None:
+    def names(call: ast.Call) -> set[str] | None:
+        match call.args:
+            case [_, ast.Dict(keys=keys), *_]:
+                return {key.value for key in keys if isinstance(key, ast.Constant)}  # type: ignore[misc]
+            case [_]:
+                return {str(keyword.arg) for keyword in call.keywords}
+        return None  # values by a name: the rooms' own tests read these
+
+    assert [
+        where
+        for where, call, code in SITES
+        if (given := names(call)) is not None and given != gaps(english_texts()[code])
+    ] == []
+
+
+@pytest.mark.parametrize("other", OTHERS, ids=lambda one: one.code)
+def test_every_language_has_every_code_with_the_same_values(other: Language) -> None:
+    english = english_texts()
+    assert other.messages.keys() == english.keys()
+    assert [c for c, text in english.items() if other.messages[c] == text] == []
+    assert [c for c, text in english.items() if gaps(other.messages[c]) != gaps(text)] == []
+
+
+def test_a_language_renders_an_error_by_its_code_with_numbers_in_its_form() -> None:
+    large = InputError("motion_bids.zip_too_large", name="a.zip", size=6.25, most=4.0)
+    assert str(large) == ENGLISH.render_error(large)
+    assert str(large).startswith("a.zip unpacks to 6.2 GB, more than 4 GB")
+    assert GERMAN.render_error(large).startswith("a.zip wird entpackt 6,2 GB groß")
+    assert GERMAN.render_error(InputError("nothing has these words")) == "nothing has these words"
+
+
+@pytest.mark.parametrize(("count", "words"), [(0, "0 Messwerte;"), (1, "1 Messwert;")])
+def test_counts_take_the_plural_form_of_the_language(count: int, words: str) -> None:
+    message = Message("motion_bids.too_few_samples", {"name": "a.tsv", "count": count})
+    assert words in GERMAN.render(message)
+    assert ("1 sample;" in ENGLISH.render(message)) == (count == 1)
+
+
+def test_a_finished_english_sentence_of_a_stored_result_is_still_translated() -> None:
+    for code, text in english_texts().items():
+        values: dict[str, float | str] = dict.fromkeys(gaps(text), 3)
+        error = InputError(Message(code, values))
+        translated = GERMAN.translate(str(error))
+        assert translated == GERMAN.render_error(error) != str(error), code
+
+
+def test_an_error_keeps_code_and_values_on_its_course_between_processes() -> None:
+    error = InputError("motion_bids.not_utf8", name="a_channels.tsv")
+    again = pickle.loads(pickle.dumps(error))
+    assert (again.message, str(again)) == (error.message, str(error))
+
+
+def test_the_docs_list_every_code() -> None:
+    assert (ROOT / "docs/message-codes.md").read_text("utf-8") == table(), (
+        "make it anew: python -m handscope.app.language.codes > docs/message-codes.md"
+    )
