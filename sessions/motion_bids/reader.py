@@ -484,7 +484,9 @@ def read_events(path: Path) -> tuple[Event, ...]:
     try:
         text = path.read_bytes()
     except OSError as problem:
-        raise InputError(f"{path} cannot be read: {problem.strerror}") from None
+        raise InputError(
+            "motion_bids.cannot_be_read", name=str(path), problem=str(problem.strerror)
+        ) from None
     found = rows(text, path.name, ("onset", "duration", "trial_type")).items()
     events = (_event(row, f"{path.name}, line {number}") for number, row in found)
     return tuple(sorted(events, key=lambda e: e.onset))
