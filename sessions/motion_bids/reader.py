@@ -488,7 +488,7 @@ def read_events(path: Path) -> tuple[Event, ...]:
             "motion_bids.cannot_be_read", name=str(path), problem=str(problem.strerror)
         ) from None
     found = rows(text, path.name, ("onset", "duration", "trial_type")).items()
-    events = (_event(row, f"{path.name}, line {number}") for number, row in found)
+    events = (_event(row, path.name, number) for number, row in found)
     return tuple(sorted(events, key=lambda e: e.onset))
 
 

@@ -137,7 +137,7 @@ def test_markers_are_told_apart_from_tips(tmp_path: Path) -> None:
             ("q", "quat_w", "ORNT", "index_middle", "n/a", np.ones(9)),
             "has not all of quat_w, quat_x, quat_y, quat_z",
         ),
-        (("index_pip_flexion", "n/a", "JNTANG", "index_pip", "rad", np.ones(1)), "has 1 samples"),
+        (("index_pip_flexion", "n/a", "JNTANG", "index_pip", "rad", np.ones(1)), "has 1 sample;"),
     ],
 )
 def test_tables_that_cannot_be_read_are_refused(
