@@ -113,10 +113,10 @@ def _require_plausible(blocks: Sequence[Block], file: str) -> None:
 def _likely_unit(size: float) -> str:
     likely = {"g": 1.0 / GRAVITY, "m/s^2": GRAVITY, "mg": 1000.0 / GRAVITY}
     for unit, factor in (("g", 1.0), ("mg", 1000.0), ("m/s^2", GRAVITY)):
-        for told in likely:
-            seen = factor * FACTORS[ACC][told]
-            if told != unit and abs(size / seen - 1) < GRAVITY_SHARE:
-                return f"this looks like {unit} mapped as {told}: set the unit to {unit}"
+        for stated in likely:
+            seen = factor * FACTORS[ACC][stated]
+            if stated != unit and abs(size / seen - 1) < GRAVITY_SHARE:
+                return f"this looks like {unit} mapped as {stated}: set the unit to {unit}"
     return "check the unit and which columns are mapped"
 
 

@@ -186,10 +186,10 @@ def _slip(made: Made, degrees: float, phalanx: int) -> Made:
 
 def _with_geometry(made: Made, hand: Hand, geometry: HandGeometry) -> Made:
     r = made.recording
-    told = LoadedRecording(
+    declared = LoadedRecording(
         hand, geometry, r.mounting, {b.stream.name: b for b in made.blocks}, r.events
     )
-    return replace(made, recording=told)
+    return replace(made, recording=declared)
 
 
 def _other_places(geometry: HandGeometry) -> dict[str, tuple[float, float, float]]:
@@ -277,7 +277,7 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 
 def measure(trial: Trial) -> Result:
     made = recorded(trial.kind, trial.seed)
-    clean = tuple(s.message.code for s in told(made) if s.message.severity != "info")
+    clean = tuple(s.message.code for s in suspicions_of(made) if s.message.severity != "info")
     if not trial.faults:
         return Result(clean, {})
     own, found = _error(made, made), {}
@@ -288,12 +288,12 @@ def measure(trial: Trial) -> Result:
             else ()
         ):
             spoilt = spoil(made, size)
-            codes = [s.message.code for s in told(spoilt)]
+            codes = [s.message.code for s in suspicions_of(spoilt)]
             found[name, size] = any(c.startswith(code) for c in codes), _error(made, spoilt) / own
     return Result(clean, found)
 
 
-def told(made: Made) -> list[Suspicion]:
+def suspicions_of(made: Made) -> list[Suspicion]:
     """What the checks say, with the calibration that the samples give."""
     r = made.declared()
     try:

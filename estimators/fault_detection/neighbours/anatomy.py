@@ -53,9 +53,9 @@ def check_anatomy(trajectory: Trajectory, geometry: HandGeometry) -> list[Suspic
             )
             for sign, limit in zip((-1.0, 1.0), LIMITS[k, a]):
                 excess = sign * (angles[:, k, a] - limit)
-                told = _beyond(trajectory.t, excess, sd, tests)
-                if told is not None:
-                    far, p, span = told
+                excess_found = _beyond(trajectory.t, excess, sd, tests)
+                if excess_found is not None:
+                    far, p, span = excess_found
                     values: dict[str, float | str] = {
                         "joint": joint.name,
                         "angle": ANGLES[a],

@@ -94,22 +94,22 @@ def check_neighbours(
         exchanges.find(pairs),
         [d for d in delays.find(pairs) if d.p_value < FALSE_ALARM],
     )
-    told: list[Suspicion] = []
+    suspicions: list[Suspicion] = []
     if exchange is not None and exchange.p_value < FALSE_ALARM:
         rivals = [d for d in late if _shares_joint(pairs, tuple(exchange.order), d.sensors)]
         if exchange.gain > sum(d.gain for d in rivals):
             late = [d for d in late if d not in rivals]
-            told.append(_exchanged(exchange, pairs))
-    told += [_late(d) for d in late]
+            suspicions.append(_exchanged(exchange, pairs))
+    suspicions += [_late(d) for d in late]
     slipped = [
         s
         for s in (slips.find_jump(pairs), slips.find(pairs))
         if s is not None and s.p_value < FALSE_ALARM
     ][:1]
-    return told + [
+    return suspicions + [
         _slipped(s, pairs)
         for s in slipped
-        if not any(_shares_joint(pairs, (s.sensor,), t.sensors) for t in told)
+        if not any(_shares_joint(pairs, (s.sensor,), t.sensors) for t in suspicions)
     ]
 
 
@@ -125,8 +125,8 @@ def check(
     pairs = prepared(blocks, geometry, mounting, calibrations)
     if pairs is None or _behind_the_wrist(geometry):
         return check_hand(blocks, hand, geometry, mounting, calibrations, events, pairs)
-    told = check_neighbours(blocks, hand, geometry, mounting, calibrations, events, pairs)
-    wrong = {_limb(s) for t in told for s in t.sensors}
+    suspicions = check_neighbours(blocks, hand, geometry, mounting, calibrations, events, pairs)
+    wrong = {_limb(s) for t in suspicions for s in t.sensors}
     of_hand = check_hand(blocks, hand, geometry, mounting, calibrations, events, pairs)
     if wrong:  # what is wrong with a finger moves its knuckle, too
         of_hand = [
@@ -135,7 +135,7 @@ def check(
             if t.message.code in ("hand.other", "geometry.other_hand")
             or not wrong & {_limb(s) for s in t.sensors}
         ]
-    return told + of_hand
+    return suspicions + of_hand
 
 
 def check_hand(

@@ -83,11 +83,11 @@ def fit(
     use = use * (np.maximum(turning(first), turning(second)) > TURNS)
     noise = _noise(first, second, pulled)
     weight = use / (noise + FLOOR**2)
-    told = use > 0
-    some = tuple(values[told] for values in _read(first, second))
+    used = use > 0
+    some = tuple(values[used] for values in _read(first, second))
     for _ in range(STEPS):
         rotation = aligned(products(*some, _with_one(x)))
-        normal, right, _, _ = _equations(some, rotation, x, weight[told])
+        normal, right, _, _ = _equations(some, rotation, x, weight[used])
         x = _solved(normal, right, region)
     every = _read(first, second)
     rotation = aligned(products(*every, _with_one(x)))

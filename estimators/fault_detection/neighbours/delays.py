@@ -104,18 +104,18 @@ def _best(
     if abs(lags[k]) <= TOLERATED or k in (0, len(lags) - 1):
         return Delay(group, 0.0, 1.0, 0.0, span)
     before, after, noise = rest[:, zero], rest[:, k], noise[:, 0]
-    told = np.isfinite(before + after)
+    is_known = np.isfinite(before + after)
     gain = np.where(
-        told, paired_test.log_rest(before, noise) - paired_test.log_rest(after, noise), 0.0
+        is_known, paired_test.log_rest(before, noise) - paired_test.log_rest(after, noise), 0.0
     ).sum(axis=0)
     weight = np.where(
-        told,
-        paired_test.weight(np.where(told, before, 0.0), np.where(told, after, 0.0), noise),
+        is_known,
+        paired_test.weight(np.where(is_known, before, 0.0), np.where(is_known, after, 0.0), noise),
         0.0,
     ).max(axis=0)
-    if float(np.nansum(weight * after)) > EXPLAINED * float((weight * noise)[told].sum()):
+    if float(np.nansum(weight * after)) > EXPLAINED * float((weight * noise)[is_known].sum()):
         return Delay(group, 0.0, 1.0, 0.0, span)
-    p = paired_test.p_value(gain / np.maximum(told.sum(axis=0), 1), MARGIN, weight)
+    p = paired_test.p_value(gain / np.maximum(is_known.sum(axis=0), 1), MARGIN, weight)
     return Delay(group, _vertex(lags, total, k), p, float(gain @ (weight > 0)), span)
 
 

@@ -35,7 +35,7 @@ def missed() -> Simulated:
     )
 
 
-def told(recording: Simulated, sd: float = 0.5) -> Simulated:
+def with_measured_pose(recording: Simulated, sd: float = 0.5) -> Simulated:
     """The same recording, its pose with the spread of the fingers as a sheet would show it."""
     pose = next(e for e in recording.events if e.trial_type == "initial_pose")
     angles = recording.truth.angles[recording.truth.t <= pose.end][-1]
@@ -56,7 +56,7 @@ def test_what_a_pose_was_missed_by_is_no_offset_where_it_was_measured(
 ) -> None:
     method = METHODS[name]
     errors = []
-    for recording in (missed, told(missed)):
+    for recording in (missed, with_measured_pose(missed)):
         moved = process(method, method.Params(), recording).trajectory
         rows = np.searchsorted(recording.truth.t, moved.t)
         off = (
@@ -69,7 +69,7 @@ def test_what_a_pose_was_missed_by_is_no_offset_where_it_was_measured(
 
 def test_a_measured_angle_is_as_sure_as_it_was_measured(missed: Simulated) -> None:
     method, sd = METHODS["ekf"], []
-    for recording in (missed, told(missed, 0.2)):
+    for recording in (missed, with_measured_pose(missed, 0.2)):
         moved = process(method, method.Params(), recording).trajectory
         assert moved.angles_sd is not None
         sd.append(np.nanmean(moved.angles_sd[:, MEASURED, DEVIATION]) / DEG)
