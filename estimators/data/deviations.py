@@ -18,7 +18,7 @@ WITHIN_LIMITS = np.ptp(LIMITS, axis=-1) / np.sqrt(12.0)  # (joints, 3) rad
 
 def widen_faulty(angles_sd: Array, flags: NDArray[np.uint8]) -> Array:
     """Standard deviations (n, joints, 3) rad, widened in samples where a joint's segment is faulty by its flags (n, segments)."""
-    faulty = (flags & Flag.FAULTY) != 0
+    faulty = (flags & (Flag.FAULTY | Flag.DOUBTFUL)) != 0
     if not faulty.any():
         return angles_sd
     sides = np.array([[SEGMENT[j.parent], SEGMENT[j.child]] for j in JOINTS])

@@ -74,7 +74,7 @@ def test_a_server_whose_database_is_gone_says_that_it_is_not_well(
         answer = client.get("/api/health")
         assert (answer.status_code, answer.json()["status"]) == (
             503,
-            "the database does not answer",
+            "the database is locked or does not answer",
         )
         (tmp_path / "handscope.sqlite").rmdir()
 

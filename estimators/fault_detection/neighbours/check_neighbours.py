@@ -7,6 +7,7 @@ Limits  what the movement does not show is not found: the tests stay silent wher
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -32,6 +33,9 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 FALSE_ALARM = 1e-4  # of each family of tests in one recording
+RANK: Literal["warning"] = (
+    "warning"  # not fault: fewer than 1 false alarm in 200 recordings is not shown
+)
 OF_HAND = 1e-5  # the same of the declared hand: how far people's knuckles lie from the declared is known roughly
 
 
@@ -234,7 +238,7 @@ def _exchanged(found: Exchange, pairs: Pairs) -> Suspicion:
     }
     code = "sensors.exchanged" if two else "sensors.order"
     return Suspicion(
-        Message(code, values, "fault"), sensors, (_whole(pairs),), found.p_value, correction
+        Message(code, values, RANK), sensors, (_whole(pairs),), found.p_value, correction
     )
 
 
@@ -248,7 +252,7 @@ def _late(found: Delay) -> Suspicion:
         "odds": odds_of(found.p_value),
     }
     return Suspicion(
-        Message(code, values, "fault"),
+        Message(code, values, RANK),
         found.sensors,
         (found.span,),
         found.p_value,
@@ -267,7 +271,7 @@ def _slipped(found: Slip, pairs: Pairs) -> Suspicion:
     span = (found.start, float(pairs.series.t[-1]))
     correction = {"turn": quat.exp(found.turn), "start": found.start}
     return Suspicion(
-        Message("sensor.slipped", values, "fault"),
+        Message("sensor.slipped", values, RANK),
         (found.sensor,),
         (span,),
         found.p_value,
@@ -283,7 +287,7 @@ def _contradicted(verdict: Verdict, pairs: Pairs) -> Suspicion:
         message = Message(
             "fingers.exchanged",
             {"first": a, "second": b, "odds": odds_of(verdict.p_value)},
-            "fault",
+            RANK,
         )
         exchange = tuple((s, t) for s, t in zip(CHAINS[a], CHAINS[b]))
         return Suspicion(
@@ -297,5 +301,5 @@ def _contradicted(verdict: Verdict, pairs: Pairs) -> Suspicion:
         verdict.kind
     ]
     return Suspicion(
-        Message(code, {"odds": odds_of(verdict.p_value)}, "fault"), every, span, verdict.p_value
+        Message(code, {"odds": odds_of(verdict.p_value)}, RANK), every, span, verdict.p_value
     )
