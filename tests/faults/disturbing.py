@@ -5,7 +5,7 @@ from datetime import datetime, timedelta, tzinfo
 from pathlib import Path
 from typing import Any
 
-from handscope.estimators.methods import METHODS
+from handscope.estimators.methods import DEFAULT, METHODS
 from handscope.sessions.db import tables
 
 CLOCK, FAILS = "clock", "fails"  # s by which the wall clock is off; there while the method fails
@@ -13,8 +13,8 @@ CLOCK, FAILS = "clock", "fails"  # s by which the wall clock is off; there while
 
 def install(folder: Path) -> None:
     """In the server's process, before it serves."""
-    true, m2 = time.time, METHODS["m2"]
-    good = m2.step
+    true, method = time.time, METHODS[DEFAULT]
+    good = method.step
 
     def off() -> float:
         place = folder / CLOCK
@@ -32,4 +32,4 @@ def install(folder: Path) -> None:
 
     tables.datetime = Jumping  # type: ignore[misc]  # sessions.tables.now is the only clock of what is kept
     time.time = lambda: true() + off()
-    m2.step = failing  # type: ignore[attr-defined]
+    method.step = failing  # type: ignore[attr-defined]

@@ -100,10 +100,17 @@ def test_a_recorder_that_outlives_its_server_and_slow_browsers_lose_nothing(
         records.close(db, store, session)
     os.kill(recorder, signal.SIGCONT)
     server.start()
-    with store.database() as db:
-        file = db.scalars(select(RecordingFile).where(RecordingFile.session_id == session)).one()
-    path = store.path_of(file.file)
     wait_for(lambda: not Path(f"/proc/{recorder}").exists())
+
+    def closed() -> RecordingFile | None:
+        """The file once the repair, which the server does beside its work, has closed it."""
+        with store.database() as db:
+            query = select(RecordingFile).where(RecordingFile.session_id == session)
+            found = db.scalars(query).one()
+        return found if found.sha256 else None
+
+    file = wait_for(closed)
+    path = store.path_of(file.file)
     assert native.file_checksum(path) == file.sha256
     recording = native.load(path)
     assert recording.duration > after["recorded"] - 1.0

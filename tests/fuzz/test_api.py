@@ -141,7 +141,9 @@ def _be(client: TestClient, data: Path, cookies: dict[str, str], who: str) -> No
 
 def _not_for(who: str, path: str, status: int, text: str) -> str:
     """What an answer gave that is not for those who asked; empty where nothing."""
-    if who == "nobody" and path not in OPEN and status not in (401, 404, 405):
+    if (
+        who == "nobody" and path not in OPEN and status not in (400, 401, 404, 405)
+    ):  # 400: no address
         return f"{status} without a login"
     if (
         who == "administrator"

@@ -29,14 +29,17 @@ def test_a_replayed_recording_gives_the_same_live_in_batch_and_from_its_original
                     str(port),
                     "--out",
                     str(tmp_path / "r.mcap"),
+                    "--method",
+                    "m2",
                     "--live",
                     str(tmp_path / "live"),
                 ]
             )
             == 0
         )
-    assert main(["process", str(original), "--out", str(tmp_path / "batch")]) == 0
-    assert main(["process", str(tmp_path / "r.mcap"), "--out", str(tmp_path / "native")]) == 0
+    by_m2 = ["--method", "m2", "--out"]
+    assert main(["process", str(original), *by_m2, str(tmp_path / "batch")]) == 0
+    assert main(["process", str(tmp_path / "r.mcap"), *by_m2, str(tmp_path / "native")]) == 0
     columns, batch = table(tmp_path / "batch", "desc-m2")
     names, native = table(tmp_path / "native", "desc-m2")
     shown_names, shown = table(tmp_path / "live", "desc-m2")
