@@ -95,10 +95,10 @@ class Acquisition:
     def _read_all(self) -> None:
         newest = time.monotonic()
         while not self._stop.is_set():
-            chunk, now = self._port.read(65536), time.monotonic()
+            chunk, now = self._port.read(65536), time.monotonic_ns() * 1e-9
             if chunk:
                 newest = now
-                self._read.put(("wire", bytes(chunk), time.monotonic_ns() * 1e-9))
+                self._read.put(("wire", bytes(chunk), now))
             elif now - newest > SILENCE and is_network(self._path):
                 raise OSError(f"nothing came for {SILENCE:g} s")
 

@@ -6,7 +6,7 @@ Source  wire protocol (docs/wire-protocol.md); rules ours
 """
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -48,7 +48,8 @@ def blocks_of(table: NumberColumns, columns: ColumnMap) -> list[Block]:
         )
         name = strip if GYR in kinds or ACC in kinds else f"{strip}_mag"
         found.append(Block(Stream(name, tuple(points), kinds, rate), t, values))
-    _require_plausible(found, table.file)
+    stated = {s.triads[ACC].unit for s in columns.sensors.values() if ACC in s.triads}
+    _require_plausible(found, stated, table.file)
     return found
 
 
@@ -91,7 +92,7 @@ def _times(table: NumberColumns, columns: ColumnMap) -> tuple[Array, float]:
     return t - t[0], rate
 
 
-def _require_plausible(blocks: Sequence[Block], file: str) -> None:
+def _require_plausible(blocks: Sequence[Block], stated: Set[str], file: str) -> None:
     """Gravity must have its size and rates must be possible: else a unit of the map is wrong."""
     sizes, rates = [], []
     for block in blocks:
@@ -101,8 +102,11 @@ def _require_plausible(blocks: Sequence[Block], file: str) -> None:
             rates.append(np.nanmax(np.abs(block.of(GYR))))
     size = float(np.median(sizes)) if sizes else GRAVITY
     if not abs(size / GRAVITY - 1) < GRAVITY_SHARE:
+        likely = (
+            _likely_unit(size, min(stated)) if len(stated) == 1 else "sensors have several units"
+        )
         raise InputError(
-            f"{file}: with the map's units the accelerometers read {size:.3g} m/s^2, not {GRAVITY:.2f}; {_likely_unit(size)}"
+            f"{file}: with the map's units the accelerometers read {size:.3g} m/s^2, not {GRAVITY:.2f}; {likely}"
         )
     if rates and max(rates) > FASTEST:
         raise InputError(
@@ -110,13 +114,12 @@ def _require_plausible(blocks: Sequence[Block], file: str) -> None:
         )
 
 
-def _likely_unit(size: float) -> str:
-    likely = {"g": 1.0 / GRAVITY, "m/s^2": GRAVITY, "mg": 1000.0 / GRAVITY}
-    for unit, factor in (("g", 1.0), ("mg", 1000.0), ("m/s^2", GRAVITY)):
-        for stated in likely:
-            seen = factor * FACTORS[ACC][stated]
-            if stated != unit and abs(size / seen - 1) < GRAVITY_SHARE:
-                return f"this looks like {unit} mapped as {stated}: set the unit to {unit}"
+def _likely_unit(size: float, stated: str) -> str:
+    """What a size (m/s^2) by the stated unit says of the unit."""
+    reading = size / FACTORS[ACC][stated]
+    for unit, factor in FACTORS[ACC].items():
+        if abs(reading * factor / GRAVITY - 1) < GRAVITY_SHARE:
+            return f"this looks like {unit} mapped as {stated}: set the unit to {unit}"
     return "check the unit and which columns are mapped"
 
 
