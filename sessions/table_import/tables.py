@@ -6,7 +6,7 @@ Out     names and values (rows, columns), NaN where a cell is empty
 
 import csv
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from handscope.sessions.table_import.column_map import Column, TableLayout
 
 MOST_BYTES = 2**30
 LARGEST = 1e30  # beyond it a cell is no reading
-EMPTY = {"", "nan", "n/a", "na", "null", "none"}
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,10 @@ class NumberColumns:
 
     file: str
     names: tuple[str, ...]
-    values: Array  # (rows, columns)
+    values: Array  # (rows, columns), NaN where a cell is no number
+    faults: Mapping[int, str] = field(
+        default_factory=dict
+    )  # of a column the first cell that is no number but looks like one
 
     def column(self, wanted: Column) -> Array:
         """A column (rows,) by name, or by number from 0; InputError where it is not there."""
@@ -37,16 +39,21 @@ class NumberColumns:
                 raise InputError(
                     f"{self.file} has no column {wanted}; it has {self.values.shape[1]}, counted from 0"
                 )
-            return self.values[:, wanted]
+            return self._whole(wanted)
         if self.names.count(wanted) != 1:
             known = ", ".join(self.names[:40]) or "none: it has no header, give numbers from 0"
             many = "no" if wanted not in self.names else "more than one"
             raise InputError(f"{self.file} has {many} column {wanted!r}; columns are {known}")
-        return self.values[:, self.names.index(wanted)]
+        return self._whole(self.names.index(wanted))
+
+    def _whole(self, k: int) -> Array:
+        if k in self.faults:
+            raise InputError(self.faults[k])
+        return np.asarray(self.values[:, k])
 
 
 def read_table(path: Path, layout: TableLayout) -> NumberColumns:
-    """The table; InputError with file, line and column where a cell is no number."""
+    """The table; a cell that is no number matters, and is named, when its column is asked for."""
     try:
         size = path.stat().st_size
     except OSError as problem:
@@ -85,17 +92,24 @@ def _read_text(path: Path, layout: TableLayout) -> NumberColumns:
     try:
         if layout.header:
             names = tuple(cell.strip() for cell in next(rows, []))
-        values = list(_numbers(rows, names, first, path.name, layout.decimal))
+        faults: dict[int, str] = {}
+        values = list(_numbers(rows, names, first, path.name, layout.decimal, faults))
     except csv.Error as problem:
         raise InputError(f"{path.name} cannot be read as a table: {problem}") from None
     if not values:
         raise InputError(f"{path.name} has no rows of numbers behind line {first - 1}")
-    return NumberColumns(path.name, names, np.array(values))
+    return NumberColumns(path.name, names, np.array(values), faults)
 
 
 def _numbers(
-    rows: Iterator[list[str]], names: Sequence[str], first: int, file: str, decimal: str
+    rows: Iterator[list[str]],
+    names: Sequence[str],
+    first: int,
+    file: str,
+    decimal: str,
+    faults: dict[int, str],
 ) -> Iterator[list[float]]:
+    """The rows; what is wrong with a column is put into `faults`: it matters only where somebody maps it."""
     width = len(names)
     for number, row in enumerate(rows, start=first):
         if not any(cell.strip() for cell in row):
@@ -105,25 +119,27 @@ def _numbers(
         width = width or len(row)
         if len(row) != width:
             raise InputError(f"{file}, line {number}: {len(row)} cells, the first line has {width}")
-        yield [
-            _number(cell, decimal, file, number, names[k] if names else str(k))
-            for k, cell in enumerate(row)
-        ]
+        numbers = [_number(cell.strip(), decimal) for cell in row]
+        for k, value in enumerate(numbers):
+            if value is None:
+                column = names[k] if names else k
+                faults.setdefault(
+                    k,
+                    f"{file}, line {number}, column {column}: {row[k].strip()[:40]!r} is not a number; is the decimal mark {decimal!r}?",
+                )
+        yield [float("nan") if value is None else value for value in numbers]
 
 
-def _number(cell: str, decimal: str, file: str, line: int, column: str) -> float:
-    text = cell.strip()
+def _number(text: str, decimal: str) -> float | None:
+    """A cell as a number; NaN where it is empty or words, None where it only looks like a number."""
     try:
-        value = float(text if decimal == "." else text.replace(".", "").replace(",", "."))
+        if decimal != "." and "." in text:
+            raise ValueError  # 1.234 would be a thousand, or one and a bit
+        value = float(text.replace(decimal, "."))
         return value if abs(value) < LARGEST else float("nan")
     except ValueError:
-        if text.lower() in EMPTY:
-            return float("nan")
-        if any(c.isdigit() for c in text) and not any(c.isalpha() for c in text):
-            raise InputError(
-                f"{file}, line {line}, column {column}: {text[:40]!r} is not a number; is the decimal mark {decimal!r}?"
-            ) from None
-        return float("nan")  # words: a column that nobody maps
+        is_like = any(c.isdigit() for c in text) and not any(c.isalpha() for c in text)
+        return None if is_like else float("nan")
 
 
 def _frame_reader(function: str, package: str) -> Callable[[Path, TableLayout], NumberColumns]:

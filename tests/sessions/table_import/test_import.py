@@ -178,3 +178,22 @@ def test_columns_without_a_header_are_counted_from_0_and_a_rate_may_stand_for_ti
     block = recordings.load(tmp_path / "r.mcap").samples["hand"]
     assert len(block.t) == 300 and block.stream.rate == 50
     np.testing.assert_allclose(block.values[7, 0], rows[0], rtol=1e-6)
+
+
+def test_a_point_where_the_comma_is_the_decimal_mark_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It would be read as ten times as much, or a thousand times."""
+    (tmp_path / "t.csv").write_text(
+        "24.11.2026;0,02;0,03;0,0;0,0;9.81\n" * 3
+    )  # nobody maps the date
+    sensor = {"acc": {"columns": [3, 4, 5], "unit": "m/s^2"}}
+    layout = {"delimiter": ";", "decimal": ",", "header": False}
+    value = {"hand": "left", "table": layout, "rate": 100, "sensors": {"hand": sensor}}
+    (tmp_path / "map.json").write_text(json.dumps(value))
+    words = ["import", str(tmp_path / "t.csv"), "--map", str(tmp_path / "map.json")]
+    assert main([*words, "--out", str(tmp_path / "r.mcap")]) == 2
+    assert "line 1, column 5: '9.81' is not a number; is the decimal mark ','?" in (
+        capsys.readouterr().err
+    )
+    assert not (tmp_path / "r.mcap").exists()
