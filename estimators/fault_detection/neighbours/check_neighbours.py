@@ -33,19 +33,19 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 FALSE_ALARM = 1e-4  # of each family of tests in one recording
-RANK: Literal["warning"] = (
+SEVERITY: Literal["warning"] = (
     "warning"  # not fault: fewer than 1 false alarm in 200 recordings is not shown
 )
 OF_HAND = 1e-5  # the same of the declared hand: how far people's knuckles lie from the declared is known roughly
 
 
-def prepared(
+def prepare_pairs(
     blocks: Sequence[Block],
     geometry: HandGeometry,
     mounting: Mapping[str, Array],
     calibrations: Sequence[Calibration],
 ) -> Pairs | None:
-    """All pairs of sensors, for several checks of one recording; None where there is too little to compare."""
+    """Pair all sensors, for several checks of one recording; None where there is too little to compare."""
     known = calibrations[0] if calibrations else None
     series = joint_windows.common_series(blocks, known.gyr_bias if known else {})
     if series is None or len(series.t) < 2 * joint_windows.RATE * joint_windows.LENGTH:
@@ -79,7 +79,7 @@ def check_neighbours(
     hand, geometry, mounting, calibrations, events
         What is declared and known of the recording; the hand itself is asked by `check_hand`.
     pairs : Pairs, optional
-        Of `prepared`, where several checks share it.
+        Of `prepare_pairs`, where several checks share it.
 
     Returns
     -------
@@ -87,7 +87,7 @@ def check_neighbours(
         With a correction where one answer is left: `exchange` (two segments), `order` (sensor that sits on a segment, by segment), `delay` (s, to be
         subtracted from the sensors' times), `turn` (4,) from `start` (s) on: rotation that takes vectors of the sensor's later frame to its earlier one.
     """
-    pairs = pairs or prepared(blocks, geometry, mounting, calibrations)
+    pairs = pairs or prepare_pairs(blocks, geometry, mounting, calibrations)
     if pairs is None or not pairs.explains:
         return []
     if _behind_the_wrist(geometry):
@@ -126,7 +126,7 @@ def check(
     events: Sequence[Event],
 ) -> list[Suspicion]:
     """Both checks of one recording: as `check_neighbours`, then `check_hand` without bones of fingers in which something else is wrong."""
-    pairs = prepared(blocks, geometry, mounting, calibrations)
+    pairs = prepare_pairs(blocks, geometry, mounting, calibrations)
     if pairs is None or _behind_the_wrist(geometry):
         return check_hand(blocks, hand, geometry, mounting, calibrations, events, pairs)
     suspicions = check_neighbours(blocks, hand, geometry, mounting, calibrations, events, pairs)
@@ -166,7 +166,7 @@ def check_hand(
         )
         message = Message("geometry.impossible", {"joints": ", ".join(impossible)}, "fault")
         return [Suspicion(message, sensors, ((-np.inf, np.inf),), 0.0)]
-    pairs = pairs or prepared(blocks, geometry, mounting, calibrations)
+    pairs = pairs or prepare_pairs(blocks, geometry, mounting, calibrations)
     if pairs is None or not pairs.explains:
         return []
     verdict, along = _verdict(pairs, geometry)
@@ -238,7 +238,7 @@ def _exchanged(found: Exchange, pairs: Pairs) -> Suspicion:
     }
     code = "sensors.exchanged" if two else "sensors.order"
     return Suspicion(
-        Message(code, values, RANK), sensors, (_whole(pairs),), found.p_value, correction
+        Message(code, values, SEVERITY), sensors, (_whole(pairs),), found.p_value, correction
     )
 
 
@@ -252,7 +252,7 @@ def _late(found: Delay) -> Suspicion:
         "odds": odds_of(found.p_value),
     }
     return Suspicion(
-        Message(code, values, RANK),
+        Message(code, values, SEVERITY),
         found.sensors,
         (found.span,),
         found.p_value,
@@ -271,7 +271,7 @@ def _slipped(found: Slip, pairs: Pairs) -> Suspicion:
     span = (found.start, float(pairs.series.t[-1]))
     correction = {"turn": quat.exp(found.turn), "start": found.start}
     return Suspicion(
-        Message("sensor.slipped", values, RANK),
+        Message("sensor.slipped", values, SEVERITY),
         (found.sensor,),
         (span,),
         found.p_value,
@@ -287,7 +287,7 @@ def _contradicted(verdict: Verdict, pairs: Pairs) -> Suspicion:
         message = Message(
             "fingers.exchanged",
             {"first": a, "second": b, "odds": odds_of(verdict.p_value)},
-            RANK,
+            SEVERITY,
         )
         exchange = tuple((s, t) for s, t in zip(CHAINS[a], CHAINS[b]))
         return Suspicion(
@@ -301,5 +301,5 @@ def _contradicted(verdict: Verdict, pairs: Pairs) -> Suspicion:
         verdict.kind
     ]
     return Suspicion(
-        Message(code, {"odds": odds_of(verdict.p_value)}, RANK), every, span, verdict.p_value
+        Message(code, {"odds": odds_of(verdict.p_value)}, SEVERITY), every, span, verdict.p_value
     )
