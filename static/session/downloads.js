@@ -54,10 +54,11 @@ export function mount(root, api, { session, result, go }) {
     saved(t("downloads.derivative"), `${base}/derivative.zip`, name(".zip"), ""),
   ];
   const formats = h("div", { class: "buttons" });
-  api.get(`${base}/exports`).then(
-    (all) => formats.replaceChildren(...all.map((f) => saved(f.title, `${base}/exports/${f.name}`, name(`-${f.name}${f.suffix}`), ""))),
-    box.show,
-  );
+  const offer = () =>
+    api.get(`${base}/exports`).then(
+      (all) => formats.replaceChildren(...all.map((f) => saved(f.title, `${base}/exports/${f.name}`, name(`-${f.name}${f.suffix}`), ""))),
+      box.show,
+    );
   root.append(
     h(
       "div",
@@ -67,7 +68,7 @@ export function mount(root, api, { session, result, go }) {
     ),
     h(
       "details",
-      { class: "more" },
+      { class: "more", ontoggle: () => formats.children.length || offer() },
       h("summary", {}, t("downloads.more")),
       h("div", { class: "buttons" }, tables),
       h("p", { class: "hint" }, t("downloads.formats")),
