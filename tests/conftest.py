@@ -1,5 +1,6 @@
 """Shared by all tests: one thread for linear algebra, how hypothesis draws its examples, recordings that several tests read."""
 
+import logging
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -66,6 +67,15 @@ def forgotten(request: pytest.FixtureRequest) -> Iterator[None]:
     for made in vars(request.module).values():
         if hasattr(made, "cache_clear") and made.__module__ == request.module.__name__:
             made.cache_clear()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def logged_as_before() -> Iterator[None]:
+    """A command that sends the log to standard error does so for its own module only: the stream is the test's and closes with it."""
+    root = logging.getLogger()
+    handlers, level = root.handlers[:], root.level
+    yield
+    root.handlers[:], root.level = handlers, level
 
 
 @pytest.fixture
