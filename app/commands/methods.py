@@ -4,7 +4,6 @@ import argparse
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from handscope.app.commands.words import progress_bar
@@ -14,6 +13,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
 from handscope.estimators.methods import ALL_METHODS, DEFAULT
 from handscope.estimators.pipeline.check import check_processed
+from handscope.estimators.pipeline.method import AnyMethod
 from handscope.estimators.pipeline.process import Processed, process
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings as formats_recordings
@@ -61,7 +61,7 @@ def _options_help(given: Sequence[str]) -> str:
     return f"methods (--method NAME --help lists the options of another):\n{titles}\n\noptions of {asked}:\n{options}"
 
 
-def method_of(arguments: argparse.Namespace) -> tuple[ModuleType, Any]:
+def method_of(arguments: argparse.Namespace) -> tuple[AnyMethod[Any], Any]:
     """The method named and its parameters."""
     if arguments.method not in ALL_METHODS:
         raise InputError(
@@ -72,13 +72,13 @@ def method_of(arguments: argparse.Namespace) -> tuple[ModuleType, Any]:
 
 
 def processed_by(
-    method: ModuleType, params: Any, arguments: argparse.Namespace, limit: float = LIMIT
+    method: AnyMethod[Any], params: Any, arguments: argparse.Namespace, limit: float = LIMIT
 ) -> tuple[LoadedRecording, Processed]:
     """The recording that the arguments name, and what the method makes of it within so many s; a bar shows how far it is."""
     recording = formats_recordings.load(arguments.recording, arguments.hand)
     found = arguments.calibration is not None and arguments.calibration.suffix == ".json"
     known = calibration_result.read(arguments.calibration) if found else None
-    if known is not None and not method.NEEDS_POSE:
+    if known is not None and not method.CAPABILITIES.needs_pose:
         raise InputError(
             f"method {arguments.method} does not use an earlier calibration; m1, m2 and ekf do"
         )

@@ -26,6 +26,7 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
+from handscope.estimators.pipeline.method import steps_through
 from handscope.estimators.pipeline.process import Processed
 from handscope.sessions.formats import derivative
 from handscope.sessions.formats import recordings as formats_recordings
@@ -72,6 +73,10 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     method, params = method_of(arguments)
+    if not steps_through(method):
+        raise InputError(
+            f"method {arguments.method} needs the whole recording; record with another and process the file with it"
+        )
     geometry = _geometry(arguments.geometry)
     if arguments.out.suffix != ".mcap" or arguments.out.exists():
         raise InputError(f"--out {arguments.out} must be a new file that ends in .mcap")

@@ -3,13 +3,13 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from handscope.app.protocols import Protocol
 from handscope.estimators.data.calibration import PriorCalibration
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.pipeline.method import Method
 from handscope.sessions.clinic.self_calibrations import FoundCalibration
 
 
@@ -26,7 +26,7 @@ class Setup:
     port: str
     recording: Path
     method_name: str
-    method: ModuleType
+    method: Method[Any, Any]
     params: Any
     protocols: tuple[Protocol, ...]
     faults: tuple[str, ...] = ()  # of protocol files; their tasks are not offered

@@ -10,7 +10,6 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -34,6 +33,7 @@ from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.pipeline.method import Method
 from handscope.estimators.pipeline.recording_calibration import with_known
 from handscope.estimators.sensors import fault_detection
 
@@ -68,7 +68,7 @@ class Tracking:
 
     def __init__(
         self,
-        method: ModuleType,
+        method: Method[Any, Any],
         params: Any,
         hand: Hand,
         geometry: HandGeometry,
@@ -198,7 +198,7 @@ class Tracking:
                 seen, self.calibration, self._state, self.findings, self._segment_flags
             )
             self._segment_flags = segment_flags(
-                calibration, self.findings, getattr(self.params, "MAGNETOMETER", False)
+                calibration, self.findings, self.method.CAPABILITIES.needs_magnetometers
             )
             self._begin(calibration)
 

@@ -19,9 +19,10 @@ from handscope.estimators.methods.fusion_pipeline import finish as finish
 from handscope.estimators.methods.fusion_pipeline import release as release
 from handscope.estimators.methods.fusion_pipeline import start as start
 from handscope.estimators.methods.fusion_pipeline import step as step
+from handscope.estimators.pipeline.method import Capabilities
 
 TITLE = "baseline: magnetometers, no pose, no constraints (Salchow-Hoemmen 2019; Valtin 2017)"
-NEEDS_POSE = False
+CAPABILITIES = Capabilities(needs_pose=False, needs_magnetometers=True)
 
 
 @dataclass(frozen=True, kw_only=True)

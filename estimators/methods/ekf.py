@@ -37,10 +37,11 @@ from handscope.estimators.numerics.jit import rowwise, rowwise_bool
 from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation import fusion as orientation_fusion
 from handscope.estimators.orientation import resampling
+from handscope.estimators.pipeline.method import Capabilities
 from handscope.estimators.sensors import magnetometer_resampling
 
 TITLE = "error-state Kalman filter a finger, one initial pose, standard deviations (Kortier 2018, ch. 2)"
-NEEDS_POSE = True
+CAPABILITIES = Capabilities(needs_pose=True, gives_covariance=True)
 LOST, _FOREARM, _HAND = np.uint8(Flag.HEADING_LOST), SEGMENT["forearm"], SEGMENT["hand"]
 
 

@@ -17,9 +17,10 @@ from handscope.estimators.methods.fusion_pipeline import finish as finish
 from handscope.estimators.methods.fusion_pipeline import release as release
 from handscope.estimators.methods.fusion_pipeline import start as start
 from handscope.estimators.methods.fusion_pipeline import step as step
+from handscope.estimators.pipeline.method import Capabilities
 
 TITLE = "magnetometers for the headings, one initial pose, joint constraints (Salchow-Hoemmen 2019)"
-NEEDS_POSE = True
+CAPABILITIES = Capabilities(needs_pose=True, needs_magnetometers=True)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,6 +37,7 @@ from handscope.estimators.methods.map_result import (
 )
 from handscope.estimators.numerics import parallel
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.pipeline.method import Capabilities
 from handscope.estimators.pipeline.run import run
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
 from handscope.estimators.self_calibration import messages as self_calibration_messages
@@ -66,7 +67,7 @@ from handscope.estimators.self_calibration.uncertainty.monte_carlo import DRAWS
 from handscope.estimators.self_calibration.whole_hand import solver as whole_hand_solver
 
 TITLE = "self-calibration from free movement, no pose, no magnetometer (Kortier 2018, ch. 4)"
-NEEDS_POSE = False
+CAPABILITIES = Capabilities(needs_pose=False, batch_only=True, gives_covariance=True)
 ALONE = (
     "hand and fingers as one problem did not come to an end: each finger is as it was found alone; skin under the hand's sensor was not counted,"
     " first phalanges' lengths may be off by several of their standard deviations"

@@ -27,13 +27,14 @@ from handscope.estimators.hand.geometry import with_finger_lengths
 from handscope.estimators.methods import ekf
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.pipeline.method import Capabilities
 from handscope.estimators.self_calibration.problem import Noise
 from handscope.estimators.self_calibration.sliding_window import limb as sliding_window_limb
 from handscope.estimators.self_calibration.sliding_window import streaming_samples
 from handscope.estimators.self_calibration.sliding_window.limb import Finger, Setting
 
 TITLE = "experiment, not for patients: self-calibration in a sliding window, one initial pose (Kortier 2018, ch. 4)"
-NEEDS_POSE = True
+CAPABILITIES = Capabilities(needs_pose=True, gives_covariance=True)
 NODES, LEAST = 20, 3  # that a window takes at a time: 0.2 s; that it begins with
 LOST_SD = np.radians(60.0)  # of a heading that was lost
 UNPOSED = 1.0  # rad: without a pose no joint is known to have been straight

@@ -3,8 +3,7 @@ method."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from types import ModuleType
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.force import fingertip_forces
 from handscope.estimators.magnet.pipeline import hand_position
 from handscope.estimators.pipeline.flags import flag_faults, flag_guesses, flag_warnings
+from handscope.estimators.pipeline.method import AnyMethod, solves_whole, steps_through
 from handscope.estimators.pipeline.recording_calibration import (
     calibrate,
     initial_poses,
@@ -30,6 +30,8 @@ from handscope.estimators.pipeline.recording_calibration import (
 )
 from handscope.estimators.pipeline.run import run
 from handscope.estimators.sensors import fault_detection, saturation
+
+P = TypeVar("P")
 
 
 @dataclass(frozen=True)
@@ -49,8 +51,8 @@ class Processed:
 
 
 def process(
-    method: ModuleType,
-    params: Any,
+    method: AnyMethod[P],
+    params: P,
     recording: Recording,
     calibration_recording: Recording | None = None,
     progress: Callable[[float], None] = lambda share: None,
@@ -61,18 +63,15 @@ def process(
 
     InputError where the recording cannot be calibrated.
     """
-    require_magnetometers(params, recording)
+    require_magnetometers(method.CAPABILITIES, recording)
     scales_declared = _limits_known(recording)
     if scales := saturation.find_full_scales(whole_of(recording)):
         recording = saturation.WithFullScales(recording, scales)
-    if hasattr(method, "solve"):
+    if solves_whole(method):
         movement, calibrations, warnings = method.solve(params, recording, progress)
     else:
-        calibrations, warnings = (
-            calibrate(params, recording, calibration_recording)
-            if method.NEEDS_POSE
-            else without_pose(recording)
-        )
+        assert steps_through(method)
+        calibrations, warnings = _calibrations(method, params, recording, calibration_recording)
         if known is not None:
             calibrations = [with_known(c, known) for c in calibrations]
         movement = trajectory.join(
@@ -82,10 +81,13 @@ def process(
             recording.hand,
         )
     findings = findings_of(recording, calibrations)
-    if method.NEEDS_POSE:
+    if method.CAPABILITIES.needs_pose:
         flag_guesses(movement, calibrations)
     flag_faults(
-        movement, findings, [c.t for c in calibrations], getattr(params, "MAGNETOMETER", False)
+        movement,
+        findings,
+        [c.t for c in calibrations],
+        method.CAPABILITIES.needs_magnetometers,
     )
     movement, of_forces = fingertip_forces.attach_forces(
         fingertip_forces.ForceParams(),
@@ -113,6 +115,15 @@ def process(
     return Processed(
         movement, tuple(calibrations), tuple(dict.fromkeys(messages)), findings, tuple(warnings)
     )
+
+
+def _calibrations(
+    method: AnyMethod[P], params: P, recording: Recording, other: Recording | None
+) -> tuple[list[Calibration], list[str]]:
+    if not method.CAPABILITIES.needs_pose:
+        return without_pose(recording)
+    assert isinstance(params, initial_pose.PoseParams), "a method with a pose has its options"
+    return calibrate(params, recording, other)
 
 
 def findings_of(recording: Recording, calibrations: Sequence[Calibration]) -> tuple[Finding, ...]:

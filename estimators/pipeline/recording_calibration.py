@@ -2,18 +2,23 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 from handscope.estimators.alignment import (
     functional_calibration,
     functional_movements,
     initial_pose,
 )
-from handscope.estimators.alignment.functional_movements import STEPS, CalibrationMovement
+from handscope.estimators.alignment.functional_movements import (
+    STEPS,
+    CalibrationMovement,
+    FunctionalParams,
+)
+from handscope.estimators.alignment.initial_pose import PoseParams
 from handscope.estimators.data.calibration import Calibration, PriorCalibration
 from handscope.estimators.data.samples import MAG, Block, Event, Recording, join
 from handscope.estimators.errors import InputError
 from handscope.estimators.orientation.resampling import measure_rates
+from handscope.estimators.pipeline.method import Capabilities
 
 WITHOUT_POSE = "the recording has no initial_pose event"
 
@@ -50,7 +55,7 @@ def with_known(pose: Calibration, known: PriorCalibration) -> Calibration:
 
 
 def calibrate(
-    params: Any, recording: Recording, other: Recording | None = None
+    params: PoseParams, recording: Recording, other: Recording | None = None
 ) -> tuple[list[Calibration], list[str]]:
     """Calibrations in order of time from the recording's initial poses, or from another
     recording's; a bad pose beside a good one is a warning."""
@@ -84,7 +89,7 @@ def calibrate(
     return _borrow(recording, borrowed[-1], found), refused + more
 
 
-def _defaults(params: Any, recording: Recording) -> Calibration | None:
+def _defaults(params: PoseParams, recording: Recording) -> Calibration | None:
     """What somebody decided to go on with who could not calibrate: an annotation with `calibration:
     none` says when."""
     for event in (
@@ -100,11 +105,15 @@ def _defaults(params: Any, recording: Recording) -> Calibration | None:
 
 
 def functional_pieces(
-    params: Any, recording: Recording, poses: Sequence[Calibration]
+    params: PoseParams, recording: Recording, poses: Sequence[Calibration]
 ) -> tuple[dict[str, CalibrationMovement], list[str]]:
     """Of each functional step among the events the last one that was done well; sentences of the
     steps that never were."""
-    if not getattr(params, "functional", False) or params.alignment == "heading":
+    if (
+        not isinstance(params, FunctionalParams)
+        or not params.functional
+        or params.alignment == "heading"
+    ):
         return {}, []
     good: dict[str, CalibrationMovement] = {}
     spoilt: dict[str, CalibrationMovement] = {}
@@ -127,17 +136,15 @@ def functional_pieces(
 
 
 def _functional(
-    params: Any,
+    params: PoseParams,
     recording: Recording,
     pieces: Mapping[str, CalibrationMovement],
     poses: list[Calibration],
 ) -> list[Calibration]:
     """The poses' calibrations with what the pieces tell of the sensors' mounting."""
-    return (
-        [functional_calibration.combine(params, pieces, c, recording.mounting) for c in poses]
-        if pieces
-        else poses
-    )
+    if not pieces or not isinstance(params, FunctionalParams):
+        return poses
+    return [functional_calibration.combine(params, pieces, c, recording.mounting) for c in poses]
 
 
 def _flat_hand_warning(recording: Recording) -> list[str]:
@@ -160,11 +167,9 @@ def without_pose(recording: Recording) -> tuple[list[Calibration], list[str]]:
     ], []
 
 
-def require_magnetometers(params: Any, recording: Recording) -> None:
+def require_magnetometers(capabilities: Capabilities, recording: Recording) -> None:
     """InputError where the method takes headings from magnetometers and there are none."""
-    if getattr(params, "MAGNETOMETER", False) and not any(
-        MAG in s.quantities for s in recording.streams
-    ):
+    if capabilities.needs_magnetometers and not any(MAG in s.quantities for s in recording.streams):
         raise InputError(
             "the method takes headings from magnetometers and the recording has none; use m2"
         )
@@ -179,7 +184,7 @@ def initial_poses(events: Sequence[Event]) -> list[Event]:
     ]
 
 
-def _from_pose(params: Any, recording: Recording, event: Event) -> Calibration:
+def _from_pose(params: PoseParams, recording: Recording, event: Event) -> Calibration:
     pose = initial_pose.pose_of(event)
     window = _window(recording, pose.onset, pose.end)
     return initial_pose.calibrate(

@@ -8,8 +8,7 @@ biases change their sign.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from types import ModuleType
-from typing import Any, Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -17,7 +16,11 @@ from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import GYR, Block, Stream, join
 from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.orientation.fusion import FusionParams
+from handscope.estimators.pipeline.method import Method
 
+P = TypeVar("P")
+S = TypeVar("S")
 PIECE = 2048  # samples at a time: what a step makes of them stays in the processor's cache
 
 
@@ -31,7 +34,7 @@ class Samples(Protocol):
 
 
 def run(
-    method: ModuleType, params: Any, calibrations: Sequence[Calibration], samples: Samples
+    method: Method[P, S], params: P, calibrations: Sequence[Calibration], samples: Samples
 ) -> Iterator[Trajectory]:
     """Pieces of the trajectory in order of time; every calibration (in order of time) serves until
     the next one."""
@@ -55,8 +58,8 @@ def run(
 
 
 def _forwards(
-    method: ModuleType,
-    params: Any,
+    method: Method[P, S],
+    params: P,
     calibration: Calibration,
     streams: tuple[Stream, ...],
     blocks: Iterable[Block],
@@ -71,8 +74,8 @@ def _forwards(
 
 
 def _backwards(
-    method: ModuleType,
-    params: Any,
+    method: Method[P, S],
+    params: P,
     calibration: Calibration,
     streams: tuple[Stream, ...],
     blocks: list[Block],
@@ -84,7 +87,7 @@ def _backwards(
         by_stream.setdefault(
             (block.stream.name, block.stream.sensors, block.stream.rate), []
         ).append(block)
-    means = getattr(params, "gyr_reading", "instant") == "mean"
+    means = isinstance(params, FusionParams) and params.gyr_reading == "mean"
     pieces = list(
         _forwards(
             method, params, turned, streams, [_reversed(join(b), means) for b in by_stream.values()]

@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
-from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.methods import EXPERIMENTS, METHODS
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.validation.benchmarks import Metric
@@ -21,7 +21,8 @@ def measure() -> list[Metric]:
     """Each of one recording of free movement."""
     made, found = performed(MOVEMENT), []
     for name in BESIDE:
-        method, params = ALL_METHODS[name], ALL_METHODS[name].Params()
+        method = {**METHODS, **EXPERIMENTS}[name]
+        params = method.Params()
         steps = list(one_by_one(method, params, made, next(made.blocks()), STEPS))
         late = [1e3 * (step.t - t) for step in steps for t in step.given.t]
         began = time.process_time()

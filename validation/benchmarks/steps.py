@@ -4,7 +4,6 @@ import gc
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.methods import METHODS
+from handscope.estimators.pipeline.method import Method
 from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.validation.benchmarks import Metric
 from handscope.validation.benchmarks.batch import FAST, recording_of
@@ -51,7 +51,7 @@ class Stepped:
 
 
 def one_by_one(
-    method: ModuleType, params: Any, recording: Recording, samples: Block, most: int
+    method: Method[Any, Any], params: Any, recording: Recording, samples: Block, most: int
 ) -> Iterator[Stepped]:
     """The first `most` samples behind the pose, stepped one after the other."""
     calibration = calibrate(params, recording)[0][0]

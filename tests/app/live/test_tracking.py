@@ -3,7 +3,7 @@
 from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -22,6 +22,7 @@ from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.methods import m2
 from handscope.estimators.orientation import zupt_navigation
 from handscope.estimators.pipeline import process as pipeline_process
+from handscope.estimators.pipeline.method import Method
 from handscope.estimators.simulation.movements import functional_calibration, task_performance
 from handscope.estimators.simulation.person import draw_person
 from handscope.estimators.simulation.scenario import simulate_performances
@@ -40,7 +41,7 @@ def pieces(samples: dict[str, Block], length: float = 0.02) -> list[list[Block]]
     return [full for blocks in cut if (full := [b for b in blocks if len(b.t)])]
 
 
-def live(method: ModuleType = m2) -> tuple[Tracking, list[Trajectory]]:
+def live(method: Method[Any, Any] = m2) -> tuple[Tracking, list[Trajectory]]:
     recording = in_strips("left")
     rows: list[Trajectory] = []
     return Tracking(method, PARAMS, "left", recording.geometry, rows.append), rows
@@ -144,7 +145,14 @@ def test_a_method_that_fails_goes_on_from_its_last_state_and_at_last_from_its_ca
         return m2.start(*arguments)
 
     broken = cast(
-        ModuleType, SimpleNamespace(start=start, step=step, release=m2.release, finish=m2.finish)
+        Method[Any, Any],
+        SimpleNamespace(
+            CAPABILITIES=m2.CAPABILITIES,
+            start=start,
+            step=step,
+            release=m2.release,
+            finish=m2.finish,
+        ),
     )
     recording = in_strips("left")
     tracking, rows = live(broken)

@@ -2,7 +2,7 @@
 
 import pickle
 from dataclasses import replace
-from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from handscope.estimators.data.samples import ACC, Block
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import METHODS
+from handscope.estimators.pipeline.method import Capabilities, Method
 from handscope.estimators.simulation.scenario import Simulated
 from tests.simulated import assert_same, calibrated, cut, in_strips, interleaved, with_samples
 
@@ -22,7 +23,7 @@ every_method = pytest.mark.parametrize("method", METHODS.values(), ids=METHODS.k
 
 
 def _stepped(
-    method: ModuleType, recording: Simulated, pieces: list[Block], saved: bool = False
+    method: Method[Any, Any], recording: Simulated, pieces: list[Block], saved: bool = False
 ) -> Trajectory:
     params, found = method.Params(), calibrated(recording, method.Params())
     state, given = method.start(params, found, recording.streams), []
@@ -47,7 +48,9 @@ def _pieces(recording: Simulated, where: list[int], seed: int = 1) -> list[Block
 
 @every_method
 @given(where=st.lists(st.integers(0, 1500), max_size=10), seed=st.integers(0, 2**32 - 1))
-def test_a_recording_may_be_cut_anywhere(method: ModuleType, where: list[int], seed: int) -> None:
+def test_a_recording_may_be_cut_anywhere(
+    method: Method[Any, Any], where: list[int], seed: int
+) -> None:
     recording = in_strips("left")
     assert_same(
         _stepped(method, recording, _pieces(recording, where, seed)),
@@ -56,7 +59,7 @@ def test_a_recording_may_be_cut_anywhere(method: ModuleType, where: list[int], s
 
 
 @every_method
-def test_a_method_goes_on_from_a_saved_state(method: ModuleType) -> None:
+def test_a_method_goes_on_from_a_saved_state(method: Method[Any, Any]) -> None:
     recording = in_strips("right")
     pieces = _pieces(recording, [200, 500, 900])
     assert_same(
@@ -66,7 +69,7 @@ def test_a_method_goes_on_from_a_saved_state(method: ModuleType) -> None:
 
 @every_method
 @pytest.mark.parametrize("missing", ["thumb", "index", "little", "forearm"])
-def test_a_method_survives_a_missing_strip(method: ModuleType, missing: str) -> None:
+def test_a_method_survives_a_missing_strip(method: Method[Any, Any], missing: str) -> None:
     whole = in_strips("left")
     recording = with_samples(
         whole, {name: b for name, b in whole.samples.items() if name != missing}
@@ -78,14 +81,14 @@ def test_a_method_survives_a_missing_strip(method: ModuleType, missing: str) -> 
 
 
 @every_method
-def test_nothing_in_nothing_out(method: ModuleType) -> None:
+def test_nothing_in_nothing_out(method: Method[Any, Any]) -> None:
     recording = in_strips("left")
     assert len(_stepped(method, recording, [b.between(1e9, 2e9) for b in recording.blocks()])) == 0
 
 
 @every_method
 def test_every_option_says_what_it_means_in_which_unit_and_where_it_comes_from(
-    method: ModuleType,
+    method: Method[Any, Any],
 ) -> None:
     for option in describe(method.Params):
         assert option.meaning, option.name
@@ -97,17 +100,17 @@ def test_every_option_says_what_it_means_in_which_unit_and_where_it_comes_from(
 
 
 @every_method
-def test_a_method_has_a_title_and_says_whether_it_needs_a_pose(method: ModuleType) -> None:
+def test_a_method_has_a_title_and_says_what_it_can_do(method: Method[Any, Any]) -> None:
     assert isinstance(method.TITLE, str)
     assert len(method.TITLE) > 10
-    assert isinstance(method.NEEDS_POSE, bool)
+    assert isinstance(method.CAPABILITIES, Capabilities)
     assert method.__doc__
     for part in ("In ", "Out ", "Source ", "Limits "):
         assert f"\n{part}" in method.__doc__, part
 
 
 @every_method
-def test_a_mirrored_recording_gives_the_mirrored_hand(method: ModuleType) -> None:
+def test_a_mirrored_recording_gives_the_mirrored_hand(method: Method[Any, Any]) -> None:
     """In the mirror polar vectors change the sign of their components in the other hand's frames,
     axial ones (rates, magnetic fields) keep it."""
     recording = in_strips("left")

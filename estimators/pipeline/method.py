@@ -1,0 +1,72 @@
+"""What a method is: a module with these names, and what it says of itself as typed fields.
+
+A method that steps serves live streams and recordings alike; one that solves needs the whole
+recording. The tables of methods are in estimators/methods/__init__.py.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, TypeGuard, TypeVar
+
+from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.samples import Block, Recording, Stream
+from handscope.estimators.data.trajectory import Trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class Capabilities:
+    """What a method needs and what it can do."""
+
+    needs_pose: bool  # it starts from an initial pose
+    needs_magnetometers: bool = False  # headings come from them; recordings without are refused
+    takes_orientations: bool = False  # a stream may bring orientations in place of rates
+    batch_only: bool = False  # it solves whole recordings and does not step through blocks
+    gives_covariance: bool = False  # angles and tips come with standard deviations
+
+
+P = TypeVar("P")
+S = TypeVar("S")
+P_co = TypeVar("P_co", covariant=True)
+
+
+class AnyMethod(Protocol[P_co]):
+    """What every method says of itself."""
+
+    @property
+    def TITLE(self) -> str: ...
+
+    @property
+    def CAPABILITIES(self) -> Capabilities: ...
+
+    @property
+    def Params(self) -> type[P_co]: ...
+
+
+class Method(AnyMethod[P], Protocol[P, S]):
+    """A method that steps through blocks; nothing depends on where a block ends."""
+
+    def start(self, params: P, calibration: Calibration, streams: tuple[Stream, ...], /) -> S: ...
+
+    def step(self, params: P, state: S, block: Block, /) -> tuple[S, Trajectory]: ...
+
+    def release(self, params: P, state: S, patience: float, /) -> tuple[S, Trajectory]: ...
+
+    def finish(self, params: P, state: S, /) -> tuple[S, Trajectory]: ...
+
+
+class BatchMethod(AnyMethod[P], Protocol[P]):
+    """A method that needs the whole recording, calibrations included."""
+
+    def solve(
+        self, params: P, recording: Recording, progress: Callable[[float], None], /
+    ) -> tuple[Trajectory, list[Calibration], list[str]]: ...
+
+
+def solves_whole(method: AnyMethod[P]) -> TypeGuard[BatchMethod[P]]:
+    """Whether the method takes the whole recording at once."""
+    return method.CAPABILITIES.batch_only
+
+
+def steps_through(method: AnyMethod[P]) -> TypeGuard[Method[P, object]]:
+    """Whether the method steps through blocks, live or not."""
+    return not method.CAPABILITIES.batch_only
