@@ -282,6 +282,26 @@ def test_modules_import_by_name_and_are_short() -> None:
     )
 
 
+def test_capabilities_and_options_are_typed_fields_and_sentences_are_not_read_back() -> None:
+    asked = [
+        f"{_name(p)}:{node.lineno}"
+        for p in MODULES
+        if "tests" not in p.parts
+        for node in ast.walk(ast.parse(p.read_text()))
+        if isinstance(node, ast.Call) and _asks_at_run_time(ast.unparse(node.func), node)
+    ]
+    assert asked == [], "give the method or its options a typed field and ask that"
+
+
+def _asks_at_run_time(function: str, call: ast.Call) -> bool:
+    asked = ast.unparse(call.args[0]) if call.args else ""
+    if function == "hasattr":
+        return asked in ("method", "module")
+    if function == "getattr":  # with a default: the field may be absent
+        return len(call.args) == 3 and asked.split(".")[-1] in ("method", "params")
+    return function.endswith("source.startswith")
+
+
 def test_names_say_what_is_inside() -> None:
     assert [
         str(p.relative_to(ROOT))

@@ -27,6 +27,7 @@ from handscope.estimators.measures.synchronisation import Lag
 from handscope.estimators.measures.tip_errors import Frame
 from handscope.estimators.methods import DEFAULT, METHODS
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.orientation.fusion import FusionParams
 from handscope.estimators.pipeline import landmark_trajectory, optical_trajectory
 from handscope.estimators.pipeline.landmark_trajectory import Landmarks
 from handscope.estimators.pipeline.optical_trajectory import FlatPose, Markers
@@ -396,7 +397,7 @@ def _processed(path: Path, recording: LoadedRecording, given: dict[str, Any]) ->
         processed.trajectory,
         recording.samples.values(),
         processed.calibrations[0].gyr_bias,
-        getattr(params, "gyr_reading", "instant") == "mean",
+        isinstance(params, FusionParams) and params.gyr_reading == "mean",
     )
     side = Side(
         path.name,

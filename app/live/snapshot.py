@@ -171,7 +171,7 @@ def _calibration(c: Calibration | None, joints: Sequence[JointQuality]) -> dict[
     if c is None:
         return None
     payload: dict[str, Any] = {
-        "source": c.source,
+        "source": c.description,
         "steps": len(c.steps),
         "warnings": list(c.warnings),
         "joints": [_joint(j) for j in joints],

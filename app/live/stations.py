@@ -15,6 +15,7 @@ from handscope.app.options import with_options
 from handscope.app.protocols import load_free, load_steps, offered
 from handscope.app.results.curves import matching_tasks
 from handscope.app.results.make import load_replay
+from handscope.estimators.alignment.functional_movements import FunctionalParams
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.geometry import HandGeometry, measures_from, sized
 from handscope.estimators.methods import METHODS
@@ -162,7 +163,7 @@ def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup
     module = METHODS[method]
     params = with_options(module.Params, options)
     protocols, faults, force_files = *offered(data), force_calibrations.read_stored(data)
-    functional = getattr(params, "functional", False) and params.alignment != "heading"
+    functional = isinstance(params, FunctionalParams) and params.uses_movements
     steps = tuple(load_steps().values()) if functional else ()
     free = load_free() if method in USED_BY else None
 

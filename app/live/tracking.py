@@ -26,7 +26,7 @@ from handscope.estimators.alignment import (
 from handscope.estimators.alignment.functional_movements import CalibrationMovement
 from handscope.estimators.alignment.initial_pose import Pose
 from handscope.estimators.data import trajectory
-from handscope.estimators.data.calibration import Calibration, PriorCalibration
+from handscope.estimators.data.calibration import Calibration, CalibrationSource, PriorCalibration
 from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import Block, join, join_consecutive
 from handscope.estimators.data.trajectory import Flag, Trajectory
@@ -476,6 +476,6 @@ def segment_flags(
             and (finding.kind != "magnetometer" or magnetometer)
         ):
             flags[SEGMENT[finding.sensor]] |= np.uint8(Flag.FAULTY)
-    for segment in calibration.q_BS if calibration.source == "none" else ():
+    for segment in calibration.q_BS if calibration.source is CalibrationSource.NONE else ():
         flags[SEGMENT[segment]] |= np.uint8(Flag.UNCALIBRATED)
     return flags

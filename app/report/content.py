@@ -220,7 +220,7 @@ def content(
         software,
         Method(method, ALL_METHODS[method].TITLE, tuple(_changed(params))),
         _recording(recording),
-        tuple(CalibrationFacts(c.source, *c.span, c.quality) for c in processed.calibrations),
+        tuple(CalibrationFacts(c.description, *c.span, c.quality) for c in processed.calibrations),
         tuple(_task(r, protocols.get(r.task), processed.trajectory) for r in results),
         measured,
         tuple(_flagged(processed.trajectory, results, measured)),

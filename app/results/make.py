@@ -182,7 +182,7 @@ def page_content(
         else [0.0, 0.0],
         "measured": measured_segments(trajectory),
         "calibration": {
-            "source": c.source,
+            "source": c.description,
             "onset": c.span[0],
             "end": c.span[1],
             "quality": {s: asdict(q) for s, q in c.quality.items()},

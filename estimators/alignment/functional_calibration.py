@@ -95,10 +95,9 @@ def combine(
     }
     warnings = _warnings(pose, sd, [s for s in STEPS if s not in good], far)
     steps = {step: p.quality for step, p in good.items()}
-    source = f"{pose.source} and functional calibration"
     known = replace(
         apply_mounting(pose, q_BS),
-        source=source,
+        is_functional=True,
         quality=quality,
         warnings=(*pose.warnings, *warnings),
         steps=steps,

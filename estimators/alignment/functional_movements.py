@@ -107,6 +107,11 @@ class FunctionalParams(PoseParams):
         least=0.1,
     )
 
+    @property
+    def uses_movements(self) -> bool:
+        """Whether the movements of a functional calibration correct the mounting."""
+        return self.functional and self.alignment != "heading"
+
 
 @dataclass(frozen=True)
 class CalibrationMovement:

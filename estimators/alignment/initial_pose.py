@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from handscope.estimators.data.calibration import Calibration, SensorQuality
+from handscope.estimators.data.calibration import Calibration, CalibrationSource, SensorQuality
 from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import ACC, GYR, MAG, Block, Event, Stream
 from handscope.estimators.errors import InputError
@@ -184,7 +184,7 @@ def calibrate(
         *rate_warnings(rates, [b.stream for b in blocks]),
     )
     north = _magnetic_headings(q_GS, [b.between(start, end) for b in blocks])
-    source = "initial pose given by the therapist" if pose.passive else "initial pose"
+    source = CalibrationSource.PASSIVE_POSE if pose.passive else CalibrationSource.POSE
     return Calibration(
         hand,
         geometry,
@@ -216,7 +216,7 @@ def uncalibrated(
         for s in sensors
         if s in SEGMENTS
     }
-    return Calibration(hand, geometry, t, t, {}, nominal, {}, "none")
+    return Calibration(hand, geometry, t, t, {}, nominal, {}, CalibrationSource.NONE)
 
 
 def guess_calibration(
@@ -250,7 +250,7 @@ def guess_calibration(
         q_GS,
         q_BS,
         {},
-        "none",
+        CalibrationSource.NONE,
         {},
         (UNCALIBRATED,),
         _magnetic_headings(q_GS, blocks),

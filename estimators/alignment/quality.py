@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.calibration import Calibration, CalibrationSource
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINTS
 
 DEG = np.pi / 180
@@ -59,7 +59,7 @@ def _of_joint(
 ) -> JointQuality:
     if any(s not in c.q_BS for s in segments):
         return JointQuality(joint, "none")
-    if c.source == "none":
+    if c.source is CalibrationSource.NONE:
         return JointQuality(joint, "poor", "uncalibrated", segments[0])
     for segment in (s for s in segments if s in faulty):
         return JointQuality(joint, "poor", "fault", segment)

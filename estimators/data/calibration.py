@@ -3,12 +3,33 @@ moment, the hand's geometry."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 
 import numpy as np
 
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
+
+
+class CalibrationSource(StrEnum):
+    """Where headings and mounting come from; the values are written into files."""
+
+    POSE = "initial pose"
+    PASSIVE_POSE = "initial pose given by the therapist"
+    POSE_AND_OTHER_RECORDING = "initial pose, mounting from another recording"
+    OTHER_RECORDING = "another recording"
+    SELF_CALIBRATION = "self-calibration"
+    NONE = "none"
+
+    @property
+    def is_pose(self) -> bool:
+        """Whether an initial pose of this recording gave the headings."""
+        return self in (
+            CalibrationSource.POSE,
+            CalibrationSource.PASSIVE_POSE,
+            CalibrationSource.POSE_AND_OTHER_RECORDING,
+        )
 
 
 @dataclass(frozen=True)
@@ -53,7 +74,7 @@ class Calibration:
     q_GS: Mapping[str, Array]  # (4,) sensor orientations at t, headings resolved
     q_BS: Mapping[str, Array]  # (4,) sensor-to-segment rotations
     gyr_bias: Mapping[str, Array]  # (3,) rad/s
-    source: str  # "initial pose", "none", ...
+    source: CalibrationSource
     quality: Mapping[str, SensorQuality] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     # rad, heading of magnetic north as each magnetometer saw it in the pose
@@ -87,6 +108,18 @@ class Calibration:
     pose_sd: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     # s, the movement used, where the calibration is not from a pose
     stretch: tuple[float, float] | None = None
+    is_functional: bool = False  # movements of a functional calibration are combined with it
+    from_prior: str = ""  # what an earlier self-calibration gave: "lengths", "seats and lengths"
+
+    @property
+    def description(self) -> str:
+        """The source as it is written into files, with what is combined with it."""
+        combined = str(self.source)
+        if self.is_functional:
+            combined = f"{combined} and functional calibration"
+        return (
+            f"{combined}, {self.from_prior} from self-calibration" if self.from_prior else combined
+        )
 
     @property
     def span(self) -> tuple[float, float]:

@@ -171,7 +171,7 @@ def _nodes(params: Params, state: State, count: int) -> State:
         calibration,
         max(round(params.window / dt), lag + NODES + 2),
         lag,
-        np.radians(params.straight) if calibration.source.startswith("initial pose") else UNPOSED,
+        np.radians(params.straight) if calibration.source.is_pose else UNPOSED,
         params.length_sd,
     )
     k = min(int(np.searchsorted(state.rows.t, nodes.t[0])), len(state.rows) - 1)

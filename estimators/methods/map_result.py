@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from handscope.estimators.alignment import initial_pose
-from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.calibration import Calibration, CalibrationSource
 from handscope.estimators.data.samples import Recording
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand import forward_kinematics, joint_angles, length_covariance
@@ -76,7 +76,7 @@ def join_fingers(
         q_BS=q_BS,
         gyr_bias=bias,
         geometry=geometry,
-        source="self-calibration",
+        source=CalibrationSource.SELF_CALIBRATION,
         stretch=(max(float(f.t[0]) for f in fingers), min(float(f.t[-1]) for f in fingers)),
         warnings=(TRIED,),
         p_BS=_first_of(nearest, lambda f: _known_places(params, f, _places(f, geometry))),

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.calibration import Calibration, CalibrationSource
 from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.trajectory import FLAG_WORDS, Flag, Trajectory
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
@@ -50,7 +50,7 @@ def flag_guesses(movement: Trajectory, calibrations: Sequence[Calibration]) -> N
     """Mark what rests on defaults instead of a calibration."""
     ends = [*(c.t for c in calibrations[1:]), np.inf]
     for calibration, end in zip(calibrations, ends):
-        for segment in calibration.q_BS if calibration.source == "none" else ():
+        for segment in calibration.q_BS if calibration.source is CalibrationSource.NONE else ():
             _mark(
                 movement,
                 segment,

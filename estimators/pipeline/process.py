@@ -129,7 +129,7 @@ def _calibrations(
 def findings_of(recording: Recording, calibrations: Sequence[Calibration]) -> tuple[Finding, ...]:
     """What is wrong with single sensors; where there is an initial pose, also with how they sit."""
     blocks = whole_of(recording)
-    poses = [c for c in calibrations if c.source.startswith("initial pose")]
+    poses = [c for c in calibrations if c.source.is_pose]
     if not poses:
         return tuple(fault_detection.check(blocks, (0.0, 0.0)))
     found = fault_detection.check(blocks, (poses[0].t, poses[0].end))

@@ -14,7 +14,7 @@ from handscope.estimators.alignment.functional_movements import (
     FunctionalParams,
 )
 from handscope.estimators.alignment.initial_pose import PoseParams
-from handscope.estimators.data.calibration import Calibration, PriorCalibration
+from handscope.estimators.data.calibration import Calibration, CalibrationSource, PriorCalibration
 from handscope.estimators.data.samples import MAG, Block, Event, Recording, join
 from handscope.estimators.errors import InputError
 from handscope.estimators.orientation.resampling import measure_rates
@@ -32,7 +32,7 @@ def with_known(pose: Calibration, known: PriorCalibration) -> Calibration:
         raise InputError(
             f"the calibration is of the {known.hand} hand, the recording of the {pose.hand} one"
         )
-    if pose.source == "none":
+    if pose.source is CalibrationSource.NONE:
         raise InputError(
             f"{WITHOUT_POSE}: the calibration tells how sensors sit, not where they point; record 3 s of the pose first"
         )
@@ -50,7 +50,7 @@ def with_known(pose: Calibration, known: PriorCalibration) -> Calibration:
         mounted,
         geometry=geometry,
         gyr_bias={**known.gyr_bias, **pose.gyr_bias},
-        source=f"{pose.source}, {'seats and lengths' if mounting else 'lengths'} from self-calibration",
+        from_prior="seats and lengths" if mounting else "lengths",
     )
 
 
@@ -109,11 +109,7 @@ def functional_pieces(
 ) -> tuple[dict[str, CalibrationMovement], list[str]]:
     """Of each functional step among the events the last one that was done well; sentences of the
     steps that never were."""
-    if (
-        not isinstance(params, FunctionalParams)
-        or not params.functional
-        or params.alignment == "heading"
-    ):
+    if not isinstance(params, FunctionalParams) or not params.uses_movements:
         return {}, []
     good: dict[str, CalibrationMovement] = {}
     spoilt: dict[str, CalibrationMovement] = {}
@@ -224,7 +220,8 @@ def _borrow(recording: Recording, other: Calibration, own: list[Calibration]) ->
                 q_BS_covariance=other.q_BS_covariance,
                 steps=other.steps,
                 gyr_bias={**other.gyr_bias, **c.gyr_bias},
-                source="initial pose, mounting from another recording",
+                source=CalibrationSource.POSE_AND_OTHER_RECORDING,
+                is_functional=False,
             )
             for c in mounted
         ]
@@ -243,7 +240,8 @@ def _borrow(recording: Recording, other: Calibration, own: list[Calibration]) ->
             end=start + 0.5,
             q_GS=q_GS,
             geometry=recording.geometry,
-            source="another recording",
+            source=CalibrationSource.OTHER_RECORDING,
+            is_functional=False,
             warnings=(
                 *other.warnings,
                 *initial_pose.rate_warnings(rates, recording.streams),

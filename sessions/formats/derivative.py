@@ -50,7 +50,7 @@ def calibration_table(c: Calibration) -> dict[str, Any]:
         for s, q in c.q_BS.items()
     }  # sd: rad about the segment's x, y, z
     return {
-        "source": c.source,
+        "source": c.description,
         "MeasuredHand": c.hand,
         "segment_lengths": {
             s: {"value": length, **({"sd": c.lengths_sd[s]} if s in c.lengths_sd else {})}

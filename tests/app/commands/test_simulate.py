@@ -56,7 +56,7 @@ def test_a_functional_calibration_can_be_recorded_with_sensors_put_on_anyhow(
         e.trial_type for e in made.events
     }
     found = process(m2, m2.Params(), made).calibrations[0]
-    assert found.source == "initial pose and functional calibration"
+    assert found.description == "initial pose and functional calibration"
     assert 10 < max(np.degrees(q.misalignment) for q in found.quality.values()) < 35
 
 

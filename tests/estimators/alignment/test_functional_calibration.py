@@ -119,7 +119,7 @@ def test_steps_in_a_recording_are_used_by_themselves() -> None:
         process(m2, PARAMS, recording),
         process(m2, m2.Params(gyr_reading="instant", functional=False), recording),
     )
-    assert with_steps.calibrations[0].source == "initial pose and functional calibration"
+    assert with_steps.calibrations[0].description == "initial pose and functional calibration"
     assert set(with_steps.calibrations[0].steps) == set(STEPS)
     assert with_steps.warnings == ()
     rms = [
@@ -131,7 +131,7 @@ def test_steps_in_a_recording_are_used_by_themselves() -> None:
 
 def test_the_papers_own_alignment_does_not_use_them() -> None:
     done_so = process(m2, m2.Params(alignment="heading"), done("left"))
-    assert done_so.calibrations[0].source == "initial pose"
+    assert done_so.calibrations[0].description == "initial pose"
 
 
 def test_without_the_figure_of_eight_a_hand_that_rested_points_as_mounted_and_this_is_said() -> (
@@ -217,7 +217,7 @@ def test_a_step_may_be_repeated_and_the_last_good_one_counts() -> None:
 def test_without_an_initial_pose_the_flat_hand_serves() -> None:
     recording = _without(done("left"), "initial_pose")
     found = process(m2, PARAMS, recording)
-    assert found.calibrations[0].source == "initial pose and functional calibration"
+    assert found.calibrations[0].description == "initial pose and functional calibration"
     assert any("its flat hand serves as that" in w for w in found.warnings)
 
 

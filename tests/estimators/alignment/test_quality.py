@@ -8,7 +8,7 @@ import pytest
 
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.alignment.quality import JointQuality, of_joints
-from handscope.estimators.data.calibration import Calibration, SensorQuality
+from handscope.estimators.data.calibration import Calibration, CalibrationSource, SensorQuality
 from handscope.estimators.hand.anatomy import JOINTS, SEGMENTS
 from handscope.estimators.hand.geometry import sized
 from tests.simulated import INSTANT, in_strips
@@ -17,7 +17,7 @@ DEG = np.pi / 180
 STILL = SensorQuality(0.2 * DEG, 0.1 * DEG, 0.0, 5.0 * DEG)
 GOOD = replace(
     initial_pose.uncalibrated("left", sized("left"), {}, SEGMENTS, 0.0),
-    source="initial pose",
+    source=CalibrationSource.POSE,
     quality=dict.fromkeys(SEGMENTS, STILL),
 )
 
@@ -86,6 +86,8 @@ def test_a_fault_defaults_and_a_missing_sensor_are_told_apart() -> None:
     assert graded(GOOD, ("ring_distal",))["ring_dip"] == JointQuality(
         "ring_dip", "poor", "fault", "ring_distal"
     )
-    assert {j.reason for j in of_joints(replace(GOOD, source="none"))} == {"uncalibrated"}
+    assert {j.reason for j in of_joints(replace(GOOD, source=CalibrationSource.NONE))} == {
+        "uncalibrated"
+    }
     without = replace(GOOD, q_BS={s: q for s, q in GOOD.q_BS.items() if s != "forearm"})
     assert graded(without)["wrist"].grade == "none"

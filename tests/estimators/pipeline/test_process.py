@@ -120,7 +120,7 @@ def test_seats_and_lengths_found_before_serve_a_pose() -> None:
         assert quat.angle(quat.relative(done.q_BS[s], mounting[s])) < 1e-9
         assert done.geometry.lengths[s] == longer[s]
     assert done.geometry.lengths["ring_middle"] == worn.geometry.lengths["ring_middle"]
-    assert "self-calibration" in done.source
+    assert "self-calibration" in done.description
 
 
 def test_what_was_found_of_the_other_hand_is_refused() -> None:

@@ -122,7 +122,9 @@ def test_lengths_alone_or_also_seats_are_taken_over_as_decided_and_a_result_is_a
 
 
 def test_offered_methods_that_begin_with_a_pose_take_it_over_and_no_others() -> None:
-    assert set(self_calibrations.USED_BY) == {name for name, m in OFFERED.items() if m.CAPABILITIES.needs_pose}
+    assert set(self_calibrations.USED_BY) == {
+        name for name, m in OFFERED.items() if m.CAPABILITIES.needs_pose
+    }
 
 
 def test_of_another_glove_only_lengths_are_offered_and_of_another_hand_nothing(
