@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from handscope.estimators.data.options import option
 from handscope.estimators.errors import InputError
@@ -276,6 +275,8 @@ def _outlying_rows(chance: float, raw: Array, loads: Array) -> NDArray[np.int_]:
     Of two rows with loads that are much alike one that is wrong draws the other's residual along. That goes as soon as the strangest one is away: a row
     without which more is left than luck makes of what is left without the strangest is not the wrong one.
     """
+    from scipy import stats  # takes as long to import as all else that a method needs
+
     design = _design(loads)
     n, p = design.shape
     if n - 1 - p < SPARE:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures.synchronisation import (
@@ -78,7 +78,7 @@ def with_drift(a: Signal, b: Signal, lag: Lag, around: float | None = None) -> L
     if len(lags) < LEAST:
         return lag
     start, slope, sd = _fit_line(middles - a.t[0], lags, weights)
-    limit = float(student.ppf(1 - CHANCE / 2, len(lags) - 2)) * sd
+    limit = float(stdtrit(len(lags) - 2, 1 - CHANCE / 2)) * sd
     applied = abs(slope) > limit and abs(slope) * span > MATTERS
     drift = Drift(-slope, sd, len(lags), applied)
     if not applied:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, f
+from scipy.special import chdtri, fdtri
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
@@ -173,7 +173,7 @@ def _icc21(bms: float, jms: float, ems: float, n: int, k: int) -> Interval:
     b = 1 + k * icc * (n - 1) / (n * (1 - icc))
     v = (a * jms + b * ems) ** 2 / ((a * jms) ** 2 / (k - 1) + (b * ems) ** 2 / ((n - 1) * (k - 1)))
     tail = 1 - (1 - CONFIDENCE) / 2
-    lower, upper = f.ppf(tail, n - 1, v), f.ppf(tail, v, n - 1)
+    lower, upper = fdtri(n - 1, v, tail), fdtri(v, n - 1, tail)
     rest = k * jms + (k * n - k - n) * ems
     return Interval(
         icc,
@@ -190,15 +190,15 @@ def _icc31(bms: float, ems: float, n: int, k: int) -> Interval:
     if ems == 0:
         return Interval(icc, np.nan, np.nan)
     tail = 1 - (1 - CONFIDENCE) / 2
-    low = bms / ems / f.ppf(tail, n - 1, (n - 1) * (k - 1))
-    high = bms / ems * f.ppf(tail, (n - 1) * (k - 1), n - 1)
+    low = bms / ems / fdtri(n - 1, (n - 1) * (k - 1), tail)
+    high = bms / ems * fdtri((n - 1) * (k - 1), n - 1, tail)
     return Interval(icc, float((low - 1) / (low + k - 1)), float((high - 1) / (high + k - 1)))
 
 
 def _sem(variance: float, freedom: float) -> Interval:
     """Square root of a variance with its interval from chi-squared."""
     tail = (1 - CONFIDENCE) / 2
-    low, high = (np.sqrt(variance * freedom / chi2.ppf(p, freedom)) for p in (1 - tail, tail))
+    low, high = (np.sqrt(variance * freedom / chdtri(freedom, p)) for p in (tail, 1 - tail))
     return Interval(float(np.sqrt(variance)), float(low), float(high))
 
 

@@ -7,13 +7,13 @@ Limits  a method that clips angles to their limits hides how far they went: then
 """
 
 import numpy as np
-from scipy.stats import norm
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import ANGLES, IS_DOF, JOINTS, LIMITS
 from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics.tail_probabilities import normal_sf
 from handscope.estimators.numerics.typing import Array
 
 ANGLE_SD = np.radians(5.0)  # of an angle whose method tells none
@@ -90,7 +90,7 @@ def _beyond(
     if not known.any():
         return None
     far = float(np.quantile(excess[known], 1 - SHARE))
-    p = min(1.0, float(norm.sf(far / sd)) * tests)
+    p = min(1.0, float(normal_sf(far / sd)) * tests)
     stays = float((np.abs(excess[known]) < AT_LIMIT).mean())
     where = known & (excess > (0.0 if p < FALSE_ALARM else -AT_LIMIT))
     if p < FALSE_ALARM or stays > CLIPPED:

@@ -10,12 +10,12 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
 
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, side_sign
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.tail_probabilities import normal_sf
 from handscope.estimators.numerics.typing import Array
 
 ROOT_SD = {"thumb": 0.012} | dict.fromkeys(
@@ -162,7 +162,7 @@ def _p_value(seen: Roots, true: Array, other: Array) -> float:
     """Probability that other places fit so much better although some are true."""
     own, their = _misfit(seen, true), _misfit(seen, other)
     gain, expected = float(own @ own - their @ their), float(np.sum((own - their) ** 2))
-    return float(norm.sf((gain + expected) / (2 * np.sqrt(expected) + 1e-12)))
+    return float(normal_sf((gain + expected) / (2 * np.sqrt(expected) + 1e-12)))
 
 
 def _bones_reversed(along: list[Bone]) -> tuple[bool, float]:
@@ -173,8 +173,8 @@ def _bones_reversed(along: list[Bone]) -> tuple[bool, float]:
         return False, 1.0
     expected = float(np.sum((2 * declared / sd) ** 2))
     gain = float(np.sum(((length - declared) / sd) ** 2 - ((length + declared) / sd) ** 2))
-    p = float(norm.sf((gain + expected) / (2 * np.sqrt(expected))))
-    return gain > 0 and float(norm.cdf((gain - expected) / (2 * np.sqrt(expected)))) > FITS, p
+    p = float(normal_sf((gain + expected) / (2 * np.sqrt(expected))))
+    return gain > 0 and float(normal_sf(-(gain - expected) / (2 * np.sqrt(expected)))) > FITS, p
 
 
 def odd_lengths(along: list[Bone]) -> list[tuple[Bone, float]]:
@@ -182,7 +182,7 @@ def odd_lengths(along: list[Bone]) -> list[tuple[Bone, float]]:
     found = []
     for bone in along:
         sd = float(np.hypot(bone.sd, LENGTH_SD * bone.declared))
-        p = float(2 * norm.sf(abs(bone.length - bone.declared) / sd)) * len(along)
+        p = float(2 * normal_sf(abs(bone.length - bone.declared) / sd)) * len(along)
         if (
             abs(bone.length - bone.declared) > LENGTH_OFF * bone.declared
             and bone.sd < LENGTH_KNOWN * bone.declared

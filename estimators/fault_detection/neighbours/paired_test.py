@@ -8,8 +8,8 @@ Limits  fewer than `FEWEST` windows in which the descriptions differ tell nothin
 """
 
 import numpy as np
-from scipy.stats import t as student
 
+from handscope.estimators.numerics.tail_probabilities import student_sf
 from handscope.estimators.numerics.typing import Array
 
 FEWEST = 6
@@ -40,4 +40,4 @@ def p_value(gain: Array, margin: float, weight: Array | None = None) -> float:
     for lag in range(1, LAGS + 1):
         variance += 2 * (1 - lag / (LAGS + 1)) * float(off[lag:] @ off[:-lag])
     error = np.sqrt(max(variance, alone / 2, 1e-12) * n / (n - 1))
-    return float(student.sf((mean - margin) / error, n - 1))
+    return float(student_sf((mean - margin) / error, n - 1))

@@ -9,13 +9,12 @@ Limits  a turn about the line from the sensor to its only joint is not seen; gen
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import f as fisher
 
 from handscope.estimators.fault_detection.neighbours import common_joint, joint_windows
 from handscope.estimators.fault_detection.neighbours.common_joint import Joint
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.tail_probabilities import chi2_sf, f_sf
 from handscope.estimators.numerics.typing import Array
 
 SPLITS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of the recording
@@ -58,7 +57,7 @@ def find(pairs: Pairs) -> Slip | None:
     if best is None or not LEAST < np.linalg.norm(best[2]) < MOST:
         return None
     gain, sensor, turn, at = best
-    p = float(chi2.sf(gain, 3)) * len(SPLITS) * len(pairs.series.sensors)
+    p = float(chi2_sf(gain, 3)) * len(SPLITS) * len(pairs.series.sensors)
     return Slip(sensor, turn, at, min(1.0, p))
 
 
@@ -122,7 +121,7 @@ def _jump(pairs: Pairs, joint: tuple[str, str], found: Joint, k: int) -> tuple[A
         len(a) - 2 - LEAST_PIECE
     )  # neighbouring samples err together: one of three axes' worth of freedom is counted
     ratio = (float(found.rest[k]) - rest) / 3 / (max(rest, float(found.noise[k])) / free)
-    return turn, when, float(fisher.sf(ratio, 3, free))
+    return turn, when, float(f_sf(ratio, 3, free))
 
 
 def _turned(changes: list[tuple[Joint, Joint, int]]) -> tuple[Array, float]:

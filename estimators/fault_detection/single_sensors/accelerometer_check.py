@@ -10,12 +10,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
 
 from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.fault_detection.single_sensors.cells import CELL, Cells
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
 from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.tail_probabilities import normal_sf
 from handscope.estimators.numerics.typing import Array
 
 UNITS: Mapping[str, float] = {  # size of gravity in each
@@ -103,10 +103,14 @@ def accelerometer_sizes(cells: Cells) -> tuple[list[Suspicion], float]:
         message = Message(
             "file.accelerometer_unit", {"size": size, "unit": unit, "factor": factor}, "fault"
         )
-        p = float(2 * norm.sf(min(abs(np.log(factor)) * GRAVITY / SIZE_SD, 30.0)))
+        p = float(2 * normal_sf(min(abs(np.log(factor)) * GRAVITY / SIZE_SD, 30.0)))
         found.append(Suspicion(message, cells.sensors, (span,), p, {"acc": factor * np.eye(3)}))
     for sensor, size, rested in zip(cells.sensors, gravity.size * factor, gravity.rested):
-        p = len(cells.sensors) * 2 * norm.sf(abs(size - GRAVITY) / SIZE_SD) if rested else 1.0
+        p = (
+            len(cells.sensors) * 2 * float(normal_sf(abs(size - GRAVITY) / SIZE_SD))
+            if rested
+            else 1.0
+        )
         if p < FALSE_ALARMS and abs(size - GRAVITY) > NOTED:
             values: dict[str, float | str] = {
                 "sensor": sensor,

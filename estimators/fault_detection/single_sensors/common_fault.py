@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
 
 from handscope.estimators.fault_detection.single_sensors.cells import Cells
 from handscope.estimators.fault_detection.single_sensors.gravity_fit import (
@@ -28,6 +27,7 @@ from handscope.estimators.fault_detection.single_sensors.gyroscope_check import 
     Judged,
 )
 from handscope.estimators.fault_detection.single_sensors.gyroscope_faults import Fault, share_of
+from handscope.estimators.numerics.tail_probabilities import normal_sf
 
 LEAST = 3  # sensors that share a fault of the file
 AGREE = 2.0  # times as many as those that do not
@@ -103,4 +103,4 @@ def common_rate(cells: Cells, begin: float = 1.0) -> CommonRate | None:
     sd = float(np.sqrt(CORRELATED / weight[telling].sum() + CLOCK**2))
     near = np.abs(change - mean) < 3.0 * np.sqrt(variance)
     agreeing = float((weight * (near & telling)).sum() / weight[telling].sum())
-    return CommonRate(factor, sd, float(2 * norm.sf(abs(factor - 1.0) / sd)), agreeing)
+    return CommonRate(factor, sd, float(2 * normal_sf(abs(factor - 1.0) / sd)), agreeing)

@@ -14,7 +14,6 @@ Limits  fewer than seven magnetometers leave too few degrees of freedom; iron cl
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as f_distribution
 
 from handscope.estimators.magnet.array.dipole_fit import (
     GRADIENT_TERMS,
@@ -22,6 +21,7 @@ from handscope.estimators.magnet.array.dipole_fit import (
     compute_residuals,
     gradient_fields,
 )
+from handscope.estimators.numerics.tail_probabilities import f_sf
 from handscope.estimators.numerics.typing import Array
 
 MIN_MAGNETOMETERS = 7  # magnetometers: seven degrees of freedom beyond magnet, field and gradients
@@ -49,9 +49,7 @@ def gradient_f_test(problem: DipoleFitProblem, x: Array) -> GradientTest:
     explained = float(((np.swapaxes(U, 1, 2) @ remaining) ** 2).sum())
     rest = (float((remaining**2).sum()) - explained) / (len(x) * spare)
     p_value = float(
-        f_distribution.sf(
-            explained / (len(x) * GRADIENT_TERMS) / max(rest, 1e-12), GRADIENT_TERMS, spare
-        )
+        f_sf(explained / (len(x) * GRADIENT_TERMS) / max(rest, 1e-12), GRADIENT_TERMS, spare)
     )
     square = (explained - len(x) * GRADIENT_TERMS * rest) / max(float((s**2).sum()), 1e-12)
     return GradientTest(p_value, float(np.sqrt(max(square, 0.0))))

@@ -11,7 +11,6 @@ Limits  fewer than eight magnetometers leave too few degrees of freedom; iron, o
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as f_distribution
 
 from handscope.estimators.magnet.array.dipole_fit import (
     GRADIENT_TERMS,
@@ -26,6 +25,7 @@ from handscope.estimators.magnet.array.localisation import Localisation
 from handscope.estimators.magnet.model import dipole
 from handscope.estimators.magnet.model.setup import Constellation
 from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.tail_probabilities import f_sf
 from handscope.estimators.numerics.typing import Array
 
 MIN_MAGNETOMETERS = 8  # magnetometers: nine degrees of freedom beyond two magnets and the field
@@ -100,7 +100,7 @@ def second_magnet_f_test(
     )
     better = (with_one - with_two) / PER_MAGNET / np.maximum(with_two / spare, 1e-12)
     out.p_value[rows], out.place[rows] = (
-        f_distribution.sf(better, PER_MAGNET, spare),
+        f_sf(better, PER_MAGNET, spare),
         both[:, PER_MAGNET : PER_MAGNET + 3],
     )
     return out

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
 
 from handscope.estimators.magnet.array.dipole_fit import (
     GRADIENT_TERMS,
@@ -28,6 +27,7 @@ from handscope.estimators.magnet.array.dipole_fit import (
     gradient_fields,
 )
 from handscope.estimators.magnet.model import dipole
+from handscope.estimators.numerics.tail_probabilities import chi2_sf
 from handscope.estimators.numerics.typing import Array, Indices
 
 
@@ -101,7 +101,7 @@ def estimate_systematic_errors(problem: DipoleFitProblem, x: Array) -> Systemati
     dominant = KINDS[int(np.argmax([errors[kind == k] @ b[kind == k] for k in range(len(KINDS))]))]
     sizes = np.sqrt(variance) * [k.size for k in KINDS]
     return SystematicErrors(
-        errors, covariance, sizes, noise, float(chi2.sf(likelihood_ratio, len(KINDS))), dominant
+        errors, covariance, sizes, noise, float(chi2_sf(likelihood_ratio, len(KINDS))), dominant
     )
 
 
