@@ -1,12 +1,16 @@
 """Compile all kernels to machine code once, in one process: python -m handscope.app.compile_kernels.
 
-Row kernels are compiled when their module is imported, loops when they first run on a machine (numerics/jit.py): each
-runs here on some seconds of simulated movement. The code is cached; two processes that compile the same kernel at the
+Row kernels are compiled without being run, loops when they first run on a machine (numerics/jit.py): each of them runs
+here on some seconds of simulated movement. The code is cached; two processes that compile the same kernel at the
 same time can cache code that crashes.
 """
 
+from importlib import import_module
+from pkgutil import walk_packages
+
 import numpy as np
 
+from handscope import estimators
 from handscope.estimators import methods
 from handscope.estimators.magnet.model import setup as magnet_setup
 from handscope.estimators.magnet.tracker import smoother as magnet_smoother
@@ -14,19 +18,20 @@ from handscope.estimators.magnet.tracker import tracker as magnet_tracker
 from handscope.estimators.magnet.tracker.initialisation import Setup
 from handscope.estimators.magnet.tracker.options import MagnetParams
 from handscope.estimators.magnet.tracker.tracker import Readings
+from handscope.estimators.numerics.jit import load_kernels
 from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import process
-from handscope.estimators.sensors import zero_velocity_detector
 from handscope.estimators.simulation import artificial_finger, magnet
 from handscope.estimators.simulation.magnetic_field import EARTH, homogeneous
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.sessions.wire import stuffing
 
-IMPORTED = (zero_velocity_detector,)  # imported by nothing below
-
 
 def compile_all() -> None:
-    """Run every kernel that is compiled on its first call."""
+    """Compile every row kernel, and run every loop."""
+    for module in walk_packages(estimators.__path__, f"{estimators.__name__}."):
+        import_module(module.name)
+    load_kernels()
     stuffing.unstuff(b"\x01")
     map_method = methods.BATCH["map"]
     trial = artificial_finger.record_trial(np.random.default_rng(0), SensorErrors(), duration=10.0)

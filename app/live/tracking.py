@@ -32,6 +32,7 @@ from handscope.estimators.data.samples import Block, join, join_consecutive
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics.jit import load_kernels
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.method import Method
 from handscope.estimators.pipeline.recording_calibration import with_known
@@ -102,6 +103,7 @@ class Tracking:
         self._trail = HandTrail()
 
     def __enter__(self) -> "Tracking":
+        load_kernels()  # the first samples do not wait for them
         self._thread = threading.Thread(target=self._run, name="tracking", daemon=True)
         self._thread.start()
         return self

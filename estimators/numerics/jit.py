@@ -1,14 +1,16 @@
 """Row-wise arithmetic compiled to machine code: what is written for one row runs over arrays of any
 leading shape, broadcast as by numpy.
 
-numba translates a kernel when its module is first imported on a machine, some tenths of a second
-each, and keeps the code beside the module (or in the user's cache where that folder is not
-writable). docs/decisions/0004-compiled-rows.md has why and what it gains.
+numba translates a kernel when it is first called on a machine, some tenths of a second each, and
+keeps the code beside the module (or in the user's cache where that folder is not writable). Later
+processes load it, some milliseconds each, at a kernel's first call: who cannot wait there calls
+`load_kernels`. docs/decisions/0004-compiled-rows.md has why and what it gains.
 """
 
 import hashlib
 import re
 from collections.abc import Callable, Iterator
+from functools import cache
 from types import ModuleType
 from typing import Any, Protocol
 
@@ -18,6 +20,9 @@ from numba.extending import is_jitted
 from numpy.typing import NDArray
 
 from handscope.estimators.numerics.typing import Bools
+
+# what makes each row kernel of the modules that were imported
+_BUILDERS: list[Callable[[], Any]] = []
 
 
 class Compiled(Protocol):
@@ -67,21 +72,33 @@ def looped(kernel: Callable[..., Any]) -> Callable[..., Any]:
     return compiled
 
 
+def load_kernels() -> None:
+    """Load, or translate, every row kernel of the modules that were imported."""
+    for build in _BUILDERS:
+        build()
+
+
 def _over_rows(kernel: Callable[..., None], layout: str, gives: Any) -> Any:
-    taken, given = layout.split("->")
-    types = [_typed(core, float64, float64) for core in _cores(taken)] + [
-        _typed(core, gives, gives[:]) for core in _cores(given)
-    ]
     row = inlined(kernel)
     _name_by_calls(kernel)
-    ufunc = guvectorize([tuple(types)], layout, nopython=True, cache=True)(kernel).ufunc
+    build = cache(lambda: _ufunc(kernel, layout, gives))
+    _BUILDERS.append(build)
 
     def over_rows(*arrays: Any) -> Any:
+        ufunc = build()
         with np.errstate(invalid="ignore"):
             return ufunc(*arrays)
 
     over_rows.row = row  # type: ignore[attr-defined]
     return over_rows
+
+
+def _ufunc(kernel: Callable[..., None], layout: str, gives: Any) -> Any:
+    taken, given = layout.split("->")
+    types = [_typed(core, float64, float64) for core in _cores(taken)] + [
+        _typed(core, gives, gives[:]) for core in _cores(given)
+    ]
+    return guvectorize([tuple(types)], layout, nopython=True, cache=True)(kernel).ufunc
 
 
 def _name_by_calls(kernel: Callable[..., Any]) -> None:
