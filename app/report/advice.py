@@ -30,6 +30,7 @@ ADVICE = (  # a piece of a reason as the measure says it, and what is to be done
     (PLACE_WORDS[PlaceFlag.OUT_OF_REACH], "nearer"),
     (PLACE_WORDS[PlaceFlag.SATURATED], "farther"),
     (PLACE_WORDS[PlaceFlag.MISSING], "trunk_plugs"),
+    (PLACE_WORDS[PlaceFlag.LOST], "trunk_plugs"),
     ("no place of the hand in reach of the magnetometers", "nearer"),
     ("the hand's place hardly changed", "reach_again"),
     ("no reach found", "reach_again"),

@@ -25,6 +25,7 @@ class Flag(IntFlag):
     # mounting_checks.py
     FAULTY = 32
     DOUBTFUL = 64  # something is wrong with the sensor's readings; angles may be off
+    LOST = 128  # within a short gap or right after it: estimators/pipeline/losses.py
 
 
 FLAG_WORDS = {
@@ -35,6 +36,7 @@ FLAG_WORDS = {
     Flag.MAGNETIC: "magnetic disturbance",
     Flag.FAULTY: "faulty sensor",
     Flag.DOUBTFUL: "doubtful sensor",
+    Flag.LOST: "samples lost on their way",
 }
 
 
@@ -71,6 +73,7 @@ class PlaceFlag(IntFlag):
     OUT_OF_REACH = 2
     DOUBTFUL = 4  # the readings contradict the declared magnetometers, magnet and room
     SATURATED = 8  # a magnetometer was at its limit
+    LOST = 16  # within a short gap of hand, trunk or magnetometers, or right after it
 
 
 PLACE_WORDS = {
@@ -78,6 +81,7 @@ PLACE_WORDS = {
     PlaceFlag.OUT_OF_REACH: "magnet out of reach",
     PlaceFlag.SATURATED: "magnetometer at its limit: the magnet was too near",
     PlaceFlag.MISSING: "samples of trunk or magnetometers missing",
+    PlaceFlag.LOST: "samples of hand, trunk or magnetometers lost on their way",
 }
 
 

@@ -20,6 +20,7 @@ from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.force import fingertip_forces
 from handscope.estimators.magnet.pipeline import hand_position
 from handscope.estimators.pipeline.flags import flag_faults, flag_guesses, flag_warnings
+from handscope.estimators.pipeline.losses import mark_losses
 from handscope.estimators.pipeline.method import AnyMethod, solves_whole, steps_through
 from handscope.estimators.pipeline.recording_calibration import (
     calibrate,
@@ -112,6 +113,7 @@ def process(
         *flag_warnings(movement),
     ]
     messages += [*of_forces, *of_place]
+    mark_losses(movement, whole_of(recording))
     return Processed(
         movement, tuple(calibrations), tuple(dict.fromkeys(messages)), findings, tuple(warnings)
     )
