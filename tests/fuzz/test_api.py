@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from starlette.testclient import TestClient
 
+from handscope.app.auth import request_limits
 from handscope.app.auth.gate import new_token
 from handscope.app.results import make as making
 from handscope.app.server import create_app
@@ -70,9 +71,16 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def client(data: Path) -> Iterator[TestClient]:
     app = create_app(Settings(data=data, largest_upload=2**20))
-    with TestClient(
-        app, base_url="http://127.0.0.1:8420", raise_server_exceptions=False, follow_redirects=False
-    ) as browser:
+    with (
+        pytest.MonkeyPatch.context() as patched,
+        TestClient(
+            app,
+            base_url="http://127.0.0.1:8420",
+            raise_server_exceptions=False,
+            follow_redirects=False,
+        ) as browser,
+    ):
+        patched.setattr(request_limits, "REFILL", 1e6)  # hundreds of requests a second, one address
         yield browser
 
 
