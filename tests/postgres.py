@@ -5,7 +5,7 @@ import shutil
 import subprocess
 import tempfile
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -31,8 +31,11 @@ def programs() -> dict[str, str] | None:
 
 
 @contextmanager
-def server() -> Iterator[str]:
-    """A server on a socket in a folder of its own; gives the URL of its database `postgres`. Skips the test where there is none."""
+def server(address: str = "", prefix: Sequence[str] = ()) -> Iterator[str]:
+    """A server on a socket in a folder of its own, and on an IP address where one is named; gives the URL of its database `postgres`.
+
+    `prefix` is a command that starts it elsewhere. Skips the test where there is none.
+    """
     pytest.importorskip("psycopg", reason=MISSING)
     if (found := programs()) is None:
         pytest.skip(MISSING)
@@ -40,22 +43,34 @@ def server() -> Iterator[str]:
     user = _other_user(folder)
     try:
         subprocess.run([found["initdb"], "-D", folder / "data", "-U", "handscope", "-A", "trust", "-E", "UTF8", "--no-sync"], user=user, check=True, capture_output=True, cwd=folder)  # fmt: skip
-        words = [
+        if address:
+            with (folder / "data" / "pg_hba.conf").open("a") as rules:
+                rules.write("host all all samenet trust\n")
+        if prefix and user:
+            words = [*prefix, "runuser", "-u", user, "--"]
+        else:
+            words = list(prefix)
+        words += [
             found["postgres"],
             "-D",
             folder / "data",
             "-k",
             folder,
             "-c",
-            "listen_addresses=",
+            f"listen_addresses={address}",
             "-c",
             "fsync=off",
         ]
         with (folder / "log").open("wb") as log:
-            process = subprocess.Popen(words, user=user, stdout=log, stderr=log, cwd=folder)
+            as_user = None if prefix else user
+            process = subprocess.Popen(words, user=as_user, stdout=log, stderr=log, cwd=folder)
         try:
             _wait(folder, process)
-            yield f"postgresql+psycopg://handscope@/postgres?host={folder}"
+            yield (
+                f"postgresql+psycopg://handscope@{address}/postgres"
+                if address
+                else f"postgresql+psycopg://handscope@/postgres?host={folder}"
+            )
         finally:
             process.terminate()
             process.wait()
