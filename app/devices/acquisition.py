@@ -5,11 +5,13 @@ reader only reads; the writer records and passes on; passing on never waits (the
 When the server dies the input ends: the recording is finished properly and the process leaves.
 """
 
+import contextlib
 import json
 import queue
 import sys
 import threading
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -20,6 +22,7 @@ from handscope.estimators.errors import InputError
 from handscope.sessions.files.recorder import Recorder
 
 FORWARD = 4096  # chunks that wait for a slow server, about 16 MB; then the oldest go
+TOGETHER = 1024  # chunks that go to the disk in one write where it is slow
 RETRY = 0.5  # s between two tries to open a port that went away
 SILENCE = 5.0  # s without a byte after which a network connection counts as lost: a cable that was cut says nothing
 
@@ -44,38 +47,52 @@ class Acquisition:
             thread.start()
         while not (self._stop.is_set() and self._read.empty()):
             try:
-                what, value, at = self._read.get(timeout=0.1)
+                self._record([self._read.get(timeout=0.1), *self._take_waiting()])
             except queue.Empty:
                 continue
-            self._record(what, value, at)
         self._stop.set()
         self._recorder.close()
         self._say(state="finished", bytes_written=self._recorder.bytes_written)
         self._forward.put((Kind.END, 0.0, b""))
         threads[1].join(timeout=2.0)
 
-    def _record(self, what: str, value: Any, at: float) -> None:
+    def _take_waiting(self) -> Iterator[tuple[str, Any, float]]:
+        """What has piled up while the disk was busy, up to TOGETHER."""
+        with contextlib.suppress(queue.Empty):
+            for _ in range(TOGETHER - 1):
+                yield self._read.get_nowait()
+
+    def _record(self, items: Sequence[tuple[str, Any, float]]) -> None:
         """Keep first, then pass on."""
+        try:
+            with self._recorder.together():
+                for item in items:
+                    self._keep(*item)
+        except OSError as problem:
+            self._say_failed(problem.strerror or str(problem))
+        for what, value, at in items:
+            if what == "wire":
+                self._pass_on(Kind.CHUNK, at, value)
+
+    def _keep(self, what: str, value: Any, at: float) -> None:
+        """One that fails takes none of the others with it."""
         try:
             if what == "wire":
                 self._recorder.write(value, at)
             elif what == "command":
                 self._recorder.command(value, at)
             elif what == "event":
-                self._recorder.event(
-                    value["id"], None if value.get("retracted") else Event(**value["event"]), at
-                )
+                event = None if value.get("retracted") else Event(**value["event"])
+                self._recorder.event(value["id"], event, at)
             elif what == "metadata":
                 self._recorder.metadata(value, at)
         except (OSError, ValueError) as problem:
-            if not self._failed:
-                self._failed = True
-                self._say(
-                    state="recording_failed",
-                    reason=getattr(problem, "strerror", None) or str(problem),
-                )
-        if what == "wire":
-            self._pass_on(Kind.CHUNK, at, value)
+            self._say_failed(getattr(problem, "strerror", None) or str(problem))
+
+    def _say_failed(self, reason: str) -> None:
+        if not self._failed:
+            self._failed = True
+            self._say(state="recording_failed", reason=reason)
 
     def _reader(self) -> None:
         """Read the port; when it goes away, say so and try to open it again."""

@@ -2,14 +2,14 @@
 
 One MCAP file (docs/recording.md): channel `wire` holds the port's bytes with their arrival times, `command` what was sent to the glove, `event` and
 `metadata` JSON. Every message is numbered and a chunk of its own with its channel and CRC, handed to the operating system at once and to the disk
-every second. (mcap's own writer is not used: it keeps an index entry of every chunk in memory, 0.4 GB after a million.)
+every second; what has piled up behind a slow disk goes there in one write. (mcap's own writer is not used: it keeps an index entry of every chunk in memory, 0.4 GB after a million.)
 """
 
 import contextlib
 import json
 import os
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -30,6 +30,7 @@ except ImportError:  # Windows: nobody else can open a file that is being writte
 
 FORMAT_VERSION = 1
 SYNC_EVERY = 1.0  # s between syncs to the disk
+BUFFER = 2**22  # bytes that go to the file in one write: half a minute of 17 sensors at 1 kHz
 PROFILE = "handscope"
 CHANNELS = {
     topic: Channel(id=k, topic=topic, message_encoding=encoding, metadata={}, schema_id=0)
@@ -59,8 +60,9 @@ class Recorder:
         """`now` is the host's monotonic clock in s, the clock of every `arrival`; `file` replaces the opened path in tests."""
         self._file = file if file is not None else _create_locked(path)
         self._began, self._utc = now, utc or datetime.now(UTC)
-        self._synced = now
+        self._synced = self._newest = now
         self._number = 0
+        self._together = False
         self.bytes_written = 0
         self._file.write(MCAP0_MAGIC + _bytes_of(Header(PROFILE, PROFILE)))
         self.metadata(
@@ -77,6 +79,16 @@ class Recorder:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+    @contextlib.contextmanager
+    def together(self) -> Iterator[None]:
+        """What is kept meanwhile goes to the file in one write at the end: a disk that is slow for each write keeps up."""
+        self._together = True
+        try:
+            yield
+        finally:
+            self._together = False
+            self._flush()
 
     def write(self, chunk: bytes, arrival: float) -> None:
         """Keep bytes that came from the glove; raises OSError when the disk does not take them."""
@@ -133,10 +145,16 @@ class Recorder:
         )
         self._number = (self._number + 1) % 2**32
         self._file.write(_chunk(_bytes_of(channel, message), utc))
-        self._file.flush()
         self.bytes_written += len(data)
-        if at - self._synced >= SYNC_EVERY:
-            self._synced = at
+        self._newest = at
+        if not self._together:
+            self._flush()
+
+    def _flush(self) -> None:
+        """Hand what waits to the operating system, and to the disk every SYNC_EVERY."""
+        self._file.flush()
+        if self._newest - self._synced >= SYNC_EVERY:
+            self._synced = self._newest
             self.sync()
 
 
@@ -155,7 +173,7 @@ def is_being_written(path: Path) -> bool:
 
 
 def _create_locked(path: Path) -> IO[bytes]:
-    file = path.open("xb")
+    file = path.open("xb", buffering=BUFFER)
     if fcntl is not None:
         with contextlib.suppress(OSError):  # a file system without locks
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

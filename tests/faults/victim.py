@@ -4,10 +4,12 @@ import json
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -92,7 +94,7 @@ class Victim:
         return urllib.request.Request(self.base + path, data, headers, method=method)
 
     def _address(self) -> str:
-        assert self._process.is_alive(), (
+        assert self.runs, (
             f"the server did not start: {(self.data.parent / 'log').read_text()[-2000:]}"
         )
         with suppress(OSError):
@@ -104,6 +106,47 @@ class Victim:
             return self.call("GET", "/api/health")["status"] == "ok"
         except (OSError, urllib.error.URLError):
             return False
+
+
+class ProgramVictim(Victim):
+    """The same as a program of its own, with an environment: what the fork cannot have, such as LD_PRELOAD."""
+
+    def __init__(self, data: Path, environment: Mapping[str, str], *words: str) -> None:
+        super().__init__(data, *words)
+        self._environment = environment
+
+    def start(self, wait: bool = True) -> "ProgramVictim":
+        self.data.mkdir(parents=True, exist_ok=True)
+        words = [sys.executable, "-m", "handscope.app.cli", "serve", "--port", "0", "--data"]
+        with (self.data.parent / "log").open("ab") as log:
+            self._program = subprocess.Popen(
+                [*words, str(self.data), *self._words],
+                stdout=log,
+                stderr=log,
+                env={**os.environ, **self._environment},
+            )
+        if wait:
+            self.answers()
+        return self
+
+    @property
+    def pid(self) -> int:
+        return self._program.pid
+
+    @property
+    def runs(self) -> bool:
+        return self._program.poll() is None
+
+    def kill(self) -> None:
+        self._program.kill()
+        self._program.wait()
+
+    def stop(self) -> None:
+        self._program.terminate()
+        try:
+            self._program.wait(15)
+        except subprocess.TimeoutExpired:
+            self.kill()
 
 
 def wait_for(condition: Callable[[], Any], seconds: float = WAIT) -> Any:
