@@ -46,10 +46,7 @@ def server(address: str = "", prefix: Sequence[str] = ()) -> Iterator[str]:
         if address:
             with (folder / "data" / "pg_hba.conf").open("a") as rules:
                 rules.write("host all all samenet trust\n")
-        if prefix and user:
-            words = [*prefix, "runuser", "-u", user, "--"]
-        else:
-            words = list(prefix)
+        words = [*prefix, "runuser", "-u", user, "--"] if prefix and user else list(prefix)
         words += [
             found["postgres"],
             "-D",
