@@ -8,6 +8,7 @@ Limits  samples that are missing or saturated are bridged by splines; windows th
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +53,56 @@ class Windows:
     arm: Array  # (K, m, 3, 3) m/s^2 for an arm of 1 m along the sensor's x, y, z
     turned: Array  # (K, m, 3, 3) sensor frame at the window's beginning <- sensor frame
     rate: Array  # (K, m, 3) rad/s
-    valid: NDArray[np.bool_]  # (K,)
+    share: Array  # (K, m) of the samples that are there
+
+    @cached_property
+    def valid(self) -> NDArray[np.bool_]:
+        """Windows (K,) that miss few samples."""
+        return np.asarray(self.share.mean(axis=1) > 1 - MOST_MISSING)
+
+    def within(self, first: int, count: int) -> "Windows":
+        """A part of each window's instants, in the frames of the whole."""
+        part = slice(first, first + count)
+        cut = (v[:, part] for v in (self.force, self.arm, self.turned, self.rate, self.share))
+        return Windows(self.t, *cut)
+
+    @cached_property
+    def as_first(self) -> Array:
+        """Vectors (K, m, 3, 7) of a joint's acceleration by this sensor: force, arms, and axes of the frame, negated."""
+        return np.concatenate([self.force[..., None], self.arm, -self.turned], axis=-1)
+
+    @cached_property
+    def as_second(self) -> Array:
+        """The same (K, m, 3, 4) without the frame's."""
+        return self.as_first[..., :4]
+
+    @cached_property
+    def gram(self) -> Array:
+        """Sums (K, 7, 7) of the vectors' scalar products."""
+        flat = self.as_first.reshape(len(self.force), -1, 7)
+        return np.asarray(np.swapaxes(flat, 1, 2) @ flat)
+
+    @cached_property
+    def outer(self) -> Array:
+        """Sums (K, 12, 12) of the products of their components, force and arms."""
+        flat = by_vector(self.as_second)
+        return np.asarray(np.swapaxes(flat, 1, 2) @ flat)
+
+    @cached_property
+    def turning(self) -> Array:
+        """How much each window (K,) adds to an arm of 1 m, root mean square over instants and axes, 1/s^2."""
+        return np.asarray(np.sqrt((self.arm**2).mean(axis=(1, 2, 3)) * 3))
+
+    @cached_property
+    def turn(self) -> Array:
+        """How far (K,) rad the sensor turns about its mean orientation, root mean square."""
+        off = self.turned - self.turned.mean(axis=1, keepdims=True)
+        return np.asarray(np.sqrt((off**2).sum(axis=(2, 3)).mean(axis=1) / 2))
+
+
+def by_vector(vectors: Array) -> Array:
+    """Components (K, m, 3 v) of vectors (K, m, 3, v), one vector after the other."""
+    return np.swapaxes(vectors, 2, 3).reshape(*vectors.shape[:2], -1)
 
 
 def common_series(blocks: Sequence[Block], bias: Mapping[str, Array]) -> Series | None:
@@ -75,23 +125,20 @@ def common_series(blocks: Sequence[Block], bias: Mapping[str, Array]) -> Series 
         for b in whole_streams(list(blocks))
         if b.stream.inertial and len(b.t) > 2 * RATE * LENGTH * 0.2
     ]
-    seen = [
-        (b, k, name)
-        for b in inertial
-        for k, name in enumerate(b.stream.sensors)
-        if name in SEGMENTS
-    ]
-    if len(seen) < 2:
+    if len({s for b in inertial for s in b.stream.sensors} & set(SEGMENTS)) < 2:
         return None
     begin, end = min(float(b.t[0]) for b in inertial), max(float(b.t[-1]) for b in inertial)
     t = begin + np.arange(int((end - begin) * RATE)) / RATE
-    read = {name: _sampled(b, k, t, bias.get(name)) for b, k, name in seen}
+    read = {n: part for b in inertial for n, part in _sampled(b, t).items() if n in SEGMENTS}
     names = tuple(s for s in SEGMENTS if s in read)
-    gyr, change, acc, whole = (
-        np.stack([read[s][part] for s in names], axis=1) for part in range(4)
-    )
-    chosen = most_moved(gyr)
-    return Series(t, names, gyr, change, acc, whole.astype(bool), chosen)
+    both = np.stack([read[s][0] for s in names], axis=1)
+    change = np.stack([read[s][1] for s in names], axis=1)
+    whole = np.stack([read[s][2] for s in names], axis=1)
+    gyr: Array = both[..., :3]
+    level = _resting_rates(gyr, whole)
+    for k, name in enumerate(names):
+        gyr[:, k] -= bias.get(name, level[k])
+    return Series(t, names, gyr, change, both[..., 3:], whole, most_moved(gyr))
 
 
 def most_moved(gyr: Array) -> NDArray[np.int_]:
@@ -105,68 +152,91 @@ def most_moved(gyr: Array) -> NDArray[np.int_]:
     return np.sort(np.argsort(-share, kind="stable")[:MOST_WINDOWS])
 
 
-def _sampled(
-    block: Block, k: int, t: Array, bias: Array | None
-) -> tuple[Array, Array, Array, Array]:
-    """Rates, their derivatives, specific forces (n, 3), and where samples are near (n,)."""
-    good = is_complete(block)[:, k] & ~block.at_limit(GYR)[:, k] & ~block.at_limit(ACC)[:, k]
-    good &= np.concatenate([[True], np.diff(block.t) > 0])
-    if good.sum() < 10:
-        return (*np.zeros((3, len(t), 3)), np.zeros(len(t)))
-    at = block.t[good]
-    gyr, acc = block.of(GYR)[good, k], block.of(ACC)[good, k]
-    gyr = gyr - (_resting_rate(at, gyr) if bias is None else bias)
+def _sampled(block: Block, t: Array) -> dict[str, tuple[Array, Array, NDArray[np.bool_]]]:
+    """By sensor: rates and specific forces (n, 6), derivatives of the rates (n, 3), and where samples are near (n,)."""
+    good = is_complete(block) & ~block.at_limit(GYR) & ~block.at_limit(ACC)
+    good &= np.concatenate([[True], np.diff(block.t) > 0])[:, None]
+    values = np.concatenate([block.of(GYR), block.of(ACC)], axis=-1)
+    patterns, of_sensor = _patterns(good)
+    found = {}
+    for p, pattern in enumerate(patterns.T):  # sensors of one strip mostly miss the same samples
+        columns = np.flatnonzero(of_sensor == p)
+        both, change, near = _splined(block.t[pattern], values[pattern][:, columns], t)
+        for k, column in enumerate(columns):
+            found[block.stream.sensors[column]] = both[:, k], change[:, k], near
+    return found
+
+
+def _patterns(good: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.int_]]:
+    """Different columns (n, patterns), and which of them each column is."""
+    if (good == good[:, :1]).all():
+        return good[:, :1], np.zeros(good.shape[1], int)
+    patterns, of_column = np.unique(good, axis=1, return_inverse=True)
+    return patterns, of_column.ravel()
+
+
+def _splined(at: Array, values: Array, t: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Values (n, S, 6) at other instants, derivatives of the first three, and where samples are near (n,)."""
+    if len(at) < 10:
+        nothing = np.zeros((len(t), *values.shape[1:]))
+        return nothing, nothing[..., :3], np.zeros(len(t), bool)
     inside = np.clip(t, at[0], at[-1])
-    spline = CubicSpline(at, np.concatenate([gyr, acc], axis=1))
-    both, slope = spline(inside), spline(inside, 1)
+    spline = CubicSpline(at, values)
     after = np.clip(np.searchsorted(at, t), 1, len(at) - 1)
     near = (at[after] - at[after - 1] < LONGEST_GAP) & (t >= at[0]) & (t <= at[-1])
-    return both[:, :3], slope[:, :3], both[:, 3:], near
+    return spline(inside), spline(inside, 1)[..., :3], near
 
 
-def _resting_rate(t: Array, gyr: Array) -> Array:
-    """Mean rate (3,) of the quietest second; zero where no second is quiet."""
-    edges = np.searchsorted(t, np.arange(t[0], t[-1] - 1.0, 0.5))
-    seconds = [gyr[a:b] for a, b in zip(edges, np.searchsorted(t, t[edges] + 1.0)) if b - a > 10]
-    spread = [float(s.std(axis=0).max()) for s in seconds]
-    if not spread or min(spread) > QUIET:
-        return np.zeros(3)
-    mean = np.asarray(seconds[int(np.argmin(spread))].mean(axis=0))
-    return mean if np.linalg.norm(mean) < BIAS else np.zeros(3)
+def _resting_rates(gyr: Array, whole: NDArray[np.bool_]) -> Array:
+    """Mean rates (S, 3) of the quietest second; zero where no second is quiet."""
+    half, S = round(RATE / 2), gyr.shape[1]
+    count = len(gyr) // half
+    if count < 2:
+        return np.zeros((S, 3))
+    part = gyr[: count * half].reshape(count, half, S, 3)
+    there = whole[: count * half].reshape(count, half, S).mean(axis=1)
+    mean, square = ((v[1:] + v[:-1]) / 2 for v in (part.mean(axis=1), (part**2).mean(axis=1)))
+    spread = np.sqrt(np.maximum(square - mean**2, 0.0)).max(axis=2)
+    spread[np.minimum(there[1:], there[:-1]) < 1 - MOST_MISSING] = np.inf
+    best = np.argmin(spread, axis=0)
+    level, least = mean[best, np.arange(S)], spread[best, np.arange(S)]
+    small = (least <= QUIET) & (np.linalg.norm(level, axis=1) < BIAS)
+    return np.where(small[:, None], level, 0.0)
 
 
-def cut(series: Series, sensor: int, late: float = 0.0) -> Windows:
-    """Cut one sensor's series into windows; with `late` (s) its readings are taken from that much later."""
-    m = round(LENGTH * RATE)
-    shift, first = round(late * RATE), series.chosen * m
-    rows = first[:, None] + np.arange(m) + shift
-    inside = (rows >= 0).all(axis=1) & (rows < len(series.t)).all(axis=1)
-    rows = np.clip(rows, 0, len(series.t) - 1)
-    gyr, change, acc = (v[rows, sensor] for v in (series.gyr, series.change, series.acc))
-    valid = inside & (series.whole[rows, sensor].mean(axis=1) > 1 - MOST_MISSING)
-    turned = quat.matrix(_integrated(gyr))
-    tensor = quat.skew(change) + quat.skew(gyr) @ quat.skew(gyr)
-    force, arm = np.einsum("kmij,kmj->kmi", turned, acc), turned @ tensor
-    middle = turned[:, AVERAGED // 2 :: AVERAGED]
-    return Windows(
-        series.t[np.minimum(first, len(series.t) - 1)],
-        _averaged(force),
-        _averaged(arm),
-        middle,
-        _averaged(gyr),
-        valid,
-    )
+def cut(series: Series, sensors: Sequence[str], around: int = 0) -> list[Windows]:
+    """Cut sensors' series into windows, each as many averaged instants longer at either end."""
+    m, columns = round(LENGTH * RATE), [series.sensors.index(s) for s in sensors]
+    first, more = series.chosen * m, around * AVERAGED
+    rows = first[:, None] + np.arange(-more, m + more)
+    inside = (rows >= 0) & (rows < len(series.t))
+    at = np.ix_(columns, np.clip(rows, 0, len(series.t) - 1).ravel())
+    gyr, change, acc = (
+        np.swapaxes(v, 0, 1)[at].reshape(len(columns), *rows.shape, 3)
+        for v in (series.gyr, series.change, series.acc)
+    )  # (S, K, m, 3)
+    there = series.whole.T[at].reshape(len(columns), *rows.shape) & inside
+    R = quat.matrix(_integrated(gyr))
+    tensor = quat.skew(change) + _outer(gyr) - (gyr**2).sum(axis=-1)[..., None, None] * np.eye(3)
+    force, arm = _averaged((R @ acc[..., None])[..., 0]), _averaged(R @ tensor)
+    t, rate = series.t[np.minimum(first, len(series.t) - 1)], _averaged(gyr)
+    middle, share = R[:, :, AVERAGED // 2 :: AVERAGED], _averaged(there.astype(float))
+    return [Windows(t, force[s], arm[s], middle[s], rate[s], share[s]) for s in range(len(columns))]
+
+
+def _outer(v: Array) -> Array:
+    return v[..., :, None] * v[..., None, :]
 
 
 def _integrated(gyr: Array) -> Array:
-    """Orientation (K, m, 4) of the sensor in its frame at the first instant, rates (K, m, 3)."""
-    steps = quat.exp(0.5 * (gyr[:, 1:] + gyr[:, :-1]) / RATE)
-    q = np.tile(quat.IDENTITY, (*gyr.shape[:2], 1))
-    for k in range(steps.shape[1]):
-        q[:, k + 1] = quat.multiply(q[:, k], steps[:, k])
-    return q
+    """Orientation (S, K, m, 4) of sensors in their frames at the first instant, rates (S, K, m, 3)."""
+    steps = np.moveaxis(quat.exp(0.5 * (gyr[..., 1:, :] + gyr[..., :-1, :]) / RATE), -2, 0)
+    q = np.tile(quat.IDENTITY, (steps.shape[0] + 1, *gyr.shape[:2], 1))
+    for k, step in enumerate(np.ascontiguousarray(steps)):
+        q[k + 1] = quat.multiply(q[k], step)
+    return np.moveaxis(q, 0, -2)
 
 
 def _averaged(values: Array) -> Array:
-    K, m = values.shape[:2]
-    return np.asarray(values.reshape(K, m // AVERAGED, AVERAGED, *values.shape[2:]).mean(axis=2))
+    S, K, m = values.shape[:3]
+    return np.asarray(values.reshape(S, K, m // AVERAGED, AVERAGED, *values.shape[3:]).mean(axis=3))

@@ -6,12 +6,13 @@ Out     what is left over in every window, for any two sensors at any joint and 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handscope.estimators.fault_detection.neighbours import common_joint, joint_windows, paired_test
-from handscope.estimators.fault_detection.neighbours.common_joint import Joint, Region
+from handscope.estimators.fault_detection.neighbours.common_joint import Couple, Joint, Region
 from handscope.estimators.fault_detection.neighbours.joint_windows import Series, Windows
 from handscope.estimators.hand.anatomy import JOINTS, side_sign
 from handscope.estimators.hand.geometry import HandGeometry
@@ -28,6 +29,7 @@ NEAR = 0.012
 GAINED = (
     0.3  # log ratio by which a joint anywhere explains more than gravity does: movements 0.9 to 4
 )
+AROUND = 9  # averaged instants beside a window, of which delayed ones are cut: 0.36 s
 POOR = 2.0  # times its noise that a joint leaves over the recording; only then other descriptions are tried
 UNEXPLAINED = 3.0  # times its noise that a joint leaves in the middle of its windows; intact ones leave about one
 
@@ -39,15 +41,16 @@ class Pairs:
     series: Series
     geometry: HandGeometry
     q_BS: Mapping[str, Array]
-    _by_skin: Array | None = None
-    _turning: dict[str, Array] = field(default_factory=dict)
+    _couples: dict[tuple[str, str, float], Couple] = field(default_factory=dict)
     _speed: dict[str, Array] = field(default_factory=dict)
     _windows: dict[tuple[str, float], Windows] = field(default_factory=dict)
+    _regions: dict[tuple[str, str, tuple[str, str]], Region] = field(default_factory=dict)
+    _around: dict[str, Windows] = field(default_factory=dict)
     _joints: dict[tuple[str, str, tuple[str, str] | None, float], Joint] = field(
         default_factory=dict
     )
 
-    @property
+    @cached_property
     def joints(self) -> list[tuple[str, str]]:
         """Parent and child of the hand's joints that have a sensor on either side."""
         return [
@@ -75,10 +78,19 @@ class Pairs:
 
     def windows(self, sensor: str, late: float = 0.0) -> Windows:
         if (sensor, late) not in self._windows:
-            self._windows[sensor, late] = joint_windows.cut(
-                self.series, self.series.sensors.index(sensor), late
-            )
+            if late == 0.0:
+                cut = joint_windows.cut(self.series, self.series.sensors)
+                self._windows.update({(s, late): w for s, w in zip(self.series.sensors, cut)})
+            else:
+                step = round(late * joint_windows.RATE / joint_windows.AVERAGED)
+                count = self.windows(sensor).force.shape[1]
+                self._windows[sensor, late] = self._longer(sensor).within(AROUND + step, count)
         return self._windows[sensor, late]
+
+    def _longer(self, sensor: str) -> Windows:
+        if sensor not in self._around:
+            (self._around[sensor],) = joint_windows.cut(self.series, (sensor,), AROUND)
+        return self._around[sensor]
 
     def use(self, a: str, b: str, late: float = 0.0) -> NDArray[np.bool_]:
         """Windows (K,) in which both have samples."""
@@ -88,29 +100,31 @@ class Pairs:
         """The joint between two sensors that sit on the segments `at`, its place free without them; the readings of `b` taken `late` s later."""
         key = (a, b, at, late)
         if key not in self._joints:
-            self._joints[key] = self._fit(
-                a, b, self.use(a, b, late), None if at is None else self.expected(a, b, at), late
-            )
+            region = None if at is None else self.expected(a, b, at)
+            use = self.use(a, b, late).astype(float)
+            self._joints[key] = common_joint.fit(self.couple(a, b, late), use, region)
         return self._joints[key]
 
     def joint_within(self, a: str, b: str, span: tuple[float, float]) -> Joint:
         """The same of two neighbours in windows that lie within a span (s), where the movement does not tell it near where it is expected."""
         t, region = self.windows(a).t, self.expected(a, b, (a, b))
         use = self.use(a, b) & (t >= span[0]) & (t + joint_windows.LENGTH <= span[1])
-        return self._fit(a, b, use, replace(region, reach=np.full(2, np.inf), sd=NEAR), 0.0)
+        near = replace(region, reach=np.full(2, np.inf), sd=NEAR)
+        return common_joint.refit(self.joint(a, b, (a, b)), use.astype(float), near)
 
-    def _fit(
-        self, a: str, b: str, use: NDArray[np.bool_], region: Region | None, late: float
-    ) -> Joint:
-        return common_joint.fit(
-            self.windows(a), self.windows(b, late), use.astype(float), self._pulled(a, b), region
-        )
+    def couple(self, a: str, b: str, late: float = 0.0) -> Couple:
+        """Two sensors, the readings of `b` taken `late` s later."""
+        key = (a, b, late)
+        if key not in self._couples:
+            expected = self.expected(a, b, (a, b)).centre if (a, b) in self.joints else np.zeros(6)
+            self._couples[key] = Couple(
+                self.windows(a), self.windows(b, late), self._pulled(a, b), expected
+            )
+        return self._couples[key]
 
     def turning(self, sensor: str) -> Array:
-        """How much a sensor turns in each window (K,), 1/s^2 (common_joint.turning)."""
-        if sensor not in self._turning:
-            self._turning[sensor] = common_joint.turning(self.windows(sensor))
-        return self._turning[sensor]
+        """How much a sensor turns in each window (K,), 1/s^2 (Windows.turning)."""
+        return self.windows(sensor).turning
 
     def speed(self, sensor: str) -> Array:
         """How fast a sensor turns, (K, m) rad/s."""
@@ -118,16 +132,15 @@ class Pairs:
             self._speed[sensor] = np.asarray(np.linalg.norm(self.windows(sensor).rate, axis=2))
         return self._speed[sensor]
 
+    @cached_property
     def by_skin(self) -> Array:
         """Root mean square rate (K,) rad/s that skin may give to a segment that does not move itself."""
-        if self._by_skin is None:
-            most = np.max([(self.speed(s) ** 2).mean(axis=1) for s in self.series.sensors], axis=0)
-            self._by_skin = np.asarray(common_joint.CLEAR * common_joint.SKIN * np.sqrt(most))
-        return self._by_skin
+        most = np.max([(self.speed(s) ** 2).mean(axis=1) for s in self.series.sensors], axis=0)
+        return np.asarray(common_joint.CLEAR * common_joint.SKIN * np.sqrt(most))
 
     def moves(self, sensor: str) -> NDArray[np.bool_]:
         """In which windows (K,) a segment clearly moves itself."""
-        return np.asarray(np.sqrt((self.speed(sensor) ** 2).mean(axis=1)) > self.by_skin())
+        return np.asarray(np.sqrt((self.speed(sensor) ** 2).mean(axis=1)) > self.by_skin)
 
     def _pulled(self, a: str, b: str) -> Array:
         """The largest of that among the sensors around two sensors, as they are declared."""
@@ -136,6 +149,11 @@ class Pairs:
 
     def expected(self, a: str, b: str, at: tuple[str, str]) -> Region:
         """Where the joint between the segments `at` lies for sensors that sit in the middle of their backs, each mounted as it says."""
+        if (a, b, at) not in self._regions:
+            self._regions[a, b, at] = self._expected(a, b, at)
+        return self._regions[a, b, at]
+
+    def _expected(self, a: str, b: str, at: tuple[str, str]) -> Region:
         parent, child = at
         joint = next(j.name for j in JOINTS if (j.parent, j.child) == at)
         sign = side_sign(self.geometry.hand)
@@ -162,7 +180,7 @@ class Pairs:
         many = np.count_nonzero(rest > 1.5 * noise) >= paired_test.FEWEST
         return bool(many and rest.sum() > POOR * noise.sum())
 
-    @property
+    @cached_property
     def explains(self) -> bool:
         """Whether most joints explain what their sensors read, and better than gravity without any movement's acceleration does.
 
@@ -173,7 +191,7 @@ class Pairs:
             use = self.use(a, b) & self.turns(a, b)
             if np.count_nonzero(use) >= paired_test.FEWEST:
                 joint = self.joint(a, b)
-                by_gravity = common_joint.left_by_gravity(self.windows(a), self.windows(b))
+                by_gravity = self.couple(a, b).left_by_gravity
                 left.append(float(np.median((joint.rest / joint.noise)[use])))
                 gain = paired_test.log_rest(by_gravity, joint.noise) - paired_test.log_rest(
                     joint.rest, joint.noise

@@ -38,11 +38,6 @@ def test_a_region_holds_the_joint() -> None:
     p = pairs()
     region = p.expected("index_middle", "index_distal", ("index_middle", "index_distal"))
     far = common_joint.Region(region.centre + 0.05, np.array([0.01, 0.01]))
-    found = common_joint.fit(
-        p.windows("index_middle"),
-        p.windows("index_distal"),
-        np.ones(len(p.windows("hand").t)),
-        p.turning("hand"),
-        far,
-    )
+    couple = p.couple("index_middle", "index_distal")
+    found = common_joint.fit(couple, np.ones(len(couple.noise)), far)
     assert (np.linalg.norm((found.place - far.centre).reshape(2, 3), axis=1) <= 0.0101).all()
