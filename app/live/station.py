@@ -368,7 +368,7 @@ class Station:
             ),
             None,
         )
-        self.curve.follow(protocol.curve if protocol else None)
+        self.curve.follow(protocol.curve_of(self._status.measured) if protocol else None)
         name, details = (
             (protocol.cue, {"lead": f"{protocol.countdown:g}", **protocol.cue_details})
             if protocol

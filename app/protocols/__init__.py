@@ -5,7 +5,7 @@ The fields are those of `Protocol` below. A file with a mistake is named with it
 (the metronome, its words and the countdown of each phase come from there); or, with neither, when somebody presses "Done".
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, fields
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -19,7 +19,7 @@ from pydantic_core import ErrorDetails
 from handscope.app.protocols.lines import line_of
 from handscope.estimators.data.samples import TRACKED_POINTS
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import DOF_NAMES
+from handscope.estimators.hand.anatomy import CHAINS, DOF_NAMES, FINGERS
 
 Word = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$", max_length=60)]
 Line = Annotated[str, Field(min_length=1, max_length=300)]
@@ -87,6 +87,8 @@ class Protocol:
     needs: tuple[
         str, ...
     ] = ()  # segments and force sensors that must be measured for the task to be offered
+    needs_any: tuple[str, ...] = ()  # of these, `needs_count` must be measured, too; empty: none
+    needs_count: Count = 1
     ghost: tuple[
         Mapping[str, float], ...
     ] = ()  # postures (joint angles and forearm_pronation, deg) that the ghost goes through; empty: none
@@ -110,6 +112,21 @@ class Protocol:
     def length(self) -> float | None:
         """Seconds that the task takes, or None: until "Done"."""
         return self.period * (self.repetitions or 0) if self.cycle else self.duration
+
+    def is_possible(self, measured: Set[str]) -> bool:
+        """Whether the task can be done with what is measured: segments and places of force sensors."""
+        some = measured & set(self.needs_any)
+        return set(self.needs) <= measured and (
+            not self.needs_any or len(some) >= self.needs_count
+        )
+
+    def curve_of(self, measured: Set[str]) -> str:
+        """The live curve; of the first finger that is measured where the task's own one is not."""
+        finger, _, rest = self.curve.partition("_")
+        if finger not in FINGERS or any(s in measured for s in CHAINS[finger]):
+            return self.curve
+        others = [f for f in FINGERS if f != "thumb" and CHAINS[f][0] in measured]
+        return f"{others[0]}_{rest}" if others and f"{others[0]}_{rest}" in CURVES else self.curve
 
     def resumed_at(self, done: float) -> float:
         """Where a trial goes on that was paused `done` s into it, in s of the trial."""
@@ -248,9 +265,11 @@ def _mistakes(file: str, p: Protocol) -> Iterable[str]:
         yield "pause is given, but there is one trial only; give trials, or leave pause out"
     if p.curve not in CURVES:
         yield f"curve is {p.curve!r}; it is aperture, palm_turn or a joint angle such as index_pip_flexion"
-    for name in p.needs:
+    for key, name in (*(("needs", n) for n in p.needs), *(("needs_any", n) for n in p.needs_any)):
         if name not in TRACKED_POINTS:
-            yield f"needs names {name!r}, which is no segment and no sensor's place; they are {', '.join(TRACKED_POINTS)}"
+            yield f"{key} names {name!r}, which is no segment and no sensor's place; they are {', '.join(TRACKED_POINTS)}"
+    if p.needs_count > max(1, len(p.needs_any)):
+        yield f"needs_count is {p.needs_count}, but needs_any names {len(p.needs_any)}"
     for k, name in ((k, name) for k, posture in enumerate(p.ghost) for name in posture):
         if name not in (*DOF_NAMES, TURN):
             yield f"ghost[{k}] names {name!r}, which is no joint angle such as index_pip_flexion"

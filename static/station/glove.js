@@ -25,11 +25,11 @@ export function mount(root, api, { station }) {
   root.append(box);
 
   const drawState = whenChanged(
-    ({ glove }) => [notes(glove), STRIPS.filter((strip) => isFound(glove, strip)).length, glove.flowing],
-    ([problems, count, flowing]) => {
+    ({ glove }) => [notes(glove), STRIPS.filter((strip) => isFound(glove, strip)).length, worn(glove).length, glove.flowing],
+    ([problems, count, all, flowing]) => {
       const good = flowing && !problems.length;
       state.className = `badge ${good ? "good" : "warn"}`;
-      state.textContent = flowing ? t(good ? "glove.good" : "glove.attention", { count, all: STRIPS.length }) : t("glove.silent");
+      state.textContent = flowing ? t(good ? "glove.good" : "glove.attention", { count, all }) : t("glove.silent");
       attention.replaceChildren(...problems.map((words) => h("li", {}, words)));
     },
   );
@@ -51,8 +51,8 @@ export function mount(root, api, { station }) {
       ),
   );
   const drawLead = whenChanged(
-    ({ glove }) => [glove.name, glove.firmware, glove.battery, glove.forces],
-    ([name, firmware, battery, forces]) => {
+    ({ glove }) => [glove.name, glove.firmware, glove.battery, glove.forces, glove.flowing ? unworn(glove) : []],
+    ([name, firmware, battery, forces, without]) => {
       lead.textContent = [
         name,
         firmware && t("glove.firmware", { firmware }),
@@ -60,7 +60,8 @@ export function mount(root, api, { station }) {
       ]
         .filter(Boolean)
         .join(", ");
-      felt.replaceChildren(...forceWords(forces).map((words) => h("p", {}, words)));
+      const absent = without.length ? [t("glove.without", { strips: without.map((strip) => t(`strip.${strip}`)).join(", ") })] : [];
+      felt.replaceChildren(...[...absent, ...forceWords(forces)].map((words) => h("p", {}, words)));
     },
   );
   const open = whenChanged(
@@ -72,6 +73,11 @@ export function mount(root, api, { station }) {
 }
 
 const isFound = (glove, strip) => glove.measured.some((segment) => segment.split("_")[0] === strip);
+
+/** Strips that this glove has or had in this session; a glove without the hand's cannot be used. */
+const worn = (glove) => STRIPS.filter((strip) => strip === "hand" || isFound(glove, strip) || glove.expected.includes(strip));
+
+const unworn = (glove) => STRIPS.filter((strip) => !worn(glove).includes(strip));
 
 /** A stream's strip in words. */
 const called = (name) => known(`strip.${BESIDE[name] ?? name}`, name);
@@ -93,14 +99,14 @@ function forceWords(forces) {
 function row(glove, strip) {
   const stream = glove.strips.find((s) => s.name === strip);
   const words = t(`strip.${strip}`);
-  if (!isFound(glove, strip)) return [words, [t(stream ? "glove.no_signal" : "glove.not_found"), ""]];
+  if (!isFound(glove, strip)) return [words, [t(stream ? "glove.no_signal" : worn(glove).includes(strip) ? "glove.not_found" : "glove.none"), ""]];
   if (!stream) return [words, [t("glove.present"), ""]];
   return [words, [t("unit.per_second_of", { rate: Math.round(stream.rate) }), whole(stream.lost)]];
 }
 
 /** What needs attention. */
 function notes(glove) {
-  const missing = STRIPS.filter((strip) => !isFound(glove, strip)).map((strip) => t(`strip.${strip}`));
+  const missing = worn(glove).filter((strip) => !isFound(glove, strip)).map((strip) => t(`strip.${strip}`));
   const lost = glove.strips.filter((s) => s.lost > 0).map((s) => called(s.name));
   const saturated = glove.strips.filter((s) => s.saturated > 0).map((s) => called(s.name));
   return [

@@ -127,11 +127,11 @@ class Wizard:
 
     def offered(self, status: StationStatus) -> list[Protocol]:
         """Tasks that can be done with what is measured."""
-        return [p for p in self.protocols if set(p.needs) <= status.measured]
+        return [p for p in self.protocols if p.is_possible(status.measured)]
 
     def steps_offered(self, status: StationStatus) -> list[Protocol]:
         """Steps of a functional calibration that can be done with what is measured."""
-        return [p for p in self.steps if set(p.needs) <= status.measured]
+        return [p for p in self.steps if p.is_possible(status.measured)]
 
     def next_step(self, status: StationStatus) -> str | None:
         """The step after this one."""

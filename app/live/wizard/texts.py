@@ -48,6 +48,11 @@ STEP_OF = {
     ),
     "pose",
 )
+WRIST_ALONE = (
+    "Put the glove on",
+    "Bend the wrist up and down: the hand must light up, then turn the forearm.",
+)
+ONE_FINGER = ("Put the glove on", "Bend the finger that wears the sensors: it must light up.")
 WORDS = {
     State.CONNECT: (
         "Put the glove on",
@@ -95,6 +100,8 @@ def title_and_sentence(w: Wizard, status: StationStatus) -> tuple[str, str]:
         return STOPPED
     if w.state is State.STEP_REVIEW and (judged := w.judgement(w.task)) and judged.problems:
         return SPOILT
+    if w.state is State.CONNECT and status.flowing and (words := _small_glove(w, status)):
+        return words
     if w.state is State.CHECK and (finger := w.asked(status)):
         name = finger if finger == "thumb" else f"{finger} finger"
         return (
@@ -108,6 +115,12 @@ def title_and_sentence(w: Wizard, status: StationStatus) -> tuple[str, str]:
     if w.state is State.TASK_PAUSED and w.protocol and w.protocol.resumes:
         return _resumable(w, w.protocol)
     return WORDS.get(w.state, ("", ""))
+
+
+def _small_glove(w: Wizard, status: StationStatus) -> tuple[str, str] | None:
+    """What to move where fewer than two fingers wear sensors; None for other gloves."""
+    fingers = len(w.checkable(status))
+    return (WRIST_ALONE, ONE_FINGER, None)[min(fingers, 2)]
 
 
 def _resumable(w: Wizard, p: Protocol) -> tuple[str, str]:

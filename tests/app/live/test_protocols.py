@@ -169,6 +169,14 @@ def test_a_task_names_the_fingers_that_its_ghost_moves_as_needed() -> None:
             r"curve is 'elbow_flexion'; it is aperture, palm_turn or a joint angle such as index_pip_flexion$",
         ),
         (
+            {"needs_any": ["toe"]},
+            r"needs_any names 'toe', which is no segment and no sensor's place; they are forearm, .*",
+        ),
+        (
+            {"needs_any": ["hand"], "needs_count": 2},
+            r"needs_count is 2, but needs_any names 1$",
+        ),
+        (
             {"needs": ["toe"]},
             r"needs names 'toe', which is no segment and no sensor's place; they are forearm, hand, .*trunk_mag_32$",
         ),
