@@ -8,6 +8,7 @@ from fnmatch import fnmatchcase
 from urllib.parse import urlsplit
 
 import serialx
+from serialx.platforms.serial_rfc2217 import RFC2217Serial
 
 from handscope.estimators.errors import InputError
 
@@ -90,6 +91,8 @@ def _open_address(url: str) -> serialx.BaseSerial:
             write_timeout=2.0,
             connect_timeout=CONNECT_WAIT,
         )
+        if isinstance(port, RFC2217Serial):  # a glove has no modem lines: no news of them
+            port._engine.build_state_mask_commands = tuple  # pyserial's servers never answer it
         if not port.is_open:
             port.open()
     except ConnectionRefusedError:

@@ -4,7 +4,8 @@ import socket
 import subprocess
 import sys
 import threading
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -82,16 +83,35 @@ def test_a_connection_that_breaks_is_opened_again(
     assert received == b"beforeafter"
 
 
-def test_a_glove_behind_tcp_is_recorded_without_a_lost_sample(tmp_path: Path) -> None:
-    words = ["glove", "--tcp", "127.0.0.1:0", "--strips", "index,forearm", "--rate", "200"]
-    program = [sys.executable, "-P", "-m", "handscope.app.cli", *words]
-    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as glove:
-        assert glove.stdout is not None
-        url = glove.stdout.readline().split()[-1]
-        out = tmp_path / "glove.mcap"
+@contextmanager
+def glove_behind_tcp(*words: str) -> Iterator[str]:
+    """The address of a virtual glove of hand, index and forearm at 200 Hz."""
+    glove = ["glove", "--tcp", "127.0.0.1:0", "--strips", "index,forearm", "--rate", "200", *words]
+    program = [sys.executable, "-P", "-m", "handscope.app.cli", *glove]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            yield process.stdout.readline().split()[-1]
+        finally:
+            process.terminate()
+
+
+@pytest.mark.parametrize("scheme", ["socket", "rfc2217"])
+def test_a_glove_in_the_network_is_recorded_without_a_lost_sample(
+    scheme: str, tmp_path: Path
+) -> None:
+    """Directly, and behind a server of serial ports that speaks RFC 2217."""
+    if scheme == "rfc2217":
+        pytest.importorskip("serial")
+        from tests.app.devices.port_server import port_server
+    out = tmp_path / "glove.mcap"
+    with ExitStack() as open_ones:
+        url = open_ones.enter_context(glove_behind_tcp())
+        if scheme == "rfc2217":
+            url = open_ones.enter_context(port_server(url))
         assert main(["record", url, "--out", str(out), "--seconds", "2"]) == 0
-        glove.terminate()
     recording = formats_recordings.load(out)
+    assert recording.warnings == () and not any(recording.losses.values())
     assert {s.name for s in recording.streams} == {"hand", "index", "forearm"}
     for stream in recording.streams:
         steps = recording.samples[stream.name].t
