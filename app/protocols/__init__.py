@@ -116,9 +116,7 @@ class Protocol:
     def is_possible(self, measured: Set[str]) -> bool:
         """Whether the task can be done with what is measured: segments and places of force sensors."""
         some = measured & set(self.needs_any)
-        return set(self.needs) <= measured and (
-            not self.needs_any or len(some) >= self.needs_count
-        )
+        return set(self.needs) <= measured and (not self.needs_any or len(some) >= self.needs_count)
 
     def curve_of(self, measured: Set[str]) -> str:
         """The live curve; of the first finger that is measured where the task's own one is not."""
