@@ -19,10 +19,13 @@ from handscope.estimators.numerics.jit import rowwise_bool
 from handscope.estimators.numerics.typing import Array, Bools
 
 GYR, ACC, MAG, FORCE, TORQUE = "gyr", "acc", "mag", "force", "torque"
+# unit quaternion w, x, y, z: takes vectors from the sensor to a frame of its maker's, z up
+ORIENTATION = "orientation"
 # of full scale counts as saturated; ours: sensors clip a little early, and fast tapping comes near
 # 2000 deg/s
 SATURATION = 0.98
-UNITS = {GYR: "rad/s", ACC: "m/s^2", MAG: "T", FORCE: "N", TORQUE: "Nm"}
+UNITS = {GYR: "rad/s", ACC: "m/s^2", MAG: "T", FORCE: "N", TORQUE: "Nm", ORIENTATION: "1"}
+COMPONENTS = {q: "wxyz" if q == ORIENTATION else "xyz" for q in UNITS}
 # base of the magnet's array: an inertial sensor, and a magnetometer where it has one
 TRUNK = "trunk"
 # more magnetometers on the trunk, rigid with it
@@ -35,12 +38,13 @@ TRACKED_POINTS = (*SEGMENTS, TRUNK, *FORCE_POINTS, *TRUNK_MAGNETOMETERS)
 
 @dataclass(frozen=True)
 class Stream:
-    """Sensors that are sampled together: which quantities they give (three axes each), how fast, by
-    whose clock."""
+    """Sensors that are sampled together: which quantities they give, how fast, by
+    whose clock; `width` numbers a sensor."""
 
     name: str
     sensors: tuple[str, ...]  # names of TRACKED_POINTS
-    # of GYR, ACC, MAG, FORCE, TORQUE (of a force sensor with six axes, about its origin)
+    # of GYR, ACC, MAG, FORCE, TORQUE (of a force sensor with six axes, about its origin),
+    # ORIENTATION
     quantities: tuple[str, ...]
     rate: float  # Hz, nominal
     clock: str = "recording"
@@ -55,10 +59,20 @@ class Stream:
     def inertial(self) -> bool:
         return GYR in self.quantities and ACC in self.quantities
 
+    @property
+    def oriented(self) -> bool:
+        """Whether the sensors bring orientations and not what they are computed from."""
+        return ORIENTATION in self.quantities and not self.inertial
+
+    @property
+    def width(self) -> int:
+        """How many numbers a sample of one sensor has."""
+        return width_of(self.quantities)
+
     def axes(self, quantity: str) -> slice:
-        """Where the quantity's three axes lie in the last axis of a block's values."""
-        k = 3 * self.quantities.index(quantity)
-        return slice(k, k + 3)
+        """Where the quantity's components lie in the last axis of a block's values."""
+        k = width_of(self.quantities[: self.quantities.index(quantity)])
+        return slice(k, k + len(COMPONENTS[quantity]))
 
 
 @dataclass(frozen=True)
@@ -67,10 +81,10 @@ class Block:
 
     stream: Stream
     t: Array  # (n,) s from the start of the recording, increasing
-    values: Array  # (n, sensors, 3 * quantities) SI, in the sensors' frames, NaN where missing
+    values: Array  # (n, sensors, width) SI, in the sensors' frames, NaN where missing
 
     def of(self, quantity: str) -> Array:
-        """Values of one quantity (n, sensors, 3)."""
+        """Values of one quantity (n, sensors, 3), of orientations (n, sensors, 4)."""
         return self.values[..., self.stream.axes(quantity)]
 
     def at_limit(self, quantity: str) -> Bools:
@@ -123,6 +137,11 @@ class Recording(Protocol):
     def blocks(self) -> Iterator[Block]:
         """All samples, streams interleaved, each stream in order."""
         ...
+
+
+def width_of(quantities: Sequence[str]) -> int:
+    """How many numbers these quantities have together."""
+    return sum(len(COMPONENTS[q]) for q in quantities)
 
 
 def every(flags: Bools) -> Bools:

@@ -14,10 +14,12 @@ import numpy as np
 
 from handscope.estimators.data.magnet_declaration import Plate
 from handscope.estimators.data.samples import (
+    COMPONENTS,
     FORCE,
     FORCE_POINTS,
     GYR,
     MAG,
+    ORIENTATION,
     SATURATION,
     TORQUE,
     Block,
@@ -57,6 +59,7 @@ KINDS = {
     MAG: "_mag",
     FORCE: "_force",
     TORQUE: "_torque",
+    ORIENTATION: "_orientation",
 }  # behind the strip's name, by the first of these that a stream gives
 
 
@@ -351,7 +354,8 @@ class Assembler:
                 s.name for n, s in self.streams.items() if n != number
             }:  # two strips for the same finger
                 name += f"_slot{info.slot}"
-            calibrations = [correction_of(m) for m in messages]
+            corrected = messages if ORIENTATION not in info.quantities else ()
+            calibrations = [correction_of(m) for m in corrected]
             scales = {
                 q: imu_calibration.saturation_level(calibrations, q, f)
                 for q, f in zip(info.quantities, info.full_scale)
@@ -392,7 +396,8 @@ class Assembler:
                     else None
                 )
                 limits = np.repeat(
-                    [SATURATION * stream.full_scale.get(q, np.inf) for q in stream.quantities], 3
+                    [SATURATION * stream.full_scale.get(q, np.inf) for q in stream.quantities],
+                    [len(COMPONENTS[q]) for q in stream.quantities],
                 )
                 self._readings[number] = _Reading(
                     self.streams[number], info, messages, correction, limits, forces, applied

@@ -12,7 +12,15 @@ from typing import Any
 import numpy as np
 
 from handscope.estimators.data.magnet_declaration import Plate
-from handscope.estimators.data.samples import ACC, FORCE, GYR, MAG, TORQUE, TRACKED_POINTS
+from handscope.estimators.data.samples import (
+    ACC,
+    FORCE,
+    GYR,
+    MAG,
+    ORIENTATION,
+    TORQUE,
+    TRACKED_POINTS,
+)
 from handscope.sessions.wire.force_calibration import (
     ForceSensorCalibration,
     read_force,
@@ -21,7 +29,7 @@ from handscope.sessions.wire.force_calibration import (
 from handscope.sessions.wire.plate_payload import read_plate, write_plate
 
 VERSION = 1
-QUANTITIES = (GYR, ACC, MAG, FORCE, TORQUE)  # bit k of the quantity mask
+QUANTITIES = (GYR, ACC, MAG, FORCE, TORQUE, ORIENTATION)  # bit k of the quantity mask
 HAND_CODES = {0: None, 1: "left", 2: "right"}
 ALL_SLOTS = 255
 
@@ -91,7 +99,7 @@ class Samples:
     t_first: int  # ns on the stream's clock
     t_sent: int  # ns on the base unit's clock
     count: int
-    data: bytes  # count x sensors x quantities x 3 values
+    data: bytes  # count x sensors x the components of each quantity
 
 
 @dataclass(frozen=True)
@@ -284,6 +292,8 @@ def _read_stream(p: bytes) -> StreamInfo:
     stream, slot, clock, mask, kind, rate = struct.unpack_from("<BBBBBd", p)
     quantities = tuple(q for k, q in enumerate(QUANTITIES) if mask >> k & 1)
     numbers = struct.unpack_from(f"<{2 * len(quantities)}f", p, 13)
+    if ORIENTATION in quantities and len(quantities) > 1:
+        raise ValueError(f"stream {stream} has orientations beside other quantities")
     if not (0 < rate <= 10_000) or not 0 < mask < 1 << len(QUANTITIES):
         raise ValueError(f"stream {stream} states {rate:g} Hz and quantities {mask:#x}")
     if not np.isfinite(numbers).all():

@@ -42,7 +42,8 @@ def strips(draw: st.DrawFn) -> wire.Strip:
 
 @st.composite
 def stream_infos(draw: st.DrawFn) -> wire.StreamInfo:
-    quantities = tuple(q for q in wire.QUANTITIES if draw(st.booleans())) or (GYR,)
+    *others, orientation = wire.QUANTITIES  # which comes alone
+    quantities = tuple(q for q in others if draw(st.booleans())) or (orientation,)
     numbers = [tuple(draw(REAL) for _ in quantities) for _ in range(2)]
     rate = draw(st.floats(0.01, 10_000))
     return wire.StreamInfo(
