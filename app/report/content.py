@@ -211,7 +211,7 @@ def content(
     measured = tuple(
         s
         for s in SEGMENT
-        if any(s in stream.sensors for stream in recording.streams if stream.inertial)
+        if any(s in st.sensors for st in recording.streams if st.inertial or st.oriented)
     )
     return Content(
         visit,

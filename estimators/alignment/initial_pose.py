@@ -29,6 +29,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.fusion import make_upright
+from handscope.estimators.orientation.given_orientations import mean_orientations
 from handscope.estimators.orientation.resampling import measure_rates
 from handscope.estimators.sensors.missing_samples import is_complete
 
@@ -199,6 +200,7 @@ def calibrate(
         north,
         rates,
         pose_sd=pose.sd,
+        q_ES=mean_orientations([b.between(start, end) for b in blocks]),
     )
 
 
@@ -254,6 +256,7 @@ def guess_calibration(
         {},
         (UNCALIBRATED,),
         _magnetic_headings(q_GS, blocks),
+        q_ES=mean_orientations(window),
     )
 
 

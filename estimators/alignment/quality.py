@@ -29,6 +29,7 @@ LIMITS = {  # up to here good, up to here fair
         15.0 * DEG,
         30.0 * DEG,
     ),  # rad against the nominal mounting, where only the pose tells
+    "fusion": (0.0, 1.0),  # 1: the device's own, of which nothing is known
     "axis": (2.0 * DEG, 5.0 * DEG),  # rad, sd of the flexion axis that movements tell
 }
 
@@ -37,7 +38,7 @@ LIMITS = {  # up to here good, up to here fair
 class JointQuality:
     joint: str
     grade: Grade  # none: not measured
-    reason: str = ""  # restless, tilted, turned, axis; fault, uncalibrated
+    reason: str = ""  # restless, tilted, turned, axis, fusion; fault, uncalibrated
     segment: str = ""  # whose sensor decided it
     value: float = 0.0  # rad or rad/s
 
@@ -81,4 +82,5 @@ def _values(c: Calibration, segment: str) -> dict[str, float]:
         if segment in c.q_BS_sd
         else {"turned": q.misalignment}
     )
-    return {"restless": q.rate_wander, "tilted": q.tilt_change, **seat}
+    whose = {"fusion": 1.0} if segment in c.q_ES else {}
+    return {"restless": q.rate_wander, "tilted": q.tilt_change, **seat, **whose}

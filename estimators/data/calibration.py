@@ -106,6 +106,10 @@ class Calibration:
     acc_bias_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) m/s^2
     # rad, by joint, of the pose's angles that were measured; NaN and absent: not measured
     pose_sd: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    # (4,) as the sensors' device gave them at t, in its own frames: whose fusion was not ours
+    q_ES: Mapping[str, Array] = field(default_factory=dict)
+    # rad, of one axis of an orientation of those; None: nothing says how good they are
+    orientation_sd: float | None = None
     # s, the movement used, where the calibration is not from a pose
     stretch: tuple[float, float] | None = None
     is_functional: bool = False  # movements of a functional calibration are combined with it

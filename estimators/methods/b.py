@@ -22,7 +22,7 @@ from handscope.estimators.methods.fusion_pipeline import step as step
 from handscope.estimators.pipeline.method import Capabilities
 
 TITLE = "baseline: magnetometers, no pose, no constraints (Salchow-Hoemmen 2019; Valtin 2017)"
-CAPABILITIES = Capabilities(needs_pose=False, needs_magnetometers=True)
+CAPABILITIES = Capabilities(needs_pose=False, needs_magnetometers=True, takes_orientations=True)
 
 
 @dataclass(frozen=True, kw_only=True)

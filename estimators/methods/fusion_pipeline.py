@@ -1,7 +1,8 @@
 """The hand from the orientations of its sensors: the pipeline that B, M1 and M2 share
 (estimators/methods/b.py, m1.py, m2.py).
 
-In      inertial and magnetic blocks of any subset of sensors (the hand's is needed), a Calibration
+In      inertial and magnetic blocks of any subset of sensors (the hand's is needed), or blocks of
+        orientations (orientation/given_orientations.py), a Calibration
 Out     Trajectory: joint angles, segment orientations, fingertips in the wrist frame
 Source  Salchow-Hoemmen 2019, 2.4: (17), (18), (19)-(22), (23)-(27)
 """
@@ -15,14 +16,14 @@ import numpy as np
 from handscope.estimators.alignment import functional_movements
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.options import option
-from handscope.estimators.data.samples import Block, Stream
+from handscope.estimators.data.samples import ORIENTATION, Block, Stream
 from handscope.estimators.data.trajectory import Flag, Trajectory, empty, join
 from handscope.estimators.hand import pose as hand_pose
-from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.hand.anatomy import IS_DOF, JOINTS, SEGMENT, SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation import fusion as orientation_fusion
-from handscope.estimators.orientation import heading_constraints, resampling
+from handscope.estimators.orientation import given_orientations, heading_constraints, resampling
 from handscope.estimators.sensors import magnetometer_resampling
 
 UNSURE = np.uint8(Flag.MISSING | Flag.SATURATED)  # samples that tell no heading
@@ -30,6 +31,7 @@ UNSURE = np.uint8(Flag.MISSING | Flag.SATURATED)  # samples that tell no heading
 
 @dataclass(frozen=True, kw_only=True)
 class Params(
+    given_orientations.GivenParams,
     orientation_fusion.FusionParams,
     functional_movements.FunctionalParams,
     heading_constraints.HeadingParams,
@@ -49,7 +51,7 @@ class State:
 
     calibration: Calibration
     q_SB: Array  # (segments, 4) segment-to-sensor rotations, identity where not measured
-    sensors: Mapping[str, orientation_fusion.StreamState]  # by stream
+    sensors: Mapping[str, resampling.SensorsState]  # by stream
     rows: resampling.State
     magnetic: magnetometer_resampling.State | None = None  # None: headings come from the pose alone
     headings: heading_constraints.State | None = None  # None: nothing corrects them
@@ -61,12 +63,12 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
     for name, q_BS in calibration.q_BS.items():
         q_SB[SEGMENT[name]] = quat.conjugate(q_BS)
     inertial = [s for s in streams if s.inertial]
-    magnetic = magnetometer_resampling.start(streams) if params.MAGNETOMETER else None
-    used = (
-        [magnetometer_resampling.joined_stream(s) for s in inertial]
-        if params.MAGNETOMETER
-        else inertial
-    )
+    raw = tuple(s for s in streams if not _is_given(s))
+    magnetic = magnetometer_resampling.start(raw) if params.MAGNETOMETER else None
+    used = [
+        magnetometer_resampling.joined_stream(s) if params.MAGNETOMETER and not _is_given(s) else s
+        for s in inertial
+    ]
     sensors = {s.name: _sensors(params, calibration, s) for s in used}
     corrected = params.heading_correction and not params.MAGNETOMETER
     return State(
@@ -82,7 +84,7 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
 def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
     """Advance by one block of any length, 0 included; blocks of streams that the method does not
     use change nothing."""
-    if state.magnetic is None:
+    if state.magnetic is None or _is_given(block.stream):
         return _fuse(params, state, [block] if block.stream.inertial else [])
     magnetic, blocks = magnetometer_resampling.step(state.magnetic, block)
     return _fuse(params, replace(state, magnetic=magnetic), blocks)
@@ -122,16 +124,27 @@ def _fuse(params: Params, state: State, blocks: list[Block]) -> tuple[State, Tra
             fusion is None or fusion.stream != block.stream
         ):  # plugged in later, or with another rate or other sensors than before
             fusion = _sensors(params, state.calibration, block.stream)
-        sensors[block.stream.name], oriented = orientation_fusion.step(params, fusion, block)
+        if isinstance(fusion, given_orientations.State):
+            fusion, oriented = given_orientations.step(params.max_gap, fusion, block)
+        else:
+            fusion, oriented = orientation_fusion.step(params, fusion, block)
+        sensors[block.stream.name] = fusion
         rows, given = resampling.step(state.rows, block.stream, oriented)
         state, piece = _hand(params, replace(state, rows=rows), given)
         pieces.append(piece)
     return replace(state, sensors=sensors), join(pieces, state.calibration.hand)
 
 
-def _sensors(
-    params: Params, calibration: Calibration, stream: Stream
-) -> orientation_fusion.StreamState:
+def _is_given(stream: Stream) -> bool:
+    """Whether the device fused the stream's samples itself."""
+    return ORIENTATION in stream.quantities
+
+
+def _sensors(params: Params, calibration: Calibration, stream: Stream) -> resampling.SensorsState:
+    if _is_given(stream):
+        return given_orientations.start(
+            stream, calibration, params.MAGNETOMETER, calibration.rates.get(stream.name)
+        )
     north = calibration.north if params.MAGNETOMETER else {}
     rate = calibration.rates.get(stream.name)
     return orientation_fusion.start(
@@ -157,4 +170,22 @@ def _hand(params: Params, state: State, rows: resampling.Rows) -> tuple[State, T
     )
     q_GS = pose.q_GS if params.constraints else q_GB
     q_GS[:, SEGMENT["forearm"]] = q_GB[:, SEGMENT["forearm"]]
-    return state, Trajectory(state.calibration.hand, rows.t, pose.freedoms, q_GS, pose.tips, flags)
+    return state, Trajectory(
+        state.calibration.hand,
+        rows.t,
+        pose.freedoms,
+        q_GS,
+        pose.tips,
+        flags,
+        _angles_sd(state.calibration, pose.freedoms),
+    )
+
+
+def _angles_sd(calibration: Calibration, angles: Array) -> Array | None:
+    """Standard deviations (n, joints, 3) rad of angles between two orientations that a device gave;
+    NaN where another sensor is one of the two, None where nothing says how good they are."""
+    if calibration.orientation_sd is None:
+        return None
+    given = [j.parent in calibration.q_ES and j.child in calibration.q_ES for j in JOINTS]
+    sd = np.where(given, np.sqrt(2.0) * calibration.orientation_sd, np.nan)[:, None]
+    return np.where(IS_DOF & np.isfinite(angles), sd, np.nan)

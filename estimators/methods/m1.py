@@ -20,7 +20,7 @@ from handscope.estimators.methods.fusion_pipeline import step as step
 from handscope.estimators.pipeline.method import Capabilities
 
 TITLE = "magnetometers for the headings, one initial pose, joint constraints (Salchow-Hoemmen 2019)"
-CAPABILITIES = Capabilities(needs_pose=True, needs_magnetometers=True)
+CAPABILITIES = Capabilities(needs_pose=True, needs_magnetometers=True, takes_orientations=True)
 
 
 @dataclass(frozen=True, kw_only=True)

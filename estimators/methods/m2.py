@@ -17,4 +17,4 @@ from handscope.estimators.methods.fusion_pipeline import step as step
 from handscope.estimators.pipeline.method import Capabilities
 
 TITLE = "magnetometer-free, one initial pose, joint constraints (Salchow-Hoemmen 2019)"
-CAPABILITIES = Capabilities(needs_pose=True)
+CAPABILITIES = Capabilities(needs_pose=True, takes_orientations=True)

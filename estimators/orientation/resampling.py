@@ -16,7 +16,7 @@ from bisect import (
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,12 @@ from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.orientation import fusion as orientation_fusion
+from handscope.estimators.orientation import given_orientations
 from handscope.estimators.orientation.fusion import Oriented
 
+# of one stream's sensors
+SensorsState = orientation_fusion.StreamState | given_orientations.State
+S = TypeVar("S", bound=SensorsState)
 Places = slice | Indices
 SCATTERS = 4.0  # standard deviations of steps between samples that no jitter makes
 NOTICED = 1e-3  # of the rate: over a turn of 90 deg it makes a tenth of a degree
@@ -101,14 +105,17 @@ def finish(state: State) -> tuple[State, Rows]:
 
 def drain(
     params: orientation_fusion.FusionParams,
-    fusions: Mapping[str, orientation_fusion.StreamState],
+    fusions: Mapping[str, S],
     state: State,
-) -> tuple[dict[str, orientation_fusion.StreamState], State, Rows]:
+) -> tuple[dict[str, S], State, Rows]:
     """What the fusions of all streams and the time base still held back: the states behind it, and
     the rows."""
     after, last = dict(fusions), []
     for name, fusion in fusions.items():
-        after[name], oriented = orientation_fusion.finish(params, fusion)
+        if isinstance(fusion, given_orientations.State):
+            continue  # holds nothing back
+        fused, oriented = orientation_fusion.finish(params, fusion)
+        after[name] = cast("S", fused)
         state, given = step(state, fusion.stream, oriented)
         last.append(given)
     state, given = finish(state)

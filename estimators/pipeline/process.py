@@ -14,11 +14,16 @@ from handscope.estimators.alignment import (
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration, PriorCalibration
 from handscope.estimators.data.findings import Finding, whole_streams
-from handscope.estimators.data.samples import Block, Recording
+from handscope.estimators.data.samples import ORIENTATION, Block, Recording
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.force import fingertip_forces
 from handscope.estimators.magnet.pipeline import hand_position
+from handscope.estimators.orientation.given_orientations import (
+    GivenParams,
+    rate_orientations,
+    with_orientations,
+)
 from handscope.estimators.pipeline.flags import flag_faults, flag_guesses, flag_warnings
 from handscope.estimators.pipeline.losses import mark_losses
 from handscope.estimators.pipeline.method import AnyMethod, solves_whole, steps_through
@@ -64,6 +69,10 @@ def process(
 
     InputError where the recording cannot be calibrated.
     """
+    takes = method.CAPABILITIES.takes_orientations
+    recording = with_orientations(takes, recording)
+    if calibration_recording is not None:
+        calibration_recording = with_orientations(takes, calibration_recording)
     require_magnetometers(method.CAPABILITIES, recording)
     scales_declared = _limits_known(recording)
     if scales := saturation.find_full_scales(whole_of(recording)):
@@ -75,6 +84,9 @@ def process(
         calibrations, warnings = _calibrations(method, params, recording, calibration_recording)
         if known is not None:
             calibrations = [with_known(c, known) for c in calibrations]
+        if isinstance(params, GivenParams):
+            calibrations, fused_elsewhere = rate_orientations(params, calibrations)
+            warnings = [*warnings, *fused_elsewhere]
         movement = trajectory.join(
             _with_progress(
                 run(method, params, calibrations, recording), _span(recording), progress
@@ -82,6 +94,7 @@ def process(
             recording.hand,
         )
     findings = findings_of(recording, calibrations)
+    measured = [b for b in whole_of(recording) if ORIENTATION not in b.stream.quantities]
     if method.CAPABILITIES.needs_pose:
         flag_guesses(movement, calibrations)
     flag_faults(
@@ -93,14 +106,14 @@ def process(
     movement, of_forces = fingertip_forces.attach_forces(
         fingertip_forces.ForceParams(),
         movement,
-        whole_of(recording),
+        measured,
         recording.mounting,
         calibrations,
     )
     movement, of_place = hand_position.add_hand_position(
         hand_position.PlaceParams(),
         movement,
-        whole_of(recording),
+        measured,
         recording.plate,
         recording.mounting,
     )
@@ -131,10 +144,11 @@ def _calibrations(
 def findings_of(recording: Recording, calibrations: Sequence[Calibration]) -> tuple[Finding, ...]:
     """What is wrong with single sensors; where there is an initial pose, also with how they sit."""
     blocks = whole_of(recording)
+    raw = [b for b in blocks if ORIENTATION not in b.stream.quantities]
     poses = [c for c in calibrations if c.source.is_pose]
     if not poses:
-        return tuple(fault_detection.check(blocks, (0.0, 0.0)))
-    found = fault_detection.check(blocks, (poses[0].t, poses[0].end))
+        return tuple(fault_detection.check(raw, (0.0, 0.0)))
+    found = fault_detection.check(raw, (poses[0].t, poses[0].end))
     broken = {f.sensor for f in found if f.severity == "fault" and f.kind != "magnetometer"}
     pose = replace(
         initial_pose.pose_of(initial_poses(recording.events)[0]),

@@ -15,8 +15,9 @@ from handscope.estimators.alignment.functional_movements import (
 )
 from handscope.estimators.alignment.initial_pose import PoseParams
 from handscope.estimators.data.calibration import Calibration, CalibrationSource, PriorCalibration
-from handscope.estimators.data.samples import MAG, Block, Event, Recording, join
+from handscope.estimators.data.samples import MAG, ORIENTATION, Block, Event, Recording, join
 from handscope.estimators.errors import InputError
+from handscope.estimators.orientation.given_orientations import mean_orientations
 from handscope.estimators.orientation.resampling import measure_rates
 from handscope.estimators.pipeline.method import Capabilities
 
@@ -165,7 +166,9 @@ def without_pose(recording: Recording) -> tuple[list[Calibration], list[str]]:
 
 def require_magnetometers(capabilities: Capabilities, recording: Recording) -> None:
     """InputError where the method takes headings from magnetometers and there are none."""
-    if capabilities.needs_magnetometers and not any(MAG in s.quantities for s in recording.streams):
+    if capabilities.needs_magnetometers and not any(
+        {MAG, ORIENTATION} & set(s.quantities) for s in recording.streams
+    ):
         raise InputError(
             "the method takes headings from magnetometers and the recording has none; use m2"
         )
@@ -248,5 +251,6 @@ def _borrow(recording: Recording, other: Calibration, own: list[Calibration]) ->
                 warning,
             ),
             rates=rates,
+            q_ES=mean_orientations([b.between(start, start + 0.5) for b in beginning]),
         )
     ]

@@ -71,8 +71,10 @@ class LoadedRecording:
 
 
 def require_samples(recording: LoadedRecording, name: str) -> LoadedRecording:
-    """Refuse a recording without inertial samples."""
-    if not any(b.stream.inertial and len(b.t) for b in recording.samples.values()):
+    """Refuse a recording without inertial samples or orientations."""
+    if not any(
+        (b.stream.inertial or b.stream.oriented) and len(b.t) for b in recording.samples.values()
+    ):
         raise InputError(
             f"{name} has no inertial samples (gyroscope and accelerometer); there is nothing to process"
         )
