@@ -1,7 +1,7 @@
 """Open a Motion-BIDS recording, a folder or a zip of it, by the rules of docs/motion-bids.md."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -29,6 +29,10 @@ from handscope.estimators.numerics.typing import Array
 from handscope.sessions.files.recording import LoadedRecording, require_samples
 from handscope.sessions.motion_bids import raw_forces
 from handscope.sessions.motion_bids.files import Files, checksum, open_files, whole
+from handscope.sessions.motion_bids.orientation_channels import (
+    orientation_block,
+    orientation_columns,
+)
 from handscope.sessions.motion_bids.tables import MISSING, json_object, numbers, rows
 
 TYPES = {"GYRO": GYR, "ACCEL": ACC, "MAGN": MAG, "MISC": FORCE}
@@ -89,9 +93,8 @@ def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedR
     for system in systems:
         raw = raw_forces.raw_columns(system.name, system.channels, setups)
         calibrated |= raw.keys()
-        block = _block(system, files, warnings, setups, raw)
-        if block is not None:
-            samples[system.name] = block
+        for block in _blocks(system, files, warnings, setups, raw):
+            samples[block.stream.name] = block
     raw_forces.require_all(setups, calibrated)
     _refuse_double(samples)
     recording = LoadedRecording(
@@ -218,22 +221,40 @@ def _hand(sidecars: list[dict[str, Any]], wanted: Hand | None, name: str) -> Han
     raise InputError("motion_bids.hand_not_given", name=name)
 
 
-def _block(
+def _blocks(
     system: System,
     files: Files,
     warnings: list[str],
     setups: Mapping[str, ForceSetup],
     raw: Mapping[str, list[int]],
-) -> Block | None:
-    """The samples of a tracking system; None where it has nothing for us. `raw`: columns of the force sensors that are calibrated here."""
+) -> Iterator[Block]:
+    """The samples of a tracking system, its orientations as a stream of their own. `raw`: columns of the force sensors that are calibrated here."""
     name = PurePosixPath(system.path).name
     wanted = _columns(system, warnings, raw)
-    if not wanted and not raw:
-        return None
+    oriented = orientation_columns(system.name, system.channels)
+    if not wanted and not raw and not oriented:
+        return
     table = numbers(files[system.path](), name, len(system.channels))
     if not len(table):
         raise InputError("motion_bids.no_samples", name=name)
     t, rate = times_of(system, table, name, warnings)
+    if oriented:
+        label = f"{system.name}_orientation" if wanted or raw else system.name
+        yield orientation_block(label, oriented, t, table, rate)
+    if wanted or raw:
+        yield _block(system, table, wanted, setups, raw, t, rate)
+
+
+def _block(
+    system: System,
+    table: Array,
+    wanted: Mapping[tuple[str, str, int], tuple[int, float]],
+    setups: Mapping[str, ForceSetup],
+    raw: Mapping[str, list[int]],
+    t: Array,
+    rate: float,
+) -> Block:
+    """What a tracking system measures with three axes."""
     kinds = {kind for _, kind, _ in wanted} | {
         kind for point in raw for kind in (FORCE, TORQUE)[: setups[point].axes // 3]
     }

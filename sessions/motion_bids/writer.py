@@ -8,7 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from handscope.estimators.data.magnet_declaration import table_of as table_of_plate
-from handscope.estimators.data.samples import ACC, FORCE, GYR, MAG, TORQUE, Block, Event
+from handscope.estimators.data.samples import (
+    ACC,
+    COMPONENTS,
+    FORCE,
+    GYR,
+    MAG,
+    ORIENTATION,
+    TORQUE,
+    Block,
+    Event,
+)
 from handscope.estimators.force.setup import ForceSetup
 from handscope.estimators.force.setup import setup_to_table as table_of_force
 from handscope.estimators.hand.geometry import table_of
@@ -23,6 +33,7 @@ TYPES = {
     MAG: ("MAGN", "T"),
     FORCE: ("MISC", "N"),
     TORQUE: ("MISC", "N*m"),
+    ORIENTATION: ("ORNT", "n/a"),
 }
 
 
@@ -118,9 +129,10 @@ def _channels(block: Block) -> bytes:
     for point in block.stream.sensors:
         for quantity in block.stream.quantities:
             kind, unit = TYPES[quantity]
+            named = "quat_{}".format if quantity == ORIENTATION else str
             lines += [
-                f"{point}_{quantity}_{c}\t{c}\t{kind}\t{point}\t{unit}\t{block.stream.rate:g}"
-                for c in "xyz"
+                f"{point}_{quantity}_{c}\t{named(c)}\t{kind}\t{point}\t{unit}\t{block.stream.rate:g}"
+                for c in COMPONENTS[quantity]
             ]
     return ("\n".join(lines) + "\n").encode()
 
@@ -128,7 +140,9 @@ def _channels(block: Block) -> bytes:
 def _sidecar(recording: LoadedRecording, name: str, block: Block, task: str) -> dict[str, Any]:
     s = block.stream
     kinds = [TYPES[q][0] for q in s.quantities]
-    counts = {f"{kind}ChannelCount": 3 * len(s.sensors) * kinds.count(kind) for kind in kinds}
+    counts = dict.fromkeys((f"{kind}ChannelCount" for kind in kinds), 0)
+    for quantity, kind in zip(s.quantities, kinds):
+        counts[f"{kind}ChannelCount"] += len(COMPONENTS[quantity]) * len(s.sensors)
     return {
         "TaskName": task,
         "SamplingFrequency": s.rate,
