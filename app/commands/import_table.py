@@ -40,8 +40,8 @@ def _guess(arguments: argparse.Namespace) -> int:
     require_file(arguments.guess)
     columns, open_questions = guess_map(arguments.table)
     save_file(as_json(columns).encode(), arguments.guess)
-    mapped = sum(len(s.triads) for s in columns.sensors.values())
-    say(f"{len(columns.sensors)} sensors, {mapped} triads: {arguments.guess}")
+    mapped = sum(len(s.channels) for s in columns.sensors.values())
+    say(f"{len(columns.sensors)} sensors, {mapped} quantities: {arguments.guess}")
     for question in open_questions:
         say(f"to fill in: {question}")
     return 0

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from handscope.estimators.data.samples import ACC, GYR, MAG, TRACKED_POINTS
+from handscope.estimators.data.samples import ACC, COMPONENTS, GYR, MAG, ORIENTATION, TRACKED_POINTS
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from
@@ -23,6 +23,7 @@ FACTORS: Mapping[str, Mapping[str, float]] = {  # to SI, by quantity and unit
     GYR: {"rad/s": 1.0, "deg/s": np.pi / 180},
     ACC: {"m/s^2": 1.0, "g": GRAVITY, "mg": 1e-3 * GRAVITY},
     MAG: {"T": 1.0, "uT": 1e-6, "mG": 1e-7},
+    ORIENTATION: {"1": 1.0},
 }
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
@@ -38,10 +39,10 @@ class TableLayout:
 
 
 @dataclass(frozen=True)
-class Triad:
-    """Three columns, x y z, and their unit."""
+class Channels:
+    """The columns of a quantity, x y z or w x y z, and their unit."""
 
-    columns: tuple[Column, Column, Column]
+    columns: tuple[Column, ...]
     unit: str
 
 
@@ -49,7 +50,7 @@ class Triad:
 class MappedSensor:
     """What one sensor gives, and how it is said to sit."""
 
-    triads: Mapping[str, Triad]  # by quantity
+    channels: Mapping[str, Channels]  # by quantity
     mounting: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)  # q_BS
 
 
@@ -106,7 +107,7 @@ def as_json(columns: ColumnMap) -> str:
     else:
         value["rate"] = columns.rate
     value["sensors"] = {
-        point: {q: {"columns": list(t.columns), "unit": t.unit} for q, t in s.triads.items()}
+        point: {q: {"columns": list(t.columns), "unit": t.unit} for q, t in s.channels.items()}
         | {"mounting": list(s.mounting)}
         for point, s in columns.sensors.items()
     }
@@ -162,16 +163,12 @@ def _sensor(point: str, value: Any, name: str) -> MappedSensor:
     where = f"{name}: {point}"
     if point not in TRACKED_POINTS:
         raise InputError(f"{where} is no tracked point; points are {', '.join(TRACKED_POINTS)}")
-    _only(value, {GYR, ACC, MAG, "orientation", "mounting"}, where)
-    if "orientation" in value:
-        raise InputError(
-            f"{where}: orientations cannot be imported yet; map gyroscope and accelerometer"
-        )
-    triads = {
-        q: _triad(value[q], q, f"{where}, {q}") for q in (GYR, ACC, MAG) if value.get(q) is not None
+    _only(value, {*FACTORS, "mounting"}, where)
+    channels = {
+        q: _channels(value[q], q, f"{where}, {q}") for q in FACTORS if value.get(q) is not None
     }
-    if not triads:
-        raise InputError(f"{where} maps nothing; give gyr, acc or mag")
+    if not channels:
+        raise InputError(f"{where} maps nothing; give gyr, acc, mag or orientation")
     mounting = value.get("mounting") or [1, 0, 0, 0]
     try:
         q = np.asarray(mounting, dtype=float)
@@ -179,17 +176,19 @@ def _sensor(point: str, value: Any, name: str) -> MappedSensor:
         q = np.zeros(0)
     if q.shape != (4,) or not 0.9 < np.linalg.norm(q) < 1.1:
         raise InputError(f"{where}: mounting {mounting!r} is no unit quaternion [w, x, y, z]")
-    return MappedSensor(triads, (float(q[0]), float(q[1]), float(q[2]), float(q[3])))
+    return MappedSensor(channels, (float(q[0]), float(q[1]), float(q[2]), float(q[3])))
 
 
-def _triad(value: Any, quantity: str, where: str) -> Triad:
+def _channels(value: Any, quantity: str, where: str) -> Channels:
     _only(value, {"columns", "unit"}, where)
     columns = value.get("columns")
-    if not isinstance(columns, list) or len(columns) != 3:
-        raise InputError(f"{where}: columns are three, for x, y and z, not {columns!r}")
+    names = COMPONENTS[quantity]
+    if not isinstance(columns, list) or len(columns) != len(names):
+        raise InputError(
+            f"{where}: columns are {len(names)}, for {', '.join(names)}, not {columns!r}"
+        )
     if value.get("unit") not in FACTORS[quantity]:
         raise InputError(
             f"{where} has the unit {value.get('unit')!r}; units are {', '.join(FACTORS[quantity])}"
         )
-    x, y, z = (_column(c, where) for c in columns)
-    return Triad((x, y, z), value["unit"])
+    return Channels(tuple(_column(c, where) for c in columns), value["unit"])

@@ -12,11 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from handscope.estimators.data.samples import ACC, GYR, MAG, Block, Event, Stream
+from handscope.estimators.data.samples import ACC, GYR, MAG, ORIENTATION, Block, Event, Stream
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.orientation.given_orientations import UNIT_NORM
 from handscope.sessions.files.recorder import Recorder
 from handscope.sessions.table_import.column_map import FACTORS, SECONDS, ColumnMap
 from handscope.sessions.table_import.tables import NumberColumns
@@ -30,7 +31,8 @@ BURST = 0.01  # s of samples in a frame
 EVEN = 1e-6  # s by which samples of one frame may be off an even spacing
 GRAVITY_SHARE = 0.15  # of gravity that the median size of accelerations may be off
 FASTEST = 60.0  # rad/s; a gyroscope's largest full scale is 4000 deg/s = 70 rad/s
-QUANTITIES = (GYR, ACC, MAG)
+QUANTITIES = ((GYR, ACC, MAG), (ORIENTATION,))  # of one stream each
+ENDINGS = {MAG: "_mag", ORIENTATION: "_orientation"}  # of a stream that begins with these
 
 
 def blocks_of(table: NumberColumns, columns: ColumnMap) -> list[Block]:
@@ -38,17 +40,21 @@ def blocks_of(table: NumberColumns, columns: ColumnMap) -> list[Block]:
     t, rate = _times(table, columns)
     groups: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for point, sensor in columns.sensors.items():
-        kinds = tuple(q for q in QUANTITIES if q in sensor.triads)
-        groups.setdefault((_strip_of(point), kinds), []).append(point)
+        for together in QUANTITIES:
+            if kinds := tuple(q for q in together if q in sensor.channels):
+                groups.setdefault((_strip_of(point), kinds), []).append(point)
     found = []
     for (strip, kinds), points in groups.items():
         values = np.stack(
-            [np.concatenate([_triad(table, columns, p, q) for q in kinds], axis=1) for p in points],
+            [
+                np.concatenate([_values(table, columns, p, q) for q in kinds], axis=1)
+                for p in points
+            ],
             axis=1,
         )
-        name = strip if GYR in kinds or ACC in kinds else f"{strip}_mag"
+        name = strip + ENDINGS.get(kinds[0], "")
         found.append(Block(Stream(name, tuple(points), kinds, rate), t, values))
-    stated = {s.triads[ACC].unit for s in columns.sensors.values() if ACC in s.triads}
+    stated = {s.channels[ACC].unit for s in columns.sensors.values() if ACC in s.channels}
     _require_plausible(found, stated, table.file)
     return found
 
@@ -57,13 +63,13 @@ def _strip_of(point: str) -> str:
     return next((finger for finger, chain in CHAINS.items() if point in chain), point)
 
 
-def _triad(table: NumberColumns, columns: ColumnMap, point: str, quantity: str) -> Array:
-    triad = columns.sensors[point].triads[quantity]
-    factor = FACTORS[quantity][triad.unit]
-    values = np.column_stack([table.column(c) for c in triad.columns]) * factor
+def _values(table: NumberColumns, columns: ColumnMap, point: str, quantity: str) -> Array:
+    channels = columns.sensors[point].channels[quantity]
+    factor = FACTORS[quantity][channels.unit]
+    values = np.column_stack([table.column(c) for c in channels.columns]) * factor
     if not np.isfinite(values).all(axis=1).any():
         raise InputError(
-            f"{table.file}: the columns {', '.join(map(str, triad.columns))} of {point} hold no numbers"
+            f"{table.file}: the columns {', '.join(map(str, channels.columns))} of {point} hold no numbers"
         )
     return values
 
@@ -108,10 +114,21 @@ def _require_plausible(blocks: Sequence[Block], stated: Set[str], file: str) -> 
         raise InputError(
             f"{file}: with the map's units the accelerometers read {size:.3g} m/s^2, not {GRAVITY:.2f}; {likely}"
         )
+    _require_unit_norm(blocks, file)
     if rates and max(rates) > FASTEST:
         raise InputError(
             f"{file}: with the map's units a gyroscope reads {np.degrees(max(rates)):.0f} deg/s, beyond any sensor; are they deg/s, not rad/s?"
         )
+
+
+def _require_unit_norm(blocks: Sequence[Block], file: str) -> None:
+    for block in (b for b in blocks if ORIENTATION in b.stream.quantities):
+        norms = np.nanmedian(np.linalg.norm(block.of(ORIENTATION), axis=2), axis=0)
+        for point, norm in zip(block.stream.sensors, norms):
+            if not abs(norm - 1.0) <= UNIT_NORM:
+                raise InputError(
+                    f"{file}: the columns mapped as orientation of {point} have the size {norm:.3g}, not 1; are they quaternions w, x, y, z?"
+                )
 
 
 def _likely_unit(size: float, stated: str) -> str:

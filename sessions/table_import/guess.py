@@ -11,17 +11,17 @@ from pathlib import Path
 
 import numpy as np
 
-from handscope.estimators.data.samples import ACC, GYR, MAG
+from handscope.estimators.data.samples import ACC, COMPONENTS, GYR, MAG, ORIENTATION
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS, SEGMENTS
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 from handscope.sessions.table_import.column_map import (
     FACTORS,
+    Channels,
     ColumnMap,
     MappedSensor,
     TableLayout,
-    Triad,
 )
 from handscope.sessions.table_import.tables import (
     READERS,
@@ -34,11 +34,13 @@ DELIMITERS = (";", "\t", ",", "|", " ")
 LOOKED_AT = 50  # lines
 TIME = re.compile(r"^(t|time|timestamp|zeit|sampletime\w*)([_ \[(]|$)", re.IGNORECASE)
 KINDS = {
+    ORIENTATION: re.compile(r"quat|orient|(?:^|[^a-z])q[_.]?[wxyz0-3](?:[^a-z]|$)", re.IGNORECASE),
     GYR: re.compile(r"gyr|angvel|omega|rate|gyro|w_?[xyz]\b", re.IGNORECASE),
     ACC: re.compile(r"acc|freeacc|linacc|beschl", re.IGNORECASE),
     MAG: re.compile(r"mag", re.IGNORECASE),
 }
 AXIS = re.compile(r"(?:^|[^a-z])([xyz])(?:[^a-z]|$)|([XYZ])(?:[^a-zA-Z]|$)")
+QUATERNION = re.compile(r"(?:^|[^a-z]|q)([wxyz])(?:[^a-z]|$)|([WXYZ])(?:[^a-zA-Z]|$)")
 UNITS = (  # words in a header, most telling first
     ("deg/s", GYR),
     ("dps", GYR),
@@ -62,10 +64,10 @@ def guess_map(path: Path) -> tuple[ColumnMap, list[str]]:
     if time is None:
         open_questions.append("no column of times was found: rate is a guess of 100 Hz")
     sensors: dict[str, MappedSensor] = {}
-    for point, kind, columns in _triads(table):
+    for point, kind, columns in _named_channels(table):
         unit = _guess_unit(table, kind, columns)
         known = sensors.get(point, MappedSensor({}))
-        sensors[point] = MappedSensor({**known.triads, kind: Triad(columns, unit)})
+        sensors[point] = MappedSensor({**known.channels, kind: Channels(columns, unit)})
     if not sensors:
         open_questions.append(
             f"no column names a segment ({', '.join(SEGMENTS[:3])}, ...) and a quantity: fill in sensors; columns are {', '.join(table.names[:20]) or f'0 to {table.values.shape[1] - 1}'}"
@@ -128,23 +130,25 @@ def _guess_time(table: NumberColumns) -> tuple[tuple[str | int, str] | None, flo
     return None, 100.0
 
 
-def _triads(table: NumberColumns) -> Iterator[tuple[str, str, tuple[str, str, str]]]:
-    """Segment, quantity and the columns x, y, z that their names tell."""
+def _named_channels(table: NumberColumns) -> Iterator[tuple[str, str, tuple[str, ...]]]:
+    """Segment, quantity and the columns of its components that their names tell."""
     found: dict[tuple[str, str], dict[str, str]] = {}
     for name in table.names:
         plain = re.sub(r"[^a-z0-9]+", "_", name.lower())
         point = next((s for s in sorted(SEGMENTS, key=len, reverse=True) if s in plain), None)
         kind = next((k for k, words in KINDS.items() if words.search(name)), None)
-        axis = AXIS.search(name)
+        axis = (QUATERNION if kind == ORIENTATION else AXIS).search(name)
         if point and kind and axis:
             found.setdefault((point, kind), {})[(axis[1] or axis[2]).lower()] = name
     for (point, kind), axes in found.items():
-        if set(axes) == set("xyz"):
-            yield point, kind, (axes["x"], axes["y"], axes["z"])
+        if set(axes) == set(COMPONENTS[kind]):
+            yield point, kind, tuple(axes[c] for c in COMPONENTS[kind])
 
 
-def _guess_unit(table: NumberColumns, kind: str, columns: tuple[str, str, str]) -> str:
+def _guess_unit(table: NumberColumns, kind: str, columns: tuple[str, ...]) -> str:
     """As the header says, else by size."""
+    if kind == ORIENTATION:
+        return "1"
     for words, of in UNITS:
         if of == kind and words in columns[0].lower():
             return SPELT.get(words, words)

@@ -1,14 +1,17 @@
 """Tables of other loggers: mapped, checked and processed as the recording that they were made from."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from handscope.app.cli import main
-from handscope.estimators.data.samples import ACC, GYR
+from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.samples import ACC, GYR, ORIENTATION, Block
 from handscope.estimators.methods import METHODS
+from handscope.estimators.orientation import fusion
 from handscope.estimators.pipeline.process import process
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings
@@ -197,3 +200,49 @@ def test_a_point_where_the_comma_is_the_decimal_mark_is_refused(
         capsys.readouterr().err
     )
     assert not (tmp_path / "r.mcap").exists()
+
+
+def test_orientations_alone_give_the_angles_of_the_original(
+    original: LoadedRecording, tmp_path: Path
+) -> None:
+    raw = LoadedRecording(
+        original.hand,
+        original.geometry,
+        original.mounting,
+        {"imu": original.samples["imu"]},
+        original.events,
+    )
+    ours = process(METHODS["m2"], METHODS["m2"].Params(), raw)
+    block = exported_orientations(raw, ours.calibrations[0])
+    names = [f"{p} quat {c}" for p in block.stream.sensors for c in "wxyz"]
+    rows = np.column_stack([block.t, block.values.reshape(len(block.t), -1)])
+    table = tmp_path / "device.csv"
+    np.savetxt(table, rows, delimiter=",", header=",".join(["time", *names]), comments="")
+    (tmp_path / "events.tsv").write_bytes(events_table(original.events))
+    assert main(["import", str(table), "--guess", str(tmp_path / "map.json")]) == 0
+    column_map = json.loads((tmp_path / "map.json").read_text()) | {"hand": original.hand}
+    assert set(column_map["sensors"]) == set(block.stream.sensors)
+    for point, q in original.mounting.items():
+        if point in column_map["sensors"]:
+            column_map["sensors"][point]["mounting"] = [float(x) for x in q]
+    (tmp_path / "map.json").write_text(json.dumps(column_map))
+    words = ["import", str(table), "--map", str(tmp_path / "map.json")]
+    out = tmp_path / "r.mcap"
+    assert main([*words, "--events", str(tmp_path / "events.tsv"), "--out", str(out)]) == 0
+    given = process(METHODS["m2"], METHODS["m2"].Params(), recordings.load(out)).trajectory
+    start = ours.calibrations[0].t
+    a, b = given.between(start, np.inf), ours.trajectory.between(start, np.inf)
+    assert np.nanmax(np.abs(a.angles - b.angles)) < 1.0 * DEG
+    words = ["assess", str(out), "--out", str(tmp_path / "out"), "--method", "m2"]
+    assert main(words) == 0
+
+
+def exported_orientations(recording: LoadedRecording, known: Calibration) -> Block:
+    """What our own fusion makes of the sensors, as a device with a fusion of its own would send it."""
+    block = recording.samples["imu"]
+    params = METHODS["m2"].Params()
+    state = fusion.start(block.stream, {}, known.gyr_bias)
+    state, part = fusion.step(params, state, block)
+    _, rest = fusion.finish(params, state)
+    q = np.concatenate([part.q_GS, rest.q_GS])
+    return Block(replace(block.stream, quantities=(ORIENTATION,)), block.t, q)
