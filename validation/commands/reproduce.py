@@ -3,8 +3,10 @@
 import argparse
 import json
 import os
+import subprocess
 from collections.abc import Sequence
 from dataclasses import asdict
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +19,8 @@ from handscope.validation.reproduce.experiments import sizes
 from handscope.validation.reproduce.finding import Finding, as_json
 from handscope.validation.reproduce.layout import (
     as_markdown,
+    as_page,
     as_text,
-    placed,
     sizes_as_markdown,
     sizes_as_text,
 )
@@ -68,8 +70,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--markdown",
         type=Path,
-        metavar="FILE.md",
-        help="write the tables there, each in place of its section",
+        metavar="FOLDER",
+        help="write a page for each there, NAME.md",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the drawings (SVG)")
     parser.epilog = "\n".join(f"{name}: {meaning}" for name, meaning in REPRODUCTIONS.items())
@@ -93,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
         if out is not None:
             save_folder({file: svg.encode() for file, svg in found[-1].figures.items()}, out)
         if arguments.markdown:
-            _write_page(arguments.markdown, found, out)
+            _write_pages(arguments.markdown, found[-1], wanted, out)
     if arguments.json:
         text = {
             "version": software_version(),
@@ -137,11 +139,31 @@ def _plans(names: Sequence[str], wanted: Wanted) -> dict[str, Sequence[Any]]:
     return plans
 
 
-def _write_page(path: Path, found: Sequence[Finding], images: Path | None) -> None:
-    """The sections of what was found, with the drawings where they are written to a folder."""
-    where = os.path.relpath(images, path.parent) if images else None
-    sections = {f.name: as_markdown(f, where) for f in found}
-    if any(f.simulated for f in found):
-        sections |= {sizes().name: sizes_as_markdown(sizes())}
-    page = path.read_text() if path.is_file() else ""
-    save_file(placed(sections, page).encode(), path)
+def _write_pages(folder: Path, found: Finding, wanted: Wanted, images: Path | None) -> None:
+    """The page of what was found, with the drawings where they are written to a folder, and that of the error sizes."""
+    output_folder(folder)
+    where = os.path.relpath(images, folder) if images else None
+    written = (
+        f"Written by `handscope reproduce {found.name} --seeds {wanted.seeds}` on {date.today():%Y-%m-%d},"
+        f" {_described_commit()}. Do not edit it: run the command again."
+    )
+    sections = {found.name: as_markdown(found, where)}
+    if found.simulated:
+        sections[sizes().name] = sizes_as_markdown(sizes())
+    for name, section in sections.items():
+        save_file(as_page(section, written).encode(), folder / f"{name}.md")
+
+
+def _described_commit() -> str:
+    """Which code was run: version and, in a clone, commit."""
+    clone = Path(__file__).resolve().parents[2]
+    try:
+        commit = subprocess.run(
+            ["git", "-C", str(clone), "describe", "--always", "--dirty"],
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return f"version {software_version()}"
+    return f"version {software_version()}, commit {commit}"

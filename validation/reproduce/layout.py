@@ -1,7 +1,7 @@
-"""Findings as a person reads them: on a terminal, and as Markdown whose sections can be made again one by one."""
+"""Findings as a person reads them: on a terminal, and as Markdown, a page each."""
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from handscope.validation.reproduce.finding import Finding, Row, Sizes, Spread, Table, at_or_below
 
@@ -42,18 +42,10 @@ def sizes_as_markdown(sizes: Sizes) -> str:
     return f"## {sizes.title}\n\n{_piped([list(sizes.head), *(list(row) for row in sizes.rows)], right=False)}"
 
 
-def placed(sections: Mapping[str, str], page: str) -> str:
-    """The page with its sections replaced, each between marks with its name; a section that it does not have comes at its end."""
-    for name, section in sections.items():
-        begin, end = f"<!-- begin {name} -->", f"<!-- end {name} -->"
-        marked = f"{begin}\n{section}\n{end}"
-        first, last = page.find(begin), page.find(end)
-        page = (
-            f"{page[:first]}{marked}{page[last + len(end) :]}"
-            if 0 <= first < last
-            else f"{page.rstrip()}\n\n{marked}\n".lstrip()
-        )
-    return page
+def as_page(section: str, written: str) -> str:
+    """A page of the site from a section: its title first, then who wrote it and when."""
+    title, _, rest = section.partition("\n")
+    return f"# {title.lstrip('# ')}\n\n*{written}*\n{rest}\n"
 
 
 def _how(table: Table) -> str:

@@ -1,6 +1,7 @@
 """`handscope reproduce` as a person uses it."""
 
 import json
+from datetime import date
 from pathlib import Path
 
 import pytest
@@ -20,8 +21,7 @@ def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 def test_one_experiment_of_table_6_is_printed_written_and_put_on_a_page(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    page, figures = tmp_path / "page.md", tmp_path / "all.json"
-    page.write_text("# Page\n\n<!-- begin table6 -->\nold\n<!-- end table6 -->\n\nEnd.\n")
+    pages, figures = tmp_path / "pages", tmp_path / "all.json"
     words = [
         "table6",
         "--seeds",
@@ -33,7 +33,7 @@ def test_one_experiment_of_table_6_is_printed_written_and_put_on_a_page(
         "--json",
         str(figures),
         "--markdown",
-        str(page),
+        str(pages),
     ]
     assert main(["reproduce", *words]) == 0
     said = capsys.readouterr().out
@@ -46,18 +46,15 @@ def test_one_experiment_of_table_6_is_printed_written_and_put_on_a_page(
     assert [row["name"] for row in tips["rows"]] == ["F-F2"]
     assert tips["rows"][0]["theirs"] == {"b": 2.1, "m1": 0.6, "m2": 0.6, "m2 heading": 0.6}
     assert 0.0 < tips["rows"][0]["ours"]["m2"]["mean"] < 3.0  # cm
-    written = page.read_text()
-    assert written.startswith("# Page\n\n<!-- begin table6 -->\n## One finger moves")
-    assert "old" not in written
-    assert "End." in written
+    written = (pages / "table6.md").read_text()
+    assert written.startswith("# One finger moves")
     assert "| F-F2 |" in written
-    assert "<!-- begin error-sizes -->" in written
 
 
 def test_the_mechanical_finger_is_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mechanical_finger, "METHODS", ("m2",))  # the one that is drawn
     figures = tmp_path / "figures"
-    page = tmp_path / "page.md"
+    pages = tmp_path / "pages"
     assert (
         main(
             [
@@ -68,13 +65,18 @@ def test_the_mechanical_finger_is_drawn(tmp_path: Path, monkeypatch: pytest.Monk
                 "--out",
                 str(figures),
                 "--markdown",
-                str(page),
+                str(pages),
             ]
         )
         == 0
     )
     assert (figures / "reproduce-mechanical-finger.svg").read_text().count("<svg") == 1
-    assert "(figures/reproduce-mechanical-finger.svg)" in page.read_text()
+    page = (pages / "mechanical-finger.md").read_text()
+    assert "(../figures/reproduce-mechanical-finger.svg)" in page
+    title, _, written = page.splitlines()[:3]
+    assert title.startswith("# One joint after the other")
+    assert f"mechanical-finger --seeds 1` on {date.today():%Y-%m-%d}, version" in written
+    assert (pages / "error-sizes.md").read_text().startswith("# Error sizes")
 
 
 def test_trials_in_processes_of_their_own_give_the_same(tmp_path: Path) -> None:

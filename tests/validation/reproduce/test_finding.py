@@ -15,7 +15,7 @@ from handscope.validation.reproduce.finding import (
     spread,
     standing,
 )
-from handscope.validation.reproduce.layout import as_markdown, as_text, placed
+from handscope.validation.reproduce.layout import as_markdown, as_page, as_text
 
 TABLE = Table(
     "RMSE, cm",
@@ -73,18 +73,12 @@ def test_text_has_every_figure_with_the_papers_beside_it() -> None:
     assert "tip: 0.90 cm, ABOVE 0.80 cm (our target)" in text
 
 
-def test_a_section_of_a_page_is_replaced_and_the_rest_stays() -> None:
-    page = placed({"table": as_markdown(FINDING, "images")}, "# Page\n\nWords.\n")
-    page += "\nMore words.\n"
+def test_a_page_has_its_title_who_wrote_it_and_its_tables() -> None:
+    page = as_page(as_markdown(FINDING, "images"), "Written by somebody.")
+    assert page.startswith("# A table\n\n*Written by somebody.*\n\n")
     assert "![A table](images/a.svg)" in page
     assert ".svg" not in as_markdown(FINDING, None)
     assert "| A | 4.00 ± 1.41 (5.00) | 2.2 |" in page
-    again = placed({"table": "new"}, page)
-    assert (
-        again
-        == "# Page\n\nWords.\n\n<!-- begin table -->\nnew\n<!-- end table -->\n\nMore words.\n"
-    )
-    assert placed({"table": "new"}, again) == again
 
 
 def test_the_figures_as_json_say_what_is_met() -> None:
