@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Modules are compiled once, not again by every process that starts
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: sbom firmware run test test-fast test-all check audit tests browser format lock bench faults fuzz soak clean
+.PHONY: sbom docs firmware run test test-fast test-all check audit tests browser format lock bench faults fuzz soak clean
 
 run: $(VENV)/runs
 	$(BIN)/handscope demo --port $(PORT) $(DEMO)
@@ -47,6 +47,10 @@ $(VENV)/node: Makefile
 format: $(VENV)/develops
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+# The documentation site, strict, in build/site: a link that leads nowhere is an error
+docs: $(VENV)/runs $(VENV)/develops .types/handscope
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 # Known weaknesses of the locked versions; skipped with a word where the service cannot be reached
 audit: $(VENV)/develops

@@ -1,5 +1,5 @@
 """One finger worn alone, by a simulator that shares nothing with the package's own: errors in standard deviations, with the skin under the hand's
-sensor left out and among the unknowns (docs/methods.md has the table).
+sensor left out and among the unknowns (0005-self-calibration-solves-for-orientations.md has the table).
 
 python docs/decisions/0005-one-finger.py 200 210
 """

@@ -1,4 +1,4 @@
-"""Conditions of the magnet's filter violated on purpose: what is marked doubtful, and what is wrong unsaid (docs/methods.md has the table).
+"""Conditions of the magnet's filter violated on purpose: what is marked doubtful, and what is wrong unsaid (0006-magnet-violated.md has the table).
 
 python docs/decisions/0006-magnet-violated.py both 701 702 703 704
 """

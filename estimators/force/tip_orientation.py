@@ -30,7 +30,7 @@ class TipParams:
         4.0,
         "deg",
         "turn of a tip as the method tells it, in each axis",
-        "docs/reproduction.md: 3.2 deg of the thumb's base, 1.8 of fingers",
+        "docs/validation: 3.2 deg of the thumb's base, 1.8 of fingers",
         least=0.1,
     )
     cuff_sd: float = option(

@@ -2,7 +2,7 @@
 
 In      a method's name, its calibrations
 Out     standard deviations of joint angles (rad) and of tips (m), for a whole trajectory
-Source  docs/reproduction.md, Table 6 on 20 simulated people: RMS error of the moved finger's angles and of its tip, mean over the eight experiments; a segment
+Source  docs/validation/table6.md on 20 simulated people: RMS error of the moved finger's angles and of its tip, mean over the eight experiments; a segment
         without an initial pose is as far off as method b, which has none; the thumb's CMC joint, which no constraint holds: RMS error of its largest and smallest
         angles by m2 in six assessment tasks of eight simulated people each (all other joints there: 1.8); the calibration's part: how far gravity tilted in the pose
 Limits  of a person like those simulated; errors of neighbouring joints count as independent, and an error is taken as constant over a task
@@ -24,7 +24,7 @@ ANGLE, ANGLE_UNPOSED = 1.84 * DEG, 6.99 * DEG  # m2 and b
 CMC = 3.2 * DEG
 TIP, TIP_UNPOSED = 7.0e-3, 20.7e-3  # m, the same
 OWN = "the method's own standard deviation"
-TABLE = "RMS error of method {method} in docs/reproduction.md, Table 6"
+TABLE = "RMS error of method {method} in docs/validation/table6.md"
 
 
 @dataclass(frozen=True)

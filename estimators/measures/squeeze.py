@@ -3,7 +3,7 @@
 In      a trajectory with fingertip forces of the thumb and another finger, the stretch of time of the task
 Out     squeezes with their forces and depths, shares of the fingers, work, stiffness and damping with their standard deviations
 Source  Kortier, thesis ch. 6: (6.6), (6.8), (6.16), (1.15); 6.2.3: a spring compressed eight times
-Limits  the stiffness is as good as the change of the fingertips' distance is: 5 % from person to person in simulation (docs/reproduction.md); fingertips that
+Limits  the stiffness is as good as the change of the fingertips' distance is: 5 % from person to person in simulation (docs/validation); fingertips that
         give way make the object seem softer
 """
 
@@ -111,7 +111,7 @@ class Params(ContactParams):
         0.055,
         "1",
         "error of a change of the fingertips' distance",
-        "docs/reproduction.md, kortier6: RMS over simulated people",
+        "docs/validation/kortier6.md: RMS over simulated people",
         least=0.0,
     )
     scale_sd: float = option(

@@ -40,7 +40,7 @@ THUMB_SOURCE = (
 )
 FOREARM_SOURCE = "AAOS (Norkin App. A) for zero and directions; read against gravity: ours"
 THUMB_DOWN = -120.0 * np.pi / 180  # that nobody turns to from above
-# rad, of the hand's inclination: the worst of ten real trials (docs/reproduction.md, BROAD)
+# rad, of the hand's inclination: the worst of ten real trials (docs/validation/broad.md)
 INCLINATION = 1.7 * np.pi / 180
 
 

@@ -37,5 +37,5 @@ class Params(fusion_pipeline.Params, Noise, Requirements):
         2.0,
         "deg",
         "standard deviation that tracking adds before and after the stretch",
-        "docs/reproduction.md, Table 6, m2: 1.8",
+        "docs/validation/table6.md, m2: 1.8",
     )

@@ -38,7 +38,7 @@ from handscope.estimators.self_calibration.problem import (
 )
 from handscope.estimators.self_calibration.result import Finger
 
-TRIED = "self-calibration (map) was tried on simulated recordings only (docs/methods.md)"
+TRIED = "self-calibration (map) was tried on simulated recordings only (docs/methods/map.md)"
 
 
 # standard deviation of an angle of which nothing is known: what joints can do at all

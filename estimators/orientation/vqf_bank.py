@@ -51,7 +51,7 @@ class FusionParams:
         0.1,
         "deg/s",
         "rate at which a sensor that seems to rest still turns (standard deviation): a bias found at rest is no better known",
-        "ours: skin under a still hand's sensor turns while fingers move; VQF's 0.03 is for sensors laid down (docs/reproduction.md, drift)",
+        "ours: skin under a still hand's sensor turns while fingers move; VQF's 0.03 is for sensors laid down (docs/validation/drift.md)",
         least=0.001,
     )
     rest_acc: float = option(
@@ -85,7 +85,7 @@ class FusionParams:
         0.25,
         "s",
         "longest stretch of missing samples that is bridged by interpolation",
-        "ours: docs/methods.md, lost samples",
+        "ours: docs/methods/m2.md, lost samples",
         most=1.0,
     )
 

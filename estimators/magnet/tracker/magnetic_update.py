@@ -6,7 +6,7 @@ Out     predicted readings and Jacobians; errors, covariance, normalised innovat
 Source  Kortier, thesis ch. 5, (5.7)-(5.15). The update is iterated (Bell & Cathey 1993, IEEE Trans
         Autom Control 38:294): the dipole is far from linear where the position is uncertain
 Leaves  the Jacobian of a known position is taken three quarters of the way to the solution
-        (docs/methods.md says why)
+        (docs/methods/magnet.md says why)
 """
 
 import math
