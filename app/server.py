@@ -20,9 +20,7 @@ from handscope.app.api import (
     accounts,
     errors,
     languages,
-    login_routes,
     methods,
-    oidc_routes,
     pages,
     patients,
     progress,
@@ -31,6 +29,7 @@ from handscope.app.api import (
     sessions,
     stations,
 )
+from handscope.app.api.login import login_routes, oidc_routes, second_factors
 from handscope.app.auth.gate import Gate
 from handscope.app.auth.incoming_text import PlainAddresses
 from handscope.app.auth.request_limits import RequestLimits
@@ -125,6 +124,7 @@ def create_app(settings: Settings) -> FastAPI:
     ):
         app.include_router(module.router, prefix="/api")
     app.include_router(accounts.own, prefix="/api")
+    app.include_router(second_factors.router, prefix="/api")
     app.include_router(login_routes.pages)
     app.include_router(oidc_routes.router)
     app.include_router(languages.router)

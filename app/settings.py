@@ -31,6 +31,7 @@ class Settings:
     ] = ()  # addresses of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are believed
     metrics: tuple[str, int] | None = None  # where figures for a monitoring system are served
     sign_on: SignOn | None = None  # an organisation's login
+    second_factor: tuple[str, ...] = ()  # roles that need a second factor
     idle_logout: float = (
         4 * 3600.0
     )  # s without a request or an open live view after which a login ends

@@ -10,6 +10,7 @@ from starlette.requests import HTTPConnection
 
 from handscope.app import language as languages
 from handscope.app.api.broadcast import Broadcasts
+from handscope.app.auth.pending_logins import PendingLogins
 from handscope.app.auth.roles import Requester, on_behalf_of, requester
 from handscope.app.job_queue import Jobs
 from handscope.app.language import Language
@@ -33,6 +34,7 @@ class Parts:
     upload_reader: UploadReader
     storage_mover: StorageMover | None  # where there is an object storage
     broadcasts: Broadcasts = field(default_factory=Broadcasts)
+    pending_logins: PendingLogins = field(default_factory=PendingLogins)
 
 
 def parts(connection: HTTPConnection) -> Parts:

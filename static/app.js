@@ -38,10 +38,10 @@ async function show() {
   main.replaceChildren(h("p", { class: "soft" }, t("loading")));
   document.body.className = "";
   links.forEach((a) => (a.pathname === location.pathname ? a.setAttribute("aria-current", "page") : a.removeAttribute("aria-current")));
-  const [page, { roles }] = await Promise.all([load().catch(unloadable), account]);
+  const [page, { roles, lacks_second_factor: lacks }] = await Promise.all([load().catch(unloadable), account]);
   if (mine !== turn || !page) return;
   main.replaceChildren();
-  leave = page.mount(main, api, { id: location.pathname.match(pattern)[1], go, title, roles });
+  leave = page.mount(main, api, { id: location.pathname.match(pattern)[1], go, title, roles, lacks });
 }
 
 /** A page's module did not come: the login ended, or the server did. */
@@ -105,9 +105,11 @@ document.body.append(
 );
 /** What the account's roles do not allow is not offered; the server refuses it in any case. */
 async function offer() {
-  const { roles } = await account;
-  document.documentElement.dataset.may = roles.join(" ");
-  if (roles.join() === "administrator" && location.pathname === "/") go("/account", true);
+  const { roles, lacks_second_factor: lacks } = await account;
+  document.documentElement.dataset.may = lacks ? "" : roles.join(" ");
+  if (lacks && location.pathname !== "/account") return go("/account", true);
+  if (roles.join() === "administrator" && location.pathname === "/") return go("/account", true);
+  return undefined;
 }
 
 document.addEventListener("click", followed);

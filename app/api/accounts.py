@@ -16,7 +16,7 @@ from handscope.app.auth.roles import (
 )
 from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.estimators.errors import InputError
-from handscope.sessions.clinic import accounts, audit
+from handscope.sessions.clinic import accounts, audit, second_factors
 from handscope.sessions.clinic.accounts import LOCAL
 from handscope.sessions.db.tables import Account, AuditLine
 from handscope.sessions.store import logins
@@ -46,7 +46,11 @@ class NewPassword(Incoming):
 
 @router.get("/accounts")
 def list_accounts(db: Db) -> list[dict[str, Any]]:
-    return [account_row(account) for account in accounts.list_accounts(db)]
+    proved = second_factors.accounts_with_one(db)
+    return [
+        account_row(account) | {"second": account.id in proved}
+        for account in accounts.list_accounts(db)
+    ]
 
 
 @router.post("/accounts", status_code=201)
@@ -87,9 +91,19 @@ def make_code(db: Db, parts: PartsDep, account_id: int) -> dict[str, str]:
     return {"code": logins.new_token(parts.store.folder, account.name)}
 
 
+@router.delete("/accounts/{account_id}/second-factors", status_code=204)
+def remove_second_factors(db: Db, account_id: int) -> Response:
+    """Take all second factors of an account out of use, where their owner lost them; its logins end."""
+    account = accounts.get(db, account_id)
+    second_factors.remove_all(db, account)
+    logins.end_all(db, account)
+    return Response(status_code=204)
+
+
 @own.get("/me")
 def read_me(db: Db, who: RequesterDep) -> dict[str, Any]:
-    return account_row(accounts.get(db, who.account))
+    row = account_row(accounts.get(db, who.account))
+    return row | {"lacks_second_factor": who.lacks_second_factor}
 
 
 @own.put("/me/password", status_code=204)

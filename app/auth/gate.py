@@ -18,6 +18,7 @@ from handscope.app.auth.roles import ANYBODY, Requester, RouteAccess, RouteTable
 from handscope.app.database_answers import answer_to_database
 from handscope.app.settings import Settings
 from handscope.app.state import preferred
+from handscope.sessions.clinic.second_factors import lacks_required
 from handscope.sessions.store.logins import find_login, new_token
 from handscope.sessions.store.store import Store
 
@@ -36,6 +37,10 @@ SAFE = ("GET", "HEAD", "OPTIONS")
 STRANGER = "not logged in; open the address that the server printed, or print a new one with: handscope login"
 OTHER_SITE = "the request comes from another site's page"
 NOT_YOURS = "your account may not do this; ask an administrator"
+SECOND_FACTOR = (
+    "your role needs a second factor: make one on the page Account, then everything else opens"
+)
+FOR_ENROLLING = ("/account", "/api/me", "/api/login", "/api/health", "/login")
 CHECK_EVERY = 15.0  # s between two checks of a web socket's login
 
 
@@ -117,11 +122,7 @@ class Gate:
             return None
         requester = self._requester_of(connection)
         if requester is None:
-            if (
-                scope["type"] == "http"
-                and scope["method"] == "GET"
-                and "text/html" in Headers(scope=scope).get("accept", "")
-            ):
+            if _asks_for_page(connection):
                 return RedirectResponse("/login", 303)
             return _answer(connection, 401, STRANGER)
         scope.setdefault("state", {})["requester"] = requester
@@ -129,6 +130,10 @@ class Gate:
             access.requirement is None or not access.requirement.admits(requester)
         ):
             return _answer(connection, 403, NOT_YOURS)
+        if requester.lacks_second_factor and not _is_for_enrolling(scope["path"]):
+            if _asks_for_page(connection):
+                return RedirectResponse("/account", 303)
+            return _answer(connection, 403, SECOND_FACTOR)
         return None
 
     def _refuse_safely(
@@ -148,12 +153,15 @@ class Gate:
             login = find_login(
                 db, cookie_of(connection), self._settings.idle_logout, self._settings.longest_login
             )
-            return (
-                Requester(
-                    login.account_id, login.account.name, frozenset(login.account.roles), login.id
-                )
-                if login
-                else None
+            if login is None:
+                return None
+            account, required = login.account, self._settings.second_factor
+            return Requester(
+                account.id,
+                account.name,
+                frozenset(account.roles),
+                login.id,
+                bool(required) and lacks_required(db, account, required),
             )
 
     async def _serve_while_logged_in(
@@ -245,6 +253,18 @@ def _is_open(path: str) -> bool:
     """Whether a path, decoded, is one of the login page's; none that leads out of its folder."""
     plain = posixpath.normpath(path) == path and "\\" not in path
     return plain and (path in OPEN_FILES or path.startswith(OPEN_FOLDERS))
+
+
+def _asks_for_page(connection: HTTPConnection) -> bool:
+    """Whether a person's browser asks for a page."""
+    scope = connection.scope
+    page = "text/html" in connection.headers.get("accept", "")
+    return page and scope["type"] == "http" and scope["method"] == "GET"
+
+
+def _is_for_enrolling(path: str) -> bool:
+    """Whether an account may ask for it that has not made the second factor that its role requires."""
+    return path in FOR_ENROLLING or path.startswith(("/static/", "/languages/", "/api/me/"))
 
 
 def _answer(connection: HTTPConnection, status: int, sentence: str) -> Response:

@@ -42,6 +42,7 @@ class Requester:
     name: str
     roles: frozenset[str]
     login: int
+    lacks_second_factor: bool = False  # that its role requires
 
     @property
     def sees_all(self) -> bool:

@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 from handscope.app.commands.audit import open_audited
 from handscope.app.commands.words import database_url, default_data, say
 from handscope.estimators.errors import InputError
-from handscope.sessions.clinic import accounts, audit
+from handscope.sessions.clinic import accounts, audit, second_factors
 from handscope.sessions.clinic.accounts import LOCAL, ROLES
 from handscope.sessions.store import logins
 
@@ -21,6 +21,7 @@ ACTIONS = {
     "disable": "take an account out of use and end its logins",
     "enable": "take it into use again",
     "password": "set a password: asked for on a terminal, else read from standard input",
+    "reset": "take all second factors of an account out of use, and end its logins",
     "code": "print a one-time address that logs in as the account",
 }
 
@@ -77,6 +78,9 @@ def _change(db: Session, arguments: argparse.Namespace) -> None:
         accounts.change(db, account, disabled=arguments.action == "disable")
         if account.disabled:
             logins.end_all(db, account)
+    elif arguments.action == "reset":
+        second_factors.remove_all(db, account)
+        logins.end_all(db, account)
     elif arguments.action == "code":
         audit.record(db, audit.AuditEvent("created", "code", str(account.id)))
         db.commit()

@@ -2,6 +2,7 @@
 
 import argparse
 import gc
+import importlib.util
 import os
 import signal
 import socket
@@ -23,6 +24,7 @@ from handscope.app.server import create_app
 from handscope.app.settings import Settings
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic.accounts import ROLES
+from handscope.sessions.clinic.second_factors import MISSING
 from handscope.sessions.store.folder_lock import hold_folder
 from handscope.sessions.store.folder_privacy import keep_private
 from handscope.sessions.store.logins import TOKEN_LIFE, new_token
@@ -132,6 +134,14 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
         help="a word of that claim and the role that it means (HANDSCOPE_OIDC_ROLES, several with spaces between); without any, the roles' own names",
     )
     parser.add_argument(
+        "--second-factor",
+        action="append",
+        default=[],
+        choices=ROLES,
+        metavar="ROLE",
+        help="a role whose accounts with a password need a second factor (HANDSCOPE_SECOND_FACTOR, several with spaces between)",
+    )
+    parser.add_argument(
         "--print-login",
         action="store_true",
         help="print the one-time address also where the output is no terminal, such as a container's log",
@@ -188,6 +198,18 @@ def sign_on(arguments: argparse.Namespace) -> SignOn | None:
     )
 
 
+def second_factor_roles(arguments: argparse.Namespace) -> tuple[str, ...]:
+    """Roles that need a second factor; InputError where one is none, or where nobody could make one."""
+    roles = arguments.second_factor or os.environ.get("HANDSCOPE_SECOND_FACTOR", "").split()
+    if unknown := set(roles) - set(ROLES):
+        raise InputError(
+            f"HANDSCOPE_SECOND_FACTOR names the role {sorted(unknown)[0]!r}; roles are {', '.join(ROLES)}"
+        )
+    if roles and importlib.util.find_spec("pyotp") is None:
+        raise InputError(MISSING)
+    return tuple(roles)
+
+
 def _hours(word: str) -> float:
     hours = float(word)
     if not 0 < hours <= 24 * 366:
@@ -221,6 +243,7 @@ def serve(
         allowed_ports=tuple(arguments.allow_port),
         proxies=tuple(arguments.proxy),
         sign_on=sign_on(arguments),
+        second_factor=second_factor_roles(arguments),
         idle_logout=3600.0 * arguments.idle_logout,
         longest_login=3600.0 * arguments.longest_login,
     )

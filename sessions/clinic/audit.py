@@ -32,6 +32,7 @@ from handscope.sessions.db.tables import (
     RecordingFile,
     Result,
     Reuse,
+    SecondFactor,
     SelfCalibration,
     now,
 )
@@ -50,6 +51,7 @@ KINDS: Mapping[type[Base], str] = {
     Reuse: "reuse",
     Result: "result",
     Account: "account",
+    SecondFactor: "second_factor",
 }
 BY_ITSELF: Mapping[
     type[Base], frozenset[str]
@@ -59,6 +61,7 @@ BY_ITSELF: Mapping[
     PatientSession: frozenset({"state", "finished", "version"}),
     RecordingFile: frozenset({"sha256", "bytes", "summary"}),
     Result: frozenset(column.key for column in Result.__table__.columns),
+    SecondFactor: frozenset({"counter", "used"}),
 }
 
 

@@ -393,6 +393,27 @@ class Login(Base):
     account: Mapped[Account] = relationship(back_populates="logins", lazy="joined")
 
 
+class SecondFactor(Base):
+    """What an account proves itself with besides its password (sessions/clinic/second_factors.py)."""
+
+    __tablename__ = "second_factor"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    account_id: Mapped[int] = mapped_column(
+        ForeignKey("account.id", ondelete="CASCADE"), index=True
+    )
+    kind: Mapped[str] = mapped_column(String(16))  # totp, passkey, recovery
+    name: Mapped[str] = mapped_column(String(64), default="")
+    secret: Mapped[str]  # base32 of TOTP; public key of a passkey, base64; hash of a recovery code
+    credential: Mapped[str] = mapped_column(default="")  # number of a passkey, base64url
+    host: Mapped[str] = mapped_column(String(255), default="")  # that a passkey was made for
+    counter: Mapped[int] = mapped_column(default=0)  # last step of TOTP; uses of a passkey
+    confirmed: Mapped[bool] = mapped_column(default=False)
+    created: Mapped[datetime] = mapped_column(default=now)
+    used: Mapped[datetime | None]
+
+
 class Attempt(Base):
     """A try of a password, counted before it was checked (sessions/store/logins.py)."""
 

@@ -6,6 +6,8 @@ may let a browser in. Tries are counted (sessions/store/throttle.py) by account 
 
 import hashlib
 import secrets
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -162,6 +164,28 @@ def log_in_by_code(db: Session, store: Store, token: str, address: str) -> Accou
         audit.record(db, AuditEvent("refused", "login", counts={"by": "code", "tries": tries}))
         db.commit()
     return None
+
+
+@contextmanager
+def counting_second(db: Session, account: Account, address: str) -> Iterator[Callable[[], None]]:
+    """Count a try of a second factor; ThrottledError after too many. What is given says that it was right.
+
+    Only who proved the first factor gets here, so that counting by the account lets nobody else shut its owner out.
+    """
+    limit = throttle.Limit(_hash(f"second factor of {account.id}"), MOST)
+    numbers, right = throttle.count(db, [limit]), list[bool]()
+    try:
+        yield lambda: right.append(True)
+    finally:
+        if right:
+            throttle.forget(db, numbers, limit)
+        else:
+            db.rollback()
+            if (tries := throttle.tries(db, limit)) in REPORTED:
+                counts = {"by": "second factor", "tries": tries}
+                audit.set_actor(db, account.name, address)
+                audit.record(db, AuditEvent("refused", "login", str(account.id), counts=counts))
+        db.commit()
 
 
 def _has_logged_in(db: Session, name: str, address: str) -> bool:

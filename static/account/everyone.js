@@ -36,14 +36,24 @@ export function mount(root, api) {
       await api.patch(`/api/accounts/${account.id}`, { disabled: !account.disabled });
       await draw();
     });
+    const reset = act("accounts.reset", async () => {
+      await api.remove(`/api/accounts/${account.id}/second-factors`);
+      await draw();
+    });
+    const buttons = [!account.local && !account.disabled && code, account.second && reset, !account.local && use];
     return h(
       "tr",
       {},
       h("th", { scope: "row" }, account.name),
       h("td", {}, account.roles.map((role) => t(`role.${role}`)).join(", ")),
-      h("td", {}, account.disabled ? t("accounts.disabled") : t(`accounts.proof.${account.proof}`)),
-      h("td", {}, h("div", { class: "buttons" }, !account.local && !account.disabled && code, !account.local && use)),
+      h("td", {}, proof(account)),
+      h("td", {}, h("div", { class: "buttons" }, buttons)),
     );
+  }
+
+  function proof(account) {
+    if (account.disabled) return t("accounts.disabled");
+    return [t(`accounts.proof.${account.proof}`), account.second && t("accounts.second")].filter(Boolean).join(", ");
   }
 
   function handOver(whose, code) {

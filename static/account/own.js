@@ -2,9 +2,11 @@
 import { h } from "../dom.js";
 import { errorBox, field, onSubmit } from "../forms.js";
 import { t } from "../words/words.js";
+import * as secondFactors from "./second_factors.js";
 
-export function mount(root, api) {
+export function mount(root, api, { made }) {
   let gone = false;
+  let leave = () => {};
   const box = errorBox();
   root.append(h("h1", {}, t("account.title")), box.element);
   api.get("/api/me").then((me) => gone || draw(me), box.show);
@@ -13,15 +15,25 @@ export function mount(root, api) {
     root.append(h("p", {}, t("account.is", { name: me.name, roles: me.roles.map((role) => t(`role.${role}`)).join(", ") })));
     if (me.local) root.append(h("p", { class: "soft" }, t("account.local")));
     else if (me.proof === "single") root.append(h("p", { class: "soft" }, t("account.single")));
-    else root.append(passwordForm(api, me, box));
+    else root.append(passwordForm(api, me, box, offerSecond));
+    if (me.proof === "password") offerSecond();
+  }
+
+  /** A second factor comes after a password. */
+  function offerSecond() {
+    if (root.querySelector(".second")) return;
+    const place = h("div", { class: "second" });
+    root.append(place);
+    leave = secondFactors.mount(place, api, { made });
   }
 
   return () => {
     gone = true;
+    leave();
   };
 }
 
-function passwordForm(api, me, box) {
+function passwordForm(api, me, box, next) {
   const secret = (autocomplete) => h("input", { type: "password", autocomplete, maxlength: 256 });
   const current = secret("current-password");
   const [first, second] = [secret("new-password"), secret("new-password")];
@@ -38,6 +50,7 @@ function passwordForm(api, me, box) {
     if (first.value !== second.value) throw new Error(t("account.differ"));
     await api.put("/api/me/password", { current: current.value, password: first.value });
     form.replaceWith(h("p", { class: "good-words", role: "status" }, t("account.done")));
+    next();
   });
   return form;
 }

@@ -3,6 +3,7 @@ import { preferences } from "../preferences.js";
 import { language } from "../words/languages.js";
 import { t } from "../words/words.js";
 import * as password from "./password.js";
+import * as second from "./second.js";
 
 function make(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);
@@ -41,11 +42,24 @@ export function mount(root) {
     const token = codeOf(input.value);
     if (!token) return say(t("login.missing"));
     button.disabled = true;
-    const refusal = await send({ token });
-    if (!refusal) return location.assign("/");
+    const refusal = await enter({ token });
+    if (!refusal) return undefined;
     button.disabled = false;
     say(refusal);
     return input.focus();
+  }
+
+  /** Log in, or go on to the second step; gives the sentence where it was refused. */
+  async function enter(proof) {
+    const { refusal, answer } = await post("/api/login", proof);
+    if (answer?.ticket) goOn(answer.ticket);
+    else if (!refusal) location.assign("/");
+    return refusal;
+  }
+
+  function goOn(ticket) {
+    alert.replaceChildren();
+    second.mount(steps, { make, post, say, ticket });
   }
 
   form.addEventListener("submit", logIn);
@@ -60,21 +74,26 @@ export function mount(root) {
     make("p", {}, t("login.where_text")),
     make("p", {}, make("code", {}, t("login.command"))),
   );
+  const steps = make("div", {}, make("h2", {}, t("login.title")), passwords, code);
   root.append(
     make("div", { class: "brand" }, make("img", { src: "/static/favicon.svg", alt: "" }), make("h1", {}, "Handscope")),
     make(
       "div",
       { class: "card" },
-      make("h2", {}, t("login.title")),
       alert,
-      passwords,
-      code,
+      steps,
     ),
   );
   if (location.search.includes("token=")) say(t("login.used"));
   const refused = new URLSearchParams(location.search).get("refused");
   if (refused) say(t(REFUSED[refused] ?? REFUSED.refused));
   input.focus();
+  const waiting = location.hash.match(/^#second=([\w-]+)$/)?.[1];
+  if (waiting) {
+    history.replaceState(null, "", "/login");
+    goOn(waiting);
+    return () => root.replaceChildren();
+  }
   waysIn().then((ways) => {
     if (ways.passwords) withPasswords();
     if (ways.single) passwords.prepend(make("p", {}, make("a", { href: "/login/sso" }, t("login.single"))));
@@ -85,7 +104,7 @@ export function mount(root) {
     const begun = input.value !== "" || button.disabled;
     code.open = begun;
     code.firstChild.hidden = false;
-    password.mount(passwords, { make, send, say, takesFocus: !begun });
+    password.mount(passwords, { make, enter, say, takesFocus: !begun });
   }
 
   return () => root.replaceChildren();
@@ -101,18 +120,18 @@ async function waysIn() {
   return (await fetch("/api/login").catch(() => null))?.json() ?? {};
 }
 
-/** Log in; gives the sentence where it was refused. */
-async function send(proof) {
+/** Ask the server: its `answer` where it has one, the sentence as `refusal` where it refused. */
+async function post(path, body) {
   try {
-    const response = await fetch("/api/login", {
+    const response = await fetch(path, {
       method: "POST",
       headers: { "Content-Type": "application/json", "Accept-Language": language },
-      body: JSON.stringify(proof),
+      body: JSON.stringify(body),
     });
-    if (response.ok) return "";
-    return (await response.json().catch(() => ({}))).error ?? t("login.refused");
+    const answer = response.status === 204 ? null : await response.json().catch(() => ({}));
+    return response.ok ? { answer, refusal: "" } : { refusal: answer.error ?? t("login.refused") };
   } catch {
-    return t("login.unreachable");
+    return { refusal: t("login.unreachable") };
   }
 }
 

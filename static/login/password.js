@@ -1,7 +1,7 @@
 /** Name and password, where accounts have one. */
 import { t } from "../words/words.js";
 
-export function mount(root, { make, send, say, takesFocus }) {
+export function mount(root, { make, enter, say, takesFocus }) {
   const name = make("input", { id: "name", name: "username", autocomplete: "username", spellcheck: "false", autocapitalize: "none" });
   const password = make("input", { id: "password", name: "password", type: "password", autocomplete: "current-password" });
   const button = make("button", { class: "primary large", type: "submit" }, t("login.send"));
@@ -11,8 +11,8 @@ export function mount(root, { make, send, say, takesFocus }) {
     event.preventDefault();
     if (!name.value.trim() || !password.value) return say(t("login.missing_name"));
     button.disabled = true;
-    const refusal = await send({ name: name.value.trim(), password: password.value });
-    if (!refusal) return location.assign("/");
+    const refusal = await enter({ name: name.value.trim(), password: password.value });
+    if (!refusal) return undefined;
     button.disabled = false;
     say(refusal);
     password.select();

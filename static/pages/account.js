@@ -4,13 +4,11 @@ import * as own from "../account/own.js";
 import { assemble, h } from "../dom.js";
 import { t } from "../words/words.js";
 
-export function mount(root, api, { title }) {
+export function mount(root, api, { title, lacks }) {
   title(t("account.title"));
   const mine = h("section", { class: "card" });
   const all = h("section", { class: "card administrators" });
   root.append(h("div", { class: "stack" }, mine, all));
-  return assemble(api, {}, [
-    [own, mine],
-    [everyone, all],
-  ]);
+  const made = () => lacks && location.assign("/"); // now everything else opens
+  return assemble(api, { made }, [[own, mine], ...(lacks ? [] : [[everyone, all]])]);
 }

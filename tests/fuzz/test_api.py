@@ -34,7 +34,12 @@ NUMBERS = st.sampled_from(
     [1, 1, 1, 2, 3, 0, -1, 2**31, 2**63, 10**30]
 )  # of patients, sessions, ...: mostly of one that is there
 WHO = st.sampled_from(["local", "local", "scientist", "administrator", "nobody"])
-OPEN = {"/api/login", "/api/health"}  # without a login
+OPEN = {
+    "/api/login",
+    "/api/login/second",
+    "/api/login/second-factors",
+    "/api/health",
+}  # without a login
 TYPED = "zinnober"  # stands wherever a person typed something about the patient
 FEW = {"POST /api/patients/{patient_id}/sessions": 2}  # each starts a process
 NAMES = st.one_of(

@@ -81,6 +81,8 @@ def test_every_route_says_who_may_use_it(server: TestClient) -> None:
         "/login/sso/answer",
         "/login/sso/end",
         "/api/login",
+        "/api/login/second",
+        "/api/login/second-factors",
         "/api/health",
         "/languages/names.js",
         "/languages/1.js",

@@ -21,6 +21,7 @@ NOT_MOUNTED = {
     "replay_focus.js",
     "repetitions.js",
     "confirmation.js",
+    "passkey.js",
     "hand_drawing.js",
     "stored_calibrations.js",
     "lengths.js",

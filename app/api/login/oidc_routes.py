@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from starlette.responses import HTMLResponse, RedirectResponse
 
-from handscope.app.api.login_routes import with_cookie
+from handscope.app.api.login.login_routes import with_cookie
 from handscope.app.auth.gate import cookie_of, secure
 from handscope.app.auth.oidc import (
     NAME,

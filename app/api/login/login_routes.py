@@ -9,17 +9,20 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.responses import FileResponse, JSONResponse, RedirectResponse
 
 from handscope.app.api.pages import STATIC
+from handscope.app.auth import passkeys
 from handscope.app.auth.gate import cookie_name, cookie_of, secure
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import ANYBODY, EVERY_ACCOUNT, address_of, requires_role
 from handscope.app.state import Db, PartsDep
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
-from handscope.sessions.clinic import accounts
+from handscope.sessions.clinic import accounts, second_factors
+from handscope.sessions.db.tables import Account, now
 from handscope.sessions.store import logins
 from handscope.sessions.store.database import require_writable
 
 router = APIRouter(tags=["login"], dependencies=[requires_role(ANYBODY)])
+EXPIRED = "this login was begun too long ago; begin again with your password or code"
 HEALTH_WAIT = 1.0  # s: a change of the server itself is over by then
 pages = APIRouter(include_in_schema=False, dependencies=[requires_role(ANYBODY)])
 
@@ -30,6 +33,15 @@ class Proof(Incoming):
     password: str = Field("", max_length=accounts.LONGEST)
 
 
+class Ticket(Incoming):
+    ticket: str = Field(max_length=64, description="as the first step of the login gave it")
+
+
+class SecondProof(Ticket):
+    code: str = Field("", max_length=40, description="of an app, or a recovery code; or")
+    credential: dict[str, Any] | None = Field(None, description="what a passkey answered")
+
+
 @pages.get("/login")
 def login_page(
     parts: PartsDep, db: Db, request: Request, token: Annotated[str, Query(max_length=200)] = ""
@@ -38,6 +50,9 @@ def login_page(
     account = logins.log_in_by_code(db, parts.store, token, address_of(request)) if token else None
     if account is None:
         return FileResponse(STATIC / "login" / "index.html", status_code=401 if token else 200)
+    if second_factors.needs_one(db, account):
+        ticket = parts.pending_logins.add(account.id)
+        return RedirectResponse(f"/login#second={ticket}", 303)  # what follows # is in no log
     cookie = logins.begin(db, account, cookie_of(request))
     return with_cookie(RedirectResponse("/", 303), request, cookie)
 
@@ -48,7 +63,11 @@ def login_options(db: Db, parts: PartsDep) -> dict[str, Any]:
     return {"passwords": accounts.has_passwords(db), "single": parts.settings.sign_on is not None}
 
 
-@router.post("/login", status_code=204)
+@router.post(
+    "/login",
+    status_code=204,
+    responses={202: {"description": "right; `ticket` waits for a second factor"}},
+)
 def log_in(parts: PartsDep, db: Db, request: Request, given: Proof) -> Response:
     if given.name:
         account = logins.log_in(db, given.name, given.password, address_of(request))
@@ -63,8 +82,50 @@ def log_in(parts: PartsDep, db: Db, request: Request, given: Proof) -> Response:
             raise InputError(
                 "this code was used before or is not right; print a new one with: handscope login"
             )
+    if second_factors.needs_one(db, account):
+        return JSONResponse({"ticket": parts.pending_logins.add(account.id)}, 202)
     cookie = logins.begin(db, account, cookie_of(request))
     return with_cookie(Response(status_code=204), request, cookie)
+
+
+@router.post("/login/second-factors")
+def ask_for_second(parts: PartsDep, db: Db, request: Request, given: Ticket) -> dict[str, Any]:
+    """What the account may prove itself with: codes (of an app, or recovery codes), and `passkey`, what the browser is to ask for one."""
+    account = _waiting(db, parts, given.ticket)
+    present = second_factors.passkeys(db, account, passkeys.host_of(request))
+    if not present:
+        return {"ticket": given.ticket, "passkey": None}
+    asked = passkeys.ask_to_prove(request, present)
+    parts.pending_logins.end(given.ticket)
+    return {"ticket": parts.pending_logins.add(account.id, asked), "passkey": asked.options}
+
+
+@router.post("/login/second", status_code=204)
+def prove_second(parts: PartsDep, db: Db, request: Request, given: SecondProof) -> Response:
+    """The second factor of a login: a code, or a passkey's answer."""
+    account = _waiting(db, parts, given.ticket)
+    with logins.counting_second(db, account, address_of(request)) as accept:
+        if given.credential is not None:
+            pending = parts.pending_logins.get(given.ticket)
+            if pending is None or pending.asked is None:
+                raise InputError(EXPIRED)
+            present = second_factors.passkeys(db, account, pending.asked.host)
+            passkeys.verify(pending.asked, given.credential, present).used = now()
+        elif not second_factors.accept_code(db, account, given.code):
+            raise InputError(second_factors.WRONG)
+        accept()
+    parts.pending_logins.end(given.ticket)
+    cookie = logins.begin(db, account, cookie_of(request))
+    return with_cookie(Response(status_code=204), request, cookie)
+
+
+def _waiting(db: Db, parts: PartsDep, ticket: str) -> Account:
+    """Whose login waits for its second factor."""
+    pending = parts.pending_logins.get(ticket)
+    account = db.get(Account, pending.account) if pending else None
+    if account is None or account.disabled:
+        raise InputError(EXPIRED)
+    return account
 
 
 @router.delete(

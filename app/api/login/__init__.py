@@ -1,0 +1,1 @@
+"""Routes by which one logs in: codes and passwords, single sign-on, second factors."""
