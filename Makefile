@@ -22,7 +22,7 @@ test:
 # What a contributor runs: no browser, no other program, nothing slow
 test-fast:
 	@$(MAKE) --no-print-directory --jobs 2 $(VENV)/runs check
-	$(PYTEST) -m "not slow and not browser and not process" --ignore tests/journeys
+	$(PYTEST) -m "not slow and not browser and not process" --ignore tests/journeys -n 2
 
 # Everything: also the Monte-Carlo trials and the long runs that are marked slow
 test-all:
@@ -60,14 +60,14 @@ audit: $(VENV)/develops
 sbom: $(VENV)/installed
 	$(BIN)/uv tool run --quiet --from 'cyclonedx-bom>=7,<8' cyclonedx-py requirements requirements-server.lock --sv 1.6 --of JSON --output-reproducible -o sbom.json
 
-# A file's tests stay in one process, which makes their recordings once; files come longest first (tests/durations.txt)
-PYTEST = $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
+# A file's tests stay in one process, which makes their recordings once; files come longest first (tests/schedule.py)
+PYTEST = $(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 LANE ?= not slow
+# Twice as many as the cores that the suite is meant for: browsers, servers and programs are waited for
+WORKERS ?= 4
 
-# The journeys have both cores to themselves, two servers and two browsers side by side: the browser draws without a graphics card
 tests: $(VENV)/runs $(VENV)/develops browser
-	$(PYTEST) -m "$(LANE)" --ignore tests/journeys
-	$(PYTEST) -m "$(LANE)" tests/journeys
+	$(PYTEST) -m "$(LANE)"
 
 # How long each test file takes, the longest first: the order in which they are handed out
 durations: $(VENV)/runs $(VENV)/develops browser

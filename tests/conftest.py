@@ -3,7 +3,6 @@
 import logging
 import os
 from collections.abc import Iterator
-from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -11,9 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 from playwright.sync_api import Browser, sync_playwright
+from xdist.remote import Producer
 
 from handscope.app.workers.process import CONTEXT
 from handscope.estimators.simulation.scenario import Simulated
+from tests import schedule
 from tests.browser import chromium
 from tests.simulated import pose_and_wiggle
 
@@ -35,15 +36,14 @@ CONTEXT.set_forkserver_preload(
 )  # tests fork these, too
 
 
-DURATIONS = Path(__file__).with_name("durations.txt")
+@pytest.hookimpl(optionalhook=True)  # where the tests run in several processes
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> schedule.Schedule:
+    return schedule.Schedule(config, log)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Longest files first, so that no process works alone on the last of them; whoever takes a browser is marked so."""
-    lines = [line.split() for line in DURATIONS.read_text().splitlines()]
-    seconds = {file: float(total) for total, file in lines}
-    root = DURATIONS.parent.parent
-    items.sort(key=lambda item: -seconds.get(str(item.path.relative_to(root)), 0.0))  # stable
+    """The order of the schedule; whoever takes a browser or starts a program is marked so."""
+    schedule.order(items)
     for item in items:
         if "browser" in getattr(item, "fixturenames", ()):
             item.add_marker("browser")

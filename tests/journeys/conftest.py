@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, expect, sync_playwright
 
 from tests.browser import UNDRAWN, chromium
-from tests.journeys.house import LONG, ROOT, Server, api, begun, new_patient, shots, shown
+from tests.journeys.house import LONG, RETRIES, ROOT, Server, api, begun, new_patient, shots, shown
 
 SIZE = {"width": 1024, "height": 768}
 NOISE = (
@@ -32,7 +32,7 @@ SELDOM = """
 )  # journeys ask what is in the scene; its looks are tests/app/scene's
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     data = tmp_path_factory.mktemp("journeys")
     words = [
@@ -127,7 +127,7 @@ def another_page(browser: Browser, server: Server) -> Iterator[Callable[..., Pag
 
 def _leave_gloves(page: Page) -> None:
     """A test that failed in a session must not keep the glove from the next one."""
-    answer = page.request.get("/api/stations")
+    answer = page.request.get("/api/stations", max_retries=RETRIES)
     for station in answer.json() if answer.ok else ():
         if station["kind"] == "live":
             page.request.delete(f"/api/stations/{station['station']}")

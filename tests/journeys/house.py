@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[2]
 NUMBERS = itertools.count(1)  # of patients made here
 SIZES = {"wide": (1440, 900), "tablet": (1024, 768)}
 LONG = 180_000  # ms that anything may take: a pose or a task, a computation, the scene on a machine that gives a tenth of a core
+RETRIES = 2  # of a question on a connection that the server has just closed, since nobody asked for some seconds
 
 
 @dataclass
@@ -45,7 +46,9 @@ def begun(address: str, data: Path) -> Server:
 
 def api(page: Page, path: str, method: str = "GET", **more: Any) -> Any:
     """Ask the API with the login of the page's browser."""
-    answer = page.request.fetch(path, method=method, **more)
+    answer = page.request.fetch(
+        path, method=method, max_retries=RETRIES if method == "GET" else 0, **more
+    )
     assert answer.ok, answer.text()
     return answer.json() if answer.status != 204 else None
 

@@ -1,0 +1,56 @@
+"""Who runs which test: the longest files first, a file's tests in one process, the journeys in two of the processes.
+
+A journey waits for a hand that moves in real time, for a page, for a server: other processes compute meanwhile. Two servers
+and two browsers are as many as two cores bear.
+"""
+
+from pathlib import Path
+
+import pytest
+from xdist.remote import Producer
+from xdist.scheduler import LoadFileScheduling
+
+DURATIONS = Path(__file__).with_name("durations.txt")
+JOURNEYS = "tests/journeys/"
+LANES = 2
+
+
+def seconds() -> dict[str, float]:
+    """How long each file takes, from the table that `make durations` writes."""
+    lines = [line.split() for line in DURATIONS.read_text().splitlines()]
+    return {file: float(total) for total, file in lines}
+
+
+def lanes(known: dict[str, float]) -> dict[str, str]:
+    """The lane of each file of journeys: the longest first, each into the lane that is shorter so far."""
+    files = [path.name for path in DURATIONS.with_name("journeys").glob("test_*.py")]
+    taken = dict.fromkeys((f"{JOURNEYS}{k}" for k in range(LANES)), 0.0)
+    found: dict[str, str] = {}
+    for file in sorted((JOURNEYS + f for f in files), key=lambda f: (-known.get(f, 0.0), f)):
+        found[file] = min(taken, key=lambda lane: taken[lane])
+        taken[found[file]] += known.get(file, 0.0)
+    return found
+
+
+def order(items: list[pytest.Item]) -> None:
+    """The journeys, a lane after the other, then the longest files, so that no process works alone on the last of them."""
+    known, root = seconds(), DURATIONS.parent.parent
+    lane = lanes(known)
+
+    def rank(item: pytest.Item) -> tuple[bool, str, float]:
+        file = item.path.relative_to(root).as_posix()
+        return not file.startswith(JOURNEYS), lane.get(file, ""), -known.get(file, 0.0)
+
+    items.sort(key=rank)  # stable
+
+
+class Schedule(LoadFileScheduling):
+    """xdist's, where a lane of journeys counts as one file."""
+
+    def __init__(self, config: pytest.Config, log: Producer | None = None) -> None:
+        super().__init__(config, log)
+        self._lanes = lanes(seconds())
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = super()._split_scope(nodeid)
+        return self._lanes.get(file, file)
