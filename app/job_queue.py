@@ -126,7 +126,12 @@ def _make(result_id: int) -> None:
 
 
 def make_report(
-    result_id: int, form: str, language: str = "en", paper: Paper = "a4", grading: str = ""
+    result_id: int,
+    form: str,
+    language: str = "en",
+    paper: Paper = "a4",
+    grading: str = "",
+    references: int | None = None,
 ) -> bytes:
     """In the worker process: the report of a result as pdf, csv or json."""
     from handscope.app.language import languages
@@ -136,7 +141,9 @@ def make_report(
 
     assert _store is not None
     with _store.database() as db:
-        content = grade_content(report(_store, results.get(db, result_id)), grading or DEFAULT)
+        content = grade_content(
+            report(_store, results.get(db, result_id), references), grading or DEFAULT
+        )
         return FORMS[form](content, Style(languages()[language], paper))
 
 
@@ -167,16 +174,14 @@ def make_export(result_id: int, name: str, sees_all: bool = True) -> bytes:
     """
     from handscope.app.exporting.measured import export_processed, gather
     from handscope.app.exporting.saving import packed
-    from handscope.app.options import with_options
-    from handscope.app.results.make import process_result
-    from handscope.estimators.methods import ALL_METHODS
+    from handscope.app.results.make import params_of, process_result
     from handscope.sessions.exports import format_of
 
     assert _store is not None
     with _store.database() as db:
         result = results.get(db, result_id)
         recording, processed = process_result(_store, result, reasons=sees_all)
-        params = with_options(ALL_METHODS[result.method].Params, result.parameters)
+        params = params_of(result)
         measured = gather(recording, processed, result.method, params, software=result.version)
     made = export_processed(measured, name, processed, params, with_report=sees_all)
     return packed(made.files, format_of(name), f"handscope-{name}")

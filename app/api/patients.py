@@ -9,7 +9,6 @@ from pydantic import Field
 from starlette.responses import StreamingResponse
 
 from handscope.app.api.pseudonymisation import for_reader
-from handscope.app.api.result_view import calibration_payload
 from handscope.app.api.sessions import session_row
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import (
@@ -19,6 +18,7 @@ from handscope.app.auth.roles import (
     RequesterDep,
     requires_role,
 )
+from handscope.app.results.result_view import calibration_payload
 from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.app.workers.patient_exporter import stream_patient_export
 from handscope.sessions.clinic import dates, notes, patients, timeline

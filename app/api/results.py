@@ -8,16 +8,17 @@ from fastapi import APIRouter, Query
 from starlette.responses import Response
 
 from handscope.app.api.pseudonymisation import events_for
-from handscope.app.api.result_view import readings
+from handscope.app.api.references import ReferencesDep, references_payload
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.job_queue import make_derivative, make_export, make_replay_file, make_report
 from handscope.app.protocols import offered
 from handscope.app.report import Paper
-from handscope.app.report.gradings import DEFAULT, MEASURE, uninjured
+from handscope.app.report.gradings import DEFAULT, uninjured
 from handscope.app.report.sections import self_calibration
 from handscope.app.report.units import READABLE
 from handscope.app.results.curves import APERTURE, compare_results, load_curves
-from handscope.app.results.report import changes_of, course_of
+from handscope.app.results.report import comparisons_of
+from handscope.app.results.result_view import readings
 from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures.comparison import Agreement
@@ -57,17 +58,23 @@ def read_result(
         ),
     ] = False,
     grading: GradingDep = DEFAULT,
+    references: ReferencesDep = None,
 ) -> dict[str, Any]:
     """State and progress; figures and what the page draws when it is done."""
     r = results.get(db, result_id)
-    other = (
-        _uninjured(r) if any(t["measure"] == MEASURE for t in r.content.get("tasks", ())) else {}
-    )
-    protocols, changed = (
+    found = comparisons_of(r, references) if r.state == "done" else None
+    hand = r.recording.session.hand
+    read = readings(
+        r.content,
+        r.figures,
         offered(parts.store.folder)[0],
-        changes_of(r) if r.state == "done" else None,
+        language,
+        found.changes if found else None,
+        lean,
+        grading,
+        uninjured(hand, found.compared.affected, found.course) if found else None,
+        found.compared.edition if found else None,
     )
-    read = readings(r.content, r.figures, protocols, language, changed, lean, grading, other)
     head = {"id": r.id} if lean else {"id": r.id, "figures": r.figures}
     return {
         **head,
@@ -89,6 +96,7 @@ def read_result(
             for w in r.warnings
         ],
         "readings": read,
+        "references": references_payload(db, r, found.stored) if found else None,
         "reused": r.reused,
         "self_calibration": self_calibration.describe(stored["table"], stored["told"], language)
         if (stored := r.content.get("self_calibration"))
@@ -118,7 +126,7 @@ def read_curves(
 ) -> dict[str, Any]:
     """Time series in degrees (aperture: mm), thinned."""
     t, by_quantity = load_curves(
-        parts.store, _done(results.get(db, result_id)), what, start, stop, points
+        parts.store, results.require_done(results.get(db, result_id)), what, start, stop, points
     )
     return {"t": _numbers(t), "curves": {w: _numbers(values) for w, values in by_quantity.items()}}
 
@@ -140,9 +148,14 @@ def compare(
 
     Of one recording with the difference, other less this, and how far they agree; of two, from the onset of the same task on.
     """
-    a = _done(results.get(db, result_id))
+    a = results.require_done(results.get(db, result_id))
     comparison = compare_results(
-        parts.store, a, _of_one_patient(a, _done(results.get(db, other))), what, event, points
+        parts.store,
+        a,
+        _of_one_patient(a, results.require_done(results.get(db, other))),
+        what,
+        event,
+        points,
     )
     return {
         "t": _numbers(comparison.t),
@@ -163,12 +176,15 @@ async def read_report(
     form: str,
     paper: Paper = "a4",
     grading: GradingDep = DEFAULT,
+    references: ReferencesDep = None,
 ) -> Response:
     """The report as pdf, html, csv or json; the tables for programs are always in English."""
     if form not in FORMS:
         raise InputError(f"there is no report as {form!r}; forms are {', '.join(FORMS)}")
-    result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
-    data = await parts.jobs.run(make_report, result_id, form, language.code, paper, grading)
+    result = await asyncio.to_thread(lambda: results.require_done(results.get(db, result_id)))
+    data = await parts.jobs.run(
+        make_report, result_id, form, language.code, paper, grading, references
+    )
     return _download(
         data,
         FORMS[form],
@@ -185,7 +201,7 @@ async def read_derivative(
     db: Db, parts: PartsDep, requester: RequesterDep, result_id: int
 ) -> Response:
     """The derivative as Motion-BIDS: joint angles, fingertips, orientations."""
-    result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
+    result = await asyncio.to_thread(lambda: results.require_done(results.get(db, result_id)))
     data = await parts.jobs.run(make_derivative, result_id, requester.sees_all)
     return _download(
         data,
@@ -213,7 +229,7 @@ async def read_export(
     """The movement in another program's format; a folder comes as a zip. No name and no date of birth is in any of them."""
     if form not in MOVEMENTS:
         raise InputError(f"there is no format {form!r}; formats are {', '.join(MOVEMENTS)}")
-    result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
+    result = await asyncio.to_thread(lambda: results.require_done(results.get(db, result_id)))
     data = await parts.jobs.run(make_export, result_id, form, requester.sees_all)
     stem = f"handscope-session-{result.recording.session_id}-{result.method}-{form}"
     wanted = MOVEMENTS[form]
@@ -236,7 +252,7 @@ async def read_replay_file(
     ] = False,
 ) -> Response:
     """The movement in 3-D as one file that opens in a browser without a network."""
-    result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
+    result = await asyncio.to_thread(lambda: results.require_done(results.get(db, result_id)))
     data = await parts.jobs.run(make_replay_file, result_id, named, language.code)
     return _download(data, "text/html", f"handscope-replay-{result.id}.html")
 
@@ -255,8 +271,12 @@ def open_replay(
     at: Annotated[float | None, Query(description="where to begin, s")] = None,
 ) -> dict[str, Any]:
     """A station that plays the movement in the 3-D scene."""
-    result = _done(results.get(db, result_id))
-    beside = None if other is None else _of_one_patient(result, _done(results.get(db, other)))
+    result = results.require_done(results.get(db, result_id))
+    beside = (
+        None
+        if other is None
+        else _of_one_patient(result, results.require_done(results.get(db, other)))
+    )
     station = parts.stations.open_replay(parts.store, result, beside)
     if at is not None:
         station.act("seek", at)
@@ -268,19 +288,6 @@ def _of_one_patient(result: Result, other: Result) -> Result:
     if result.recording.session.patient_id != other.recording.session.patient_id:
         raise InputError("the results are of two patients; compare sessions of one patient")
     return other
-
-
-def _uninjured(r: Result) -> dict[str, float]:
-    session = r.recording.session
-    return uninjured(session.hand, session.patient.affected_hand, course_of(r))
-
-
-def _done(result: Result) -> Result:
-    if result.state != "done":
-        raise InputError(
-            f"result {result.id} is {result.state}{': ' + result.error if result.error else ''}"
-        )
-    return result
 
 
 def _agreement(agreement: Agreement | None) -> dict[str, Any] | None:

@@ -137,6 +137,7 @@ def _paragraph(
             language.say(
                 "changes.beyond",
                 day=language.day(found.since),
+                hour=language.hour(found.since),
                 what=beyond or language.say("changes.nothing"),
             ),
             *([language.say("changes.within", what=within)] if within else []),

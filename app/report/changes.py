@@ -9,7 +9,7 @@ from datetime import datetime
 from typing import Literal
 
 from handscope.app.report.norms import change_of_name
-from handscope.app.report.references import smallest_change, smallest_change_of_rate
+from handscope.app.report.references import Edition, newest
 from handscope.app.report.units import reading
 from handscope.estimators.measures.figure import Figure
 from handscope.sessions.clinic.repeatability import ENOUGH, Comparison, Key, is_sufficient
@@ -66,10 +66,10 @@ class Changes:
         return next((c for c in self.each if (c.task, c.name) == (task, name)), None)
 
 
-def changes(compared: Comparison) -> Changes | None:
-    """Every figure that both sessions have; None where there is none."""
+def changes(compared: Comparison, edition: Edition | None = None) -> Changes | None:
+    """Every figure that both sessions have, by the MDCs of an edition; None where there is none."""
     each = tuple(
-        _change(key, value - compared.before[key][0], unit, compared)
+        _change(key, value - compared.before[key][0], unit, compared, edition or newest())
         for key, (value, unit) in compared.now.items()
         if key in compared.before and not key[2].endswith("_range")
     )
@@ -77,9 +77,14 @@ def changes(compared: Comparison) -> Changes | None:
 
 
 def judged_by(
-    key: Key, unit: str, own: Mapping[Key, Repeatability], glove: Mapping[Key, Repeatability]
+    key: Key,
+    unit: str,
+    own: Mapping[Key, Repeatability],
+    glove: Mapping[Key, Repeatability],
+    edition: Edition | None = None,
 ) -> Judge:
     """What a change of the figure `key`, SI unit `unit`, must exceed, from the patient's own and the glove's repeatability and what is published."""
+    edition = edition or newest()
     mine: tuple[tuple[Basis, Repeatability | None], ...] = (
         ("own", own.get(key)),
         ("glove", glove.get(key)),
@@ -88,12 +93,12 @@ def judged_by(
         if row is not None and is_sufficient(row):
             return Judge(read_as(key, row.mdc95, unit)[0], basis, (_source(row),))
     if key[0] == "range_of_motion" and unit == "rad":
-        default = smallest_change()
+        default = edition.smallest_change
         words = f"of a joint's angle: {default.value:g}°"
     elif key[2] == "tapping_rate":
-        default = smallest_change_of_rate()
+        default = edition.smallest_change_of_rate
         words = f"of the tapping rate: {default.value:g} per s"
-    elif (published := change_of_name(key[2])) is not None:
+    elif (published := change_of_name(key[2], edition)) is not None:
         size = f"{published.value:g} {published.unit}"
         return Judge(
             published.value,
@@ -111,9 +116,11 @@ def read_as(key: Key, value: float, unit: str) -> tuple[float, str]:
     return read.value, {"Hz": "per s"}.get(read.unit, read.unit)
 
 
-def _change(key: Key, difference: float, unit: str, compared: Comparison) -> Change:
+def _change(
+    key: Key, difference: float, unit: str, compared: Comparison, edition: Edition
+) -> Change:
     value, shown = read_as(key, difference, unit)
-    judge = judged_by(key, unit, compared.own, compared.glove)
+    judge = judged_by(key, unit, compared.own, compared.glove, edition)
     return Change(*key, value, shown, judge.mdc95, judge.basis, judge.sources)
 
 

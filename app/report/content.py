@@ -12,6 +12,7 @@ import numpy as np
 
 from handscope.app.protocols import Protocol
 from handscope.app.report.changes import Changes
+from handscope.app.report.references import Edition, newest
 from handscope.app.report.sections.self_calibration import stored_form
 from handscope.estimators.data.calibration import SensorQuality
 from handscope.estimators.data.options import Description, describe
@@ -119,6 +120,15 @@ class Curve:
 
 
 @dataclass(frozen=True)
+class OtherHand:
+    """The session of the other hand that figures are shares of."""
+
+    hand: Hand
+    started: datetime  # aware
+    motion: Mapping[str, float]  # total active motion by finger, rad
+
+
+@dataclass(frozen=True)
 class Task:
     """What one measure says of one task, with the curves it rests on."""
 
@@ -130,6 +140,7 @@ class Task:
     )  # angles (index_mcp_flexion, ...) that the patient was asked to move; None: not known, any
     curves: tuple[Curve, ...] = ()
     grading: str = ""  # the scheme that names its figures (gradings.py), where it was chosen
+    against: OtherHand | None = None  # of which total active motion is a share; None: the norm
 
     def asks(self, joint: str, angle: str) -> bool:
         return self.asked is None or f"{joint}_{angle}" in self.asked
@@ -165,6 +176,19 @@ class LeftOut:
 
 
 @dataclass(frozen=True)
+class ComparedWith:
+    """What the figures are compared with, as it was chosen and stored with the result (sessions/clinic/references.py)."""
+
+    number: int  # of the version
+    made: datetime  # aware
+    author: str  # account that chose; "": the program when the result was made
+    affected: Literal["left", "right", "both"] | None  # as the patient's record said then
+    before: datetime | None  # start of the session before
+    other: datetime | None  # start of the other hand's session
+    edition: Edition
+
+
+@dataclass(frozen=True)
 class Content:
     """A report before it is worded."""
 
@@ -189,6 +213,12 @@ class Content:
     self_calibration: Mapping[str, Any] | None = (
         None  # what the method found of hand and sensors (self_calibration.kept_of)
     )
+    compared: ComparedWith | None = None
+
+    @property
+    def edition(self) -> Edition:
+        """The reference values that the figures are compared with."""
+        return self.compared.edition if self.compared else newest()
 
 
 def content(

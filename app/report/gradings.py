@@ -6,8 +6,8 @@ Source  estimators/measures/total_active_motion.py; a share is of the other hand
 from collections.abc import Sequence
 from dataclasses import replace
 
-from handscope.app.report.content import Content, Task
-from handscope.estimators.hand.anatomy import FINGERS
+from handscope.app.report.content import Content, OtherHand, Task
+from handscope.estimators.hand.anatomy import FINGERS, Hand
 from handscope.estimators.measures.total_active_motion import GRADINGS, regrade
 from handscope.sessions.clinic.visit_history import Course
 
@@ -17,16 +17,20 @@ DEFAULT = next(iter(GRADINGS))
 
 def grade_content(content: Content, scheme: str) -> Content:
     """A report's content with the words of a scheme."""
-    other = uninjured(content.hand, content.visit.affected, content.course)
+    affected = content.compared.affected if content.compared else content.visit.affected
+    other = uninjured(content.hand, affected, content.course)
     return replace(content, tasks=grade_tasks(content.tasks, scheme, other))
 
 
-def grade_tasks(tasks: Sequence[Task], scheme: str, other: dict[str, float]) -> tuple[Task, ...]:
+def grade_tasks(tasks: Sequence[Task], scheme: str, other: OtherHand | None) -> tuple[Task, ...]:
     return tuple(
         replace(
             t,
-            result=replace(t.result, figures=regrade(t.result.figures, scheme, other)),
+            result=replace(
+                t.result, figures=regrade(t.result.figures, scheme, other.motion if other else {})
+            ),
             grading=scheme,
+            against=other,
         )
         if t.result.measure == MEASURE
         else t
@@ -34,10 +38,10 @@ def grade_tasks(tasks: Sequence[Task], scheme: str, other: dict[str, float]) -> 
     )
 
 
-def uninjured(hand: str, affected: str | None, course: Course | None) -> dict[str, float]:
-    """TAM (rad, by finger) of the other hand where only this one is affected."""
+def uninjured(hand: str, affected: str | None, course: Course | None) -> OtherHand | None:
+    """The other hand with its TAM where only this one is affected."""
     if affected != hand or course is None or course.other is None:
-        return {}
+        return None
     found = {
         f: [
             v
@@ -46,4 +50,6 @@ def uninjured(hand: str, affected: str | None, course: Course | None) -> dict[st
         ]
         for f in FINGERS
     }
-    return {f: max(values) for f, values in found.items() if values and max(values) > 0}
+    motion = {f: max(values) for f, values in found.items() if values and max(values) > 0}
+    other_side: Hand = "right" if hand == "left" else "left"
+    return OtherHand(other_side, course.other.started, motion) if motion else None

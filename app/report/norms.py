@@ -1,12 +1,12 @@
-"""Reference values of figures other than joint ranges, with who was measured and by whom: why this norm. The data are references.FILE's."""
+"""Reference values of figures other than joint ranges, with who was measured and by whom: why this norm. The data are of an edition (references.py)."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
+from functools import lru_cache
 
-from handscope.app.report.references import FILE, Source
+from handscope.app.report.references import Edition, Source, newest
+
+EDITIONS = 8  # remembered at a time
 
 
 @dataclass(frozen=True)
@@ -36,34 +36,41 @@ class PublishedChange:
     note: str = ""
 
 
-def norm_of(what: str, part: str = "", task: str = "") -> Norm | None:
+def norm_of(
+    what: str, part: str = "", task: str = "", edition: Edition | None = None
+) -> Norm | None:
     """The norm of a figure; None where there is none with a source."""
     return next(
         (
             n
-            for n in norms()
+            for n in norms(edition)
             if n.what == what and n.part in (None, part) and n.task in (None, task)
         ),
         None,
     )
 
 
-def change_of(what: str) -> PublishedChange | None:
+def change_of(what: str, edition: Edition | None = None) -> PublishedChange | None:
     """The published smallest change of a figure; None where there is none."""
-    return published_changes().get(what)
+    return published_changes(edition).get(what)
 
 
-def change_of_name(name: str) -> PublishedChange | None:
+def change_of_name(name: str, edition: Edition | None = None) -> PublishedChange | None:
     """The same by a figure's whole name, its part included: "index_tam"."""
     return next(
-        (c for what, c in published_changes().items() if name == what or name.endswith(f"_{what}")),
+        (
+            c
+            for what, c in published_changes(edition).items()
+            if name == what or name.endswith(f"_{what}")
+        ),
         None,
     )
 
 
-@cache
-def norms() -> tuple[Norm, ...]:
-    file = _file()
+@lru_cache(EDITIONS)
+def norms(edition: Edition | None = None) -> tuple[Norm, ...]:
+    """All norms of an edition; without one of the newest."""
+    edition = edition or newest()
     return tuple(
         Norm(
             v["what"],
@@ -72,30 +79,26 @@ def norms() -> tuple[Norm, ...]:
             v.get("sd"),
             v.get("low"),
             v.get("high"),
-            Source(**file["sources"][v["source"]]),
+            edition.source(v["source"]),
             v.get("note", ""),
             v.get("part"),
             v.get("task"),
         )
-        for v in file["norms"]
+        for v in edition.data["norms"]
     )
 
 
-@cache
-def published_changes() -> Mapping[str, PublishedChange]:
-    file = _file()
+@lru_cache(EDITIONS)
+def published_changes(edition: Edition | None = None) -> Mapping[str, PublishedChange]:
+    """All published MDCs of an edition, by figure; without one of the newest."""
+    edition = edition or newest()
     return {
         v["what"]: PublishedChange(
             v["what"],
             v["unit"],
             float(v["value"]),
-            Source(**file["sources"][v["source"]]),
+            edition.source(v["source"]),
             v.get("note", ""),
         )
-        for v in file["smallest_changes"]
+        for v in edition.data["smallest_changes"]
     }
-
-
-def _file() -> dict[str, Any]:
-    value: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8"))
-    return value

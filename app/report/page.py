@@ -4,6 +4,7 @@ Everything is a string, a list or a dict of them; user's text stays as it was ty
 """
 
 from collections.abc import Sequence
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,8 @@ def words_of(content: Content, language: Language) -> Page:
             for k in range(0, len(taps), TRIALS)
         ],
         "others": [
-            draw_panels(section, language) for section in other_measures(content.tasks, language)
+            draw_panels(section, language)
+            for section in other_measures(content.tasks, language, content.edition)
         ],
         "further": [
             s
@@ -299,4 +301,29 @@ def _provenance(content: Content, language: Language) -> list[list[str]]:
         [say("software"), content.software],
         [say("method"), f"{method.name}: {language.translate(method.title)}"],
         [say("options"), "; ".join(changed) if changed else say("options.default")],
+        *_compared(content, language),
     ]
+
+
+def _compared(content: Content, language: Language) -> list[list[str]]:
+    """With what sessions and reference values the figures are compared, and who chose that when."""
+    found, say = content.compared, language.say
+    if found is None:
+        return []
+    other = say(f"other.{'right' if content.hand == 'left' else 'left'}")
+    words = [
+        say("compared.before", **_moment(found.before, language))
+        if found.before
+        else say("compared.no_before"),
+        say("compared.other", hand=other, **_moment(found.other, language))
+        if found.other
+        else say("compared.no_other"),
+        say("compared.edition", number=found.edition.number),
+        say("compared.version", number=found.number, **_moment(found.made, language)),
+        *([say("compared.chosen_by", name=found.author)] if found.author else []),
+    ]
+    return [[say("compared"), "; ".join(words)]]
+
+
+def _moment(moment: datetime, language: Language) -> dict[str, str]:
+    return {"day": language.day(moment), "hour": language.hour(moment)}

@@ -1,8 +1,9 @@
-"""Reference values of joint motion, read from the one data file that holds them and their sources."""
+"""Reference values and published MDCs with their sources: the newest edition from the one data file that holds them, an older one from what a result stored."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -38,44 +39,72 @@ class SmallestChange:
     note: str
 
 
-@cache
-def references() -> tuple[Reference, ...]:
-    """All reference values, one a joint, angle and end."""
-    file = _file()
-    return tuple(
-        Reference(
-            joint,
-            v["angle"],
-            v["end"],
-            float(v["degrees"]),
-            Source(**file["sources"][v["source"]]),
-            v.get("note", ""),
+@dataclass(frozen=True, eq=False)
+class Edition:
+    """The reference values of one edition, `data` as in FILE."""
+
+    data: Mapping[str, Any]
+
+    @property
+    def number(self) -> int:
+        """Counts the editions of the file."""
+        return int(self.data["version"])
+
+    @cached_property
+    def references(self) -> tuple[Reference, ...]:
+        """All reference values of joint motion, one a joint, angle and end."""
+        return tuple(
+            Reference(
+                joint,
+                v["angle"],
+                v["end"],
+                float(v["degrees"]),
+                self.source(v["source"]),
+                v.get("note", ""),
+            )
+            for v in self.data["values"]
+            for joint in v["joints"]
         )
-        for v in file["values"]
-        for joint in v["joints"]
-    )
+
+    @cached_property
+    def smallest_change(self) -> SmallestChange:
+        """Of a joint's angle, deg: the default until a glove's own repeatability is known."""
+        value = self.data["smallest_change"]
+        return SmallestChange(float(value["degrees"]), self.source(value["source"]), value["note"])
+
+    @cached_property
+    def smallest_change_of_rate(self) -> SmallestChange:
+        """Of the rate of tapping, per s."""
+        value = self.data["smallest_change_of_rate"]
+        return SmallestChange(
+            float(value["per_second"]), self.source(value["source"]), value["note"]
+        )
+
+    def source(self, key: str) -> Source:
+        return Source(**self.data["sources"][key])
 
 
 @cache
+def newest() -> Edition:
+    """The edition that new results are compared with."""
+    return Edition(json.loads(FILE.read_text(encoding="utf-8")))
+
+
+def edition_of(data: Mapping[str, Any]) -> Edition:
+    """The edition with this content."""
+    return newest() if data == newest().data else Edition(data)
+
+
+def references() -> tuple[Reference, ...]:
+    """All reference values of the newest edition."""
+    return newest().references
+
+
 def smallest_change() -> SmallestChange:
-    """The default until a glove's own repeatability is known."""
-    file = _file()
-    value = file["smallest_change"]
-    return SmallestChange(
-        float(value["degrees"]), Source(**file["sources"][value["source"]]), value["note"]
-    )
+    """That of the newest edition."""
+    return newest().smallest_change
 
 
-@cache
 def smallest_change_of_rate() -> SmallestChange:
-    """The same for the rate of tapping."""
-    file = _file()
-    value = file["smallest_change_of_rate"]
-    return SmallestChange(
-        float(value["per_second"]), Source(**file["sources"][value["source"]]), value["note"]
-    )
-
-
-def _file() -> dict[str, Any]:
-    value: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8"))
-    return value
+    """That of the newest edition."""
+    return newest().smallest_change_of_rate

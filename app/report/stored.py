@@ -1,7 +1,7 @@
 """The computed part of a report beside its result: one file from which a report is made again without the recording.
 
 An npz of every array and of one JSON tree that names them; values of the classes in KEPT stand there by their class and fields. Only what a report
-reads of a task's details is kept: taps and ranges. A file of other classes or fields than today's is None: the caller computes anew.
+reads of a task's details is kept: taps and ranges. A field that is newer than the file has its default; a file of other classes or with other fields is None: the caller computes anew.
 """
 
 import io
@@ -64,12 +64,13 @@ STORED_TYPES: Mapping[str, type] = {
 
 
 def pack(whole: Content) -> bytes:
-    """A content without what the database knows and may change later: the visit, the course, the changes."""
+    """A content without what the database knows: the visit, the course, the changes, what they are compared with."""
     own = replace(
         whole,
         visit=content.Visit(patient=""),
         changes=None,
         course=None,
+        compared=None,
         tasks=tuple(map(_without_unread_details, whole.tasks)),
     )
     arrays: dict[str, np.ndarray] = {}
@@ -131,7 +132,7 @@ def _from_json(data: Any, arrays: Mapping[str, np.ndarray]) -> Any:
         return data
     if "of" in data:
         of = STORED_TYPES[data["of"]]
-        if {f.name for f in fields(of)} != data["fields"].keys():
+        if not data["fields"].keys() <= {f.name for f in fields(of)}:
             raise ValueError(f"{data['of']} has other fields")
         return of(**{name: _from_json(v, arrays) for name, v in data["fields"].items()})
     ((kind, inside),) = data.items()

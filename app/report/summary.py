@@ -10,7 +10,7 @@ import numpy as np
 from handscope.app.language import Language
 from handscope.app.report.changes import Changes
 from handscope.app.report.content import Content, Task
-from handscope.app.report.references import smallest_change
+from handscope.app.report.references import Edition
 from handscope.app.report.sections.range_comparison import (
     Lacking,
     behind_other,
@@ -39,7 +39,11 @@ def summary(content: Content, language: Language) -> list[str]:
         _tasks(content, language),
         *_not_done(content, language),
         *_absent(content, language),
-        *([_reference(full, language), *_other(content, full, language)] if full else []),
+        *(
+            [_reference(full, content.edition, language), *_other(content, full, language)]
+            if full
+            else []
+        ),
         *_tapping(content, language),
         *_reach(content, language),
         *_held(content, language),
@@ -91,9 +95,9 @@ def outcome_words(outcome: str, language: Language) -> str:
     return language.known(f"outcome.{outcome.replace(' ', '_')}", outcome)
 
 
-def _reference(tasks: Sequence[Task], language: Language) -> str:
-    limit = smallest_change().value
-    short = [gap for gap in behind_reference(tasks) if gap.short * DEG > limit]
+def _reference(tasks: Sequence[Task], edition: Edition, language: Language) -> str:
+    limit = edition.smallest_change.value
+    short = [gap for gap in behind_reference(tasks, edition) if gap.short * DEG > limit]
     if not short:
         return language.say("summary.reference.none", size=f"{limit:g}")
     return language.say("summary.reference", size=f"{limit:g}", joints=_gaps(short, language))
@@ -104,10 +108,11 @@ def _other(content: Content, tasks: Sequence[Task], language: Language) -> list[
     gaps = behind_other(tasks, other_hand(content, tasks))
     if other is None or not gaps:
         return []
-    limit = smallest_change().value
+    limit = content.edition.smallest_change.value
     facts = {
         "hand": language.say(f"other.{'right' if content.hand == 'left' else 'left'}"),
         "day": language.day(other.started),
+        "hour": language.hour(other.started),
         "size": f"{limit:g}",
     }
     short = [gap for gap in gaps if gap.short * DEG > limit]

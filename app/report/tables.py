@@ -46,6 +46,7 @@ def json(content: Content) -> bytes:
             "flagged": content.flagged,
             "warnings": content.warnings,
             "changes": content.changes,
+            "compared_with": _compared(content),
             "scores": content.scores,
             "not_done": content.not_done,
             "left_out": content.left_out,
@@ -98,6 +99,21 @@ def _session(content: Content) -> dict[str, Any]:
         "date_reason": visit.date_reason,
         "notes": visit.notes,
         "software": content.software,
+    }
+
+
+def _compared(content: Content) -> dict[str, Any] | None:
+    found = content.compared
+    if found is None:
+        return None
+    return {
+        "version": found.number,
+        "made": found.made,
+        "chosen_by": found.author,
+        "affected_hand": found.affected,
+        "session_before": found.before,
+        "session_of_other_hand": found.other,
+        "edition_of_reference_values": found.edition.number,
     }
 
 

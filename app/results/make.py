@@ -20,9 +20,11 @@ from sqlalchemy.orm.exc import StaleDataError
 from handscope.app.options import with_options
 from handscope.app.protocols import offered
 from handscope.app.report.content import Content, Visit, content
+from handscope.app.report.references import newest
 from handscope.app.report.sections import self_calibration
 from handscope.app.report.stored import pack, unpack
 from handscope.app.workers import deadline
+from handscope.estimators.data.options import describe
 from handscope.estimators.data.samples import Event
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
@@ -36,7 +38,7 @@ from handscope.estimators.methods import ALL_METHODS
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import Processed, process
-from handscope.sessions.clinic import corrections, self_calibrations, trunk_height
+from handscope.sessions.clinic import corrections, references, self_calibrations, trunk_height
 from handscope.sessions.clinic.results import UNFINISHED, begin, fail
 from handscope.sessions.db.full_disk import FULL, is_full
 from handscope.sessions.db.tables import Result
@@ -98,10 +100,14 @@ def _make(db: Session, store: Store, result: Result) -> None:
     save_replay(store, result.id, processed.trajectory)
     save_report(store, result, recording, processed, tasks)
     result.figures = [row for t in tasks for row in figure_rows(t)]
-    result.content = page_content(processed, tasks, recording)
+    result.content = {
+        **page_content(processed, tasks, recording),
+        "options": options_of(result),
+    }
     result.warnings, result.state, result.progress = list(processed.warnings), "done", 1.0
     result.recording.session.state = "processed"
     db.commit()
+    references.current(db, result, newest().data)
 
 
 def process_result(
@@ -125,12 +131,29 @@ def process_result(
     prior = None if db is None else self_calibrations.load_prior(db, result.reused)
     made = process(
         method,
-        with_options(method.Params, result.parameters),
+        params_of(result),
         recording,
         progress=progress,
         known=prior,
     )
     return recording, check_processed(made, recording)
+
+
+def params_of(result: Result) -> Any:
+    """The method's Params: defaults as they were when the result was made, and what it was asked for."""
+    params_type = ALL_METHODS[result.method].Params
+    known = {d.name for d in describe(params_type)}
+    frozen = {k: v for k, v in result.content.get("options", {}).items() if k in known}
+    return replace(
+        with_options(params_type, result.parameters),
+        **{name: value for name, value in frozen.items() if name not in result.parameters},
+    )
+
+
+def options_of(result: Result) -> dict[str, Any]:
+    """Every option by name, defaults as well: what a later version may have other defaults for."""
+    params = params_of(result)
+    return {d.name: getattr(params, d.name) for d in describe(type(params))}
 
 
 def assess_recording(
@@ -148,7 +171,7 @@ def assess_recording(
 def derivative_files(store: Store, result: Result, reasons: bool = True) -> dict[str, Data]:
     """The Motion-BIDS derivative of a result (docs/motion-bids.md)."""
     recording, processed = process_result(store, result, reasons=reasons)
-    params = with_options(ALL_METHODS[result.method].Params, result.parameters)
+    params = params_of(result)
     return derivative.tree(processed, recording, result.method, params, result.version)
 
 
@@ -272,7 +295,7 @@ def save_report(
     tasks: list[TaskResult],
 ) -> Content:
     """Store the report's content for the recording; it can be made again at any time."""
-    params = with_options(ALL_METHODS[result.method].Params, result.parameters)
+    params = params_of(result)
     nobody, version, corrected = Visit(patient=""), result.version, result.corrections
     protocols, _ = offered(store.folder)
     report_content = content(

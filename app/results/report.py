@@ -1,37 +1,59 @@
-"""The report of a stored result, with what the database knows of the visit now."""
+"""The report of a stored result, with what the database knows of the visit now and with what it is compared with."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal, cast
 
 from sqlalchemy.orm import object_session
 
 from handscope.app.report.changes import Changes, changes
-from handscope.app.report.content import Content, Visit
+from handscope.app.report.content import ComparedWith, Content, Visit
+from handscope.app.report.references import edition_of, newest
 from handscope.app.results.make import load_report
-from handscope.sessions.clinic import repeatability
-from handscope.sessions.clinic.visit_history import Course, course
+from handscope.sessions.clinic import references
+from handscope.sessions.clinic.references import References
+from handscope.sessions.clinic.visit_history import Course
 from handscope.sessions.db.tables import Result
 from handscope.sessions.store import records
 from handscope.sessions.store.store import Store
 
+Affected = Literal["left", "right", "both"] | None
 
-def changes_of(result: Result) -> Changes | None:
-    """Changes in a result since the patient's previous session."""
+
+@dataclass(frozen=True)
+class Comparisons:
+    """What a finished result is compared with, and what comes of it."""
+
+    stored: References
+    changes: Changes | None  # since the session before
+    course: Course
+    compared: ComparedWith
+
+
+def comparisons_of(result: Result, number: int | None = None) -> Comparisons:
+    """By the newest version of the result's references, or by that of a number."""
     db = object_session(result)
     assert db is not None
-    comparison = repeatability.compare_with_previous(db, result)
-    return changes(comparison) if comparison else None
+    stored = references.current(db, result, newest().data, number)
+    edition = edition_of(stored.reference_values)
+    compared = references.comparison(stored, result)
+    return Comparisons(
+        stored,
+        changes(compared, edition) if compared else None,
+        references.course(stored, result),
+        ComparedWith(
+            stored.number,
+            stored.made,
+            stored.author,
+            cast(Affected, stored.affected),
+            stored.before.started if stored.before else None,
+            stored.other.started if stored.other else None,
+            edition,
+        ),
+    )
 
 
-def course_of(result: Result) -> Course | None:
-    """The patient's sessions until a result, and the other hand."""
-    db = object_session(result)
-    assert db is not None
-    return course(db, result)
-
-
-def report(store: Store, result: Result) -> Content:
-    """Content of a result's report."""
+def report(store: Store, result: Result, number: int | None = None) -> Content:
+    """Content of a result's report; `number` chooses a version of its references, None the newest."""
     session, patient = result.recording.session, result.recording.session.patient
     visit = Visit(
         patient=patient.pseudonym,
@@ -40,14 +62,15 @@ def report(store: Store, result: Result) -> Content:
         date_reason=session.date_reason,
         examiner=session.examiner,
         dominant=records.hand_of(patient.dominant_hand) if patient.dominant_hand else None,
-        affected=cast(Literal["left", "right", "both"] | None, patient.affected_hand),
+        affected=cast(Affected, patient.affected_hand),
         notes=session.notes,
     )
-    changed, history = changes_of(result), course_of(result)
+    found = comparisons_of(result, number)
     return replace(
         load_report(store, result),
         visit=visit,
         date=session.started,
-        changes=changed,
-        course=history,
+        changes=found.changes,
+        course=found.course,
+        compared=found.compared,
     )

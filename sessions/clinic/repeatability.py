@@ -126,7 +126,7 @@ def refresh(db: Session, changed: Iterable[int]) -> None:
 
 def compare_with_previous(db: Session, result: Result) -> Comparison | None:
     """What a result's figures are compared with; None where the patient has no session before that was processed in the same way."""
-    mine = _occasion(result)
+    mine = occasion_of(result)
     earlier = [
         o
         for o in _occasions(db, mine.patient)
@@ -184,6 +184,13 @@ def is_sufficient(row: Repeatability) -> bool:
         and row.mdc95 > 0
         and (row.patient_id is not None or row.people >= PEOPLE)
     )
+
+
+def occasion_of(result: Result) -> Occasion:
+    """Where a result stands among the patient's sessions."""
+    file, visit = result.recording, result.recording.session
+    facts = visit.patient_id, visit.hand, visit.started, file.sha256 or "", glove_of(file.summary)
+    return Occasion(result.id, visit.id, *facts, result.method, result.parameters)
 
 
 def values(figures: Sequence[Mapping[str, Any]]) -> Values:
@@ -342,12 +349,6 @@ def _active_corrections(db: Session) -> dict[int, list[dict[str, Any]]]:
     for correction in db.scalars(select(Correction).where(Correction.undone.is_(None))):
         rows[correction.recording_id].append(correction)
     return {recording: corrections.as_data(found) for recording, found in rows.items()}
-
-
-def _occasion(result: Result) -> Occasion:
-    file, visit = result.recording, result.recording.session
-    facts = visit.patient_id, visit.hand, visit.started, file.sha256 or "", glove_of(file.summary)
-    return Occasion(result.id, visit.id, *facts, result.method, result.parameters)
 
 
 def _store(

@@ -73,6 +73,15 @@ def get(db: Session, result_id: int) -> Result:
     return result
 
 
+def require_done(result: Result) -> Result:
+    """The result; InputError where it is not finished."""
+    if result.state != "done":
+        raise InputError(
+            f"result {result.id} is {result.state}{': ' + result.error if result.error else ''}"
+        )
+    return result
+
+
 def current(file: RecordingFile) -> list[Result]:
     """Of every method with its options the newest result by the corrections, the trunk's height and the reuse that count now, the newest first."""
     standing = corrections.active(file), file.session.trunk_corrected

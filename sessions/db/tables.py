@@ -286,6 +286,32 @@ class Result(Base):
     recording: Mapped[RecordingFile] = relationship(back_populates="results")
 
 
+class ReferenceEdition(Base):
+    """Reference values as they were when results were compared with them: the content of app/report/reference_values.json."""
+
+    __tablename__ = "reference_edition"
+
+    id: Mapped[str] = mapped_column(String(64), primary_key=True)  # sha256 of data
+    data: Mapped[dict[str, Any]] = mapped_column(default=dict)
+
+
+class ResultReferences(Base):
+    """What a result is compared with (sessions/clinic/references.py). A row a version, never edited."""
+
+    __tablename__ = "result_references"
+    __table_args__ = (UniqueConstraint("result_id", "number", name="one_version_a_number"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    result_id: Mapped[int] = mapped_column(ForeignKey("result.id", ondelete="CASCADE"), index=True)
+    number: Mapped[int]  # from 1
+    made: Mapped[datetime] = mapped_column(default=now)
+    author: Mapped[str] = mapped_column(String(64), default="")  # account; "": the program
+    edition_id: Mapped[str] = mapped_column(ForeignKey("reference_edition.id"))
+    data: Mapped[dict[str, Any]] = mapped_column(
+        default=dict
+    )  # before, other: values; visits: results and moments; own, glove: MDCs
+
+
 class Repeatability(Base):
     """How far a figure comes out alike when measured again: derived from results, never edited (sessions/clinic/repeatability.py). SI units.
 

@@ -13,6 +13,7 @@ import * as progress from "../session/progress.js";
 import * as quality from "../session/quality.js";
 import * as ranges from "../session/ranges.js";
 import * as recordings from "../session/recordings.js";
+import * as references from "../session/references.js";
 import * as results from "../session/results.js";
 import * as selfCalibration from "../session/self_calibration.js";
 import * as tapping from "../session/tapping.js";
@@ -63,10 +64,11 @@ function pick(session) {
   return all.find((result) => result.id === named) ?? now.find((result) => way(result) === first) ?? now[0] ?? all[0] ?? null;
 }
 
-/** What is asked of a result: without what this page does not draw, graded as the address says. */
+/** What is asked of a result: without what this page does not draw, graded and compared as the address says. */
 function wanted() {
-  const grading = new URLSearchParams(location.search).get("grading");
-  return new URLSearchParams({ lean: "true", ...(grading && { grading }) });
+  const address = new URLSearchParams(location.search);
+  const kept = ["grading", "references"].filter((name) => address.has(name)).map((name) => [name, address.get(name)]);
+  return new URLSearchParams([["lean", "true"], ...kept]);
 }
 
 function draw(root, api, about) {
@@ -84,7 +86,7 @@ function draw(root, api, about) {
   const closed = session.recordings.some((recording) => recording.sha256);
   const main = [...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
   const typed = treats ? [notes, dating, closed && trunkHeight.worn(session) && trunkHeight] : [];
-  const aside = [done && quality, closed && selfCalibration, ...typed].filter(Boolean).map((part) => [part, place()]);
+  const aside = [done && quality, done && references, closed && selfCalibration, ...typed].filter(Boolean).map((part) => [part, place()]);
   const head = done ? [[downloads, place("")]] : [];
   const choice = [[results, place("")]];
   const name = h("h1", {});

@@ -1,6 +1,6 @@
 /** What changed since the patient's session before: the words are the report's. */
 import { h } from "../dom.js";
-import { day, known, t } from "../words/words.js";
+import { dayAndTime, t } from "../words/words.js";
 
 /** Tapping: the means over the trials; ranges say it in their own table. */
 export function mount(root, api, { result }) {
@@ -11,12 +11,12 @@ export function mount(root, api, { result }) {
 
 function section(task, changes) {
   const rows = task.figures.map((figure) =>
-    h("tr", {}, h("th", { scope: "row" }, known(figure.name.replace("_", "."), figure.name)), h("td", {}, figure.words)),
+    h("tr", {}, h("th", { scope: "row" }, figure.label), h("td", {}, figure.words)),
   );
   return h(
     "div",
     { class: "card" },
-    h("h2", {}, t("changes.title", { title: task.title, day: day(changes.since) })),
+    h("h2", {}, t("changes.title", { title: task.title, day: dayAndTime(changes.since) })),
     h("table", {}, h("caption", { class: "visually-hidden" }, t("changes.tapping")), h("tbody", {}, rows)),
     h("p", { class: "hint" }, t("changes.tapping")),
     changesCaption(changes, "tapping"),
@@ -25,5 +25,5 @@ function section(task, changes) {
 
 /** Since when, and what "beyond" and "within" are judged by. */
 export function changesCaption(changes, measure) {
-  return h("p", { class: "hint" }, [t("changes.caption", { day: day(changes.since) }), ...changes.sources[measure]].join(" "));
+  return h("p", { class: "hint" }, [t("changes.caption", { day: dayAndTime(changes.since) }), ...changes.sources[measure]].join(" "));
 }

@@ -3,6 +3,7 @@ import { h } from "../dom.js";
 import { errorBox, once } from "../forms.js";
 import { language } from "../words/languages.js";
 import { t } from "../words/words.js";
+import { versionOf } from "./references.js";
 
 export function mount(root, api, { session, result, go }) {
   const box = errorBox();
@@ -45,12 +46,12 @@ export function mount(root, api, { session, result, go }) {
     { onclick: () => once(file, box, () => save(`${base}/replay.html${named.checked ? "?named=true" : ""}`, name("-replay.html"))) },
     t("downloads.replay_file"),
   );
-  const asked = new URLSearchParams({ language, grading: result.grading });
+  const asked = new URLSearchParams({ language, grading: result.grading, ...versionOf(result) });
   const tables = [
     opened(t("downloads.html"), `${base}/report.html?${asked}`),
     opened(t("downloads.letter"), `${base}/report.pdf?${asked}&paper=us-letter`),
-    saved(t("downloads.csv"), `${base}/report.csv`, name(".csv")),
-    saved(t("downloads.json"), `${base}/report.json`, name(".json")),
+    saved(t("downloads.csv"), `${base}/report.csv?${asked}`, name(".csv")),
+    saved(t("downloads.json"), `${base}/report.json?${asked}`, name(".json")),
     saved(t("downloads.derivative"), `${base}/derivative.zip`, name(".zip"), ""),
   ];
   const formats = h("div", { class: "buttons" });

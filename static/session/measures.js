@@ -3,9 +3,11 @@ import { h } from "../dom.js";
 import { field, select } from "../forms.js";
 import { t } from "../words/words.js";
 import * as curves from "./measure_curves.js";
+import { versionOf } from "./references.js";
 
 export function mount(root, api, { session, result, go }) {
-  const graded = (scheme) => go(`/sessions/${session.id}?${new URLSearchParams({ result: result.id, grading: scheme })}`, true);
+  const address = (scheme) => new URLSearchParams({ result: result.id, ...versionOf(result), grading: scheme });
+  const graded = (scheme) => go(`/sessions/${session.id}?${address(scheme)}`, true);
   const leave = result.readings.others.map((measure) => {
     const drawn = h("div", { class: "curves-of" });
     root.append(section(measure, graded, drawn));

@@ -12,11 +12,13 @@ from handscope.app.language import Language
 from handscope.app.report.advice import advice
 from handscope.app.report.content import Task
 from handscope.app.report.norms import norm_of
+from handscope.app.report.references import Edition
 from handscope.app.report.sections.range_rows import GRADES
 from handscope.app.report.sections.shown_panels import Panel, panels
-from handscope.app.report.units import decimals, decimals_of_sd, reading, unit_words
+from handscope.app.report.units import DEG, decimals, decimals_of_sd, reading, unit_words
 from handscope.app.report.words import grade_words, named, span_words
 from handscope.estimators.measures.figure import Figure
+from handscope.estimators.measures.total_active_motion import NORM
 
 Section = dict[str, Any]
 OWN = ("tapping", "range_of_motion")  # measures that have one
@@ -24,7 +26,9 @@ OWN = ("tapping", "range_of_motion")  # measures that have one
 REPEATED = 3  # rows of one reason from which it is told once, below the table
 
 
-def other_measures(tasks: Sequence[Task], language: Language) -> list[Section]:
+def other_measures(
+    tasks: Sequence[Task], language: Language, edition: Edition | None = None
+) -> list[Section]:
     """A section a measure and task, in order of time; `norms` tells of each row what others measured and who says so, None where nobody has;
     `curves` the panels of each trial that has any, with the trial's name.
     """
@@ -32,21 +36,23 @@ def other_measures(tasks: Sequence[Task], language: Language) -> list[Section]:
     for task in tasks:
         if task.result.measure not in OWN:
             groups.setdefault((task.result.measure, task.result.task), []).append(task)
-    return [_section(trials, language) for trials in groups.values()]
+    return [_section(trials, language, edition) for trials in groups.values()]
 
 
-def _section(trials: Sequence[Task], language: Language) -> Section:
+def _section(trials: Sequence[Task], language: Language, edition: Edition | None) -> Section:
     figures: dict[str, list[Figure]] = {}
     for f in (f for t in trials for f in t.result.figures if not f.detail):
         figures.setdefault(f.name, []).append(f)
     rows, about = (
-        [_row(each, language) for each in figures.values()],
+        [_row(each, language, trials[0]) for each in figures.values()],
         [(each[0].what, each[0].part) for each in figures.values()],
     )
     shared = _shared([row[-1] for row in rows])
     below = "" if all(row[-1] == shared for row in rows) else language.say("reason.below")
     shown = [[*row[:-1], below if shared and row[-1] == shared else row[-1]] for row in rows]
-    norms = [norm_words(what, part, trials[0].result.task, language) for what, part in about]
+    norms = [
+        norm_words(what, part, trials[0].result.task, language, edition) for what, part in about
+    ]
     return {
         "name": trials[0].result.task,
         "title": language.translate(trials[0].measure_title),
@@ -100,7 +106,7 @@ def _curves(trials: Sequence[Task], language: Language) -> list[tuple[str, list[
     return [(name, found) for name, found in named_panels if found]
 
 
-def _row(figures: Sequence[Figure], language: Language) -> list[Any]:
+def _row(figures: Sequence[Figure], language: Language, task: Task) -> list[Any]:
     """Name, a value a trial, unit, the worst grade and its reason."""
     worst = max(figures, key=lambda f: GRADES.index(f.grade))
     unit = unit_words(reading(figures[0]).unit, language)
@@ -110,7 +116,7 @@ def _row(figures: Sequence[Figure], language: Language) -> list[Any]:
     ]
     reasons = dict.fromkeys(language.translate(f.reason) for f in figures if f.reason)
     return [
-        named(figures[0], language),
+        _name(figures[0], task, language),
         values,
         unit,
         [worst.grade, grade_words(worst.grade, language)],
@@ -118,9 +124,26 @@ def _row(figures: Sequence[Figure], language: Language) -> list[Any]:
     ]
 
 
-def norm_words(what: str, part: str, task: str, language: Language) -> dict[str, Any] | None:
+def _name(figure: Figure, task: Task, language: Language) -> str:
+    """A share says of what it is one: "Index: TAM against the right hand of 24 November 2026, 10:12 UTC"."""
+    if figure.what != "tam_share":
+        return named(figure, language)
+    finger = language.known(f"finger.{figure.part}", figure.part)
+    other = task.against
+    if other is None or figure.part not in other.motion:
+        degrees = language.number(NORM[figure.part] * DEG)
+        return language.say("share.norm", finger=finger, size=degrees)
+    moment = {"day": language.day(other.started), "hour": language.hour(other.started)}
+    return language.say(
+        "share.hand", finger=finger, hand=language.say(f"other.{other.hand}"), **moment
+    )
+
+
+def norm_words(
+    what: str, part: str, task: str, language: Language, edition: Edition | None = None
+) -> dict[str, Any] | None:
     """What others measured of a figure, in words, with who says so; None where nobody has."""
-    norm = norm_of(what, part, task)
+    norm = norm_of(what, part, task, edition)
     if norm is None:
         return None
     number = partial(

@@ -6,7 +6,7 @@ from typing import Literal
 
 from handscope.app.language import Language
 from handscope.app.report.content import Content, Task
-from handscope.app.report.references import Reference, references
+from handscope.app.report.references import Edition, Reference
 from handscope.app.report.sections.range_rows import RangeRow, over_tasks
 from handscope.app.report.units import DEG
 from handscope.estimators.measures.range_of_motion import Range
@@ -29,9 +29,10 @@ def flexion_with_sd(tasks: Sequence[Task], row: RangeRow, language: Language) ->
     return row.flexion + (f" ± {language.number(sd * DEG, 1)}°" if sd is not None else "")
 
 
-def reference_of(r: Range, end: End) -> Reference | None:
+def reference_of(r: Range, end: End, edition: Edition) -> Reference | None:
     return next(
-        (f for f in references() if (f.joint, f.angle, f.end) == (r.joint, r.angle, end)), None
+        (f for f in edition.references if (f.joint, f.angle, f.end) == (r.joint, r.angle, end)),
+        None,
     )
 
 
@@ -86,13 +87,13 @@ class Lacking:
         return self.against - self.own if self.end == "largest" else self.own - self.against
 
 
-def behind_reference(tasks: Sequence[Task]) -> list[Lacking]:
+def behind_reference(tasks: Sequence[Task], edition: Edition) -> list[Lacking]:
     """Every end of flexion that has a reference."""
     return [
         Lacking(r.joint, end, getattr(r, end), f.degrees / DEG)
         for r in over_tasks(tasks)
         for end in WORD
-        if r.angle == "flexion" and (f := reference_of(r, end)) is not None
+        if r.angle == "flexion" and (f := reference_of(r, end, edition)) is not None
     ]
 
 

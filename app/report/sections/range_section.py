@@ -8,7 +8,7 @@ import numpy as np
 from handscope.app.language import Language
 from handscope.app.report.change_words import range_changes, row_ends
 from handscope.app.report.content import Content, Curve, Task
-from handscope.app.report.references import Reference, references, smallest_change
+from handscope.app.report.references import Reference
 from handscope.app.report.sections import plots
 from handscope.app.report.sections.range_comparison import flexion_with_sd, other_hand, reference_of
 from handscope.app.report.sections.range_rows import (
@@ -46,7 +46,7 @@ def range_section(
     }
     if not rows:
         return head | {"absent": say("ranges.absent")}
-    ticks = references() if full else ()
+    ticks = content.edition.references if full else ()
     curves = _joined_curves(tasks)
     return head | {
         "absent": "",
@@ -128,7 +128,7 @@ def _cells(
             extension_words(bend.joint, other.smallest, other.largest, language, short=True),
             "quiet",
         ]
-    if full and (reference := reference_of(bend, "largest")):
+    if full and (reference := reference_of(bend, "largest", content.edition)):
         found["flexion"]["reference"] = [f"{reference.degrees:.0f}°", "quiet"]
     for group, words in changed.items():
         found[group]["change"] = [words, "strong"]
@@ -164,7 +164,7 @@ def _caption(
     ticks: Sequence[Reference],
     language: Language,
 ) -> list[str]:
-    change, say = smallest_change(), language.say
+    change, say = content.edition.smallest_change, language.say
     other = content.course.other if content.course else None
     return [
         say("ranges.held", seconds=language.number(range_of_motion.Params().hold / 2, 1)),
@@ -178,7 +178,9 @@ def _caption(
         else say("ranges.not_full"),
         say("ranges.extension", joints=_extension(rows, ticks, language)) if ticks else "",
         say("ranges.change") if content.changes else "",
-        say("ranges.other", day=language.day(other.started)) if other and ticks else "",
+        say("ranges.other", day=language.day(other.started), hour=language.hour(other.started))
+        if other and ticks
+        else "",
         say("ranges.joints"),
         say("ranges.terms"),
         say("ranges.trusted", size=f"{change.value:g}", source=change.source.name)

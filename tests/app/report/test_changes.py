@@ -9,7 +9,6 @@ import numpy as np
 import orjson
 import pytest
 
-from handscope.app.api.result_view import readings
 from handscope.app.language import ENGLISH
 from handscope.app.protocols import load_all
 from handscope.app.report import FORMS, Style
@@ -17,6 +16,7 @@ from handscope.app.report.changes import Changes, changes
 from handscope.app.report.content import Content
 from handscope.app.report.units import DEG
 from handscope.app.results.make import _task, figure_rows
+from handscope.app.results.result_view import readings
 from handscope.sessions.clinic.repeatability import Comparison, Key, Values, values
 from handscope.sessions.db.tables import Repeatability
 from tests.app.report.simulated_sessions import NORMAL, report, session
@@ -132,7 +132,7 @@ def test_the_pdf_says_it_what_is_beyond_first() -> None:
     text = text_of(content).replace("’", "'")
     beyond = "Index PIP extension 3° less (the patient's own MDC 2°), flexion 15° more."
     assert (
-        f"Since 12 May 2026, beyond what repeated measurement gives (MDC95): {beyond} Within it: all 42 others."
+        f"Since the session of 12 May 2026, 09:00 UTC, beyond what repeated measurement gives (MDC95): {beyond} Within it: all 42 others."
         in text
     )
     assert (

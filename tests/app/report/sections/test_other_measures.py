@@ -222,7 +222,11 @@ def test_total_active_motion_is_a_share_of_the_other_hand_where_only_this_one_is
     )
     for affected, share in (("left", 0.5), ("both", None), ("right", None), (None, None)):
         other = uninjured("left", affected, past)
-        found = next(f for f in regrade(kept.figures, "assh", other) if f.name == "ring_tam_share")
+        found = next(
+            f
+            for f in regrade(kept.figures, "assh", other.motion if other else {})
+            if f.name == "ring_tam_share"
+        )
         own = next(f for f in kept.figures if f.name == "ring_tam_share")
         assert found.value == pytest.approx(share or own.value), affected
         assert (found.category == "poor") is (share == 0.5)

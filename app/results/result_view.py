@@ -10,9 +10,10 @@ from handscope.app.language import Language
 from handscope.app.protocols import Protocol
 from handscope.app.report.change_words import row_words, tapping_words
 from handscope.app.report.changes import Changes
-from handscope.app.report.content import Task, asked
+from handscope.app.report.content import OtherHand, Task, asked
 from handscope.app.report.gradings import DEFAULT, grade_tasks
 from handscope.app.report.norms import norm_of
+from handscope.app.report.references import Edition
 from handscope.app.report.sections.other_measures import other_measures
 from handscope.app.report.sections.range_comparison import flexion_with_sd
 from handscope.app.report.sections.range_rows import (
@@ -41,7 +42,8 @@ def readings(
     changes: Changes | None = None,
     lean: bool = False,
     grading: str = DEFAULT,
-    other_hand: Mapping[str, float] | None = None,
+    other_hand: OtherHand | None = None,
+    edition: Edition | None = None,
 ) -> dict[str, Any]:
     """Tables for pages from a stored result's content and figures, `lean` without the list of figures; empty before it is done."""
     tasks = content.get("tasks", [])
@@ -58,15 +60,17 @@ def readings(
         ),
         "calibration": calibration_payload(content.get("calibration"), language),
         "changes": _changes(changes, protocols, language) if changes else None,
-        "others": _others(tasks, figures, protocols, language, grading, dict(other_hand or {})),
-    } | ({} if lean else {"figures": [_figure_payload(f, language) for f in figures]})
+        "others": _others(tasks, figures, protocols, language, grading, other_hand, edition),
+    } | ({} if lean else {"figures": [_figure_payload(f, language, edition) for f in figures]})
 
 
-def _figure_payload(row: Mapping[str, Any], language: Language) -> dict[str, Any]:
+def _figure_payload(
+    row: Mapping[str, Any], language: Language, edition: Edition | None
+) -> dict[str, Any]:
     """A figure in a readable unit, with its uncertainty, grade, source and norm."""
     value, sd = _read(row, row["value"]), _read(row, row.get("sd"))
     what, part = row.get("what") or row["name"], row.get("part", "")
-    norm = norm_of(what, part, row["task"])
+    norm = norm_of(what, part, row["task"], edition)
     return {
         **{
             key: row.get(key, "")
@@ -98,7 +102,10 @@ def _changes(
     tapping = [
         {
             "title": _title({"task": task}, protocols.get(task), language),
-            "figures": [{"name": name, "words": words} for name, words in figures.items()],
+            "figures": [
+                {"name": name, "label": figure_words(name, language), "words": words}
+                for name, words in figures.items()
+            ],
         }
         for task, figures in tapping_words(changes, language).items()
     ]
@@ -177,7 +184,8 @@ def _others(
     protocols: Mapping[str, Protocol],
     language: Language,
     grading: str,
-    other_hand: dict[str, float],
+    other_hand: OtherHand | None,
+    edition: Edition | None,
 ) -> list[dict[str, Any]]:
     """Measures that have no card of their own, as the report has them, with the norms of their figures."""
     figures_of = _by_task(figures)
@@ -198,7 +206,7 @@ def _others(
         )
         for t in tasks
     ]
-    sections = other_measures(grade_tasks(trials, grading, other_hand), language)
+    sections = other_measures(grade_tasks(trials, grading, other_hand), language, edition)
     choices = [[scheme, language.say(f"grading.{scheme}")] for scheme in GRADINGS]
     return [
         {
