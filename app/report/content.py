@@ -24,7 +24,7 @@ from handscope.estimators.measures.range_of_motion import Range
 from handscope.estimators.methods import ALL_METHODS
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import Processed
-from handscope.sessions.clinic.visit_history import Course
+from handscope.sessions.clinic.references import Course
 from handscope.sessions.files.recording import LoadedRecording
 
 ATTEMPTED = (

@@ -9,7 +9,7 @@ from dataclasses import replace
 from handscope.app.report.content import Content, OtherHand, Task
 from handscope.estimators.hand.anatomy import FINGERS, Hand
 from handscope.estimators.measures.total_active_motion import GRADINGS, regrade
-from handscope.sessions.clinic.visit_history import Course
+from handscope.sessions.clinic.references import Course
 
 MEASURE = "total_active_motion"
 DEFAULT = next(iter(GRADINGS))

@@ -10,8 +10,7 @@ from handscope.app.report.content import ComparedWith, Content, Visit
 from handscope.app.report.references import edition_of, newest
 from handscope.app.results.make import load_report
 from handscope.sessions.clinic import references
-from handscope.sessions.clinic.references import References
-from handscope.sessions.clinic.visit_history import Course
+from handscope.sessions.clinic.references import Course, References
 from handscope.sessions.db.tables import Result
 from handscope.sessions.store import records
 from handscope.sessions.store.store import Store

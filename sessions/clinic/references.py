@@ -32,7 +32,6 @@ from handscope.sessions.clinic.repeatability import (
     occasion_of,
     values,
 )
-from handscope.sessions.clinic.visit_history import Course, Visit
 from handscope.sessions.db.tables import (
     ReferenceEdition,
     Repeatability,
@@ -43,6 +42,22 @@ from handscope.sessions.db.tables import (
 
 MDC_COLUMNS = ("measure", "task", "name", "unit", "mdc95", "patient_id", "people", "sessions")
 ReferenceData = Mapping[str, Any]  # the content of app/report/reference_values.json
+
+
+@dataclass(frozen=True)
+class Visit:
+    """One session's figures, over its trials (repeatability.values); SI units."""
+
+    started: datetime
+    values: Values
+
+
+@dataclass(frozen=True)
+class Course:
+    """Sessions processed by the same method with the same options."""
+
+    visits: tuple[Visit, ...]  # of the same hand in order of time, the result's own session last
+    other: Visit | None  # of the other hand
 
 
 @dataclass(frozen=True)

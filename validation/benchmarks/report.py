@@ -19,9 +19,9 @@ from handscope.estimators.methods import m2
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation.scenario import simulate
 from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.sessions.clinic.references import Course
+from handscope.sessions.clinic.references import Visit as Past
 from handscope.sessions.clinic.repeatability import Values, values
-from handscope.sessions.clinic.visit_history import Course
-from handscope.sessions.clinic.visit_history import Visit as Past
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.validation.benchmarks import Metric
 

@@ -129,3 +129,19 @@ def test_a_result_made_anew_keeps_what_a_person_chose(
     found = references.current(db, anew, VALUES)
     assert found.other is not None
     assert (found.other.result, found.author) == (first.id, "anna")
+
+
+def test_the_course_ends_with_the_result_and_leaves_out_other_people_hands_and_methods(
+    db: Session, visit: Callable[..., Result]
+) -> None:
+    one, other = patient(db, "one"), patient(db, "other")
+    visit(other, 0, 10.0)
+    visit(one, 1, 20.0)
+    visit(one, 2, 21.0, method="ekf")
+    visit(one, 3, 90.0, hand="right")
+    mine = visit(one, 4, 22.0, 24.0)
+    visit(one, 5, 99.0)
+    found = references.course(references.current(db, mine, VALUES), mine)
+    assert [v.values[PIP][0] for v in found.visits] == [20.0, 24.0]
+    assert found.other is not None
+    assert found.other.values[PIP][0] == 90.0

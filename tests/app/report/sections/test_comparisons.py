@@ -13,9 +13,9 @@ from handscope.app.report.page import Page, words_of
 from handscope.app.report.pdf import pdf
 from handscope.app.report.units import DEG
 from handscope.app.results.make import figure_rows
+from handscope.sessions.clinic.references import Course
+from handscope.sessions.clinic.references import Visit as Past
 from handscope.sessions.clinic.repeatability import Values, values
-from handscope.sessions.clinic.visit_history import Course
-from handscope.sessions.clinic.visit_history import Visit as Past
 from tests.app.report.simulated_sessions import VISIT, report, session
 from tests.app.report.test_pdf import NASTY, pages, printed
 

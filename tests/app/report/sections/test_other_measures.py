@@ -14,7 +14,7 @@ from handscope.estimators.measures import total_active_motion
 from handscope.estimators.measures.assessment import TaskResult, assess
 from handscope.estimators.measures.figure import Figure, Grade
 from handscope.estimators.measures.total_active_motion import GRADINGS, regrade
-from handscope.sessions.clinic.visit_history import Course, Visit
+from handscope.sessions.clinic.references import Course, Visit
 from tests.app.report.simulated_sessions import report, session
 
 GERMAN = language("de")
