@@ -3,7 +3,7 @@
 In      y (n, m) and H (n, m, p) with y = H theta + e, standard deviation of e (n,)
 Out     theta (p,), its covariance: scaled by the residuals, with samples of correlated errors counted as one
 Source  Kortier, thesis (6.7), (6.8); recursive least squares with forgetting: the thesis' [64], Gustafsson 2010, Statistical Sensor
-        Fusion
+        Fusion; filterpy's Kalman filter with fading memory
         Models: mass f_i + f_t = M (g + a) (6.5); spring and damper (f_t - f_i) . e / 2 = K (p0 - p) - D v with e from i to t and p the tips' distance. (6.6) writes
         the difference itself, of two springs in a row (Fig. 6.3); ours is half of it, so that K is that of the whole, as a spring is bought
 Limits  errors in H bias theta towards zero; an error that is the same in all samples (zero, scale, inclination) is not seen here: whoever calls adds it
@@ -11,10 +11,14 @@ Limits  errors in H bias theta towards zero; an error that is the same in all sa
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from handscope.estimators.numerics.typing import Array
+
+if TYPE_CHECKING:
+    from filterpy.kalman import KalmanFilter
 
 KNOWN = 0.5  # standard deviation over value below which a running estimate is reported
 VAGUE = 1e8  # prior variance, in units of the square of each parameter's usual size
@@ -87,34 +91,44 @@ def update(
     state: RecursiveLeastSquares, t: float, y: Array, H: Array, sd: float, memory: float = np.inf
 ) -> RecursiveLeastSquares:
     """One sample y (m,), H (m, p): what is `memory` s old counts for 1/e."""
-    keep = float(np.exp(-(t - state.t) / memory)) if np.isfinite(state.t) else 1.0
-    P = (
-        state.P / keep if (np.diag(state.P) <= keep * state.most).all() else state.P
-    )  # what no sample tells is forgotten only so far
-    S = H @ P @ H.T + sd**2 * np.eye(len(y))
-    innovation = y - H @ state.theta
-    gain = np.linalg.solve(S, H @ P).T
-    left = np.eye(len(P)) - gain @ H
-    P = (
-        left @ P @ left.T + sd**2 * gain @ gain.T
-    )  # Joseph's form: from a prior this vague the plain one ends below zero
-    P = 0.5 * (P + P.T)
-    share = 1 - keep if np.isfinite(memory) else 0.05
-    nis = state.nis + max(share, 0.02) * (
-        float(innovation @ np.linalg.solve(S, innovation)) / len(y) - state.nis
-    )
-    return replace(state, theta=state.theta + gain @ innovation, P=P, nis=nis, t=t)
+    return run_recursive(state, np.array([t]), y[None], H[None], np.array([sd]), memory)[0]
 
 
 def run_recursive(
     state: RecursiveLeastSquares, t: Array, y: Array, H: Array, sd: Array, memory: float = np.inf
 ) -> tuple[RecursiveLeastSquares, Array, Array]:
     """Samples in a row: the state behind them, theta and its standard deviations (n, p) after each; cut anywhere, the same."""
-    track, spread = np.empty((len(t), len(state.theta))), np.empty((len(t), len(state.theta)))
+    p, m = len(state.theta), y.shape[1]
+    fading = _fading_filter(state, m)
+    track, spread = np.empty((len(t), p)), np.empty((len(t), p))
     for k in range(len(t)):
-        state = update(state, float(t[k]), y[k], H[k], float(sd[k]), memory)
+        keep = float(np.exp(-(t[k] - state.t) / memory)) if np.isfinite(state.t) else 1.0
+        within = (np.diag(fading.P) <= keep * state.most).all()
+        fading.alpha = 1 / np.sqrt(keep) if within else 1.0  # without samples: forgotten so far
+        fading.predict()
+        fading.update(y[k], R=sd[k] ** 2, H=H[k])
+        fading.P = 0.5 * (fading.P + fading.P.T)
+        nis = (fading.y.T @ fading.SI @ fading.y).item() / m
+        share = max(1 - keep if np.isfinite(memory) else 0.05, 0.02)
+        state = replace(
+            state,
+            theta=fading.x[:, 0],
+            P=fading.P,
+            nis=state.nis + share * (nis - state.nis),
+            t=float(t[k]),
+        )
         track[k], spread[k] = state.theta, state.sd
     return state, track, spread
+
+
+def _fading_filter(state: RecursiveLeastSquares, m: int) -> "KalmanFilter":
+    """Recursive least squares as a Kalman filter of constants with fading memory."""
+    from filterpy.kalman import KalmanFilter  # here: it imports scipy.stats, 0.3 s
+
+    fading = KalmanFilter(dim_x=len(state.theta), dim_z=m)
+    fading.x, fading.P = state.theta[:, None], state.P
+    fading.F, fading.Q = np.eye(len(state.theta)), np.zeros_like(state.P)
+    return fading
 
 
 @dataclass(frozen=True)

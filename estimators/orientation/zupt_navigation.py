@@ -301,6 +301,8 @@ def _propagate_covariance(
 ) -> Array:
     """The covariance after samples of orientation R (n, 3, 3) and force (n, 3) in the global frame:
     derivatives summed as the values are."""
+    from filterpy.common import Q_continuous_white_noise
+
     T, F, Q = float(dt.sum()), np.eye(15), np.zeros((15, 15))
     turned = _integral(R, dt)  # dth = -turned db_g
     # of the force by dth, db_g, db_a
@@ -308,13 +310,12 @@ def _propagate_covariance(
     faster = _integral(_between(pushed), dt)
     F[P, V], F[TH, BG] = T * np.eye(3), -turned[-1]
     F[V, 6:], F[P, 6:] = faster[-1], _integral(_between(faster, np.zeros_like(faster[:1])), dt)[-1]
-    acc = params.acc_noise**2 * np.eye(3)
-    Q[V, V], Q[P, P], Q[P, V], Q[V, P] = T * acc, T**3 / 3 * acc, T**2 / 2 * acc, T**2 / 2 * acc
+    Q[:6, :6] = Q_continuous_white_noise(2, T, params.acc_noise**2, 3, order_by_dim=False)
     Q[TH, TH], Q[BG, BG] = (
         (params.gyr_noise * DEG) ** 2 * T * np.eye(3),
         params.gyr_bias_walk**2 * T * np.eye(3),
     )
-    return F @ covariance @ F.T + Q
+    return np.asarray(F @ covariance @ F.T + Q)
 
 
 def _cumulative_products(turns: Array) -> Array:
@@ -374,17 +375,17 @@ def _heading_update(params: HandFilterParams, state: State) -> State:
 def _correct(state: State, H: Array, r: Array, sd: Array) -> State:
     """One Kalman update with measurement residuals r and noise sd; the covariance in Joseph's
     form."""
+    from filterpy.kalman import update  # here: it imports scipy.stats, 0.3 s
+
     assert state.q_GH is not None
-    C = state.covariance
-    K = np.linalg.solve(H @ C @ H.T + np.diag(sd**2), H @ C).T
-    dx, I_KH = K @ r, np.eye(15) - K @ H
+    dx, covariance = update(np.zeros(15), state.covariance, r, np.diag(sd**2), H)
     return replace(
         state,
         p=state.p + dx[P],
         v=state.v + dx[V],
         q_GH=quat.normalize(quat.multiply(quat.exp(dx[TH]), state.q_GH)),
         bias=state.bias + dx[9:],
-        covariance=I_KH @ C @ I_KH.T + (K * sd**2) @ K.T,
+        covariance=covariance,
     )
 
 

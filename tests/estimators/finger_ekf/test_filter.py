@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from filterpy.stats import NESS
 from scipy.stats import chi2
 
 from handscope.estimators.finger_ekf import filter as finger_ekf_filter
@@ -212,16 +213,12 @@ def _nees(state: State, q_true: Array, bias: Array) -> Array:
     biases."""
     dth = quat.log(quat.relative(state.q_pc, q_true)).reshape(len(q_true), 9)
     error = np.concatenate([dth, (bias - state.bias).reshape(len(q_true), 12)], axis=-1)
-    return np.asarray(
-        (error * np.linalg.solve(state.P[:, :21, :21], error[..., None])[..., 0]).sum(axis=-1)
-    )
+    return np.array(NESS(error, np.zeros_like(error), state.P[:, :21, :21]))
 
 
 def _nees_of_joints(estimate: finger_ekf_filter.Estimate, q_joint: Array) -> Array:
     d = quat.log(quat.relative(estimate.q_joint[-1], q_joint[-1])).reshape(len(q_joint[-1]), 9)
-    return np.asarray(
-        (d * np.linalg.solve(estimate.P[-1] + 1e-9 * np.eye(9), d[..., None])[..., 0]).sum(axis=-1)
-    )
+    return np.array(NESS(d, np.zeros_like(d), estimate.P[-1] + 1e-9 * np.eye(9)))
 
 
 def _bounds(freedoms: int, trials: int) -> tuple[float, float]:

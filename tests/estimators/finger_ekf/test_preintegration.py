@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from filterpy.kalman import predict
 
 from handscope.estimators.finger_ekf import preintegration
 from handscope.estimators.numerics import quaternions as quat
@@ -87,3 +88,29 @@ def test_what_a_sensor_may_have_missed_enters_as_the_derivative_says(
 
     G = _derivative(ended, 3)
     np.testing.assert_allclose(P_new[:9, :9], G @ G.T, atol=1e-7)
+
+
+def _random_covariance(rng: np.random.Generator, size: int) -> Array:
+    L = rng.normal(size=(size, size))
+    return np.asarray(L @ L.T + 0.1 * np.eye(size))
+
+
+def test_the_time_update_of_resting_sensors_is_filterpys(rng: np.random.Generator) -> None:
+    """Sensors that do not turn: each joint's error goes on by its two sensors' biases."""
+    span, P, F = 0.2, _random_covariance(rng, 43), np.eye(43)
+    delta_q, J = np.tile(quat.IDENTITY, (4, 1)), np.tile(-span * np.eye(3), (4, 1, 1))
+    q_pc, variances, G = (
+        np.tile(quat.IDENTITY, (3, 1)),
+        rng.uniform(0.1, 1.0, 4),
+        np.zeros((43, 12)),
+    )
+    for j in range(3):
+        rows = slice(3 * j, 3 * j + 3)
+        F[rows, 9 + 3 * j : 12 + 3 * j], F[rows, 12 + 3 * j : 15 + 3 * j] = -J[j], J[j + 1]
+        G[rows, 3 * j : 3 * j + 3], G[rows, 3 * j + 3 : 3 * j + 6] = -np.eye(3), np.eye(3)
+    q_new, ours = preintegration.propagate(
+        np.zeros(21), span, delta_q, J, variances, q_pc, P.copy()
+    )
+    Q = G @ np.diag(np.repeat(variances, 3)) @ G.T
+    np.testing.assert_allclose(ours, predict(np.zeros(43), P, F, Q)[1], rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(q_new, q_pc, rtol=1e-10, atol=1e-10)

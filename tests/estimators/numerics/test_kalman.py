@@ -1,6 +1,9 @@
 """The measurement step that kernels share, against the textbook's."""
 
 import numpy as np
+import pytest
+from filterpy.kalman import update
+from filterpy.stats import NESS
 
 from handscope.estimators.numerics import kalman, small_matrices
 from handscope.estimators.numerics.typing import Array
@@ -44,3 +47,22 @@ def test_a_matrix_of_fewer_columns_sees_the_first_of_a_covariance(rng: np.random
     A, P, found = rng.normal(size=(3, 4)), _covariance(rng, 6), np.empty((3, 3))
     small_matrices.spread(A, P, found)
     np.testing.assert_allclose(found, A @ P[:4, :4] @ A.T, atol=1e-12)
+
+
+def test_a_correction_and_its_normalised_innovation_are_those_of_filterpy(
+    rng: np.random.Generator,
+) -> None:
+    P, H, R, innovation, dx = (
+        _covariance(rng, 12),
+        rng.normal(size=(5, 12)),
+        _covariance(rng, 5),
+        rng.normal(size=5),
+        np.empty(12),
+    )
+    mean, covariance, _, _, S, _ = update(np.zeros(12), P, innovation, R, H, return_all=True)
+    ours = P.copy()
+    nis = kalman.correct(ours, innovation, H, R, dx)
+    np.testing.assert_allclose(dx, mean, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(ours, covariance, rtol=1e-10, atol=1e-10)
+    (expected,) = NESS(innovation[None], np.zeros((1, 5)), S[None])
+    assert nis == pytest.approx(expected, rel=1e-10)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from filterpy.kalman import update
 
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import JOINT, JOINTS, PARENTS, SEGMENT, SEGMENTS
@@ -145,3 +146,26 @@ def test_time_alone_loses_no_heading() -> None:
     still[:, SEGMENT["little_middle"]] = np.nan
     _, lost = _stepped(t, still, [])
     assert not lost.any()
+
+
+def test_a_heading_learnt_from_one_look_is_filterpys(rng: np.random.Generator) -> None:
+    before = 1.0
+    q_GB = quat.normalize(rng.normal(size=(17, 4)))
+    joints = len(PARENTS)
+    state = heading_constraints.State(
+        np.zeros(joints), np.full(joints, before), np.zeros(17), np.zeros(joints, bool), 0.0
+    )
+    miss, slope = heading_constraints._constraint_residuals(state.delta, q_GB)
+    new = heading_constraints._update(PARAMS, state, 0.0, q_GB, np.zeros(17), np.ones(17, bool))
+    play = np.radians(PARAMS.joint_play) ** 2
+    R = play * PARAMS.joint_play_time / heading_constraints.UPDATE * np.eye(3)
+    assert slope.any(axis=1).sum() > 5
+    for j in np.flatnonzero(slope.any(axis=1)):
+        mean, P = update(np.zeros(1), np.array([[before]]), miss[j], R, slope[j][:, None])
+        if P[0, 0] > play:
+            np.testing.assert_allclose(
+                np.array([new.delta[j], new.variance[j]]),
+                np.array([mean[0], P[0, 0]]),
+                rtol=1e-10,
+                atol=1e-10,
+            )

@@ -1,6 +1,7 @@
 """What a sample says of the one before, by the arithmetic of a textbook."""
 
 import numpy as np
+from filterpy.kalman import rts_smoother, update
 
 from handscope.estimators.magnet.tracker.history import (
     Trace,
@@ -8,8 +9,11 @@ from handscope.estimators.magnet.tracker.history import (
     make_trace,
     split_covariance,
     store_prediction,
+    store_update,
 )
-from handscope.estimators.magnet.tracker.state import OWN
+from handscope.estimators.magnet.tracker.smoother import rts_backward_pass
+from handscope.estimators.magnet.tracker.state import OWN, TH, THG, XGB, XM, XQ
+from handscope.estimators.numerics.typing import Array
 
 MANY = OWN + 10  # errors, the last ten of which do not move
 
@@ -48,3 +52,46 @@ def test_a_sample_that_follows_from_nothing_leaves_the_one_before_as_it_was() ->
     decouple_sample(trace, 0, own)
     assert not trace.gain[0].any()
     np.testing.assert_allclose(trace.open[0], own, rtol=1e-6)
+
+
+def _random_covariance(rng: np.random.Generator, size: int) -> Array:
+    L = rng.normal(size=(size, size))
+    return np.asarray(L @ L.T + 0.1 * np.eye(size))
+
+
+def test_a_smoothed_track_is_filterpys(rng: np.random.Generator) -> None:
+    """Ten samples of errors that are no rotations, which have no covariance with the others; gains
+    are stored in single precision."""
+    n, size = 10, XM + 6
+    linear = np.setdiff1d(np.arange(OWN), [*range(TH, TH + 3), *range(THG, THG + 3)])
+    of_state = np.setdiff1d(np.arange(XM), [*range(XQ, XQ + 4), *range(XGB, XGB + 4)])
+    P, x, constant = np.zeros((size - 2, size - 2)), np.zeros(size), np.arange(OWN, size - 2)
+    P[np.ix_(linear, linear)] = _random_covariance(rng, len(linear))
+    P[constant, constant] = 1.0
+    P[range(TH, TH + 3), range(TH, TH + 3)] = P[range(THG, THG + 3), range(THG, THG + 3)] = 1.0
+    x[XQ] = x[XGB] = 1.0
+    trace, own, lasting = make_trace(n, size), np.empty((OWN, OWN)), np.empty((OWN, OWN))
+    split_covariance(P, own, lasting)
+    F, Q = np.eye(OWN), np.diag(rng.uniform(0.1, 1.0, OWN))
+    F[np.ix_(linear, linear)] += 0.1 * rng.normal(size=(len(linear), len(linear)))
+    means, covariances = [], []
+    for k in range(n):
+        if k:
+            x[of_state] = F[np.ix_(linear, linear)] @ x[of_state]
+            P[:OWN, :OWN] = F @ P[:OWN, :OWN] @ F.T + Q
+        store_prediction(trace, k, x, P, F, own, lasting)
+        H = np.zeros((4, OWN))
+        H[:, linear] = rng.normal(size=(4, len(linear)))
+        dx, P[:OWN, :OWN] = update(np.zeros(OWN), P[:OWN, :OWN], rng.normal(size=4), np.eye(4), H)
+        x[of_state] += dx[linear]
+        store_update(trace, k, x, P, own, lasting)
+        means.append(x[of_state].copy())
+        covariances.append(P[np.ix_(linear, linear)].copy())
+    states, variances = np.empty((n, size)), np.empty((n, OWN))
+    rts_backward_pass(trace, np.zeros(OWN), own.copy(), states, variances)
+    steps = np.tile(F[np.ix_(linear, linear)], (n, 1, 1)), [Q[np.ix_(linear, linear)]] * n
+    mean, covariance, _, _ = rts_smoother(np.array(means), np.array(covariances), *steps)
+    np.testing.assert_allclose(states[:, of_state], mean, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(
+        variances[:, linear], np.diagonal(covariance, axis1=1, axis2=2), rtol=1e-5, atol=1e-5
+    )

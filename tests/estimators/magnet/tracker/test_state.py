@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from filterpy.common import Q_continuous_white_noise, van_loan_discretization
+from filterpy.kalman import predict, update
 
 from handscope.estimators.magnet.tracker import state as mf
 from handscope.estimators.magnet.tracker.inertial_updates import (
@@ -29,6 +31,7 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import magnet as sim
 
 RNG = np.random.default_rng(7)
+VARIANCE = 0.04  # of one reading
 NOISE = noise_model(MagnetParams(gyr_reading="instant"))
 
 
@@ -60,6 +63,11 @@ def _smooth_velocity(kinematics: Array, x: Array, P: Array, v: Array, dt: float)
 @looped
 def _inject(x: Array, dx: Array) -> Array:
     return mf.inject_error(x, dx)
+
+
+@looped
+def _scalar_update(P: Array, dx: Array, H: Array, e: float, variance: float) -> float:
+    return mf.scalar_update(P, dx, H, e, variance)
 
 
 @looped
@@ -289,3 +297,43 @@ def test_the_velocity_that_slopes_take_turns_with_the_trunk_and_is_not_that_of_a
             share * quat.rotate(quat.about(2, -3.0 * dt), deviation),
             atol=1e-12,
         )
+
+
+def _random_covariance(rng: np.random.Generator, size: int) -> Array:
+    L = rng.normal(size=(size, size))
+    return np.asarray(L @ L.T + 0.1 * np.eye(size))
+
+
+def test_a_scalar_measurement_is_filterpys(rng: np.random.Generator) -> None:
+    P, H, dx = _random_covariance(rng, 12), rng.normal(size=12), rng.normal(size=12)
+    mean, covariance = update(dx, P, np.array([0.3]), np.array([[VARIANCE]]), H[None])
+    _scalar_update(P, dx, H, 0.3, VARIANCE)
+    np.testing.assert_allclose(dx, mean, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(P, covariance, rtol=1e-10, atol=1e-10)
+
+
+def test_the_time_update_is_filterpys(rng: np.random.Generator) -> None:
+    """Nothing turns, so constant errors keep their correlations, and no bias walks by a turn."""
+    dt, size = 0.01, mf.OWN + 6
+    P, F = _random_covariance(rng, size), np.eye(size)
+    F[: mf.OWN, : mf.OWN] += 0.1 * rng.normal(size=(mf.OWN, mf.OWN))
+    own, Q = np.ascontiguousarray(F[: mf.OWN, : mf.OWN]), np.zeros((size, size))
+    _propagate_covariance(NOISE, Q, own, dt, 0.0, 0.0)
+    ours = P.copy()
+    _propagate_covariance(NOISE, ours, own, dt, 0.0, 0.0)
+    np.testing.assert_allclose(ours, predict(np.zeros(size), P, F, Q)[1], rtol=1e-10, atol=1e-10)
+    free = np.eye(mf.OWN)
+    Q[:] = 0.0
+    _propagate_covariance(NOISE, Q, free, dt, 0.0, 0.0)
+    density = 2 * (NOISE.acc**2 + NOISE.acc_slow**2)
+    walk = [mf.P_, mf.V_]
+    np.testing.assert_allclose(
+        Q[np.ix_(walk, walk)], Q_continuous_white_noise(2, dt, density), rtol=1e-10, atol=1e-10
+    )
+    G = np.array([[0.0], [np.sqrt(density)]])
+    np.testing.assert_allclose(
+        Q[np.ix_(walk, walk)],
+        van_loan_discretization(np.array([[0.0, 1.0], [0.0, 0.0]]), G, dt)[1],
+        rtol=1e-10,
+        atol=1e-10,
+    )
