@@ -26,6 +26,9 @@ class Settings:
     allowed_ports: tuple[
         str, ...
     ] = ()  # shell patterns of network addresses that a session may open as a glove's port
+    allowed_outlets: tuple[
+        str, ...
+    ] = ()  # shell patterns of outlets (lsl, osc://HOST:PORT) that a session may send to
     proxies: tuple[
         str, ...
     ] = ()  # addresses of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are believed

@@ -17,6 +17,7 @@ from handscope.app.api.pseudonymisation import for_reader
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.devices import ports
+from handscope.app.live.outputs import choice
 from handscope.app.live.stations import live_setup
 from handscope.app.options import with_options
 from handscope.app.state import Db, Parts, PartsDep, RepairDep
@@ -61,6 +62,11 @@ class NewSession(Incoming):
     method: str = DEFAULT
     options: dict[str, Any] = Field(default_factory=dict)
     examiner: str = Field("", max_length=200)
+    outlets: list[str] = Field(
+        default_factory=list,
+        max_length=4,
+        description="other programs that the session sends to: lsl, osc://HOST:PORT; only what the administrator allowed",
+    )
     reuse: Decision | None = Field(
         None,
         description="what is taken over of an earlier self-calibration; needed where one of the hand is kept",
@@ -111,6 +117,7 @@ def begin_session(db: Db, parts: PartsDep, patient_id: int, new: NewSession) -> 
         raise InputError(UNDECIDED)
     settings = parts.settings
     ports.require_allowed(new.port, (*settings.allowed_ports, *settings.demo_ports))
+    choice.require_allowed(new.outlets, settings.allowed_outlets)
     parts.stations.require_free(new.port)
     make_setup = live_setup(new.method, new.options, parts.store.folder)
     session, file = records.begin(
@@ -121,6 +128,7 @@ def begin_session(db: Db, parts: PartsDep, patient_id: int, new: NewSession) -> 
         station = parts.stations.open_live(
             replace(
                 setup,
+                outlets=tuple(new.outlets),
                 store_solution=_solution_store(db, parts, file.id),
                 **_prior_options(db, session, new.reuse),
             )

@@ -96,6 +96,13 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
         help="network addresses that pages may open as a glove's port, as a shell pattern: socket://10.1.2.*:4000 (default: none)",
     )
     parser.add_argument(
+        "--allow-outlet",
+        action="append",
+        default=[],
+        metavar="PATTERN",
+        help="where sessions may send poses: lsl (anybody in the network can read it), osc://10.1.2.*:9000 (default: nowhere)",
+    )
+    parser.add_argument(
         "--proxy",
         action="append",
         default=[],
@@ -241,6 +248,7 @@ def serve(
         demo_ports=demo_ports,
         metrics=arguments.metrics,
         allowed_ports=tuple(arguments.allow_port),
+        allowed_outlets=tuple(arguments.allow_outlet),
         proxies=tuple(arguments.proxy),
         sign_on=sign_on(arguments),
         second_factor=second_factor_roles(arguments),

@@ -39,6 +39,7 @@ class Setup:
     store_solution: Callable[[FoundCalibration, str], object] = lambda found, glove: (
         None
     )  # with the patient
+    outlets: tuple[str, ...] = ()  # addresses of app/live/outputs/choice.py; none by itself
     about: Mapping[str, Any]  # stored in the recording: pseudonym, session, ...
 
     @property

@@ -19,6 +19,8 @@ from handscope.app.devices.glove import Glove
 from handscope.app.live import trial_events, worn_glove
 from handscope.app.live.calibration_movements import CalibrationMovements
 from handscope.app.live.free_movement import FreeMovement
+from handscope.app.live.outputs.choice import open_outlets
+from handscope.app.live.outputs.outlets import Outlets
 from handscope.app.live.readouts.grasp_estimate import GraspEstimator
 from handscope.app.live.readouts.hand_position import HandPositionReadout
 from handscope.app.live.setup import Setup
@@ -71,6 +73,7 @@ class Station:
         self._wizard = Wizard(setup.protocols, setup.params.pose_duration, setup.steps, setup.free)
         self._calibration: Calibration | None = None
         self._viewers = Viewers()
+        self._pose_readers = Viewers()  # other programs
         self._published: tuple[int, dict[str, Any]] = (0, {})  # of the last tick
         self._stop = threading.Event()
         self._problem = ""
@@ -93,12 +96,19 @@ class Station:
         self.hand_position = HandPositionReadout()
         self.grasp = GraspEstimator(self.tracking)
         self.glove = Glove(setup.port, setup.recording, about, self._feed)
+        self.outlets = Outlets(
+            open_outlets(
+                setup.outlets, setup.hand, str(setup.session), setup.method_name, self.glove.now
+            )
+        )
+        self._marked = (State.CONNECT, "")  # state and task of the newest marker
         self.steps = CalibrationMovements(self.glove, self.tracking, self._next_number)
         self.free = FreeMovement(self.glove, self.tracking, self._next_number, setup.store_solution)
 
     def __enter__(self) -> "Station":
         self.scene.measured(())
         self.scene.__enter__()
+        self.outlets.__enter__()
         self.tracking.__enter__()
         self.glove.__enter__()
         self._thread = threading.Thread(target=self._run, name=f"station {self.name}", daemon=True)
@@ -112,8 +122,10 @@ class Station:
         self.free.close()
         self.glove.__exit__(None, None, None)
         self.tracking.__exit__()
+        self.outlets.__exit__()
         self.scene.close()
         self._viewers.notify()
+        self._pose_readers.notify()
 
     @property
     def ended(self) -> bool:
@@ -167,7 +179,7 @@ class Station:
 
     def pulse(self, since: float) -> dict[str, Any]:
         """What changes with every pose: angles, points of the curve later than `since` s, age of the newest row."""
-        return station_pulse(self.latest, self.curve, since, self._row_age())
+        return station_pulse(self.latest, self.curve, since, self.row_age())
 
     def watch(self, notice: Callable[[], object]) -> Callable[[], None]:
         """Call `notice` from any thread whenever something changed; returns a function that ends this."""
@@ -176,8 +188,15 @@ class Station:
             self._publish(self._current_status())
         return leave
 
+    def watch_poses(self, notice: Callable[[], object]) -> Callable[[], None]:
+        """Call `notice` from the tracker's thread with every new pose; returns a function that ends this."""
+        return self._pose_readers.add(notice)
+
     def _publish(self, status: StationStatus) -> None:
-        """Store the snapshot that viewers get next."""
+        """Store the snapshot that viewers get next; mark what changed for other programs."""
+        if (now := (self._wizard.state, self._wizard.task or "")) != self._marked:
+            self._marked = now
+            self.outlets.send_marker(max(0.0, status.t), " ".join(filter(None, now)))
         if self._viewers:
             self._published = (self._published[0] + 1, station_snapshot(self._view(status)))
 
@@ -220,7 +239,7 @@ class Station:
             skipped=self.tracking.skipped,
             method_failures=self.tracking.failures,
             problem=self._problem,
-            row_age_ms=self._row_age(),
+            row_age_ms=self.row_age(),
         )
 
     def _task_number(self) -> dict[str, Any] | None:
@@ -230,7 +249,7 @@ class Station:
             return self.hand_position.number()
         return self.grasp.number_of(self._wizard.task)
 
-    def _row_age(self) -> float | None:
+    def row_age(self) -> float | None:
         """Age of the newest pose from its samples to now, ms."""
         now, latest = self.glove.now(), self.latest
         return (
@@ -265,6 +284,7 @@ class Station:
 
     def _feed(self, blocks: list[Block]) -> None:
         """In the glove's thread: pass blocks on, then wait as long as the tracker asks; the pipe buffers meanwhile."""
+        self.outlets.send_samples(blocks)
         self.hand_position.feed(blocks)
         time.sleep(self.tracking.feed(blocks))
 
@@ -281,6 +301,8 @@ class Station:
         """In the tracker's thread: store the newest pose, notify viewers, draw."""
         self._drawing.newest = rows
         self.curve.add(rows)
+        self.outlets.send_poses(rows)
+        self._pose_readers.notify()
         self._viewers.notify()
         interval = max(PICTURE_INTERVAL, 2 * self.tracking.rest)
         self._drawing.draw_hand_if_due(interval)

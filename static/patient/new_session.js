@@ -23,6 +23,7 @@ export function mount(root, api, { record, kept, go }) {
   const earlier = h("div", {});
   const taken = reuse.mount(earlier, api, { kept });
   const examiner = h("input", { name: "examiner", maxlength: 200, autocomplete: "off" });
+  const outlets = h("div", {});
   const form = h(
     "form",
     { novalidate: true },
@@ -30,6 +31,7 @@ export function mount(root, api, { record, kept, go }) {
     gloves,
     other,
     earlier,
+    outlets,
     field(t("new_session.examiner"), examiner, t("new_session.examiner.hint")),
     box.element,
     h("button", { class: "primary large", type: "submit" }, t("new_session.start")),
@@ -73,6 +75,16 @@ export function mount(root, api, { record, kept, go }) {
     toggle();
   }
 
+  /** What the administrator allowed; nothing is ticked by itself. */
+  async function offerOutlets() {
+    const allowed = await api.get("/api/outlets");
+    if (gone || !allowed.length) return;
+    const rows = allowed.map(({ address }) =>
+      h("label", { class: "choice" }, h("input", { type: "checkbox", value: address }), h("span", {}, address, h("small", {}, t(`new_session.outlets.${address.split(":")[0]}`)))),
+    );
+    outlets.replaceChildren(h("fieldset", { class: "field" }, h("legend", {}, t("new_session.outlets")), h("div", { class: "choices" }, rows)));
+  }
+
   const askEarlier = () => taken.ask(chosen("hand")).catch((error) => gone || box.show(error));
   form.addEventListener("change", (event) => {
     if (event.target.name !== "hand") return toggle();
@@ -88,6 +100,7 @@ export function mount(root, api, { record, kept, go }) {
       port: path,
       examiner: examiner.value.trim(),
       reuse: await taken.decision(),
+      outlets: [...outlets.querySelectorAll("input:checked")].map((input) => input.value),
     });
     go(`/stations/${begun.station}`);
   });
@@ -95,6 +108,7 @@ export function mount(root, api, { record, kept, go }) {
   askEarlier();
   const stop = kept.watch(askEarlier);
   look().catch((error) => gone || box.show(error));
+  offerOutlets().catch((error) => gone || box.show(error));
   return () => {
     gone = true;
     stop();
