@@ -31,6 +31,7 @@ from handscope.app.api import (
     stations,
 )
 from handscope.app.api.login import login_routes, oidc_routes, second_factors
+from handscope.app.api.live import streams
 from handscope.app.auth.gate import Gate
 from handscope.app.auth.incoming_text import PlainAddresses
 from handscope.app.auth.request_limits import RequestLimits
@@ -121,6 +122,7 @@ def create_app(settings: Settings) -> FastAPI:
         references,
         self_calibrations,
         stations,
+        streams,
         methods,
         login_routes,
     ):
@@ -163,6 +165,7 @@ def _serve_metrics(parts: Parts) -> Iterator[None]:
 
 def _store_finished(parts: Parts, station: Station) -> None:
     """Close the recording of a live session that ended, and process it."""
+    parts.permits.withdraw(station.name)
     _close(parts, station.setup.session, station.setup.method_name, {})
 
 

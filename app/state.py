@@ -14,6 +14,7 @@ from handscope.app.auth.pending_logins import PendingLogins
 from handscope.app.auth.roles import Requester, on_behalf_of, requester
 from handscope.app.job_queue import Jobs
 from handscope.app.language import Language
+from handscope.app.live.outputs.permits import Permits
 from handscope.app.live.replay import Replay
 from handscope.app.live.stations import AnyStation, Stations
 from handscope.app.settings import Settings
@@ -35,6 +36,7 @@ class Parts:
     storage_mover: StorageMover | None  # where there is an object storage
     broadcasts: Broadcasts = field(default_factory=Broadcasts)
     pending_logins: PendingLogins = field(default_factory=PendingLogins)
+    permits: Permits = field(default_factory=Permits)  # of streams that other programs read
 
 
 def parts(connection: HTTPConnection) -> Parts:

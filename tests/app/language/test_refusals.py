@@ -54,6 +54,7 @@ COMMAND_LINE = (
 )
 PROGRAMMERS = (
     "app/analysis",  # the front door for notebooks
+    "app/live/outputs/client.py",
     *(
         "app/workers/process.py",
         "sessions/files/frames.py",
