@@ -31,6 +31,7 @@ from handscope.validation.benchmarks.server_under_test import (
 RATE = 200
 VIEWERS = 4
 SECONDS = 12.0  # less than the task lasts
+STREAM_RATE = 120.0  # Hz, of the program that reads the poses beside the viewers
 ASKED = 4  # times that a viewer asks for a scene
 TICKS = os.sysconf("SC_CLK_TCK")
 
@@ -45,7 +46,10 @@ def measure() -> list[Metric]:
             act(client, station, "choose", task="tapping")
             act(client, station, "start")
             before, began = _cpu(pid), time.monotonic()
-            ages = asyncio.run(watch(client, [station], VIEWERS, SECONDS))
+            token = client.call("POST", f"/api/stations/{station}/streams", {"rate": STREAM_RATE})[
+                "token"
+            ]
+            ages, streamed = asyncio.run(_watch_both(client, station, token))
             cpu = (_cpu(pid) - before) / (time.monotonic() - began)
             lost = sum(
                 s["lost"] for s in client.call("GET", f"/api/stations/{station}")["glove"]["strips"]
@@ -55,10 +59,38 @@ def measure() -> list[Metric]:
     return [
         Metric("sample to web socket, median", float(np.median(ages)), "ms", None, "lower"),
         Metric("sample to web socket, p99", float(np.percentile(ages, 99)), "ms", 30.0, "lower"),
+        Metric("sample to stream, median", float(np.median(streamed)), "ms", None, "lower"),
+        Metric("sample to stream, p99", float(np.percentile(streamed, 99)), "ms", 30.0, "lower"),
         Metric("messages per viewer", len(ages) / VIEWERS / SECONDS, "per s", None, "higher"),
         Metric("CPU of the server's processes", cpu, "cores", 1.0, "lower"),
         Metric("samples lost", float(lost), "samples", 0.0, "lower"),
     ]
+
+
+async def _watch_both(client: Client, station: str, token: str) -> tuple[list[float], list[float]]:
+    """Ages (ms) at the viewers of the pages, and at a program that reads the stream of poses (docs/live-stream.md)."""
+    viewers, stream = await asyncio.gather(
+        watch(client, [station], VIEWERS, SECONDS), _stream(client, token, SECONDS)
+    )
+    return viewers, stream
+
+
+async def _stream(client: Client, token: str, seconds: float) -> list[float]:
+    """Ages (ms) of the poses of a stream, as the program receives them."""
+    ages, until = [], time.monotonic() + seconds
+    async with connect(
+        client.base.replace("http", "ws") + "/api/stream",
+        additional_headers={"Authorization": f"Bearer {token}"},
+        origin=Origin(client.base),
+        compression=None,
+        proxy=None,
+    ) as socket:
+        await socket.recv()  # what the poses are
+        while time.monotonic() < until:
+            pose = json.loads(await socket.recv())
+            if pose["age_ms"] is not None:
+                ages.append(pose["age_ms"] + 1e3 * (time.monotonic() - pose["sent"]))
+    return ages
 
 
 async def watch(

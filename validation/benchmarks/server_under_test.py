@@ -49,6 +49,7 @@ def server(data: Path, *words: str) -> Iterator[tuple[str, int]]:
         "-m",
         "handscope.app.cli",
         "serve",
+        "--print-login",
         "--port",
         "0",
         "--data",
