@@ -22,6 +22,7 @@ VERBS = {
     "record": "record a glove without the pages, with the live tracker running",
     "doctor": "who is at a port, and is it well? ends in pass or in what to mend",
     "simulate": "write a simulated recording as Motion-BIDS, with the truth beside it",
+    "samples": "small simulated recordings with their truth, to try things on",
     "process": "run a method over a recording",
     "compare": "how far two recordings of one movement agree",
     "assess": "measures of a recording as JSON and CSV, and a report",
