@@ -30,8 +30,8 @@ from handscope.app.api import (
     sessions,
     stations,
 )
-from handscope.app.api.login import login_routes, oidc_routes, second_factors
 from handscope.app.api.live import streams
+from handscope.app.api.login import login_routes, oidc_routes, second_factors
 from handscope.app.auth.gate import Gate
 from handscope.app.auth.incoming_text import PlainAddresses
 from handscope.app.auth.request_limits import RequestLimits
