@@ -9,6 +9,8 @@ from handscope.app.auth.oidc import SignOn
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
+    """How a server is run: folders, addresses, limits."""
+
     data: Path
     host: str = "127.0.0.1"
     port: int = 8420

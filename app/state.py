@@ -28,6 +28,8 @@ from handscope.sessions.store.store import Store
 
 @dataclass(frozen=True)
 class Parts:
+    """Everything that lives as long as the server."""
+
     settings: Settings
     store: Store
     jobs: Jobs

@@ -28,16 +28,22 @@ MOST = 200  # lines of the audit trail in one answer
 
 
 class NewAccount(Incoming):
+    """A new account: its name and its roles."""
+
     name: str = Field(max_length=64)
     roles: list[str] = Field(max_length=len(accounts.ROLES), description=", ".join(accounts.ROLES))
 
 
 class AccountChange(Incoming):
+    """What an administrator may change of an account."""
+
     roles: list[str] | None = Field(None, max_length=len(accounts.ROLES))
     disabled: bool | None = None
 
 
 class NewPassword(Incoming):
+    """A new password, with the current one as proof."""
+
     current: str = Field(
         "", max_length=accounts.LONGEST, description="the password until now, where there is one"
     )
@@ -46,6 +52,7 @@ class NewPassword(Incoming):
 
 @router.get("/accounts")
 def list_accounts(db: Db) -> list[dict[str, Any]]:
+    """Every account, and whether it has a second factor."""
     proved = second_factors.accounts_with_one(db)
     return [
         account_row(account) | {"second": account.id in proved}
@@ -102,6 +109,7 @@ def remove_second_factors(db: Db, account_id: int) -> Response:
 
 @own.get("/me")
 def read_me(db: Db, who: RequesterDep) -> dict[str, Any]:
+    """The own account, and whether a second factor is still required."""
     row = account_row(accounts.get(db, who.account))
     return row | {"lacks_second_factor": who.lacks_second_factor}
 
@@ -147,6 +155,7 @@ def verify_audit(db: Db, language: LanguageDep) -> dict[str, Any]:
 
 
 def account_row(a: Account) -> dict[str, Any]:
+    """An account as the API shows it; nothing secret."""
     kind = (
         "code"
         if a.name == LOCAL
@@ -168,6 +177,7 @@ def account_row(a: Account) -> dict[str, Any]:
 
 
 def audit_row(line: AuditLine) -> dict[str, Any]:
+    """A line of the audit trail as the API shows it."""
     return {
         c.key: getattr(line, c.key)
         for c in AuditLine.__table__.columns

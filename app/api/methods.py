@@ -31,6 +31,7 @@ def list_methods(language: LanguageDep) -> list[dict[str, Any]]:
 
 @router.get("/protocols")
 def list_protocols(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
+    """Tasks that patients can be asked to do, in the language of the page."""
     return [
         asdict(p)
         | {"title": language.translate(p.title), "instruction": language.translate(p.instruction)}

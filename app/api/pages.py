@@ -44,6 +44,7 @@ def scene_page(request: Request, _: StationDep) -> Response:
 
 @router.websocket("/scene/{name}", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
 async def scene_socket(websocket: WebSocket, name: str) -> None:
+    """The 3-D scene of a station, passed on from its own process."""
     try:
         scene = station_of(websocket, name).scene
     except InputError:

@@ -30,6 +30,8 @@ MOST = 200  # patients in one answer
 
 
 class NewPatient(Incoming):
+    """A new patient, under a pseudonym."""
+
     pseudonym: str = Field(description="a code, never a name", max_length=200)
     year_of_birth: int | None = None
     dominant_hand: str | None = None
@@ -41,6 +43,8 @@ class NewPatient(Incoming):
 
 
 class PatientChange(Incoming):
+    """What may change of a patient; `version` is that which was read."""
+
     version: int = Field(
         description="the version that was seen; somebody else's change meanwhile is refused"
     )
@@ -63,16 +67,22 @@ class PatientChange(Incoming):
 
 
 class Erasure(Incoming):
+    """The pseudonym typed again, before everything of a patient is erased."""
+
     pseudonym: str = Field(
         max_length=200, description="typed by the person who erases, as it is stored"
     )
 
 
 class NewNote(Incoming):
+    """The text of a new note."""
+
     text: str = Field(max_length=notes.LONGEST + 100)
 
 
 class NoteChange(Incoming):
+    """A note's new text, or that it is removed."""
+
     version: int = Field(description="the version that was seen")
     text: str | None = Field(None, max_length=notes.LONGEST + 100)
     removed: bool | None = Field(None, description="a removed note can be brought back for a week")
@@ -99,6 +109,7 @@ def list_patients(
 
 @router.post("/patients", status_code=201)
 def create_patient(db: Db, new: NewPatient) -> dict[str, Any]:
+    """Create a patient."""
     return patient_row(patients.create(db, **new.model_dump()))
 
 
@@ -139,6 +150,7 @@ def read_patient(
 
 @router.patch("/patients/{patient_id}")
 def change_patient(db: Db, patient_id: int, change: PatientChange) -> dict[str, Any]:
+    """Change a patient; 409 where somebody else changed it meanwhile."""
     return patient_row(patients.change(db, patient_id, **change.model_dump(exclude_unset=True)))
 
 
@@ -178,11 +190,13 @@ def list_erasures(db: Db) -> list[dict[str, Any]]:
 
 @router.post("/patients/{patient_id}/notes", status_code=201)
 def write_note(db: Db, patient_id: int, new: NewNote) -> dict[str, Any]:
+    """Write a note about a patient."""
     return note_row(notes.write(db, patients.get(db, patient_id), new.text))
 
 
 @router.get("/notes/{note_id}")
 def read_note(db: Db, note_id: int) -> dict[str, Any]:
+    """One note."""
     return note_row(notes.get(db, note_id))
 
 
@@ -193,6 +207,7 @@ def change_note(db: Db, note_id: int, change: NoteChange) -> dict[str, Any]:
 
 
 def patient_row(p: Patient) -> dict[str, Any]:
+    """A patient as the API shows them; lengths in m, trunk height in m."""
     return {
         "id": p.id,
         "pseudonym": p.pseudonym,
@@ -208,6 +223,7 @@ def patient_row(p: Patient) -> dict[str, Any]:
 
 
 def note_row(n: Note) -> dict[str, Any]:
+    """A note as the API shows it."""
     return {
         "id": n.id,
         "text": n.text,

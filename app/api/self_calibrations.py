@@ -22,12 +22,16 @@ router = APIRouter(tags=["self-calibrations"], dependencies=[requires_role(CLINI
 
 
 class NewSelfCalibration(Incoming):
+    """The result whose self-calibration is to be stored."""
+
     result: int = Field(
         description="a result by map, whose findings are to be kept with the patient"
     )
 
 
 class SelfCalibrationChange(Incoming):
+    """Whether a stored self-calibration is withdrawn."""
+
     withdrawn: bool = Field(description="it is not offered any more; what took it over keeps it")
 
 

@@ -47,6 +47,8 @@ UNDECIDED = "a self-calibration of this hand is kept; say what the session takes
 
 
 class Decision(Incoming):
+    """What a session takes over of a stored self-calibration."""
+
     parts: str = Field(
         description=f"one of {', '.join(self_calibrations.PARTS)}; seats only where the glove was not taken off since"
     )
@@ -54,6 +56,8 @@ class Decision(Incoming):
 
 
 class NewSession(Incoming):
+    """A session to be started: hand, port, method with options, examiner."""
+
     hand: str
     port: str = Field(
         max_length=400,
@@ -74,6 +78,8 @@ class NewSession(Incoming):
 
 
 class SessionChange(Incoming):
+    """What may change of a session; `version` is that which was read."""
+
     version: int = Field(
         description="the version that was seen; somebody else's change meanwhile is refused"
     )
@@ -91,6 +97,8 @@ class SessionChange(Incoming):
 
 
 class NewCorrection(Incoming):
+    """An event of a recording corrected: its kind and interval, s."""
+
     event: int = Field(description="which of the recording's events, from 0")
     kind: str = Field(
         description="exclude (the trial), move (its ends), leave_out (a stretch within it)"
@@ -105,6 +113,8 @@ class NewCorrection(Incoming):
 
 
 class NewResult(Incoming):
+    """A recording processed anew: by which method, with which options."""
+
     method: str = DEFAULT
     options: dict[str, Any] = Field(default_factory=dict)
 
@@ -290,6 +300,7 @@ def queue_session(
 
 
 def session_row(s: PatientSession) -> dict[str, Any]:
+    """A session as the API shows it."""
     return {
         "id": s.id,
         "patient": s.patient_id,
@@ -316,6 +327,7 @@ def session_row(s: PatientSession) -> dict[str, Any]:
 
 
 def recording_row(f: RecordingFile) -> dict[str, Any]:
+    """A recording's file as the API shows it."""
     current = results.current(f)
     return {
         "id": f.id,
@@ -344,6 +356,7 @@ def recording_row(f: RecordingFile) -> dict[str, Any]:
 
 
 def correction_row(c: Correction) -> dict[str, Any]:
+    """A correction of an event as the API shows it; times in s."""
     return {
         name: getattr(c, name)
         for name in ("id", "event", "kind", "onset", "end", "reason", "made", "undone")

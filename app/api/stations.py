@@ -23,6 +23,8 @@ NO_SUCH, GONE = 4404, 1001  # web socket close codes
 
 
 class StationAction(Incoming):
+    """What a person does at a station, with the details of that action."""
+
     action: str = Field(max_length=40)
     task: str = Field("", max_length=100)
     reason: str = Field("", max_length=1000)
@@ -57,6 +59,7 @@ def list_gloves(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
 
 @router.get("/stations", dependencies=[WATCHERS])
 def list_stations(parts: PartsDep, requester: RequesterDep) -> list[dict[str, Any]]:
+    """Stations that run, live or as replays."""
     return [
         {"station": s.name, "kind": s.kind} for s in parts.stations.all() if visible(requester, s)
     ]

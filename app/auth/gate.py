@@ -50,6 +50,7 @@ def cookie_name(scope: Scope) -> str:
 
 
 def cookie_of(connection: HTTPConnection) -> str | None:
+    """The value of the login's cookie, where the request has one."""
     return connection.cookies.get(cookie_name(connection.scope))
 
 

@@ -27,6 +27,7 @@ ACTIONS = {
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     for action, meaning in ACTIONS.items():
         sub = actions.add_parser(action, help=meaning, description=meaning)
@@ -56,6 +57,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     with open_audited(arguments.data, arguments.database) as db:
         if arguments.action == "list":
             for account in accounts.list_accounts(db):

@@ -18,6 +18,7 @@ REPORTS = (".pdf", ".html")
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     add_recording(parser)
     add_method(parser)
     parser.add_argument(
@@ -40,6 +41,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     from handscope.app.report.content import Visit, content
 
     if arguments.report and arguments.report.suffix not in REPORTS:

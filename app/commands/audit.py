@@ -21,6 +21,7 @@ BROKEN = 1  # exit code
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     verify = actions.add_parser(
         "verify", help="go along the chain of hashes from the first line to the last"
@@ -83,6 +84,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     if not arguments.database and not (arguments.data / FILE).is_file():
         raise InputError(
             f"{arguments.data} has no database, so no audit trail; name the server's data folder with --data, or its database with --database"

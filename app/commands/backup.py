@@ -9,6 +9,7 @@ from handscope.sessions.store import backup
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument(
         "file",
         type=Path,

@@ -24,6 +24,7 @@ USUAL = 0.025  # share by which forces of a sensor without this are taken to be 
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument(
         "table",
         type=Path,
@@ -63,6 +64,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     params = with_options(SolveParams, parse(arguments.option))
     out, point = arguments.out, f"{arguments.finger}_tip_force"
     before = _before(out) if out else {}

@@ -29,6 +29,7 @@ from handscope.sessions.tables_io.writing import save_file
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     add_recording(parser)
     parser.add_argument(
         "--out", type=Path, metavar="FILE.json", help="write the calibrations and how sure they are"
@@ -47,6 +48,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     recording = formats_recordings.load(arguments.recording, arguments.hand, correct=False)
     params = with_options(SolveParams, parse(arguments.option))
     solved, refused = _solved(recording, params)

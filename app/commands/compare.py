@@ -63,6 +63,7 @@ class ComparedMovement:
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     for name in ("a", "b"):
         what = "a recording, a derivative, a motion.tsv with JNTANG, ORNT or POS, a C3D file with markers, or a JSON or CSV file of 21 camera landmarks"
         parser.add_argument(
@@ -135,6 +136,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     _require_places(arguments)
     a, b = _both(arguments)
     lag, how = _lag(a, b, arguments)

@@ -21,6 +21,7 @@ FOLDER = "handscope-demo"  # in the user's home: nobody's real patients are ther
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     serve.add(parser, FOLDER)
     parser.add_argument(
         "--strips",
@@ -32,6 +33,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     with hold_folder(arguments.data, arguments.database):
         _add_patient(arguments)
         _serve(arguments)

@@ -27,6 +27,7 @@ TAP = 4.0  # m/s^2 from one sample to the next that are a tap
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument("port", help="serial port or address, as `handscope record` has it")
     parser.add_argument(
         "--seconds", type=float, default=10.0, metavar="S", help="how long to listen (10)"
@@ -38,6 +39,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     if not 1 <= arguments.seconds <= 3600:
         raise InputError(f"--seconds {arguments.seconds:g} is outside 1 to 3600")
     if arguments.json:

@@ -17,6 +17,7 @@ from handscope.sessions.tables_io.writing import save_file
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     add_recording(parser)
     parser.add_argument(
         "--format",
@@ -56,6 +57,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     for option in ("subject", "task"):
         if not getattr(arguments, option).isalnum():
             raise InputError(

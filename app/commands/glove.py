@@ -35,6 +35,7 @@ ALL_STRIPS = (*FINGERS, "forearm")
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument(
         "--pty",
@@ -149,6 +150,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     signal.signal(
         signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM)
     )  # so that the link is taken away

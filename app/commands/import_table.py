@@ -16,6 +16,7 @@ from handscope.sessions.tables_io.writing import save_file
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument("table", type=Path, help="CSV, TSV, XLSX, Parquet or MAT, a row a sample")
     parser.add_argument("--map", type=Path, metavar="MAP.json", help="which columns are what")
     parser.add_argument("--guess", type=Path, metavar="MAP.json", help="write a first map there")
@@ -29,6 +30,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     if not arguments.table.is_file():
         raise InputError(f"{arguments.table} is not a file")
     if (arguments.guess is None) == (arguments.map is None):

@@ -16,10 +16,12 @@ from handscope.sessions.formats import recordings as formats_recordings
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     add_recording(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     recording = formats_recordings.load(arguments.recording, arguments.hand)
     say(
         f"{recording.hand} hand, {recording.duration:.3f} s, {recording.source.get('format', '')} {recording.source.get('device', '')}".rstrip()

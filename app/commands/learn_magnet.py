@@ -29,6 +29,7 @@ OPTIONS = {
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument(
         "recording",
         type=Path,
@@ -53,6 +54,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     errors = {
         "moment": arguments.moment_error,
         "place": arguments.place_error / MM,

@@ -66,6 +66,7 @@ GAIN = 0.03  # of a magnetometer's readings: data sheets say up to 5 % (AK8975, 
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument(
         "recording",
         type=Path,
@@ -101,6 +102,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     array = read_description(arguments.array)
     bench_readings.require_plausible(
         array.earth, array.moment, array.limit, array.place_sd, array.calibration_sd, array.gradient

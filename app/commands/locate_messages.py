@@ -27,6 +27,7 @@ RATES = (2.0, 5000.0)  # Hz: other rates were hardly stamped in seconds
 
 
 def describe_uncalibrated(error: float) -> str:
+    """Say how large errors of sensors without calibration may be; `error` in T."""
     return (
         f"not calibrated: iron on the board and turned chips are not seen, {1e6 * error:.2g} uT an axis are counted for them; record the array turned by hand "
         "and give --turned, or tell `calibration_sd` in the array's file if the readings are calibrated already"

@@ -9,6 +9,7 @@ from handscope.sessions.store.logins import new_token
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument(
         "--data",
         type=Path,
@@ -19,6 +20,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     try:
         base = (arguments.data / "address").read_text().strip()
     except OSError:

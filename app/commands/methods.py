@@ -21,6 +21,7 @@ from handscope.sessions.tables_io import calibration_result
 
 
 def add_recording(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments that say what recording is meant."""
     parser.add_argument(
         "recording", type=Path, help="a Motion-BIDS folder or zip, or a native recording"
     )
@@ -30,6 +31,7 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
 
 
 def add_method(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments that choose a method and its options."""
     parser.add_argument(
         "--method",
         default=DEFAULT,

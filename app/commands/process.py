@@ -16,6 +16,7 @@ from handscope.sessions.tables_io.writing import save_folder
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument(
         "recording", type=Path, nargs="?", help="a Motion-BIDS folder or zip, or a native recording"
     )
@@ -59,6 +60,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     method, params = method_of(arguments)
     if (arguments.recording is None) == (arguments.cohort is None):
         raise InputError("give one recording, or --cohort with a folder or a list of them")

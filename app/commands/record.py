@@ -42,6 +42,7 @@ UNPLUGGED = "the glove was unplugged"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument(
         "port",
         help="the glove's serial port, or its address: socket://HOST:PORT, rfc2217://HOST:PORT",
@@ -72,6 +73,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     method, params = method_of(arguments)
     if not steps_through(method):
         raise InputError(

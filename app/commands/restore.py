@@ -10,6 +10,7 @@ from handscope.sessions.store import backup
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument(
         "file", type=Path, metavar="FILE.zip", help="a backup made by handscope backup"
     )
@@ -31,6 +32,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     if arguments.check:
         manifest = backup.check(arguments.file)
         say(f"{arguments.file} is whole: {_manifest_words(manifest)}")

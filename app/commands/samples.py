@@ -9,6 +9,7 @@ from handscope.estimators.errors import InputError
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help=f"some of {', '.join(SAMPLES)} (all)"
     )
@@ -19,6 +20,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     names = arguments.names or list(SAMPLES)
     if unknown := [name for name in names if name not in SAMPLES]:
         raise InputError(f"there is no sample {unknown[0]!r}; samples are {', '.join(SAMPLES)}")

@@ -36,6 +36,7 @@ SWITCH = 5e-4  # s that a thread which has something to do waits for another: Py
 
 
 def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument(
         "--host",
         default="127.0.0.1",
@@ -170,6 +171,7 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     printed = arguments.print_login or sys.stdout.isatty()
     with hold_folder(arguments.data, arguments.database):
         serve(arguments, {}, browser=False, printed=printed)

@@ -46,6 +46,7 @@ PRESETS_HELP = "; ".join(f"{name} ({source})" for name, source in PRESET_SOURCES
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument("task", help=f"{TASKS_HELP}; an initial pose comes before it")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.zip")
     parser.add_argument("--hand", choices=HANDS, default="left")
@@ -105,6 +106,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     if not 10 <= arguments.rate <= 1000:
         raise InputError(f"--rate {arguments.rate:g} Hz is outside 10 to 1000 Hz")
     if arguments.six_axes and arguments.task not in object_dynamics.TASKS:

@@ -8,6 +8,8 @@ from typing import IO
 
 
 class Kind(IntEnum):
+    """What a frame between the processes holds."""
+
     OPEN = 0  # server: JSON with port, recording, metadata
     SEND = 1  # server: bytes for the glove
     EVENT = 2  # server: JSON of an event to keep

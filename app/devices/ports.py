@@ -23,6 +23,8 @@ NETWORK = {
 
 @dataclass(frozen=True)
 class PortInfo:
+    """A serial port of this machine, or an address, as it is offered."""
+
     path: str
     description: str
 

@@ -60,6 +60,8 @@ class Score:
 
 @dataclass(frozen=True, kw_only=True)
 class Protocol:
+    """One task: its words, how often and how long it is done, and how it is cued."""
+
     __pydantic_config__ = STRICT
 
     name: Word  # of the file too, and the task_name in the recording's events

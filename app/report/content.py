@@ -221,7 +221,7 @@ class Content:
         return self.compared.edition if self.compared else newest()
 
 
-def content(
+def content(  # noqa: PLR0913
     visit: Visit,
     recording: LoadedRecording,
     processed: Processed,

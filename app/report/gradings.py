@@ -23,6 +23,7 @@ def grade_content(content: Content, scheme: str) -> Content:
 
 
 def grade_tasks(tasks: Sequence[Task], scheme: str, other: OtherHand | None) -> tuple[Task, ...]:
+    """The tasks with total active motion graded by the scheme chosen."""
     return tuple(
         replace(
             t,

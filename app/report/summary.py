@@ -92,6 +92,7 @@ def _absent(content: Content, language: Language) -> list[str]:
 
 
 def outcome_words(outcome: str, language: Language) -> str:
+    """How a task ended, in the reader's language."""
     return language.known(f"outcome.{outcome.replace(' ', '_')}", outcome)
 
 

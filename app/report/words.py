@@ -78,6 +78,7 @@ def both_ways(smallest: float, largest: float, ways: tuple[str, str], language: 
 
 
 def side_words(side: str, language: Language) -> str:
+    """Left or right, in the reader's language."""
     return language.say(f"side.{side}") if side else ""
 
 
@@ -96,6 +97,7 @@ def span_words(tasks: Sequence[Task], language: Language) -> str:
 
 
 def grade_words(grade: str, language: Language) -> str:
+    """A grade, in the reader's language."""
     return language.say(f"grade.{grade}")
 
 

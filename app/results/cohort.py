@@ -44,6 +44,8 @@ class Work:
 
 @dataclass(frozen=True)
 class Outcome:
+    """What came of one recording of a cohort."""
+
     name: str
     state: str  # done, before (and is not done again), failed
     message: str = ""

@@ -248,6 +248,7 @@ def _repetitions(
 
 
 def replay_file(result_id: int) -> str:
+    """Name of the stored trajectory of a result."""
     return f"results/{result_id}.npz"
 
 
@@ -284,6 +285,7 @@ def load_replay(store: Store, result: Result) -> dict[str, Any]:
 
 
 def report_file(result_id: int) -> str:
+    """Name of the stored report content of a result."""
     return f"results/{result_id}.report.npz"
 
 

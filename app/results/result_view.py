@@ -34,7 +34,7 @@ from handscope.estimators.measures.total_active_motion import GRADINGS
 CALIBRATION = {"rate_wander": "deg/s", "tilt_change": "deg", "bias": "deg/s", "misalignment": "deg"}
 
 
-def readings(
+def readings(  # noqa: PLR0913
     content: Mapping[str, Any],
     figures: list[dict[str, Any]],
     protocols: Mapping[str, Protocol],

@@ -56,6 +56,8 @@ REST = {
 
 @dataclass(frozen=True, kw_only=True)
 class FunctionalParams(PoseParams):
+    """Options of the functional calibration; angles in deg."""
+
     functional: bool = option(
         True,
         "",

@@ -48,6 +48,8 @@ UNCALIBRATED = "nothing was calibrated: how the sensors sit and where they point
 
 @dataclass(frozen=True, kw_only=True)
 class PoseParams:
+    """Options of the calibration from a pose; angles in deg, times in s."""
+
     alignment: str = option(
         "full",
         "",

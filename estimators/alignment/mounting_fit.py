@@ -64,6 +64,8 @@ class GravitySighting:
 
 @dataclass(frozen=True)
 class Fit:
+    """Sensor-to-segment rotations with their covariance, rad^2."""
+
     q_BS: Mapping[str, Array]  # (4,)
     sd: Mapping[str, Array]  # (3,) rad about the segment's x, y, z
     covariance: Array  # (3 k, 3 k) rad^2, of all of them in that order

@@ -36,6 +36,8 @@ LIMITS = {  # up to here good, up to here fair
 
 @dataclass(frozen=True)
 class JointQuality:
+    """Grade of a joint's calibration, with the sensor and the reason that decide it."""
+
     joint: str
     grade: Grade  # none: not measured
     reason: str = ""  # restless, tilted, turned, axis, fusion; fault, uncalibrated

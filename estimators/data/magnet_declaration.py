@@ -18,6 +18,8 @@ Place = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Plate:
+    """Magnetometers on the trunk and the magnet on the hand as declared, SI."""
+
     places: Mapping[str, Place]  # m, by magnetometer (trunk, trunk_mag_1, ...), trunk's frame
     moment: Place  # A m^2, hand's frame
     place: Place  # m, of the magnet, hand's frame

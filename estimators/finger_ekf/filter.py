@@ -46,6 +46,8 @@ UPDATED = (  # fields of a state that an update changes, in the order of its ker
 
 @dataclass(frozen=True, kw_only=True)
 class FilterParams(UpdateParams, SensorToSegmentParams, MagnetometerParams):
+    """Options of the finger filter."""
+
     update: float = option(
         0.2,
         "s",
@@ -149,6 +151,8 @@ class State:
 
 @dataclass(frozen=True)
 class Estimate:
+    """Joint rotations of every finger with their covariance, rad^2."""
+
     q_joint: Array  # (n, F, 3, 4) rotations of the true joints
     update_rows: Indices  # (u,) rows from which each covariance holds
     P: Array  # (u, F, 9, 9) rad^2, of the three joints' errors

@@ -29,6 +29,8 @@ DISTURBED = 0.1  # share of rejections beyond which the room is not trusted
 
 @dataclass(frozen=True, kw_only=True)
 class MagnetometerParams:
+    """Options of the heading update."""
+
     magnetometers: bool = option(
         False,
         "",

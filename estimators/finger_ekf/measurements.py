@@ -46,6 +46,8 @@ LIMITS: Array = hand_anatomy.LIMITS[np.array(_CHAINS)]  # (6, 3, 3, 2) rad
 
 @dataclass(frozen=True, kw_only=True)
 class UpdateParams:
+    """Options of the measurement updates."""
+
     vertical: str = option(
         "fused",
         "",

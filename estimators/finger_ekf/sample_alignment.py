@@ -64,6 +64,8 @@ class Waiting:
 
 @dataclass(frozen=True)
 class State:
+    """Samples that wait for the others, and the orientations reached, q_GB."""
+
     unposed: Bools  # (segments,) sensors unknown to the pose that have given nothing yet
     # (segments,) rad^2/s that its gyroscope's noise turns it by more than the filters assume
     noisy: Array

@@ -34,6 +34,8 @@ SIZE = 43
 
 @dataclass(frozen=True, kw_only=True)
 class SensorToSegmentParams:
+    """Options of the sensor-to-segment states; angles in deg."""
+
     misalignment: float = option(
         4.5,
         "deg",

@@ -20,6 +20,8 @@ from handscope.estimators.numerics.typing import Array, Bools
 
 @dataclass(frozen=True, kw_only=True)
 class ContactParams:
+    """Thresholds of touch and release in N, times in s."""
+
     grasp: float = option(
         0.6,
         "N",

@@ -45,6 +45,8 @@ LOST = 1.0  # s without a force sample, beyond which a force counts as unknown
 
 @dataclass(frozen=True, kw_only=True)
 class ForceParams(TipParams, ContactParams, ZeroParams):
+    """Options of the fingertip forces."""
+
     bridged: float = option(
         0.25,
         "s",

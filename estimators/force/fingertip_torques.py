@@ -26,6 +26,8 @@ LEAST = 8  # samples of a sensor that is used
 
 @dataclass(frozen=True)
 class Torque:
+    """Torques in N m with their standard deviation."""
+
     values: Array  # (n, 3) Nm
     sd: Array  # (n,) Nm, of each axis
 

@@ -24,6 +24,8 @@ TIMING = 0.01  # s by which force and movement may be shifted against each other
 
 @dataclass(frozen=True)
 class Response:
+    """Frequency response (6.16) with its coherence; frequencies in Hz."""
+
     frequency: Array  # (f,) Hz
     P: NDArray[np.complex128]  # (f,) m/N
     sd: Array  # (f,) m/N of its size, the random part alone: what errs the same at all frequencies (scales) is not in it

@@ -26,6 +26,8 @@ VAGUE = 1e8  # prior variance, in units of the square of each parameter's usual 
 
 @dataclass(frozen=True)
 class Fit:
+    """Parameters of a linear model with their covariance, and what is left."""
+
     theta: Array  # (p,)
     covariance: Array  # (p, p)
     residuals: Array  # (n, m)

@@ -20,6 +20,8 @@ CALM = 0.05  # N/s^1.5: the rate of a force that is held wanders by so much; our
 
 @dataclass(frozen=True)
 class Interpolated:
+    """The signal at the instants wanted, in its own unit."""
+
     values: Array  # (m, S, 3)
     sd: Array  # (m, S) of each axis
     distance: Array  # (m, S) s to the nearest sample used

@@ -33,6 +33,8 @@ DISCARDED = 0.2  # share of the loads that may be left out
 
 @dataclass(frozen=True, kw_only=True)
 class SolveParams:
+    """Options of the calibration from known loads, N."""
+
     load_error: float = option(
         0.005,
         "1",
@@ -75,6 +77,8 @@ class SolveParams:
 
 @dataclass(frozen=True)
 class ForceCalibration:
+    """Loads are the matrix times what the raw channels read beyond their offset."""
+
     matrix: Array  # (3 or 6, k) N or Nm a raw unit
     offset: Array  # (k,) raw reading of no load
     scale_sd: float  # share of a force by which it may be wrong in all samples alike
@@ -90,6 +94,8 @@ class ForceCalibration:
 
 @dataclass(frozen=True)
 class Solved:
+    """A calibration with its standard deviations and what it leaves, N."""
+
     calibration: ForceCalibration
     matrix_sd: Array  # (3 or 6, k)
     offset_sd: Array  # (k,)

@@ -26,6 +26,8 @@ class Channel:
 
 @dataclass(frozen=True)
 class ForceSetup:
+    """One force sensor as declared: its channels and calibration."""
+
     scale_sd: float  # share by which a force may be wrong in all samples alike
     channels: tuple[Channel, ...] = ()  # none: the readings are forces already
     calibration: ForceCalibration | None = None  # of these channels

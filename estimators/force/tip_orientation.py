@@ -26,6 +26,8 @@ DEG = np.pi / 180
 
 @dataclass(frozen=True, kw_only=True)
 class TipParams:
+    """Options of the correction of the fingertips' orientations."""
+
     tip_sd: float = option(
         4.0,
         "deg",
@@ -86,6 +88,8 @@ class TipParams:
 
 @dataclass(frozen=True)
 class OrientationCorrection:
+    """Rotation of each tip, rad, with its covariance, rad^2."""
+
     turn: Array  # (n, S, 3) rad, of the force sensors
     covariance: Array  # (n, 3S, 3S) of it
     inertial: Array  # (n, S, 3) rad, of the inertial sensors on the same cuffs

@@ -29,6 +29,8 @@ LIKELY = 2.5  # of what it may have drifted by meanwhile: more would take a ligh
 
 @dataclass(frozen=True, kw_only=True)
 class ZeroParams:
+    """Options of the zero, N and s."""
+
     least: float = option(
         0.25,
         "N",
@@ -52,6 +54,8 @@ class ZeroParams:
 
 @dataclass(frozen=True)
 class Zero:
+    """The zero of every sensor with its standard deviation, N."""
+
     level: Array  # (n, S, 3) N
     sd: Array  # (n, S) N, of each axis: more where the zeros before and behind a contact differ by more than it seemed to walk
     free: Bools  # (n, S) nothing is touched

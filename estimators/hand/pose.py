@@ -35,6 +35,8 @@ _WRIST, _FOREARM, _HAND = JOINT["wrist"], SEGMENT["forearm"], SEGMENT["hand"]
 
 @dataclass(frozen=True)
 class Pose:
+    """Joint angles (rad), rotations, segment orientations and tips (m) of the hand."""
+
     angles: Array  # (n, joints, 3) rad, of every joint about all three axes
     freedoms: Array  # (n, joints, 3) rad, the same, NaN where the joint has no such freedom
     q_pc: Array  # (n, joints, 4) of those angles

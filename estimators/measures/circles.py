@@ -47,6 +47,8 @@ PART = "index_mcp"
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
+    """Options of the measure."""
+
     lowpass: float = option(10.0, "Hz", "what is faster is taken for noise", "ours", least=1.0)
     smallest: float = option(
         0.035, "rad", "a half axis below this is no circle", "ours: 2 deg, the methods' error"
@@ -55,6 +57,8 @@ class Params:
 
 @dataclass(frozen=True)
 class Circles:
+    """Circles drawn: turns, rate, axes in rad."""
+
     turns: float  # NaN where not measured
     rate: float  # Hz
     long: float  # rad
@@ -67,6 +71,7 @@ class Circles:
 
 
 def applies(task_name: str) -> bool:
+    """Whether a task's name asks for this measure."""
     return bool(words_of(task_name) & {"circle", "circles", "circular"})
 
 

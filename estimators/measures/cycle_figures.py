@@ -127,6 +127,7 @@ def stop_kinds(prefix: str, of: str) -> Mapping[str, Kind]:
 def time_figures(
     params: Params, kinds: Mapping[str, Kind], prefix: str, c: Cycles, graded: Graded
 ) -> list[Figure]:
+    """Figures of rate and rhythm."""
     intervals, instant = c.intervals, np.sqrt(2.0) * c.period / np.sqrt(12.0)
     first = c.first(params.first)
     rows: dict[str, tuple[float, float | None, str]] = {

@@ -27,6 +27,8 @@ RETAP = "ReTap (Habets 2023, doi 10.3390/s23115238)"
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
+    """Options of the cutting into cycles."""
+
     prominence: float = option(
         0.25,
         "",

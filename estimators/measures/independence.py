@@ -54,6 +54,8 @@ KINDS = kinds(
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
+    """Options of the measure; angles in deg."""
+
     onset: float = option(
         5 * DEG, "rad", "a finger that moved further than this is enslaved", NOORT
     )
@@ -83,6 +85,7 @@ class FingerIndependence:
 
 
 def applies(task_name: str) -> bool:
+    """Whether a task's name asks for this measure."""
     return bool(words_of(task_name) & {"independence", "individuation"})
 
 

@@ -79,6 +79,8 @@ KINDS = kinds(
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
+    """Options of the measure: holding time in s, tolerance in mm."""
+
     hold: float = option(
         0.2,
         "s",
@@ -111,6 +113,7 @@ class Opposition:
 
 
 def applies(task_name: str) -> bool:
+    """Whether a task's name asks for this measure."""
     return bool(words_of(task_name) & {"kapandji", "opposition"})
 
 

@@ -55,6 +55,8 @@ KINDS = kinds(
 
 @dataclass(frozen=True, kw_only=True)
 class Params(ContactParams):
+    """Options of the measure."""
+
     lifted: float = option(
         0.03,
         "m",
@@ -118,6 +120,8 @@ class LiftedObject:
 
 @dataclass(frozen=True)
 class Lift:
+    """Lifts with their grasps, graded."""
+
     measured: bool
     lifts: tuple[LiftedObject, ...]
     grasps: int
@@ -126,6 +130,7 @@ class Lift:
 
 
 def applies(task_name: str) -> bool:
+    """Whether a task's name asks for this measure."""
     return bool({"lift", "lifting"} & words_of(task_name))
 
 
@@ -210,6 +215,8 @@ def _measure_lift(params: Params, h: GraspPhase) -> LiftedObject | None:
 
 @dataclass(frozen=True)
 class MassEstimate:
+    """Mass lifted with its standard deviation, kg."""
+
     mass: float  # kg
     sd: float
     supported: float  # by how many of its standard deviations a constant support differs from zero

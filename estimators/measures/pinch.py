@@ -65,6 +65,8 @@ KINDS = kinds(
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
+    """Options of the measure."""
+
     hold: float = option(
         0.2,
         "s",
@@ -85,6 +87,7 @@ class PinchDistance:
 
 
 def applies(task_name: str) -> bool:
+    """Whether a task's name asks for this measure."""
     return bool(words_of(task_name) & {"pinch", "pinches"})
 
 

@@ -22,6 +22,8 @@ class Curve:
 
 @dataclass(frozen=True)
 class PlotData:
+    """Curves, and marks at places of them."""
+
     curves: tuple[Curve, ...] = ()
     marks: Mapping[str, Array] = field(
         default_factory=dict

@@ -45,6 +45,8 @@ ELSEWHERE = frozenset(
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
+    """Options of the measure: how long an angle must be held, s."""
+
     hold: float = option(
         0.2,
         "s",

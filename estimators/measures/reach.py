@@ -79,6 +79,8 @@ KINDS = {**OWN, **reach_place.KINDS}
 
 @dataclass(frozen=True, kw_only=True)
 class Params(PlaceMeasure):
+    """Options of the measure."""
+
     threshold: float = option(
         0.02,
         "",
@@ -123,6 +125,8 @@ class SingleReach:
 
 @dataclass(frozen=True)
 class Reach:
+    """Reaches with their speed (m/s) and opening of the hand, graded."""
+
     reaches: tuple[SingleReach, ...]
     relative_sd: float  # of an angular speed
     aperture_sd: float | None  # m
@@ -135,6 +139,7 @@ class Reach:
 
 
 def applies(task_name: str) -> bool:
+    """Whether a task's name asks for this measure."""
     return "reach" in words_of(task_name)
 
 

@@ -56,6 +56,7 @@ class Params:
 
 
 def applies(task_name: str) -> bool:
+    """Whether a task's name asks for this measure."""
     words = words_of(task_name)
     return "selfcheck" in words or "check" in words or task_name.lower() in HELD
 

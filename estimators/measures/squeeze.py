@@ -74,6 +74,8 @@ KINDS = kinds(
 
 @dataclass(frozen=True, kw_only=True)
 class Params(ContactParams):
+    """Options of the measure."""
+
     shortest: float = option(1.0, "s", "a shorter touch is none", "ours", least=0.0)
     margin: float = option(
         0.3, "s", "at both ends of a grasp that tell nothing: fingers settle", "ours", least=0.0
@@ -176,6 +178,8 @@ class SqueezeGrasp:
 
 @dataclass(frozen=True)
 class Squeeze:
+    """Squeezes with their grasps, graded."""
+
     params: Params
     measured: bool
     grasps: tuple[SqueezeGrasp, ...]
@@ -184,6 +188,7 @@ class Squeeze:
 
 
 def applies(task_name: str) -> bool:
+    """Whether a task's name asks for this measure."""
     return bool({"squeeze", "squeezing"} & words_of(task_name))
 
 

@@ -29,6 +29,8 @@ SEGMENTS_OF = {j.name: [SEGMENT[j.parent], SEGMENT[j.child]] for j in JOINTS}
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
+    """Options of the measures: how long an angle must be held, s."""
+
     hold: float = option(
         0.2,
         "s",

@@ -147,6 +147,7 @@ def interpolate(signal: Signal, at: Array) -> Array:
 
 
 def rate_of(signal: Signal) -> float:
+    """Samples a second of a signal, Hz."""
     return float(1.0 / np.median(np.diff(signal.t))) if len(signal.t) > 1 else GRID
 
 

@@ -106,6 +106,7 @@ class Tapping:
 
 
 def applies(task_name: str) -> bool:
+    """Whether a task's name asks for this measure."""
     return "tap" in task_name.lower()
 
 
@@ -312,7 +313,7 @@ def _require_unit(values: Array, most: float, what: str, unit: str) -> None:
         )
 
 
-def _make_trial(
+def _make_trial(  # noqa: PLR0913
     params: Params,
     t: Array,
     distance: Array,

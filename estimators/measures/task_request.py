@@ -23,6 +23,8 @@ class Mark:
 
 @dataclass(frozen=True)
 class TaskRequest:
+    """A task's name, details and marked stretches."""
+
     task: str = ""
     details: Mapping[str, Any] = field(default_factory=dict)  # of the task's event
     marks: tuple[Mark, ...] = ()

@@ -98,6 +98,8 @@ KINDS = kinds(
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
+    """Options of the measure, and the grading scheme."""
+
     hold: float = option(
         0.2,
         "s",

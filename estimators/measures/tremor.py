@@ -78,6 +78,8 @@ KINDS = kinds(
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
+    """Options of the measure; frequencies in Hz."""
+
     window: float = option(3.0, "s", "length of a window", "PMC6806079", least=0.5)
     lowest: float = option(
         3.0,
@@ -120,6 +122,7 @@ class Tremor:
 
 
 def applies(task_name: str) -> bool:
+    """Whether a task's name asks for this measure."""
     return "tremor" in words_of(task_name)
 
 

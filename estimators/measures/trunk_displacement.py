@@ -26,6 +26,8 @@ LEAST, MOST = 0.1, 0.7  # m, of a height
 
 @dataclass(frozen=True, kw_only=True)
 class TrunkParams:
+    """Height and slope of the trunk, with what they are known to."""
+
     trunk_height: float = option(0.40, "m", "height of the trunk's sensor above the axis of the hips, where none is told", WINTER, least=LEAST, most=MOST)  # fmt: skip
     trunk_height_sd: float = option(
         0.05,
@@ -45,6 +47,8 @@ class TrunkParams:
 
 @dataclass(frozen=True)
 class Displacement:
+    """Forward displacement with its standard deviation, m."""
+
     forward: Array  # (n,) m
     sd: Array  # (n,) m
 

@@ -27,6 +27,8 @@ CAPABILITIES = Capabilities(needs_pose=False, needs_magnetometers=True, takes_or
 
 @dataclass(frozen=True, kw_only=True)
 class Params(fusion_pipeline.Params):
+    """Options of B."""
+
     MAGNETOMETER: ClassVar[bool] = True
     constraints: bool = option(
         False,

@@ -47,6 +47,8 @@ LOST, _FOREARM, _HAND = np.uint8(Flag.HEADING_LOST), SEGMENT["forearm"], SEGMENT
 
 @dataclass(frozen=True, kw_only=True)
 class Params(FilterParams, orientation_fusion.FusionParams, functional_movements.FunctionalParams):
+    """Options of EKF."""
+
     constraints: bool = option(
         True,
         "",

@@ -36,6 +36,8 @@ class Params(
     functional_movements.FunctionalParams,
     heading_constraints.HeadingParams,
 ):
+    """Options that B, M1 and M2 share."""
+
     MAGNETOMETER: ClassVar[bool] = False  # whether headings come from magnetometers
     constraints: bool = option(
         True,

@@ -25,4 +25,6 @@ CAPABILITIES = Capabilities(needs_pose=True, needs_magnetometers=True, takes_ori
 
 @dataclass(frozen=True, kw_only=True)
 class Params(fusion_pipeline.Params):
+    """Options of M1."""
+
     MAGNETOMETER: ClassVar[bool] = True

@@ -43,6 +43,8 @@ DECISION = "ours: docs/decisions/0007-map-live.md"
 
 @dataclass(frozen=True, kw_only=True)
 class Params(ekf.Params, Noise):
+    """Options of MAP-LIVE."""
+
     window: float = option(0.6, "s", "length of the window", DECISION, least=0.6, most=5.0)
     lag: float = option(
         0.1,

@@ -12,6 +12,8 @@ from handscope.estimators.self_calibration.result import Requirements
 
 @dataclass(frozen=True, kw_only=True)
 class Params(fusion_pipeline.Params, Noise, Requirements):
+    """Options of MAP."""
+
     longest: float = option(
         60.0,
         "s",

@@ -92,6 +92,8 @@ class JointState:
 
 @dataclass(frozen=True)
 class StreamState:
+    """State of one stream's fusion."""
+
     stream: Stream
     fused: tuple[SensorState, ...] | JointState
     period: float  # s, between samples as they come

@@ -64,6 +64,8 @@ def unit_or_missing(q: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class GivenParams:
+    """Options of orientations that a device gives."""
+
     orientation_sd: float = option(
         0.0,
         "deg",

@@ -48,6 +48,8 @@ _HAND = SEGMENT["hand"]
 
 @dataclass(frozen=True, kw_only=True)
 class HeadingParams:
+    """Options of the heading correction; angles in deg."""
+
     heading_correction: bool = option(
         True,
         "",

@@ -53,6 +53,8 @@ class Waiting:
 
 @dataclass(frozen=True)
 class State:
+    """Samples that wait until every stream has reached them."""
+
     reference: str  # name of the stream whose samples make the rows
     waiting: Mapping[str, Waiting]
     t: float = -np.inf  # newest row given
@@ -60,6 +62,8 @@ class State:
 
 @dataclass(frozen=True)
 class Rows:
+    """Orientations q_GS at the reference stream's instants, with variances in rad^2."""
+
     t: Array  # (n,)
     q_GS: Array  # (n, segments, 4), NaN where no sensor
     flags: NDArray[np.uint8]  # (n, segments)

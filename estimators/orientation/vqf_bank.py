@@ -21,6 +21,8 @@ from handscope.estimators.numerics.typing import Array
 
 @dataclass(frozen=True, kw_only=True)
 class FusionParams:
+    """Options of the fusion of a sensor's orientation."""
+
     tau_acc: float = option(
         3.0,
         "s",

@@ -33,6 +33,8 @@ DEG = np.pi / 180
 
 @dataclass(frozen=True, kw_only=True)
 class HandFilterParams:
+    """Options of the hand's path."""
+
     gyr_reading: str = option(
         "mean",
         "",
@@ -137,6 +139,8 @@ class State:
 
 @dataclass(frozen=True)
 class HandPath:
+    """Position (m), velocity (m/s) and orientation q_GH at every sample."""
+
     t: Array  # (n,) s
     p: Array  # (n, 3) m, global frame, from the first sample
     v: Array  # (n, 3) m/s

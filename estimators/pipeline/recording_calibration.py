@@ -153,6 +153,7 @@ def _flat_hand_warning(recording: Recording) -> list[str]:
 
 
 def without_pose(recording: Recording) -> tuple[list[Calibration], list[str]]:
+    """Calibrations of a recording that has no pose, with warnings."""
     sensors = [s for stream in recording.streams if stream.inertial for s in stream.sensors]
     start, beginning = _beginning(recording)
     rates = measure_rates(beginning)

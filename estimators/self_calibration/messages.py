@@ -33,6 +33,7 @@ OFTEN = 0.5  # knocks in a second, beyond which a person should do something abo
 
 
 def require_length(asked: Requirements, duration: float) -> None:
+    """InputError where the movement is shorter than self-calibration needs, s."""
     if duration < asked.shortest - ROUNDED:
         raise InputError(
             f"there are {max(duration, 0.0):.1f} s of movement, self-calibration needs {asked.shortest:g} s, better 40 s; move hand and fingers freely for longer"
@@ -86,6 +87,7 @@ def describe_silent_sensors(finger: str, silent: Sequence[str], clipped: bool) -
 
 
 def require_movement(asked: Requirements, finger: str, read: Readings) -> None:
+    """InputError where a finger or the hand moves too little for self-calibration."""
     hand, turning = (
         float(np.degrees(np.linalg.norm(gyr - gyr.mean(axis=0), axis=1).mean()))
         for gyr in (read.gyr[:, 0], read.gyr[:, -1])

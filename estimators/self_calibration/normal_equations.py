@@ -29,6 +29,8 @@ class Normal:
 
 @dataclass(frozen=True)
 class Step:
+    """A Gauss-Newton step of orientations (rad) and parameters."""
+
     turns: Array  # (n, e)
     parameters: Array  # (P,)
 

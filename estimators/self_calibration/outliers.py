@@ -49,6 +49,7 @@ class ImpactDetection:
 
 
 def none_detected(samples: int) -> ImpactDetection:
+    """The result for so many samples without an outlier."""
     still = np.zeros(samples - 1, bool)
     return ImpactDetection(np.zeros(samples, bool), still, still, np.ones((samples, 1)))
 

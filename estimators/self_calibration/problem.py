@@ -180,6 +180,8 @@ class Readings:
 
 @dataclass(frozen=True)
 class Problem:
+    """Readings of a chain's sensors with their noise, and the priors, SI."""
+
     chain: Chain
     noise: Noise
     dt: float  # s
@@ -208,6 +210,8 @@ class Problem:
 
 @dataclass(frozen=True)
 class Unknowns:
+    """What self-calibration estimates: orientations q_GS and parameters, SI."""
+
     q_GS: Array  # (n, S, 4) orientations of the sensors
     far: Array  # (J, 3) m, from the parent's sensor to the joint's centre, in the sensor's frame
     near: Array  # (J, 3) m, from the child's sensor

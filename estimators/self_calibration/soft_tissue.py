@@ -17,6 +17,8 @@ QUARTER = np.pi / 2
 
 @dataclass(frozen=True)
 class SensorDisplacement:
+    """How far a sensor is turned (rad) and displaced (m) on its segment."""
+
     bent: Array  # (..., F) rad, by how far it follows the joints that pull it
     turn: Array  # (..., 3) rad, in the sensor's frame
     slide: Array  # (..., 3) m, in the frame that the sensor has where joints are straight

@@ -39,6 +39,8 @@ X = TypeVar("X")
 
 @dataclass(frozen=True)
 class Limits:
+    """Limits of the iterations."""
+
     iterations: int = 30
     least_gain: float = 0.002  # of half the sum of squares, that a step must gain to go on: then all are within a tenth of their standard deviations
     rough_gain: float = 0.5  # the same in rounds before the last
@@ -50,6 +52,8 @@ class Limits:
 
 @dataclass(frozen=True)
 class Solution:
+    """The most probable unknowns, how they were reached, and the factor of their information."""
+
     at: Unknowns
     problem: Problem  # with the noise as it was found to be
     outcome: Outcome

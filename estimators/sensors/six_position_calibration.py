@@ -57,6 +57,8 @@ FIELD_SAMPLES = 2000  # magnetometer samples that the ellipsoid is drawn through
 
 @dataclass(frozen=True, kw_only=True)
 class SolveParams(RestParams):
+    """Options of the calibration; gravity in m/s^2."""
+
     gravity: float = option(
         GRAVITY,
         "m/s^2",

@@ -23,6 +23,8 @@ ODD_RATE = np.radians(2.0)
 
 @dataclass(frozen=True, kw_only=True)
 class RestParams:
+    """What counts as rest; s, rad/s, m/s^2."""
+
     window: float = option(
         0.5,
         "s",

@@ -22,6 +22,8 @@ _GIVES = ~IS_DOF * np.array([[joint.name != "wrist"] for joint in JOINTS])
 
 @dataclass(frozen=True)
 class JointCompliance(Motion):
+    """A movement whose joints also turn about axes that are no freedom."""
+
     size: float  # rad, root mean square over all phases
     phase: Array  # (joints, 3) rad, of the sine where the joint is straight
 

@@ -76,6 +76,8 @@ class Anatomy:
 
 @dataclass(frozen=True)
 class Person:
+    """A hand as it is (true) and as it was measured (declared)."""
+
     true: HandGeometry
     declared: HandGeometry
 

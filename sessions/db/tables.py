@@ -40,6 +40,8 @@ class UtcDateTime(TypeDecorator[datetime]):
 
 
 class Base(DeclarativeBase):
+    """Base of all tables."""
+
     type_annotation_map = {  # noqa: RUF012
         datetime: UtcDateTime,
         dict[str, Any]: JSON,
@@ -49,10 +51,13 @@ class Base(DeclarativeBase):
 
 
 def now() -> datetime:
+    """The present instant in UTC."""
     return datetime.now(UTC)
 
 
 class Patient(Base):
+    """A patient under a pseudonym; lengths in m."""
+
     __tablename__ = "patient"
     __table_args__ = NEVER_AGAIN
 

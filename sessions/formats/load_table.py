@@ -43,6 +43,8 @@ HOW = "tell loads as mass [g] with down, or as force_x [N], force_y [N], force_z
 
 @dataclass(frozen=True)
 class LoadTable:
+    """Raw channels of a force sensor (n, c) under known loads (n, 3), N."""
+
     channels: tuple[Channel, ...]
     raw: Array  # (n, channels) in the channels' units
     loads: Array  # (n, 3) N, or (n, 6) N and Nm, as a fingertip would exert them

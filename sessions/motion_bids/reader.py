@@ -514,6 +514,7 @@ def read_events(path: Path) -> tuple[Event, ...]:
 
 
 def events_of(files: Files, inside: str) -> tuple[Event, ...]:
+    """Events of a recording in the order of their onsets, s."""
     folder, stem = PurePosixPath(inside).parent, PurePosixPath(inside).name
     names = [
         p for p in files if re.sub("_tracksys-[^_/]+", "", p) == str(folder / f"{stem}_events.tsv")

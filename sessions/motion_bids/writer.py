@@ -113,6 +113,7 @@ def _cell(value: Any) -> str:
 
 
 def pretty(value: Mapping[str, Any]) -> bytes:
+    """JSON as it is written into a recording."""
     return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
 
 

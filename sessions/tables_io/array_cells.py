@@ -77,6 +77,7 @@ def drop_empty_end(cells: list[str], many: int = 1) -> list[str]:
 
 
 def is_number(cell: str) -> bool:
+    """Whether a cell holds a number."""
     try:
         float(cell)
     except ValueError:
@@ -96,4 +97,5 @@ def expand_triples(cells: Sequence[str], wide: Sequence[bool]) -> list[str]:
 
 
 def parse_number(cell: str) -> float:
+    """The number of a cell; NaN where it is missing."""
     return float("nan") if cell.lower() in MISSING else float(cell)

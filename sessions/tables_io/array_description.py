@@ -49,6 +49,8 @@ class Timing:
 
 @dataclass(frozen=True)
 class ArrayDescription:
+    """Positions (m), axes and columns of an array's magnetometers."""
+
     unit: str | float  # a unit's name, or T of one count
     names: tuple[str, ...]
     places: Array  # (magnetometers, 3) m

@@ -42,6 +42,8 @@ MAX_BYTES = 2**30  # bytes of a table
 
 @dataclass(frozen=True)
 class Table:
+    """Readings (n, L, 3) in T at times (n,), s."""
+
     t: Array  # (n,) s
     readings: Mapping[str, Array]  # (n, 3) each, NaN where missing
     times: Mapping[str, Array]  # (n,) s, of those with times of their own

@@ -30,6 +30,7 @@ class ForceSensorCalibration:
 
 
 def write_force(m: ForceSensorCalibration) -> bytes:
+    """The payload of a force sensor's calibration."""
     turn = float("nan") if m.turn_sd is None else m.turn_sd
     return struct.pack(
         f"<BBB2f{m.axes * (m.axes + 1)}f",

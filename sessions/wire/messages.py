@@ -42,6 +42,8 @@ class Format(IntEnum):
 
 
 class ReplyCode(IntEnum):
+    """What a device answers to a command."""
+
     OK = 0
     UNKNOWN_COMMAND = 1
     BAD_ARGUMENT = 2
@@ -104,6 +106,8 @@ class Samples:
 
 @dataclass(frozen=True)
 class Status:
+    """How a device is: samples lost, battery in percent, temperature in deg C."""
+
     t: int  # ns on the base unit's clock
     overruns: int  # frames that the device had to drop since power-up because nobody took the bytes
     battery_percent: int  # 255 = on USB power
@@ -112,6 +116,8 @@ class Status:
 
 @dataclass(frozen=True)
 class Reply:
+    """A device's answer to a command."""
+
     command: int  # type byte of the command answered
     code: ReplyCode
     text: str = ""
@@ -119,6 +125,8 @@ class Reply:
 
 @dataclass(frozen=True)
 class Pong:
+    """Answer to `Ping`, with the device's time in s."""
+
     token: int
     t: int  # ns on the base unit's clock
 
@@ -145,7 +153,7 @@ class StripCalibration:
 
 @dataclass(frozen=True)
 class Identify:
-    pass
+    """Ask a device who it is."""
 
 
 @dataclass(frozen=True)
@@ -162,16 +170,18 @@ class Configure:
 
 @dataclass(frozen=True)
 class Start:
-    pass
+    """Ask a device to send samples."""
 
 
 @dataclass(frozen=True)
 class Stop:
-    pass
+    """Ask a device to stop sending samples."""
 
 
 @dataclass(frozen=True)
 class Ping:
+    """Ask a device for its time."""
+
     token: int
 
 
@@ -185,6 +195,8 @@ class Cue:
 
 @dataclass(frozen=True)
 class ReadCalibration:
+    """Ask a device for the calibration stored in a strip."""
+
     slot: int
 
 

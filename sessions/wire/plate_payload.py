@@ -9,6 +9,7 @@ from handscope.estimators.data.samples import TRACKED_POINTS
 
 
 def write_plate(m: Plate) -> bytes:
+    """The payload of a declared plate of magnetometers."""
     dip = float("nan") if m.dip is None else m.dip
     head = struct.pack("<8fB", m.earth, dip, *m.moment, *m.place, len(m.places))
     return head + b"".join(

@@ -17,6 +17,8 @@ BASELINE = Path(__file__).with_name("baseline.json")
 
 @dataclass(frozen=True)
 class Allowed:
+    """How much worse than the baseline a figure may be."""
+
     value: float  # the baseline's, or its share of `per`
     slack: float  # times that a run may be worse
     per: str = ""  # the metric of the same benchmark that it is a share of

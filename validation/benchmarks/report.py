@@ -40,6 +40,7 @@ TARGET = 3.0  # s
 
 
 def measure() -> list[Metric]:
+    """Seconds for the PDF and the HTML file, by language."""
     made = _content()
     return [
         Metric(f"{form} in {language.name}", _seconds(made, form, language), "s", TARGET, "lower")

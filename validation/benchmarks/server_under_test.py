@@ -105,6 +105,7 @@ def begin_tasks(client: Client, port: Path, hand: str = "left") -> str:
 
 
 def act(client: Client, station: str, action: str, **more: Any) -> None:
+    """Take an action at a station, as a page does."""
     client.call("POST", f"/api/stations/{station}/actions", {"action": action, **more})
 
 

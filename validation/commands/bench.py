@@ -16,6 +16,7 @@ from handscope.validation.benchmarks import BENCHES, Metric, bench, gate
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help=f"some of {', '.join(BENCHES)} (all)"
     )
@@ -32,6 +33,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     unknown = [name for name in arguments.names if name not in BENCHES]
     if unknown:
         raise InputError(

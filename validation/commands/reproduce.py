@@ -28,6 +28,7 @@ from handscope.validation.reproduce.workers import measured
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help=f"some of {', '.join(REPRODUCTIONS)} (all)"
     )
@@ -78,6 +79,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; returns the exit code."""
     wanted = _wanted(arguments)
     plans = _plans(arguments.names, wanted)
     out = output_folder(arguments.out) if arguments.out else None

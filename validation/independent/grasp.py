@@ -97,6 +97,8 @@ QUANTITIES = {"lift": ("lift_mass",), "squeeze": ("squeeze_stiffness", "squeeze_
 
 @dataclass(frozen=True)
 class Trial:
+    """One run: task, condition and seed."""
+
     task: str  # of TASKS
     condition: str
     seed: int
@@ -124,6 +126,7 @@ class ReportedFigure:
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [
         Trial(task, name, seed)
         for task, conditions in TASKS.items()
@@ -203,6 +206,7 @@ def _number(value: float | None) -> float:
 def finding(
     wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, ReportedFigure]]]
 ) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     tables = (
         _table(results, "lift", "lift_mass", "Mass of what is lifted"),
         _table(results, "squeeze", "squeeze_stiffness", "Stiffness of what is squeezed"),

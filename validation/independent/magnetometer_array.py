@@ -42,6 +42,8 @@ USUAL = Chips()
 
 @dataclass(frozen=True, kw_only=True)
 class Condition:
+    """Chips and fields of one condition."""
+
     chips: Chips = USUAL
     low: float = 0.08  # m between which the magnet comes
     high: float = 0.18
@@ -158,6 +160,8 @@ CONDITIONS: Mapping[str, Condition] = {
 
 @dataclass(frozen=True)
 class Trial:
+    """One run: condition, many and seed."""
+
     condition: str
     many: int  # chips
     seed: int
@@ -174,6 +178,7 @@ class LocatedReadings:
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [
         Trial(name, many, seed)
         for name, one in CONDITIONS.items()
@@ -272,6 +277,7 @@ def _refused(*words: str) -> bool:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, LocatedReadings]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     columns = (
         "found, %",
         "off, median, mm",

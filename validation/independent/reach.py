@@ -80,6 +80,8 @@ LIMITS = {"position": (15.0, "mm"), "relative": (2.0, "deg"), "trunk": (6.0, "de
 
 @dataclass(frozen=True)
 class Trial:
+    """One run: movement, seed and seconds."""
+
     movement: str
     seed: int
     seconds: float = 60.0
@@ -91,6 +93,7 @@ Found = Mapping[
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [Trial(movement, seed) for movement in world.TRUNKS for seed in range(wanted.seeds)]
 
 
@@ -298,6 +301,7 @@ def _sidecar(task: str, t: Array) -> dict[str, object]:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     tables = tuple(_table(results, figure) for figure in FIGURES)
     verdicts = tuple(
         Verdict(

@@ -64,6 +64,8 @@ WHAT = {  # unit, and how many of them in one of SI
 
 @dataclass(frozen=True)
 class Trial:
+    """One run: condition and seed."""
+
     condition: str  # of CONDITIONS
     seed: int
 
@@ -81,6 +83,7 @@ class Found:
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     asked = wanted.experiments or tuple(CONDITIONS)
     return [
         Trial(c, seed)
@@ -174,6 +177,7 @@ def _trajectory_errors(found: Trajectory, true: Truth) -> Iterator[tuple[str, Ar
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     by = {
         c: [f for trial, f in results if trial.condition == c]
         for c in dict.fromkeys(trial.condition for trial, _ in results)

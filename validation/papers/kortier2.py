@@ -61,6 +61,7 @@ class Found:
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [Trial(name, seed) for name, seed in product((*KORTIER2, FAST), range(wanted.seeds))]
 
 
@@ -138,6 +139,7 @@ def _repeatability(made: Simulated, moved: Trajectory, phase: str) -> dict[str, 
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     tips = tuple(
         Row(
             name,

@@ -55,6 +55,7 @@ class Found:
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [Trial("powerglove", seed) for seed in range(wanted.seeds)]
 
 
@@ -109,6 +110,7 @@ def _mean(found: Sequence[Agreement], figure: str) -> float:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     theirs = published.KORTIER_TASKS
     groups = tuple(
         Row(g, _columns(results, g), dict.fromkeys(WITH, theirs[g]) if g in theirs else {})

@@ -64,6 +64,8 @@ HINGE_AXIS = np.array([0.0, 0.0, 1.0])  # of every segment: docs/conventions.md
 
 @dataclass(frozen=True)
 class Trial:
+    """One run: condition and seed."""
+
     condition: str  # of CONDITIONS
     seed: int
 
@@ -86,6 +88,7 @@ class Found:
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [
         Trial(condition, seed)
         for condition in CONDITIONS
@@ -211,6 +214,7 @@ def _true_distance(made: Simulated) -> Array:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     by = {c: [f for trial, f in results if trial.condition == c] for c in CONDITIONS}
     names = tuple(next(iter(by.values()))[0].percent)
     errors = tuple(

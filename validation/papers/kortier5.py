@@ -58,6 +58,8 @@ SMOOTHED = ", smoothed"
 
 @dataclass(frozen=True)
 class Trial:
+    """One run: movement and seed."""
+
     movement: str
     seed: int
 
@@ -66,6 +68,7 @@ Found = Mapping[str, Mapping[str, float]]  # by number of magnetometers
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [Trial(movement, seed) for movement in MOVEMENTS for seed in range(wanted.seeds)]
 
 
@@ -162,6 +165,7 @@ def _rms(values: Array) -> float:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     columns = tuple(MAGNETOMETERS)
     tables = tuple(
         Table(

@@ -32,6 +32,8 @@ LIMITS = {"12 Hz": 10.0, "100 Hz": 5.0}  # %
 
 @dataclass(frozen=True)
 class Trial:
+    """One run: held and seed."""
+
     held: str  # of OBJECTS
     seed: int  # the person with this glove
 
@@ -40,6 +42,7 @@ Found = Mapping[str, Mapping[str, float]]  # by rate
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [Trial(held, seed) for held in OBJECTS for seed in range(wanted.seeds)]
 
 
@@ -105,6 +108,7 @@ def _made(trial: Trial, rate: float) -> tuple[Simulated, np.ndarray]:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     columns = tuple(RATES)
     theirs = published.KORTIER_OBJECTS
     errors = Table(

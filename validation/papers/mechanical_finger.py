@@ -49,6 +49,7 @@ class Moved:
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [Trial("mechanical finger", seed) for seed in range(wanted.seeds)]
 
 
@@ -75,6 +76,7 @@ def held_deviation(estimate: Trajectory, truth: Trajectory) -> list[float]:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Moved]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     columns = tuple(f"{method}, {mounting}" for mounting, method in product(MOUNTINGS, METHODS))
     rows = []
     for k, joint in enumerate(JOINTS):

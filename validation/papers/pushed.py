@@ -34,6 +34,7 @@ Errors = Mapping[
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [
         Trial(name, seed)
         for name, seed in product(chosen(wanted.experiments, TABLE6), range(wanted.seeds))
@@ -52,6 +53,7 @@ def measure(trial: Trial) -> Errors:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Errors]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     titles = (
         ("RMSE of the fingertip, cm", 2),
         ("RMSE of the moved finger's joint angles, deg", 1),

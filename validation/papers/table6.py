@@ -31,6 +31,7 @@ Errors = Mapping[
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [
         Trial(name, seed)
         for name, seed in product(chosen(wanted.experiments, TABLE6), range(wanted.seeds))
@@ -53,6 +54,7 @@ def errors_of(estimate: Trajectory, truth: Trajectory, finger: str) -> tuple[flo
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Errors]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     tips = Table(
         "RMSE of the fingertip in the wrist frame, cm",
         tuple(VARIANTS),

@@ -56,6 +56,7 @@ def measure(trial: Trial) -> Errors:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Errors]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     names = chosen(wanted.experiments, TABLE7)
     rows = _rows(names, results)
     near_steel = Table(

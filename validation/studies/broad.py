@@ -129,6 +129,7 @@ def measure(path: Path) -> dict[str, float]:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Path, dict[str, float]]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     rows = [_row(path.stem, found, published.BROAD[path.stem]) for path, found in results]
     columns: dict[str, Spread] = {
         name: spread(found[name] for _, found in results) for name in COLUMNS

@@ -57,6 +57,7 @@ SOURCES: Mapping[str, Callable[[Sources], Sources]] = {
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [Trial(name, seed) for name, seed in product(EXPERIMENTS, range(wanted.seeds))]
 
 
@@ -78,6 +79,8 @@ def measure(trial: Trial) -> Mapping[str, tuple[float, float]]:
 def finding(
     wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, tuple[float, float]]]]
 ) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
+
     def over(name: str, k: int) -> Spread:
         return spread(found[name][k] for _, found in results)
 

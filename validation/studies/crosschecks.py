@@ -106,6 +106,8 @@ Fault = Callable[[Made, float], Made]
 
 @dataclass(frozen=True)
 class Trial:
+    """One run: kind, seed and faults."""
+
     kind: str
     seed: int
     faults: bool
@@ -276,6 +278,7 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 
 
 def measure(trial: Trial) -> Result:
+    """Check a recording without the fault and with it."""
     made = recorded(trial.kind, trial.seed)
     clean = tuple(s.message.code for s in suspicions_of(made) if s.message.severity != "info")
     if not trial.faults:
@@ -372,6 +375,7 @@ def _turned(block: Block, mounting: Mapping[str, Array]) -> Block:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Result]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     kinds = list(dict.fromkeys(t.kind for t, _ in results))
     alarms = {k: [100.0 * bool(r.clean) for t, r in results if t.kind == k] for k in kinds}
     every = [a for each in alarms.values() for a in each]

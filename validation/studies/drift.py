@@ -45,6 +45,8 @@ KINDS: Mapping[
 
 @dataclass(frozen=True)
 class Trial:
+    """One run: seed, kind and minutes."""
+
     seed: int
     kind: str
     minutes: int
@@ -68,6 +70,7 @@ class Worn:
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [
         Trial(seed, kind, wanted.minutes)
         for kind, seed in product(KINDS, range(min(wanted.seeds, SEEDS)))
@@ -96,6 +99,7 @@ def measure(trial: Trial) -> Course:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Course]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     courses: Mapping[str, list[Course]] = {
         kind: [course for trial, course in results if trial.kind == kind] for kind in KINDS
     }

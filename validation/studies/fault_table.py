@@ -25,6 +25,8 @@ WHAT = "sensor at fault: one of the half that turns most, another finger and axi
 
 @dataclass(frozen=True)
 class Trial:
+    """One run: condition and seed."""
+
     condition: str  # of CONDITIONS
     seed: int
 
@@ -39,6 +41,7 @@ class Found:
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     asked = wanted.experiments or tuple(CONDITIONS)
     return [Trial(c, seed) for seed in range(wanted.seeds) for c in CONDITIONS if c in asked]
 
@@ -84,6 +87,7 @@ def _of_file(blocks: list[Block]) -> Iterator[tuple[str, float, bool, bool]]:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     faults: dict[str, list[float]] = {}
     for _, found in results:
         for fault, size in found.found:

@@ -42,6 +42,7 @@ COLUMNS = tuple(f"{what}, {sizes}" for what in ("angles", "tips") for sizes in S
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [Trial(name, seed) for name, seed in product(EXPERIMENTS, range(wanted.seeds))]
 
 
@@ -66,6 +67,8 @@ def measure(trial: Trial) -> Mapping[str, float]:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
+
     def of(experiments: Sequence[str], column: str) -> Spread:
         return spread(found[column] for trial, found in results if trial.experiment in experiments)
 

@@ -80,6 +80,7 @@ OF_SENSOR: Mapping[str, tuple[Callable[[Cells, float, int], Cells], tuple[float,
 
 
 def retimed(blocks: list[Block], percent: float) -> list[Block]:
+    """Blocks whose clock runs faster or slower by so many percent."""
     return [replace(b, t=b.t * (1 + percent / 100)) for b in blocks]
 
 
@@ -93,6 +94,7 @@ def without_rows(blocks: list[Block], seconds: float) -> list[Block]:
 
 
 def held(blocks: list[Block], seconds: float) -> list[Block]:
+    """Blocks in which a sensor repeats its sample for so many seconds."""
     out, at = [], 0.55 * max(b.t[-1] for b in blocks)
     for b in blocks:
         rows, values = np.flatnonzero((b.t >= at) & (b.t < at + seconds)), b.values.copy()

@@ -91,6 +91,8 @@ GOOD: Mapping[str, tuple[str, float]] = {
 
 @dataclass(frozen=True)
 class Trial:
+    """One run: finger, movement and seed."""
+
     finger: str  # of FINGERS
     movement: str  # of MOVEMENTS
     seed: int
@@ -106,6 +108,7 @@ class Found:
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:
+    """The trials that a reproduction of this size runs."""
     return [Trial(*which) for which in product(FINGERS, MOVEMENTS, range(min(wanted.seeds, MOST)))]
 
 
@@ -246,6 +249,7 @@ def _to_near(worn: SensorSet, true: HandGeometry, s: int) -> float:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
+    """The tables, ours beside the published ones, with remarks."""
     by = {
         (f, m): [r for trial, r in results if (trial.finger, trial.movement) == (f, m)]
         for f, m in product(FINGERS, MOVEMENTS)

@@ -24,6 +24,8 @@ IDLE = 5.0  # s without a pose until the stream looks whether its session is sti
 
 
 class NewStream(Incoming):
+    """A live stream of poses to be opened."""
+
     rate: float = Field(60.0, allow_inf_nan=False, description="Hz, most poses a second: 1 to 120")
 
 

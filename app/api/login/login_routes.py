@@ -28,16 +28,22 @@ pages = APIRouter(include_in_schema=False, dependencies=[requires_role(ANYBODY)]
 
 
 class Proof(Incoming):
+    """What proves an account: a one-time token, or a name with its password."""
+
     token: str = Field("", max_length=200, description="a one-time token; or")
     name: str = Field("", max_length=64, description="an account, with its")
     password: str = Field("", max_length=accounts.LONGEST)
 
 
 class Ticket(Incoming):
+    """A login that waits for its second factor."""
+
     ticket: str = Field(max_length=64, description="as the first step of the login gave it")
 
 
 class SecondProof(Ticket):
+    """The second factor of a login: a code or a passkey's answer."""
+
     code: str = Field("", max_length=40, description="of an app, or a recovery code; or")
     credential: dict[str, Any] | None = Field(None, description="what a passkey answered")
 
@@ -69,6 +75,7 @@ def login_options(db: Db, parts: PartsDep) -> dict[str, Any]:
     responses={202: {"description": "right; `ticket` waits for a second factor"}},
 )
 def log_in(parts: PartsDep, db: Db, request: Request, given: Proof) -> Response:
+    """Log in by token or password; sets the cookie, or asks for the second factor."""
     if given.name:
         account = logins.log_in(db, given.name, given.password, address_of(request))
         if account is None:
@@ -173,6 +180,7 @@ def health(parts: PartsDep, response: Response) -> dict[str, Any]:
 
 @router.get("/openapi.json", include_in_schema=False, dependencies=[requires_role(*EVERY_ACCOUNT)])
 def openapi(request: Request) -> dict[str, Any]:
+    """The OpenAPI description of the API."""
     schema: dict[str, Any] = request.app.openapi()
     return schema
 

@@ -20,18 +20,26 @@ PASSWORD_FIRST = "set a password first: a second factor is what comes after it"
 
 
 class Confirmed(Incoming):
+    """The password again, before second factors change."""
+
     password: str = Field(max_length=accounts.LONGEST, description="of the own account")
 
 
 class NewFactor(Confirmed):
+    """A second factor to be added, with its name."""
+
     name: str = Field(max_length=200, description="what its owner calls it")
 
 
 class AppCode(Incoming):
+    """The first code of an authenticator app."""
+
     code: str = Field(max_length=40, description="that the app shows")
 
 
 class MadePasskey(Incoming):
+    """A passkey as the browser made it."""
+
     ticket: str = Field(max_length=64)
     name: str = Field(max_length=200)
     credential: dict[str, Any] = Field(description="what the browser answered")

@@ -12,6 +12,8 @@ HICCUP = 3.0  # s between two delayed bursts
 
 @dataclass(frozen=True, kw_only=True)
 class FaultParams:
+    """Shares of frames lost, repeated or damaged, and their delay in s."""
+
     loss: float = option(0.0, "", "share of frames that are lost", "fault")
     repeat: float = option(0.0, "", "share of frames that are sent twice", "fault")
     corrupt: float = option(0.0, "", "share of frames with a flipped bit", "fault")

@@ -5,6 +5,8 @@ from enum import StrEnum
 
 
 class State(StrEnum):
+    """Where a session of the wizard stands."""
+
     CONNECT = "connect"
     CHECK = "check"  # one finger after the other is bent
     CHECKED = "checked"

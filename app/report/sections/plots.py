@@ -205,6 +205,7 @@ def trend_chart(
 
 @contextmanager
 def drawing() -> Iterator[None]:
+    """matplotlib with the report's settings, for one thread at a time."""
     with _MATPLOTLIB, matplotlib.rc_context(SETTINGS):
         yield
 
@@ -369,6 +370,7 @@ def axes_at(
 
 
 def svg_of(figure: Figure) -> str:
+    """A figure as SVG."""
     buffer = io.BytesIO()
     FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None})
     return buffer.getvalue().decode()

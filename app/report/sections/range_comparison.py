@@ -30,6 +30,7 @@ def flexion_with_sd(tasks: Sequence[Task], row: RangeRow, language: Language) ->
 
 
 def reference_of(r: Range, end: End, edition: Edition) -> Reference | None:
+    """The published reference of an end of a range, where there is one."""
     return next(
         (f for f in edition.references if (f.joint, f.angle, f.end) == (r.joint, r.angle, end)),
         None,

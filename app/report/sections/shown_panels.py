@@ -39,12 +39,16 @@ DOTS = "force_over_distance"  # measured points, with a line through them
 
 @dataclass(frozen=True)
 class Line:
+    """One curve of a panel."""
+
     name: str  # words; "" of a line that stands alone, and of the bounds beside another
     y: tuple[float | None, ...]  # None is a gap
 
 
 @dataclass(frozen=True)
 class Panel:
+    """Curves with their axes, in the units named."""
+
     name: str  # of PANELS
     title: str  # words with the unit
     unit: str

@@ -31,6 +31,8 @@ MAX_P_VALUE = 0.01
 
 @dataclass(frozen=True)
 class GradientTest:
+    """p value of the test, and the gradient's standard deviation, T/m."""
+
     p_value: float
     gradient_sd: float  # T/m, standard deviation of each of the five
 

@@ -43,6 +43,8 @@ CHUNK = 4096  # readings at once
 
 @dataclass(frozen=True)
 class Localisation:
+    """Places (m) and moments (A m^2) of the magnet, reading by reading."""
+
     place: Array  # (n, 3) m, base frame; NaN where readings are missing
     moment: Array  # (n, 3) A m^2, base frame
     field: Array  # (n, 3) T, base frame: without the magnet

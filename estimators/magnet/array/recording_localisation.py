@@ -43,6 +43,8 @@ TEST_INTERVAL, MAX_P_VALUE = 0.1, 1e-4
 
 @dataclass(frozen=True)
 class LocalisationResult:
+    """Places throughout a recording, with every test of one magnet."""
+
     search: Search  # with the noise from residuals
     localisation: Localisation
     is_inconsistent: Bools  # (n,) residuals of one magnet are too large around

@@ -35,6 +35,8 @@ REACH = 0.5  # m around the array, for the second magnet
 
 @dataclass(frozen=True)
 class SecondMagnetTest:
+    """p value of the test, and where the second magnet would be, m."""
+
     p_value: Array  # (n,); NaN where nothing is known
     place: Array  # (n, 3) m, base frame
 

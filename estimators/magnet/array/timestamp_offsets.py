@@ -30,6 +30,8 @@ LATE = next(k for k, kind in enumerate(KINDS) if kind.name == "late")
 
 @dataclass(frozen=True)
 class TimestampOffsets:
+    """Offset of each magnetometer's times with its standard deviation, s."""
+
     offsets: Array  # (magnetometers,) s against the middle one
     sd: Array  # (magnetometers,) s
 

@@ -41,6 +41,8 @@ UNKNOWN = "the hand's place is not told"
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceParams(MagnetParams):
+    """Options of the hand's position; m and s."""
+
     max_sd: float = option(
         0.05,
         "m",
@@ -134,6 +136,7 @@ def make_setting(
 
 
 def start(s: Setting) -> State:
+    """The state before the first sample."""
     return State(Waiting(s.magnetometers, {}), magnet_tracker.start(s.setup))
 
 
@@ -168,6 +171,7 @@ def read_recording(s: Setting, blocks: Sequence[Block]) -> Readings:
 
 
 def join_places(pieces: Sequence[Places]) -> Places:
+    """Consecutive pieces as one."""
     return Places(*(np.concatenate([getattr(p, name) for p in pieces]) for name in ROWS))
 
 

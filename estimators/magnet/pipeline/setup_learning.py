@@ -52,6 +52,8 @@ class DeclarationErrors:
 
 @dataclass(frozen=True)
 class EstimatedSetup:
+    """Positions (m) and moment found, with their standard deviations."""
+
     plate: Plate
     magnetometers: tuple[str, ...]
     moment_sd: Array  # (3,) A m^2, axes of the hand's sensor

@@ -176,6 +176,7 @@ def _declaration_error(params: MagnetParams, setup: Setup, localisation: Localis
 
 
 def workspace_centre(setup: Setup) -> Array:
+    """Centre of the workspace (3,) in the base's frame, m."""
     return setup.array.places.mean(axis=0) if setup.centre is None else setup.centre
 
 

@@ -190,6 +190,7 @@ def state_at_reading(x: Array, kinematics: Array, age: float) -> tuple[Array, De
 
 @inlined
 def delay_jacobian(x: Array, then: Array, kinematics: Array) -> DelayJacobian:
+    """Jacobian of the state at the reading by the errors of the newest state."""
     base, target = rotation_over_latency(x, kinematics)
     tau, one = x[-1], np.zeros(4)
     one[0] = 1.0

@@ -70,6 +70,7 @@ class CommonTerms(NamedTuple):
 
 @inlined
 def common_terms(x: Array) -> CommonTerms:
+    """What readings of all magnetometers have in common at one state."""
     R, R_gb, S = (
         rotation_matrix(x[XQ : XQ + 4]),
         rotation_matrix(x[XGB : XGB + 4]),

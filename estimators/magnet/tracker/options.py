@@ -25,6 +25,8 @@ HMC5883L = "HMC5883L data sheet: 2 mG resolution; Kortier thesis 5.2.4"
 
 @dataclass(frozen=True, kw_only=True)
 class MagnetParams:
+    """Options of the magnet tracker."""
+
     gyr_reading: str = option(
         "mean",
         "",

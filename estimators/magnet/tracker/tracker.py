@@ -80,6 +80,8 @@ class State:
 
 @dataclass(frozen=True)
 class Track:
+    """Position (m), velocity (m/s) and orientation of the hand against the trunk, with standard deviations."""
+
     t: Array  # (n,) s
     p_bt: Array  # (n, 3) m; NaN before the first complete sample, as all
     v_bt: Array  # (n, 3) m/s

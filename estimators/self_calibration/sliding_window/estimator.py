@@ -58,6 +58,8 @@ class MarginalPrior:
 
 @dataclass(frozen=True)
 class Window:
+    """The samples within the window, with the prior of those that left."""
+
     problem: Problem  # of the window's samples
     tail: Readings  # the last TAIL readings
     at: Unknowns
@@ -75,7 +77,7 @@ class WindowResult:
     misfit: float  # RMS of joints' accelerations in what they should err by: 1 where errors are as believed
 
 
-def start_window(
+def start_window(  # noqa: PLR0913
     chain: Chain,
     noise: Noise,
     readings: Readings,

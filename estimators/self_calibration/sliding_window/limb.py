@@ -66,6 +66,8 @@ class OutputUncertainty:
 
 @dataclass(frozen=True)
 class Finger:
+    """One finger's window, with its newest lengths (m)."""
+
     name: str
     chain: Chain
     window: Window | None = None  # none before it began, and while one of its sensors is silent

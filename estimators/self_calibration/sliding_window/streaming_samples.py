@@ -44,6 +44,8 @@ class PendingSamples:
 
 @dataclass(frozen=True)
 class State:
+    """Samples that wait to become even readings."""
+
     reference: str  # stream whose samples set the pace
     period: float  # s between readings that are averaged
     each: int  # of how many a node is the mean

@@ -36,6 +36,8 @@ TOGETHER = 16  # pairs whose share of the border is whitened and summed at once
 
 @dataclass(frozen=True)
 class HandNormal:
+    """Normal equations of all limbs with their common unknowns."""
+
     layout: Layout
     limbs: tuple[Normal, ...]  # their C and c are taken up in the whole's
     error: Array  # (n, 3) residuals of the hand's accelerometer's error
@@ -276,6 +278,7 @@ def _add_hand_columns(terms: Terms) -> Terms:
 
 
 def limb_priors(limb: Problem, at: Unknowns, shares: bool) -> tuple[Array, Array]:
+    """Residuals and Jacobian of the priors of one limb."""
     r, K = residuals.prior_residuals(limb, at)
     if shares:
         return r, K

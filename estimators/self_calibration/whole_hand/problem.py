@@ -31,6 +31,8 @@ OWN = 3  # unknowns of a sample beside turns: the error of the hand's accelerome
 
 @dataclass(frozen=True)
 class HandProblem:
+    """Limbs that share the hand's sensor."""
+
     limbs: tuple[Problem, ...]  # over the same samples; the first speaks for what they share
     acc_sd: Array  # (n,) m/s^2, of the hand's accelerometer
     noise: Noise  # as it was believed before anything was learnt
@@ -41,6 +43,8 @@ class HandProblem:
 
 @dataclass(frozen=True)
 class HandPlace:
+    """Unknowns of the whole hand at one point of the iteration."""
+
     limbs: tuple[
         Unknowns, ...
     ]  # the hand's orientations and errors and the delay are the same in all
@@ -66,6 +70,7 @@ class Layout:
 
 
 def layout(problem: HandProblem) -> Layout:
+    """Places of each limb's unknowns among those of the hand."""
     own_before, shared = 0, len(shared_columns(problem.limbs[0].chain))
     skin = slice(shared, shared + (TURN_AND_SLIDE + 1) * len(problem.limbs))
     each = sum(3 * (len(limb.chain.sensors) - 1) for limb in problem.limbs) + 3 + OWN

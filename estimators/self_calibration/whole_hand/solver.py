@@ -33,6 +33,8 @@ from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, 
 
 @dataclass(frozen=True)
 class HandSolution:
+    """The most probable unknowns of the whole hand, and how they were reached."""
+
     problem: HandProblem
     at: HandPlace
     outcome: Outcome

@@ -61,6 +61,7 @@ class Board:
 
 
 def draw_board(many: int, chips: Chips, rng: np.random.Generator) -> Board:
+    """A board of so many chips, drawn at random; m, T."""
     declared = BOARDS[many]
     soft = chips.soft * rng.normal(size=(many, 3, 3))
     quarters = Rotation.from_euler(

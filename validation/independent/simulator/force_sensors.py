@@ -47,6 +47,8 @@ class Cuffs:
 
 @dataclass(frozen=True)
 class Sensor:
+    """A force sensor as it is: matrix, rotation and offset."""
+
     matrix: Values  # (3, 3) what it reads of a force in its axes
     turned: Rotation  # its axes to the inertial sensor's
     offset: Values  # (3,) N

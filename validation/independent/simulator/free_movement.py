@@ -113,6 +113,8 @@ class Body:
 
 @dataclass(frozen=True)
 class Movement:
+    """Joint angles and wrist over time, rad."""
+
     angles: Mapping[str, Callable[[Array], Array]]  # by finger: (n, 3 joints, 3 angles) rad
     wrist: Callable[[Array], Array]  # (n, 3) rad
     turns: Callable[[Array], Array]  # (n, 3, 3), of the forearm, or of the hand that has none
@@ -131,6 +133,8 @@ class Sensors:
 
 @dataclass(frozen=True)
 class Truth:
+    """What is true of a simulated movement: angles (rad), tips (m)."""
+
     body: Body
     sensors: Sensors
     t: Array  # (n,) s

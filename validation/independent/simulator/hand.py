@@ -38,6 +38,8 @@ KNOTS = 9
 
 @dataclass(frozen=True)
 class Hand:
+    """Sizes of a thumb and an index finger, m."""
+
     sign: float  # 1 left, -1 right
     lengths: dict[str, float]
     thumb_base: Values  # (3,)

@@ -99,6 +99,8 @@ class Worn:
 
 @dataclass(frozen=True)
 class Room:
+    """The room's field in T and its gradient in T/m."""
+
     field: Array  # (3,) T
     slopes: Array  # (3, 3) T/m, symmetric and without trace: no current, no magnet here
     lit: Array  # (3,) m where the field is `field`
@@ -109,6 +111,7 @@ class Room:
 
 
 def room(rng: np.random.Generator, gradient: float = GRADIENT) -> Room:
+    """A room with a field drawn at random."""
     raw = rng.normal(size=(3, 3))
     raw = raw + raw.T
     raw -= np.eye(3) * np.trace(raw) / 3
@@ -116,6 +119,7 @@ def room(rng: np.random.Generator, gradient: float = GRADIENT) -> Room:
 
 
 def worn(rng: np.random.Generator, magnetometers: int) -> Worn:
+    """A board and a magnet as they are worn, drawn at random."""
     sizes = ((BIAS_GYR, 0), (BIAS_GYR, 1), (BIAS_ACC, 2), (BIAS_ACC, 3))
     imu = tuple((_matrix(rng, SCALE, MISALIGNMENT), bias * rng.normal(size=3)) for bias, _ in sizes)
     turned = TURNED * rng.normal(size=(len(PLATE), 3))
@@ -260,6 +264,7 @@ def breathing(rng: np.random.Generator, t: Array) -> tuple[Array, Array]:
 
 
 def seated(rng: np.random.Generator, t: Array) -> tuple[Array, Array]:
+    """Position (n, 3) in m and orientation of a trunk that breathes."""
     return breathing(rng, t)
 
 
