@@ -28,12 +28,18 @@ from handscope.estimators.alignment.initial_pose import Pose
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration, CalibrationSource, PriorCalibration
 from handscope.estimators.data.findings import Finding
-from handscope.estimators.data.samples import Block, join, join_consecutive
+from handscope.estimators.data.samples import ORIENTATION, Block, join, join_consecutive
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.jit import load_kernels
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.orientation.given_orientations import (
+    GivenParams,
+    LiveRates,
+    rate_orientations,
+    require_rates,
+)
 from handscope.estimators.pipeline.method import Method
 from handscope.estimators.pipeline.recording_calibration import with_known
 from handscope.estimators.sensors import fault_detection
@@ -99,6 +105,7 @@ class Tracking:
         self._lock = threading.RLock()  # state, past samples and past poses
         self._state: Any = None
         self._samples: dict[str, deque[Block]] = {}
+        self._rates = LiveRates()
         self._poses: deque[Trajectory] = deque()
         self._trail = HandTrail()
 
@@ -127,6 +134,7 @@ class Tracking:
     def calibrate(self, pose: Pose) -> Calibration:
         """Start the method from the pose that just ended, and catch up; InputError for an unusable pose."""
         window = self.samples(-np.inf)
+        require_rates([b.stream for b in window])
         calibration = initial_pose.calibrate(
             self.params, self.hand, self.geometry, self.mounting, window, pose
         )
@@ -136,6 +144,9 @@ class Tracking:
             )
         if self.prior is not None:
             calibration = with_known(calibration, self.prior)
+        if isinstance(self.params, GivenParams):
+            (calibration,), whose = rate_orientations(self.params, [calibration])
+            calibration = replace(calibration, warnings=(*calibration.warnings, *whose))
         calibration = self._add_findings(calibration, window, pose)
         self._replace_calibration(calibration)
         return calibration
@@ -176,7 +187,7 @@ class Tracking:
         """Faults of single sensors that the buffered samples show without a pose."""
         return tuple(
             f
-            for f in fault_detection.check(self.samples(-np.inf), (0.0, 0.0))
+            for f in fault_detection.check(measured(self.samples(-np.inf)), (0.0, 0.0))
             if f.kind in ("dead_axis", "stuck")
         )
 
@@ -226,7 +237,7 @@ class Tracking:
         """The calibration with the sensors' faults among its warnings."""
         still = replace(pose, onset=calibration.t, duration=calibration.end - calibration.t)
         findings = fault_detection.check(
-            window, (calibration.t, calibration.end)
+            measured(window), (calibration.t, calibration.end)
         )  # the whole window: sensors that stood still while others moved
         broken = {f.sensor for f in findings if f.severity == "fault"}
         mounting = {
@@ -248,6 +259,7 @@ class Tracking:
             self._queue.clear()
         with self._lock:
             self._samples.clear()
+            self._rates = LiveRates()
             self._poses.clear()
             self._trail.begin(None)
             self.calibration, self._state, self._previous, self.movements, self.prior = (
@@ -348,6 +360,8 @@ class Tracking:
 
     def _process(self, blocks: list[Block]) -> Trajectory | None:
         """Buffer and step blocks; a failed step loses the rows of its block and is counted."""
+        if self.method.CAPABILITIES.takes_orientations:
+            blocks = [d for b in blocks if (d := self._rates.derive(b)) is not None]
         for block in blocks:
             self._buffer(block)
         if self._state is None:
@@ -455,6 +469,11 @@ class Tracking:
             blocks.append(join(loose[::-1]))
         while blocks[0].t[-1] < block.t[-1] - PAST_SAMPLES:
             blocks.popleft()
+
+
+def measured(blocks: Sequence[Block]) -> list[Block]:
+    """The blocks whose values a sensor read and nobody derived."""
+    return [b for b in blocks if ORIENTATION not in b.stream.quantities]
 
 
 def rest_after(took: float, computed: float) -> float:

@@ -84,11 +84,38 @@ def with_orientations(takes: bool, recording: Recording) -> Recording:
         return recording
     if takes:
         return WithDerivedRates(recording)
-    if not any(s.inertial for s in recording.streams):
+    require_rates(recording.streams)
+    return recording
+
+
+def require_rates(streams: Sequence[Stream]) -> None:
+    """InputError where sensors bring orientations and nothing else."""
+    if any(s.oriented for s in streams) and not any(s.inertial for s in streams):
         raise InputError(
             "the method needs angular rates and accelerations, and the recording has orientations alone; use m2"
         )
-    return recording
+
+
+class LiveRates:
+    """What orientations imply, block by block as a device sends them."""
+
+    def __init__(self) -> None:
+        self._previous: dict[str, Block] = {}
+        self._raw: frozenset[str] = frozenset()  # sensors that send raw samples
+
+    def derive(self, block: Block) -> Block | None:
+        """The block as methods take it; None where our own fusion serves its sensors."""
+        if block.stream.inertial:
+            self._raw |= set(block.stream.sensors)
+        if not block.stream.oriented:
+            return block
+        if self._raw & set(block.stream.sensors):
+            return None
+        before = self._previous.get(block.stream.name)
+        same = before is not None and before.stream == block.stream
+        if len(block.t):
+            self._previous[block.stream.name] = Block(block.stream, block.t[-1:], block.values[-1:])
+        return derive(block, before if same else None)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from handscope.estimators.data.samples import Block, Event, join_consecutive
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENT
-from handscope.estimators.methods import m2
+from handscope.estimators.methods import ekf, m2
 from handscope.estimators.orientation import zupt_navigation
 from handscope.estimators.pipeline import process as pipeline_process
 from handscope.estimators.pipeline.method import Method
@@ -28,6 +28,7 @@ from handscope.estimators.simulation.person import draw_person
 from handscope.estimators.simulation.scenario import simulate_performances
 from tests.app.devices.virtual import wait_for
 from tests.estimators.alignment.functional import ANYHOW
+from tests.oriented import oriented_strips
 from tests.simulated import INSTANT, in_strips, strips_of, tracked
 
 PARAMS = INSTANT
@@ -421,3 +422,27 @@ def test_a_tracker_that_waits_for_its_turn_is_fed_more_seldom_but_never_less_tha
     assert rest_after(0.006, 0.002) == pytest.approx(0.010)
     assert rest_after(3.0, 0.1) == LONGEST_REST < 1 / 30
     assert rest_after(1e-5, 3e-5) == 0.0  # nobody sleeps for less than no time
+
+
+def test_a_device_that_fuses_itself_is_tracked_as_in_batch() -> None:
+    recording = oriented_strips("left")
+    tracking, _ = live()
+    with tracking:
+        play(tracking, dict(recording.samples), initial_pose.pose_of(recording.events[0]))
+        tracking.drain()
+        shown = tracking.past(0.0)
+        assert tracking.calibration is not None
+        assert any("own fusion" in w for w in tracking.calibration.warnings)
+    done = pipeline_process.process(m2, PARAMS, recording).trajectory
+    batch = done.between(float(shown.t[0]), np.inf)
+    assert len(shown) > 900
+    np.testing.assert_array_equal(shown.angles, batch.angles)
+
+
+def test_a_method_that_needs_rates_refuses_orientations_live() -> None:
+    recording = oriented_strips("left")
+    rows: list[Trajectory] = []
+    tracking = Tracking(ekf, ekf.Params(), "left", recording.geometry, rows.append)
+    pose = initial_pose.pose_of(recording.events[0])
+    with tracking, pytest.raises(InputError, match="orientations alone; use m2"):
+        play(tracking, {n: b.between(0.0, 6.0) for n, b in recording.samples.items()}, pose)

@@ -1,7 +1,6 @@
 """Orientations that a device computed itself, against our own fusion exported as such."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -9,38 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handscope.estimators.alignment import quality
-from handscope.estimators.data.samples import ORIENTATION, Block, Event
+from handscope.estimators.data.samples import Block, Event
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.methods import b, ekf, m1, m2
 from handscope.estimators.methods import map as self_calibrated
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.orientation import fusion, given_orientations
+from handscope.estimators.orientation import given_orientations
 from handscope.estimators.pipeline.process import process
-from handscope.estimators.simulation.scenario import Simulated
-from tests.simulated import DEG, INSTANT, calibrated, cut, in_strips, with_samples
-
-
-@cache
-def _fused_strips(hand: str) -> Simulated:
-    return fused(in_strips(hand))
-
-
-def fused(recording: Simulated, headings: float = 1.0, seed: int = 3) -> Simulated:
-    """The recording as our own fusion's orientations alone, each sensor with a heading of its own
-    (`headings` 0: all as they were)."""
-    known, rng = calibrated(recording), np.random.default_rng(seed)
-    samples = {}
-    for name, block in recording.samples.items():
-        state = fusion.start(block.stream, {}, known.gyr_bias)
-        state, part = fusion.step(INSTANT, state, block)
-        _, rest = fusion.finish(INSTANT, state)
-        q = np.concatenate([part.q_GS, rest.q_GS])
-        turns = headings * rng.uniform(-np.pi, np.pi, q.shape[1])
-        stream = replace(block.stream, quantities=(ORIENTATION,))
-        samples[name] = Block(stream, block.t, quat.turn_heading(q, turns))
-    return with_samples(recording, samples)
+from tests.oriented import fused, oriented_strips
+from tests.simulated import DEG, INSTANT, cut, in_strips, with_samples
 
 
 @pytest.mark.parametrize("hand", ["left", "right"])
@@ -49,7 +27,7 @@ def test_from_the_pose_on_angles_are_those_of_our_own_fusion(hand: str) -> None:
     done = process(m2, INSTANT, recording)
     pose = done.calibrations[0].t
     ours = done.trajectory.between(pose, np.inf)
-    result = process(m2, INSTANT, _fused_strips(hand)).trajectory.between(pose, np.inf)
+    result = process(m2, INSTANT, oriented_strips(hand)).trajectory.between(pose, np.inf)
     np.testing.assert_array_equal(result.t, ours.t)
     np.testing.assert_array_equal(result.flags, ours.flags)
     assert np.nanmax(np.abs(result.angles - ours.angles)) < 0.1 * DEG
@@ -67,7 +45,7 @@ def test_b_takes_the_headings_of_the_device_as_they_are() -> None:
 
 
 def test_m1_takes_them_without_magnetometers() -> None:
-    recording = _fused_strips("left")
+    recording = oriented_strips("left")
     result = process(m1, m1.Params(), recording).trajectory.between(3.0, np.inf)
     truth = recording.truth.between(3.0, np.inf)
     assert np.nanmax(np.abs(result.angles - truth.angles)) < 1.0 * DEG
@@ -77,7 +55,7 @@ def test_m1_takes_them_without_magnetometers() -> None:
 def test_a_method_that_needs_rates_says_so(method: object) -> None:
     params = method.Params()  # type: ignore[attr-defined]
     with pytest.raises(InputError, match="orientations alone; use m2"):
-        process(method, params, _fused_strips("left"))  # type: ignore[arg-type]
+        process(method, params, oriented_strips("left"))  # type: ignore[arg-type]
 
 
 def test_raw_samples_of_the_same_sensor_go_first() -> None:
@@ -94,7 +72,7 @@ def _named(block: Block) -> Block:
 
 
 def test_error_bars_come_from_the_stated_accuracy() -> None:
-    done = process(m2, replace(INSTANT, orientation_sd=2.0), _fused_strips("left"))
+    done = process(m2, replace(INSTANT, orientation_sd=2.0), oriented_strips("left"))
     sd = done.trajectory.angles_sd
     assert sd is not None
     assert np.nanmax(sd) == pytest.approx(np.sqrt(2) * 2 * DEG)
@@ -103,7 +81,7 @@ def test_error_bars_come_from_the_stated_accuracy() -> None:
 
 
 def test_error_bars_come_from_a_pose_that_was_repeated() -> None:
-    recording = _fused_strips("left")
+    recording = oriented_strips("left")
     pose = next(e for e in recording.events if e.trial_type == "initial_pose")
     end = max(float(b.t[-1]) for b in recording.samples.values())
     drift = 2 * DEG
@@ -132,13 +110,13 @@ def _repeated(block: Block, pose: Event, end: float, turn: float) -> Block:
 
 
 def test_without_accuracy_and_repetition_there_are_no_error_bars() -> None:
-    done = process(m2, INSTANT, _fused_strips("left"))
+    done = process(m2, INSTANT, oriented_strips("left"))
     assert done.trajectory.angles_sd is None
     assert any("there are no error bars" in w for w in done.warnings)
 
 
 def test_a_missing_orientation_is_the_one_before_and_flagged() -> None:
-    recording = _fused_strips("left")
+    recording = oriented_strips("left")
     index = recording.samples["index"]
     values = index.values.copy()
     values[700:720, 1] = np.nan
@@ -155,7 +133,7 @@ def test_a_missing_orientation_is_the_one_before_and_flagged() -> None:
 @settings(max_examples=20, deadline=None)
 @given(st.lists(st.integers(0, 1419), max_size=6))
 def test_blocks_may_be_cut_anywhere(where: list[int]) -> None:
-    block = _fused_strips("left").samples["index"]
+    block = oriented_strips("left").samples["index"]
     whole = given_orientations.derive(block)
     parts, before = [], None
     for part in cut(block, where):
@@ -165,6 +143,6 @@ def test_blocks_may_be_cut_anywhere(where: list[int]) -> None:
 
 
 def test_the_grade_says_that_the_fusion_was_not_ours() -> None:
-    known = process(m2, INSTANT, _fused_strips("left")).calibrations[0]
+    known = process(m2, INSTANT, oriented_strips("left")).calibrations[0]
     joints = {j.joint: j for j in quality.of_joints(known)}
     assert {(j.grade, j.reason) for j in joints.values()} == {("fair", "fusion")}
