@@ -33,7 +33,7 @@ from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.tables_io.writing import save_folder
 
 OPEN_WAIT = 15.0  # s for the recording process to start and open the port
-SPEAK_WAIT = 5.0  # s for the glove to say who it is and to send samples
+SPEAK_WAIT = 8.0  # s for the glove to say who it is and to send samples
 LIVE_PATIENCE = 2.0  # s that a silent strip is waited for: nobody looks on
 SILENCE = 2.0  # s without a sample that end a recording
 OUTAGE = 45.0  # s without a sample that a glove in the network may take to come back

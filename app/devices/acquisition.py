@@ -17,6 +17,7 @@ from typing import IO, Any
 
 from handscope.app.devices.pipes import Kind, read_frame, write_frame
 from handscope.app.devices.ports import is_network, open_port
+from handscope.app.devices.sources.addresses import is_source
 from handscope.estimators.data.events import Event
 from handscope.estimators.errors import InputError
 from handscope.sessions.files.recorder import Recorder
@@ -116,11 +117,14 @@ class Acquisition:
             if chunk:
                 newest = now
                 self._read.put(("wire", bytes(chunk), now))
-            elif now - newest > SILENCE and is_network(self._path):
+            elif now - newest > SILENCE and is_network(self._path) and not is_source(self._path):
                 raise OSError(f"nothing came for {SILENCE:g} s")
 
     def _close_port(self) -> None:
         port, self._port = self._port, None
+        if port is not None and is_source(self._path):
+            counts = {"source_counts": dict(port.counts())}
+            self._read.put(("metadata", counts, time.monotonic_ns() * 1e-9))
         if port is not None:
             try:
                 port.close()

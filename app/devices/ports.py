@@ -5,12 +5,22 @@ import socket
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import serialx
 from serialx.platforms.serial_rfc2217 import RFC2217Serial
 
+from handscope.app.devices.sources.addresses import (
+    SOURCES,
+    is_source,
+    open_source,
+    parse_source,
+)
 from handscope.estimators.errors import InputError
+
+if TYPE_CHECKING:
+    from handscope.app.devices.sources.translated import TranslatedPort
 
 BAUD = 115200  # ignored by USB; a value that every driver takes
 READ_WAIT = 0.1  # s that a read waits for the first byte
@@ -62,13 +72,17 @@ def require_allowed(port: str, patterns: Sequence[str]) -> None:
 
 def require_address(url: str) -> None:
     """Refuse what is not exactly SCHEME://HOST:PORT, so that a pattern sees what is opened; InputError."""
+    if is_source(url):
+        parse_source(url)
+        return
     try:
         parts = urlsplit(url)
         host, number = parts.hostname, parts.port
     except ValueError:
         parts, host, number = urlsplit(""), None, None
     if parts.scheme not in NETWORK:
-        known = ", ".join(f"{scheme}://HOST:PORT" for scheme in NETWORK)
+        forms = [f"{scheme}://HOST:PORT" for scheme in NETWORK]
+        known = ", ".join([*forms, *(form for _, form in SOURCES.values())])
         raise InputError(f"{url} is no address of a glove; addresses are {known}")
     if not host or not number or parts.netloc.rsplit(":", 1)[0].strip("[]").lower() != host:
         raise InputError(f"{url} is no address of a glove; write {parts.scheme}://HOST:PORT")
@@ -78,8 +92,10 @@ def require_address(url: str) -> None:
         )
 
 
-def open_port(path: str) -> serialx.BaseSerial:
+def open_port(path: str) -> "serialx.BaseSerial | TranslatedPort":
     """Open a port or an address for us alone; InputError says why it cannot be opened."""
+    if is_source(path):
+        return open_source(path)
     return _open_address(path) if is_network(path) else _open_serial(path)
 
 

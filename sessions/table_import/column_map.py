@@ -66,24 +66,25 @@ class ColumnMap:
     geometry: Mapping[str, Any] = field(default_factory=dict)
 
 
-def read_map(path: Path) -> ColumnMap:
-    """The map in a file; InputError where it is none."""
+def read_map(path: Path, of_stream: bool = False) -> ColumnMap:
+    """The map in a file; InputError where it is none. A live stream has times of its own."""
     try:
         value = json.loads(path.read_text("utf-8"))
     except OSError as problem:
         raise InputError(f"{path} cannot be read: {problem.strerror}") from None
     except ValueError as problem:
         raise InputError(f"{path.name} is not JSON: {problem}") from None
-    return parse_map(value, path.name)
+    return parse_map(value, path.name, of_stream)
 
 
-def parse_map(value: Any, name: str) -> ColumnMap:
+def parse_map(value: Any, name: str, of_stream: bool = False) -> ColumnMap:
     """The map as plain data; InputError names file and key."""
     _only(value, {"hand", "table", "time", "rate", "sensors", "geometry"}, name)
     hand = value.get("hand")
     if hand not in HANDS:
         raise InputError(f"{name}: hand is {hand!r}; say left or right")
-    time, rate = _time(value, name)
+    timed = not of_stream or {"time", "rate"} & set(value)
+    time, rate = _time(value, name) if timed else (None, None)
     sensors = value.get("sensors")
     if not isinstance(sensors, dict) or not sensors:
         raise InputError(f"{name}: sensors names no sensor; map the columns of at least one")

@@ -21,14 +21,12 @@ from handscope.estimators.orientation.given_orientations import UNIT_NORM
 from handscope.sessions.files.recorder import Recorder
 from handscope.sessions.table_import.column_map import FACTORS, SECONDS, ColumnMap
 from handscope.sessions.table_import.tables import NumberColumns
+from handscope.sessions.wire.bursts import bursts_of
 from handscope.sessions.wire.framing import Encoder
-from handscope.sessions.wire.messages import Format, Identity, Samples, StreamInfo, Strip
-from handscope.sessions.wire.sample_values import encode_values
+from handscope.sessions.wire.messages import Format, Identity, StreamInfo, Strip
 
 NS = 1e9
 START = 10.0  # s that the clock shows at the first sample
-BURST = 0.01  # s of samples in a frame
-EVEN = 1e-6  # s by which samples of one frame may be off an even spacing
 GRAVITY_SHARE = 0.15  # of gravity that the median size of accelerations may be off
 FASTEST = 60.0  # rad/s; a gyroscope's largest full scale is 4000 deg/s = 70 rad/s
 QUANTITIES = ((GYR, ACC, MAG), (ORIENTATION,))  # of one stream each
@@ -165,9 +163,17 @@ def _frames(
     blocks: Sequence[Block], columns: ColumnMap, encoder: Encoder
 ) -> Iterator[tuple[float, bytes]]:
     """Arrival and bytes of every message, in order of time."""
+    slots = {points: k for k, points in enumerate({b.stream.sensors: None for b in blocks})}
     infos = [
         StreamInfo(
-            k, k, 0, b.stream.quantities, Format.FLOAT32, b.stream.rate, (1.0,) * n, (0.0,) * n
+            k,
+            slots[b.stream.sensors],
+            0,
+            b.stream.quantities,
+            Format.FLOAT32,
+            b.stream.rate,
+            (1.0,) * n,
+            (0.0,) * n,
         )
         for k, b in enumerate(blocks)
         for n in [len(b.stream.quantities)]
@@ -179,23 +185,15 @@ def _frames(
             Identity(int.from_bytes(name[:6], "big"), 1, columns.hand, "imported table", "")
         ),
     )
-    for k, (block, info) in enumerate(zip(blocks, infos)):
-        points = tuple(block.stream.sensors)
+    for points, slot in slots.items():
         mounting = tuple(x for p in points for x in columns.sensors[p].mounting)
-        yield 0.0, encoder.frame(Strip(k, True, k + 1, points, mounting))
+        yield 0.0, encoder.frame(Strip(slot, True, slot + 1, points, mounting))
+    for info in infos:
         yield 0.0, encoder.frame(info)
-    bursts = [b for block, info in zip(blocks, infos) for b in _bursts(block, info)]
+    bursts = [
+        b
+        for block, info in zip(blocks, infos)
+        for b in bursts_of(np.rint((START + block.t) * NS).astype(np.int64), block.values, info)
+    ]
     for burst in sorted(bursts, key=lambda b: (b.t_sent, b.stream)):
         yield (burst.t_sent / NS - START) + 1e-3, encoder.frame(burst)
-
-
-def _bursts(block: Block, info: StreamInfo) -> Iterator[Samples]:
-    t, rate, most = block.t, block.stream.rate, max(1, round(BURST * block.stream.rate))
-    first = 0
-    for k in range(1, len(t) + 1):
-        even = k < len(t) and abs(t[k] - t[first] - (k - first) / rate) < EVEN
-        if not even or k - first == most:
-            start, sent = round((START + t[first]) * NS), round((START + t[k - 1]) * NS)
-            data = encode_values(block.values[first:k], info)
-            yield Samples(info.stream, first, start, sent, k - first, data)
-            first = k

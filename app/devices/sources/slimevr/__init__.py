@@ -1,0 +1,1 @@
+"""SlimeVR trackers by UDP."""
