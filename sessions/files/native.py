@@ -192,6 +192,11 @@ def _warnings(contents: Contents, assembler: Assembler) -> Iterator[str]:
     if contents.file.damaged:
         yield f"{contents.file.damaged} pieces of the recording are damaged and were left out"
     yield from protocol_warnings(assembler)
+    counts = contents.metadata.get("source_counts") or {}
+    if strangers := counts.get("packets_of_strangers"):
+        yield f"{strangers} packets came from addresses that had not shaken hands and were left out"
+    if unplaced := counts.get("samples_of_sensors_without_a_place"):
+        yield f"{unplaced} samples came from trackers that no map places and were left out"
     if assembler.replaced:
         yield "another glove was plugged in during the recording: a calibration holds for the glove that it was made with"
     for finger, on in assembler.exchanged.items():

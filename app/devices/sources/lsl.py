@@ -172,7 +172,7 @@ def marker_event(text: str, at: int) -> Occurred:
 
 def _labels(info: Any) -> list[str]:
     """The channels' labels, as many as the description has."""
-    found = []
+    found: list[str] = []
     channel = info.desc().child("channels").child("channel")
     while not channel.empty() and len(found) < info.channel_count():
         found.append(str(channel.child_value("label")))
