@@ -35,6 +35,8 @@ class Occurred:
 
 @dataclass(frozen=True)
 class Battery:
+    """How full the battery is."""
+
     t: int  # ns of the host's monotonic clock
     percent: int
 

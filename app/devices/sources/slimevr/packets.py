@@ -26,6 +26,8 @@ class CutShortError(Exception):
 
 @dataclass(frozen=True)
 class Handshake:
+    """What a tracker says of itself when it searches a server."""
+
     mac: str
     firmware: str
 
@@ -50,6 +52,8 @@ class Raw:
 
 @dataclass(frozen=True)
 class SensorInfo:
+    """A sensor of a tracker, and whether it works."""
+
     sensor: int
     status: int  # 1: works
     position: int | None  # where the firmware was built to sit
@@ -57,18 +61,24 @@ class SensorInfo:
 
 @dataclass(frozen=True)
 class BatteryLevel:
+    """The state of a tracker's battery."""
+
     volts: float
     share: float  # 0 to 1
 
 
 @dataclass(frozen=True)
 class Tap:
+    """Somebody tapped a tracker."""
+
     sensor: int
     value: int
 
 
 @dataclass(frozen=True)
 class Signal:
+    """Strength of a tracker's radio signal, dBm."""
+
     dbm: int
 
 
