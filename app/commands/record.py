@@ -157,12 +157,21 @@ def connect(glove: Glove, port: str) -> None:
     """Wait until a glove at the port speaks; InputError where there is none."""
     if not glove.wait_for(lambda g: g.state.state != "opening", OPEN_WAIT):
         raise InputError(f"{port} did not answer")
+    speaks = glove.wait_for(lambda g: _speaks(g) or g.state.state != "opened", SPEAK_WAIT)
+    if glove.state.state == "port_lost":
+        raise InputError(f"{port} hung up; does another program use the glove?")
     if glove.state.state != "opened":
         raise InputError(glove.state.reason)
-    if not glove.wait_for(
-        lambda g: bool(g.assembler.counts) and g.assembler.identity is not None, SPEAK_WAIT
-    ):
+    if not speaks:
+        if glove.is_foreign:
+            raise InputError(
+                f"{port} sends something else than the wire protocol; choose the glove's port"
+            )
         raise InputError(f"{port} is open, but no glove speaks there; is it the right port?")
+
+
+def _speaks(glove: Glove) -> bool:
+    return bool(glove.assembler.counts) and glove.assembler.identity is not None
 
 
 def _hand_of(glove: Glove, arguments: argparse.Namespace) -> Hand:

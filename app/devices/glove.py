@@ -25,6 +25,7 @@ from handscope.sessions.wire.assembly import Assembler
 from handscope.sessions.wire.framing import Encoder
 
 log = logging.getLogger(__name__)
+FOREIGN = 200  # bytes without a frame that are no glove's; a first frame has 60
 CLOSE_WAIT = 10.0  # s that the recording process gets to finish its file
 
 
@@ -56,6 +57,7 @@ class Glove:
         self.assembler = Assembler(stored_forces=force_calibrations.of_recording(metadata))
         self.state = GloveState()
         self.decoding_failures = 0
+        self.received = 0  # bytes, of a glove or of anything else
         self._worn_on: Mapping[str, str] | None = (
             None  # to be told to the assembler with the next chunk
         )
@@ -137,6 +139,11 @@ class Glove:
         """The recording's time at this moment; None before the first sample."""
         return self.assembler.recording_time(time.monotonic())
 
+    @property
+    def is_foreign(self) -> bool:
+        """Whether what comes from the port is no glove's: many bytes, and not one frame among them."""
+        return self.received > FOREIGN and not self.assembler.counters.frames
+
     def wait_for(self, condition: Callable[["Glove"], bool], timeout: float) -> bool:
         """Wait until the condition holds (looked at whenever something arrives); False after the timeout."""
         with self._changed:
@@ -180,6 +187,7 @@ class Glove:
 
     def _take_chunks(self, chunks: list[tuple[float, bytes]]) -> None:
         """All that waited is decoded together: a few samples of a stream cost little more than one."""
+        self.received += sum(len(chunk) for _, chunk in chunks)
         try:
             if self._worn_on is not None:  # in this thread: nothing else touches the assembler
                 worn_on, self._worn_on = self._worn_on, None

@@ -271,9 +271,11 @@ class Station:
         self._carry_out(effects, status)
         self._follow_free_movement(status)
         self._wiggle(status)
-        self._problem = worn_glove.wrong_hand_sentence(
-            self.glove, self.setup.hand
-        ) or worn_glove.other_glove_sentence(self.glove, self._calibrated_glove)
+        self._problem = (
+            worn_glove.foreign_bytes_sentence(self.glove)
+            or worn_glove.wrong_hand_sentence(self.glove, self.setup.hand)
+            or worn_glove.other_glove_sentence(self.glove, self._calibrated_glove)
+        )
         with self.scene.picture():
             self._drawing.draw_wizard(self._wizard, status)
             self._draw_readouts()

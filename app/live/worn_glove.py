@@ -40,6 +40,13 @@ def read_status(glove: Glove, tracking: Tracking, hand: Hand) -> StationStatus:
     )
 
 
+def foreign_bytes_sentence(glove: Glove) -> str:
+    """Whether something else than a glove is at the port; empty where not."""
+    if not glove.is_foreign:
+        return ""
+    return "What comes from this port is not a glove's. End the session and choose another port."
+
+
 def wrong_hand_sentence(glove: Glove, hand: Hand) -> str:
     """Why the glove does not fit the session; empty where it does."""
     identity = glove.assembler.identity

@@ -8,8 +8,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from handscope.app.devices import strip_flash
+from handscope.estimators.data.samples import GYR
+from handscope.estimators.errors import InputError
+from handscope.estimators.sensors.imu_calibration import ImuCalibration
 from handscope.sessions.wire import messages as wire
 from handscope.sessions.wire.assembly import Assembler
 from handscope.sessions.wire.framing import Encoder
@@ -218,6 +223,22 @@ def test_a_calibration_is_kept_and_corrects_the_samples_from_then_on(program: Pa
         assert host.reply(wire.WriteCalibration(kept)).code is wire.ReplyCode.OK
         host.reply(wire.ReadCalibration(2))
         assert host.assembler.calibrations[2, 1] == kept
+
+
+def test_a_full_memory_refuses_a_calibration_with_a_sentence_and_samples_go_on(
+    program: Path,
+) -> None:
+    written = {"index_middle": ImuCalibration({}, {GYR: np.array([0.01, 0.0, 0.0])})}
+    with serving(program, "--tcp", "0", "--memory", "full") as (url, _):
+        for attempt in (1, 2):
+            host = Host(url)
+            host.send(wire.Start())
+            host.read_samples("index", 50)
+            assert host.lost() == 0
+            host._socket.close()
+            if attempt == 1:
+                with pytest.raises(InputError, match=r"refused WriteCalibration: .* did not keep"):
+                    strip_flash.write(url, written, {})
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ static struct wanted {
     int port;
     double seconds;
     double samples; /* s of samples after which they end; 0: never */
-    bool pausing;
+    bool pausing, full;
     const struct hs_driver *chip;
     uint32_t seed;
     struct pull pulls[8];
@@ -224,7 +224,7 @@ static void parse(int count, char **words)
             puts("glove --tcp PORT | --pty PATH  [--rate HZ] [--mag-rate HZ] [--strips NAME,...] "
                  "[--hand left|right] [--chip icm42688p|lsm6dsv16x]\n"
                  "      [--seconds S] [--samples S] [--clock real|pausing] [--seed N] [--pull "
-                 "SLOT@FROM-TO]\n"
+                 "SLOT@FROM-TO] [--memory empty|full]\n"
                  "A glove with simulated sensors: hand, thumb, index, middle, ring, little, "
                  "forearm, trunk, trunk_mag. Port 0: any that is free.");
             exit(0);
@@ -250,6 +250,8 @@ static void parse(int count, char **words)
             options.pausing = strcmp(value, "pausing") == 0;
         } else if (strcmp(name, "--seed") == 0) {
             options.seed = (uint32_t)number(value, 0, 4294967295.0, "--seed takes a whole number");
+        } else if (strcmp(name, "--memory") == 0) {
+            options.full = strcmp(value, "full") == 0;
         } else if (strcmp(name, "--pull") == 0) {
             parse_pull(value);
         } else {
@@ -333,6 +335,7 @@ int main(int count, char **words)
         fail("--strips names a strip that is not known; see --help");
     }
     sim_start(&layout, options.seed, true);
+    sim.supply = options.full ? 0 : sim.supply;
     const char *refusal = hs_glove_start(&glove, &layout);
     if (refusal != NULL) {
         fail(refusal);

@@ -1,20 +1,30 @@
 """A glove in another language, written from the protocol's page alone, over TCP: recorded without a lost sample, its faults named."""
 
 import json
+import re
 import shutil
+import socket
 import subprocess
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, suppress
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from handscope.app.cli import main
+from handscope.app.commands import record
+from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings as formats_recordings
 
 GLOVE = Path(__file__).with_name("glove.pl")
 RATE = 200  # Hz
+NO_GLOVE = {
+    "silence": "is open, but no glove speaks there",
+    "hangs up": "hung up; does another program use the glove?",
+}
 pytestmark = [
     pytest.mark.process,
     pytest.mark.skipif(shutil.which("perl") is None, reason="there is no Perl here"),
@@ -48,24 +58,91 @@ def test_17_sensors_at_200_hz_are_recorded_without_a_lost_sample(
         np.testing.assert_allclose(np.diff(block.t), 1 / RATE, atol=2e-9)
 
 
-def test_its_faults_are_named_and_the_rest_is_recorded_whole(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out, table = tmp_path / "glove.mcap", tmp_path / "glove.json"
-    with foreign_glove(20, "version", "crc", "garbage", "slot", "rates", "strips") as url:
+@pytest.fixture(scope="module")
+def faulty(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoadedRecording, list[str], str]:
+    """A glove with every fault: what was recorded, what the doctor would mend, and what was printed."""
+    folder = tmp_path_factory.mktemp("faulty")
+    out, table = folder / "glove.mcap", folder / "glove.json"
+    every = ("version", "crc", "half", "garbage", "slot", "rates", "strips")
+    with foreign_glove(20, *every) as url, redirect_stderr(StringIO()) as printed:
         assert main(["record", url, "--out", str(out), "--seconds", "1.5"]) == 0
         assert main(["doctor", url, "--seconds", "1.5", "--json", str(table)]) == 1
-    printed = capsys.readouterr().err + capsys.readouterr().out
-    recording = formats_recordings.load(out)
-    assert not any(recording.losses.values())
-    for sentence in (
-        "speaks version 2 of the wire protocol",
-        "damaged",
-        "slot 3 was claimed by strips",
-        "messages of the glove were left out (stream 20",
-        "state the same place (trunk)",
-    ):
-        assert any(sentence in warning for warning in recording.warnings), sentence
-    found = json.loads(table.read_text())["to_mend"]
-    assert any("speaks version 2" in fault for fault in found)
+    to_mend = json.loads(table.read_text())["to_mend"]
+    return formats_recordings.load(out), to_mend, printed.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [
+        ("another version", r"speaks version 2 of the wire protocol.*use firmware of version 1"),
+        ("half frames, wrong checksums", r"\d+ damaged, of \d+|frames were lost or damaged"),
+        ("a slot that is taken", r"slot 3 was claimed by strips.*plug only one of them in"),
+        ("64 strips for one place", r"slots 100, 101, .*163 state the same place \(trunk\)"),
+        ("rates of 0 and 1e9", r"messages of the glove were left out \(stream 20[01].*firmware"),
+    ],
+)
+def test_a_fault_is_named_in_a_sentence_by_recording_and_doctor(
+    faulty: tuple[LoadedRecording, list[str], str], fault: str, sentence: str
+) -> None:
+    recording, to_mend, printed = faulty
+    for sentences in (recording.warnings, to_mend):
+        assert any(re.search(sentence, one) for one in sentences), fault
     assert "Traceback" not in printed
+
+
+def test_a_glove_with_every_fault_loses_no_sample_of_the_rest(
+    faulty: tuple[LoadedRecording, list[str], str],
+) -> None:
+    recording, _, _ = faulty
+    assert not any(recording.losses.values())
+    assert {s.name for s in recording.streams} == {
+        "hand",
+        "forearm",
+        "thumb",
+        "middle",
+        "ring",
+        "little",
+    }
+    for block in recording.samples.values():  # the index finger's slot is claimed by two strips
+        np.testing.assert_allclose(np.diff(block.t), 1 / RATE, atol=2e-9)
+
+
+@pytest.fixture(params=["text", "noise", "silence", "hangs up"])
+def no_glove(request: pytest.FixtureRequest) -> Iterator[tuple[str, str]]:
+    """The address of a service that is no glove, and what it does."""
+    listener = socket.create_server(("127.0.0.1", 0))
+    spoken: dict[str, bytes | None] = {
+        "text": b"$GPGGA,123519,4807.038,N*47\r\n",
+        "noise": bytes(range(256)),
+        "silence": b"",
+        "hangs up": None,
+    }
+
+    def serve() -> None:
+        with suppress(OSError):
+            while True:
+                host, _ = listener.accept()
+                with host, suppress(OSError):
+                    while (words := spoken[request.param]) is not None:
+                        host.sendall(words)
+                        threading.Event().wait(0.02)
+
+    threading.Thread(target=serve, daemon=True).start()
+    yield f"socket://127.0.0.1:{listener.getsockname()[1]}", request.param
+    listener.shutdown(socket.SHUT_RDWR)
+    listener.close()
+
+
+def test_a_port_that_speaks_something_else_is_named_and_nothing_is_left(
+    no_glove: tuple[str, str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    url, what = no_glove
+    monkeypatch.setattr(record, "SPEAK_WAIT", 0.5)
+    assert main(["record", url, "--out", str(tmp_path / "r.mcap")]) == 2
+    said = capsys.readouterr().err
+    assert NO_GLOVE.get(what, "sends something else than the wire protocol; choose") in said
+    assert "Traceback" not in said
+    assert list(tmp_path.iterdir()) == []
