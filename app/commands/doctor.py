@@ -4,7 +4,6 @@ import argparse
 import json
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -16,14 +15,13 @@ from handscope.app.commands.record import connect
 from handscope.app.commands.words import progress_bar, require_file, say
 from handscope.app.devices.diagnosis import Diagnosis, diagnose
 from handscope.app.devices.glove import Glove
-from handscope.estimators.data.samples import ACC, Block
+from handscope.app.devices.taps import PLACES, TAP, ShakenSensors
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import CHAINS, FINGERS
-from handscope.estimators.numerics.typing import Array
 from handscope.sessions.formats import recordings as formats_recordings
 
 TAP_WAIT = 10.0  # s that a tap is waited for
-TAP = 4.0  # m/s^2 from one sample to the next that are a tap
+BETWEEN = 0.5  # s after the request in which taps do not count
+TAPPING = 1.0  # s from the first tap until the hardest is taken
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +32,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
     parser.add_argument(
-        "--no-taps", action="store_true", help="do not ask for a tap on each finger"
+        "--no-taps",
+        action="store_true",
+        help="do not ask for a tap on each finger, hand and forearm",
     )
 
 
@@ -44,20 +44,21 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError(f"--seconds {arguments.seconds:g} is outside 1 to 3600")
     if arguments.json:
         require_file(arguments.json)
-    taps = _Taps()
+    shaken, felt = ShakenSensors(), dict[str, str]()
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "doctor.mcap"
-        with Glove(arguments.port, out, {"port": arguments.port}, taps.take) as glove:
+        with Glove(arguments.port, out, {"port": arguments.port}, shaken.take) as glove:
             connect(glove, arguments.port)
             say("Lay the glove down, or hold the hand still.")
             _wait(arguments.seconds)
-            wrong = [] if arguments.no_taps or not sys.stdin.isatty() else list(taps.ask(glove))
+            asks = not arguments.no_taps and sys.stdin is not None and sys.stdin.isatty()
+            wrong = list(_ask_for_taps(glove, shaken, felt)) if asks else []
         diagnosis = diagnose(formats_recordings.load(out, "left"), glove)
     for line in _lines(diagnosis, wrong):
         say(line)
     to_mend = (*diagnosis.to_mend, *wrong)
     if arguments.json:
-        arguments.json.write_text(_json(arguments.port, diagnosis, to_mend))
+        arguments.json.write_text(_json(arguments.port, diagnosis, to_mend, felt))
     return 1 if to_mend else 0
 
 
@@ -79,7 +80,8 @@ def _lines(d: Diagnosis, wrong: list[str]) -> Iterator[str]:
         else "on USB power"
     )
     for s in d.streams:
-        yield f"  {s.name}: {s.samples} samples at {s.measured_rate:.2f} Hz (states {s.stated_rate:g}), {s.lost} lost"
+        measured = f" at {s.measured_rate:.2f} Hz" if np.isfinite(s.measured_rate) else ""
+        yield f"  {s.name}: {s.samples} samples{measured} (states {s.stated_rate:g} Hz), {s.lost} lost"
     yield "  at rest                gyroscope: bias, noise           accelerometer: size, noise"
     for f in d.sensors:
         yield f"  {f.sensor:20s} {f.gyr_bias:8.2f} deg/s {f.gyr_noise:7.4f} deg/s/rtHz {f.acc_size:7.2f} m/s^2 {f.acc_noise:6.3f} mg/rtHz"
@@ -90,8 +92,14 @@ def _lines(d: Diagnosis, wrong: list[str]) -> Iterator[str]:
         yield "pass: nothing to mend"
 
 
-def _json(port: str, d: Diagnosis, to_mend: tuple[str, ...]) -> str:
-    table = {"port": port, "passed": not to_mend, **asdict(d), "to_mend": list(to_mend)}
+def _json(port: str, d: Diagnosis, to_mend: tuple[str, ...], felt: dict[str, str]) -> str:
+    table = {
+        "port": port,
+        "passed": not to_mend,
+        **asdict(d),
+        "taps": felt,
+        "to_mend": list(to_mend),
+    }
     return json.dumps(_finite(table), indent=1) + "\n"
 
 
@@ -104,40 +112,21 @@ def _finite(value: object) -> object:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-class _Taps:
-    """Which sensor felt the hardest tap since it was asked; blocks come in the glove's thread."""
-
-    def __init__(self) -> None:
-        self._felt: dict[str, float] = {}  # m/s^2, largest step of the acceleration
-        self._last: dict[str, Array] = {}
-        self._lock = threading.Lock()
-
-    def take(self, blocks: list[Block]) -> None:
-        with self._lock:
-            for block in blocks:
-                if ACC not in block.stream.quantities:
-                    continue
-                for k, sensor in enumerate(block.stream.sensors):
-                    acc = block.of(ACC)[:, k]
-                    before = self._last.get(sensor, acc[0])
-                    steps = np.linalg.norm(np.diff(acc, axis=0, prepend=before[None]), axis=1)
-                    self._last[sensor] = acc[-1]
-                    self._felt[sensor] = max(self._felt.get(sensor, 0.0), float(np.nanmax(steps)))
-
-    def ask(self, glove: Glove) -> Iterator[str]:
-        """A tap on each finger that has a strip; a sentence for each that another sensor felt most."""
-        for finger in FINGERS:
-            if not any(s in CHAINS[finger] for s in self._felt):
-                continue
-            say(f"Tap the tip of the {finger} finger on the table, a few times.")
-            with self._lock:
-                self._felt = dict.fromkeys(self._felt, 0.0)
-            glove.wait_for(lambda _: max(self._felt.values()) > TAP, TAP_WAIT)
-            _wait(1.0)
-            sensor, step = max(self._felt.items(), key=lambda item: item[1])
-            if step < TAP:
-                yield f"{finger}: no sensor felt a tap within {TAP_WAIT:g} s; is its strip fixed?"
-            elif sensor not in CHAINS[finger]:
-                yield f"{finger}: {sensor} felt the tap most; the strips are on other fingers than they state"
-            else:
-                say(f"  {sensor} felt it")
+def _ask_for_taps(glove: Glove, shaken: ShakenSensors, felt: dict[str, str]) -> Iterator[str]:
+    """A tap on each place that has a sensor: notes which sensor felt it, gives a sentence for each that another felt most."""
+    for place in shaken.places():
+        sentence, sensors = PLACES[place]
+        say(sentence)
+        glove.wait_for(lambda _: False, BETWEEN)  # the last tap of the place before
+        shaken.forget()
+        glove.wait_for(lambda _: shaken.hardest()[1] > TAP, TAP_WAIT)
+        _wait(TAPPING)
+        sensor, step = shaken.hardest()
+        if step < TAP:
+            yield f"{place}: no sensor felt a tap within {TAP_WAIT:g} s; is its strip fixed?"
+            continue
+        felt[place] = sensor
+        if sensor in sensors:
+            say(f"  {sensor} felt it")
+        else:
+            yield f"{place}: {sensor} felt the tap most: plug the strips in as they state, or fix them on the fingers that they state"

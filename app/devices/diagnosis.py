@@ -6,7 +6,7 @@ Source  limits from data sheets of common sensors (see LIMITS); faults of single
 Limits  bias and noise need a second at rest; a clock's drift needs about a minute to be known to 100 ppm
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,7 +26,9 @@ GYR_NOISE = (
     0.03  # deg/s per root Hz: four times the BMI270's 0.007; LSM6DSV16X and ICM-42688-P have 0.003
 )
 ACC_NOISE = 0.6  # mg per root Hz: four times the BMI270's 0.16; the others have 0.06 to 0.07
-SETTLED = 30.0  # s of recording before a drift of the clock is judged
+GYR_BIAS = 3.0  # deg/s: three times the 1 of the LSM6DSV16X; BMI270 and ICM-42688-P have 0.5
+ACC_OFFSET = 80.0  # mg that the size at rest is off gravity: four times the 20 of BMI270 and ICM-42688-P; the LSM6DSV16X has 12
+SETTLED = 30.0  # s of recording before a clock's drift is judged, and the rate of a sensor with a clock of its own
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class StreamFigures:
     name: str
     sensors: tuple[str, ...]
     stated_rate: float  # Hz
-    measured_rate: float  # Hz by the glove's own clock, lost samples counted
+    measured_rate: float  # Hz by the base unit's clock, lost samples counted; NaN while a clock of its own is not known yet
     samples: int
     lost: int
 
@@ -73,7 +75,8 @@ def diagnose(recording: LoadedRecording, glove: Glove) -> Diagnosis:
     """What the recording and the counters of its glove show."""
     a = glove.assembler
     blocks = [block for block in recording.samples.values() if len(block.t) > 1]
-    streams = tuple(_stream_figures(block, recording) for block in blocks)
+    unsettled = _own_clocks(a) if recording.duration < SETTLED else frozenset()
+    streams = tuple(_stream_figures(block, recording, unsettled) for block in blocks)
     rests = {s: rest for block in blocks for s, rest in _rests(block)}
     sensors = tuple(_sensor_figures(s, rest, rate) for s, (rest, rate) in rests.items())
     losses = {
@@ -88,7 +91,7 @@ def diagnose(recording: LoadedRecording, glove: Glove) -> Diagnosis:
         *_losses_to_mend(losses, streams),
         *_rates_to_mend(streams),
         *_clock_to_mend(clock, recording.duration),
-        *_sensors_to_mend(sensors),
+        *sensors_to_mend(sensors),
         *deviations(a),
         *(f.message for f in fault_detection.check(blocks, _common_rest(blocks, rests))),
     ]
@@ -96,6 +99,10 @@ def diagnose(recording: LoadedRecording, glove: Glove) -> Diagnosis:
     notes = (
         [f"{', '.join(silent)}: never at rest, bias and noise were not judged"] if silent else []
     )
+    if unsettled:
+        notes.append(
+            f"{', '.join(sorted(unsettled))}: the rate is judged from {SETTLED:g} s on, because these sensors have a clock of their own"
+        )
     return Diagnosis(
         _device(a), streams, sensors, losses, clock, tuple(faults), (*notes, *_absent(a))
     )
@@ -118,13 +125,16 @@ def _device(a: Assembler) -> dict[str, object]:
     }
 
 
-def _stream_figures(block: Block, recording: LoadedRecording) -> StreamFigures:
+def _stream_figures(
+    block: Block, recording: LoadedRecording, unsettled: frozenset[str]
+) -> StreamFigures:
     lost, span = recording.losses.get(block.stream.name, 0), block.t[-1] - block.t[0]
+    is_known = span > 0 and block.stream.name not in unsettled
     return StreamFigures(
         block.stream.name,
         tuple(block.stream.sensors),
         float(block.stream.rate),
-        float((len(block.t) - 1 + lost) / span) if span > 0 else float("nan"),
+        float((len(block.t) - 1 + lost) / span) if is_known else float("nan"),
         len(block.t),
         lost,
     )
@@ -177,9 +187,16 @@ def _losses_to_mend(losses: Mapping[str, int], streams: tuple[StreamFigures, ...
             yield f"{s.name}: {s.lost} of {s.samples + s.lost} samples are missing"
 
 
+def _own_clocks(a: Assembler) -> frozenset[str]:
+    """Streams of sensors with a clock of their own, whose relation to the base's takes time to find."""
+    return frozenset(
+        s.name for number, s in a.streams.items() if number in a.infos and a.infos[number].clock
+    )
+
+
 def _rates_to_mend(streams: tuple[StreamFigures, ...]) -> Iterator[str]:
     for s in streams:
-        if not abs(s.measured_rate / s.stated_rate - 1) <= RATE_SHARE:
+        if abs(s.measured_rate / s.stated_rate - 1) > RATE_SHARE:
             yield f"{s.name}: {s.measured_rate:.1f} samples a second, the glove states {s.stated_rate:g}: correct the rate in its firmware"
 
 
@@ -188,10 +205,15 @@ def _clock_to_mend(ppm: float, duration: float) -> Iterator[str]:
         yield f"the glove's clock runs {ppm:+.0f} ppm off this machine's: give it a crystal, or correct its factor"
 
 
-def _sensors_to_mend(sensors: tuple[SensorFigures, ...]) -> Iterator[str]:
+def sensors_to_mend(sensors: Iterable[SensorFigures]) -> Iterator[str]:
+    """A sentence for each figure that is beyond what data sheets allow."""
     for s in sensors:
         if s.gyr_noise > GYR_NOISE:
             yield f"{s.sensor}: its gyroscope's noise is {s.gyr_noise:.3f} deg/s per root Hz, at most {GYR_NOISE:g} is usual: check supply and filter, or change the sensor"
+        if s.gyr_bias > GYR_BIAS:
+            yield f"{s.sensor}: its gyroscope reads {s.gyr_bias:.1f} deg/s at rest, at most {GYR_BIAS:g} is usual: calibrate its strip, or change the sensor"
+        if (off := 1e3 * abs(s.acc_size / GRAVITY - 1)) > ACC_OFFSET:
+            yield f"{s.sensor}: its accelerometer is {off:.0f} mg off gravity at rest, at most {ACC_OFFSET:g} is usual: calibrate its strip, or change the sensor"
         if s.acc_noise > ACC_NOISE:
             yield f"{s.sensor}: its accelerometer's noise is {s.acc_noise:.2f} mg per root Hz, at most {ACC_NOISE:g} is usual: check supply and filter, or change the sensor"
 
