@@ -37,8 +37,14 @@ def demo(tmp_path: Path) -> Iterator[tuple[requests.Session, str]]:
     (hide / "sitecustomize.py").write_text(HIDDEN)
     program = [sys.executable, "-P", "-m", "handscope.app.cli", *words(tmp_path / "data")]
     environment = {**os.environ, "PYTHONPATH": str(hide)}
+    here = tmp_path / "here"  # a folder with files of names that the program's modules have
+    here.mkdir()
+    for name in ("estimators", "app", "sessions", "numpy", "json", "serialx"):
+        (here / f"{name}.py").write_text("raise SystemExit('imported from the working folder')\n")
     with (
-        subprocess.Popen(program, stdout=subprocess.PIPE, text=True, env=environment) as process,
+        subprocess.Popen(
+            program, stdout=subprocess.PIPE, text=True, env=environment, cwd=here
+        ) as process,
         requests.Session() as session,
     ):
         assert process.stdout is not None

@@ -78,7 +78,7 @@ sub stream {
     return frame(0x03, pack 'CCCCCd<f<4', $number, $slot, 0, 3, 0, $hz, $gyr_scale, $acc_scale, 40, 160);
 }
 
-sub burst {    # up to the moment, of a strip that lies still
+sub burst {    # up to the moment, of a strip that lies flat and still, x (dorsal on a left hand) up
     my ($slot, $due) = @_;
     my $count = $due - $sent[$slot];
     $count = 20 if $count > 20;
@@ -86,7 +86,7 @@ sub burst {    # up to the moment, of a strip that lies still
     my $first = $started + int(1e9 * $sent[$slot] / $rate);
     my $sensors = @{ $strips[$slot] };
     my $data = '';
-    $data .= pack 's<6', 1, -1, 0, 0, 0, int(9.81 / $acc_scale) for 1 .. $count * $sensors;
+    $data .= pack 's<6', 1, -1, 0, int(9.81 / $acc_scale), 0, 0 for 1 .. $count * $sensors;
     my $head = pack 'CL<Q<Q<C', $slot, $sent[$slot], $first, nanoseconds(), $count;
     $sent[$slot] += $count;
     return frame(0x04, $head . $data);
