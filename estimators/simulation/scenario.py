@@ -127,14 +127,14 @@ def simulate_performances(
     truths, events, begin = [], [], 0.0
     for performance in performances:
         end = begin + performance.motion.duration
+        moved: dict[tuple[float, float], kinematics.Kinematics] = {}  # by rate and clock
         for stream in plans:
-            t = _sampling_instants(begin, end, stream.rate, clocks[stream.name])
-            k = replace(
-                kinematics.compute_kinematics(
-                    performance.motion, geometry, t / clocks[stream.name] - begin
-                ),
-                t=t,
-            )
+            clock = clocks[stream.name]
+            t = _sampling_instants(begin, end, stream.rate, clock)
+            if (stream.rate, clock) not in moved:
+                k = kinematics.compute_kinematics(performance.motion, geometry, t / clock - begin)
+                moved[stream.rate, clock] = replace(k, t=t)
+            k = moved[stream.rate, clock]
             rows = [worn.segments.index(s) for s in stream.sensors]
             if stream.inertial:
                 read = sensors.simulate_inertial(worn, k, stream.rate, rng)
