@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Modules are compiled once, not again by every process that starts
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: sbom docs firmware run test test-fast test-all check audit tests browser format lock bench faults fuzz soak clean
+.PHONY: sbom docs firmware run test test-fast test-all check audit tests browser types format lock bench faults fuzz soak clean
 
 run: $(VENV)/runs
 	$(BIN)/handscope demo --port $(PORT) $(DEMO)
@@ -43,6 +43,10 @@ $(VENV)/node: Makefile
 	@mkdir -p $@
 	-@npm install --silent --no-save --no-package-lock --prefix $@ typescript@7.0.2 >/dev/null 2>&1
 	@touch $@
+
+# What the pages read from the API, as types for their JavaScript
+types: $(VENV)/runs
+	$(BIN)/python -m handscope.app.api.typescript > static/types/api.d.ts
 
 format: $(VENV)/develops
 	$(BIN)/ruff check --fix .

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 
+from handscope.app.api.answers import AccountRow, answers
 from handscope.app.auth.gate import cookie_of
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import (
@@ -50,27 +51,25 @@ class NewPassword(Incoming):
     password: str = Field(max_length=4 * accounts.LONGEST)
 
 
-@router.get("/accounts")
+@router.get("/accounts", responses=answers(list[AccountRow]))
 def list_accounts(db: Db) -> list[dict[str, Any]]:
     """Every account, and whether it has a second factor."""
     proved = second_factors.accounts_with_one(db)
     return [
-        account_row(account) | {"second": account.id in proved}
+        {**account_row(account), "second": account.id in proved}
         for account in accounts.list_accounts(db)
     ]
 
 
-@router.post("/accounts", status_code=201)
+@router.post("/accounts", status_code=201, responses=answers(AccountRow, 201))
 def add_account(db: Db, parts: PartsDep, new: NewAccount) -> dict[str, Any]:
     """A new account, with a one-time code by which its owner logs in and sets a password."""
     account = accounts.add(db, new.name, new.roles)
-    return account_row(account) | {"code": logins.new_token(parts.store.folder, account.name)}
+    return {**account_row(account), "code": logins.new_token(parts.store.folder, account.name)}
 
 
-@router.patch("/accounts/{account_id}")
-def change_account(
-    db: Db, who: RequesterDep, account_id: int, change: AccountChange
-) -> dict[str, Any]:
+@router.patch("/accounts/{account_id}", responses=answers(AccountRow))
+def change_account(db: Db, who: RequesterDep, account_id: int, change: AccountChange) -> Any:
     """Other roles, in or out of use; nobody locks himself out."""
     account = accounts.get(db, account_id)
     if account.id == who.account and (
@@ -107,11 +106,11 @@ def remove_second_factors(db: Db, account_id: int) -> Response:
     return Response(status_code=204)
 
 
-@own.get("/me")
+@own.get("/me", responses=answers(AccountRow))
 def read_me(db: Db, who: RequesterDep) -> dict[str, Any]:
     """The own account, and whether a second factor is still required."""
     row = account_row(accounts.get(db, who.account))
-    return row | {"lacks_second_factor": who.lacks_second_factor}
+    return {**row, "lacks_second_factor": who.lacks_second_factor}
 
 
 @own.put("/me/password", status_code=204)
@@ -154,7 +153,7 @@ def verify_audit(db: Db, language: LanguageDep) -> dict[str, Any]:
     return {"lines": chain.lines, "last": chain.last, "broken": broken}
 
 
-def account_row(a: Account) -> dict[str, Any]:
+def account_row(a: Account) -> AccountRow:
     """An account as the API shows it; nothing secret."""
     kind = (
         "code"

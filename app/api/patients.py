@@ -8,6 +8,7 @@ from fastapi import APIRouter, Query, Response
 from pydantic import Field
 from starlette.responses import StreamingResponse
 
+from handscope.app.api.answers import NoteRow, PatientAnswer, PatientListed, PatientRow, answers
 from handscope.app.api.pseudonymisation import for_reader
 from handscope.app.api.sessions import session_row
 from handscope.app.auth.incoming_text import Incoming
@@ -88,7 +89,11 @@ class NoteChange(Incoming):
     removed: bool | None = Field(None, description="a removed note can be brought back for a week")
 
 
-@router.get("/patients", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
+@router.get(
+    "/patients",
+    dependencies=[requires_role(CLINICIAN, SCIENTIST)],
+    responses=answers(list[PatientListed]),
+)
 def list_patients(
     db: Db,
     requester: RequesterDep,
@@ -107,13 +112,17 @@ def list_patients(
     ]
 
 
-@router.post("/patients", status_code=201)
-def create_patient(db: Db, new: NewPatient) -> dict[str, Any]:
+@router.post("/patients", status_code=201, responses=answers(PatientRow, 201))
+def create_patient(db: Db, new: NewPatient) -> Any:
     """Create a patient."""
     return patient_row(patients.create(db, **new.model_dump()))
 
 
-@router.get("/patients/{patient_id}", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
+@router.get(
+    "/patients/{patient_id}",
+    dependencies=[requires_role(CLINICIAN, SCIENTIST)],
+    responses=answers(PatientAnswer),
+)
 def read_patient(
     db: Db, requester: RequesterDep, language: LanguageDep, patient_id: int
 ) -> dict[str, Any]:
@@ -148,8 +157,8 @@ def read_patient(
     }
 
 
-@router.patch("/patients/{patient_id}")
-def change_patient(db: Db, patient_id: int, change: PatientChange) -> dict[str, Any]:
+@router.patch("/patients/{patient_id}", responses=answers(PatientRow))
+def change_patient(db: Db, patient_id: int, change: PatientChange) -> Any:
     """Change a patient; 409 where somebody else changed it meanwhile."""
     return patient_row(patients.change(db, patient_id, **change.model_dump(exclude_unset=True)))
 
@@ -188,25 +197,25 @@ def list_erasures(db: Db) -> list[dict[str, Any]]:
     ]
 
 
-@router.post("/patients/{patient_id}/notes", status_code=201)
-def write_note(db: Db, patient_id: int, new: NewNote) -> dict[str, Any]:
+@router.post("/patients/{patient_id}/notes", status_code=201, responses=answers(NoteRow, 201))
+def write_note(db: Db, patient_id: int, new: NewNote) -> Any:
     """Write a note about a patient."""
     return note_row(notes.write(db, patients.get(db, patient_id), new.text))
 
 
-@router.get("/notes/{note_id}")
-def read_note(db: Db, note_id: int) -> dict[str, Any]:
+@router.get("/notes/{note_id}", responses=answers(NoteRow))
+def read_note(db: Db, note_id: int) -> Any:
     """One note."""
     return note_row(notes.get(db, note_id))
 
 
-@router.patch("/notes/{note_id}")
-def change_note(db: Db, note_id: int, change: NoteChange) -> dict[str, Any]:
+@router.patch("/notes/{note_id}", responses=answers(NoteRow))
+def change_note(db: Db, note_id: int, change: NoteChange) -> Any:
     """Correct a note, remove it or bring it back."""
     return note_row(notes.change(db, note_id, **change.model_dump(exclude_unset=True)))
 
 
-def patient_row(p: Patient) -> dict[str, Any]:
+def patient_row(p: Patient) -> PatientRow:
     """A patient as the API shows them; lengths in m, trunk height in m."""
     return {
         "id": p.id,
@@ -222,7 +231,7 @@ def patient_row(p: Patient) -> dict[str, Any]:
     }
 
 
-def note_row(n: Note) -> dict[str, Any]:
+def note_row(n: Note) -> NoteRow:
     """A note as the API shows it."""
     return {
         "id": n.id,

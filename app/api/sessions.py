@@ -13,6 +13,13 @@ from fastapi import APIRouter, Form, UploadFile
 from pydantic import Field
 from starlette.responses import FileResponse
 
+from handscope.app.api.answers import (
+    CorrectionRow,
+    RecordingRow,
+    SessionAnswer,
+    SessionRow,
+    answers,
+)
 from handscope.app.api.pseudonymisation import for_reader
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
@@ -214,7 +221,11 @@ def close_session(db: Db, parts: PartsDep, repair: RepairDep, session_id: int) -
         _queue(db, parts, session, DEFAULT, {})
 
 
-@router.get("/sessions/{session_id}", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
+@router.get(
+    "/sessions/{session_id}",
+    dependencies=[requires_role(CLINICIAN, SCIENTIST)],
+    responses=answers(SessionAnswer),
+)
 def read_session(
     db: Db, parts: PartsDep, requester: RequesterDep, session_id: int
 ) -> dict[str, Any]:
@@ -234,7 +245,7 @@ def read_session(
     }
 
 
-@router.patch("/sessions/{session_id}")
+@router.patch("/sessions/{session_id}", responses=answers(SessionRow))
 def change_session(
     db: Db, parts: PartsDep, session_id: int, change: SessionChange
 ) -> dict[str, Any]:
@@ -244,7 +255,7 @@ def change_session(
     """
     facts = change.model_dump(exclude_unset=True, exclude_none=True, exclude={"trunk_height"})
     if "trunk_height" not in change.model_fields_set:
-        return session_row(visit_facts.change(db, session_id, **facts))
+        return {**session_row(visit_facts.change(db, session_id, **facts))}
     before = [(f, results.current(f)) for f in records.get(db, session_id).recordings if f.sha256]
     changed = visit_facts.change(db, session_id, **facts, trunk=TrunkHeight(change.trunk_height))
     return {
@@ -299,7 +310,7 @@ def queue_session(
     return _queue(db, parts, session, method, options)
 
 
-def session_row(s: PatientSession) -> dict[str, Any]:
+def session_row(s: PatientSession) -> SessionRow:
     """A session as the API shows it."""
     return {
         "id": s.id,
@@ -326,7 +337,7 @@ def session_row(s: PatientSession) -> dict[str, Any]:
     }
 
 
-def recording_row(f: RecordingFile) -> dict[str, Any]:
+def recording_row(f: RecordingFile) -> RecordingRow:
     """A recording's file as the API shows it."""
     current = results.current(f)
     return {
@@ -355,11 +366,17 @@ def recording_row(f: RecordingFile) -> dict[str, Any]:
     }
 
 
-def correction_row(c: Correction) -> dict[str, Any]:
+def correction_row(c: Correction) -> CorrectionRow:
     """A correction of an event as the API shows it; times in s."""
     return {
-        name: getattr(c, name)
-        for name in ("id", "event", "kind", "onset", "end", "reason", "made", "undone")
+        "id": c.id,
+        "event": c.event,
+        "kind": c.kind,
+        "onset": c.onset,
+        "end": c.end,
+        "reason": c.reason,
+        "made": c.made,
+        "undone": c.undone,
     }
 
 

@@ -7,6 +7,7 @@ from fastapi import APIRouter, WebSocket
 from pydantic import Field
 from starlette.websockets import WebSocketDisconnect
 
+from handscope.app.api.answers import StationRow, answers
 from handscope.app.api.broadcast import localised_snapshot, time_to_next_pulse
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
@@ -57,7 +58,7 @@ def list_gloves(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
     ]
 
 
-@router.get("/stations", dependencies=[WATCHERS])
+@router.get("/stations", dependencies=[WATCHERS], responses=answers(list[StationRow]))
 def list_stations(parts: PartsDep, requester: RequesterDep) -> list[dict[str, Any]]:
     """Stations that run, live or as replays."""
     return [

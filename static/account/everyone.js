@@ -29,6 +29,7 @@ export function mount(root, api) {
     rows.replaceChildren(...all.map(one));
   }
 
+  /** @param {import("../types/api.d.ts").AccountRow} account */
   function one(account) {
     const act = (word, work) => h("button", { onclick: (event) => once(event.target, box, work) }, t(word));
     const code = act("accounts.code", async () => handOver(account.name, (await api.post(`/api/accounts/${account.id}/code`)).code));

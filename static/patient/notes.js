@@ -26,7 +26,10 @@ export function mount(root, api, { record }) {
   return () => {};
 }
 
-/** A note's place in the list, whatever becomes of the note. */
+/**
+ * A note's place in the list, whatever becomes of the note.
+ * @param {import("../types/api.d.ts").NoteRow} note
+ */
 function one(api, note) {
   const place = h("li", {});
   const box = errorBox();

@@ -33,6 +33,7 @@ export function mount(root, api, { record, go }) {
   };
 }
 
+/** @param {import("../types/api.d.ts").Visit} session */
 function visit(session, titles, finish) {
   const tasks = [...new Set(session.tasks)].map((name) => titles.get(name) ?? name).join(", ");
   const facts = [
@@ -57,6 +58,7 @@ function visit(session, titles, finish) {
 
 const corrected = ({ recorded_as: said, date_reason: reason }) => t("dating.corrected", { said: dayAndTime(said), reason });
 
+/** @param {import("../types/api.d.ts").Visit} session */
 function calibration({ calibration, warnings }) {
   const still = calibration.largest.find((row) => row.name === "rate_wander");
   const words = t("visits.calibration", { source: calibration.source, still: still.value });

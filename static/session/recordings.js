@@ -15,6 +15,7 @@ export function mount(root, api, { session, result }) {
   return () => {};
 }
 
+/** @param {import("../types/api.d.ts").RecordingRow} recording */
 function one(recording, result) {
   const { summary } = recording;
   const source = summary.source ?? {};

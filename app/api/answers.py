@@ -1,0 +1,155 @@
+"""What routes answer with, as types: for the OpenAPI page, and for the pages' JavaScript.
+
+`make types` writes static/types/api.d.ts from them (typescript.py). Accounts that may not see everything get
+`WITHHELD` (pseudonymisation.py) in place of some values.
+"""
+
+from datetime import datetime
+from typing import Any, NotRequired
+
+from typing_extensions import TypedDict
+
+
+def answers(model: Any, status: int = 200) -> dict[int | str, dict[str, Any]]:
+    """What a route's decorator takes as `responses`: described, not checked at run time."""
+    return {status: {"model": model}}
+
+
+class AccountRow(TypedDict):
+    """An account; nothing secret."""
+
+    id: int
+    name: str
+    roles: list[str]
+    disabled: bool
+    created: datetime
+    proof: str  # code, single, password, none
+    local: bool
+    second: NotRequired[bool]  # it has a second factor
+    code: NotRequired[str]  # of a new account
+    lacks_second_factor: NotRequired[bool]  # the own account, where one is required
+
+
+class NoteRow(TypedDict):
+    """A note on a patient."""
+
+    id: int
+    text: str
+    written: datetime
+    removed: datetime | None
+    version: int
+
+
+class PatientRow(TypedDict):
+    """A patient; lengths in m."""
+
+    id: int
+    pseudonym: str
+    year_of_birth: int | None
+    dominant_hand: str | None
+    affected_hand: str | None
+    hand_measures: dict[str, Any]
+    trunk_height: float | None
+    archived: bool
+    created: datetime
+    version: int
+
+
+class PatientListed(PatientRow):
+    """A patient in the list."""
+
+    sessions: int
+    last_session: datetime | None
+
+
+class SessionRow(TypedDict):
+    """A session; duration in s, trunk height in m."""
+
+    id: int
+    patient: Any  # its number; id and pseudonym where one session is read
+    hand: str
+    state: str
+    started: datetime
+    recorded_as: datetime | None
+    date_reason: str
+    trunk_height: float | None
+    trunk_corrected: bool
+    version: int
+    finished: datetime | None
+    examiner: str
+    notes: str | None
+    source: str  # live, upload
+    duration: float | None
+    tasks: list[str]
+
+
+class Visit(SessionRow):
+    """A session among those of its patient."""
+
+    calibration: dict[str, Any] | None
+    warnings: int
+    doubts: list[str]
+
+
+class PatientAnswer(PatientRow):
+    """A patient with notes and sessions."""
+
+    notes: list[NoteRow] | None
+    sessions: list[Visit]
+    clock: dict[str, Any]
+
+
+class CorrectionRow(TypedDict):
+    """A correction of a recording's event; times in s."""
+
+    id: int
+    event: int
+    kind: str
+    onset: float
+    end: float
+    reason: str
+    made: datetime
+    undone: datetime | None
+
+
+class ResultRow(TypedDict):
+    """A result among those of its recording."""
+
+    id: int
+    method: str
+    parameters: dict[str, Any]
+    version: str
+    state: str
+    created: datetime
+    corrections: int
+    reused: dict[str, Any]
+    current: bool
+
+
+class RecordingRow(TypedDict):
+    """A recording's file with its results."""
+
+    id: int
+    format: str
+    name: str
+    sha256: str | None
+    bytes: int
+    added: datetime
+    summary: dict[str, Any]
+    corrections: list[CorrectionRow]
+    results: list[ResultRow]
+
+
+class SessionAnswer(SessionRow):
+    """A session with its recordings."""
+
+    geometry: dict[str, Any]
+    station: str | None
+    recordings: list[RecordingRow]
+
+
+class StationRow(TypedDict):
+    """A station that runs."""
+
+    station: str
+    kind: str

@@ -1,0 +1,353 @@
+/** Values of the HTTP API, written by `make types` from its OpenAPI description. */
+
+/** What an administrator may change of an account. */
+export interface AccountChange {
+  roles?: string[] | null;
+  disabled?: boolean | null;
+}
+
+/** An account; nothing secret. */
+export interface AccountRow {
+  id: number;
+  name: string;
+  roles: string[];
+  disabled: boolean;
+  created: string;
+  proof: string;
+  local: boolean;
+  second?: boolean;
+  code?: string;
+  lacks_second_factor?: boolean;
+}
+
+/** The first code of an authenticator app. */
+export interface AppCode {
+  code: string;
+}
+
+/** Results that another one is to be compared with; null: nothing. */
+export interface Choice {
+  before?: number | null;
+  other?: number | null;
+}
+
+/** The password again, before second factors change. */
+export interface Confirmed {
+  password: string;
+}
+
+/** A correction of a recording's event; times in s. */
+export interface CorrectionRow {
+  id: number;
+  event: number;
+  kind: string;
+  onset: number;
+  end: number;
+  reason: string;
+  made: string;
+  undone: string | null;
+}
+
+/** What a session takes over of a stored self-calibration. */
+export interface Decision {
+  parts: string;
+  self_calibration?: number | null;
+}
+
+/** The pseudonym typed again, before everything of a patient is erased. */
+export interface Erasure {
+  pseudonym: string;
+}
+
+/** A passkey as the browser made it. */
+export interface MadePasskey {
+  ticket: string;
+  name: string;
+  credential: Record<string, any>;
+}
+
+/** A new account: its name and its roles. */
+export interface NewAccount {
+  name: string;
+  roles: string[];
+}
+
+/** An event of a recording corrected: its kind and interval, s. */
+export interface NewCorrection {
+  event: number;
+  kind: string;
+  reason: string;
+  onset?: number;
+  end?: number;
+}
+
+/** A second factor to be added, with its name. */
+export interface NewFactor {
+  password: string;
+  name: string;
+}
+
+/** The text of a new note. */
+export interface NewNote {
+  text: string;
+}
+
+/** A new password, with the current one as proof. */
+export interface NewPassword {
+  current?: string;
+  password: string;
+}
+
+/** A new patient, under a pseudonym. */
+export interface NewPatient {
+  pseudonym: string;
+  year_of_birth?: number | null;
+  dominant_hand?: string | null;
+  affected_hand?: string | null;
+  note?: string;
+  confirmed?: boolean;
+}
+
+/** A recording processed anew: by which method, with which options. */
+export interface NewResult {
+  method?: string;
+  options?: Record<string, any>;
+}
+
+/** The result whose self-calibration is to be stored. */
+export interface NewSelfCalibration {
+  result: number;
+}
+
+/** A session to be started: hand, port, method with options, examiner. */
+export interface NewSession {
+  hand: string;
+  port: string;
+  method?: string;
+  options?: Record<string, any>;
+  examiner?: string;
+  outlets?: string[];
+  reuse?: Decision | null;
+}
+
+/** A live stream of poses to be opened. */
+export interface NewStream {
+  rate?: number;
+}
+
+/** A note's new text, or that it is removed. */
+export interface NoteChange {
+  version: number;
+  text?: string | null;
+  removed?: boolean | null;
+}
+
+/** A note on a patient. */
+export interface NoteRow {
+  id: number;
+  text: string;
+  written: string;
+  removed: string | null;
+  version: number;
+}
+
+/** A patient with notes and sessions. */
+export interface PatientAnswer {
+  id: number;
+  pseudonym: string;
+  year_of_birth: number | null;
+  dominant_hand: string | null;
+  affected_hand: string | null;
+  hand_measures: Record<string, any>;
+  trunk_height: number | null;
+  archived: boolean;
+  created: string;
+  version: number;
+  notes: NoteRow[] | null;
+  sessions: Visit[];
+  clock: Record<string, any>;
+}
+
+/** What may change of a patient; `version` is that which was read. */
+export interface PatientChange {
+  version: number;
+  pseudonym?: string | null;
+  year_of_birth?: number | null;
+  dominant_hand?: string | null;
+  affected_hand?: string | null;
+  hand_measures?: Record<string, Record<string, any>> | null;
+  trunk_height?: number | null;
+  archived?: boolean | null;
+  confirmed?: boolean;
+}
+
+/** A patient in the list. */
+export interface PatientListed {
+  id: number;
+  pseudonym: string;
+  year_of_birth: number | null;
+  dominant_hand: string | null;
+  affected_hand: string | null;
+  hand_measures: Record<string, any>;
+  trunk_height: number | null;
+  archived: boolean;
+  created: string;
+  version: number;
+  sessions: number;
+  last_session: string | null;
+}
+
+/** A patient; lengths in m. */
+export interface PatientRow {
+  id: number;
+  pseudonym: string;
+  year_of_birth: number | null;
+  dominant_hand: string | null;
+  affected_hand: string | null;
+  hand_measures: Record<string, any>;
+  trunk_height: number | null;
+  archived: boolean;
+  created: string;
+  version: number;
+}
+
+/** What proves an account: a one-time token, or a name with its password. */
+export interface Proof {
+  token?: string;
+  name?: string;
+  password?: string;
+}
+
+/** A recording's file with its results. */
+export interface RecordingRow {
+  id: number;
+  format: string;
+  name: string;
+  sha256: string | null;
+  bytes: number;
+  added: string;
+  summary: Record<string, any>;
+  corrections: CorrectionRow[];
+  results: ResultRow[];
+}
+
+/** A result among those of its recording. */
+export interface ResultRow {
+  id: number;
+  method: string;
+  parameters: Record<string, any>;
+  version: string;
+  state: string;
+  created: string;
+  corrections: number;
+  reused: Record<string, any>;
+  current: boolean;
+}
+
+/** The second factor of a login: a code or a passkey's answer. */
+export interface SecondProof {
+  ticket: string;
+  code?: string;
+  credential?: Record<string, any> | null;
+}
+
+/** Whether a stored self-calibration is withdrawn. */
+export interface SelfCalibrationChange {
+  withdrawn: boolean;
+}
+
+/** A session with its recordings. */
+export interface SessionAnswer {
+  id: number;
+  patient: any;
+  hand: string;
+  state: string;
+  started: string;
+  recorded_as: string | null;
+  date_reason: string;
+  trunk_height: number | null;
+  trunk_corrected: boolean;
+  version: number;
+  finished: string | null;
+  examiner: string;
+  notes: string | null;
+  source: string;
+  duration: number | null;
+  tasks: string[];
+  geometry: Record<string, any>;
+  station: string | null;
+  recordings: RecordingRow[];
+}
+
+/** What may change of a session; `version` is that which was read. */
+export interface SessionChange {
+  version: number;
+  notes?: string | null;
+  examiner?: string | null;
+  started?: string | null;
+  date_reason?: string;
+  trunk_height?: number | null;
+}
+
+/** A session; duration in s, trunk height in m. */
+export interface SessionRow {
+  id: number;
+  patient: any;
+  hand: string;
+  state: string;
+  started: string;
+  recorded_as: string | null;
+  date_reason: string;
+  trunk_height: number | null;
+  trunk_corrected: boolean;
+  version: number;
+  finished: string | null;
+  examiner: string;
+  notes: string | null;
+  source: string;
+  duration: number | null;
+  tasks: string[];
+}
+
+/** What a person does at a station, with the details of that action. */
+export interface StationAction {
+  action: string;
+  task?: string;
+  reason?: string;
+  group?: string;
+  value?: number | null;
+}
+
+/** A station that runs. */
+export interface StationRow {
+  station: string;
+  kind: string;
+}
+
+/** A login that waits for its second factor. */
+export interface Ticket {
+  ticket: string;
+}
+
+/** A session among those of its patient. */
+export interface Visit {
+  id: number;
+  patient: any;
+  hand: string;
+  state: string;
+  started: string;
+  recorded_as: string | null;
+  date_reason: string;
+  trunk_height: number | null;
+  trunk_corrected: boolean;
+  version: number;
+  finished: string | null;
+  examiner: string;
+  notes: string | null;
+  source: string;
+  duration: number | null;
+  tasks: string[];
+  calibration: Record<string, any> | null;
+  warnings: number;
+  doubts: string[];
+}
