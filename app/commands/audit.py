@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from handscope.app.commands.words import database_url, default_data, say
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit
-from handscope.sessions.clinic.audit_copy import read_heads
+from handscope.sessions.clinic.audit_copy import read_head, read_heads
 from handscope.sessions.db.tables import AuditLine
 from handscope.sessions.store import backup
 from handscope.sessions.store.database import FILE, open_database
@@ -49,6 +49,14 @@ def add(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="a copy of the trail (HANDSCOPE_AUDIT_COPY=file:FILE): all its lines count",
+    )
+    verify.add_argument(
+        "--head",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE",
+        help="the newest line's note (HANDSCOPE_AUDIT_COPY=head:FILE)",
     )
     listed = actions.add_parser("list", help="lines, the newest first")
     listed.add_argument("--who", default="", metavar="NAME", help="of one account")
@@ -94,6 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
             *arguments.against,
             *map(backup.read_audit_head, arguments.backup),
             *chain.from_iterable(map(read_heads, arguments.copy)),
+            *map(read_head, arguments.head),
         ]
         if arguments.action == "verify"
         else []

@@ -3,6 +3,7 @@
 import json
 import socket
 import sqlite3
+import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -109,6 +110,45 @@ def test_a_copy_goes_to_syslog_as_rfc_5424_has_it(
         head, _, line = server.recv(65536).decode().partition(" audit - ")
     assert head.startswith("<109>1 20") and " handscope " in head
     assert (json.loads(line)["id"], json.loads(line)["what"]) == (1, "created")
+
+
+@pytest.mark.parametrize("kind", ["tcp", "unix"])
+def test_a_copy_goes_to_a_collector_and_one_that_is_away_holds_nobody_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    family = socket.AF_UNIX if kind == "unix" else socket.AF_INET
+    with closing(socket.socket(family)) as server:
+        server.bind(str(tmp_path / "s") if kind == "unix" else ("127.0.0.1", 0))
+        server.listen()
+        server.settimeout(10)
+        place = str(tmp_path / "s") if kind == "unix" else f"127.0.0.1:{server.getsockname()[1]}"
+        monkeypatch.setenv(AUDIT_COPY, f"{kind}:{place}")
+        store = _filled(tmp_path / "data")
+        connection, _ = server.accept()
+        with closing(connection), connection.makefile() as lines:
+            assert [json.loads(lines.readline())["id"] for _ in range(3)] == [1, 2, 3]
+    began = time.monotonic()
+    with store.database() as db:
+        for k in range(3, 9):
+            patients.create(db, f"P-{k}")
+    assert time.monotonic() - began < 5.0
+    store.close()
+
+
+def test_the_newest_lines_hash_is_published_and_finds_a_cut(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    head, data = tmp_path / "head", tmp_path / "data"
+    monkeypatch.setenv(AUDIT_COPY, f"head:{head} file:{tmp_path / 'copy'}")
+    _filled(data).close()
+    words = ["audit", "verify", "--data", str(data), "--head", str(head)]
+    assert head.read_text().startswith("3:") and main(words) == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["copy", "data", "head"]
+    with closing(sqlite3.connect(data / FILE)) as other:
+        (made,) = other.execute("SELECT sql FROM sqlite_master WHERE name = 'audit_no_delete'").fetchone()  # fmt: skip
+        other.executescript(f"DROP TRIGGER audit_no_delete; DELETE FROM audit WHERE id = 3; {made}")
+    assert main(words) == 1
+    assert "cut off after line 2" in capsys.readouterr().out
 
 
 def test_a_place_that_is_none_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
