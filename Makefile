@@ -125,7 +125,7 @@ LOCK = $(BIN)/uv pip compile --generate-hashes --no-emit-index-url --no-annotate
 lock: $(VENV)/installed
 	printf 'setuptools>=80\n' > $(VENV)/build.in
 	$(LOCK) pyproject.toml $(VENV)/build.in --extra dev -o requirements-dev.lock
-	$(LOCK) pyproject.toml $(VENV)/build.in --extra postgresql --extra metrics --extra s3 --extra second-factor --constraint requirements-dev.lock -o requirements-server.lock
+	$(LOCK) pyproject.toml $(VENV)/build.in --extra postgresql --extra metrics --extra s3 --extra second-factor --extra encryption --constraint requirements-dev.lock -o requirements-server.lock
 	$(LOCK) pyproject.toml $(VENV)/build.in --constraint requirements-dev.lock -o requirements.lock
 	printf 'uv\n' | $(LOCK) - -o requirements-uv.lock
 

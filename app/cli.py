@@ -18,6 +18,7 @@ VERBS = {
     "login": "print a new one-time address for a server that runs",
     "backup": "everything in the data folder as one checked file, while the server runs",
     "restore": "put a backup into an empty data folder",
+    "backup-key": "make the key of encrypted backups, and seal backups for another one",
     "glove": "a virtual glove behind a pseudo-terminal",
     "record": "record a glove without the pages, with the live tracker running",
     "doctor": "who is at a port, and is it well? ends in pass or in what to mend",

@@ -16,6 +16,7 @@ from handscope.sessions.clinic.audit_copy import read_head, read_heads
 from handscope.sessions.db.tables import AuditLine
 from handscope.sessions.store import backup
 from handscope.sessions.store.database import FILE, open_database
+from handscope.sessions.store.sealed_files import unsealed
 
 BROKEN = 1  # exit code
 
@@ -41,6 +42,14 @@ def add(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="a backup of this server: its note of the last line counts",
+    )
+    verify.add_argument(
+        "--key",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="KEYFILE",
+        help="the key of an encrypted backup",
     )
     verify.add_argument(
         "--copy",
@@ -91,6 +100,12 @@ def add(parser: argparse.ArgumentParser) -> None:
         )
 
 
+def _head_of(file: Path, keys: list[Path]) -> tuple[int, str]:
+    """The last line that a backup notes."""
+    with unsealed(file, keys) as plain:
+        return backup.read_audit_head(plain)
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     if not arguments.database and not (arguments.data / FILE).is_file():
@@ -100,7 +115,7 @@ def run(arguments: argparse.Namespace) -> int:
     noted = (
         [
             *arguments.against,
-            *map(backup.read_audit_head, arguments.backup),
+            *(_head_of(file, arguments.key) for file in arguments.backup),
             *chain.from_iterable(map(read_heads, arguments.copy)),
             *map(read_head, arguments.head),
         ]

@@ -1,11 +1,14 @@
 """`handscope backup`: everything in the data folder as one checked file, while the server runs."""
 
 import argparse
+import os
 from pathlib import Path
 
 from handscope.app.commands.words import counted, database_url, default_data, require_file, say
 from handscope.app.version import software_version
 from handscope.sessions.store import backup
+
+RECIPIENTS = "HANDSCOPE_BACKUP_RECIPIENTS"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -15,6 +18,13 @@ def add(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE.zip",
         help="the backup to make; not inside the data folder, not there yet",
+    )
+    parser.add_argument(
+        "--recipient",
+        action="append",
+        default=[],
+        metavar="age1...",
+        help="encrypt it for the key of which this is the public part (HANDSCOPE_BACKUP_RECIPIENTS, several with spaces between; handscope backup-key make)",
     )
     parser.add_argument(
         "--data",
@@ -34,7 +44,10 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """0 where all is in; 1 where a recording was missing or damaged on the disk: it is named, everything else is in."""
     require_file(arguments.file)
-    made = backup.write(arguments.data, arguments.database, arguments.file, software_version())
+    recipients = arguments.recipient or os.environ.get(RECIPIENTS, "").split()
+    made = backup.write(
+        arguments.data, arguments.database, arguments.file, software_version(), recipients
+    )
     for problem in made.problems:
         say(f"PROBLEM: {problem}")
     say(

@@ -7,6 +7,7 @@ from typing import Any
 from handscope.app.commands.words import counted, database_url, progress_bar, say
 from handscope.estimators.errors import InputError
 from handscope.sessions.store import backup
+from handscope.sessions.store.sealed_files import unsealed
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -27,6 +28,14 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="restore rows into this empty database instead of SQLite in the folder",
     )
     parser.add_argument(
+        "--key",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="KEYFILE",
+        help="the key of an encrypted backup",
+    )
+    parser.add_argument(
         "--check", action="store_true", help="only read the backup and compare every checksum"
     )
 
@@ -34,14 +43,18 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     if arguments.check:
-        manifest = backup.check(arguments.file)
+        with unsealed(arguments.file, arguments.key) as plain:
+            manifest = backup.check(plain)
         say(f"{arguments.file} is whole: {_manifest_words(manifest)}")
         return 0
     if arguments.data is None:
         raise InputError("say where to restore: --data DIR, an empty folder")
     hear, close = progress_bar("restoring")
+    beside = arguments.data.absolute().parent
+    beside.mkdir(parents=True, exist_ok=True)
     try:
-        manifest = backup.restore(arguments.file, arguments.data, arguments.database, hear)
+        with unsealed(arguments.file, arguments.key, beside) as plain:
+            manifest = backup.restore(plain, arguments.data, arguments.database, hear)
     finally:
         close()
     say(

@@ -15,7 +15,7 @@ import struct
 import time
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -28,7 +28,13 @@ from handscope.sessions.clinic import audit
 from handscope.sessions.db.tables import now
 from handscope.sessions.files import object_storage
 from handscope.sessions.files.object_storage import MARK, ObjectStorage, find_attached
-from handscope.sessions.store import database_dump
+from handscope.sessions.store import database_dump, sealed_files
+from handscope.sessions.store.archive_entries import (
+    pieces_of,
+    read_entry,
+    require_checksum,
+    write_pieces,
+)
 from handscope.sessions.store.database import FILE, RESTORING, connect, place_of
 from handscope.sessions.store.store import CACHE, PROBE, free_bytes
 
@@ -55,7 +61,6 @@ DAMAGED = (
     ValueError,
     struct.error,
 )  # all that reading a damaged zip was seen to raise
-PIECE = 2**20
 TRIES = 3  # times that a backup is begun again because a patient was erased meanwhile
 
 
@@ -72,8 +77,13 @@ class BackupSummary:
         return sum(int(f["bytes"]) for f in self.files.values())
 
 
-def write(folder: Path, url: str | None, target: Path, software: str) -> BackupSummary:
-    """Back up the data folder into `target`, which is there only when it is whole; InputError where there is nothing to back up."""
+def write(
+    folder: Path, url: str | None, target: Path, software: str, recipients: Sequence[str] = ()
+) -> BackupSummary:
+    """Back up the data folder into `target`, which is there only when it is whole; InputError where there is nothing to back up.
+
+    With recipients it is sealed for them: it is made in the data folder, and leaves it sealed alone.
+    """
     if url is None and not (folder / FILE).is_file():
         raise InputError(
             f"there is no Handscope data in {folder}; name the data folder with --data"
@@ -85,8 +95,12 @@ def write(folder: Path, url: str | None, target: Path, software: str) -> BackupS
     if target.absolute().is_relative_to(folder.absolute()):
         raise InputError(f"{target} lies inside the data folder; a backup belongs on another disk")
     partial = target.with_name(f".{target.name}.partial")
+    sealed = partial if recipients else None
+    if sealed is not None:
+        partial = folder / "incoming" / partial.name
     engine = connect(folder, url)
     try:
+        partial.parent.mkdir(mode=0o700, exist_ok=True)
         for _ in range(TRIES):
             with os.fdopen(
                 os.open(partial, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600), "w+b"
@@ -98,7 +112,9 @@ def write(folder: Path, url: str | None, target: Path, software: str) -> BackupS
                 erased = stored.keys() - _recordings(connection).keys()
             if not erased:
                 _verify(partial)
-                os.replace(partial, target)
+                if sealed is not None:
+                    sealed_files.seal(partial, sealed, recipients)
+                os.replace(sealed or partial, target)
                 return made
         raise InputError("patients were erased while the backup was made; make it again")
     except OSError as problem:
@@ -115,7 +131,9 @@ def write(folder: Path, url: str | None, target: Path, software: str) -> BackupS
             f"the database {place_of(engine)} cannot be read ({problem.orig}){full}; no backup was made"
         ) from None
     finally:
-        partial.unlink(missing_ok=True)
+        for left in (partial, sealed):
+            if left is not None:
+                left.unlink(missing_ok=True)
         engine.dispose()
 
 
@@ -172,7 +190,7 @@ def check(source: Path) -> dict[str, Any]:
     with _open(source) as archive:
         manifest = _manifest(archive, source)
         for name, entry in manifest["files"].items():
-            _require(name, entry, _read(archive, name))
+            require_checksum(name, entry, read_entry(archive, name))
     return manifest
 
 
@@ -274,7 +292,7 @@ def _stored_pieces(folder: Path, away: ObjectStorage | None, name: str) -> Itera
     """A file's bytes from where it is: it may leave the folder for its cache, and that for good, at any moment."""
     for place in (folder, folder / CACHE):
         with contextlib.suppress(FileNotFoundError), (place / name).open("rb") as file:
-            yield from _pieces(file)
+            yield from pieces_of(file)
             return
     if away is None:
         raise FileNotFoundError(name)
@@ -306,6 +324,8 @@ def _verify(path: Path) -> None:
 
 @contextlib.contextmanager
 def _open(source: Path) -> Iterator[zipfile.ZipFile]:
+    if sealed_files.is_sealed(source):
+        raise InputError(f"{source} is sealed; name the file with its key: --key FILE")
     try:
         with zipfile.ZipFile(source) as archive:
             yield archive
@@ -352,11 +372,11 @@ def _unpack(
                 f"{name!r} in the backup lies outside the data folder; nothing was restored"
             )
         if name == DATABASE:
-            _require(name, entry, _read(archive, name))
+            require_checksum(name, entry, read_entry(archive, name))
         else:
             path.parent.mkdir(parents=True, exist_ok=True)
             with path.open("xb") as target:
-                _require(name, entry, _write_pieces(_read(archive, name), target))
+                require_checksum(name, entry, write_pieces(read_entry(archive, name), target))
         done += entry["bytes"]
         progress(done / whole)
 
@@ -369,35 +389,3 @@ def _fill(engine: Engine, lines: Iterable[bytes]) -> None:
         raise InputError(
             f"the rows in the backup are not those of a Handscope database ({type(problem).__name__} {problem}); nothing was restored"
         ) from problem
-
-
-def _read(archive: zipfile.ZipFile, name: str) -> Iterator[bytes]:
-    """A file's bytes; BadZipFile also where the archive points outside itself, or its disk does not give them."""
-    try:
-        with archive.open(name) as file:
-            yield from _pieces(file)
-    except OSError as problem:
-        raise zipfile.BadZipFile(f"{name}: {problem.strerror}") from problem
-
-
-def _write_pieces(pieces: Iterable[bytes], target: IO[bytes]) -> Iterator[bytes]:
-    for piece in pieces:
-        target.write(piece)
-        yield piece
-    target.flush()
-    os.fsync(target.fileno())
-
-
-def _require(name: str, entry: dict[str, Any], pieces: Iterable[bytes]) -> None:
-    total = hashlib.sha256()
-    for piece in pieces:
-        total.update(piece)
-    if total.hexdigest() != entry["sha256"]:
-        raise InputError(
-            f"{name} in the backup is not what was backed up: its checksum is another; nothing was restored"
-        )
-
-
-def _pieces(file: IO[bytes]) -> Iterator[bytes]:
-    while piece := file.read(PIECE):
-        yield piece

@@ -1,0 +1,119 @@
+"""Files that only the holder of a key opens: backups in the format age (age-encryption.org/v1, which the program `age` reads and writes, too).
+
+A file is sealed for one or more recipients (`age1...`); the server knows those alone, and cannot open what it has sealed. The key
+(`AGE-SECRET-KEY-1...`) lies in a file that its owner keeps elsewhere.
+"""
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from handscope.estimators.errors import InputError
+
+MAGIC = b"age-encryption.org/"
+ENDING = ".age"
+MISSING = 'encryption is not installed; install it with pip install "handscope[encryption]"'
+
+
+def is_sealed(path: Path) -> bool:
+    """Whether a file begins as such a file does."""
+    with contextlib.suppress(OSError), path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
+    return False
+
+
+def seal(source: Path, target: Path, recipients: Sequence[str]) -> None:
+    """Seal a file, which stays as it is; InputError where a recipient is none."""
+    pyrage = _library()
+    try:
+        known = [pyrage.x25519.Recipient.from_str(r.strip()) for r in recipients]
+    except pyrage.RecipientError:
+        raise InputError(
+            "a recipient is the line age1... that handscope backup-key make prints, not a key"
+        ) from None
+    os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600))
+    pyrage.encrypt_file(str(source), str(target), known)
+    with target.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+def unseal(source: Path, target: Path, keys: Sequence[Path]) -> None:
+    """Open a sealed file into another; InputError where no key fits, or the file was changed."""
+    pyrage = _library()
+    identities = [identity for file in keys for identity in _read_keys(file)]
+    os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600))
+    try:
+        pyrage.decrypt_file(str(source), str(target), identities)
+    except pyrage.DecryptError as problem:
+        target.unlink(missing_ok=True)
+        raise InputError(
+            f"{source} is not opened by this key ({problem}); name the one it was sealed for"
+        ) from None
+    except OSError as problem:
+        target.unlink(missing_ok=True)
+        raise InputError(f"{source} cannot be opened: {problem}; was it damaged?") from None
+
+
+@contextlib.contextmanager
+def unsealed(source: Path, keys: Sequence[Path], beside: Path | None = None) -> Iterator[Path]:
+    """The file as it is; a sealed one opened, in a private folder within `beside` that goes again."""
+    if not is_sealed(source):
+        yield source
+        return
+    if not keys:
+        raise InputError(f"{source} is sealed; name the file with its key: --key FILE")
+    with tempfile.TemporaryDirectory(prefix=".handscope-", dir=beside) as folder:
+        plain = Path(folder) / source.name.removesuffix(ENDING)
+        unseal(source, plain, keys)
+        yield plain
+
+
+def make_key(file: Path) -> str:
+    """A new key in a file that is its owner's alone; gives its recipient."""
+    identity = _library().x25519.Identity.generate()
+    recipient = str(identity.to_public())
+    try:
+        handle = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError:
+        raise InputError(f"{file} is there already; keys are not overwritten") from None
+    except OSError as problem:
+        raise InputError(f"{file} cannot be written: {problem.strerror}") from None
+    with os.fdopen(handle, "w") as out:
+        out.write(f"# recipient: {recipient}\n{identity}\n")
+    return recipient
+
+
+def reseal(file: Path, keys: Sequence[Path], recipients: Sequence[str]) -> None:
+    """Seal a file for other recipients, in its place; what was sealed before is gone only when the new one can be read."""
+    if not is_sealed(file):
+        raise InputError(f"{file} is not sealed")
+    partial = file.with_name(f".{file.name}.partial")
+    try:
+        with unsealed(file, keys, file.parent) as plain:
+            seal(plain, partial, recipients)
+        os.replace(partial, file)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _read_keys(file: Path) -> list[Any]:
+    pyrage = _library()
+    try:
+        lines = [line.strip() for line in file.read_text("utf-8").splitlines()]
+        found = [line for line in lines if line and not line.startswith("#")]
+        return [pyrage.x25519.Identity.from_str(line) for line in found]
+    except OSError as problem:
+        raise InputError(f"the key {file} cannot be read: {problem.strerror}") from None
+    except (UnicodeDecodeError, pyrage.IdentityError):
+        raise InputError(f"{file} holds no key (AGE-SECRET-KEY-1...)") from None
+
+
+def _library() -> Any:
+    try:
+        import pyrage
+    except ImportError:
+        raise InputError(MISSING) from None
+    return pyrage
