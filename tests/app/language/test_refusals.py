@@ -27,6 +27,8 @@ COMMAND_LINE = (
         "sessions/tables_io/array_cells.py",
         "sessions/tables_io/array_table.py",
         "sessions/store/backup.py",
+        "sessions/store/archive_entries.py",
+        "sessions/store/sealed_files.py",
         "sessions/formats/c3d.py",
         "sessions/formats/landmarks.py",
         "sessions/tables_io/calibration_result.py",
