@@ -8,6 +8,7 @@ from handscope.sessions.store import sealed_files
 
 
 def add(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     make = actions.add_parser("make", help="a new key; prints the recipient that backups name")
     make.add_argument(
@@ -20,6 +21,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Do it; 0."""
     if arguments.action == "make":
         recipient = sealed_files.make_key(arguments.key)
         say(

@@ -21,6 +21,7 @@ def read_entry(archive: zipfile.ZipFile, name: str) -> Iterator[bytes]:
 
 
 def write_pieces(pieces: Iterable[bytes], target: IO[bytes]) -> Iterator[bytes]:
+    """Pass the pieces on as they are written; they are on the disk at the end."""
     for piece in pieces:
         target.write(piece)
         yield piece
@@ -29,6 +30,7 @@ def write_pieces(pieces: Iterable[bytes], target: IO[bytes]) -> Iterator[bytes]:
 
 
 def require_checksum(name: str, entry: dict[str, Any], pieces: Iterable[bytes]) -> None:
+    """InputError where the pieces are not those of the manifest's entry."""
     total = hashlib.sha256()
     for piece in pieces:
         total.update(piece)
@@ -39,5 +41,6 @@ def require_checksum(name: str, entry: dict[str, Any], pieces: Iterable[bytes]) 
 
 
 def pieces_of(file: IO[bytes]) -> Iterator[bytes]:
+    """A file's bytes."""
     while piece := file.read(PIECE):
         yield piece
