@@ -12,9 +12,11 @@ from handscope.app.analysis.result import Result
 from handscope.app.options import with_options
 from handscope.estimators.data.samples import Recording
 from handscope.estimators.errors import InputError as InputError
+from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.methods import ALL_METHODS, DEFAULT
 from handscope.estimators.pipeline.check import check_processed
+from handscope.estimators.pipeline.process import Processed
 from handscope.estimators.pipeline.process import process as process_recording
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings as formats_recordings
@@ -46,9 +48,19 @@ def process(recording: Source, method: str = DEFAULT, **options: Any) -> Result:
     chosen = ALL_METHODS[method]
     params = with_options(chosen.Params, options)
     made = check_processed(process_recording(chosen, params, samples), samples)
-    for message in made.warnings:
+    for message in _once_a_code(made):
         warnings.warn(message, stacklevel=2)
     return Result(samples, made, method, params)
+
+
+def _once_a_code(made: Processed) -> list[str]:
+    """Warnings, of suspicions with one code the first; `Processed.warnings` has all."""
+    seen, more = set[str](), set[str]()
+    for suspicion in made.suspicions:
+        if suspicion.message.code in seen:
+            more.add(sentence(suspicion.message))
+        seen.add(suspicion.message.code)
+    return [w for w in made.warnings if w not in more]
 
 
 def measure(

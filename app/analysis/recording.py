@@ -10,11 +10,11 @@ import numpy as np
 
 from handscope.estimators.data.samples import ACC, GYR, MAG, TRACKED_POINTS, Block, Event, Stream
 from handscope.estimators.errors import InputError
-from handscope.estimators.fault_detection.check import check_recording
 from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import HANDS, JOINTS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.pipeline.check import suspicions_of
 from handscope.sessions import motion_bids
 from handscope.sessions.files import frames
 from handscope.sessions.files.recording import LoadedRecording
@@ -68,8 +68,8 @@ class AnalysisRecording:
         self._add(Event(onset, duration, "task", {"task_name": name}))
 
     def check(self) -> Any:
-        """What the checks find: a table with severity, code, sensors, words and probability without the fault."""
-        found = check_recording([b for b in self.loaded.samples.values() if len(b.t)])
+        """What the checks find, the hand and its poses as they are declared: a table with severity, code, sensors, words and probability without the fault."""
+        found = suspicions_of(self.loaded)
         return frames.frame(
             {
                 "severity": [s.message.severity for s in found],

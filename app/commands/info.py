@@ -5,13 +5,8 @@ import argparse
 from handscope.app.commands.methods import add_recording
 from handscope.app.commands.shortfalls import shortfalls
 from handscope.app.commands.words import say
-from handscope.estimators.data.calibration import Calibration
-from handscope.estimators.errors import InputError
-from handscope.estimators.fault_detection.check import check_recording
 from handscope.estimators.fault_detection.words import sentence
-from handscope.estimators.methods import m2
-from handscope.estimators.pipeline.recording_calibration import calibrate
-from handscope.sessions.files.recording import LoadedRecording
+from handscope.estimators.pipeline.check import suspicions_of
 from handscope.sessions.formats import recordings as formats_recordings
 
 
@@ -39,16 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     for shortfall in shortfalls(recording):
         say(f"warning: {shortfall}")
-    blocks = [block for block in recording.samples.values() if len(block.t)]
-    for suspicion in check_recording(blocks, recording, _calibrations(recording)):
+    for suspicion in suspicions_of(recording):
         say(f"{suspicion.message.severity}: {sentence(suspicion.message)}")
     say(f"sha256 {recording.checksum}")
     return 0
-
-
-def _calibrations(recording: LoadedRecording) -> list[Calibration]:
-    """How sensors sit on their segments by the recording's poses; none where they do not tell it."""
-    try:
-        return calibrate(m2.Params(), recording)[0]
-    except InputError:
-        return []

@@ -164,6 +164,12 @@ SENTENCES = {
         "the initial pose again; what was measured after {start} s is not to be trusted for "
         "its joints."
     ),
+    "joint.beyond_reach": (
+        "{joint}: by its two sensors alone its {angle} would go {beyond_deg} deg beyond {limit_deg} "
+        "deg, the limit of this joint, between {start} s and {stop} s. One of the two is probably "
+        "late, exchanged, turned on its segment or read wrong; check both and record again. If "
+        "this person's joint does go there, the recording is right."
+    ),
     "fingers.exchanged": (
         "The strips of {first} and {second} are probably exchanged: their knuckles lie where "
         "the other's should (without an exchange, less than 1 of {odds} recordings reads so)."

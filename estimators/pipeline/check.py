@@ -10,14 +10,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.deviations import widen_faulty
 from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import Recording
 from handscope.estimators.data.trajectory import Flag, Trajectory
+from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.check import as_findings, check_recording
+from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import SEGMENT
+from handscope.estimators.methods import m2
+from handscope.estimators.pipeline.free_joints import check_joints
 from handscope.estimators.pipeline.process import Processed, whole_of
+from handscope.estimators.pipeline.recording_calibration import calibrate
 
 EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and ends a little later than they say
 
@@ -27,7 +33,7 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
 
     Flags are written into the trajectory in place; standard deviations are widened (data/deviations.py).
     """
-    suspicions = check_recording(whole_of(recording), recording, processed.calibrations)
+    suspicions = suspicions_of(recording, processed.calibrations)
     findings = as_findings(suspicions)
     flag_segments(processed.trajectory, findings)
     trajectory = processed.trajectory
@@ -43,6 +49,43 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
         findings=(*processed.findings, *findings),
         suspicions=tuple(suspicions),
     )
+
+
+def suspicions_of(
+    recording: Recording, calibrations: Sequence[Calibration] | None = None
+) -> list[Suspicion]:
+    """What is probably wrong with a recording, by its readings and by what joints can do.
+
+    Parameters
+    ----------
+    recording : Recording
+        With what is declared of it.
+    calibrations : sequence of Calibration, optional
+        As they were used; without them those of its initial poses, where these tell any.
+
+    Returns
+    -------
+    list of Suspicion
+        Of a sensor that one names nothing more is suspected by its joints; questions (severity `info`) last.
+    """
+    known = calibrations_of(recording) if calibrations is None else calibrations
+    found = check_recording(whole_of(recording), recording, known)
+    named = {n for s in found if s.message.severity != "info" for n in s.sensors}
+    found += [s for s in check_joints(recording, known) if _is_asked(s) or not named & {*s.sensors}]
+    return sorted(found, key=_is_asked)
+
+
+def calibrations_of(recording: Recording) -> list[Calibration]:
+    """How sensors sit on their segments by the recording's poses; none where they do not tell it."""
+    try:
+        return calibrate(m2.Params(), recording)[0]
+    except InputError:
+        return []
+
+
+def _is_asked(suspicion: Suspicion) -> bool:
+    """Whether it is a question rather than a fault."""
+    return suspicion.message.severity == "info"
 
 
 def flag_segments(trajectory: Trajectory, findings: Sequence[Finding]) -> None:

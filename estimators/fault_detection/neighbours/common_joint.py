@@ -36,6 +36,7 @@ CLEAR = (
 BETWEEN = 0.15  # rad, error of the rotation between two sensors within a window; ours
 ACC_SCALE = 0.02  # m/s^2 that scale errors of accelerometers make while gravity turns in them, as far as it goes with the movement; ours
 GRAVITY_OFF = 0.04  # m/s^2 a radian of turn: scale and cross-axis errors of 0.4 % of gravity; twice those of a calibrated MPU-9250
+SCALE_OFF = 0.04  # m/s^2 an axis: scales of two accelerometers 0.5 % off each, along gravity, which no common bias takes away
 TURNS = 0.5  # 1/s^2, root mean square of what a window adds to an arm of 1 m along an axis: less is noise rather than movement
 ACC_BIAS = 0.1  # m/s^2, standard deviation of an accelerometer axis
 FLOOR = 0.015  # m/s^2, of an axis: noise of an accelerometer at 25 Hz and what a second of integrated rates leaves; size ours
@@ -80,7 +81,7 @@ class Couple:
         """Mean square (K,) that a joint of intact sensors leaves: skin moves its place, scale errors turn with gravity."""
         skin = ARM * SKIN * np.maximum(self.pulled, self.turning)
         turn = np.maximum(self.first.turn, self.second.turn)
-        return np.asarray(FLOOR**2 + skin**2 + (GRAVITY_OFF * turn) ** 2)
+        return np.asarray(FLOOR**2 + SCALE_OFF**2 + skin**2 + (GRAVITY_OFF * turn) ** 2)
 
     @cached_property
     def left_by_gravity(self) -> Array:

@@ -9,13 +9,15 @@ Limits  within +-`FURTHEST` s; a finger that moves while the hand rests tells no
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handscope.estimators.fault_detection.neighbours import paired_test
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.numerics.typing import Array
 
-FURTHEST, COARSE = 0.36, 0.04  # s
+FURTHEST, COARSE, FINE = 0.36, 0.04, 0.01  # s
+FINER = 2  # steps of FINE beside the best coarse lag, between which a parabola has it
 PARTS = 8  # of the recording, at whose edges a delay may begin or end
 TOLERATED = 0.02  # s: clocks of strips and a sample at 50 Hz
 MARGIN = 0.4  # of the mean log ratio of a joint: as much as skin may favour a delay; ours
@@ -48,7 +50,7 @@ def find(pairs: Pairs) -> list[Delay]:
         *((float(e), end) for e in edges[1:-1]),
         *((begin, float(e)) for e in edges[1:-1]),
     ]
-    count = len(_groups(pairs)) * len(lags) * len(spans)
+    count = len(_groups(pairs)) * (len(lags) + 2 * FINER) * len(spans)
     found: list[Delay] = []
     curves: Curves = {}
     poor = [j for j in pairs.joints if pairs.is_poor(*j)]
@@ -94,16 +96,17 @@ def _best(
     for key in touched:  # the parent late is the child early
         if key not in known:
             known[key] = _curve(pairs, key[0], lags, key[1])
-    curves = [known[key] for key in touched]
-    rest, noise = (
-        np.array([c[k] for c in curves])[:, :, inside] for k in (0, 1)
-    )  # (joints, lags, K)
-    noise = noise.max(axis=1, keepdims=True)
-    total = np.nansum(paired_test.log_rest(rest, noise), axis=(0, 2))
+    rest, noise, total = _together([known[key] for key in touched], inside)
     k, zero = int(np.argmin(total)), len(lags) // 2
     if abs(lags[k]) <= TOLERATED or k in (0, len(lags) - 1):
         return Delay(group, 0.0, 1.0, 0.0, span)
-    before, after, noise = rest[:, zero], rest[:, k], noise[:, 0]
+    before, noise, late = rest[:, zero], noise[:, 0], _vertex(lags, total, k)
+    fine = np.asarray(np.round(late / FINE + np.arange(-FINER, FINER + 1)) * FINE, float)
+    nearer, _, by_fine = _together([_curve(pairs, j, fine, s) for j, s in touched], inside)
+    after, late = (
+        nearer[:, int(np.argmin(by_fine))],
+        _vertex(fine, by_fine, int(np.argmin(by_fine))),
+    )
     is_known = np.isfinite(before + after)
     gain = np.where(
         is_known, paired_test.log_rest(before, noise) - paired_test.log_rest(after, noise), 0.0
@@ -116,7 +119,16 @@ def _best(
     if float(np.nansum(weight * after)) > EXPLAINED * float((weight * noise)[is_known].sum()):
         return Delay(group, 0.0, 1.0, 0.0, span)
     p = paired_test.p_value(gain / np.maximum(is_known.sum(axis=0), 1), MARGIN, weight)
-    return Delay(group, _vertex(lags, total, k), p, float(gain @ (weight > 0)), span)
+    return Delay(group, late, p, float(gain @ (weight > 0)), span)
+
+
+def _together(
+    curves: list[tuple[Array, Array]], inside: NDArray[np.bool_]
+) -> tuple[Array, Array, Array]:
+    """What joints leave over (joints, lags, K), the noise in it, and the logarithm of all (lags,)."""
+    rest, noise = (np.array([c[k] for c in curves])[:, :, inside] for k in (0, 1))
+    noise = noise.max(axis=1, keepdims=True)
+    return rest, noise, np.nansum(paired_test.log_rest(rest, noise), axis=(0, 2))
 
 
 def _vertex(lags: Array, total: Array, k: int) -> float:

@@ -104,7 +104,9 @@ def _touched(pairs: Pairs, order: Order) -> list[tuple[str, str]]:
 def _gain(pairs: Pairs, yours: Order, mine: Order) -> tuple[Array, Array]:
     """How much better (mean log ratio of the joints) `mine` explains the joints than `yours` in each window, and how much the window tells."""
     gain, weight = _compared(pairs, _touched(pairs, {**mine, **yours}), yours, mine)
-    return gain, np.where(_is_different(pairs, yours, mine) | (weight > BEYOND), weight, 0.0)
+    shows = _is_different(pairs, yours, mine) | (weight > BEYOND)
+    turns = np.any([pairs.turns(*j) for j in _touched(pairs, {**mine, **yours})], axis=0)
+    return gain, np.where(shows & turns, weight, 0.0)  # at rest scale errors alone differ
 
 
 def _compared(

@@ -204,11 +204,11 @@ def _resting_rates(gyr: Array, whole: NDArray[np.bool_]) -> Array:
     return np.where(small[:, None], level, 0.0)
 
 
-def cut(series: Series, sensors: Sequence[str], around: int = 0) -> list[Windows]:
-    """Cut sensors' series into windows, each as many averaged instants longer at either end."""
+def cut(series: Series, sensors: Sequence[str], around: int = 0, later: int = 0) -> list[Windows]:
+    """Cut sensors' series into windows, each as many averaged instants longer at either end, and as many samples later."""
     m, columns = round(LENGTH * RATE), [series.sensors.index(s) for s in sensors]
     first, more = series.chosen * m, around * AVERAGED
-    rows = first[:, None] + np.arange(-more, m + more)
+    rows = first[:, None] + np.arange(-more, m + more) + later
     inside = (rows >= 0) & (rows < len(series.t))
     at = np.ix_(columns, np.clip(rows, 0, len(series.t) - 1).ravel())
     gyr, change, acc = (

@@ -29,7 +29,7 @@ NEAR = 0.012
 GAINED = (
     0.3  # log ratio by which a joint anywhere explains more than gravity does: movements 0.9 to 4
 )
-AROUND = 9  # averaged instants beside a window, of which delayed ones are cut: 0.36 s
+AROUND = 10  # averaged instants beside a window, of which delayed ones are cut: 0.4 s
 POOR = 2.0  # times its noise that a joint leaves over the recording; only then other descriptions are tried
 UNEXPLAINED = 3.0  # times its noise that a joint leaves in the middle of its windows; intact ones leave about one
 
@@ -45,7 +45,7 @@ class Pairs:
     _speed: dict[str, Array] = field(default_factory=dict)
     _windows: dict[tuple[str, float], Windows] = field(default_factory=dict)
     _regions: dict[tuple[str, str, tuple[str, str]], Region] = field(default_factory=dict)
-    _around: dict[str, Windows] = field(default_factory=dict)
+    _around: dict[tuple[str, int], Windows] = field(default_factory=dict)
     _joints: dict[tuple[str, str, tuple[str, str] | None, float], Joint] = field(
         default_factory=dict
     )
@@ -82,15 +82,17 @@ class Pairs:
                 cut = joint_windows.cut(self.series, self.series.sensors)
                 self._windows.update({(s, late): w for s, w in zip(self.series.sensors, cut)})
             else:
-                step = round(late * joint_windows.RATE / joint_windows.AVERAGED)
-                count = self.windows(sensor).force.shape[1]
-                self._windows[sensor, late] = self._longer(sensor).within(AROUND + step, count)
+                step, part = divmod(round(late * joint_windows.RATE), joint_windows.AVERAGED)
+                count, longer = self.windows(sensor).force.shape[1], self._longer(sensor, part)
+                self._windows[sensor, late] = longer.within(AROUND + step, count)
         return self._windows[sensor, late]
 
-    def _longer(self, sensor: str) -> Windows:
-        if sensor not in self._around:
-            (self._around[sensor],) = joint_windows.cut(self.series, (sensor,), AROUND)
-        return self._around[sensor]
+    def _longer(self, sensor: str, later: int) -> Windows:
+        """A sensor's windows with AROUND more instants on either side, by some samples later."""
+        if (sensor, later) not in self._around:
+            (cut,) = joint_windows.cut(self.series, (sensor,), AROUND, later)
+            self._around[sensor, later] = cut
+        return self._around[sensor, later]
 
     def use(self, a: str, b: str, late: float = 0.0) -> NDArray[np.bool_]:
         """Windows (K,) in which both have samples."""
