@@ -19,8 +19,8 @@ from handscope.estimators.magnet.tracker.initialisation import Setup
 from handscope.estimators.magnet.tracker.options import MagnetParams
 from handscope.estimators.magnet.tracker.tracker import Readings
 from handscope.estimators.numerics.jit import load_kernels
-from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import process
+from handscope.estimators.recording_checks.check import check_processed
 from handscope.estimators.simulation import artificial_finger, magnet
 from handscope.estimators.simulation.magnetic_field import EARTH, homogeneous
 from handscope.estimators.simulation.sensors import SensorErrors

@@ -76,6 +76,7 @@ LEVELS = {  # a package imports packages of lower levels only
             "magnet.pipeline measures",
             "pipeline",
             "methods",
+            "recording_checks",
         ),
     ),
     "handscope.sessions": (

@@ -15,9 +15,9 @@ from handscope.estimators.errors import InputError as InputError
 from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.methods import ALL_METHODS, DEFAULT
-from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import Processed
 from handscope.estimators.pipeline.process import process as process_recording
+from handscope.estimators.recording_checks.check import check_processed
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.motion_bids import kinematics

@@ -14,7 +14,7 @@ from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import HANDS, JOINTS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.pipeline.check import suspicions_of
+from handscope.estimators.recording_checks.check import suspicions_of
 from handscope.sessions import motion_bids
 from handscope.sessions.files import frames
 from handscope.sessions.files.recording import LoadedRecording

@@ -6,7 +6,7 @@ from handscope.app.commands.methods import add_recording
 from handscope.app.commands.shortfalls import shortfalls
 from handscope.app.commands.words import say
 from handscope.estimators.fault_detection.words import sentence
-from handscope.estimators.pipeline.check import suspicions_of
+from handscope.estimators.recording_checks.check import suspicions_of
 from handscope.sessions.formats import recordings as formats_recordings
 
 

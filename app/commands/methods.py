@@ -12,9 +12,9 @@ from handscope.app.workers.deadline import LIMIT, limit_time
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
 from handscope.estimators.methods import ALL_METHODS, DEFAULT
-from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.method import AnyMethod
 from handscope.estimators.pipeline.process import Processed, process
+from handscope.estimators.recording_checks.check import check_processed
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.tables_io import calibration_result

@@ -18,8 +18,8 @@ from handscope.app.workers.deadline import LIMIT, limit_time
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.methods import ALL_METHODS
-from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import process
+from handscope.estimators.recording_checks.check import check_processed
 from handscope.sessions.files.native import SUFFIX, file_checksum
 from handscope.sessions.formats import derivative
 from handscope.sessions.formats import recordings as formats_recordings

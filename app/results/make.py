@@ -36,8 +36,8 @@ from handscope.estimators.measures.plot_data import PlotData, thin_curves
 from handscope.estimators.measures.tapping import Tapping
 from handscope.estimators.methods import ALL_METHODS
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import Processed, process
+from handscope.estimators.recording_checks.check import check_processed
 from handscope.sessions.clinic import corrections, references, self_calibrations, trunk_height
 from handscope.sessions.clinic.results import UNFINISHED, begin, fail
 from handscope.sessions.db.full_disk import FULL, is_full

@@ -13,8 +13,8 @@ from handscope.estimators.measures.accuracy import DEFAULT, with_sd
 from handscope.estimators.measures.figure import grade_of
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.pipeline.check import check_processed
 from handscope.estimators.pipeline.process import process
+from handscope.estimators.recording_checks.check import check_processed
 from handscope.estimators.simulation.experiments import EXPERIMENTS, record_experiment
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors

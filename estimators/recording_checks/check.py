@@ -21,9 +21,9 @@ from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.methods import m2
-from handscope.estimators.pipeline.free_joints import check_joints
 from handscope.estimators.pipeline.process import Processed, whole_of
 from handscope.estimators.pipeline.recording_calibration import calibrate
+from handscope.estimators.recording_checks.free_joints import check_joints
 
 EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and ends a little later than they say
 

@@ -9,9 +9,9 @@ from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.pipeline import free_joints
-from handscope.estimators.pipeline.free_joints import Exchanged, check_joints
 from handscope.estimators.pipeline.recording_calibration import calibrate
+from handscope.estimators.recording_checks import free_joints
+from handscope.estimators.recording_checks.free_joints import Exchanged, check_joints
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
 from tests.simulated import pose_and_wiggle
