@@ -23,9 +23,7 @@ def serve(parts: "Parts", host: str, port: int) -> tuple[Any, Any]:
         from prometheus_client import CollectorRegistry, ProcessCollector, start_http_server
         from prometheus_client.registry import Collector
     except ImportError:
-        raise InputError(
-            "metrics need the package prometheus-client: pip install 'handscope[metrics]'"
-        ) from None
+        raise InputError("server.metrics_need_package_prometheus") from None
 
     class Figures(Collector):  # type: ignore[misc]  # mypy does not follow the package
         def collect(self) -> Iterator[Any]:
@@ -38,7 +36,10 @@ def serve(parts: "Parts", host: str, port: int) -> tuple[Any, Any]:
         server, thread = start_http_server(port, host, registry)
     except OSError as problem:
         raise InputError(
-            f"metrics cannot be served on {host} port {port} ({problem.strerror}); choose another --metrics port"
+            "server.metrics_cannot_served_port",
+            host=host,
+            port=port,
+            strerror=str(problem.strerror),
         ) from None
     return server, thread
 

@@ -13,9 +13,7 @@ def with_options(params_type: type, given: Mapping[str, Any]) -> Any:
     descriptions = {d.name: d for d in describe(params_type)}
     unknown = [name for name in given if name not in descriptions]
     if unknown:
-        raise InputError(
-            f"there is no option {unknown[0]!r}; options are {', '.join(descriptions)}"
-        )
+        raise InputError("option.no_option", name=unknown[0], options=", ".join(descriptions))
     return replace(
         params_type(), **{name: _value(descriptions[name], value) for name, value in given.items()}
     )
@@ -27,7 +25,7 @@ def parse(pairs: list[str]) -> dict[str, str]:
     for pair in pairs:
         key, equals, value = pair.partition("=")
         if not equals or not key:
-            raise InputError(f"option {pair!r} is not of the form key=value")
+            raise InputError("option.form", pair=pair)
         given[key] = value
     return given
 
@@ -46,21 +44,30 @@ def help_text(params_type: type) -> str:
 def _value(d: Description, value: Any) -> Any:
     text = str(value).strip()
     if d.choices and text not in d.choices:
-        raise InputError(f"option {d.name} is {text!r}; it is one of {', '.join(d.choices)}")
+        raise InputError("option.not_one_of", name=d.name, value=text, values=", ".join(d.choices))
     if d.kind == "bool":
         if text.lower() not in ("true", "false", "yes", "no", "1", "0", "on", "off"):
-            raise InputError(f"option {d.name} is {text!r}; it is true or false")
+            raise InputError("option.not_a_boolean", name=d.name, value=text)
         return text.lower() in ("true", "yes", "1", "on")
     if d.kind in ("float", "int"):
         try:
             number = float(text) if d.kind == "float" else int(text)
         except ValueError:
-            raise InputError(
-                f"option {d.name} is {text!r}; it is a number{' in ' + d.unit if d.unit else ''}"
-            ) from None
+            if d.unit:
+                raise InputError(
+                    "option.not_a_number_in", name=d.name, value=text, unit=d.unit
+                ) from None
+            raise InputError("option.not_a_number", name=d.name, value=text) from None
         if not d.least <= number <= d.most:
-            raise InputError(
-                f"option {d.name} is {text!r}; it is between {d.least:g} and {d.most:g}{' ' + d.unit if d.unit else ''}"
-            )
+            if d.unit:
+                raise InputError(
+                    "option.outside_in",
+                    name=d.name,
+                    value=text,
+                    unit=d.unit,
+                    least=d.least,
+                    most=d.most,
+                )
+            raise InputError("option.outside", name=d.name, value=text, least=d.least, most=d.most)
         return number
     return text

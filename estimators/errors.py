@@ -6,8 +6,8 @@ from handscope.estimators.messages import Message, Value, english_texts, render_
 class InputError(Exception):
     """A mistake in what the user gave us: says what happened, to which data, and what to do.
 
-    `InputError("motion_bids.not_utf8", name=file)` has the words of its code in every language. A whole English
-    sentence is accepted from rooms whose messages have no codes yet; `message` is None then.
+    `InputError("motion_bids.not_utf8", name=file)` has the words of its code in every language. A finished
+    sentence is accepted too, such as another program's; `message` is None then.
     """
 
     message: Message | None

@@ -42,7 +42,7 @@ def process(recording: Source, method: str = DEFAULT, **options: Any) -> Result:
     else is to be known about the result, reaches the caller by `warnings.warn`, too.
     """
     if method not in ALL_METHODS:
-        raise InputError(f"there is no method {method!r}; methods are {', '.join(ALL_METHODS)}")
+        raise InputError("analysis.no_method", name=method, methods=", ".join(ALL_METHODS))
     opened: Any = load(recording) if isinstance(recording, (str, PathLike)) else recording
     samples = opened.loaded if isinstance(opened, AnalysisRecording) else opened
     chosen = ALL_METHODS[method]
@@ -76,8 +76,8 @@ def truth(path: str | PathLike[str], hand: Hand | None = None) -> Movement:
     files = open_files(Path(path))
     names = [n for n in sorted(files) if n.endswith("_desc-truth_motion.tsv")]
     if not names:
-        raise InputError(f"{path} has no truth beside it; `handscope simulate` writes one")
+        raise InputError("analysis.has_no_truth_beside", path=str(path))
     found = kinematics.load(files, names[0], hand).trajectory
     if found is None:
-        raise InputError(f"{path}: {names[0]} holds no movement")
+        raise InputError("analysis.holds_no_movement", path=str(path), names=names[0])
     return Movement(found)

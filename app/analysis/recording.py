@@ -55,10 +55,10 @@ class AnalysisRecording:
             f"{j.name}_{a}{sd}_deg" for j in JOINTS for a in _freedoms(j) for sd in ("", "_sd")
         }
         if wrong := sorted(set(details) - known):
-            raise InputError(f"{wrong[0]} is no angle of a pose; such as index_mcp_deviation_deg")
+            raise InputError("analysis.no_angle_pose", wrong=wrong[0])
         if thumb_cmc_deg is not None:
             if len(thumb_cmc_deg) != 3:
-                raise InputError("thumb_cmc_deg has three angles: flexion, deviation, pronation")
+                raise InputError("analysis.thumb_cmc_deg_has")
             names = ("flexion", "deviation", "pronation")
             details |= {f"thumb_cmc_{n}_deg": float(v) for n, v in zip(names, thumb_cmc_deg)}
         self._add(Event(onset, duration, "initial_pose", details))
@@ -84,7 +84,7 @@ class AnalysisRecording:
         """Write it as Motion-BIDS: a folder, or a zip where the name ends so."""
         for name, label in (("subject", subject), ("task", task)):
             if not label.isalnum():
-                raise InputError(f"{name} {label!r} may have letters and digits only")
+                raise InputError("analysis.may_have_letters_digits", name=name, label=label)
         motion_bids.write(self.loaded, Path(path), subject, task)
 
     def _add(self, event: Event) -> None:
@@ -92,7 +92,12 @@ class AnalysisRecording:
         start, end = min(a for a, _ in spans), max(b for _, b in spans)
         if not (event.duration > 0 and start <= event.onset and event.end <= end + 1e-6):
             raise InputError(
-                f"{event.trial_type} from {event.onset:g} s for {event.duration:g} s is not within the recording ({start:g} to {end:g} s); give onset and duration"
+                "analysis.event_outside",
+                trial_type=event.trial_type,
+                onset=event.onset,
+                duration=event.duration,
+                start=start,
+                end=end,
             )
         self.loaded = self.loaded.with_events((*self.loaded.events, event))
 
@@ -122,17 +127,15 @@ def from_arrays(
     ['initial_pose']
     """
     if hand not in HANDS:
-        raise InputError(f"hand is {hand!r}; it is left or right")
+        raise InputError("analysis.hand_unknown", hand=hand)
     time = np.asarray(t, float)
     if time.ndim != 1 or len(time) < 2 or not (np.diff(time) > 0).all():
-        raise InputError("t has one time a sample, s, each later than the one before")
+        raise InputError("analysis.t_has_one_time")
     names = tuple(segments)
     if wrong := [s for s in names if s not in TRACKED_POINTS]:
-        raise InputError(
-            f"there is no segment {wrong[0]!r}; segments are named as in docs/conventions.md"
-        )
+        raise InputError("analysis.no_segment", wrong=wrong[0])
     if len(set(names)) < len(names):
-        raise InputError("segments names one twice; every sensor has a segment of its own")
+        raise InputError("analysis.segments_names_one_twice")
     given = [(GYR, gyr, gyr_unit), (ACC, acc, acc_unit)]
     given += [(MAG, mag, mag_unit)] if mag is not None else []
     values = [_si(kind, array, unit, (len(time), len(names), 3)) for kind, array, unit in given]
@@ -152,10 +155,14 @@ def from_arrays(
 
 def _si(kind: str, array: Any, unit: str, shape: tuple[int, int, int]) -> Array:
     if unit not in UNITS[kind]:
-        raise InputError(f"{kind}_unit is {unit!r}; units are {', '.join(UNITS[kind])}")
+        raise InputError(
+            "analysis.unknown_unit", kind=kind, unit=unit, units=", ".join(UNITS[kind])
+        )
     values = np.asarray(array, float)
     if values.shape != shape:
-        raise InputError(f"{kind} has the shape {values.shape}; (samples, sensors, 3) is {shape}")
+        raise InputError(
+            "analysis.array_shape", kind=kind, shape=str(values.shape), shape2=str(shape)
+        )
     return values * UNITS[kind][unit]
 
 

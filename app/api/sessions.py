@@ -383,7 +383,7 @@ def correction_row(c: Correction) -> CorrectionRow:
 def _closed(db: Db, recording_id: int) -> RecordingFile:
     file = db.get(RecordingFile, recording_id)
     if file is None or file.sha256 is None:
-        raise InputError(f"there is no closed recording {recording_id}")
+        raise InputError("api.no_closed_recording", number=recording_id)
     return file
 
 
@@ -405,7 +405,7 @@ def _queue(
     db: Db, parts: Parts, session: PatientSession, method: str, options: dict[str, Any]
 ) -> Result:
     if method not in ALL_METHODS:
-        raise InputError(f"there is no method {method!r}; methods are {', '.join(ALL_METHODS)}")
+        raise InputError("analysis.no_method", name=method, methods=", ".join(ALL_METHODS))
     params = with_options(ALL_METHODS[method].Params, options)
     changed = {
         d.name: getattr(params, d.name)
@@ -414,7 +414,7 @@ def _queue(
     }
     closed = [f for f in session.recordings if f.sha256]
     if not closed:
-        raise InputError("the session has no closed recording to process")
+        raise InputError("api.session_has_no_closed")
     result = results.find_matching(db, closed[-1], method, changed, software_version())
     if result.state == "queued":
         parts.jobs.process(result.id)
@@ -458,7 +458,5 @@ async def _chunks(file: UploadFile, most: int) -> AsyncIterator[bytes]:
     while chunk := await file.read(CHUNK):
         total += len(chunk)
         if total > most:
-            raise InputError(
-                f"{file.filename} is larger than {most / 2**20:.0f} MB; split the recording"
-            )
+            raise InputError("api.upload_too_large", name=str(file.filename), size=most / 2**20)
         yield chunk

@@ -89,9 +89,7 @@ def _change(db: Session, arguments: argparse.Namespace) -> None:
         _say_code(db, arguments)
     else:
         if account.name == LOCAL or account.subject is not None:
-            raise InputError(
-                f"{account.name} has no password: it logs in with one-time codes or through single sign-on"
-            )
+            raise InputError("command.has_no_password_logs", name=account.name)
         accounts.set_password(db, account, _asked())
         logins.end_all(db, account)
 
@@ -100,9 +98,7 @@ def _say_code(db: Session, arguments: argparse.Namespace) -> None:
     """Under the address that the server runs at, or ran at last."""
     account = accounts.find_by_name(db, arguments.name)
     if account.disabled:
-        raise InputError(
-            f"{account.name} is out of use; take it into use with: handscope account enable {account.name}"
-        )
+        raise InputError("command.account_disabled", name=account.name)
     place = arguments.data / "address"
     base = place.read_text().strip() if place.exists() else ""
     say(f"{base}/login?token={logins.new_token(arguments.data, account.name)}")
@@ -113,5 +109,5 @@ def _asked() -> str:
         return sys.stdin.readline().rstrip("\n")
     password = getpass.getpass("New password: ")
     if getpass.getpass("Once more: ") != password:
-        raise InputError("the two are not the same; nothing was changed")
+        raise InputError("command.passwords_differ")
     return password

@@ -45,7 +45,9 @@ def run(arguments: argparse.Namespace) -> int:
     from handscope.app.report.content import Visit, content
 
     if arguments.report and arguments.report.suffix not in REPORTS:
-        raise InputError(f"--report {arguments.report} does not end in {' or '.join(REPORTS)}")
+        raise InputError(
+            "command.report_does_not_end", report=arguments.report, reports=" or ".join(REPORTS)
+        )
     require_folder(arguments.out)
     if arguments.report:
         require_file(arguments.report, arguments.out)

@@ -109,9 +109,7 @@ def _head_of(file: Path, keys: list[Path]) -> tuple[int, str]:
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     if not arguments.database and not (arguments.data / FILE).is_file():
-        raise InputError(
-            f"{arguments.data} has no database, so no audit trail; name the server's data folder with --data, or its database with --database"
-        )
+        raise InputError("command.has_no_database_no", data=arguments.data)
     noted = (
         [
             *arguments.against,
@@ -152,7 +150,7 @@ def run(arguments: argparse.Namespace) -> int:
 def open_audited(folder: Path, url: str | None) -> Iterator[Session]:
     """The database of a data folder, also of a server that runs, in the name of who types the command."""
     if not folder.is_dir():
-        raise InputError(f"there is no data folder {folder}; name it with --data")
+        raise InputError("command.no_data_folder", folder=str(folder))
     database = open_database(folder, url)
     with database() as db:
         audit.set_actor(db, f"command line: {getpass.getuser()}"[:64], "")

@@ -105,11 +105,9 @@ def _before(path: Path) -> dict[str, Any]:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        raise InputError(
-            f"{path} is no JSON that could take {SETUP} in; name another file"
-        ) from None
+        raise InputError("command.no_json_could_take", path=str(path), setup=SETUP) from None
     if not isinstance(found, dict) or not isinstance(found.get(SETUP, {}), dict):
-        raise InputError(f"{path} is no JSON object that could take {SETUP} in; name another file")
+        raise InputError("command.no_json_object_could", path=str(path), setup=SETUP)
     return found
 
 

@@ -147,9 +147,7 @@ def run(arguments: argparse.Namespace) -> int:
     parts = comparison.list_stretches(a.events, b.events, 0.0, span)
     found = comparison.agreements(pairs, parts)
     if not found:
-        raise InputError(
-            "the recordings share no sample of any joint at this lag; choose two recordings of one movement or another lag"
-        )
+        raise InputError("command.recordings_share_no_sample")
     compared = Compared(a.side, b.side, lag, how, tuple(found), _tips(a, b, centres, parts))
     plots = _plots(
         compared,
@@ -203,7 +201,7 @@ def _wrists(
         if words := getattr(arguments, f"wrist_{name}"):
             if moved.in_wrist:
                 raise InputError(
-                    f"{moved.side.name} tells its fingertips in the wrist's frame; --wrist-{name} is for an optical system's places"
+                    "command.tells_fingertips_wrist_frame", name=moved.side.name, name2=name
                 )
             centres[name] = tip_errors.centre_of_rotation(
                 moved.trajectory.between(*_stretch(words, name, "wrist")).tips
@@ -261,12 +259,14 @@ def _plots(compared: Compared, pairs: list[Pair], forms: set[str]) -> dict[str, 
 def _require_places(arguments: argparse.Namespace) -> None:
     if arguments.plot and arguments.plot.suffix[1:] not in PLOTS:
         raise InputError(
-            f"--plot {arguments.plot} does not end in {' or '.join('.' + form for form in PLOTS)}"
+            "command.plot_does_not_end",
+            plot=arguments.plot,
+            plots=" or ".join("." + form for form in PLOTS),
         )
     if arguments.lag is not None and not np.isfinite(arguments.lag):
-        raise InputError("--lag is a number of seconds")
+        raise InputError("command.lag_number_seconds")
     if not arguments.max_lag >= 0:
-        raise InputError("--max-lag is a number of seconds from 0 on")
+        raise InputError("command.max_lag_number_seconds")
     if arguments.out:
         require_folder(arguments.out)
     if arguments.plot:
@@ -278,12 +278,10 @@ def _both(arguments: argparse.Namespace) -> tuple[ComparedMovement, ComparedMove
     opened = {name: _opened(getattr(arguments, name), arguments.hand) for name in ("a", "b")}
     hands = {name: None if isinstance(o, Markers) else o.hand for name, o in opened.items()}
     if hands["a"] and hands["b"] and hands["a"] != hands["b"]:
-        raise InputError(
-            f"A is of the {hands['a']} hand, B of the {hands['b']} one; choose two recordings of one hand"
-        )
+        raise InputError("command.two_hands", hands=hands["a"], hands2=hands["b"])
     hand = hands["a"] or hands["b"] or arguments.hand
     if hand is None:
-        raise InputError("neither recording says which hand was measured; give --hand")
+        raise InputError("command.neither_recording_says_hand")
     poses = {
         name: _pose(() if isinstance(o, Markers | Landmarks) else o.events)
         for name, o in opened.items()
@@ -308,8 +306,12 @@ def _opened(path: Path, hand: Hand | None) -> Opened:
     if inertial or not tables:
         return formats_recordings.load(path, hand)
     if len(tables) > 1:
+        shown = [Path(t).name for t in tables[:4]] + ["..."] * (len(tables) > 4)
         raise InputError(
-            f"{path.name} holds {len(tables)} movements ({', '.join(Path(t).name for t in tables[:4])}{', ...' if len(tables) > 4 else ''}); give the path of one of their motion.tsv files"
+            "command.several_movements",
+            name=path.name,
+            count=len(tables),
+            names=", ".join(shown),
         )
     return kinematics.load(files, tables[0], hand)
 
@@ -333,18 +335,14 @@ def _load_movement(
     if isinstance(opened, LoadedRecording):
         return _processed(path, opened, given)
     if given["method"] or given["option"] or given["calibration"]:
-        raise InputError(
-            f"{path.name} is no raw recording: --method-{name}, --option-{name} and --calibration-{name} have nothing to work on"
-        )
+        raise InputError("command.no_raw_recording_method", name=path.name, name2=name)
     if isinstance(opened, Landmarks):
         return _by_landmarks(path.name, opened, hand, name if given["static"] else "")
     static = _stretch(given["static"], name, "static") if given["static"] else None
     markers = opened if isinstance(opened, Markers) else opened.markers
     if isinstance(opened, Markers) or opened.trajectory is None:
         if markers is None:
-            raise InputError(
-                f"{path.name} holds nothing of a hand: no joint angle, no segment's orientation, no marker; see docs/comparison.md"
-            )
+            raise InputError("command.holds_nothing_hand_no", name=path.name)
         side, moved = _by_markers(
             path.name,
             markers,
@@ -362,9 +360,7 @@ def _load_movement(
     moved = replace(opened.trajectory, hand=hand)
     if static:
         if opened.has_angles:
-            raise InputError(
-                f"{opened.name} tells joint angles; --static-{name} is for markers and orientations"
-            )
+            raise InputError("command.tells_joint_angles", name=opened.name, name2=name)
         moved = optical_trajectory.align(moved, _flat(static, own, other, UP[arguments.up]))
     source = (
         "joint angles"
@@ -436,7 +432,7 @@ def _by_markers(name: str, markers: Markers, hand: Hand, pose: FlatPose) -> tupl
 
 def _by_landmarks(file: str, opened: Landmarks, hand: Hand, static: str) -> ComparedMovement:
     if static:
-        raise InputError(f"{file} holds camera landmarks; --static-{static} has nothing to align")
+        raise InputError("command.holds_camera_landmarks", file=file, static=static)
     moved = landmark_trajectory.trajectory_of(opened, hand)
     limits = (landmark_trajectory.LIMITS,)
     return ComparedMovement(
@@ -451,7 +447,7 @@ def _stretch(words: str, name: str, option: str) -> tuple[float, float]:
     except ValueError:
         colon, first, last = "", 0.0, 0.0
     if not colon or not 0 <= first < last < np.inf:
-        raise InputError(f"--{option}-{name} {words!r} is not of the form START:STOP in seconds")
+        raise InputError("command.not_form_start_stop", option=option, name=name, words=words)
     return first, last
 
 
@@ -460,9 +456,7 @@ def _lag(
 ) -> tuple[Lag, str]:
     names, on_a, on_b = comparison.shared_names(a.trajectory, b.trajectory)
     if not names:
-        raise InputError(
-            f"{a.side.name} and {b.side.name} have no joint in common; choose recordings that measured the same fingers"
-        )
+        raise InputError("command.have_no_joint_common", name=a.side.name, name2=b.side.name)
     if arguments.lag is not None:
         return synchronisation.fit_at(on_a, on_b, arguments.lag), "given"
     if a.checksum and a.checksum == b.checksum:

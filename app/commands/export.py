@@ -61,12 +61,12 @@ def run(arguments: argparse.Namespace) -> int:
     for option in ("subject", "task"):
         if not getattr(arguments, option).isalnum():
             raise InputError(
-                f"--{option} {getattr(arguments, option)!r} may have letters and digits only"
+                "command.may_have_letters_digits",
+                option=option,
+                arguments=getattr(arguments, option),
             )
     if arguments.out is None and arguments.replay is None:
-        raise InputError(
-            "say what to write: --out PATH (with --format NAME), or --replay FILE.html for the movement in 3-D"
-        )
+        raise InputError("command.say_write_out_path")
     if arguments.replay is not None:
         require_file(arguments.replay)
     wanted = format_of(arguments.format)
@@ -107,7 +107,7 @@ def _write_replay(arguments: argparse.Namespace) -> None:
     moved = processed.trajectory
     if not len(moved):
         raise InputError(
-            f"{arguments.recording} gave no movement by {arguments.method}; there is nothing to replay"
+            "command.gave_no_movement", recording=arguments.recording, method=arguments.method
         )
     movement = {"t": moved.t, "angles": moved.angles, "q_GH": moved.q_GS[:, SEGMENT["hand"]]}
     chapter_list = chapters(recording.events, load_all(), ENGLISH)

@@ -206,9 +206,7 @@ def _line(
     try:
         from handscope.app.devices.virtual_glove import pseudo_terminal
     except ImportError:
-        raise InputError(
-            "this system has no pseudo-terminals; serve the glove with --tcp 127.0.0.1:0"
-        ) from None
+        raise InputError("command.system_has_no_pseudo") from None
     pseudo_terminal.require_free(arguments.pty)
     return str(arguments.pty), partial(pseudo_terminal.plug, arguments.pty)
 
@@ -229,7 +227,7 @@ def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
     )
     unknown = set(single) - {s.name for s in streams}
     if unknown:
-        raise InputError(f"--rate names the strip {unknown.pop()!r}, which is not plugged in")
+        raise InputError("command.rate_names_strip_not", unknown=unknown.pop())
     errors = (
         SensorErrors() if arguments.saturate is None else SensorErrors(gyr_range=arguments.saturate)
     )
@@ -242,14 +240,12 @@ def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
     if arguments.exchange:
         one, other = arguments.exchange
         if missing := {one, other} - {s.name for s in streams}:
-            raise InputError(
-                f"--exchange names the strip {missing.pop()!r}, which is not plugged in"
-            )
+            raise InputError("command.exchange_names_strip_not", missing=missing.pop())
         person.worn_on = {one: other, other: one}
     if arguments.task is not None:
         if arguments.task not in task_performance.TASKS:
             raise InputError(
-                f"there is no task {arguments.task!r}; tasks are {', '.join(task_performance.TASKS)}"
+                "command.no_task", task=arguments.task, tasks=", ".join(task_performance.TASKS)
             )
         person.repeat = arguments.task
     return person
@@ -261,11 +257,11 @@ def _forces(path: Path, wearer: Wearer) -> dict[str, ForceSetup]:
         table = json.loads(path.read_text("utf-8"))["ForceSetup"]
         forces = parse_setups(table)
     except OSError as problem:
-        raise InputError(f"{path} cannot be read: {problem.strerror}") from problem
-    except (ValueError, KeyError, TypeError, AttributeError) as problem:
         raise InputError(
-            f"{path.name} holds no ForceSetup; `handscope calibrate-force` writes one"
+            "file.cannot_read", name=str(path), problem=str(problem.strerror)
         ) from problem
+    except (ValueError, KeyError, TypeError, AttributeError) as problem:
+        raise InputError("command.holds_no_forcesetup", name=path.name) from problem
     require_fitting(forces, wearer.streams)
     return forces
 
@@ -277,9 +273,9 @@ def _rates(words: list[str]) -> tuple[float, dict[str, float]]:
         try:
             rate = float(value)
         except ValueError:
-            raise InputError(f"--rate {word!r} is not a number of Hz or STRIP=HZ") from None
+            raise InputError("command.rate_not_number_hz", word=word) from None
         if not 1 <= rate <= 1000:
-            raise InputError(f"--rate {word!r} is outside 1 to 1000 Hz")
+            raise InputError("command.rate_outside_1_1000", word=word)
         if equals:
             single[name] = rate
         else:
@@ -293,10 +289,10 @@ def _actions(arguments: argparse.Namespace, strips: Sequence[str]) -> list[sessi
         for word in getattr(arguments, verb):
             name, at, t = word.partition("@")
             if not at:
-                raise InputError(f"--{verb} {word!r} is not of the form STRIP@SECONDS")
+                raise InputError("command.not_form_strip_seconds", verb=verb, word=word)
             if name not in strips:
                 raise InputError(
-                    f"--{verb} names the strip {name!r}; this glove has {', '.join(strips)}"
+                    "command.names_strip", verb=verb, name=name, strips=", ".join(strips)
                 )
             actions.append(session.Action(_seconds(t, f"--{verb}"), verb, name))
     for word in arguments.unplug:
@@ -345,4 +341,4 @@ def _seconds(word: str, option: str) -> float:
     try:
         return float(word)
     except ValueError:
-        raise InputError(f"{option}: {word!r} is not a number of seconds") from None
+        raise InputError("command.not_number_seconds", option=option, word=word) from None

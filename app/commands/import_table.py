@@ -32,9 +32,9 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     if not arguments.table.is_file():
-        raise InputError(f"{arguments.table} is not a file")
+        raise InputError("reference.not_file", name=arguments.table)
     if (arguments.guess is None) == (arguments.map is None):
-        raise InputError("give either --guess MAP.json or --map MAP.json with --out REC.mcap")
+        raise InputError("command.give_either_guess_map")
     return _guess(arguments) if arguments.guess else _convert(arguments)
 
 
@@ -52,7 +52,7 @@ def _guess(arguments: argparse.Namespace) -> int:
 def _convert(arguments: argparse.Namespace) -> int:
     out = arguments.out
     if out is None or out.suffix != native.SUFFIX or out.exists():
-        raise InputError(f"--out {out} must be a new file that ends in {native.SUFFIX}")
+        raise InputError("command.out_must_new_file", out=out, suffix=native.SUFFIX)
     require_file(out)
     columns = read_map(arguments.map)
     events = read_events(arguments.events) if arguments.events else ()

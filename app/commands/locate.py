@@ -224,7 +224,10 @@ def _load_readings(path: Path, array: ArrayDescription) -> BenchReadings:
     missing = [name for name in array.names if name not in values]
     if missing:
         raise InputError(
-            f"{path.name} has no magnetometer {missing[0]!r}; it has {', '.join(values) or 'none'}"
+            "command.has_no_magnetometer",
+            name=path.name,
+            missing=missing[0],
+            value=", ".join(values) or "none",
         )
     each = [
         bench_readings.resample_readings(t, times[name], values[name])

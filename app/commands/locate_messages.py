@@ -158,7 +158,10 @@ def require_unit(strength: float, unit: str | float, name: str) -> None:
     """InputError where the field of the rotated array is not the earth's."""
     if not EARTH_WEAKEST <= strength <= EARTH_STRONGEST:
         raise InputError(
-            f"{name}: the array read {1e6 * strength:.3g} uT while it was turned; the earth's field is 22 to 67 uT. {_ask_unit(strength, unit)}"
+            "command.array_read_ut_while",
+            name=name,
+            strength=1000000.0 * strength,
+            strength2=_ask_unit(strength, unit),
         )
 
 

@@ -24,8 +24,6 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         base = (arguments.data / "address").read_text().strip()
     except OSError:
-        raise InputError(
-            f"no server has run on the data folder {arguments.data}; start one with: handscope serve"
-        ) from None
+        raise InputError("command.no_server_has_run", data=arguments.data) from None
     say(f"{base}/login?token={new_token(arguments.data)}")
     return 0

@@ -67,7 +67,7 @@ def method_of(arguments: argparse.Namespace) -> tuple[AnyMethod[Any], Any]:
     """The method named and its parameters."""
     if arguments.method not in ALL_METHODS:
         raise InputError(
-            f"there is no method {arguments.method!r}; methods are {', '.join(ALL_METHODS)}"
+            "analysis.no_method", name=arguments.method, methods=", ".join(ALL_METHODS)
         )
     module = ALL_METHODS[arguments.method]
     return module, with_options(module.Params, parse(arguments.option))
@@ -81,9 +81,7 @@ def processed_by(
     found = arguments.calibration is not None and arguments.calibration.suffix == ".json"
     known = calibration_result.read(arguments.calibration) if found else None
     if known is not None and not method.CAPABILITIES.needs_pose:
-        raise InputError(
-            f"method {arguments.method} does not use an earlier calibration; m1, m2 and ekf do"
-        )
+        raise InputError("command.method_does_not_use", method=arguments.method)
     other = (
         formats_recordings.load(arguments.calibration, arguments.hand)
         if arguments.calibration and not found

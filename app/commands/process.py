@@ -63,13 +63,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     method, params = method_of(arguments)
     if (arguments.recording is None) == (arguments.cohort is None):
-        raise InputError("give one recording, or --cohort with a folder or a list of them")
+        raise InputError("command.give_one_recording_cohort")
     if arguments.cohort is not None:
         return _cohort(arguments)
     if not arguments.time_limit > 0:
-        raise InputError(
-            f"--time-limit {arguments.time_limit:g} s leaves no time; give seconds, such as --time-limit 600"
-        )
+        raise InputError("command.time_limit_s_leaves", time_limit=arguments.time_limit)
     recording, processed = processed_by(method, params, arguments, arguments.time_limit)
     files = derivative.tree(processed, recording, arguments.method, params, software_version())
     save_folder(files, output_folder(arguments.out))
@@ -85,9 +83,9 @@ def _cohort(arguments: argparse.Namespace) -> int:
     from handscope.app.results import cohort
 
     if arguments.calibration is not None:
-        raise InputError("--calibration is of one recording; leave it out with --cohort")
+        raise InputError("command.calibration_one_recording")
     if arguments.workers < 1:
-        raise InputError(f"--workers {arguments.workers} is no number of processes")
+        raise InputError("command.workers_no_number_processes", workers=arguments.workers)
     found, out = cohort.recordings(arguments.cohort), output_folder(arguments.out).absolute()
     options = parse(arguments.option)
     works = [

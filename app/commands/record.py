@@ -76,12 +76,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     method, params = method_of(arguments)
     if not steps_through(method):
-        raise InputError(
-            f"method {arguments.method} needs the whole recording; record with another and process the file with it"
-        )
+        raise InputError("command.method_needs_whole_recording", method=arguments.method)
     geometry = _geometry(arguments.geometry)
     if arguments.out.suffix != ".mcap" or arguments.out.exists():
-        raise InputError(f"--out {arguments.out} must be a new file that ends in .mcap")
+        raise InputError("command.out_must_new_file_ends", out=arguments.out)
     require_file(arguments.out)
     if arguments.live:
         require_folder(arguments.live)
@@ -148,7 +146,7 @@ def _geometry(path: Path | None) -> dict[str, object]:
     try:
         value = json.loads(path.read_text())
     except (OSError, ValueError) as problem:
-        raise InputError(f"{path} cannot be read as JSON: {problem}") from None
+        raise InputError("command.cannot_read_json", path=str(path), problem=str(problem)) from None
     measures_from(value)
     return dict(value)
 
@@ -156,18 +154,16 @@ def _geometry(path: Path | None) -> dict[str, object]:
 def connect(glove: Glove, port: str) -> None:
     """Wait until a glove at the port speaks; InputError where there is none."""
     if not glove.wait_for(lambda g: g.state.state != "opening", OPEN_WAIT):
-        raise InputError(f"{port} did not answer")
+        raise InputError("command.did_not_answer", port=port)
     speaks = glove.wait_for(lambda g: _speaks(g) or g.state.state != "opened", SPEAK_WAIT)
     if glove.state.state == "port_lost":
-        raise InputError(f"{port} hung up; does another program use the glove?")
+        raise InputError("command.hung_up_does_another", port=port)
     if glove.state.state != "opened":
         raise InputError(glove.state.reason)
     if not speaks:
         if glove.is_foreign:
-            raise InputError(
-                f"{port} sends something else than the wire protocol; choose the glove's port"
-            )
-        raise InputError(f"{port} is open, but no glove speaks there; is it the right port?")
+            raise InputError("command.sends_something_else_wire", port=port)
+        raise InputError("command.open_but_no_glove", port=port)
 
 
 def _speaks(glove: Glove) -> bool:
@@ -177,14 +173,10 @@ def _speaks(glove: Glove) -> bool:
 def _hand_of(glove: Glove, arguments: argparse.Namespace) -> Hand:
     glove_hand = glove.assembler.identity.hand if glove.assembler.identity else None
     if glove_hand and arguments.hand not in (None, glove_hand):
-        raise InputError(
-            f"this is a {glove_hand} glove, --hand says {arguments.hand}; connect the other glove or leave --hand out"
-        )
+        raise InputError("command.glove_hand_says", glove_hand=glove_hand, hand=arguments.hand)
     hand: Hand | None = cast("Hand | None", glove_hand) or arguments.hand
     if hand is None:
-        raise InputError(
-            "the glove does not say which hand it is; give --hand left or --hand right"
-        )
+        raise InputError("command.glove_does_not_say")
     return hand
 
 
@@ -200,7 +192,7 @@ def _follow(glove: Glove, tracking: Tracking, seconds: float | None, patience: f
             glove.wait_for(lambda g: False, 0.1)
             hear(min(1.0, (time.monotonic() - began) / seconds) if seconds else 0.0)
             if glove.state.state == "recording_failed":
-                raise InputError(f"the recording stopped: {glove.state.reason}")
+                raise InputError("command.recording_stopped", reason=glove.state.reason)
             if tracking.newest_sample() > newest:
                 newest, last_seen = tracking.newest_sample(), time.monotonic()
             elif time.monotonic() - last_seen > patience:

@@ -186,15 +186,13 @@ def sign_on(arguments: argparse.Namespace) -> SignOn | None:
     roles = parse(mapping) or {role: role for role in ROLES}
     if unknown := set(roles.values()) - set(ROLES):
         raise InputError(
-            f"--oidc-role, or HANDSCOPE_OIDC_ROLES, names the role {sorted(unknown)[0]!r}; roles are {', '.join(ROLES)}"
+            "command.oidc_role_handscope_oidc", unknown=sorted(unknown)[0], roles=", ".join(ROLES)
         )
     if not arguments.oidc_issuer.startswith("https://"):
-        raise InputError(
-            f"--oidc-issuer {arguments.oidc_issuer} does not begin with https://; without TLS anybody on the way could log in"
-        )
+        raise InputError("command.oidc_issuer_does_not", oidc_issuer=arguments.oidc_issuer)
     if "openid" not in arguments.oidc_scope.split():
         raise InputError(
-            f"--oidc-scope {arguments.oidc_scope!r} lacks the word openid; try {SCOPE!r}"
+            "command.oidc_scope_lacks_word", oidc_scope=arguments.oidc_scope, scope=SCOPE
         )
     secret = os.environ.get("HANDSCOPE_OIDC_SECRET", "")
     return SignOn(
@@ -212,7 +210,9 @@ def second_factor_roles(arguments: argparse.Namespace) -> tuple[str, ...]:
     roles = arguments.second_factor or os.environ.get("HANDSCOPE_SECOND_FACTOR", "").split()
     if unknown := set(roles) - set(ROLES):
         raise InputError(
-            f"HANDSCOPE_SECOND_FACTOR names the role {sorted(unknown)[0]!r}; roles are {', '.join(ROLES)}"
+            "command.handscope_second_factor_names",
+            unknown=sorted(unknown)[0],
+            roles=", ".join(ROLES),
         )
     if roles and importlib.util.find_spec("pyotp") is None:
         raise InputError(MISSING)
@@ -337,7 +337,7 @@ class _Server(uvicorn.Server):  # type: ignore[misc]  # mypy does not follow uvi
 
 def _listen(host: str, port: int) -> socket.socket:
     if not 0 <= port <= 65535:
-        raise InputError(f"--port {port} is outside 0 to 65535")
+        raise InputError("command.port_outside_0_65535", port=port)
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(
         family, socket.SOCK_STREAM, socket.IPPROTO_TCP
@@ -349,7 +349,7 @@ def _listen(host: str, port: int) -> socket.socket:
     except OSError as problem:
         listener.close()
         raise InputError(
-            f"cannot listen on {host} port {port} ({problem.strerror}); is another server running? try --port 0"
+            "command.cannot_listen_port", host=host, port=port, strerror=str(problem.strerror)
         ) from None
     listener.listen(128)
     listener.set_inheritable(True)

@@ -108,18 +108,20 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     if not 10 <= arguments.rate <= 1000:
-        raise InputError(f"--rate {arguments.rate:g} Hz is outside 10 to 1000 Hz")
+        raise InputError("command.rate_hz_outside_10", rate=arguments.rate)
     if arguments.six_axes and arguments.task not in object_dynamics.TASKS:
         raise InputError(
-            f"--six-axes is of force sensors, {arguments.task} needs none; it goes with {' and '.join(object_dynamics.TASKS)}"
+            "command.six_axes_force_sensors",
+            task=arguments.task,
+            tasks=" and ".join(object_dynamics.TASKS),
         )
     if not 0 <= arguments.pose_error <= 30:
-        raise InputError(f"--pose-error {arguments.pose_error:g} deg is outside 0 to 30 deg")
+        raise InputError("command.pose_error_deg_outside", pose_error=arguments.pose_error)
     if arguments.misalignment is not None and not 0 <= arguments.misalignment <= 180:
-        raise InputError(f"--misalignment {arguments.misalignment:g} deg is outside 0 to 180 deg")
+        raise InputError("command.misalignment_deg_outside_0", misalignment=arguments.misalignment)
     made = _made(arguments)
     if arguments.out.suffix != ".zip":
-        raise InputError(f"{arguments.out} does not end in .zip")
+        raise InputError("command.does_not_end_zip", out=arguments.out)
     recording, label = as_recording(made), "".join(c for c in arguments.task if c.isalnum())
     files = writer.tree(recording, "simulated", label)
     files |= truth_files(made.truth, recording, "simulated", label, software_version())
@@ -175,11 +177,13 @@ def _made(arguments: argparse.Namespace) -> Simulated:
     if arguments.task in object_dynamics.TASKS:
         return _held(arguments, rng, errors, field)
     if arguments.task not in (*task_performance.TASKS, FUNCTIONAL):
-        raise InputError(f"there is no task {arguments.task!r} to simulate; {TASKS_HELP}")
+        raise InputError("command.no_task_simulate", task=arguments.task, tasks_help=TASKS_HELP)
     if arguments.task == FUNCTIONAL:
         return _functional(arguments, rng, errors, field)
     if arguments.pose_error:
-        raise InputError(f"--pose-error is for experiments, {arguments.task} is none; {TASKS_HELP}")
+        raise InputError(
+            "command.pose_error_experiments_none", task=arguments.task, tasks_help=TASKS_HELP
+        )
     if arguments.trunk:
         return _with_trunk(arguments, rng, errors)
     names = ["initial_pose"] + ([] if arguments.task == "initial_pose" else [arguments.task])
@@ -297,9 +301,7 @@ def _captured(
 ) -> Simulated:
     """The model hand moves as the markers did."""
     if arguments.markers is None:
-        raise InputError(
-            "captured needs the markers; name a Qualisys export with --markers FILE.tsv"
-        )
+        raise InputError("command.captured_needs_markers")
     markers = read_markers(arguments.markers)
     fit = optical_capture.fit_markers(markers, arguments.hand)
     done = optical_capture.performance(fit, "captured", float(markers.t[0]), float(markers.t[-1]))

@@ -63,31 +63,31 @@ def output_folder(path: Path) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
-        raise InputError(f"{path} cannot be made: {problem.strerror}") from None
+        raise InputError(
+            "command.folder_cannot_be_made", path=str(path), strerror=str(problem.strerror)
+        ) from None
     return path
 
 
 def require_folder(path: Path) -> None:
     """InputError where no folder can be made or written to; makes nothing, so that a command can ask before it computes."""
     if path.exists() and not path.is_dir():
-        raise InputError(f"{path} is a file; --out names a folder")
+        raise InputError("command.file_out_names_folder", path=str(path))
     above = next(p for p in (path, *path.absolute().parents) if p.exists())
     if not above.is_dir():
-        raise InputError(f"{path} cannot be made: {above} is a file")
+        raise InputError("command.folder_over_file", path=str(path), above=str(above))
     if not os.access(above, os.W_OK):
-        raise InputError(f"{path} cannot be written to: no permission for {above}")
+        raise InputError("command.no_permission_folder", path=str(path), above=str(above))
 
 
 def require_file(path: Path, made: Path | None = None) -> None:
     """InputError where no file can be written; makes nothing. `made`: a folder that will be there by then."""
     if path.is_dir():
-        raise InputError(f"{path} is a folder; name a file in it")
+        raise InputError("command.folder_name_file", path=str(path))
     folder = path.absolute().parent
     if made is not None and folder == made.absolute():
         return
     if not folder.is_dir():
-        raise InputError(
-            f"there is no folder {path.parent} for {path.name}; make it first or choose another place"
-        )
+        raise InputError("command.no_folder", parent=str(path.parent), name=path.name)
     if not os.access(folder, os.W_OK):
-        raise InputError(f"{path} cannot be written: no permission for {path.parent}")
+        raise InputError("command.no_permission_file", path=str(path), parent=str(path.parent))

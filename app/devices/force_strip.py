@@ -20,13 +20,9 @@ def fitting(assembler: Assembler, point: str, found: ForceCalibration) -> int:
     """The number of the strip with this sensor, of a glove that has said what it has; InputError as above."""
     strip = next((s for s in assembler.strips.values() if point in s.points), None)
     if strip is None:
-        raise InputError(
-            f"{point}: no strip with this sensor is plugged in; plug in the strip that was calibrated and run this again"
-        )
+        raise InputError("device.calibrated_strip_missing", point=point)
     if any((strip.slot, k) in assembler.forces for k in range(len(strip.points))):
-        raise InputError(
-            f"{point}: this strip tells a calibration of its own, which is applied; no other is kept beside it"
-        )
+        raise InputError("device.strip_tells_calibration_own", point=point)
     sent = [
         i.quantities
         for i in assembler.infos.values()
@@ -36,6 +32,6 @@ def fitting(assembler: Assembler, point: str, found: ForceCalibration) -> int:
     rows, channels = found.matrix.shape
     if rows != channels or channels > axes:
         raise InputError(
-            f"{point}: {channels} channels were calibrated, this strip sends {axes}; calibrate what the glove sends, in its order"
+            "device.channels_were_calibrated_strip", point=point, channels=channels, axes=axes
         )
     return strip.strip_id

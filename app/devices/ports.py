@@ -60,14 +60,12 @@ def require_allowed(port: str, patterns: Sequence[str]) -> None:
     machine are always allowed. Raises InputError.
     """
     if port.startswith("\\\\") and not port.startswith("\\\\.\\"):
-        raise InputError(f"{port} is not a port of this machine; name a serial port")
+        raise InputError("device.not_port_machine", port=port)
     if not is_network(port):
         return
     require_address(port)
     if not any(fnmatchcase(port, pattern) for pattern in patterns):
-        raise InputError(
-            f"the server may not open {port}; ask the administrator to start it with --allow-port {port}"
-        )
+        raise InputError("device.server_may_not_open", port=port)
 
 
 def require_address(url: str) -> None:
@@ -83,13 +81,11 @@ def require_address(url: str) -> None:
     if parts.scheme not in NETWORK:
         forms = [f"{scheme}://HOST:PORT" for scheme in NETWORK]
         known = ", ".join([*forms, *(form for _, form in SOURCES.values())])
-        raise InputError(f"{url} is no address of a glove; addresses are {known}")
+        raise InputError("device.no_address_glove", url=url, known=known)
     if not host or not number or parts.netloc.rsplit(":", 1)[0].strip("[]").lower() != host:
-        raise InputError(f"{url} is no address of a glove; write {parts.scheme}://HOST:PORT")
+        raise InputError("device.address_form", url=url, scheme=parts.scheme)
     if parts.path or parts.query or parts.fragment:
-        raise InputError(
-            f"{url} is no address of a glove; write {parts.scheme}://HOST:PORT and nothing behind it"
-        )
+        raise InputError("device.address_without_path", url=url, scheme=parts.scheme)
 
 
 def open_port(path: str) -> "serialx.BaseSerial | TranslatedPort":
@@ -114,15 +110,15 @@ def _open_address(url: str) -> serialx.BaseSerial:
         if not port.is_open:
             port.open()
     except ConnectionRefusedError:
-        raise InputError(f"nothing listens at {url}; is the glove switched on?") from None
+        raise InputError("device.nothing_listens", url=url) from None
     except TimeoutError:
-        raise InputError(
-            f"{url} does not answer; is the glove switched on and in this network?"
-        ) from None
+        raise InputError("device.does_not_answer", url=url) from None
     except socket.gaierror:
-        raise InputError(f"the network does not know the host of {url}") from None
+        raise InputError("device.network_does_not_know", url=url) from None
     except OSError as problem:
-        raise InputError(f"{url} cannot be opened ({problem.strerror or problem})") from None
+        raise InputError(
+            "device.cannot_opened", url=url, what=str(problem.strerror or problem)
+        ) from None
     return port
 
 
@@ -132,17 +128,13 @@ def _open_serial(path: str) -> serialx.BaseSerial:
         if not port.is_open:
             port.open()
     except FileNotFoundError:
-        raise InputError(f"there is no port {path}; is the glove plugged in?") from None
+        raise InputError("device.no_port", port=path) from None
     except PermissionError:
-        raise InputError(
-            f"no permission to open {path}; add your user to the group that owns it (often dialout), then log in again"
-        ) from None
+        raise InputError("device.no_permission_open", port=path) from None
     except OSError as problem:
         if problem.errno in (errno.EBUSY, errno.EACCES):
-            raise InputError(
-                f"{path} is in use by another program; close it and try again"
-            ) from None
+            raise InputError("device.port_in_use", port=path) from None
         raise InputError(
-            f"{path} cannot be opened as a serial port ({problem.strerror or problem})"
+            "device.cannot_opened_serial_port", port=path, what=str(problem.strerror or problem)
         ) from None
     return port

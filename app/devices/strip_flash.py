@@ -31,9 +31,7 @@ def write(
             talk.ask(wire.WriteCalibration(message))
             talk.ask(wire.ReadCalibration(slot))
             if talk.assembler.calibrations.get((slot, sensor)) != message:
-                raise InputError(
-                    f"{point}: the strip did not keep what was written; write it again, or change the strip"
-                )
+                raise InputError("device.strip_did_not_keep", point=point)
         return list(places)
 
 
@@ -48,17 +46,16 @@ def _places(
     }
     for point in calibrations:
         if point not in plugged:
-            raise InputError(
-                f"{point}: no strip with this sensor is plugged in; plug in the strip that was recorded and write again"
-            )
+            raise InputError("device.recorded_strip_missing", point=point)
         strip = plugged[point][0]
         if not strip.raw:
-            raise InputError(
-                f"{point}: this strip corrects its samples by itself; its calibration cannot be written from here"
-            )
+            raise InputError("device.strip_corrects_samples_itself", point=point)
         if strip_ids.get(point, f"{strip.strip_id:x}") != f"{strip.strip_id:x}":
             raise InputError(
-                f"{point}: strip {strip.strip_id:x} is plugged in, the recording is of strip {strip_ids[point]}; plug in that one and write again"
+                "device.strip_plugged_recording_strip",
+                point=point,
+                strip_id=strip.strip_id,
+                strip_ids=strip_ids[point],
             )
     return {point: (plugged[point][0].slot, plugged[point][1]) for point in calibrations}
 
@@ -97,9 +94,9 @@ class Talk:
                 if reply.command == code:
                     if reply.code is not wire.ReplyCode.OK:
                         raise InputError(
-                            f"the glove refused {name}: {reply.text or reply.code.name.lower().replace('_', ' ')}"
+                            "device.glove_refused",
+                            name=name,
+                            value=reply.text or reply.code.name.lower().replace("_", " "),
                         )
                     return
-        raise InputError(
-            f"the glove did not answer {name} within {ANSWER:g} s; is it the right port?"
-        )
+        raise InputError("device.glove_did_not_answer", name=name, answer=ANSWER)

@@ -33,13 +33,11 @@ def packed(files: Files, wanted: Format, stem: str) -> bytes:
 def require_place(path: Path, wanted: Format) -> None:
     """InputError where the format cannot be written there; makes nothing."""
     if wanted.ending and path.is_dir():
-        raise InputError(f"{path} is a folder; name a file that ends in {wanted.ending}")
+        raise InputError("export.folder_name_file_ends", path=str(path), ending=wanted.ending)
     if not wanted.ending and path.exists() and not path.is_dir():
-        raise InputError(f"{path} is a file; this format is written to a folder")
+        raise InputError("export.file_format_written_folder", path=str(path))
     if wanted.ending and not path.absolute().parent.is_dir():
-        raise InputError(
-            f"there is no folder {path.parent} for {path.name}; make it first or choose another place"
-        )
+        raise InputError("command.no_folder", parent=str(path.parent), name=path.name)
 
 
 def _beside(path: Path, ending: str) -> str:

@@ -3,7 +3,7 @@
 pages      the pages' own words by key, served to the browser as a module (app/api/languages.py)
 words      what the server writes into pages and reports, by key. In both, {names} are filled in, and a key that a language lacks is said in English
 messages   errors and warnings by their code, with numbers' formats in the text ({seconds:.1f}) and plural forms ({"one": ..., "other": ...}); the English ones are in estimators/messages/en.json
-sentences  written elsewhere in English (reasons, titles of tasks, messages that have no code yet), by their original; {names} stand for what differs
+sentences  written elsewhere in English (reasons, warnings, titles of tasks), by their original; {names} stand for what differs
 locale     numbers, dates and lists after the Unicode CLDR (Babel)
 """
 
@@ -49,10 +49,13 @@ class Language:
     sentences: Mapping[str, str]  # by their English original
 
     def render(self, message: Message) -> str:
-        """A message in this language; KeyError where its code has no text or a value is missing."""
+        """A message in this language; KeyError where its code has no text or a value is missing.
+
+        Values that are words are translated too: segments, reasons, hands.
+        """
         return fill(
             self.messages[message.code],
-            message.values,
+            {k: self.translate(v) if isinstance(v, str) else v for k, v in message.values.items()},
             lambda count: str(self.locale.plural_form(count)),
             self.locale.number_symbols["latn"]["decimal"],
         )
@@ -279,7 +282,7 @@ def _each_once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
 def language(code: str) -> Language:
     """The language of a code; InputError where there is none."""
     if code not in languages():
-        raise InputError(f"there is no language {code!r}; languages are {', '.join(languages())}")
+        raise InputError("analysis.no_language", code=code, codes=", ".join(languages()))
     return languages()[code]
 
 

@@ -149,7 +149,9 @@ class Station:
             action = Action(what)
         except ValueError:
             raise InputError(
-                f"there is no action {what!r}; actions are {', '.join(a for a in Action if a in wizard_machine.BY_PERSON)}"
+                "live.no_action",
+                what=what,
+                actions=", ".join(a for a in Action if a in wizard_machine.BY_PERSON),
             ) from None
         with self._lock:
             status = self._current_status()

@@ -94,7 +94,7 @@ class Stations:
         with self._lock:
             station = self._stations.get(name)
         if station is None:
-            raise InputError(f"there is no station {name}; it was closed")
+            raise InputError("live.no_station", name=name)
         return station
 
     def all(self) -> list[AnyStation]:
@@ -114,9 +114,7 @@ class Stations:
     def require_free(self, port: str) -> None:
         """InputError where a live station has this port."""
         if self.uses(port):
-            raise InputError(
-                f"the glove at {port} is in use by another session; finish that one first"
-            )
+            raise InputError("live.glove_use_another_session", port=port)
 
     def close(self, name: str) -> None:
         """End a station; a live one's recording is finished first, then `on_finish` is called."""
@@ -159,7 +157,7 @@ def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup
     InputError for an unknown method or option.
     """
     if method not in METHODS:
-        raise InputError(f"there is no method {method!r}; methods are {', '.join(METHODS)}")
+        raise InputError("analysis.no_method", name=method, methods=", ".join(METHODS))
     module = METHODS[method]
     params = with_options(module.Params, options)
     protocols, faults, force_files = *offered(data), force_calibrations.read_stored(data)

@@ -245,9 +245,11 @@ def _loaded(entry: Traversable) -> Protocol:
     try:
         text = entry.read_text("utf-8")
     except OSError as problem:
-        raise InputError(f"protocol {entry.name} could not be read: {problem.strerror}") from None
+        raise InputError(
+            "protocol.protocol_could_not_read", file=entry.name, problem=str(problem.strerror)
+        ) from None
     except UnicodeDecodeError:
-        raise InputError(f"protocol {entry.name} is not text in UTF-8; save it as UTF-8") from None
+        raise InputError("protocol.protocol_not_text_utf", file=entry.name) from None
     return protocol_of(entry.name, text)
 
 

@@ -59,28 +59,24 @@ def recordings(place: Path) -> dict[str, Path]:
             p.relative_to(place).with_suffix("").as_posix().replace("/", "--"): p for p in found
         }
         if len(named) < len(found):
-            raise InputError(
-                f"{place} holds recordings that differ by their ending only; give a list of those to process"
-            )
+            raise InputError("result.holds_recordings_differ_their", place=str(place))
     elif place.is_file():
         try:
             lines = [line.strip() for line in place.read_text().splitlines()]
         except UnicodeDecodeError:
-            raise InputError(
-                f"{place} is no list of recordings: a text file with a path a line, or a folder"
-            ) from None
+            raise InputError("result.not_a_list", place=str(place)) from None
         found = [place.parent / line for line in lines if line and not line.startswith("#")]
         named = {
             p.name.removesuffix(p.suffix) if p.suffix in SUFFIXES else p.name: p for p in found
         }
         if len(named) < len(found):
-            raise InputError(
-                f"{place} names two recordings of one name; results would fall into one folder"
-            )
+            raise InputError("result.names_two_recordings_one", place=str(place))
     else:
-        raise InputError(f"there is no folder or list {place}")
+        raise InputError("result.no_folder_list", place=str(place))
     if not named:
-        raise InputError(f"{place} holds no recordings (they end in {' or '.join(SUFFIXES)})")
+        raise InputError(
+            "result.holds_no_recordings", place=str(place), suffixes=" or ".join(SUFFIXES)
+        )
     return named
 
 
@@ -159,7 +155,9 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
                 yield client
     except (OSError, TimeoutError) as problem:
         raise InputError(
-            f"the scheduler {scheduler or 'of this machine'} cannot be reached ({problem})"
+            "result.scheduler_cannot_reached",
+            value=scheduler or "of this machine",
+            problem=str(problem),
         ) from None
 
 
@@ -171,7 +169,7 @@ def _key(path: Path, work: Work) -> str:
 
 def _folder_checksum(path: Path) -> str:
     if not path.is_dir():
-        raise InputError(f"there is no recording {path}")
+        raise InputError("result.no_recording", name=str(path))
     sums = [
         (p.relative_to(path).as_posix(), file_checksum(p))
         for p in sorted(path.rglob("*"))

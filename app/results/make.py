@@ -118,9 +118,7 @@ def process_result(
 ) -> tuple[LoadedRecording, Processed]:
     """The recording with its corrections, and what the method makes of it; `reasons`: with those of the corrections."""
     if result.method not in ALL_METHODS:
-        raise InputError(
-            f"there is no method {result.method!r}; methods are {', '.join(ALL_METHODS)}"
-        )
+        raise InputError("analysis.no_method", name=result.method, methods=", ".join(ALL_METHODS))
     method = ALL_METHODS[result.method]
     applied = result.corrections if reasons else corrections.redact_reasons(result.corrections)
     recording = trunk_height.apply(

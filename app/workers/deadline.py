@@ -24,9 +24,7 @@ def limit_time(
                 if from_command_line
                 else "process less at once, or by another method"
             )
-            raise InputError(
-                f"{seconds:g} s were not enough, what was not done by then is left out; {more}"
-            )
+            raise InputError("job.time_limit", seconds=seconds, more=more)
         on_progress(share)
 
     return check_time

@@ -33,7 +33,7 @@ def stream_patient_export(store: Store, patient_id: int) -> Iterator[bytes]:
                 yield ours.recv_bytes()
         process.join()
         if process.exitcode != 0:
-            raise InputError("the export could not be finished; the log has the details, try again")
+            raise InputError("job.export_could_not_finished")
     finally:
         ours.close()
         process.kill()

@@ -36,7 +36,7 @@ def plate_from(table: Mapping[str, Any]) -> Plate | None:
     places = table.get("places")
     if missing or not isinstance(places, Mapping):
         raise InputError(
-            f"MagnetSetup has no {', '.join(missing) or 'places by magnetometer'}; it needs places, moment and earth"
+            "option.magnetsetup_has_no", missing=", ".join(missing) or "places by magnetometer"
         )
     dip = table.get("dip")
     return Plate(
@@ -60,12 +60,12 @@ def table_of(plate: Plate) -> dict[str, Any]:
 
 def _three(value: Any, what: str) -> Place:
     if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 3:
-        raise InputError(f"MagnetSetup: the {what} is {value}; it is three numbers x, y, z")
+        raise InputError("option.magnetsetup", what=what, value=value)
     x, y, z = (_number(v, what) for v in value)
     return x, y, z
 
 
 def _number(value: Any, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
-        raise InputError(f"MagnetSetup: the {what} has {value!r}, which is no finite number")
+        raise InputError("option.magnetsetup_has_no_finite", what=what, value=value)
     return float(value)

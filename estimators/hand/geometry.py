@@ -238,7 +238,7 @@ def check(m: HandMeasures) -> None:
         low, high = PLAUSIBLE[kind]
         if value is not None and not low <= value <= high:
             raise InputError(
-                f"the hand geometry's {name} is {value:g} m, outside {low:g}-{high:g} m; give lengths in metres"
+                "hand.hand_geometry_m_outside", name=name, value=value, least=low, most=high
             )
     for joint, position in m.joint_positions.items():
         low, high = PLAUSIBLE["thumb_cmc" if joint == "thumb_cmc" else "palm_length"]
@@ -248,7 +248,7 @@ def check(m: HandMeasures) -> None:
             or not low <= np.linalg.norm(position) <= high
         ):
             raise InputError(
-                f"the hand geometry's joint_positions {joint}: {list(position)} is not the place of an MCP or thumb CMC joint in metres from the wrist"
+                "hand.hand_geometry_joint_positions", joint=joint, place=str(list(position))
             )
 
 
@@ -267,7 +267,9 @@ def measures_from(table: Mapping[str, Any]) -> HandMeasures:
     unknown = set(table) - known - set(SEGMENTS)
     if unknown:
         raise InputError(
-            f"HandGeometry has unknown entries {sorted(unknown)}; known are {sorted(known)} and segment names"
+            "hand.handgeometry_has_unknown_entries",
+            names=str(sorted(unknown)),
+            known=str(sorted(known)),
         )
     try:
         scalars = {
@@ -294,13 +296,14 @@ def measures_from(table: Mapping[str, Any]) -> HandMeasures:
             else frozenset(str(name) for name in table["measured"])
         )
     except (TypeError, ValueError) as problem:
-        raise InputError(
-            f"HandGeometry cannot be read ({problem}); lengths are numbers in metres, finger_length and tip_tissue objects by finger"
-        ) from None
+        raise InputError("hand.handgeometry_cannot_read", problem=str(problem)) from None
     for name, values in by_finger.items():
         if set(values) - set(FINGERS):
             raise InputError(
-                f"HandGeometry {name} names {sorted(set(values) - set(FINGERS))}; fingers are {', '.join(FINGERS)}"
+                "hand.handgeometry_names",
+                name=name,
+                fingers=str(sorted(set(values) - set(FINGERS))),
+                known=", ".join(FINGERS),
             )
     measures = HandMeasures(
         **scalars,
@@ -350,9 +353,7 @@ def _phalanges(
     if outer is not None:
         scale = (outer - tissue - sum(known.values())) / sum(free.values())
         if scale <= 0:
-            raise InputError(
-                f"the {finger}'s measured phalanges are together longer than its finger_length {outer:g} m; check both"
-            )
+            raise InputError("hand.measured_phalanges_together_longer", finger=finger, length=outer)
     elif known:
         scale = sum(known.values()) / sum(w for s, w in zip(segments, share) if s in known)
     else:

@@ -91,7 +91,7 @@ def held_angles(
     for k, (start, stop) in enumerate(holds):
         if stop - start <= 2 * settling:
             raise InputError(
-                f"the hold at {start:g} s lasts {stop - start:g} s; with {settling:g} s left out at both ends nothing remains"
+                "measure.hold_s_lasts_s", start=start, stop=stop - start, settling=settling
             )
         found[k] = _mean(moved.between(start + settling, stop - settling).angles[:, j, a])
     return found
@@ -100,9 +100,7 @@ def held_angles(
 def posture_spread(held: Array, names: Sequence[str] = DOF_NAMES) -> Spread:
     """Range and SD within each trial from held angles (trials, holds, angles)."""
     if held.ndim != 3 or held.shape[1] < 2 or held.shape[2] != len(names):
-        raise InputError(
-            "repeatability needs two holds a trial at least; record the posture again several times"
-        )
+        raise InputError("measure.repeatability_needs_two_holds")
     return Spread(tuple(names), held.max(axis=1) - held.min(axis=1), held.std(axis=1, ddof=1))
 
 
@@ -114,9 +112,7 @@ def reliability(values: Array) -> Reliability:
     complete = values[np.isfinite(values).all(axis=1)] if values.ndim == 2 else np.empty((0, 0))
     n, k = complete.shape
     if n < 1 or k < 2:
-        raise InputError(
-            "reliability needs at least two sessions of the same person without a missing value; measure again"
-        )
+        raise InputError("measure.reliability_needs_least_two")
     grand, row, column = complete.mean(), complete.mean(axis=1), complete.mean(axis=0)
     within = ((complete - row[:, None]) ** 2).sum() / (
         n * (k - 1)

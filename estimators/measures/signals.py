@@ -66,23 +66,17 @@ def check_signal(t: Array, values: Array) -> tuple[Array, Array]:
     try:
         t, values = np.asarray(t, float), np.asarray(values, float)
     except (TypeError, ValueError):
-        raise InputError(
-            "times and values of a signal are numbers; give two arrays of the same length"
-        ) from None
+        raise InputError("measure.times_values_signal_numbers") from None
     if t.ndim != 1 or t.shape != values.shape:
         raise InputError(
-            f"times and values of a signal have the shapes {t.shape} and {values.shape}; give two arrays of the same length"
+            "measure.times_values_signal_have", shape=str(t.shape), shape2=str(values.shape)
         )
     if not np.isfinite(t).all() or (np.diff(t) <= 0).any():
-        raise InputError(
-            "the times of the signal do not increase from sample to sample; sort them, in seconds, without repetitions"
-        )
+        raise InputError("measure.times_signal_do_not")
     if np.isinf(values).any():
-        raise InputError("the signal has infinite values; leave them out, or write them as NaN")
+        raise InputError("measure.signal_has_infinite_values")
     if np.isfinite(values).sum() < 3:
-        raise InputError(
-            f"the signal has {int(np.isfinite(values).sum())} known samples; at least 3 are needed"
-        )
+        raise InputError("measure.signal_has_known_samples", values=int(np.isfinite(values).sum()))
     return t, values
 
 

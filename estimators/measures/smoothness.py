@@ -44,7 +44,7 @@ def dimensionless_jerk(
 ) -> float:
     """-(T^p / peak^2) times the integral of jerk squared; p is 3 of a speed, 1 of an acceleration, -1 of a jerk."""
     if kind not in POWERS:
-        raise InputError(f"there is no kind of movement {kind!r}; kinds are {', '.join(POWERS)}")
+        raise InputError("measure.no_kind_movement", kind=kind, powers=", ".join(POWERS))
     v = _check_movement(movement, rate)
     dt, peak = 1.0 / rate, float(np.abs(v).max())
     if not peak > 0:
@@ -83,13 +83,9 @@ def movement_units(speed: Array, rate: float, rise: float, least_interval: float
 def _check_movement(movement: Array, rate: float) -> Array:
     v = np.asarray(movement, float)
     if v.ndim != 1 or len(v) < 3:
-        raise InputError(
-            f"a movement of the shape {v.shape} has no smoothness; give at least 3 samples of its speed, one after the other"
-        )
+        raise InputError("measure.movement_shape_has_no", shape=str(v.shape))
     if not np.isfinite(v).all():
-        raise InputError(
-            f"{int((~np.isfinite(v)).sum())} samples of the movement are not numbers; fill them or cut the movement there"
-        )
+        raise InputError("measure.samples_movement_not_numbers", value=int((~np.isfinite(v)).sum()))
     if not (np.isfinite(rate) and rate > 0):
-        raise InputError(f"a sampling rate of {rate} Hz is none; give samples per second")
+        raise InputError("measure.sampling_rate_hz_none", rate=rate)
     return v

@@ -79,16 +79,13 @@ def synchronise(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
     on_a, on_b = _resample(a, rate), _resample(b, rate)
     for name, signal in (("A", on_a), ("B", on_b)):
         if not variance(signal.values).sum() > 1e-12:
-            raise InputError(
-                f"nothing moves in the channels that both recordings hold in {name}: there is nothing to synchronise by; give --lag"
-            )
+            raise InputError("measure.nothing_moves_channels_both", name=name)
     lags, r, overlap = _correlations(on_a, on_b, rate)
     usable = (np.abs(lags) <= longest) & np.isfinite(r)
     if not usable.any():
-        raise InputError(
-            f"the recordings overlap nowhere by {100 * LEAST_OVERLAP:.0f} % of the shorter one with movement in both"
-            f"{f' at lags up to {longest:g} s' if np.isfinite(longest) else ''}; choose two recordings of one movement"
-        )
+        if np.isfinite(longest):
+            raise InputError("measure.overlap_within_lag", share=LEAST_OVERLAP, longest=longest)
+        raise InputError("measure.overlap", share=LEAST_OVERLAP)
     best, rival = _choose_peak(lags, np.where(usable, r, -np.inf), overlap)
     found = _refine(a, b, float(lags[best]), 1.0 / rate)
     needed = np.clip(
@@ -96,8 +93,11 @@ def synchronise(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
     )
     if found.correlation < needed:
         raise InputError(
-            f"the recordings do not fit each other at any lag: the best correlation is {found.correlation:.2f} at {found.seconds:.2f} s, "
-            f"{needed:.2f} is needed with {overlap[best]:.0f} s in common; choose two recordings of one movement, or give --lag"
+            "measure.recordings_do_not_fit",
+            correlation=found.correlation,
+            seconds=found.seconds,
+            needed=needed,
+            overlap=overlap[best],
         )
     return Lag(found.seconds, found.correlation, float(overlap[best]), rival)
 
@@ -107,9 +107,7 @@ def fit_at(a: Signal, b: Signal, seconds: float) -> Lag:
     shifted = interpolate(b, a.t - seconds)
     both = np.isfinite(a.values) & np.isfinite(shifted)
     if both.any(axis=1).sum() < 3:
-        raise InputError(
-            f"the recordings do not overlap at a lag of {seconds:g} s; choose two recordings of one movement or another lag"
-        )
+        raise InputError("measure.recordings_do_not_overlap", seconds=seconds)
     return Lag(
         seconds, pooled_correlation(a.values, shifted), float(both.any(axis=1).sum() / rate_of(a))
     )

@@ -202,13 +202,14 @@ def opening_of_rates(params: Params, t: Array, thumb: Array, index: Array) -> Ev
         or (thumb.ndim == 2 and thumb.shape[1] != 3)
     ):
         raise InputError(
-            f"{np.size(t)} times and rates of thumb and index finger have the shapes {thumb.shape} and {index.shape}; give (n, 3) or (n,) of both, in rad/s"
+            "measure.times_rates_thumb_index",
+            t=np.size(t),
+            shape=str(thumb.shape),
+            shape2=str(index.shape),
         )
     known = np.asarray(np.isfinite(np.column_stack([thumb, index])).all(axis=1))
     if known.sum() < 3:
-        raise InputError(
-            f"both fingers' rates are known at {int(known.sum())} samples; at least 3 are needed"
-        )
+        raise InputError("measure.both_fingers_rates_known", known=int(known.sum()))
     rates = [_about_principal(params, t, w, known) for w in (thumb, index)]
     both = rates[0].values - rates[0].values.mean(), rates[1].values - rates[1].values.mean()
     aligned = thumb.ndim == 1
@@ -309,7 +310,7 @@ def _require_unit(values: Array, most: float, what: str, unit: str) -> None:
     low, high = np.nanpercentile(np.asarray(values, float), [5, 95])
     if high - low > most:
         raise InputError(
-            f"the {what} between thumb and index finger changes by {high - low:.3g}, more than a hand opens; give {unit}"
+            "measure.between_thumb_index_finger", what=what, high=high - low, unit=unit
         )
 
 

@@ -86,9 +86,7 @@ def solve(
     blocks = [b for b in whole_streams(list(recording.blocks())) if b.stream.inertial and len(b.t)]
     worn = {name for b in blocks for name in b.stream.sensors}
     if "hand" not in worn:
-        raise InputError(
-            "the recording has no inertial sensor on the hand; self-calibration needs it: use m2 with an initial pose"
-        )
+        raise InputError("method.recording_has_no_inertial")
     start, stop, messages = _stretch(params, recording, blocks)
     limbs: list[_Limb] = []
     problems: list[str] = []

@@ -91,9 +91,7 @@ def with_orientations(takes: bool, recording: Recording) -> Recording:
 def require_rates(streams: Sequence[Stream]) -> None:
     """InputError where sensors bring orientations and nothing else."""
     if any(s.oriented for s in streams) and not any(s.inertial for s in streams):
-        raise InputError(
-            "the method needs angular rates and accelerations, and the recording has orientations alone; use m2"
-        )
+        raise InputError("orientation.method_needs_angular_rates")
 
 
 class LiveRates:

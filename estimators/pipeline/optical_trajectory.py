@@ -106,7 +106,7 @@ def trajectory_of(
     }
     if not joints and len(tips) < 2:
         raise InputError(
-            f"the markers give no joint: needed are {NAMING}; there are {', '.join(markers.names[:8])}"
+            "processing.markers_give_no_joint", naming=NAMING, names=", ".join(markers.names[:8])
         )
     n = len(markers.t)
     q_GS, angles, places = (
@@ -134,9 +134,7 @@ def align(movement: Trajectory, pose: FlatPose) -> Trajectory:
     still = movement.between(pose.start, pose.stop).q_GS
     q_GS, hand = movement.q_GS.copy(), _mean(still[:, SEGMENT["hand"]])
     if hand is None:
-        raise InputError(
-            f"the hand's orientation is not known between {pose.start:g} and {pose.stop:g} s; name another still stretch with --static"
-        )
+        raise InputError("processing.hand_orientation_not_known", start=pose.start, stop=pose.stop)
     for k, segment in enumerate(SEGMENTS):
         if (q_GB := _mean(still[:, k])) is not None:
             q_BS = quat.relative(q_GB, quat.multiply(hand, _in_pose(segment, pose.thumb_cmc)))
@@ -187,21 +185,19 @@ def _cluster(segment: str, markers: Markers, columns: tuple[int, ...], still: Bo
     places = markers.places[:, columns]
     lying = places[still]
     if not np.isfinite(lying).all(axis=2).any(axis=0).all():
-        raise InputError(
-            f"a marker of {segment} is hidden during the whole flat pose; name another still stretch with --static"
-        )
+        raise InputError("processing.marker_hidden_during_whole", segment=segment)
     moved = np.nanstd(lying, axis=0).max()
     if moved > STILL:
         raise InputError(
-            f"the markers of {segment} move by {1e3 * moved:.1f} mm in the flat pose (standard deviation, {1e3 * STILL:g} mm are allowed); "
-            "name a stretch in which the hand lies still with --static"
+            "processing.markers_move_mm_flat",
+            segment=segment,
+            moved=1000.0 * moved,
+            still=1000.0 * STILL,
         )
     rest = np.nanmean(lying, axis=0)
     spread = np.linalg.svd(rest - rest.mean(axis=0), compute_uv=False)
     if spread[1] < FLATNESS * spread[0]:
-        raise InputError(
-            f"the markers of {segment} lie on a line: its turn about that line cannot be told; place one of them beside it"
-        )
+        raise InputError("processing.markers_lie_line_turn", segment=segment)
     q, p, residuals = _fit_rigid(rest, places)
     return Cluster(columns, rest, q, p, residuals)
 
@@ -274,12 +270,10 @@ def _hand_in_pose(fits: Mapping[str, Cluster], hand: Hand, up: Array) -> Array:
             bone = centres[-1] - centres[0]
             along += bone / np.linalg.norm(bone)
     if np.linalg.norm(along) < 1e-9:
-        raise InputError(
-            f"no finger from index to little has markers that tell its direction: needed are {NAMING}"
-        )
+        raise InputError("processing.no_finger_index_little", naming=NAMING)
     if (tilt := np.arcsin(abs(along @ up) / np.linalg.norm(along))) > UPRIGHT:
         raise InputError(
-            f"in the flat pose the fingers stand {np.degrees(tilt):.0f} deg out of the level: {OTHERWISE}"
+            "processing.flat_pose_fingers_stand", tilt=float(np.degrees(tilt)), otherwise=OTHERWISE
         )
     distal = along - (along @ up) * up
     distal = distal / np.linalg.norm(distal)
@@ -289,9 +283,7 @@ def _hand_in_pose(fits: Mapping[str, Cluster], hand: Hand, up: Array) -> Array:
     across = roots[-1] - roots[0]
     across = across - (across @ distal) * distal
     if np.linalg.norm(across) > SIDE_BY_SIDE and sign * z @ across <= abs(up @ across):
-        raise InputError(
-            f"in the flat pose the fingers from index to little do not lie side by side as those of a {hand} hand, palm down: {OTHERWISE}"
-        )
+        raise InputError("processing.flat_pose_fingers_index", hand=hand, otherwise=OTHERWISE)
     return quat.from_matrix(np.stack([x, y, z], axis=-1))
 
 

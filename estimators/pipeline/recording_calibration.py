@@ -31,12 +31,10 @@ def with_known(pose: Calibration, known: PriorCalibration) -> Calibration:
     """The pose of a hand whose lengths, or also mountings, are known from before; the pose gives the rest. InputError for another hand."""
     if pose.hand != known.hand:
         raise InputError(
-            f"the calibration is of the {known.hand} hand, the recording of the {pose.hand} one"
+            "processing.calibration_hand_recording_one", one=known.hand, other=pose.hand
         )
     if pose.source is CalibrationSource.NONE:
-        raise InputError(
-            f"{WITHOUT_POSE}: the calibration tells how sensors sit, not where they point; record 3 s of the pose first"
-        )
+        raise InputError("processing.calibration_tells_how_sensors", without_pose=WITHOUT_POSE)
     mounting = {s: q for s, q in known.q_BS.items() if s in pose.q_BS}
     mounted = (
         functional_calibration.apply_mounting(pose, {"hand": pose.q_BS["hand"]} | mounting)
@@ -84,7 +82,7 @@ def calibrate(
         )
     if other.hand != recording.hand:
         raise InputError(
-            f"the calibration recording is of the {other.hand} hand, the recording of the {recording.hand} one"
+            "processing.calibration_recording_hand_recording", one=other.hand, other=recording.hand
         )
     borrowed, more = calibrate(params, other)
     return _borrow(recording, borrowed[-1], found), refused + more
@@ -170,9 +168,7 @@ def require_magnetometers(capabilities: Capabilities, recording: Recording) -> N
     if capabilities.needs_magnetometers and not any(
         {MAG, ORIENTATION} & set(s.quantities) for s in recording.streams
     ):
-        raise InputError(
-            "the method takes headings from magnetometers and the recording has none; use m2"
-        )
+        raise InputError("processing.method_takes_headings_magnetometers")
 
 
 def initial_poses(events: Sequence[Event]) -> list[Event]:

@@ -36,7 +36,9 @@ def require_length(asked: Requirements, duration: float) -> None:
     """InputError where the movement is shorter than self-calibration needs, s."""
     if duration < asked.shortest - ROUNDED:
         raise InputError(
-            f"there are {max(duration, 0.0):.1f} s of movement, self-calibration needs {asked.shortest:g} s, better 40 s; move hand and fingers freely for longer"
+            "self_calibration.s_movement_self_calibration",
+            length=max(duration, 0.0),
+            least=asked.shortest,
         )
 
 
@@ -46,8 +48,12 @@ def require_samples(asked: Requirements, duration: float, holes: Sequence[Gap]) 
         by = Counter(hole.sensor for hole in holes)
         names = ", ".join(name for name, _ in by.most_common(NAMED))
         raise InputError(
-            f"gaps of more than {LONGEST_GAP:g} s in the samples ({len(holes)}, most of {names}) leave no longer stretch than {duration:.1f} s, self-calibration needs {asked.shortest:g} s;"
-            " find out why samples are lost (plugs, battery, distance to the receiver) and move hand and fingers freely for 40 s again"
+            "self_calibration.gaps_more_s_samples",
+            longest=LONGEST_GAP,
+            count=len(holes),
+            names=names,
+            duration=duration,
+            least=asked.shortest,
         )
 
 
@@ -71,10 +77,10 @@ def describe_silent_sensors(finger: str, silent: Sequence[str], clipped: bool) -
     if silent[0] in ("hand", LIMBS[finger][0]):
         if clipped:
             raise InputError(
-                f"{finger}: the sensor of {silent[0]} was at its limit in more than half of its samples; set a larger range, or move more slowly, and record again; it is not calibrated"
+                "self_calibration.sensor_was_limit_more", finger=finger, segment=silent[0]
             )
         raise InputError(
-            f"{finger}: the sensor of {silent[0]} gave no samples; it is not calibrated"
+            "self_calibration.sensor_gave_no_samples", finger=finger, segment=silent[0]
         )
     without = ", ".join(silent)
     if clipped:
@@ -95,15 +101,20 @@ def require_movement(asked: Requirements, finger: str, read: Readings) -> None:
     if turning < asked.moving:
         if finger == "forearm":
             raise InputError(
-                f"forearm: it turned at {turning:.0f} deg/s on average ({asked.moving:g} are needed); move hand and forearm in all directions while bending the wrist"
+                "self_calibration.forearm_turned_deg_s", rate=turning, needed=asked.moving
             )
         raise InputError(
-            f"{finger}: it turned at {turning:.0f} deg/s on average ({asked.moving:g} are needed); move the hand in all directions while bending and stretching the finger"
+            "self_calibration.turned_deg_s_average",
+            finger=finger,
+            rate=turning,
+            needed=asked.moving,
         )
     if hand < asked.hand_moving:
         raise InputError(
-            f"{finger}: the hand itself turned at {hand:.0f} deg/s on average ({asked.hand_moving:g} are needed), and a hand that rests tells neither lengths nor where sensors sit;"
-            " turn and swing the whole hand in all directions while fingers bend, and record again; it is not calibrated"
+            "self_calibration.hand_itself_turned_deg",
+            finger=finger,
+            rate=hand,
+            needed=asked.hand_moving,
         )
 
 
@@ -123,13 +134,16 @@ def require_one_minimum(
     if slipped:
         first = slipped[0]
         raise InputError(
-            f"{finger}: the sensor of {first.sensor} seems to sit differently in the second half (its joints by {1e3 * first.shift:.0f} mm, its hinge by"
-            f" {np.degrees(first.tilt):.0f} deg): it slipped, was knocked or turned faster than it can tell; fix it and record again; it is not calibrated"
+            "self_calibration.sensor_seems_sit_differently",
+            finger=finger,
+            segment=first.sensor,
+            shift=1000.0 * first.shift,
+            tilt=np.degrees(first.tilt),
         )
     if solution.outcome != "converged":
         if stiff := ", ".join(self_calibration_result.stiff_joints(asked, solution)):
             raise InputError(
-                f"{finger}: the calibration did not come to an end, for {stiff} hardly moved; bend every joint that can move while the hand turns, for 40 s, or use m2 with an initial pose; it is not calibrated"
+                "self_calibration.calibration_did_not_come_end", finger=finger, joints=stiff
             )
         turning = float(
             np.degrees(
@@ -137,8 +151,10 @@ def require_one_minimum(
             )
         )
         raise InputError(
-            f"{finger}: the calibration did not come to an end (it turned at {turning:.0f} deg/s on average; {RECOMMENDED_RATE:g} and more do well);"
-            " move hand and fingers through their whole range and in all directions, for 40 s, and record again; it is not calibrated"
+            "self_calibration.calibration_did_not_come",
+            finger=finger,
+            rate=turning,
+            lively=RECOMMENDED_RATE,
         )
 
 
@@ -158,8 +174,11 @@ def require_possible(finger: Finger) -> None:
         if beyond > BEYOND:
             name = about.child if about.parent not in ("hand", "forearm") else about.parent
             raise InputError(
-                f"{finger.name}: as the sensor of {name} is said to sit, {joint} would be bent {beyond:.0f} deg farther than it can: it was put on the other way round, another one is there,"
-                " or it is the other hand; put it on as the glove's mounting says, and record again; it is not calibrated"
+                "self_calibration.sensor_said_sit_would",
+                finger=finger.name,
+                name=name,
+                joint=joint,
+                beyond=beyond,
             )
 
 
@@ -170,8 +189,12 @@ def _require_calm(finger: str, solution: Solution, start_time: float) -> None:
     if len(times) > OFTEN * dt * len(solution.problem):
         name = solution.problem.chain.sensors[by.most_common(1)[0][0]]
         raise InputError(
-            f"{finger}: its sensors were knocked {len(times)} times in {dt * len(solution.problem):.0f} s, that of {name} most often, first at {times[0]:.1f} s,"
-            " and the calibration did not come to an end; keep the hand from hitting anything, see whether that sensor is loose or a cable pulls at it, and record again; it is not calibrated"
+            "self_calibration.sensors_were_knocked_times",
+            finger=finger,
+            count=len(times),
+            seconds=dt * len(solution.problem),
+            name=name,
+            time=times[0],
         )
 
 
@@ -181,8 +204,10 @@ def _require_rates(finger: str, read: Readings, solution: Solution) -> None:
     worst = int(np.argmax(lacking))
     if lacking[worst] > LACKING:
         raise InputError(
-            f"{finger}: the gyroscope of {solution.problem.chain.sensors[worst]} was at its limit, or missing, in {100 * lacking[worst]:.0f} % of the samples, more than can be bridged;"
-            " set a larger range, or move more slowly, and record again; it is not calibrated"
+            "self_calibration.gyroscope_was_limit_missing",
+            finger=finger,
+            segment=solution.problem.chain.sensors[worst],
+            share=100 * lacking[worst],
         )
 
 
@@ -193,11 +218,14 @@ def _require_order(finger: str, read: Readings, problem: Problem) -> None:
     elsewhere = [name for name, there in zip(names, sitting) if name != there]
     if len(elsewhere) == 2:
         raise InputError(
-            f"{finger}: the sensors of {elsewhere[0]} and {elsewhere[1]} seem to be exchanged, their joints move together only the other way round; put each where it belongs and record again; it is not calibrated"
+            "self_calibration.sensors_seem_exchanged_their",
+            finger=finger,
+            first=elsewhere[0],
+            second=elsewhere[1],
         )
     if elsewhere:
         raise InputError(
-            f"{finger}: its sensors seem to sit in another order, from the hand on those of {', '.join(sitting)}, for only so their joints move together; put each where it belongs and record again; it is not calibrated"
+            "self_calibration.sensors_seem_sit_another", finger=finger, names=", ".join(sitting)
         )
 
 

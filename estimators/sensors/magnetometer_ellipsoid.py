@@ -84,13 +84,13 @@ def fit_ellipsoid(
     readings = mag[np.isfinite(mag).all(axis=-1)]
     if len(readings) < FEWEST:
         raise InputError(
-            f"{name}: {len(readings)} readings are too few to calibrate it ({FEWEST} at least); turn it slowly through all directions for 30 s."
+            "sensor.readings_too_few_calibrate", name=name, readings=len(readings), fewest=FEWEST
         )
     y = readings[:: max(1, -(-len(readings) // MOST))]
     middle = y.mean(axis=0)
     size = float(np.sqrt(((y - middle) ** 2).sum(axis=1).mean()))
     if not size > 1e-9 * np.abs(middle).max():
-        raise InputError(f"{name}: all readings are the same; it does not answer or was not moved.")
+        raise InputError("sensor.all_readings_same", name=name)
     z = (y - middle) / size
     begin = _quadric(z, name)
     found = least_squares(_residuals, begin, jac=_residual_jacobian, args=(z,), method="lm")
@@ -101,13 +101,9 @@ def fit_ellipsoid(
     own = np.cbrt(np.linalg.det(A))  # the readings' own strength, if none is given
     radius = size / own if strength is None else strength
     if not sd.max() < SEEN:
-        raise InputError(
-            f"{name}: it was not turned through all directions; turn it so that each of its axes points up and down once, and record again."
-        )
+        raise InputError("sensor.was_not_turned_through", name=name)
     if noise > HOMOGENEOUS:
-        raise InputError(
-            f"{name}: the field was not the same everywhere (its strength varies by {100 * noise:.0f} %): do it away from iron and magnets, or it is out of order."
-        )
+        raise InputError("sensor.field_was_not_same", name=name, noise=100 * noise)
     scale = radius / size
     raw = np.linalg.norm(y, axis=1)
     return EllipsoidCalibration(
@@ -176,9 +172,7 @@ def _quadric(z: Array, name: str) -> Array:
     Q, g = _symmetric(np.asarray(found[:6], float)), found[6:]
     values, axes = np.linalg.eigh(Q)
     if values.min() <= 1e-3 * abs(values).max():
-        raise InputError(
-            f"{name}: its readings lie on no ellipsoid: it was not turned through all directions, or iron or a magnet was near."
-        )
+        raise InputError("sensor.readings_lie_no_ellipsoid", name=name)
     centre = -np.linalg.solve(Q, g)
     values = values / (1.0 + centre @ Q @ centre)
     A = (axes * np.sqrt(values)) @ axes.T

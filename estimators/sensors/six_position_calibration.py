@@ -135,13 +135,9 @@ def _require_positions(name: str, found: list[Array]) -> None:
         wanted = ", ".join(
             f"{m[1]} axis pointing {'up' if m[0] == '+' else 'down'}" for m in missing
         )
-        raise InputError(
-            f"{name}: {len(found)} position{'s' * (len(found) != 1)} at rest found, none with its {wanted}; lay it down so, for 2 s and more each, and record again"
-        )
+        raise InputError("sensor.no_position_with", name=name, count=len(found), wanted=wanted)
     if len(found) < 6:
-        raise InputError(
-            f"{name}: only {len(found)} different positions at rest were found, 6 are needed; lay it down on more of its sides"
-        )
+        raise InputError("sensor.only_different_positions_rest", name=name, found=len(found))
 
 
 def _accelerometer(
@@ -210,9 +206,7 @@ def _gyroscope(
     """Matrix (3, 3) with which the integrated rate takes the direction of gravity from each
     position to the next; scales alone where no more shows."""
     if len(ways) < 5:
-        raise InputError(
-            f"{name}: only {len(ways)} turns from one position to the next were found, 5 are needed; turn it within 30 s each and record again"
-        )
+        raise InputError("sensor.only_turns_one_position", name=name, ways=len(ways))
     steps, dt = _steps(t, rate, [(rests[a].last - 1, rests[b].first) for a, b in ways])
     start, end = np.array([up[a] for a, _ in ways]), np.array([up[b] for _, b in ways])
     still = float(np.mean([r.gyr_noise for r in rests]))
@@ -223,9 +217,7 @@ def _gyroscope(
         fit, M, M_sd = _turn_fit(steps, start, end, sd, np.eye(3, dtype=bool))
     unseen = [axis for axis, s in zip("xyz", np.diag(M_sd)) if not s < SEEN[GYR]]
     if unseen:
-        raise InputError(
-            f"{name}: turns about its {' and '.join(unseen)} axis are missing; turn it by 90 deg about that axis, held level, and record again"
-        )
+        raise InputError("sensor.turns_about_axis_missing", name=name, unseen=" and ".join(unseen))
     return M, M_sd, (fit.before, fit.after)
 
 

@@ -84,7 +84,9 @@ def simulate(
     unknown = [name for name in task_names if name not in task_performance.TASKS]
     if unknown:
         raise InputError(
-            f"there is no task {unknown[0]!r} to simulate; tasks are {', '.join(task_performance.TASKS)}"
+            "simulation.no_task_simulate",
+            unknown=unknown[0],
+            tasks=", ".join(task_performance.TASKS),
         )
     performances = [task_performance.TASKS[name](geometry) for name in task_names]
     return simulate_performances(

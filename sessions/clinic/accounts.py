@@ -57,7 +57,7 @@ def add(db: Session, name: str, roles: Sequence[str]) -> Account:
         db.commit()
     except IntegrityError:
         db.rollback()
-        raise InputError(f"there is already an account {name!r}; choose another name") from None
+        raise InputError("clinic.already_account", name=name) from None
     return account
 
 
@@ -70,7 +70,7 @@ def find_by_name(db: Session, name: str) -> Account:
     """The account; InputError where there is none."""
     found = db.scalar(select(Account).where(Account.name == name.strip().casefold()))
     if found is None:
-        raise InputError(f"there is no account {name!r}; handscope account list prints them")
+        raise InputError("clinic.account_unknown_list", name=name)
     return found
 
 
@@ -78,7 +78,7 @@ def get(db: Session, account_id: int) -> Account:
     """The account; InputError where there is none."""
     found = db.get(Account, account_id)
     if found is None:
-        raise InputError(f"there is no account {account_id}")
+        raise InputError("clinic.account_unknown", name=account_id)
     return found
 
 
@@ -92,7 +92,7 @@ def get_or_add_subject(db: Session, subject: str, name: str, roles: Sequence[str
         found = Account(name=_checked_name(name), roles=_checked_roles(roles), subject=subject)
         db.add(found)
     if found.disabled:
-        raise InputError(f"the account {found.name} is out of use")
+        raise InputError("clinic.account_disabled", name=found.name)
     found.roles = _checked_roles(roles)
     try:
         db.commit()
@@ -168,32 +168,26 @@ def _unknown_hash() -> str:
 def _checked_name(name: str) -> str:
     name = name.strip().casefold()
     if not NAME.fullmatch(name):
-        raise InputError("the name of an account has 1 to 64 letters, digits and . _ - + @")
+        raise InputError("clinic.account_name_form")
     return name
 
 
 def _checked_roles(roles: Sequence[str]) -> list[str]:
     unknown = [role for role in roles if role not in ROLES]
-    if unknown or not roles:
-        raise InputError(
-            f"an account has one or more of the roles {', '.join(ROLES)}{f', not {unknown[0]!r}' if unknown else ''}"
-        )
+    if unknown:
+        raise InputError("clinic.unknown_role", role=unknown[0], roles=", ".join(ROLES))
+    if not roles:
+        raise InputError("clinic.no_role", roles=", ".join(ROLES))
     return [role for role in ROLES if role in roles]
 
 
 def _require_good(password: str, name: str) -> None:
     if not SHORTEST <= len(password) <= LONGEST:
-        raise InputError(
-            f"a password has {SHORTEST} to {LONGEST} characters; a sentence is easy to remember"
-        )
+        raise InputError("clinic.password_length", least=SHORTEST, most=LONGEST)
     if len(set(password)) < DIFFERENT or name.casefold() in password.casefold():
-        raise InputError(
-            "this password is easily guessed; take one without the account's name and with more different characters"
-        )
+        raise InputError("clinic.password_easily_guessed")
     if _guesses(password, name) < MOST_GUESSES:
-        raise InputError(
-            "this password is among those that are tried first, or is made of such; take several words that do not belong together"
-        )
+        raise InputError("clinic.password_common")
 
 
 def _guesses(password: str, name: str) -> float:

@@ -53,9 +53,7 @@ def enable(database: sessionmaker[Session], targets: str) -> None:
 def _open_place(word: str) -> Send:
     kind, _, place = word.partition(":")
     if kind not in KINDS or not place or (kind == "tcp" and not _has_port(place)):
-        raise InputError(
-            f"{word!r} is no place for the audit trail; file:PATH, tcp:HOST:PORT, unix:PATH, syslog:HOST:PORT or head:PATH"
-        )
+        raise InputError("clinic.no_place_audit_trail_2", target=word)
     return KINDS[kind](place)
 
 
@@ -82,9 +80,11 @@ def read_heads(file: Path) -> Iterator[tuple[int, str]]:
                 row = json.loads(line)
                 yield int(row["id"]), str(row["hash"])
     except OSError as problem:
-        raise InputError(f"{file} cannot be read: {problem.strerror}") from None
+        raise InputError(
+            "file.cannot_read", name=str(file), problem=str(problem.strerror)
+        ) from None
     except (ValueError, KeyError, TypeError):
-        raise InputError(f"{file} is no copy of the audit trail") from None
+        raise InputError("clinic.no_copy_audit_trail", file=str(file)) from None
 
 
 def read_head(file: Path) -> tuple[int, str]:
@@ -93,9 +93,11 @@ def read_head(file: Path) -> tuple[int, str]:
         number, _, digest = file.read_text("utf-8").strip().partition(":")
         return int(number), digest
     except OSError as problem:
-        raise InputError(f"{file} cannot be read: {problem.strerror}") from None
+        raise InputError(
+            "clinic.cannot_read", name=str(file), problem=str(problem.strerror)
+        ) from None
     except ValueError:
-        raise InputError(f"{file} is no note of the audit trail's last line") from None
+        raise InputError("clinic.no_note_audit_trail", file=str(file)) from None
 
 
 def _append_to_file(place: str) -> Send:

@@ -34,13 +34,9 @@ def add(
     """Keep a correction of the recording's event number `event` (from 0, in its order); `onset` to `end`, s, are the new ends or the stretch."""
     task = _task_of(file, event)
     if kind not in get_args(Kind):
-        raise InputError(
-            f"there is no correction {kind!r}; corrections are {', '.join(get_args(Kind))}"
-        )
+        raise InputError("clinic.no_correction", name=kind, kinds=", ".join(get_args(Kind)))
     if not reason.strip():
-        raise InputError(
-            "a correction needs a reason: it stands beside the figures for everybody who reads them"
-        )
+        raise InputError("clinic.correction_needs_reason_stands")
     if kind == "exclude":
         onset, end = task["onset"], task["onset"] + task["duration"]
     else:
@@ -48,7 +44,7 @@ def add(
     standing = [c for c in file.corrections if c.undone is None and c.event == event]
     for before in standing:
         if before.kind == kind == "exclude":
-            raise InputError("this trial is left out already; undo that first")
+            raise InputError("clinic.trial_left_out_already")
         if before.kind == kind == "move":
             before.undone = now()  # its ends are moved anew
     made = Correction(
@@ -63,7 +59,7 @@ def get(db: Session, correction_id: int) -> Correction:
     """The correction; InputError where there is none."""
     found = db.get(Correction, correction_id)
     if found is None:
-        raise InputError(f"there is no correction {correction_id}; it may have been erased")
+        raise InputError("clinic.correction_unknown", number=correction_id)
     return found
 
 
@@ -151,7 +147,7 @@ def _sentence(name: str, c: Mapping[str, Any], event: Event) -> str:
 def _task_of(file: RecordingFile, event: int) -> Mapping[str, Any]:
     events = file.summary.get("events", [])
     if not 0 <= event < len(events) or events[event]["trial_type"] != "task":
-        raise InputError(f"there is no task {event} in recording {file.id}")
+        raise InputError("clinic.no_task_recording", number=event, recording=file.id)
     task: Mapping[str, Any] = events[event]
     return task
 
@@ -161,20 +157,14 @@ def _require_stretch(
 ) -> None:
     first, last = task["onset"], task["onset"] + task["duration"]
     if not end > onset:
-        raise InputError("the stretch ends before it begins; move its ends")
+        raise InputError("clinic.stretch_ends_before_begins")
     if kind == "move" and (
         end - onset < SHORTEST or onset < 0 or end > file.summary.get("duration", end) + 1.0
     ):
-        raise InputError(
-            f"a trial lies within the recording and lasts {SHORTEST:g} s at least; move its ends"
-        )
+        raise InputError("clinic.trial_lies_within_recording", least=SHORTEST)
     if kind == "leave_out" and (
         onset < first - 0.01 or end > last + 0.01 or (last - first) - (end - onset) < SHORTEST
     ):
-        raise InputError(
-            f"the stretch lies within the trial and leaves {SHORTEST:g} s of it; to leave out all of it, leave out the trial"
-        )
+        raise InputError("clinic.stretch_lies_within_trial", least=SHORTEST)
     if kind == "leave_out" and "tap" in str(task.get("task", "")).lower():
-        raise InputError(
-            "tapping is judged by taps that follow each other, so no stretch within it can be left out; move the trial's ends"
-        )
+        raise InputError("clinic.tapping_judged_taps_follow")

@@ -29,7 +29,7 @@ def get(db: Session, note_id: int) -> Note:
     """The note; InputError where there is none."""
     note = db.get(Note, note_id)
     if note is None:
-        raise InputError(f"there is no note {note_id}; it may have been erased")
+        raise InputError("clinic.no_note", number=note_id)
     return note
 
 
@@ -60,5 +60,5 @@ def purge(db: Session) -> None:
 def _checked(text: str) -> str:
     text = text.strip()
     if not 1 <= len(text) <= LONGEST:
-        raise InputError(f"a note has 1 to {LONGEST} characters; remove it if it is not needed")
+        raise InputError("clinic.note_length", longest=LONGEST)
     return text

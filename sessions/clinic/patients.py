@@ -45,9 +45,7 @@ def create(
         db.commit()
     except IntegrityError:
         db.rollback()
-        raise InputError(
-            f"there is already a patient {patient.pseudonym!r}; choose another pseudonym"
-        ) from None
+        raise InputError("clinic.already_patient", code=patient.pseudonym) from None
     return patient
 
 
@@ -89,7 +87,7 @@ def get(db: Session, patient_id: int) -> Patient:
     """The patient; InputError where there is none."""
     patient = db.get(Patient, patient_id)
     if patient is None:
-        raise InputError(f"there is no patient {patient_id}; it may have been erased")
+        raise InputError("clinic.no_patient", number=patient_id)
     return patient
 
 
@@ -101,7 +99,7 @@ def change(
     require_seen(f"patient {patient.pseudonym!r}", patient.version, version)
     unknown = set(facts) - set(CHANGEABLE)
     if unknown:
-        raise InputError(f"a patient has no {sorted(unknown)[0]!r}")
+        raise InputError("clinic.patient_has_no", what=sorted(unknown)[0])
     if facts.get("pseudonym", patient.pseudonym) != patient.pseudonym:
         require_code(facts["pseudonym"] or "", confirmed)
     for name, value in facts.items():
@@ -111,9 +109,7 @@ def change(
         db.commit()
     except IntegrityError:
         db.rollback()
-        raise InputError(
-            f"there is already a patient {facts.get('pseudonym')!r}; choose another pseudonym"
-        ) from None
+        raise InputError("clinic.already_patient", code=str(facts.get("pseudonym"))) from None
     except StaleDataError:
         db.rollback()
         raise ConflictError("the patient") from None
@@ -124,21 +120,21 @@ def _check(patient: Patient) -> None:
     require_plain(patient.pseudonym or "", "the pseudonym", one_line=True)
     patient.pseudonym = " ".join((patient.pseudonym or "").split())
     if not 1 <= len(patient.pseudonym) <= LONGEST_PSEUDONYM:
-        raise InputError(f"a pseudonym has 1 to {LONGEST_PSEUDONYM} characters")
+        raise InputError("clinic.pseudonym_length", longest_pseudonym=LONGEST_PSEUDONYM)
     for what in ("dominant_hand", "affected_hand"):
         if getattr(patient, what) not in (
             None,
             *HANDS,
             *(("both",) if what == "affected_hand" else ()),
         ):
-            raise InputError(f"{what.replace('_', ' ')} is left or right, or not given")
+            raise InputError("clinic.hand_side", what=what.replace("_", " "))
     if patient.year_of_birth is not None and not YEARS[0] <= patient.year_of_birth <= YEARS[1]:
         raise InputError(
-            f"year of birth {patient.year_of_birth} is outside {YEARS[0]} to {YEARS[1]}"
+            "clinic.birth_year_outside", year=patient.year_of_birth, first=YEARS[0], last=YEARS[1]
         )
     if patient.trunk_height is not None:
         trunk_height.require_height(patient.trunk_height)
     for hand, measures in (patient.hand_measures or {}).items():
         if hand not in HANDS:
-            raise InputError(f"hand measures are of the left or right hand, not of {hand!r}")
+            raise InputError("clinic.hand_measures_left_right", hand=hand)
         measures_from(measures)

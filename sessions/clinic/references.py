@@ -106,9 +106,7 @@ def current(
         query = query.where(ResultReferences.number == number)
     row = db.scalar(query.order_by(ResultReferences.number.desc()).limit(1))
     if row is None and number is not None:
-        raise InputError(
-            f"there is no version {number} of the references of result {result.id}; choose one that the page lists"
-        )
+        raise InputError("clinic.no_version_references_result", number=number, result=result.id)
     return _load(db, row) if row else _store_first(db, result, reference_values)
 
 
@@ -288,10 +286,7 @@ def _require(
     for p in past:
         if p.occasion.result == wanted and (p.occasion.hand == hand) == same:
             return p
-    raise InputError(
-        f"result {wanted} cannot be compared with result {result.id}: choose a session of the same "
-        "patient and the required hand that was processed by the same method with the same options"
-    )
+    raise InputError("clinic.result_cannot_compared_result", other=wanted, result=result.id)
 
 
 def _sufficient_rows(

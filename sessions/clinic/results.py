@@ -69,16 +69,18 @@ def get(db: Session, result_id: int) -> Result:
     """The result; InputError where there is none."""
     result = db.get(Result, result_id)
     if result is None:
-        raise InputError(f"there is no result {result_id}; it may have been erased")
+        raise InputError("clinic.no_result", number=result_id)
     return result
 
 
 def require_done(result: Result) -> Result:
     """The result; InputError where it is not finished."""
     if result.state != "done":
-        raise InputError(
-            f"result {result.id} is {result.state}{': ' + result.error if result.error else ''}"
-        )
+        if result.error:
+            raise InputError(
+                "api.result_failed", number=result.id, state=result.state, problem=result.error
+            )
+        raise InputError("api.result_not_done", number=result.id, state=result.state)
     return result
 
 

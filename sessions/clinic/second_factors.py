@@ -91,7 +91,7 @@ def confirm_totp(db: Session, account: Account, code: str) -> list[str]:
     )
     waiting = db.scalar(query)
     if waiting is None:
-        raise InputError("no authenticator waits to be confirmed; begin again")
+        raise InputError("clinic.no_authenticator_waits_confirmed")
     if not _matches(db, waiting, code):
         raise InputError(WRONG)
     waiting.confirmed = True
@@ -160,7 +160,7 @@ def remove(db: Session, account: Account, number: int) -> None:
     """Take one out of use; with the last one the recovery codes go, too."""
     found = next((f for f in of_account(db, account) if f.id == number), None)
     if found is None:
-        raise InputError(f"there is no second factor {number} of this account")
+        raise InputError("clinic.no_second_factor_account", number=number)
     db.delete(found)
     db.flush()
     if not of_account(db, account):
@@ -212,14 +212,14 @@ def _require_room(db: Session, account: Account) -> None:
     if not may_have_one(account):
         raise InputError(NONE_HERE)
     if len(of_account(db, account)) >= MOST:
-        raise InputError(f"an account has at most {MOST} second factors; remove one first")
+        raise InputError("clinic.account_has_most_second", count=MOST)
 
 
 def _checked_name(name: str) -> str:
     name = " ".join(name.split())
     require_plain(name, "the name", one_line=True)
     if not 1 <= len(name) <= LONGEST_NAME:
-        raise InputError(f"the name of a second factor has 1 to {LONGEST_NAME} characters")
+        raise InputError("clinic.name_second_factor_has", longest=LONGEST_NAME)
     return name
 
 

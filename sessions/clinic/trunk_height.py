@@ -15,23 +15,19 @@ from handscope.sessions.files.recording import LoadedRecording
 def require_height(height: float) -> None:
     """InputError where it cannot be one, m."""
     if not LEAST <= height <= MOST:
-        raise InputError(
-            f"the trunk's sensor {height:g} m above the hips is outside {LEAST:g} to {MOST:g} m; measure it from the hip joint, sitting"
-        )
+        raise InputError("clinic.trunk_height_outside", height=height, least=LEAST, most=MOST)
 
 
 def require_worn(session: PatientSession) -> None:
     """InputError where the height of this session cannot be told, or would change nothing."""
     if session.state == "open":
-        raise InputError(
-            "the session is being measured; correct the height of the trunk's sensor when it is finished"
-        )
+        raise InputError("clinic.session_being_measured")
     if not any(
         TRUNK in stream["sensors"]
         for file in session.recordings
         for stream in file.summary.get("streams", ())
     ):
-        raise InputError("the recording has no sensor on the trunk; there is no height to correct")
+        raise InputError("clinic.recording_has_no_sensor")
 
 
 def apply(recording: LoadedRecording, height: float | None) -> LoadedRecording:

@@ -43,9 +43,7 @@ def write(measured: Measured) -> Exported:
     try:
         from mcap_ros2.writer import Writer
     except ImportError:
-        raise InputError(
-            'this format needs a package that is not installed; pip install "handscope[exports]"'
-        ) from None
+        raise InputError("export.format_needs_package_not") from None
     bones = skeleton(measured)
     names, positions = _joints(bones, measured)
     links = list(_links(bones))

@@ -66,7 +66,5 @@ def frame(columns: Mapping[str, Any]) -> Any:
     try:
         import pandas
     except ImportError:
-        raise InputError(
-            "data frames need pandas, which is not installed; pip install 'handscope[notebook]', or use the columns as they are"
-        ) from None
+        raise InputError("recording.data_frames_need_pandas") from None
     return pandas.DataFrame(dict(columns))

@@ -45,11 +45,11 @@ def read(path: Path) -> Contents:
             for topic, message in read_messages(file, contents.file):
                 _store_message(contents, topic, message)
     except OSError as problem:
-        raise InputError(f"{path} cannot be read: {problem.strerror}") from None
-    except (ValueError, TypeError, KeyError):
         raise InputError(
-            f"{path.name} holds an event or metadata that is not Handscope's; it cannot be opened as a recording"
+            "file.cannot_read", name=str(path), problem=str(problem.strerror)
         ) from None
+    except (ValueError, TypeError, KeyError):
+        raise InputError("recording.holds_event_metadata_not", name=path.name) from None
     version = contents.metadata.get("format_version", FORMAT_VERSION if contents.wire else None)
     if version is None:
         what = (
@@ -57,10 +57,13 @@ def read(path: Path) -> Contents:
             if contents.file.ours
             else f"is no Handscope recording (they end in {SUFFIX})"
         )
-        raise InputError(f"{path.name} {what}; there is nothing to open")
+        raise InputError("recording.nothing_open", name=path.name, what=what)
     if not isinstance(version, int) or version > FORMAT_VERSION:
         raise InputError(
-            f"{path.name} has recording format {version}, this program reads up to {FORMAT_VERSION}; use a newer version"
+            "recording.has_recording_format_program",
+            name=path.name,
+            version=version,
+            newest=FORMAT_VERSION,
         )
     return contents
 
@@ -160,19 +163,17 @@ def _hand(metadata: Mapping[str, Any], identity: Identity | None, wanted: Hand |
     }
     if len(set(hands.values())) > 1:
         raise InputError(
-            f"the recording says {hands['the recording']} hand, the glove says {hands['the glove']}; connect the other glove or change the session's hand"
+            "recording.recording_says_hand_glove",
+            one=hands["the recording"],
+            other=hands["the glove"],
         )
     for hand in HANDS:
         if hand in hands.values():
             if wanted not in (None, hand):
-                raise InputError(
-                    f"the recording is of the {hand} hand, not of the {wanted} one; choose the other hand or the other recording"
-                )
+                raise InputError("recording.recording_hand_not_one", one=hand, other=wanted)
             return hand
     if wanted is None:
-        raise InputError(
-            "neither the recording nor the glove says which hand it is; give --hand left or --hand right"
-        )
+        raise InputError("recording.neither_recording_nor_glove")
     return wanted
 
 

@@ -48,7 +48,7 @@ def find_attached(folder: Path) -> ObjectStorage | None:
         return None
     except (OSError, ValueError, TypeError):
         raise InputError(
-            f"{folder / MARK} is damaged; it says where the recordings are: take it from a copy of the folder"
+            "recording.damaged_says_recordings_take", file=str(folder / MARK)
         ) from None
 
 
@@ -57,7 +57,7 @@ def attach(folder: Path, url: str) -> ObjectStorage:
     known = find_attached(folder)
     if known is not None and known.url != url:
         raise InputError(
-            f"the recordings of {folder} are kept in {known.url}, not in {url}; to move them, restore a backup elsewhere"
+            "recording.recordings_kept_not", folder=str(folder), place=known.url, url=url
         )
     if known is not None:
         return known
@@ -72,9 +72,7 @@ def attach(folder: Path, url: str) -> ObjectStorage:
             )
             found = None
     if found is not None:
-        raise InputError(
-            f"{url} holds the recordings of another data folder; give this one a folder of its own: {url}-2"
-        )
+        raise InputError("recording.holds_recordings_another_data", url=url)
     save_file(json.dumps(asdict(storage)).encode(), folder / MARK)
     return storage
 
@@ -137,7 +135,7 @@ def _reached(storage: ObjectStorage) -> Iterator[tuple[Any, str]]:
     try:
         import fsspec
     except ImportError:
-        raise InputError(f"{storage.url} needs a package: pip install 'handscope[s3]'") from None
+        raise InputError("recording.needs_package_pip_install", url=storage.url) from None
     protocol = storage.url.partition("://")[0]
     try:
         fs, root = fsspec.core.url_to_fs(storage.url, **OPTIONS.get(protocol, {}))
@@ -145,9 +143,7 @@ def _reached(storage: ObjectStorage) -> Iterator[tuple[Any, str]]:
     except (InputError, FileNotFoundError):
         raise
     except ImportError as problem:
-        raise InputError(
-            f"{storage.url} needs a package ({problem}): pip install 'handscope[s3]'"
-        ) from None
+        raise InputError("recording.needs_package", url=storage.url, problem=str(problem)) from None
     except Exception as problem:  # each file system's library has errors of its own
         raise UnreachableError(
             f"the object storage {storage.url} cannot be reached ({_words(problem)}); try again later"
@@ -164,8 +160,6 @@ def _words(problem: Exception) -> str:
 def _require_plain(url: str) -> None:
     protocol, separator, place = url.partition("://")
     if not (protocol and separator and place.strip("/")):
-        raise InputError(f"{url} is no place for recordings; name it like s3://bucket/folder")
+        raise InputError("recording.no_place_recordings", url=url)
     if ":" in place.partition("@")[0] and "@" in place:
-        raise InputError(
-            "a password does not belong in the address of the recordings; for S3 set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
-        )
+        raise InputError("recording.password_does_not_belong")

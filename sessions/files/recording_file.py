@@ -74,7 +74,9 @@ def _records(file: IO[bytes], size: int, found: Findings) -> Iterator[list[Any] 
         unpacked += sum(len(record.data) for record in inside or () if isinstance(record, Message))
         if unpacked > min(RATIO * size, MOST) + LARGEST:
             raise InputError(
-                f"the recording unpacks to more than {unpacked / 2**20:.0f} MB from {size / 2**20:.1f} MB; no glove sends that, it was not opened"
+                "recording.recording_unpacks_more_mb",
+                unpacked=unpacked / 2**20,
+                packed=size / 2**20,
             )
         yield inside
         if inside is None:

@@ -108,11 +108,9 @@ class MarkerReader(Reader):  # type: ignore[misc]  # c3d has no types
 def read_markers(path: Path) -> Markers:
     """All markers, in metres, the first frame at 0 s; NaN where a marker was not seen."""
     if not path.is_file():
-        raise InputError(f"{path} does not exist or is no file; give a C3D file")
+        raise InputError("c3d.does_not_exist", path=str(path))
     if path.stat().st_size > MOST_BYTES:
-        raise InputError(
-            f"{path.name} is larger than {MOST_BYTES / 2**30:.0f} GB; export the stretch of the task only"
-        )
+        raise InputError("c3d.too_large", name=path.name, most_bytes=MOST_BYTES / 2**30)
     try:
         with path.open("rb") as file, warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -126,24 +124,18 @@ def read_markers(path: Path) -> Markers:
             )
     except BROKEN as problem:
         raise InputError(
-            f"{path.name} is no C3D file that can be read ({' '.join(str(problem).split())[:80]}); export it again"
+            "c3d.not_readable", name=path.name, problem=" ".join(str(problem).split())[:80]
         ) from None
     if len(points) < 2 or len(names) < points.shape[1]:
-        raise InputError(
-            f"{path.name} holds no markers over time; export the labelled trajectories"
-        )
+        raise InputError("c3d.holds_no_markers_over", name=path.name)
     if unit not in METRES:
         raise InputError(
-            f"{path.name} has the unknown unit {unit!r} of length (POINT:UNITS); it is {', '.join(METRES)}"
+            "c3d.has_unknown_unit_length", name=path.name, unit=unit, metres=", ".join(METRES)
         )
     if not np.isfinite(rate) or rate <= 0:
-        raise InputError(
-            f"{path.name} has no usable rate of frames (POINT:RATE is {rate:g}); export it again"
-        )
+        raise InputError("c3d.has_no_usable_rate", name=path.name, rate=rate)
     if len(points) < declared:
-        raise InputError(
-            f"{path.name} was cut off: it holds {len(points)} of {declared} frames; copy or export it again"
-        )
+        raise InputError("c3d.cut_off", name=path.name, points=len(points), declared=declared)
     hidden = (points[..., 3] < 0) | ~np.isfinite(points[..., :3]).all(
         axis=-1
     )  # a negative residual marks a point that was not seen

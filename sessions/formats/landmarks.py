@@ -61,13 +61,13 @@ class FileContent:
 def read_landmarks(path: Path) -> Landmarks:
     """The landmarks of a file; InputError names the frame or column that is wrong."""
     if not path.is_file():
-        raise InputError(f"{path} does not exist or is no file; give a landmark file")
+        raise InputError("landmarks.does_not_exist", path=str(path))
     if path.stat().st_size > MOST_BYTES:
-        raise InputError(f"{path.name} is larger than {MOST_BYTES >> 20} MB; cut it to the task")
+        raise InputError("landmarks.too_large", name=path.name, most_bytes=MOST_BYTES >> 20)
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError(f"{path.name} is no text in UTF-8; export it again") from None
+        raise InputError("landmarks.not_utf8", name=path.name) from None
     read = _read_csv if path.suffix.lower() == ".csv" else _read_json
     content = read(text, path.name)
     _require_increasing(content.t, path.name)
@@ -78,11 +78,11 @@ def _read_json(text: str, name: str) -> FileContent:
     try:
         value = json.loads(text)
     except (ValueError, RecursionError) as problem:
-        raise InputError(f"{name} is no JSON: {str(problem)[:80]}") from None
+        raise InputError("landmarks.not_json", name=name, problem=str(problem)[:80]) from None
     head: Mapping[str, Any] = value if isinstance(value, dict) else {}
     frames = head.get("frames") if head else value
     if not isinstance(frames, list) or len(frames) < 2:
-        raise InputError(f"{name} holds no list of two or more frames; see docs/comparison.md")
+        raise InputError("landmarks.holds_no_list_two", name=name)
     places = np.stack([_points(frame, k, name) for k, frame in enumerate(frames)])
     sizes = [(head[w], head[h]) for w, h in PICTURE if w in head and h in head]
     picture = (_number(sizes[0][0], name), _number(sizes[0][1], name)) if sizes else None
@@ -94,13 +94,16 @@ def _read_json(text: str, name: str) -> FileContent:
 def _json_times(head: Mapping[str, Any], frames: list[Any], name: str) -> Array:
     if (rate := next((head[key] for key in RATES if key in head), None)) is not None:
         if not 0 < (hz := _number(rate, name)) <= 1e4:
-            raise InputError(f"{name}: {hz:g} frames a second cannot be; correct the rate")
+            raise InputError("landmarks.rate_impossible", name=name, hz=hz)
         return np.asarray(np.arange(len(frames)) / hz)
     known = [f for f in frames if isinstance(f, dict)]
     key = next((k for k in SECONDS if known and k in known[0]), None)
     if key is None or len(known) < len(frames):
         raise InputError(
-            f"{name} tells no time: each frame needs one of {', '.join(SECONDS)}, or the file one of {', '.join(RATES)}"
+            "landmarks.tells_no_time_each",
+            name=name,
+            seconds=", ".join(SECONDS),
+            rates=", ".join(RATES),
         )
     return SECONDS[key] * np.array(
         [_number(f.get(key), f"{name}, frame {k}") for k, f in enumerate(frames)]
@@ -115,14 +118,14 @@ def _points(frame: Any, k: int, name: str) -> Array:
         found = next((frame[key] for key in POINTS if key in frame), None)
     if isinstance(found, list) and found and _is_hand(found[0]):
         if len(found) > 1:
-            raise InputError(f"{where} holds {len(found)} hands; keep the one that was measured")
+            raise InputError("landmarks.several_hands", where=where, found=len(found))
         found = found[0]
     if isinstance(found, dict):
         found = found.get("landmark")
     if found is None or found == []:
         return np.full((COUNT, 3), np.nan)
     if not isinstance(found, list) or len(found) != COUNT:
-        raise InputError(f"{where} does not hold {COUNT} points")
+        raise InputError("landmarks.does_not_hold_points", where=where, count=COUNT)
     return np.array([_point(point, where) for point in found])
 
 
@@ -137,13 +140,13 @@ def _point(point: Any, where: str) -> list[float]:
     if isinstance(point, dict):
         point = [point.get(axis) for axis in "xyz"]
     if not isinstance(point, list) or len(point) < 3:
-        raise InputError(f"{where}: a point needs x, y and z")
+        raise InputError("landmarks.point_needs_x_y", where=where)
     return [_number(value, where) for value in point[:3]]
 
 
 def _number(value: Any, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e18:
-        raise InputError(f"{where}: {str(value)[:20]!r} is no number")
+        raise InputError("landmarks.not_a_number", where=where, value=str(value)[:20])
     return float(value)
 
 
@@ -153,7 +156,9 @@ def _hand(value: Any, name: str) -> Hand | None:
     for side in HANDS:
         if str(value).lower() == side:
             return side
-    raise InputError(f"{name}: the hand is {' or '.join(HANDS)}, not {str(value)[:20]!r}")
+    raise InputError(
+        "landmarks.hand_unknown", name=name, hands=" or ".join(HANDS), value=str(value)[:20]
+    )
 
 
 def _read_csv(text: str, name: str) -> FileContent:
@@ -162,13 +167,11 @@ def _read_csv(text: str, name: str) -> FileContent:
     try:
         header, *rows = [row for row in csv.reader(lines, delimiter=delimiter) if row] or [[]]
     except csv.Error as problem:
-        raise InputError(f"{name} is no table of text: {problem}") from None
+        raise InputError("landmarks.no_table_text", name=name, problem=str(problem)) from None
     columns = [column.strip().lower() for column in header]
     time = next((key for key in SECONDS if key in columns), None)
     if time is None or len(rows) < 2:
-        raise InputError(
-            f"{name} has no column of time or fewer than two rows; name the column one of {', '.join(SECONDS)}"
-        )
+        raise InputError("landmarks.has_no_column_time", name=name, seconds=", ".join(SECONDS))
     values = np.array(
         [
             _row(row, len(columns), delimiter != ",", f"{name}, row {k}")
@@ -187,7 +190,7 @@ def _read_csv(text: str, name: str) -> FileContent:
 def _row(cells: Sequence[str], count: int, comma: bool, where: str) -> list[float]:
     """Numbers of a row, NaN for words and empty cells; a decimal comma where `comma` does not part the cells."""
     if len(cells) != count:
-        raise InputError(f"{where}: {len(cells)} cells, the header has {count}")
+        raise InputError("landmarks.row_length", where=where, cells=len(cells), count=count)
     return [_cell(cell.replace(",", ".") if comma else cell) for cell in cells]
 
 
@@ -210,7 +213,7 @@ def _coordinates(columns: Sequence[str], name: str) -> list[int]:
     ]
     if missing:
         raise InputError(
-            f"{name} lacks {missing[0]} and {len(missing) - 1} more; columns are named like x0 or index_finger_mcp_x"
+            "landmarks.columns_missing", name=name, missing=missing[0], missing2=len(missing) - 1
         )
     return [found[key] for key in wanted]
 
@@ -232,21 +235,19 @@ def _landmark_of(column: str) -> tuple[int, str] | None:
 
 def _require_increasing(t: Array, name: str) -> None:
     if not np.isfinite(t).all() or not (np.diff(t) > 0).all():
-        raise InputError(f"{name}: its times do not increase from frame to frame; export it again")
+        raise InputError("landmarks.times_do_not_increase", name=name)
 
 
 def _scale(content: FileContent, name: str) -> Array:
     """Places (n, 21, 3) whose axes have one scale: shares of a picture are stretched by its width and height."""
     places, picture = content.places, content.picture
     if not np.isfinite(places).any():
-        raise InputError(f"{name} shows no hand in any frame; record it with the hand in view")
+        raise InputError("landmarks.shows_no_hand_any", name=name)
     if np.nanmax(np.abs(places)) > LARGEST:
-        raise InputError(f"{name} holds coordinates beyond {LARGEST:g}; export it again")
+        raise InputError("landmarks.holds_coordinates_beyond", name=name, largest=LARGEST)
     wrist = np.nanmedian(np.abs(places[:, WRIST]), axis=0)
     if content.is_world or wrist[2] > AT_WRIST or wrist[:2].max() < AT_WRIST:
         return places
     if picture is None or not all(1 <= size <= LARGEST for size in picture):
-        raise InputError(
-            f"{name} holds shares of a picture, whose size is not said: add image_width and image_height, or export world landmarks"
-        )
+        raise InputError("landmarks.holds_shares_picture_whose", name=name)
     return np.asarray(places * [picture[0], picture[1], picture[0]])

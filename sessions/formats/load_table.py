@@ -57,9 +57,7 @@ def load_table(path: Path, gravity: float) -> LoadTable:
     with read_lines(path, LARGEST, "16 MB: give one row a load") as lines:
         found = list(lines)
     if len(found) < 2:
-        raise InputError(
-            f"{path.name} holds no loads; its first line names the columns, then comes one row a load"
-        )
+        raise InputError("loads.holds_no_loads", name=path.name)
     columns = _Columns(path.name, found[0][1], found[1:])
     loads = (
         _of_weights(columns, gravity)
@@ -87,20 +85,23 @@ class _Columns:
         self.names = [name for name, _ in parsed]
         self.units = {name: unit.strip() for name, unit in parsed if unit}
         if len(set(self.names)) < len(self.names):
-            raise InputError(f"{file}: two columns have the same name")
+            raise InputError("loads.two_columns_have_same", file=file)
         for number, cells in rows:
             if len(cells) != len(header):
                 raise InputError(
-                    f"{file}, line {number}: {len(cells)} columns, where the header names {len(header)}; {SEPARATED}"
+                    "loads.row_length",
+                    file=file,
+                    number=number,
+                    cells=len(cells),
+                    header=len(header),
+                    separated=SEPARATED,
                 )
 
     def channels(self) -> tuple[Channel, ...]:
         """Columns with a unit that tell no load."""
         own = [name for name in self.units if name not in _LOADS]
         if not own:
-            raise InputError(
-                f"{self.file} has no channels of the sensor; name their columns with a unit, such as f1 [V]"
-            )
+            raise InputError("loads.has_no_channels_sensor", file=self.file)
         return tuple(Channel(name, self.units[name]) for name in own)
 
     def require_enough(self, channels: Sequence[Channel], axes: int) -> None:
@@ -114,7 +115,12 @@ class _Columns:
         readings = [name for name in readings if np.isfinite(self.numbers(name)).any()]
         if len(channels) < axes and readings:
             raise InputError(
-                f"{self.file}: {len(channels)} channels with a unit cannot tell {axes} axes; if {readings[0]} is a channel, write its unit behind it, such as {readings[0]} [{channels[0].units}]"
+                "loads.channels_unit_cannot_tell",
+                file=self.file,
+                channels=len(channels),
+                axes=axes,
+                readings=readings[0],
+                units=channels[0].units,
             )
 
     def numbers(self, name: str, factor: float = 1.0) -> Array:
@@ -137,7 +143,10 @@ class _Columns:
             return None
         if len(present) < 3:
             raise InputError(
-                f"{self.file} has {', '.join(present)} without the rest of {', '.join(names)}; name all three or none"
+                "loads.has_without_rest",
+                file=self.file,
+                present=", ".join(present),
+                names=", ".join(names),
             )
         return np.stack([self.numbers(name, self.factor(name, kind)) for name in names], axis=1)
 
@@ -148,7 +157,12 @@ class _Columns:
                 f"the unknown unit {self.units[name]!r}" if name in self.units else "no unit"
             )
             raise InputError(
-                f"{self.file}: {name} has {unit_words}; write it as {name} [{next(iter(known))}] or {name} [{list(known)[-1]}]"
+                "loads.unknown_unit",
+                file=self.file,
+                name=name,
+                unit_words=unit_words,
+                known=next(iter(known)),
+                known2=list(known)[-1],
             )
         return known[self.units[name]]
 
@@ -163,9 +177,7 @@ _LOADS = {
 def _of_weights(columns: _Columns, gravity: float) -> Array:
     """Weights that hang on the sensor: F = -m g d, and where it is told where, M = r x F."""
     if "mass" not in columns.names:
-        raise InputError(
-            f"{columns.file} tells where down is and no mass; add a column mass [g], 0 where nothing hung"
-        )
+        raise InputError("loads.tells_down_no_mass", file=columns.file)
     mass = columns.numbers("mass", columns.factor("mass", "mass"))
     down = _down(columns)
     down[mass == 0] = 0.0  # nothing hung: it does not matter where down was
@@ -182,9 +194,7 @@ def _down(columns: _Columns) -> Array:
     acc = columns.three("acc")
     if acc is not None:
         if {"down", "down_x", "down_y", "down_z"} & set(columns.names):
-            raise InputError(
-                f"{columns.file} tells where down was twice, by acc_x and by down; leave one of them out"
-            )
+            raise InputError("loads.tells_down_was_twice", file=columns.file)
         return np.asarray(-acc / np.linalg.norm(acc, axis=1, keepdims=True))
     if "down" in columns.names:
         return np.array(
@@ -194,9 +204,7 @@ def _down(columns: _Columns) -> Array:
             ]
         )
     if "down_x" not in columns.names:
-        raise InputError(
-            f"{columns.file} has masses and does not say where down was; add a column down with +x, -x, +y, -y, +z or -z"
-        )
+        raise InputError("loads.has_masses_does_not", file=columns.file)
     down = np.stack(
         [
             columns.numbers(f"down_{axis}")
@@ -216,16 +224,14 @@ def _direction(where: str, word: str) -> Array:
         return np.full(3, np.nan)
     found: Array | None = DIRECTIONS.get(word if word[0] in "+-" else f"+{word}")
     if found is None:
-        raise InputError(
-            f"{where}: down is {word!r}; it is +x, -x, +y, -y, +z or -z of the sensor, or none where nothing hung"
-        )
+        raise InputError("loads.down_unknown", where=where, word=word)
     return found
 
 
 def _of_forces(columns: _Columns) -> Array:
     force, torque = columns.three("force"), columns.three("torque")
     if force is None:
-        raise InputError(f"{columns.file} tells no loads; {HOW}")
+        raise InputError("loads.tells_no_loads", file=columns.file, how=HOW)
     return force if torque is None else np.concatenate([force, torque], axis=1)
 
 
@@ -235,11 +241,7 @@ def _number(where: str, name: str, cell: str) -> float:
     try:
         value = float(cell.replace(MINUS, "-"))
     except ValueError:
-        raise InputError(
-            f"{where}: {name} is {cell!r}, which is no number; write the number alone, or leave the cell empty"
-        ) from None
+        raise InputError("loads.not_a_number", where=where, name=name, cell=cell) from None
     if not np.isfinite(value):
-        raise InputError(
-            f"{where}: {name} is {cell!r}; it is a finite number, or empty where it is missing"
-        )
+        raise InputError("loads.not_finite", where=where, name=name, cell=cell)
     return value

@@ -23,15 +23,15 @@ def read_markers(path: Path) -> Markers:
         data = path.read_bytes()
         lines = (gzip.decompress(data) if path.suffix == ".gz" else data).decode().splitlines()
     except (OSError, EOFError, UnicodeDecodeError) as problem:
-        raise InputError(
-            f"{path} cannot be read ({problem}); give a Qualisys export as .tsv or .tsv.gz"
-        ) from None
+        raise InputError("qualisys.cannot_read", path=str(path), problem=str(problem)) from None
     names, table = _table(path, lines)
     column = {name: k for k, name in enumerate(names)}
     elbow = next((name for name in ELBOWS if name in column), ELBOWS[-1])
     wanted = [*BACK, elbow, *(f"{f}_{place}" for f in FINGERS for place in ("middle", "tip"))]
     if missing := [name for name in wanted if name not in column]:
-        raise InputError(f"{path} has no marker {missing[0]!r}; needed are {', '.join(wanted)}")
+        raise InputError(
+            "qualisys.has_no_marker", path=str(path), missing=missing[0], wanted=", ".join(wanted)
+        )
     places = table[:, 2:].reshape(len(table), -1, 3)[:, [column[name] for name in wanted]] * 1e-3
     return Markers(table[:, 1], places[:, :3], places[:, 3], places[:, 4:].reshape(-1, 5, 2, 3))
 
@@ -47,9 +47,9 @@ def _table(path: Path, lines: list[str]) -> tuple[list[str], Array]:
             dtype=float,
         )
     except ValueError as problem:
-        raise InputError(f"{path} is no Qualisys export: {problem}") from None
-    if table.ndim != 2 or len(table) < 2 or table.shape[1] != 2 + 3 * len(names):
         raise InputError(
-            f"{path} is no Qualisys export with MARKER_NAMES, a Frame and Time line and three columns a marker; export it as TSV again"
-        )
+            "qualisys.no_qualisys_export", path=str(path), problem=str(problem)
+        ) from None
+    if table.ndim != 2 or len(table) < 2 or table.shape[1] != 2 + 3 * len(names):
+        raise InputError("qualisys.no_qualisys_export_marker", path=str(path))
     return names, table

@@ -26,5 +26,5 @@ def load(
 def checksum(path: Path) -> str:
     """sha256 of a recording's file."""
     if not path.is_file():
-        raise InputError(f"{path} is not a file")
+        raise InputError("reference.not_file", name=str(path))
     return native.file_checksum(path)

@@ -35,9 +35,7 @@ def require_checksum(name: str, entry: dict[str, Any], pieces: Iterable[bytes]) 
     for piece in pieces:
         total.update(piece)
     if total.hexdigest() != entry["sha256"]:
-        raise InputError(
-            f"{name} in the backup is not what was backed up: its checksum is another; nothing was restored"
-        )
+        raise InputError("backup.backup_not_was_backed", name=name)
 
 
 def pieces_of(file: IO[bytes]) -> Iterator[bytes]:

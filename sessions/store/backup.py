@@ -85,15 +85,11 @@ def write(
     With recipients it is sealed for them: it is made in the data folder, and leaves it sealed alone.
     """
     if url is None and not (folder / FILE).is_file():
-        raise InputError(
-            f"there is no Handscope data in {folder}; name the data folder with --data"
-        )
+        raise InputError("backup.no_handscope_data", folder=str(folder))
     if target.exists():
-        raise InputError(
-            f"{target} is there already; choose another name, backups are not overwritten"
-        )
+        raise InputError("backup.already", target=str(target))
     if target.absolute().is_relative_to(folder.absolute()):
-        raise InputError(f"{target} lies inside the data folder; a backup belongs on another disk")
+        raise InputError("backup.lies_inside_data_folder", target=str(target))
     partial = target.with_name(f".{target.name}.partial")
     sealed = partial if recipients else None
     if sealed is not None:
@@ -116,10 +112,10 @@ def write(
                     sealed_files.seal(partial, sealed, recipients)
                 os.replace(sealed or partial, target)
                 return made
-        raise InputError("patients were erased while the backup was made; make it again")
+        raise InputError("backup.patients_were_erased_while")
     except OSError as problem:
         raise InputError(
-            f"{target} cannot be written: {problem.strerror}; no backup was made"
+            "backup.cannot_write_backup", target=str(target), strerror=str(problem.strerror)
         ) from None
     except DBAPIError as problem:
         full = (
@@ -128,7 +124,10 @@ def write(
             else ""
         )
         raise InputError(
-            f"the database {place_of(engine)} cannot be read ({problem.orig}){full}; no backup was made"
+            "backup.database_cannot_read",
+            engine=place_of(engine),
+            orig=str(problem.orig),
+            full=full,
         ) from None
     finally:
         for left in (partial, sealed):
@@ -148,9 +147,7 @@ def restore(
     The database comes last and a mark lies in the folder until then: an interrupted restore cannot be taken for data.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(
-            f"{folder} is not an empty folder; a backup is restored into an empty one, nothing was changed"
-        )
+        raise InputError("backup.not_empty_folder", folder=str(folder))
     existed = folder.exists()
     with _open(source) as archive:
         manifest = _manifest(archive, source)
@@ -175,11 +172,13 @@ def restore(
                     folder.rmdir()
             if isinstance(problem, OSError):
                 raise InputError(
-                    f"{folder} cannot be written: {problem.strerror}; nothing was restored"
+                    "backup.cannot_write_folder", folder=str(folder), strerror=str(problem.strerror)
                 ) from None
             if isinstance(problem, DBAPIError):
                 raise InputError(
-                    f"the database {place_of(engine)} refused the backup ({problem.orig}); nothing was restored"
+                    "backup.database_refused_backup",
+                    engine=place_of(engine),
+                    orig=str(problem.orig),
                 ) from None
             raise
     return manifest
@@ -199,9 +198,7 @@ def read_audit_head(source: Path) -> tuple[int, str]:
     with _open(source) as archive:
         noted = _manifest(archive, source).get("audit")
     if not noted:
-        raise InputError(
-            f"{source} notes no line of the audit trail: it was made by an earlier version, or of a trail without lines"
-        )
+        raise InputError("backup.notes_no_line_audit", source=str(source))
     number, total = noted
     return int(number), str(total)
 
@@ -317,25 +314,23 @@ def _put(
 def _verify(path: Path) -> None:
     with zipfile.ZipFile(path) as archive:
         if (bad := archive.testzip()) is not None:
-            raise InputError(
-                f"{bad} could not be read back from the backup; is the disk damaged? No backup was made"
-            )
+            raise InputError("backup.could_not_read_back", bad=bad)
 
 
 @contextlib.contextmanager
 def _open(source: Path) -> Iterator[zipfile.ZipFile]:
     if sealed_files.is_sealed(source):
-        raise InputError(f"{source} is sealed; name the file with its key: --key FILE")
+        raise InputError("backup.sealed_name_file_key", source=str(source))
     try:
         with zipfile.ZipFile(source) as archive:
             yield archive
     except DAMAGED as problem:
         raise InputError(
-            f"{source} is damaged or no backup ({problem}); nothing was restored"
+            "backup.damaged_no_backup", source=str(source), problem=str(problem)
         ) from None
     except OSError as problem:  # also where a damaged directory points before the file's beginning
         raise InputError(
-            f"{source} cannot be read: {problem.strerror}; nothing was restored"
+            "backup.cannot_read", source=str(source), strerror=str(problem.strerror)
         ) from None
 
 
@@ -346,10 +341,13 @@ def _manifest(archive: zipfile.ZipFile, source: Path) -> dict[str, Any]:
     except (KeyError, TypeError, ValueError):
         known = False
     if not known:
-        raise InputError(f"{source} is no backup made by Handscope")
+        raise InputError("backup.no_backup_made_handscope", source=str(source))
     if manifest["format_version"] > FORMAT_VERSION:
         raise InputError(
-            f"{source} has backup format {manifest['format_version']}, this program reads up to {FORMAT_VERSION}; use a newer version"
+            "backup.has_backup_format_program",
+            source=str(source),
+            manifest=manifest["format_version"],
+            format_version=FORMAT_VERSION,
         )
     return dict(manifest)
 
@@ -365,12 +363,10 @@ def _unpack(
     whole = max(1, sum(entry["bytes"] for entry in manifest["files"].values()))
     for name, entry in manifest["files"].items():
         if name not in archive.namelist():
-            raise InputError(f"{name} is missing in the backup; nothing was restored")
+            raise InputError("backup.missing_backup", name=name)
         path = (folder / name).resolve()
         if not path.is_relative_to(home) or path == home / RESTORING:
-            raise InputError(
-                f"{name!r} in the backup lies outside the data folder; nothing was restored"
-            )
+            raise InputError("backup.backup_lies_outside_data", name=name)
         if name == DATABASE:
             require_checksum(name, entry, read_entry(archive, name))
         else:
@@ -387,5 +383,5 @@ def _fill(engine: Engine, lines: Iterable[bytes]) -> None:
         database_dump.load(engine, lines)
     except (AttributeError, KeyError, StopIteration, TypeError) as problem:
         raise InputError(
-            f"the rows in the backup are not those of a Handscope database ({type(problem).__name__} {problem}); nothing was restored"
+            "backup.rows_backup_not_those", error=type(problem).__name__, problem=str(problem)
         ) from problem

@@ -43,7 +43,7 @@ def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]
     except DatabaseError as problem:
         engine.dispose()
         raise InputError(
-            f"the database {place_of(engine)} cannot be opened ({problem.orig}); restore it from a backup or choose another --data folder"
+            "store.database_cannot_opened", engine=place_of(engine), orig=str(problem.orig)
         ) from None
     database = sessionmaker(engine, expire_on_commit=False)
     repeatability.enable(database)
@@ -62,9 +62,7 @@ def connect(folder: Path, url: str | None = None) -> Engine:
             connect_args=_connect_arguments(url or ""),
         )
     except (ArgumentError, ImportError) as problem:
-        raise InputError(
-            f"the database URL is not understood ({problem}); for PostgreSQL: postgresql+psycopg://user:password@host/name, with pip install handscope[postgresql]"
-        ) from None
+        raise InputError("store.database_url_not_understood", problem=str(problem)) from None
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _prepare_sqlite)
         event.listen(engine, "checkin", _patient_again)
@@ -130,8 +128,7 @@ def _require_known(engine: Engine) -> None:
         revision = MigrationContext.configure(connection).get_current_revision()
     if revision is not None and not is_known(revision):
         raise InputError(
-            f"the database {place_of(engine)} has the schema {revision} of a newer version of Handscope, which this one does not know; "
-            "start the newer version, or restore a backup that was made before it"
+            "store.database_has_schema_newer", engine=place_of(engine), revision=revision
         )
 
 

@@ -26,9 +26,7 @@ def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, i
     """Erase the patient whose pseudonym was typed as it is stored; InputError, and nothing is erased, where it is another or where work goes on; gives what there was."""
     patient = patients.get(db, patient_id)
     if " ".join(typed.split()) != patient.pseudonym:
-        raise InputError(
-            f"to erase this patient, type the code exactly as it is stored: {patient.pseudonym}; nothing was erased"
-        )
+        raise InputError("store.erase_patient_type_code", code=patient.pseudonym)
     sessions = list(db.scalars(_of(patient)))
     recordings = [f for s in sessions for f in s.recordings]
     results = [r for f in recordings for r in f.results]
@@ -77,10 +75,6 @@ def _of(patient: Patient) -> Select[PatientSession]:
 
 def _require_rest(patient: Patient, sessions: list[PatientSession], results: list[Result]) -> None:
     if any(s.state == "open" for s in sessions):
-        raise InputError(
-            f"a session of {patient.pseudonym} is not finished; finish it first, nothing was erased"
-        )
+        raise InputError("store.session_not_finished", code=patient.pseudonym)
     if any(r.state == "running" for r in results):
-        raise InputError(
-            f"results of {patient.pseudonym} are being computed; wait until they are ready, nothing was erased"
-        )
+        raise InputError("store.results_being_computed", code=patient.pseudonym)

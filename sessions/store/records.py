@@ -133,7 +133,7 @@ def get(db: Session, session_id: int) -> PatientSession:
     """The session; InputError where there is none."""
     session = db.get(PatientSession, session_id)
     if session is None:
-        raise InputError(f"there is no session {session_id}; it may have been erased")
+        raise InputError("store.no_session", number=session_id)
     return session
 
 
@@ -164,7 +164,7 @@ def hand_of(word: str) -> Hand:
     for hand in HANDS:
         if word == hand:
             return hand
-    raise InputError(f"the hand is left or right, not {word!r}")
+    raise InputError("store.hand_left_right_not", word=word)
 
 
 def _require_finished(path: Path) -> None:
@@ -172,9 +172,7 @@ def _require_finished(path: Path) -> None:
     until = time.monotonic() + FINISH_WAIT
     while path.exists() and is_being_written(path):
         if time.monotonic() > until:
-            raise InputError(
-                "the recording is still being written; unplug the glove, then finish the session"
-            )
+            raise InputError("store.recording_still_being_written")
         time.sleep(0.05)
 
 

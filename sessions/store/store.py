@@ -55,7 +55,7 @@ class Store:
         """Where a kept file is written, by its name in the database; nothing outside the folder. To read one: kept_files.at_hand."""
         path = (self.folder / file).resolve()
         if not path.is_relative_to(self.folder.resolve()):
-            raise InputError(f"{file!r} lies outside the data folder")
+            raise InputError("store.lies_outside_data_folder", file=file)
         return path
 
     def cached(self, file: str) -> Path:
@@ -71,9 +71,7 @@ class Store:
         """InputError where the disk is nearly full."""
         free = free_bytes(self.folder)
         if free < needed:
-            raise InputError(
-                f"the disk is nearly full: {free / 2**20:.0f} MB free, {needed / 2**20:.0f} MB are needed; make room and try again"
-            )
+            raise InputError("store.disk_nearly_full_mb", free=free / 2**20, needed=needed / 2**20)
 
 
 def free_bytes(folder: Path) -> int:
@@ -97,12 +95,10 @@ def open_store(folder: Path, url: str | None = None, recordings: str | None = No
             place.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise InputError(
-            f"the data folder {folder} cannot be made: {problem.strerror}; choose another with --data"
+            "store.data_folder_cannot_made", folder=str(folder), problem=str(problem.strerror)
         ) from None
     if (folder / RESTORING).exists():
-        raise InputError(
-            f"a backup was being restored into {folder} and that did not end; empty the folder and restore again"
-        )
+        raise InputError("store.backup_was_being_restored", folder=str(folder))
     for leftover in (folder / "incoming").iterdir():
         leftover.unlink() if leftover.is_file() else shutil.rmtree(leftover, ignore_errors=True)
     _require_writable(folder)
@@ -127,7 +123,7 @@ def _require_writable(folder: Path) -> None:
         with contextlib.suppress(OSError):
             probe.unlink(missing_ok=True)
         raise InputError(
-            f"the data folder {folder} cannot be written to: {problem.strerror}; mend that, or choose another with --data"
+            "store.data_folder_cannot_written", folder=str(folder), problem=str(problem.strerror)
         ) from None
 
 

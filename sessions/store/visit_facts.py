@@ -79,12 +79,10 @@ def _date(session: PatientSession, started: datetime, reason: str) -> None:
 def _require_date(session: PatientSession, started: datetime, reason: str) -> None:
     born = session.patient.year_of_birth
     if session.state == "open":
-        raise InputError("the session is being measured; correct its date when it is finished")
+        raise InputError("store.session_being_measured")
     if started > now() + SLACK:
-        raise InputError("the date lies in the future; type when the session was measured")
+        raise InputError("store.date_lies_future")
     if born is not None and started.year < born:
-        raise InputError(f"the date is before the patient's year of birth, {born}; check both")
+        raise InputError("store.date_before_patient_year", year=born)
     if started not in (session.recorded_as, session.started) and not reason.strip():
-        raise InputError(
-            "a corrected date needs a reason: it stands beside the date for everybody who reads it"
-        )
+        raise InputError("store.corrected_date_needs_reason")

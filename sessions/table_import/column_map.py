@@ -71,9 +71,11 @@ def read_map(path: Path, of_stream: bool = False) -> ColumnMap:
     try:
         value = json.loads(path.read_text("utf-8"))
     except OSError as problem:
-        raise InputError(f"{path} cannot be read: {problem.strerror}") from None
+        raise InputError(
+            "file.cannot_read", name=str(path), problem=str(problem.strerror)
+        ) from None
     except ValueError as problem:
-        raise InputError(f"{path.name} is not JSON: {problem}") from None
+        raise InputError("import.not_json", name=path.name, problem=str(problem)) from None
     return parse_map(value, path.name, of_stream)
 
 
@@ -82,12 +84,12 @@ def parse_map(value: Any, name: str, of_stream: bool = False) -> ColumnMap:
     _only(value, {"hand", "table", "time", "rate", "sensors", "geometry"}, name)
     hand = value.get("hand")
     if hand not in HANDS:
-        raise InputError(f"{name}: hand is {hand!r}; say left or right")
+        raise InputError("import.hand_say_left_right", name=name, hand=hand)
     timed = not of_stream or {"time", "rate"} & set(value)
     time, rate = _time(value, name) if timed else (None, None)
     sensors = value.get("sensors")
     if not isinstance(sensors, dict) or not sensors:
-        raise InputError(f"{name}: sensors names no sensor; map the columns of at least one")
+        raise InputError("import.sensors_names_no_sensor", name=name)
     geometry = dict(value.get("geometry") or {})
     measures_from(geometry)
     return ColumnMap(
@@ -118,10 +120,13 @@ def as_json(columns: ColumnMap) -> str:
 
 def _only(value: Any, known: set[str], where: str) -> None:
     if not isinstance(value, dict):
-        raise InputError(f"{where} is not an object with {', '.join(sorted(known))}")
+        raise InputError("import.not_an_object", where=where, known=", ".join(sorted(known)))
     if unknown := sorted(set(value) - known):
         raise InputError(
-            f"{where} has unknown keys: {', '.join(unknown)}; known are {', '.join(sorted(known))}"
+            "import.has_unknown_keys",
+            where=where,
+            unknown=", ".join(unknown),
+            known=", ".join(sorted(known)),
         )
 
 
@@ -130,53 +135,55 @@ def _layout(value: Any, name: str) -> TableLayout:
     _only(value, {"delimiter", "decimal", "header", "skip"}, where)
     layout = TableLayout(**value)
     if len(str(layout.delimiter)) != 1 or layout.decimal not in (".", ","):
-        raise InputError(f"{where}: the delimiter is one character, the decimal mark . or ,")
+        raise InputError("import.delimiter_one_character_decimal", where=where)
     if layout.delimiter == layout.decimal:
-        raise InputError(f"{where}: delimiter and decimal mark are both {layout.decimal!r}")
+        raise InputError("import.delimiter_decimal_mark_both", where=where, decimal=layout.decimal)
     if not isinstance(layout.skip, int) or layout.skip < 0 or not isinstance(layout.header, bool):
-        raise InputError(f"{where}: header is true or false, skip a number of lines")
+        raise InputError("import.header_true_false_skip", where=where)
     return layout
 
 
 def _time(value: Mapping[str, Any], name: str) -> tuple[tuple[Column, str] | None, float | None]:
     time, rate = value.get("time"), value.get("rate")
     if (time is None) == (rate is None):
-        raise InputError(f"{name}: give either time (a column and its unit) or rate (Hz)")
+        raise InputError("import.give_either_time", name=name)
     if time is None:
         if not isinstance(rate, int | float) or not 1 <= rate <= 10000:
-            raise InputError(f"{name}: rate {rate!r} is no number of Hz from 1 to 10000")
+            raise InputError("import.rate_no_number_hz", name=name, rate=repr(rate))
         return None, float(rate)
     _only(time, {"column", "unit"}, f"{name}: time")
     if time.get("unit") not in SECONDS:
         raise InputError(
-            f"{name}: time has the unit {time.get('unit')!r}; units are {', '.join(SECONDS)}"
+            "import.time_unit", name=name, value=time.get("unit"), seconds=", ".join(SECONDS)
         )
     return (_column(time.get("column"), f"{name}: time"), str(time["unit"])), None
 
 
 def _column(value: Any, where: str) -> Column:
     if isinstance(value, bool) or not isinstance(value, str | int):
-        raise InputError(f"{where}: {value!r} is no column; give its name, or its number from 0")
+        raise InputError("import.no_column_give_name", where=where, value=value)
     return value
 
 
 def _sensor(point: str, value: Any, name: str) -> MappedSensor:
     where = f"{name}: {point}"
     if point not in TRACKED_POINTS:
-        raise InputError(f"{where} is no tracked point; points are {', '.join(TRACKED_POINTS)}")
+        raise InputError(
+            "import.no_tracked_point", where=where, tracked_points=", ".join(TRACKED_POINTS)
+        )
     _only(value, {*FACTORS, "mounting"}, where)
     channels = {
         q: _channels(value[q], q, f"{where}, {q}") for q in FACTORS if value.get(q) is not None
     }
     if not channels:
-        raise InputError(f"{where} maps nothing; give gyr, acc, mag or orientation")
+        raise InputError("import.maps_nothing", where=where)
     mounting = value.get("mounting") or [1, 0, 0, 0]
     try:
         q = np.asarray(mounting, dtype=float)
     except (TypeError, ValueError):
         q = np.zeros(0)
     if q.shape != (4,) or not 0.9 < np.linalg.norm(q) < 1.1:
-        raise InputError(f"{where}: mounting {mounting!r} is no unit quaternion [w, x, y, z]")
+        raise InputError("import.mounting_no_unit_quaternion", where=where, mounting=repr(mounting))
     return MappedSensor(channels, (float(q[0]), float(q[1]), float(q[2]), float(q[3])))
 
 
@@ -186,10 +193,17 @@ def _channels(value: Any, quantity: str, where: str) -> Channels:
     names = COMPONENTS[quantity]
     if not isinstance(columns, list) or len(columns) != len(names):
         raise InputError(
-            f"{where}: columns are {len(names)}, for {', '.join(names)}, not {columns!r}"
+            "import.columns_form",
+            where=where,
+            names=len(names),
+            names2=", ".join(names),
+            columns=columns,
         )
     if value.get("unit") not in FACTORS[quantity]:
         raise InputError(
-            f"{where} has the unit {value.get('unit')!r}; units are {', '.join(FACTORS[quantity])}"
+            "import.unknown_unit",
+            where=where,
+            value=value.get("unit"),
+            factors=", ".join(FACTORS[quantity]),
         )
     return Channels(tuple(_column(c, where) for c in columns), value["unit"])

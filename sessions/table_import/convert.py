@@ -67,7 +67,10 @@ def _values(table: NumberColumns, columns: ColumnMap, point: str, quantity: str)
     values = np.column_stack([table.column(c) for c in channels.columns]) * factor
     if not np.isfinite(values).all(axis=1).any():
         raise InputError(
-            f"{table.file}: the columns {', '.join(map(str, channels.columns))} of {point} hold no numbers"
+            "import.columns_hold_no_numbers",
+            file=table.file,
+            str=", ".join(map(str, channels.columns)),
+            point=point,
         )
     return values
 
@@ -81,17 +84,15 @@ def _times(table: NumberColumns, columns: ColumnMap) -> tuple[Array, float]:
     t = table.column(column) * SECONDS[unit]
     if not np.isfinite(t).all():
         row = int(np.flatnonzero(~np.isfinite(t))[0])
-        raise InputError(f"{table.file}: the time column {column!r} has no number in row {row + 1}")
+        raise InputError("import.time_column_has_no", file=table.file, column=column, row=row + 1)
     steps = np.diff(t)
     if len(t) < 2 or (steps <= 0).any():
         row = int(np.flatnonzero(steps <= 0)[0]) + 2 if len(t) > 1 else 1
-        raise InputError(
-            f"{table.file}: the times in {column!r} do not increase at row {row}; sort the rows, or map another column"
-        )
+        raise InputError("import.times_do_not_increase", file=table.file, column=column, row=row)
     rate = float(1 / np.median(steps))
     if not 5 <= rate <= 10000:
         raise InputError(
-            f"{table.file}: by {column!r} in {unit} there are {rate:.4g} rows a second; is the unit of the time right?"
+            "import.rate_implausible", file=table.file, column=column, unit=unit, rate=rate
         )
     return t - t[0], rate
 
@@ -110,12 +111,16 @@ def _require_plausible(blocks: Sequence[Block], stated: Set[str], file: str) -> 
             _likely_unit(size, min(stated)) if len(stated) == 1 else "sensors have several units"
         )
         raise InputError(
-            f"{file}: with the map's units the accelerometers read {size:.3g} m/s^2, not {GRAVITY:.2f}; {likely}"
+            "import.map_units_accelerometers_read",
+            file=file,
+            size=size,
+            gravity=GRAVITY,
+            likely=likely,
         )
     _require_unit_norm(blocks, file)
     if rates and max(rates) > FASTEST:
         raise InputError(
-            f"{file}: with the map's units a gyroscope reads {np.degrees(max(rates)):.0f} deg/s, beyond any sensor; are they deg/s, not rad/s?"
+            "import.map_units_gyroscope_reads", file=file, rates=np.degrees(max(rates))
         )
 
 
@@ -125,7 +130,7 @@ def _require_unit_norm(blocks: Sequence[Block], file: str) -> None:
         for point, norm in zip(block.stream.sensors, norms):
             if not abs(norm - 1.0) <= UNIT_NORM:
                 raise InputError(
-                    f"{file}: the columns mapped as orientation of {point} have the size {norm:.3g}, not 1; are they quaternions w, x, y, z?"
+                    "import.columns_mapped_orientation_have", file=file, point=point, norm=norm
                 )
 
 

@@ -83,7 +83,7 @@ def _guess_layout(path: Path) -> TableLayout:
     """The delimiter and decimal mark by which most cells of the same number a line are numbers."""
     lines = text_lines(path)
     if not any(line.strip() for line in lines[: 2 * LOOKED_AT]):
-        raise InputError(f"{path.name} is empty")
+        raise InputError("import.empty", name=path.name)
     best, best_score = TableLayout(), -1.0
     for delimiter, decimal in product(DELIMITERS, (".", ",")):
         if delimiter == decimal:

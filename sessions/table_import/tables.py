@@ -37,13 +37,18 @@ class NumberColumns:
         if isinstance(wanted, int):
             if not 0 <= wanted < self.values.shape[1]:
                 raise InputError(
-                    f"{self.file} has no column {wanted}; it has {self.values.shape[1]}, counted from 0"
+                    "import.has_no_column",
+                    file=self.file,
+                    wanted=wanted,
+                    shape=self.values.shape[1],
                 )
             return self._whole(wanted)
         if self.names.count(wanted) != 1:
             known = ", ".join(self.names[:40]) or "none: it has no header, give numbers from 0"
             many = "no" if wanted not in self.names else "more than one"
-            raise InputError(f"{self.file} has {many} column {wanted!r}; columns are {known}")
+            raise InputError(
+                "import.has_column", file=self.file, many=many, wanted=wanted, known=known
+            )
         return self._whole(self.names.index(wanted))
 
     def _whole(self, k: int) -> Array:
@@ -57,9 +62,11 @@ def read_table(path: Path, layout: TableLayout) -> NumberColumns:
     try:
         size = path.stat().st_size
     except OSError as problem:
-        raise InputError(f"{path} cannot be read: {problem.strerror}") from None
+        raise InputError(
+            "file.cannot_read", name=str(path), problem=str(problem.strerror)
+        ) from None
     if size > MOST_BYTES:
-        raise InputError(f"{path.name} has {size / 2**30:.1f} GB; cut it into parts below 1 GB")
+        raise InputError("import.too_large", name=path.name, size=size / 2**30)
     return READERS.get(path.suffix.lower(), _read_text)(path, layout)
 
 
@@ -81,7 +88,7 @@ def text_lines(path: Path) -> list[str]:
         if "\0" in text:
             break
         return text.splitlines()
-    raise InputError(f"{path.name} is no text; CSV, TSV, XLSX, Parquet and MAT are read")
+    raise InputError("import.no_text_csv_tsv", name=path.name)
 
 
 def _read_text(path: Path, layout: TableLayout) -> NumberColumns:
@@ -95,9 +102,9 @@ def _read_text(path: Path, layout: TableLayout) -> NumberColumns:
         faults: dict[int, str] = {}
         values = list(_numbers(rows, names, first, path.name, layout.decimal, faults))
     except csv.Error as problem:
-        raise InputError(f"{path.name} cannot be read as a table: {problem}") from None
+        raise InputError("import.cannot_read_table", name=path.name, problem=str(problem)) from None
     if not values:
-        raise InputError(f"{path.name} has no rows of numbers behind line {first - 1}")
+        raise InputError("import.has_no_rows_numbers", name=path.name, first=first - 1)
     return NumberColumns(path.name, names, np.array(values), faults)
 
 
@@ -118,7 +125,9 @@ def _numbers(
             row.pop()  # a delimiter at the end of the line
         width = width or len(row)
         if len(row) != width:
-            raise InputError(f"{file}, line {number}: {len(row)} cells, the first line has {width}")
+            raise InputError(
+                "import.row_length", file=file, number=number, row=len(row), width=width
+            )
         numbers = [_number(cell.strip(), decimal) for cell in row]
         for k, value in enumerate(numbers):
             if value is None:
@@ -149,7 +158,7 @@ def _frame_reader(function: str, package: str) -> Callable[[Path, TableLayout], 
             import_module(package)
         except ImportError:
             raise InputError(
-                f'{path.suffix} files need pandas and {package}; install them by: pip install "handscope[tables]"'
+                "import.files_need_pandas", suffix=path.suffix, package=package
             ) from None
         options: Mapping[str, Any] = (
             {"header": 0 if layout.header else None, "skiprows": layout.skip}
@@ -159,7 +168,7 @@ def _frame_reader(function: str, package: str) -> Callable[[Path, TableLayout], 
         try:
             frame = getattr(pandas, function)(path, **options)
         except Exception as problem:  # whatever the library raises on a foreign file
-            raise InputError(f"{path.name} cannot be read: {problem}") from None
+            raise InputError("file.cannot_read", name=path.name, problem=str(problem)) from None
         numbers = frame.apply(pandas.to_numeric, errors="coerce").to_numpy(dtype=float)
         return NumberColumns(path.name, tuple(str(c).strip() for c in frame.columns), numbers)
 
@@ -173,7 +182,9 @@ def _read_matlab(path: Path, layout: TableLayout) -> NumberColumns:
     try:
         found = loadmat(path, simplify_cells=True)
     except Exception as problem:  # whatever a foreign file raises
-        raise InputError(f"{path.name} cannot be read as MATLAB 5: {problem}") from None
+        raise InputError(
+            "import.cannot_read_matlab_5", name=path.name, problem=str(problem)
+        ) from None
     names, columns = [], []
     for name, value in _flatten("", found):
         array = np.asarray(value)
@@ -185,7 +196,7 @@ def _read_matlab(path: Path, layout: TableLayout) -> NumberColumns:
     rows = max((len(c) for c in columns), key=[len(c) for c in columns].count, default=0)
     kept = [(n, c) for n, c in zip(names, columns) if len(c) == rows]
     if not kept:
-        raise InputError(f"{path.name} holds no columns of numbers")
+        raise InputError("import.holds_no_columns_numbers", name=path.name)
     return NumberColumns(
         path.name, tuple(n for n, _ in kept), np.column_stack([c for _, c in kept])
     )

@@ -23,9 +23,9 @@ def read_lines(path: Path, largest: int, instead: str) -> Iterator[Iterator[Line
     """Lines of a file; InputError where there is none, or it exceeds `largest` bytes: `instead`
     says how much that is and what to do."""
     if not path.is_file():
-        raise InputError(f"{path} is not a file")
+        raise InputError("reference.not_file", name=str(path))
     if path.stat().st_size > largest:
-        raise InputError(f"{path.name} is larger than {instead}")
+        raise InputError("array.too_large", name=path.name, instead=instead)
     with path.open(encoding="utf-8-sig", errors="replace", newline=None) as file:
         yield _split_lines(file)
 
@@ -59,7 +59,9 @@ def _split_quoted(text: str, mark: str, number: int) -> list[str]:
     try:
         return next(csv.reader([text], delimiter=mark, skipinitialspace=True))
     except csv.Error as problem:
-        raise InputError(f"line {number} of the table cannot be read: {problem}") from problem
+        raise InputError(
+            "array.line_table_cannot_read", number=number, problem=str(problem)
+        ) from problem
 
 
 def split_triple(cell: str) -> list[str]:

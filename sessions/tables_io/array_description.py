@@ -33,6 +33,8 @@ ENTRIES = (
 MAGNETOMETER_ENTRIES = ("place", "q_bl", "columns")
 Column = str | int  # name, or number counted from 1
 
+EXAMPLE = '{"unit": "uT", "magnetometers": {"m1": {"place": [x, y, z] in metres}, ...}}'
+
 
 @dataclass(frozen=True)
 class Timing:
@@ -72,17 +74,19 @@ def read_description(path: Path) -> ArrayDescription:
         parsed = json.loads(path.read_text("utf-8"))
         return _parse(parsed)
     except OSError as problem:
-        raise InputError(f"{path} cannot be read: {problem.strerror}") from problem
+        raise InputError(
+            "file.cannot_read", name=str(path), problem=str(problem.strerror)
+        ) from problem
     except (ValueError, KeyError, TypeError, AttributeError) as problem:
         raise InputError(
-            f'{path.name} does not describe an array: give {{"unit": "uT", "magnetometers": {{"m1": {{"place": [x, y, z] in metres}}, ...}}}} ({problem})'
+            "array.not_a_description", name=path.name, example=EXAMPLE, problem=str(problem)
         ) from problem
 
 
 def _parse(parsed: Mapping[str, Any]) -> ArrayDescription:
     magnetometers = parsed["magnetometers"]
     if not magnetometers:
-        raise InputError("The array's file names no magnetometer.")
+        raise InputError("array.array_file_names_no")
     _refuse_others(parsed, ENTRIES, "the array's file")
     for name, one in magnetometers.items():
         _refuse_others(one, MAGNETOMETER_ENTRIES, f"magnetometer {name!r}")
@@ -94,22 +98,18 @@ def _parse(parsed: Mapping[str, Any]) -> ArrayDescription:
     )
     turns = [one.get("q_bl") for one in magnetometers.values()]
     if any(turn is None for turn in turns) and any(turn is not None for turn in turns):
-        raise InputError("Tell q_bl of every magnetometer of the array or of none.")
+        raise InputError("array.tell_q_bl_every")
     numbers = ("earth", "limit", "moment", "place_sd", "calibration_sd", "gradient", "rate")
     earth, limit, moment, place_sd, calibration_sd, gradient, rate = (
         None if parsed.get(key) is None else _parse_finite(parsed[key], key) for key in numbers
     )
     unit, sensor = parsed["unit"], parsed.get("sensor")
     if "columns" in parsed and sensor is None:
-        raise InputError(
-            "`columns` of the whole array are those of rows of one magnetometer each: tell `sensor`, the column that says whose, too."
-        )
+        raise InputError("array.columns_whole_array_those")
     if sensor is not None and (
         separate := [name for name, one in magnetometers.items() if "columns" in one]
     ):
-        raise InputError(
-            f"Magnetometer {separate[0]!r} has `columns` of its own, and every row is one magnetometer's, as `sensor` says: tell `columns` once, beside `sensor`."
-        )
+        raise InputError("array.magnetometer_has_columns_own", separate=separate[0])
     shared = (
         {}
         if sensor is None
@@ -142,34 +142,28 @@ def _parse(parsed: Mapping[str, Any]) -> ArrayDescription:
 def _refuse_others(parsed: Mapping[str, Any], known: Sequence[str], what: str) -> None:
     strange = [key for key in parsed if key not in known]
     if strange:
-        raise InputError(
-            f"There is no entry {strange[0]!r} in {what}; there are {', '.join(known)}."
-        )
+        raise InputError("array.no_entry", strange=strange[0], what=what, known=", ".join(known))
 
 
 def _parse_timing(parsed: Any, rate: float | None) -> Timing:
     if rate is not None and not rate > 0:
-        raise InputError(f"The array's rate is {rate:g} Hz; tell how many rows a second there are.")
+        raise InputError("array.array_rate_hz", rate=rate)
     if parsed is None:
         return Timing(rate=rate)
     _refuse_others(parsed, ("column", "unit"), "the array's `time`")
     unit = parsed.get("unit", "s")
     if unit not in SECONDS:
-        raise InputError(
-            f"There is no unit {unit!r} of time; units are {', '.join(SECONDS)} (date and time of day)."
-        )
+        raise InputError("array.no_unit_time", unit=unit, seconds=", ".join(SECONDS))
     return Timing(parsed.get("column", "t"), unit, rate)
 
 
 def _parse_columns(name: str, columns: Any) -> tuple[Column, ...]:
     if not isinstance(columns, list) or len(columns) != 3:
-        raise InputError(
-            f"The columns of {name} are {columns!r}; they are three, of x, y and z, by name or counted from 1."
-        )
+        raise InputError("array.columns_form", name=name, columns=columns)
     return tuple(columns)
 
 
 def _parse_finite(value: Any, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
-        raise InputError(f"The array's {what} has {value!r}, which is no finite number.")
+        raise InputError("array.array_has_no_finite", what=what, value=value)
     return float(value)

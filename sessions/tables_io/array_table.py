@@ -71,12 +71,12 @@ def read_table(path: Path, array: ArrayDescription) -> Table:
     with read_lines(path, MAX_BYTES, "1 GB: cut it into pieces") as lines:
         first = next(lines, None)
         if first is None:
-            raise InputError(f"{path.name} holds no readings")
+            raise InputError("array.holds_no_readings", file=path.name)
         header = drop_empty_end(first[1])
         bare = all(is_number(cell) or split_triple(cell) for cell in header)
         second = first if bare else next(lines, None)
         if second is None:
-            raise InputError(f"{path.name} holds no readings")
+            raise InputError("array.holds_no_readings", file=path.name)
         wide = [bool(split_triple(cell)) for cell in second[1]][: len(header)] + [False] * (
             len(header) - len(second[1])
         )
@@ -108,7 +108,7 @@ def _prepend(first: Line, rest: Iterator[Line]) -> Iterator[Line]:
 
 def _find_columns(file: str, header: Sequence[str], many: int, array: ArrayDescription) -> Columns:
     if len(set(header)) < len(header):
-        raise InputError(f"{file}: two columns have the same name")
+        raise InputError("loads.two_columns_have_same", file=file)
     place: dict[Column, int] = {name: k for k, name in enumerate(header)} | {
         k + 1: k for k in range(many)
     }
@@ -117,8 +117,10 @@ def _find_columns(file: str, header: Sequence[str], many: int, array: ArrayDescr
     if array.time.rate is None:
         if array.time.column not in place:
             raise InputError(
-                f"{file}: the first line must name the columns t (s) and <name>_x, <name>_y, <name>_z of every magnetometer, or the array's file tell `time` and "
-                f"`columns`; there is no column {array.time.column!r} but {_describe_header(header, many)}"
+                "array.first_line_must_name",
+                file=file,
+                column=array.time.column,
+                header=_describe_header(header, many),
             )
         time = place[array.time.column]
     if array.sensor is not None:
@@ -134,7 +136,10 @@ def _find_columns(file: str, header: Sequence[str], many: int, array: ArrayDescr
         x, y, z = found
         if x is None or y is None or z is None:
             raise InputError(
-                f"{file} has no magnetometer {name!r}: columns {name}_x, {name}_y, {name}_z are looked for, or those that the array's file tells as its `columns`; it has {_describe_header(header, many)}"
+                "array.has_no_magnetometer_columns",
+                file=file,
+                name=name,
+                header=_describe_header(header, many),
             )
         axes[name] = (x, y, z)
         if f"{name}_t" in place:
@@ -156,7 +161,11 @@ def _find_long_columns(
     sensor = None if array.sensor in (None, IN_TURN) else place.get(array.sensor)
     if x is None or y is None or z is None or (sensor is None and array.sensor != IN_TURN):
         raise InputError(
-            f"{file} lacks one of the columns {', '.join(map(str, asked))} and {array.sensor}, told as `columns` and `sensor`; it has {_describe_header(header, many)}"
+            "array.lacks_one_columns_told",
+            file=file,
+            str=", ".join(map(str, asked)),
+            sensor=str(array.sensor),
+            header=_describe_header(header, many),
         )
     return Columns(time, dict.fromkeys(array.names, (x, y, z)), {}, sensor, True)
 
@@ -190,15 +199,21 @@ def _read_rows(
         cells = drop_empty_end(line, many)
         if len(cells) != many:
             raise InputError(
-                f"{file}, line {number}: {len(cells)} columns where the first line has {many}"
+                "array.line_columns_first_line",
+                file=file,
+                number=number,
+                cells=len(cells),
+                many=many,
             )
         try:
             cells = expand_triples(cells, wide) if wide else cells
             values.extend(read(cells[k]) for k, read in zip(wanted, reading))
         except ValueError as problem:
-            raise InputError(f"{file}, line {number}: {problem}") from problem
+            raise InputError(
+                "array.line_damaged", file=file, number=number, problem=str(problem)
+            ) from problem
     if not values:
-        raise InputError(f"{file} holds no readings")
+        raise InputError("array.holds_no_readings", file=file)
     return np.frombuffer(values).reshape(-1, len(wanted))
 
 
@@ -240,7 +255,7 @@ def _split_by_magnetometer(
     each has its own."""
     if len(rows) % len(array.names) and columns.sensor is None:
         raise InputError(
-            f"{file} has {len(rows)} rows, no multiple of the array's {len(array.names)} magnetometers: one is missing, or they do not come in turn"
+            "array.has_rows_no_multiple", file=file, rows=len(rows), names=len(array.names)
         )
     sensor = (
         np.arange(len(rows)) % len(array.names)
@@ -250,14 +265,21 @@ def _split_by_magnetometer(
     parts = {name: rows[sensor == k] for k, name in enumerate(array.names)}
     if missing := [name for name, part in parts.items() if not len(part)]:
         raise InputError(
-            f"{file} has no magnetometer {missing[0]!r} in its column {array.sensor!r}"
+            "array.has_no_magnetometer_column",
+            file=file,
+            missing=missing[0],
+            sensor=str(array.sensor),
         )
     readings = {name: part[:, -3:] for name, part in parts.items()}
     if columns.t is None:
         most = max(len(part) for part in parts.values())
         if fewer := [name for name, part in parts.items() if len(part) < most]:
             raise InputError(
-                f"{file}: {fewer[0]} has {len(parts[fewer[0]])} rows, others {most}: without times it cannot be told which belong together"
+                "array.has_rows_others_without",
+                file=file,
+                fewer=fewer[0],
+                parts=len(parts[fewer[0]]),
+                most=most,
             )
         assert array.time.rate is not None
         return Table(np.arange(most) / array.time.rate, readings, {})
@@ -274,6 +296,4 @@ def _require_increasing(file: str, t: Array) -> None:
     behind = np.flatnonzero(~(np.diff(t) > 0))
     if len(t) < 2 or not np.isfinite(t).all() or len(behind):
         at = f"; {t[behind[0] + 1]:.10g} comes after {t[behind[0]]:.10g}" if len(behind) else ""
-        raise InputError(
-            f"{file}: the times must all be there and increase{at}. Where they cannot be mended, tell `rate` in the array's file instead"
-        )
+        raise InputError("array.times_must_all_increase", file=file, at=at)

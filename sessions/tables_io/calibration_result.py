@@ -22,17 +22,15 @@ def read(path: Path) -> PriorCalibration:
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
     except OSError as problem:
-        raise InputError(f"{path} cannot be read: {problem.strerror}") from None
-    except ValueError:
         raise InputError(
-            f"{path} is no JSON; name a ..._calibration.json that `handscope process --method map` wrote"
+            "file.cannot_read", name=str(path), problem=str(problem.strerror)
         ) from None
+    except ValueError:
+        raise InputError("calibration_file.no_json_name_calibration", path=str(path)) from None
     try:
         return parse(table)
     except (KeyError, TypeError, ValueError, AttributeError):
-        raise InputError(
-            f"{path} is no calibration of a hand; name a ..._calibration.json that `handscope process --method map` wrote"
-        ) from None
+        raise InputError("calibration_file.no_calibration_hand", path=str(path)) from None
 
 
 def parse(table: dict[str, Any]) -> PriorCalibration:

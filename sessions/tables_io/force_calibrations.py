@@ -39,9 +39,7 @@ def of_recording(metadata: Mapping[str, Any]) -> StoredSetups:
     if not isinstance(tables, Mapping) or not all(
         isinstance(table, Mapping) for table in tables.values()
     ):
-        raise InputError(
-            "the recording's calibrations of force sensors are no tables by strip; it cannot be opened"
-        )
+        raise InputError("table.recording_calibrations_force_sensors")
     return {strip: parse_setups(table) for strip, table in tables.items()}
 
 
@@ -55,5 +53,5 @@ def _read(path: Path) -> dict[str, Any]:
     except (InputError, OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
         reason = problem if isinstance(problem, InputError) else "it is no ForceSetup"
         raise InputError(
-            f"the calibration of force sensors in {path.name} cannot be read ({reason}); calibrate them again or remove it"
+            "table.calibration_force_sensors_cannot", file=path.name, said=str(reason)
         ) from None

@@ -15,7 +15,9 @@ def save_folder(files: Mapping[str, Data], folder: Path) -> None:
     try:
         staging = Path(tempfile.mkdtemp(prefix=".handscope-", dir=folder))
     except OSError as problem:
-        raise InputError(f"{folder} cannot be written to: {problem.strerror}") from None
+        raise InputError(
+            "table.cannot_written", folder=str(folder), problem=str(problem.strerror)
+        ) from None
     try:
         for name, data in files.items():
             (staging / name).parent.mkdir(parents=True, exist_ok=True)
@@ -24,7 +26,7 @@ def save_folder(files: Mapping[str, Data], folder: Path) -> None:
         _exchange(staging, folder, list(files))
     except OSError as problem:
         raise InputError(
-            f"{folder} cannot be written to: {problem.strerror}; nothing was kept"
+            "table.cannot_written_2", folder=str(folder), problem=str(problem.strerror)
         ) from None
     finally:
         shutil.rmtree(staging, ignore_errors=True)
@@ -57,6 +59,8 @@ def save_file(data: bytes, path: Path) -> None:
         partial.write_bytes(data)
         os.replace(partial, path)
     except OSError as problem:
-        raise InputError(f"{path} cannot be written: {problem.strerror}") from None
+        raise InputError(
+            "table.cannot_written_3", file=str(path), problem=str(problem.strerror)
+        ) from None
     finally:
         partial.unlink(missing_ok=True)

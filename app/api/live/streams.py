@@ -51,7 +51,7 @@ def open_stream(
 ) -> dict[str, Any]:
     """Permit other programs to read the poses of a live session; the token is shown this once and ends with the session."""
     if not isinstance(station, Station):
-        raise InputError("a replay has no stream; open one of a live session")
+        raise InputError("api.replay_has_no_stream")
     permit, token = parts.permits.grant(station.name, new.rate, requester.name)
     return {
         "stream": permit.name,

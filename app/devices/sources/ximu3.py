@@ -40,9 +40,7 @@ def open_source(address: SourceAddress) -> "Devices":
     """Connect; InputError where a device does not answer or the map does not fit."""
     columns = address.columns()
     if columns is None:
-        raise InputError(
-            f"{address.url} names no map: which device sits where is said by ?map=FILE.json"
-        )
+        raise InputError("device.names_no_map_device", url=address.url)
     library = _library()
     kind, _, rest = address.what.partition("/")
     names = [name for name in rest.split(",") if name]
@@ -57,9 +55,7 @@ def _library() -> Any:
     try:
         import ximu3
     except ImportError:
-        raise InputError(
-            'x-IMU3s need the package ximu3; install it by: pip install "handscope[ximu3]"'
-        ) from None
+        raise InputError("device.x_imu3s_need_package") from None
     return ximu3
 
 
@@ -71,9 +67,7 @@ def _config(library: Any, kind: str, name: str, url: str) -> Any:
         return library.SerialConnectionConfig(name, BAUD, False)
     if kind == "usb":
         return library.UsbConnectionConfig(name)
-    raise InputError(
-        f"{url} is no address of an x-IMU3; write ximu3://tcp/HOST:PORT, ximu3://serial/PORT or ximu3://usb/PORT"
-    )
+    raise InputError("device.no_address_x_imu3", url=url)
 
 
 class Devices:
@@ -81,7 +75,7 @@ class Devices:
 
     def __init__(self, names: Sequence[str], columns: ColumnMap) -> None:
         if not names:
-            raise InputError("the address names no x-IMU3; write ximu3://tcp/HOST:PORT")
+            raise InputError("device.address_names_no_x")
         self._columns = columns
         self._sets = _by_device(names, columns)
         self._waiting: queue.Queue[tuple[str, str, Any, int]] = queue.Queue(MOST_WAITING)
@@ -105,7 +99,7 @@ class Devices:
             connection.open()
         except Exception as problem:  # the library's own errors
             self.close()
-            raise InputError(f"the x-IMU3 at {name} does not answer ({problem})") from None
+            raise InputError("device.x_imu3_does_not", name=name, problem=str(problem)) from None
         self._connections.append(connection)
 
     def _hearer(self, name: str, kind: str) -> Callable[[Any], None]:
@@ -167,7 +161,9 @@ def _by_device(names: Sequence[str], columns: ColumnMap) -> dict[str, list[Chann
         devices = {device or (names[0] if len(names) == 1 else "") for device, _, _ in parts}
         if len(devices) != 1 or not devices <= set(names) or {p[2] for p in parts} - known:
             raise InputError(
-                f"{channels.point}: {', '.join(map(str, channels.labels))} are no channels of one x-IMU3; labels are CONNECTION/gx and so on"
+                "device.no_channels_one_x",
+                point=channels.point,
+                labels=", ".join(map(str, channels.labels)),
             )
         found[devices.pop()].append(channels)
     return found

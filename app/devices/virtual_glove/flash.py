@@ -125,21 +125,17 @@ def require_fitting(forces: dict[str, ForceSetup], streams: Sequence[Stream]) ->
     """InputError where calibrations are not those of the glove's force sensors."""
     worn = next((s for s in streams if FORCE in s.quantities), None)
     if worn is None:
-        raise InputError(
-            "a calibration of force sensors is told, and no strip has any; plug in the strip 'force'"
-        )
+        raise InputError("device.calibration_force_sensors_told")
     axes = 3 * len(worn.quantities)
     for point in worn.sensors:
         one = forces.get(point)
         if one is None or one.calibration is None:
             raise InputError(
-                f"ForceSetup tells no matrix of {point}; `handscope calibrate-force --finger {point.split('_')[0]}` adds it to the file"
+                "device.forcesetup_tells_no_matrix", point=point, value=point.split("_")[0]
             )
         if one.calibration.matrix.shape != (axes, axes):
             read = " by ".join(str(n) for n in one.calibration.matrix.shape)
-            raise InputError(
-                f"ForceSetup of {point} has a matrix of {read}; this glove's sensors send {axes} numbers each"
-            )
+            raise InputError("device.forcesetup_has_matrix", point=point, read=read, axes=axes)
 
 
 def _calibration(setup: ForceSetup) -> ForceCalibration:

@@ -316,16 +316,14 @@ def layout(
     unknown = [name for name in strips if name not in (*known, *MORE)]
     if unknown:
         raise InputError(
-            f"unknown strip {unknown[0]!r}; strips are {', '.join(n for n in (*known, *MORE) if n != 'hand')}"
+            "device.unknown_strip",
+            unknown=unknown[0],
+            names=", ".join(n for n in (*known, *MORE) if n != "hand"),
         )
     if "force" in strips and not {"thumb", "index"} <= set(strips):
-        raise InputError(
-            "the strip 'force' sits on the tips of thumb and index finger; plug in their strips as well"
-        )
+        raise InputError("device.strip_force_sits_tips")
     if "torque" in strips and "force" not in strips:
-        raise InputError(
-            "'torque' makes the force sensors tell torques as well; plug in the strip 'force', too"
-        )
+        raise InputError("device.torque_makes_force_sensors")
     scale = {GYR: np.radians(2000.0), ACC: 16 * GRAVITY}
     wanted = ["hand", *(name for name in known if name in strips and name != "hand")]
     scales = {FORCE: ForceErrors().limit} | (

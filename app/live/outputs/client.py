@@ -34,9 +34,7 @@ def stream(url: str, token: str, every: bool = False) -> Iterator[Pose]:
             open_timeout=OPEN_WAIT,
         )
     except Exception as problem:  # of the network, of TLS, or an answer that is no web socket
-        raise InputError(
-            f"no stream at {url}: {problem}; check the address and that the server runs"
-        ) from None
+        raise InputError("live.no_stream_check_address", url=url, problem=str(problem)) from None
     with opened as socket:
         try:
             socket.recv()  # what the poses are
@@ -60,12 +58,10 @@ def _next(socket: Any, every: bool) -> str:
 def _raise_unless_ended(closed: Any, url: str) -> None:
     code = closed.rcvd.code if closed.rcvd else None
     if code == REFUSED:
-        raise InputError(
-            f"{url} refused the token; it may belong to a session that has ended, or have enough clients"
-        )
+        raise InputError("live.refused_token", url=url)
     if code not in (1000, 1001):
         reason = closed.rcvd.reason if closed.rcvd else "without a word"
-        raise InputError(f"the stream of {url} broke off: {reason}; open it again")
+        raise InputError("live.stream_broke_off", url=url, reason=reason)
 
 
 def _address(url: str) -> tuple[str, Any]:
@@ -73,6 +69,6 @@ def _address(url: str) -> tuple[str, Any]:
     parts = urlsplit(url)
     secure = {"http": False, "ws": False, "https": True, "wss": True}
     if parts.scheme not in secure or not parts.netloc:
-        raise InputError(f"{url} is no address of a server; such as http://127.0.0.1:8420")
+        raise InputError("live.no_address_server", url=url)
     tls = "s" * secure[parts.scheme]
     return f"ws{tls}://{parts.netloc}", f"http{tls}://{parts.netloc}"

@@ -38,7 +38,7 @@ class Permits:
         """A new stream and its token; InputError for a rate out of bounds and for one stream too many."""
         if not SLOWEST <= rate <= FASTEST:
             raise InputError(
-                f"a stream of {rate:g} poses a second is not offered; choose {SLOWEST:g} to {FASTEST:g}"
+                "live.stream_poses_second_not", rate=rate, slowest=SLOWEST, fastest=FASTEST
             )
         token, permit = (
             secrets.token_urlsafe(32),
@@ -46,9 +46,7 @@ class Permits:
         )
         with self._lock:
             if len(self._of(station)) >= MOST_STREAMS:
-                raise InputError(
-                    f"the session has {MOST_STREAMS} streams already; end one of them first"
-                )
+                raise InputError("live.session_has_streams_already", streams=MOST_STREAMS)
             self._permits[_digest(token)] = permit
         return permit, token
 

@@ -110,18 +110,16 @@ def convert_to_tesla(mag: Array, unit: str | float, earth: float | None) -> Arra
     """Readings in T from a unit, or from counts of so many T; normalised ones need `earth` T."""
     if not isinstance(unit, str):
         if not unit > 0:
-            raise InputError(f"The array's unit is {unit:g} T a count; it is larger than 0.")
+            raise InputError("magnet.array_unit_t_count", unit=unit)
         return np.asarray(mag * unit)
     unit = UNIT_ALIASES.get(unit, unit)
     if unit == NORMALISED:
         if earth is None:
-            raise InputError(
-                "Readings that are normalised to 1 need the strength of the field where they were calibrated: tell `earth`."
-            )
+            raise InputError("magnet.readings_normalised_1_need")
         return np.asarray(mag * earth)
     if unit not in UNITS:
         raise InputError(
-            f"There is no unit {unit!r} of a magnetometer; units are {', '.join((*UNITS, NORMALISED))}, or of counts a number: T of one count."
+            "magnet.no_unit_magnetometer", unit=unit, names=", ".join((*UNITS, NORMALISED))
         )
     return np.asarray(mag * UNITS[unit])
 
@@ -136,29 +134,17 @@ def require_plausible(
 ) -> None:
     """InputError where declared values of an array cannot be T, A m^2 and m."""
     if earth is not None and not EARTH_WEAKEST <= earth <= EARTH_STRONGEST:
-        raise InputError(
-            f"The array's earth is told as {earth:g} T; the earth's field is 2.2e-5 to 6.7e-5 T."
-        )
+        raise InputError("magnet.array_earth_told_t", earth=earth)
     if moment is not None and not WEAKEST <= moment <= STRONGEST:
-        raise InputError(
-            f"A moment of {moment:g} A m^2 is no magnet for a hand ({WEAKEST:g} to {STRONGEST:g}); a neodymium disc has about 1 A m^2 a cm^3."
-        )
+        raise InputError("magnet.moment_m_2_no", size=moment, least=WEAKEST, most=STRONGEST)
     if limit is not None and not limit > 0:
-        raise InputError(
-            f"The array's limit is told as {limit:g}; it is the largest reading of an axis, in the unit of the table."
-        )
+        raise InputError("magnet.array_limit_told", limit=limit)
     if not 0 <= place_sd <= 0.02:
-        raise InputError(
-            f"The array's place_sd is told as {place_sd:g} m; it is the error of a magnetometer's place, 0 to 0.02 m."
-        )
+        raise InputError("magnet.array_place_sd_told", place_sd=place_sd)
     if calibration_sd is not None and not 0 <= calibration_sd <= EARTH_WEAKEST:
-        raise InputError(
-            f"The array's calibration_sd is told as {calibration_sd:g} T; it is what the calibration left, some 1e-7 T."
-        )
+        raise InputError("magnet.array_calibration_sd_told", calibration_sd=calibration_sd)
     if not 0 <= gradient <= 1e-3:
-        raise InputError(
-            f"The array's gradient is told as {gradient:g} T/m; it is what the field changes by in a metre, some 5e-6 T/m in a room."
-        )
+        raise InputError("magnet.array_gradient_told_t", gradient=gradient)
 
 
 def find_fitting_units(strength: float, unit: str | float) -> list[str]:
@@ -182,9 +168,7 @@ def calibrate_by_rotation(
         own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(ellipsoids)], axis=1)
     is_complete = np.isfinite(own).all(axis=(1, 2))
     if is_complete.sum() < 50:
-        raise InputError(
-            "The magnetometers hardly ever answered together while the board was turned: check their clocks and cables."
-        )
+        raise InputError("magnet.magnetometers_hardly_ever_answered")
     common = find_common_axes(own)
     for message in find_outsiders(names, common).values():
         raise InputError(message)
@@ -205,9 +189,7 @@ def measure_ambient_field(mag: Array, q_bl: Array | None) -> AmbientReference:
     first, last = (_deviation_from_mean(part) for part in (y[: len(y) // 2], y[len(y) // 2 :]))
     change = (last - first)[np.isfinite(last - first)]
     if not len(change):
-        raise InputError(
-            "The recording without the magnet holds too little: record the array for some seconds while it stands still."
-        )
+        raise InputError("magnet.recording_without_magnet_holds")
     drift, steps = (
         float(np.sqrt((change**2).mean())),
         np.diff(y - _mean_of_known(y, 1)[:, None], axis=0),
@@ -218,10 +200,7 @@ def measure_ambient_field(mag: Array, q_bl: Array | None) -> AmbientReference:
         else 0.0
     )
     if drift > max(MIN_DRIFT, 6 * noise * float(np.sqrt(4 / len(y)))):
-        raise InputError(
-            f"Without the magnet the magnetometers changed against each other by {1e6 * drift:.2g} uT: the magnet was there, or the array was moved. "
-            "Record the array where it stands, with the magnet far away."
-        )
+        raise InputError("magnet.without_magnet_magnetometers_changed", drift=1000000.0 * drift)
     deviation = _deviation_from_mean(y)
     deviation = deviation if q_bl is None else quat.rotate(quat.conjugate(q_bl), deviation)
     return AmbientReference(

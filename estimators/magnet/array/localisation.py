@@ -80,16 +80,11 @@ def locate(
     more of the positions that fit a reading as well.
     """
     if mag.ndim != 3 or mag.shape[1:] != (len(array), 3):
-        raise InputError(
-            f"Readings must be (n, {len(array)}, 3) for this constellation, they are {mag.shape}."
-        )
+        raise InputError("magnet.readings_must", array=len(array), shape=str(mag.shape))
     require_field(mag)
     unknowns, known = 6 + 3 * (field is None), 3 * len(array) + (size is not None)
     if known < unknowns:
-        raise InputError(
-            f"{len(array)} magnetometer{'s' * (len(array) > 1)} cannot tell place, moment and field of a magnet together: "
-            "tell the field without the magnet and the moment's size, or use the tracker with inertial sensors."
-        )
+        raise InputError("magnet.too_few_for_position", count=len(array))
     y = quat.rotate(array.q_bl, mag)
     background = (
         np.full((len(y), 3), np.nan) if field is None else np.broadcast_to(field, (len(y), 3))

@@ -50,27 +50,19 @@ def make_constellation(places: Array, q_bl: Array | None = None) -> Constellatio
     trunk."""
     where = np.atleast_2d(np.asarray(places, float))
     if where.ndim != 2 or where.shape[1] != 3 or not np.isfinite(where).all():
-        raise InputError(
-            f"The constellation must be finite places (magnetometers, 3) in metres, it is an array of shape {where.shape}."
-        )
+        raise InputError("magnet.constellation_must_finite_places", shape=str(where.shape))
     apart = np.linalg.norm(where[:, None] - where[None], axis=-1)[~np.eye(len(where), dtype=bool)]
     away = float(np.linalg.norm(where, axis=1).max())
     if away > FARTHEST or (len(apart) and apart.max() > WIDEST):
         largest = max(away, float(apart.max(initial=0.0)))
-        raise InputError(
-            f"The constellation spans {largest:g} m: no trunk is that large. Places are in metres; were these millimetres or centimetres? Correct the places in MagnetSetup."
-        )
+        raise InputError("magnet.constellation_spans_m_no", size=largest)
     if len(apart) and apart.min() < CLOSEST:
-        raise InputError(
-            f"Two magnetometers of the constellation are {1e3 * apart.min():g} mm apart. Places are in metres; is one listed twice, or is the unit another?"
-        )
+        raise InputError("magnet.two_magnetometers_constellation_mm", apart=1000.0 * apart.min())
     turned = np.tile(quat.IDENTITY, (len(where), 1)) if q_bl is None else np.asarray(q_bl, float)
     if turned.shape != (len(where), 4) or not np.allclose(
         np.linalg.norm(turned, axis=-1), 1.0, atol=1e-3
     ):
-        raise InputError(
-            f"The magnetometers' orientations must be {len(where)} unit quaternions [w, x, y, z], one a magnetometer."
-        )
+        raise InputError("magnet.magnetometers_orientations_must_unit", count=len(where))
     return Constellation(where, quat.normalize(turned))
 
 
@@ -79,18 +71,12 @@ def make_magnet(moment: Array, place: Array | None = None) -> Magnet:
     magnet on a hand."""
     m, p = np.asarray(moment, float), np.zeros(3) if place is None else np.asarray(place, float)
     if m.shape != (3,) or p.shape != (3,) or not (np.isfinite(m).all() and np.isfinite(p).all()):
-        raise InputError(
-            "The magnet's moment and place must be three finite numbers each, A m^2 and m in the axes of the hand's sensor."
-        )
+        raise InputError("magnet.magnet_moment_place_must")
     size, away = float(np.linalg.norm(m)), float(np.linalg.norm(p))
     if not WEAKEST <= size <= STRONGEST:
-        raise InputError(
-            f"A moment of {size:g} A m^2 is no magnet for a hand ({WEAKEST:g} to {STRONGEST:g}); a neodymium disc has about 1 A m^2 a cm^3."
-        )
+        raise InputError("magnet.moment_m_2_no", size=size, least=WEAKEST, most=STRONGEST)
     if away > LARGEST_OFFSET:
-        raise InputError(
-            f"The magnet is said to be {away:g} m from the hand's sensor: too far for a hand. Places are in metres."
-        )
+        raise InputError("magnet.magnet_said_m_hand", away=away)
     return Magnet(m, p)
 
 
@@ -100,15 +86,9 @@ def require_field(mag: Array) -> None:
     sizes = np.linalg.norm(mag, axis=-1)
     sizes = sizes[np.isfinite(sizes)]
     if not len(sizes):
-        raise InputError(
-            "No magnetometer gave a single reading: check that the array is connected."
-        )
+        raise InputError("magnet.no_magnetometer_gave_single")
     middle = float(np.median(sizes))
     if 0.1 < middle < 10.0:
-        raise InputError(
-            f"The magnetometers read {middle:.3g} on average: that is a field normalised to 1, not T. Multiply it by the strength of the earth's field where it was calibrated."
-        )
+        raise InputError("magnet.magnetometers_read_average_field", strength=middle)
     if not 1e-6 < middle < 5e-3:
-        raise InputError(
-            f"The magnetometers read {middle:.3g} T on average; the earth's field is about 5e-5 T. Is the unit uT, mG or G?"
-        )
+        raise InputError("magnet.magnetometers_read_t_average", strength=middle)

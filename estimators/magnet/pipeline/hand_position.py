@@ -103,21 +103,21 @@ def make_setting(
     if plate is None and not read_recording:
         return None
     if plate is None:
-        raise InputError(
-            f"{UNKNOWN}: there are magnetometers on the trunk, and nobody said where they and the magnet are; tell it as MagnetSetup."
-        )
+        raise InputError("magnet.magnetometers_trunk_nobody_said", unknown=UNKNOWN)
     missing = [
         what
         for what, there in (("the trunk", TRUNK in inertial), ("the hand", HAND in inertial))
         if not there
     ]
-    if missing or not read_recording:
-        raise InputError(
-            f"{UNKNOWN}: there is no {f'inertial sensor on {missing[0]}' if missing else 'magnetometer on the trunk'}."
-        )
+    if missing:
+        raise InputError("magnet.no_inertial_sensor", unknown=UNKNOWN, segment=missing[0])
+    if not read_recording:
+        raise InputError("magnet.no_magnetometer_on_trunk", unknown=UNKNOWN)
     undeclared = [name for name in read_recording if name not in plate.places]
     if len(undeclared) == len(read_recording):
-        raise InputError(f"{UNKNOWN}: MagnetSetup does not say where {', '.join(undeclared)} sits.")
+        raise InputError(
+            "magnet.magnetsetup_does_not_say", unknown=UNKNOWN, undeclared=", ".join(undeclared)
+        )
     names = tuple(name for name in read_recording if name not in undeclared)
     q_BS = mounting.get(TRUNK, quat.IDENTITY)
     q_bl = np.array(
@@ -131,7 +131,7 @@ def make_setting(
         setup = Setup(array, magnet, plate.earth, plate.dip)
         magnet_tracker.start(setup)
     except InputError as problem:
-        raise InputError(f"{UNKNOWN}: {problem}") from None
+        raise InputError("magnet.position_unknown", unknown=UNKNOWN, problem=str(problem)) from None
     return Setting(_with_full_scales(params, streams), setup, names, q_BS)
 
 
@@ -166,7 +166,7 @@ def read_recording(s: Setting, blocks: Sequence[Block]) -> Readings:
     try:
         magnet_setup.require_field(readings.mag)
     except InputError as problem:
-        raise InputError(f"{UNKNOWN}: {problem}") from None
+        raise InputError("magnet.position_unknown", unknown=UNKNOWN, problem=str(problem)) from None
     return readings
 
 

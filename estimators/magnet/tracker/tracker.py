@@ -107,9 +107,7 @@ class Track:
 def start(setup: Setup) -> State:
     """Before the first sample; InputError where the setup cannot be."""
     if not EARTH_WEAKEST <= setup.earth <= EARTH_STRONGEST:
-        raise InputError(
-            f"The earth's field is said to be {1e6 * setup.earth:g} uT where the magnetometers were calibrated; it is 22 to 67 uT on Earth."
-        )
+        raise InputError("magnet.earth_field_said_ut", strength=1000000.0 * setup.earth)
     return State(
         setup,
         None,
@@ -137,7 +135,12 @@ def step(
         or readings.target.shape != (n, 6)
     ):
         raise InputError(
-            f"Magnetometer readings are {readings.mag.shape}, inertial ones {readings.base.shape} and {readings.target.shape}; {n} samples of {many} magnetometers were told."
+            "magnet.magnetometer_readings_inertial_ones",
+            shape=str(readings.mag.shape),
+            shape2=str(readings.base.shape),
+            shape3=str(readings.target.shape),
+            n=n,
+            many=many,
         )
     if state.noise_samples is None:
         return _advance(params, state, readings, trace)

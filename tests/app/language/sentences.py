@@ -38,6 +38,7 @@ MAKE = {
     "_sentence",
 }  # functions that give sentences
 GAP = re.compile(r"\{[^{}]*\}")
+CODE = re.compile(r"[a-z0-9_]+\.[a-z0-9_]+")  # of a message: test_messages.py
 OWN_WORDS = re.compile(r"[a-z]{2}\W+[a-z]{2}")
 MOST = 32  # texts of one expression
 Texts = Mapping[str, Sequence[str]]
@@ -80,7 +81,7 @@ def _of_module(name: str, module: ast.Module) -> Iterator[Sentence]:
                 yield from (
                     Sentence(f"{name}:{said.lineno}", text)
                     for text in _texts(said, known)
-                    if OWN_WORDS.search(GAP.sub("", text))
+                    if OWN_WORDS.search(GAP.sub("", text)) and not CODE.fullmatch(text)
                 )
 
 

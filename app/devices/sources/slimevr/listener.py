@@ -193,7 +193,7 @@ def _bound(host: str, port: int) -> socket.socket:
     except OSError as problem:
         found.close()
         raise InputError(
-            f"UDP port {port} cannot be opened ({problem.strerror or problem}); is a SlimeVR server running?"
+            "device.udp_port_cannot_opened", port=port, problem=str(problem.strerror or problem)
         ) from None
     found.setblocking(False)
     return found
@@ -208,7 +208,9 @@ def _by_sensor(columns: ColumnMap | None) -> dict[str, list[ChannelSet]] | None:
         sensors = {str(label).rsplit("/", 1)[0] for label in channels.labels}
         if len(sensors) != 1 or any(str(label).count("/") != 2 for label in channels.labels):
             raise InputError(
-                f"{channels.point}: {', '.join(map(str, channels.labels))} are no channels of one tracker; labels are MAC/SENSOR/qw and so on"
+                "device.no_channels_one_tracker",
+                point=channels.point,
+                labels=", ".join(map(str, channels.labels)),
             )
         found.setdefault(sensors.pop(), []).append(channels)
     return found

@@ -11,7 +11,5 @@ def open_source(address: SourceAddress) -> Listener:
     """Listen; InputError where the port is none or taken."""
     host, _, number = address.what.rpartition(":")
     if not number.isascii() or not number.isdigit() or not 0 < int(number) < 65536:
-        raise InputError(
-            f"{address.url} names no UDP port; SlimeVR trackers send to slimevr://6969"
-        )
+        raise InputError("device.names_no_udp_port", url=address.url)
     return Listener(host or EVERYWHERE, int(number), address.columns())
