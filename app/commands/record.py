@@ -26,6 +26,7 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
+from handscope.estimators.numerics.jit import load_kernels
 from handscope.estimators.pipeline.method import steps_through
 from handscope.estimators.pipeline.process import Processed
 from handscope.sessions.formats import derivative
@@ -90,6 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
         "geometry": geometry,
         **({"hand": arguments.hand} if arguments.hand else {}),
     }
+    load_kernels()  # now: once the glove sends, whoever computes for long costs samples
     tracking: Tracking | None = None
     glove = Glove(
         arguments.port,

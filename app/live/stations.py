@@ -19,6 +19,7 @@ from handscope.estimators.alignment.functional_movements import FunctionalParams
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.geometry import HandGeometry, measures_from, sized
 from handscope.estimators.methods import METHODS
+from handscope.estimators.numerics.jit import load_kernels
 from handscope.sessions.clinic.self_calibrations import USED_BY
 from handscope.sessions.db.tables import PatientSession, Result
 from handscope.sessions.store import records
@@ -43,6 +44,8 @@ class Stations:
         self._on_finish = on_finish
 
     def __enter__(self) -> "Stations":
+        assert all(method.TITLE for method in METHODS.values())  # imported
+        load_kernels()  # now: once a glove sends, whoever computes for long costs samples
         return self
 
     def __exit__(self, *_: object) -> None:

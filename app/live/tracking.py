@@ -32,7 +32,6 @@ from handscope.estimators.data.samples import ORIENTATION, Block, join, join_con
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.numerics.jit import load_kernels
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.given_orientations import (
     GivenParams,
@@ -110,7 +109,6 @@ class Tracking:
         self._trail = HandTrail()
 
     def __enter__(self) -> "Tracking":
-        load_kernels()  # the first samples do not wait for them
         self._thread = threading.Thread(target=self._run, name="tracking", daemon=True)
         self._thread.start()
         return self
