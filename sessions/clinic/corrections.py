@@ -6,14 +6,16 @@ Applied     to the events of an opened recording (`corrected`): a result names t
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from sqlalchemy.orm import Session
 
-from handscope.estimators.data.samples import Event
+from handscope.estimators.data.events import Event
 from handscope.estimators.errors import InputError
 from handscope.sessions.db.tables import Correction, RecordingFile, now
-from handscope.sessions.files.recording import LoadedRecording
+
+if TYPE_CHECKING:
+    from handscope.sessions.files.recording import LoadedRecording
 
 REDACTED = "reason not told"
 Kind = Literal[
@@ -85,7 +87,9 @@ def as_data(rows: Iterable[Correction]) -> list[dict[str, Any]]:
     ]
 
 
-def apply(recording: LoadedRecording, corrections: Sequence[Mapping[str, Any]]) -> LoadedRecording:
+def apply(
+    recording: "LoadedRecording", corrections: Sequence[Mapping[str, Any]]
+) -> "LoadedRecording":
     """The recording with its events corrected and a sentence for each correction among its warnings."""
     if not corrections:
         return recording

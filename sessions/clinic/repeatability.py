@@ -13,13 +13,12 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from sqlalchemy import Connection, delete, event, inspect, select
 from sqlalchemy.orm import Mapper, Session, object_session, sessionmaker
 
-from handscope.estimators.measures.repeatability import Interval, reliability, within_groups
 from handscope.sessions.clinic import corrections, self_calibrations
 from handscope.sessions.clinic.self_calibrations import glove_of
 from handscope.sessions.db.tables import (
@@ -30,6 +29,9 @@ from handscope.sessions.db.tables import (
     Result,
     Reuse,
 )
+
+if TYPE_CHECKING:
+    from handscope.estimators.measures.repeatability import Interval
 
 REPEATED = timedelta(days=7)
 ENOUGH = 4  # degrees of freedom (five sessions in a week): the SEM's upper limit is 2.9 SEM; with one it is 32 SEM, and 30 of 100 changes of nothing exceed 1.96 sqrt(2) SEM
@@ -386,6 +388,8 @@ def _rows(
     figures: Mapping[int, Values],
 ) -> Iterable[Repeatability]:
     """A row for every figure that some group has twice."""
+    from handscope.estimators.measures.repeatability import within_groups  # only here: numerics
+
     any_one = groups[0][0]
     units = {key: unit for found in figures.values() for key, (_, unit) in found.items()}
     for key, unit in units.items():
@@ -423,8 +427,10 @@ def _rows(
         )
 
 
-def _icc(used: Sequence[Sequence[Occasion]], numbers: Sequence[Sequence[float]]) -> Interval:
+def _icc(used: Sequence[Sequence[Occasion]], numbers: Sequence[Sequence[float]]) -> "Interval":
     """ICC(2,1) from the first two sessions of every patient; of one patient there is none."""
+    from handscope.estimators.measures.repeatability import reliability
+
     first: dict[int, Sequence[float]] = {}
     for having, found in zip(used, numbers):
         first.setdefault(having[0].patient, found[:2])
