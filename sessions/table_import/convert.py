@@ -20,7 +20,7 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.given_orientations import UNIT_NORM
 from handscope.sessions.files.recorder import Recorder
 from handscope.sessions.table_import.column_map import FACTORS, SECONDS, ColumnMap
-from handscope.sessions.table_import.tables import NumberColumns
+from handscope.sessions.table_import.number_columns import NumberColumns
 from handscope.sessions.wire.bursts import bursts_of
 from handscope.sessions.wire.framing import Encoder
 from handscope.sessions.wire.messages import Format, Identity, StreamInfo, Strip

@@ -5,7 +5,7 @@ Out     a ColumnMap of what could be guessed, and sentences about what could not
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
 
@@ -23,11 +23,11 @@ from handscope.sessions.table_import.column_map import (
     MappedSensor,
     TableLayout,
 )
+from handscope.sessions.table_import.makers import Maker, maker_of
+from handscope.sessions.table_import.number_columns import NumberColumns, text_lines
 from handscope.sessions.table_import.tables import (
     READERS,
-    NumberColumns,
     read_table,
-    text_lines,
 )
 
 DELIMITERS = (";", "\t", ",", "|", " ")
@@ -36,7 +36,7 @@ TIME = re.compile(r"^(t|time|timestamp|zeit|sampletime\w*)([_ \[(]|$)", re.IGNOR
 KINDS = {
     ORIENTATION: re.compile(r"quat|orient|(?:^|[^a-z])q[_.]?[wxyz0-3](?:[^a-z]|$)", re.IGNORECASE),
     GYR: re.compile(r"gyr|angvel|omega|rate|gyro|w_?[xyz]\b", re.IGNORECASE),
-    ACC: re.compile(r"acc|freeacc|linacc|beschl", re.IGNORECASE),
+    ACC: re.compile(r"(?<!free)(?<!lin)(?<!linear)(?<!free_)acc|beschl", re.IGNORECASE),
     MAG: re.compile(r"mag", re.IGNORECASE),
 }
 AXIS = re.compile(r"(?:^|[^a-z])([xyz])(?:[^a-z]|$)|([XYZ])(?:[^a-zA-Z]|$)")
@@ -60,23 +60,25 @@ def guess_map(path: Path) -> tuple[ColumnMap, list[str]]:
     layout = TableLayout() if path.suffix.lower() in READERS else _guess_layout(path)
     table = read_table(path, layout)
     open_questions: list[str] = []
-    time, rate = _guess_time(table)
+    maker = maker_of(table.names)
+    time, rate = _guess_time(table, maker)
     if time is None:
         open_questions.append("no column of times was found: rate is a guess of 100 Hz")
     sensors: dict[str, MappedSensor] = {}
-    for point, kind, columns in _named_channels(table):
-        unit = _guess_unit(table, kind, columns)
+    words = " ".join(table.names).lower() + " " + path.stem.lower()
+    sides = [h for h in HANDS if h in words]
+    for point, kind, columns in _named_channels(table, path.stem, sides[1:]):
+        unit = (maker and maker.units.get(kind)) or _guess_unit(table, kind, columns)
         known = sensors.get(point, MappedSensor({}))
         sensors[point] = MappedSensor({**known.channels, kind: Channels(columns, unit)})
     if not sensors:
         open_questions.append(
             f"no column names a segment ({', '.join(SEGMENTS[:3])}, ...) and a quantity: fill in sensors; columns are {', '.join(table.names[:20]) or f'0 to {table.values.shape[1] - 1}'}"
         )
-    words = " ".join(table.names).lower()
-    hand = next((h for h in HANDS if h in words), None)
-    if hand is None:
-        open_questions.append("the hand is not said: left is a guess")
-    return ColumnMap(hand or "left", sensors, time, rate, layout), open_questions
+    if len(sides) != 1:
+        what = "both hands are named" if sides else "the hand is not said"
+        open_questions.append(f"{what}: left is a guess")
+    return ColumnMap(sides[0] if sides else "left", sensors, time, rate, layout), open_questions
 
 
 def _guess_layout(path: Path) -> TableLayout:
@@ -98,6 +100,8 @@ def _guess_layout(path: Path) -> TableLayout:
         if score > best_score:
             first = next((k for k, row in enumerate(numeric) if row and all(row[:2])), 0)
             header = first > 0 and len(rows[first - 1]) == width
+            if header and first > 1 and len(rows[first - 2]) == width:
+                first -= 1  # names, then units
             skip = lines.index(delimiter.join(rows[first - header]))
             best, best_score = TableLayout(delimiter, decimal, header, skip), score
     return best
@@ -114,8 +118,14 @@ def _is_number(cell: str, decimal: str) -> bool:
     return True
 
 
-def _guess_time(table: NumberColumns) -> tuple[tuple[str | int, str] | None, float | None]:
+def _guess_time(
+    table: NumberColumns, maker: Maker | None
+) -> tuple[tuple[str | int, str] | None, float | None]:
     """The column that is named so, else the first that increases evenly; its unit by how many rows a second are usual."""
+    if maker is not None:
+        column = next((n for n in table.names if maker.is_time(n)), None)
+        if column is not None:
+            return (column, maker.time_unit), None
     named = [k for k, name in enumerate(table.names) if TIME.match(name)]
     for k in [*named, *range(table.values.shape[1])]:
         steps = np.diff(table.values[:, k])
@@ -130,12 +140,17 @@ def _guess_time(table: NumberColumns) -> tuple[tuple[str | int, str] | None, flo
     return None, 100.0
 
 
-def _named_channels(table: NumberColumns) -> Iterator[tuple[str, str, tuple[str, ...]]]:
-    """Segment, quantity and the columns of its components that their names tell."""
+def _named_channels(
+    table: NumberColumns, stem: str, other_sides: Sequence[str]
+) -> Iterator[tuple[str, str, tuple[str, ...]]]:
+    """Segment, quantity and the columns of its components that their names tell; the file's name tells the segment where
+    columns do not. Columns that name another side are left out."""
     found: dict[tuple[str, str], dict[str, str]] = {}
+    of_file = _segment_in(stem)
     for name in table.names:
-        plain = re.sub(r"[^a-z0-9]+", "_", name.lower())
-        point = next((s for s in sorted(SEGMENTS, key=len, reverse=True) if s in plain), None)
+        if any(side in name.lower() for side in other_sides):
+            continue
+        point = _segment_in(name) or of_file
         kind = next((k for k, words in KINDS.items() if words.search(name)), None)
         axis = (QUATERNION if kind == ORIENTATION else AXIS).search(name)
         if point and kind and axis:
@@ -143,6 +158,11 @@ def _named_channels(table: NumberColumns) -> Iterator[tuple[str, str, tuple[str,
     for (point, kind), axes in found.items():
         if set(axes) == set(COMPONENTS[kind]):
             yield point, kind, tuple(axes[c] for c in COMPONENTS[kind])
+
+
+def _segment_in(text: str) -> str | None:
+    plain = re.sub(r"[^a-z0-9]+", "_", text.lower())
+    return next((s for s in sorted(SEGMENTS, key=len, reverse=True) if s in plain), None)
 
 
 def _guess_unit(table: NumberColumns, kind: str, columns: tuple[str, ...]) -> str:

@@ -1,4 +1,4 @@
-"""A logger's table as numbers by column: text, Excel, Parquet or MATLAB.
+"""A logger's table as numbers by column: text, Excel, Parquet, MATLAB, or a maker's own format.
 
 In      a file, how its text is laid out
 Out     names and values (rows, columns), NaN where a cell is empty
@@ -6,7 +6,6 @@ Out     names and values (rows, columns), NaN where a cell is empty
 
 import csv
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -14,47 +13,11 @@ from typing import Any
 import numpy as np
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.numerics.typing import Array
-from handscope.sessions.table_import.column_map import Column, TableLayout
+from handscope.sessions.table_import.column_map import TableLayout
+from handscope.sessions.table_import.number_columns import NumberColumns, text_lines
 
 MOST_BYTES = 2**30
 LARGEST = 1e30  # beyond it a cell is no reading
-
-
-@dataclass(frozen=True)
-class NumberColumns:
-    """Columns of numbers; `names` is empty where the table has no header."""
-
-    file: str
-    names: tuple[str, ...]
-    values: Array  # (rows, columns), NaN where a cell is no number
-    faults: Mapping[int, str] = field(
-        default_factory=dict
-    )  # of a column the first cell that is no number but looks like one
-
-    def column(self, wanted: Column) -> Array:
-        """A column (rows,) by name, or by number from 0; InputError where it is not there."""
-        if isinstance(wanted, int):
-            if not 0 <= wanted < self.values.shape[1]:
-                raise InputError(
-                    "import.has_no_column",
-                    file=self.file,
-                    wanted=wanted,
-                    shape=self.values.shape[1],
-                )
-            return self._whole(wanted)
-        if self.names.count(wanted) != 1:
-            known = ", ".join(self.names[:40]) or "none: it has no header, give numbers from 0"
-            many = "no" if wanted not in self.names else "more than one"
-            raise InputError(
-                "import.has_column", file=self.file, many=many, wanted=wanted, known=known
-            )
-        return self._whole(self.names.index(wanted))
-
-    def _whole(self, k: int) -> Array:
-        if k in self.faults:
-            raise InputError(self.faults[k])
-        return np.asarray(self.values[:, k])
 
 
 def read_table(path: Path, layout: TableLayout) -> NumberColumns:
@@ -68,27 +31,6 @@ def read_table(path: Path, layout: TableLayout) -> NumberColumns:
     if size > MOST_BYTES:
         raise InputError("import.too_large", name=path.name, size=size / 2**30)
     return READERS.get(path.suffix.lower(), _read_text)(path, layout)
-
-
-def text_lines(path: Path) -> list[str]:
-    """The lines of a text file; InputError where it is none."""
-    data = path.read_bytes()
-    for encoding in (
-        ("utf-8-sig", "utf-16")
-        if data[:2] in (b"\xff\xfe", b"\xfe\xff")
-        else (
-            "utf-8-sig",
-            "latin-1",
-        )
-    ):
-        try:
-            text = data.decode(encoding)
-        except UnicodeError:
-            continue
-        if "\0" in text:
-            break
-        return text.splitlines()
-    raise InputError("import.no_text_csv_tsv", name=path.name)
 
 
 def _read_text(path: Path, layout: TableLayout) -> NumberColumns:
@@ -129,6 +71,8 @@ def _numbers(
                 "import.row_length", file=file, number=number, row=len(row), width=width
             )
         numbers = [_number(cell.strip(), decimal) for cell in row]
+        if number == first and names and all(_is_word(cell) for cell in row):
+            continue  # units below the names
         for k, value in enumerate(numbers):
             if value is None:
                 column = names[k] if names else k
@@ -137,6 +81,11 @@ def _numbers(
                     f"{file}, line {number}, column {column}: {row[k].strip()[:40]!r} is not a number; is the decimal mark {decimal!r}?",
                 )
         yield [float("nan") if value is None else value for value in numbers]
+
+
+def _is_word(cell: str) -> bool:
+    text = cell.strip()
+    return not text or (not (text[0].isdigit() or text[0] in "+-.,") and text.lower() != "nan")
 
 
 def _number(text: str, decimal: str) -> float | None:
@@ -212,8 +161,26 @@ def _flatten(prefix: str, value: Mapping[str, Any]) -> Iterator[tuple[str, Any]]
             yield f"{prefix}{name}", inner
 
 
+def _reader_of(module: str, function: str) -> Callable[[Path, TableLayout], NumberColumns]:
+    """A reader of a maker's format, loaded when a file asks for it."""
+
+    def read(path: Path, layout: TableLayout) -> NumberColumns:
+        del layout
+        found: Callable[[Path], NumberColumns] = getattr(
+            import_module(f"handscope.sessions.table_import.formats.{module}"), function
+        )
+        return found(path)
+
+    return read
+
+
 READERS: Mapping[str, Callable[[Path, TableLayout], NumberColumns]] = {
     ".xlsx": _frame_reader("read_excel", "openpyxl"),
     ".parquet": _frame_reader("read_parquet", "pyarrow"),
     ".mat": _read_matlab,
+    ".mvnx": _reader_of("mvnx", "read_mvnx"),
+    ".bvh": _reader_of("bvh", "read_bvh"),
+    ".h5": _reader_of("apdm", "read_apdm"),
+    ".hdf5": _reader_of("apdm", "read_apdm"),
+    ".xdf": _reader_of("xdf", "read_xdf"),
 }

@@ -21,6 +21,8 @@ from typing import Any
 from cobs import cobs
 
 from handscope.app import protocols
+from handscope.app.devices.sources.lsl import marker_event
+from handscope.app.devices.sources.slimevr.packets import CutShortError, packets_of
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.pipeline.landmark_trajectory import trajectory_of
@@ -29,6 +31,7 @@ from handscope.sessions.formats.c3d import read_markers
 from handscope.sessions.formats.landmarks import read_landmarks
 from handscope.sessions.formats.qualisys import BACK, ELBOWS
 from handscope.sessions.formats.qualisys import read_markers as read_table
+from handscope.sessions.motion_bids.orientation_channels import orientation_columns
 from handscope.sessions.store import backup
 from handscope.sessions.store.store import open_store
 from handscope.sessions.table_import.column_map import read_map
@@ -36,6 +39,7 @@ from handscope.sessions.table_import.convert import blocks_of, write_native
 from handscope.sessions.table_import.guess import guess_map
 from handscope.sessions.table_import.tables import read_table as read_columns
 from handscope.sessions.wire.assembly import Assembler
+from tests.app.devices.sources import slime_trackers as slime
 from tests.bids import dataset
 from tests.glove import frames, whole_session
 from tests.simulated import cut, in_strips
@@ -132,6 +136,38 @@ def table(data: bytes, folder: Path) -> None:
     if columns.sensors:
         blocks = blocks_of(read_columns(folder / "t.csv", columns.table), columns)
         write_native(blocks, columns, (), folder / "r.mcap", {})
+
+
+def mvnx(data: bytes, folder: Path) -> None:
+    _guessed(data, folder / "t.mvnx")
+
+
+def bvh(data: bytes, folder: Path) -> None:
+    _guessed(data, folder / "t.bvh")
+
+
+def _guessed(data: bytes, path: Path) -> None:
+    path.write_bytes(data)
+    guess_map(path)
+
+
+def ornt(data: bytes, folder: Path) -> None:
+    """Lines of component, type, tracked point and units, as channels.tsv has them."""
+    names = ("name", "component", "type", "tracked_point", "units")
+    rows = [line.split("\t") for line in data.decode("latin-1").split("\n")]
+    channels = [dict(zip(names, ["channel", *row])) for row in rows if len(row) == 4]
+    orientation_columns("device", channels)
+
+
+def slimevr(data: bytes, folder: Path) -> None:
+    """A datagram of a tracker."""
+    with suppress(CutShortError):
+        list(packets_of(data))
+
+
+def marker(data: bytes, folder: Path) -> None:
+    """A marker of an LSL stream."""
+    marker_event(data.decode("latin-1"), 1)
 
 
 def column_map(data: bytes, folder: Path) -> None:
@@ -246,6 +282,39 @@ def _backed_up() -> list[bytes]:
         return [(Path(folder) / "b.zip").read_bytes()]
 
 
+def _mvnx_seeds() -> list[bytes]:
+    frame = '<frame time="{}" index="{}" type="normal"><orientation>1 0 0 0 1 0 0 0</orientation></frame>'
+    frames = "".join(frame.format(10 * k, k) for k in range(3))
+    segments = '<segment label="RightForeArm"/><segment label="RightHand"/>'
+    return [f"<mvnx><segments>{segments}</segments><frames>{frames}</frames></mvnx>".encode()]
+
+
+def _bvh_seeds() -> list[bytes]:
+    joint = "JOINT RightHand\n{\nOFFSET 0 0 0\nCHANNELS 3 Yrotation Xrotation Zrotation\n}\n"
+    root = "ROOT Hips\n{\nOFFSET 0 0 0\nCHANNELS 3 Xposition Yposition Zposition\n"
+    motion = "MOTION\nFrames: 2\nFrame Time: 0.01\n0 0 0 1 2 3\n0 0 0 1 2 3\n"
+    return [f"HIERARCHY\n{root}{joint}}}\n{motion}".encode()]
+
+
+def _ornt_seeds() -> list[bytes]:
+    return ["\n".join(f"quat_{c}\tORNT\thand\tn/a" for c in "wxyz").encode()]
+
+
+def _slime_seeds() -> list[bytes]:
+    q = (1.0, 0.0, 0.0, 0.0)
+    parts = [(17, slime.rotation(0, q)), (13, bytes([0, 1]))]
+    return [
+        slime.handshake(),
+        slime.sensor_info(1, 0, 24),
+        slime.bundle(2, parts),
+        slime.compact_bundle(3, parts),
+    ]
+
+
+def _marker_seeds() -> list[bytes]:
+    return [b'{"trial_type": "initial_pose", "duration": 3, "held_by": "therapist"}', b"start"]
+
+
 TARGETS = {
     "wire": Target(wire, _framed, refuses=False),
     "payloads": Target(payloads, _pieces, refuses=False),
@@ -255,6 +324,11 @@ TARGETS = {
     "c3d": Target(markers, _marked),
     "qualisys": Target(qualisys, _exported),
     "table": Target(table, _logged),
+    "mvnx": Target(mvnx, _mvnx_seeds),
+    "bvh": Target(bvh, _bvh_seeds),
+    "ornt": Target(ornt, _ornt_seeds),
+    "slimevr": Target(slimevr, _slime_seeds, refuses=False),
+    "marker": Target(marker, _marker_seeds, refuses=False),
     "column_map": Target(column_map, _mapped),
     "landmarks": Target(landmarks, _seen),
     "protocol": Target(protocol, _tasks, refuses=False),
