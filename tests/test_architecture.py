@@ -105,6 +105,12 @@ LEVELS = {  # a package imports packages of lower levels only
 MOST_FILES = 17  # of a folder, its __init__.py among them
 OF_ONE_KIND = {"measures", "commands", "protocols", "versions"}  # each file is one more of the same
 VAGUE = {"utils", "util", "helpers", "helper", "manager", "managers", "common", "base", "misc"}
+PRIVATE = {
+    *("told", "heard", "said", "askew", "lively", "creep", "surprise", "mood", "way"),
+    *("apart", "alike", "seat", "seats"),
+}
+PARTICIPLES = {"kept", "moved"}  # no function's name
+STORED_OPTIONS = {"alike", "smallest_way", "unit_apart"}  # results of users name them
 LONGEST = 650  # lines
 MODULES = sorted(
     p
@@ -309,6 +315,36 @@ def test_names_say_what_is_inside() -> None:
         for p in MODULES
         if VAGUE & {part.removesuffix(".py") for part in p.relative_to(ROOT).parts}
     ] == []
+
+
+def test_identifiers_and_modules_use_the_words_of_the_field() -> None:
+    """docs/glossary.md has the field's term for each private word."""
+    assert [
+        f"{_name(p)}: {name}"
+        for p in MODULES
+        if "tests" not in p.parts
+        for name in (p.stem, *_identifiers(ast.parse(p.read_text())))
+        if PRIVATE & set(name.lower().split("_")) and name not in STORED_OPTIONS
+    ] == []
+    assert [
+        f"{_name(p)}: {node.name}"
+        for p in MODULES
+        if "tests" not in p.parts
+        for node in ast.walk(ast.parse(p.read_text()))
+        if isinstance(node, ast.FunctionDef) and node.name.strip("_") in PARTICIPLES
+    ] == []
+
+
+def _identifiers(tree: ast.AST) -> set[str]:
+    """Names of variables, arguments, attributes, functions and classes."""
+    names = set()
+    for node in ast.walk(tree):
+        match node:
+            case ast.Name(id=name) | ast.arg(arg=name) | ast.Attribute(attr=name):
+                names.add(name)
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+                names.add(name)
+    return names
 
 
 def test_folders_are_small_enough_to_be_looked_over() -> None:

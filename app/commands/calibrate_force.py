@@ -126,9 +126,9 @@ def _summary_lines(table: LoadTable, s: Solved) -> list[str]:
         lines.append(
             f"line {table.lines[row]} was left out: its readings do not belong to a load of ({load}); look at that row again"
         )
-    if s.one_way:
+    if s.one_sided:
         lines.append(
-            f"loaded one way alone: {', '.join(s.one_way)}; the other way is taken to be alike"
+            f"loaded one way alone: {', '.join(s.one_sided)}; the other way is taken to be alike"
         )
     lines.append(f"a force is known to {100 * s.calibration.scale_sd:.2g} % of itself")
     if table.by_accelerometer:

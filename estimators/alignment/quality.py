@@ -79,10 +79,10 @@ def _values(c: Calibration, segment: str) -> dict[str, float]:
     q = c.quality.get(segment)
     if q is None:
         return {}
-    seat = (
+    mounting = (
         {"axis": float(c.q_BS_sd[segment][0])}
         if segment in c.q_BS_sd
         else {"turned": q.misalignment}
     )
     whose = {"fusion": 1.0} if segment in c.q_ES else {}
-    return {"restless": q.rate_wander, "tilted": q.tilt_change, **seat, **whose}
+    return {"restless": q.rate_wander, "tilted": q.tilt_change, **mounting, **whose}

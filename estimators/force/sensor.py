@@ -102,7 +102,7 @@ class Solved:
     left: Array  # (3 or 6,) N or Nm, standard deviation of what is left over
     used: int  # loads
     left_out: tuple[int, ...]  # rows of loads that do not belong to the others
-    one_way: tuple[str, ...]  # axes that were loaded one way alone
+    one_sided: tuple[str, ...]  # axes that were loaded one way alone
     heaviest: float  # N
     turn_sd: float  # rad about each axis, error of the frame of the loads where an accelerometer measured their directions
 
@@ -158,7 +158,7 @@ def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = 
     )  # the halves that turn
     if (whole := float(np.hypot(missed_share, params.load_error))) > params.worst:
         raise InputError("force.readings_do_not_follow", whole=100 * whole)
-    one_way = tuple(AXES[a] for a in range(m) if min(loads[:, a].max(), -loads[:, a].min()) <= 0)
+    one_sided = tuple(AXES[a] for a in range(m) if min(loads[:, a].max(), -loads[:, a].min()) <= 0)
     heaviest = float(np.linalg.norm(loads[:, :3], axis=1).max())
     calibration = ForceCalibration(matrix, offset, scale)
     return Solved(
@@ -168,7 +168,7 @@ def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = 
         left,
         len(raw),
         tuple(sorted(left_out)),
-        one_way,
+        one_sided,
         heaviest,
         turn,
     )

@@ -121,8 +121,8 @@ def find_turns(
     step = float(np.median(np.diff(t)))
     kept = []
     for k, (a, b) in enumerate(zip(rests, rests[1:])):
-        way = slice(a.last - 1, b.first + 1)
-        whole = np.isfinite(gyr[way]).all() and np.diff(t[way]).max() < 3 * step
+        between = slice(a.last - 1, b.first + 1)
+        whole = np.isfinite(gyr[between]).all() and np.diff(t[between]).max() < 3 * step
         if (
             whole
             and t[b.first] - t[a.last - 1] <= params.longest_turn

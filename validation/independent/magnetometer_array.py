@@ -66,8 +66,8 @@ def _uneven(size: float) -> Callable[[Scene], Values]:
 
 def _second(away: float, moment: float, moves: float = 0.0) -> Callable[[Scene], Values]:
     def made(s: Scene) -> Values:
-        way = np.array([0.8, 0.4, 0.45]) * away
-        at = way + moves * np.column_stack([np.sin(2 * s.t), 0 * s.t, np.cos(3 * s.t)])
+        direction = np.array([0.8, 0.4, 0.45]) * away
+        at = direction + moves * np.column_stack([np.sin(2 * s.t), 0 * s.t, np.cos(3 * s.t)])
         return dipole(
             at, np.repeat([[0, 0.83 * moment, 0.55 * moment]], len(s.t), axis=0), s.board.places
         )

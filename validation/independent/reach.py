@@ -174,10 +174,15 @@ def _measured(moved: Trajectory, true: Array) -> dict[str, float]:
     )
     known = np.zeros(len(moved), np.uint8)
     means = []
-    for way in (replace(moved, place_flags=known), replace(moved, place=true, place_flags=known)):
+    for path in (replace(moved, place_flags=known), replace(moved, place=true, place_flags=known)):
         found = reach.figures(
             reach.measure(
-                reach.Params(), way, FIRST, float(way.t[-1]), None, TaskRequest("reach", {}, marks)
+                reach.Params(),
+                path,
+                FIRST,
+                float(path.t[-1]),
+                None,
+                TaskRequest("reach", {}, marks),
             )
         )
         means.append({f.what: f.value for f in found})

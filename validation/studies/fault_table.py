@@ -51,11 +51,11 @@ def measure(trial: Trial) -> Found:
     rng = np.random.default_rng([trial.seed, list(CONDITIONS).index(trial.condition), 32])
     blocks = whole_streams(CONDITIONS[trial.condition](rng))
     alarms = tuple(s.message.code for s in check_sensors(blocks))
-    told = [*_of_file(blocks), *_of_sensors(blocks, rng)]
+    rows = [*_of_file(blocks), *_of_sensors(blocks, rng)]
     return Found(
         alarms,
-        {(fault, size): found for fault, size, found, _ in told},
-        {(fault, size): named for fault, size, _, named in told},
+        {(fault, size): found for fault, size, found, _ in rows},
+        {(fault, size): named for fault, size, _, named in rows},
     )
 
 
@@ -69,21 +69,31 @@ def _of_sensors(
         column, axis = rng.choice(np.argsort(-turned)[: len(turned) // 2]), int(rng.integers(3))
         one = cells.of(np.array([column]))
         for size in sizes:
-            said = check_gyroscopes(spoil(one, size, axis), len(cells.sensors))
-            yield fault, size, bool(said), any(s.message.code == f"sensor.{code}" for s in said)
+            suspicions = check_gyroscopes(spoil(one, size, axis), len(cells.sensors))
+            yield (
+                fault,
+                size,
+                bool(suspicions),
+                any(s.message.code == f"sensor.{code}" for s in suspicions),
+            )
     column = int(rng.integers(len(cells.sensors)))
     for size in (1.03, 1.05, 1.07, 1.1, 1.2):
         one = cells.of(np.array([column]))
-        said, _ = accelerometer_sizes(replace(one, acc=size * one.acc))
-        yield "accelerometer's gain", size, bool(said), bool(said)
+        suspicions, _ = accelerometer_sizes(replace(one, acc=size * one.acc))
+        yield "accelerometer's gain", size, bool(suspicions), bool(suspicions)
 
 
 def _of_file(blocks: list[Block]) -> Iterator[tuple[str, float, bool, bool]]:
     """Every fault of the file, in every size."""
     for fault, (spoil, sizes, code) in OF_FILE.items():
         for size in sizes:
-            said = check_sensors(spoil(blocks, size))
-            yield fault, size, bool(said), any(s.message.code == f"file.{code}" for s in said)
+            suspicions = check_sensors(spoil(blocks, size))
+            yield (
+                fault,
+                size,
+                bool(suspicions),
+                any(s.message.code == f"file.{code}" for s in suspicions),
+            )
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
@@ -137,8 +147,10 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         ),
     )
     verdict = Verdict("false alarms a recording", total, 1 / 200, "", "target of the checks")
-    said = sorted({code for _, f in results for code in f.alarms})
-    remarks = (f"Said of recordings without a fault: {', '.join(said)}.",) if said else ()
+    suspicions = sorted({code for _, f in results for code in f.alarms})
+    remarks = (
+        (f"Said of recordings without a fault: {', '.join(suspicions)}.",) if suspicions else ()
+    )
     return Finding(
         "fault-table",
         "Faults of single sensors and of files",

@@ -68,9 +68,9 @@ def describe(found: Mapping[str, Any], messages: list[str], language: Language) 
         "words": [language.translate(sentence) for sentence in messages],
         "lengths": [_length(s, entry, language) for s, entry in lengths.items()],
         "seats": [
-            _seat(s, seat, language)
-            for s, seat in mountings.items()
-            if seat.get("p_BS") or seat.get("sd")
+            _mounting_row(s, mounting, language)
+            for s, mounting in mountings.items()
+            if mounting.get("p_BS") or mounting.get("sd")
         ],
         "biases": [
             _bias(s, found, language)
@@ -130,9 +130,9 @@ def _length(segment: str, entry: Mapping[str, Any], language: Language) -> list[
     ]
 
 
-def _seat(segment: str, seat: Mapping[str, Any], language: Language) -> list[str]:
+def _mounting_row(segment: str, mounting: Mapping[str, Any], language: Language) -> list[str]:
     """Segment, the sensor's place along, above and across it in mm, and how far it is turned from lying straight, deg."""
-    place, place_sd = seat.get("p_BS"), seat.get("p_BS_sd")
+    place, place_sd = mounting.get("p_BS"), mounting.get("p_BS_sd")
     places = [
         language.say("self_calibration.not_found")
         if place is None
@@ -141,11 +141,13 @@ def _seat(segment: str, seat: Mapping[str, Any], language: Language) -> list[str
         )
         for axis in (ALONG, ABOVE, ACROSS)
     ]
-    turned = float(quat.angle(quat.normalize(np.array(seat["q_BS"]))))
+    turned = float(quat.angle(quat.normalize(np.array(mounting["q_BS"]))))
     return [
         language.segment(segment),
         *places,
-        with_deviation(DEG * turned, DEG * max(seat["sd"]) if "sd" in seat else None, language),
+        with_deviation(
+            DEG * turned, DEG * max(mounting["sd"]) if "sd" in mounting else None, language
+        ),
     ]
 
 

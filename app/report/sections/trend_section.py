@@ -101,13 +101,15 @@ def _chosen(
         if key in asked and sum(key in v for v in visits) >= LEAST and not key[2].endswith("_range")
     ]
 
-    def moved(key: Key) -> float:
+    def largest_change(key: Key) -> float:
         values = [_read(key, v) for v in visits if key in v]
         return (max(values) - min(values)) / (mdc.get(key) or float("inf"))
 
     always = [key for key in known if key[2] in ALWAYS]
     others = sorted(
-        (key for key in known if key not in always and mdc.get(key)), key=moved, reverse=True
+        (key for key in known if key not in always and mdc.get(key)),
+        key=largest_change,
+        reverse=True,
     )
     return (always + others)[:SHOWN]
 

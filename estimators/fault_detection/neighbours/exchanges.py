@@ -128,8 +128,10 @@ def _is_different(pairs: Pairs, yours: Order, mine: Order) -> NDArray[np.bool_]:
     """In which windows (K,) sensors that change places turn at different rates: where they do not, skin would tell, and nothing is lost by an exchange."""
     found = np.zeros(len(pairs.by_skin), bool)
     for segment in set(mine) | set(yours):
-        apart = pairs.speed(yours.get(segment, segment)) - pairs.speed(mine.get(segment, segment))
-        found |= np.sqrt((apart**2).mean(axis=1)) > pairs.by_skin
+        speed_difference = pairs.speed(yours.get(segment, segment)) - pairs.speed(
+            mine.get(segment, segment)
+        )
+        found |= np.sqrt((speed_difference**2).mean(axis=1)) > pairs.by_skin
     return found
 
 

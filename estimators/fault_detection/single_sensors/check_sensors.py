@@ -205,8 +205,8 @@ def _of_sensors(cells: Cells, judged: Sequence[Judged], among: int) -> Iterator[
     for sensor, j in zip(cells.sensors, judged):
         if j.verdicts and (p := _p_value(j.named, among)) < FALSE_ALARMS:
             fault = j.named.fault
-            apart = [np.abs(v.fault.matrix - fault.matrix).max() for v in j.rivals]
-            certain = fault.certain and max(apart) <= DIFFERENT
+            differences = [np.abs(v.fault.matrix - fault.matrix).max() for v in j.rivals]
+            certain = fault.certain and max(differences) <= DIFFERENT
             span = _span(cells, j.named)
             yield _suspicion(f"sensor.{fault.code}", fault, (sensor,), span, p, certain)
 

@@ -118,10 +118,10 @@ def _usual(step: Array) -> Array:
     return np.asarray(0.5 * (around[2] + around[3])) + 1e-12
 
 
-def _peaks(jump: Array, apart: int) -> NDArray[np.intp]:
-    """Rows of largest jumps, largest first, none nearer to a larger one than `apart` rows."""
-    padded = np.pad(jump, apart, constant_values=-np.inf)
-    largest = np.lib.stride_tricks.sliding_window_view(padded, 2 * apart + 1).max(axis=1)
+def _peaks(jump: Array, spacing: int) -> NDArray[np.intp]:
+    """Rows of largest jumps, largest first, none nearer to a larger one than `spacing` rows."""
+    padded = np.pad(jump, spacing, constant_values=-np.inf)
+    largest = np.lib.stride_tricks.sliding_window_view(padded, 2 * spacing + 1).max(axis=1)
     rows = np.flatnonzero((jump == largest) & np.isfinite(jump))
     return np.asarray(rows[np.argsort(-jump[rows])])
 

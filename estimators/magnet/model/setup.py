@@ -51,13 +51,17 @@ def make_constellation(places: Array, q_bl: Array | None = None) -> Constellatio
     where = np.atleast_2d(np.asarray(places, float))
     if where.ndim != 2 or where.shape[1] != 3 or not np.isfinite(where).all():
         raise InputError("magnet.constellation_must_finite_places", shape=str(where.shape))
-    apart = np.linalg.norm(where[:, None] - where[None], axis=-1)[~np.eye(len(where), dtype=bool)]
+    distances = np.linalg.norm(where[:, None] - where[None], axis=-1)[
+        ~np.eye(len(where), dtype=bool)
+    ]
     away = float(np.linalg.norm(where, axis=1).max())
-    if away > FARTHEST or (len(apart) and apart.max() > WIDEST):
-        largest = max(away, float(apart.max(initial=0.0)))
+    if away > FARTHEST or (len(distances) and distances.max() > WIDEST):
+        largest = max(away, float(distances.max(initial=0.0)))
         raise InputError("magnet.constellation_spans_m_no", size=largest)
-    if len(apart) and apart.min() < CLOSEST:
-        raise InputError("magnet.two_magnetometers_constellation_mm", apart=1000.0 * apart.min())
+    if len(distances) and distances.min() < CLOSEST:
+        raise InputError(
+            "magnet.two_magnetometers_constellation_mm", distances=1000.0 * distances.min()
+        )
     turned = np.tile(quat.IDENTITY, (len(where), 1)) if q_bl is None else np.asarray(q_bl, float)
     if turned.shape != (len(where), 4) or not np.allclose(
         np.linalg.norm(turned, axis=-1), 1.0, atol=1e-3

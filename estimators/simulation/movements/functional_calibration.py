@@ -49,7 +49,7 @@ class Carelessness:
         "every freedom of every joint in a still posture",
         "asked for by our targets for the initial pose",
     )
-    apart: float = option(
+    divergence: float = option(
         3.0,
         "deg",
         "ab- and adduction of a finger that comes and goes with its flexion",
@@ -163,7 +163,7 @@ def _bending(name: str, rng: np.random.Generator, care: Carelessness) -> Perform
     for coordinate in BENT[name]:
         if coordinate.endswith("mcp_flexion") and not coordinate.startswith("thumb"):
             side = COORDINATES[coordinate.replace("flexion", "deviation")]
-            x[:, side] += np.radians(care.apart) * rng.uniform(-1, 1) * np.asarray(bend)
+            x[:, side] += np.radians(care.divergence) * rng.uniform(-1, 1) * np.asarray(bend)
     resting = np.ones(48)
     resting[[COORDINATES[c] - 6 for c in BENT[name]]] = 0.0
     x[:, 6:] += np.radians(care.joints) * resting * _swaying_joints(t, rng)

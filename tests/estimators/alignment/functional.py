@@ -22,7 +22,7 @@ from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
 
 # up to 30 deg off, about any axis
 ANYHOW = SensorErrors(misalignment=15.0, misalignment_width=15.0)
-PERFECT = Carelessness(pose=0.0, apart=0.0, joints=0.0, hand=2.0)
+PERFECT = Carelessness(pose=0.0, divergence=0.0, joints=0.0, hand=2.0)
 TURNED = SensorErrors(
     **{
         **{n: getattr(IDEAL, n) for n in IDEAL.__dataclass_fields__},

@@ -111,7 +111,7 @@ def test_a_hand_that_moves_along_is_told_to_rest() -> None:
 def test_repetitions_about_different_axes_are_told() -> None:
     rng = np.random.default_rng(2)
     step = functional_calibration.flexion_thumb_ip(
-        sized("left"), rng, Carelessness(pose=0.0, apart=0.0, joints=0.0, hand=0.0)
+        sized("left"), rng, Carelessness(pose=0.0, divergence=0.0, joints=0.0, hand=0.0)
     )
 
     def twist(block: Block) -> Block:

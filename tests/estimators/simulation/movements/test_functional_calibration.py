@@ -63,7 +63,7 @@ def test_still_steps_are_still(step: str) -> None:
 
 @pytest.mark.parametrize("step", functional_calibration.BENT)
 def test_somebody_careful_bends_only_what_was_asked_for_and_three_times(step: str) -> None:
-    t, x, _, _ = _performed(step, care=Carelessness(pose=0.0, apart=0.0, joints=0.0, hand=0.0))
+    t, x, _, _ = _performed(step, care=Carelessness(pose=0.0, divergence=0.0, joints=0.0, hand=0.0))
     inside = (t > 1.5) & (t < t[-1] - 1.5)
     moved = np.ptp(x[inside], axis=0) > 0.5 * DEG
     assert {name for name, k in COORDINATES.items() if moved[k]} == set(
