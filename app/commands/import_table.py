@@ -7,7 +7,7 @@ from handscope.app.commands.words import require_file, say
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
 from handscope.sessions.files import native
-from handscope.sessions.motion_bids.reader import read_events
+from handscope.sessions.motion_bids.events_reader import read_events
 from handscope.sessions.table_import.column_map import as_json, read_map
 from handscope.sessions.table_import.convert import blocks_of, write_native
 from handscope.sessions.table_import.guess import guess_map

@@ -17,7 +17,6 @@ from handscope.estimators.data.samples import (
     TORQUE,
     TRACKED_POINTS,
     Block,
-    Event,
     Stream,
 )
 from handscope.estimators.errors import InputError
@@ -28,6 +27,7 @@ from handscope.estimators.messages import Message, render_english
 from handscope.estimators.numerics.typing import Array
 from handscope.sessions.files.recording import LoadedRecording, require_samples
 from handscope.sessions.motion_bids import raw_forces
+from handscope.sessions.motion_bids.events_reader import events_of
 from handscope.sessions.motion_bids.files import Files, checksum, open_files, whole
 from handscope.sessions.motion_bids.orientation_channels import (
     orientation_block,
@@ -498,70 +498,6 @@ def _mounting(table: Mapping[str, Any]) -> dict[str, Array]:
             raise InputError("motion_bids.mounting_not_unit", point=point, value=str(value))
         mounting[point] = q / np.linalg.norm(q)
     return mounting
-
-
-def read_events(path: Path) -> tuple[Event, ...]:
-    """Events of one events.tsv in order of onset; InputError with its line where a row is none."""
-    try:
-        text = path.read_bytes()
-    except OSError as problem:
-        raise InputError(
-            "motion_bids.cannot_be_read", name=str(path), problem=str(problem.strerror)
-        ) from None
-    found = rows(text, path.name, ("onset", "duration", "trial_type")).items()
-    events = (_event(row, path.name, number) for number, row in found)
-    return tuple(sorted(events, key=lambda e: e.onset))
-
-
-def events_of(files: Files, inside: str) -> tuple[Event, ...]:
-    """Events of a recording in the order of their onsets, s."""
-    folder, stem = PurePosixPath(inside).parent, PurePosixPath(inside).name
-    names = [
-        p for p in files if re.sub("_tracksys-[^_/]+", "", p) == str(folder / f"{stem}_events.tsv")
-    ]
-    events = []
-    for path in sorted(names):
-        name = PurePosixPath(path).name
-        for number, row in rows(
-            whole(files[path]), name, ("onset", "duration", "trial_type")
-        ).items():
-            events.append(_event(row, name, number))
-    return tuple(sorted(events, key=lambda e: e.onset))
-
-
-def _event(row: dict[str, str], name: str, line: int) -> Event:
-    try:
-        onset, duration = (
-            float(row["onset"]),
-            0.0 if row["duration"] == MISSING else float(row["duration"]),
-        )
-    except ValueError:
-        raise InputError(
-            "motion_bids.event_not_a_number",
-            name=name,
-            line=line,
-            onset=row["onset"],
-            duration=row["duration"],
-        ) from None
-    if not (np.isfinite(onset) and np.isfinite(duration) and duration >= 0):
-        raise InputError("motion_bids.event_not_finite", name=name, line=line)
-    details: dict[str, Any] = {
-        key: value
-        for key, value in row.items()
-        if key not in ("onset", "duration", "trial_type") and value not in (MISSING, "")
-    }
-    for key in [k for k in details if k.endswith("_deg")]:
-        try:
-            details[key] = float(details[key])
-        except ValueError:
-            raise InputError(
-                "motion_bids.event_not_degrees",
-                name=name,
-                line=line,
-                key=key,
-                value=details[key],
-            ) from None
-    return Event(onset, duration, row["trial_type"], details)
 
 
 def _provenance(systems: list[System]) -> dict[str, Any]:
