@@ -15,7 +15,7 @@ from handscope.estimators.force import grasp_phases
 from handscope.estimators.force.grasp_phases import UNSURE, GraspPhase
 from handscope.estimators.force.identification import RunningEstimate
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.measures import lift, squeeze
+from handscope.estimators.measures import lift, spring_identification, squeeze
 from handscope.estimators.measures.signals import LEAST, resample_even
 
 
@@ -58,8 +58,8 @@ def squeezed_stiffness(trajectory: Trajectory, geometry: HandGeometry) -> Runnin
     )
     if np.ptp(force.values) < params.least_force or np.ptp(distance.values) < params.least_depth:
         return None
-    bent = squeeze.stiffness_change(force.t, force.values, distance.values)
-    return squeeze.running_stiffness(
+    bent = spring_identification.stiffness_change(force.t, force.values, distance.values)
+    return spring_identification.running_stiffness(
         squeeze.with_calibrated_scale(params, h),
         force.t,
         force.values,

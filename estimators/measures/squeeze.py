@@ -13,17 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import find_peaks
 
-from handscope.estimators.data.options import option
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.force import (
     frequency_response,
     grasp_phases,
-    identification,
     load_exchange,
 )
-from handscope.estimators.force.contact import ContactParams
 from handscope.estimators.force.frequency_response import Conditions, Response
-from handscope.estimators.force.grasp_phases import UNREAD, UNSURE, GraspPhase
+from handscope.estimators.force.grasp_phases import UNREAD, GraspPhase
 from handscope.estimators.force.identification import Fit, RunningEstimate
 from handscope.estimators.hand.anatomy import FINGER_JOINTS, JOINT, LIMITS
 from handscope.estimators.hand.geometry import HandGeometry
@@ -31,12 +28,18 @@ from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds, wor
 from handscope.estimators.measures.lift import KORTIER, NONE, running_curves, twist_curves
 from handscope.estimators.measures.plot_data import Curve, PlotData
 from handscope.estimators.measures.signals import resample_even
+from handscope.estimators.measures.spring_identification import (
+    correlated_share,
+    identify_spring,
+    running_stiffness,
+    stiffness_change,
+)
+from handscope.estimators.measures.squeeze_options import Params as Params
 from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
 from handscope.estimators.measures.time_window import task_samples
 from handscope.estimators.numerics.typing import Array
 
 TITLE = "Squeeze"
-NOISE = 0.1  # N
 BAND = 1.96  # standard deviations to either side: 95 %
 HOLDS, FAILS, OPEN, UNKNOWN_WORD = (
     "holds",
@@ -52,9 +55,6 @@ TOO_SHORT = (
     "squeezed for too short a time to tell how the object answers; squeeze for 10 s and more"
 )
 BENT = "the force does not grow evenly with the distance: what is held, or a force sensor, is not linear"
-USUAL = np.array(
-    [1e3, 50.0, 10.0]
-)  # sizes of stiffness N/m, force at no distance N, and damping N s/m
 KINDS = kinds(
     Kind("squeeze_count", "1", "times that the object was squeezed", "ours: peaks of the force"),
     Kind("squeeze_force", "N", "mean of the largest force of each squeeze, of the fingers against the thumb", KORTIER),
@@ -70,87 +70,6 @@ KINDS = kinds(
     Kind("squeeze_lag", "s", "by how much the distance follows behind the force; condition 2, that the object takes energy up and gives none, holds beyond two standard deviations and fails below minus two", f"{KORTIER}, 6.5.1"),
     Kind("squeeze_share", "1", "share of the finger in the sum of the sizes of the forces", KORTIER),
 )  # fmt: skip
-
-
-@dataclass(frozen=True, kw_only=True)
-class Params(ContactParams):
-    """Options of the measure."""
-
-    shortest: float = option(1.0, "s", "a shorter touch is none", "ours", least=0.0)
-    margin: float = option(
-        0.3, "s", "at both ends of a grasp that tell nothing: fingers settle", "ours", least=0.0
-    )
-    prominence: float = option(
-        0.25,
-        "1",
-        "share of the force's range by which a squeeze stands out",
-        "ours: as of tapping",
-        least=0.05,
-        most=0.9,
-    )
-    least_force: float = option(
-        1.0,
-        "N",
-        "range of the force below which nothing was squeezed",
-        "ours: ten times its error",
-        least=0.1,
-    )
-    least_depth: float = option(
-        3e-3,
-        "m",
-        "range of the distance below which the object counts as rigid",
-        "ours: what the fingertips' places wander by",
-        least=1e-4,
-    )
-    memory: float = option(
-        3.0,
-        "s",
-        "time after which a sample counts for 1/e in the running estimate",
-        "ours: two squeezes",
-        least=0.1,
-    )
-    gain_sd: float = option(
-        0.055,
-        "1",
-        "error of a change of the fingertips' distance",
-        "docs/validation/kortier6.md: RMS over simulated people",
-        least=0.0,
-    )
-    scale_sd: float = option(
-        0.02,
-        "1",
-        "error of the forces' scale, where the sensors were not calibrated",
-        "BioMed Eng OnLine 11:90, Table 4",
-        least=0.0,
-    )
-    further: float = option(
-        0.1,
-        "1",
-        "error of that change where a joint bends further than it may in the model",
-        "ours: 8 % RMS of ten people whose thumb's last joint hyperextends by 40 deg",
-        least=0.0,
-    )
-    timing: float = option(
-        0.01,
-        "s",
-        "by how much forces and places may be shifted against each other",
-        "ours: a sample at 100 Hz",
-        least=0.0,
-    )
-    bent: float = option(
-        0.6,
-        "1",
-        "share by which the stiffness changes over the squeezes' range, beyond which force and distance are not taken for those of a linear spring",
-        "ours: 0.5 of one in eight simulated people who squeeze a linear spring, by how their hand differs from the model",
-        least=0.05,
-    )
-    lowpass: float = option(
-        6.0,
-        "Hz",
-        "what is faster is taken for noise",
-        "ours: the bandwidth of a sensor at 12 Hz",
-        least=1.0,
-    )
 
 
 @dataclass(frozen=True)
@@ -268,7 +187,7 @@ def _measure_grasp(params: Params, h: GraspPhase) -> SqueezeGrasp | None:
     answer = frequency_response.estimate_response(
         t[observed], x[observed], -p[observed]
     )  # the push moves the pads towards each other
-    fit, conditions, reasons = _identify(
+    fit, conditions, reasons = identify_spring(
         params, h, inside, answer, t[observed], x[observed], p[observed]
     )
     reasons += [BENT] if fit and bends > params.bent else []
@@ -295,80 +214,6 @@ def _measure_grasp(params: Params, h: GraspPhase) -> SqueezeGrasp | None:
         unobserved,
         bends,
         answer,
-    )
-
-
-def _identify(
-    params: Params,
-    h: GraspPhase,
-    inside: np.ndarray,
-    answer: Response,
-    t: Array,
-    x: Array,
-    p: Array,
-) -> tuple[Fit | None, Conditions | None, list[str]]:
-    """Stiffness and damping (6.6) where the data allow them, the conditions, and reasons for doubt."""
-    reasons = [r for r in [h.flagged(inside)] if r]
-    doubtful = bool(np.bitwise_or.reduce(h.flags[inside], axis=None) & UNSURE)
-    if np.ptp(p) < params.least_depth:
-        return None, None, [*reasons, "the fingertips came no nearer: what is held is rigid"]
-    checked = frequency_response.check_conditions(answer)
-    fit = identification.fit_least_squares(x[:, None], _spring_rows(t, p), np.full(len(t), NOISE))
-    explained = 1 - float((fit.residuals**2).sum() / ((x - x.mean()) ** 2).sum())
-    if explained < 0.7 or fit.theta[0] <= 0:
-        return (
-            None,
-            checked,
-            [
-                *reasons,
-                *checked.reasons,
-                "force and distance do not go together as those of a spring do",
-            ],
-        )
-    return (None if doubtful else fit), checked, [*reasons, *checked.reasons]
-
-
-def _spring_rows(t: Array, p: Array) -> Array:
-    """H (n, 1, 3) of stiffness, force at no distance, and damping. (6.6)"""
-    return np.stack([-p, np.ones(len(p)), -np.gradient(p, t)], axis=-1)[:, None]
-
-
-def stiffness_change(t: Array, x: Array, p: Array) -> float:
-    """By what share of itself the stiffness changes over the range of the distance p (n,): that of a parabola in place of the straight line."""
-    if np.ptp(p) <= 0:
-        return 0.0
-    u = (p - p.mean()) / np.ptp(p)
-    parabola = np.concatenate([_spring_rows(t, u), (u**2)[:, None, None]], axis=2)
-    theta = identification.fit_least_squares(x[:, None], parabola, np.full(len(t), NOISE)).theta
-    return float(abs(2 * theta[3]) / max(abs(theta[0]), 1e-9))
-
-
-def running_stiffness(
-    params: Params, t: Array, x: Array, p: Array, unobserved: float = 0.0, bends: float = 0.0
-) -> RunningEstimate:
-    """The stiffness as it stood after each sample of force x (n,) N and distance p (n,) m on an even grid."""
-    fit = identification.fit_least_squares(x[:, None], _spring_rows(t, p), np.full(len(t), NOISE))
-    each = NOISE * float(np.sqrt(len(t) / fit.independent))
-    common_share = _common_share(params, unobserved, bends)
-    return identification.track_first_parameter(
-        t,
-        x[:, None],
-        _spring_rows(t, p),
-        each,
-        USUAL,
-        params.memory,
-        lambda K: common_share * np.abs(K),
-    )
-
-
-def _common_share(params: Params, unobserved: float, bends: float) -> float:
-    """By what share force over distance may be wrong in all samples alike.
-
-    The push is the mean of both sides, one of which lacks what is untold; a stiffness that changes is any of those within its range.
-    """
-    bends = bends if bends > params.bent else 0.0
-    return float(
-        np.sqrt(params.gain_sd**2 + params.scale_sd**2 + (unobserved / 2) ** 2 + bends**2 / 12)
     )
 
 
@@ -480,7 +325,7 @@ def _parameters(r: Squeeze) -> list[Figure]:
     values = (weights * np.array([f.theta[[0, 2]] for f in fits])).sum(axis=0) / weights.sum(axis=0)
     scatter = 1 / np.sqrt(weights.sum(axis=0))
     common_share = max(
-        _common_share(r.params, one.unobserved, one.bent) for one in r.grasps if one.fit
+        correlated_share(r.params, one.unobserved, one.bent) for one in r.grasps if one.fit
     )
     sd = np.hypot(
         scatter,
@@ -506,7 +351,7 @@ def shown(r: Squeeze) -> PlotData:
         *running_curves("stiffness", "N/m", [one.running]),
     ]
     if one.conditions is not None and one.answer is not None:
-        curves += _answer_curves(one.answer, _common_share(r.params, one.unobserved, one.bent))
+        curves += _answer_curves(one.answer, correlated_share(r.params, one.unobserved, one.bent))
     return PlotData(tuple(curves), {"squeeze": np.concatenate([g.peaks for g in r.grasps])})
 
 

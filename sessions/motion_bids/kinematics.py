@@ -27,8 +27,8 @@ from handscope.estimators.hand.anatomy import (
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.optical_trajectory import NAME as MARKER
 from handscope.estimators.pipeline.optical_trajectory import Markers
-from handscope.sessions.motion_bids.files import Files, open_files, whole
 from handscope.sessions.motion_bids.events_reader import events_of
+from handscope.sessions.motion_bids.files import Files, open_files, whole
 from handscope.sessions.motion_bids.reader import NAME, System, times_of
 from handscope.sessions.motion_bids.tables import json_object, numbers, rows
 
