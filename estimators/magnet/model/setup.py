@@ -60,7 +60,7 @@ def make_constellation(places: Array, q_bl: Array | None = None) -> Constellatio
         raise InputError("magnet.constellation_spans_m_no", size=largest)
     if len(distances) and distances.min() < CLOSEST:
         raise InputError(
-            "magnet.two_magnetometers_constellation_mm", distances=1000.0 * distances.min()
+            "magnet.two_magnetometers_constellation_mm", apart=1000.0 * distances.min()
         )
     turned = np.tile(quat.IDENTITY, (len(where), 1)) if q_bl is None else np.asarray(q_bl, float)
     if turned.shape != (len(where), 4) or not np.allclose(
