@@ -3,20 +3,9 @@ import { h, whenChanged } from "../dom.js";
 import { errorBox, once } from "../forms.js";
 import * as confirming from "./confirming.js";
 import { notEnough } from "./free_movement.js";
+import { goingOn, leading, spoilt } from "./going_on.js";
 import { known, t } from "../words/words.js";
 
-const PRIMARY = {
-  connect: "continue",
-  checked: "continue",
-  pose_ready: "start",
-  pose_review: "accept",
-  task_ready: "start",
-  task_review: "accept",
-  step_ready: "start",
-  free_ready: "start",
-  free_review: "use",
-  tasks: "choose",
-};
 const ELSEWHERE = ["choose", "group"]; // the list of tasks has these
 const ASKED = ["skip", "unable", "without", "finish", "enough"]; // actions that may ask something back first
 
@@ -26,7 +15,7 @@ export function mount(root, api, { station, given }) {
   const box = errorBox();
   const actions = h("div", { class: "buttons-tall" });
   root.append(actions, box.element);
-  let owed = false; // the focus was on a button and nothing can be pressed just now: the next button gets it
+  let owed = true; // the keyboard waits for the next button that goes on: at the beginning, and where none did after a step
   let asking = null; // the state in which a question stands; it stays while that state lasts
   let closeQuestion = () => {};
   const draw = whenChanged(
@@ -63,9 +52,9 @@ export function mount(root, api, { station, given }) {
     if (state === "connect" && !allowed.includes("continue") && !station.latest.glove.problem)
       drawn.push(h("p", { class: "soft" }, t("wizard.waiting")));
     actions.replaceChildren(...drawn);
-    const first = actions.querySelector("button");
-    if (held) first?.focus();
-    owed = held && !first;
+    const onward = actions.querySelector(`[data-act="${goingOn(station.latest, primary)}"]`);
+    if (held) onward?.focus();
+    owed = held && !onward;
   }
 
   function button(act, text, isPrimary, work) {
@@ -83,7 +72,7 @@ export function mount(root, api, { station, given }) {
     const about = { act, left: open(wizard), lacking: notEnough(moved?.meter ?? []), cancel };
     const leave = confirming.mount(asked, api, { ...about, send: (reason) => station.act(act, { reason }) });
     actions.replaceChildren(asked);
-    asked.querySelector("input, button").focus();
+    asked.querySelector("input, [data-back]").focus(); // never what gives something up
     asked.scrollIntoView({ block: "nearest" }); // all of it: on a tablet the way back would lie below the edge
     asking = wizard.state;
     closeQuestion = () => {
@@ -102,25 +91,12 @@ export function mount(root, api, { station, given }) {
     const { wizard } = station.latest;
     closeQuestion();
     buttons([wizard.state, wizard.actions]);
-    actions.querySelector("button")?.focus();
+    const onward = goingOn(station.latest, leading(station.latest));
+    (actions.querySelector(`[data-act="${onward}"]`) ?? actions.querySelector("button"))?.focus();
   }
 
   return station.on("full", draw);
 }
-
-/** The action that leads on. */
-function leading({ wizard, self_calibration }) {
-  const can = (act) => wizard.actions.includes(act);
-  if (wizard.proposal) return wizard.proposal;
-  if (wizard.state === "checked") return can("exchange") ? "exchange" : faultless(wizard.check) ? "continue" : "check";
-  if (can("again")) return "again";
-  if (wizard.state === "free_run") return self_calibration?.enough ? "enough" : null;
-  if (wizard.state === "task_paused") return can("resume") ? "resume" : "start";
-  if (wizard.state !== "step_review") return PRIMARY[wizard.state];
-  return spoilt(wizard) ? "redo" : can("next") ? "next" : "use";
-}
-
-const spoilt = ({ task, calibration_steps }) => calibration_steps.find((step) => step.name === task)?.outcome === "spoilt";
 
 function label({ wizard, self_calibration }, act) {
   const { state, remaining, actions } = wizard;
@@ -138,8 +114,6 @@ function label({ wizard, self_calibration }, act) {
 function nextWords({ title, trials, accepted }) {
   return trials > 1 && accepted ? t("act.next.trial", { task: title, trial: accepted + 1, trials }) : t("act.next", { task: title });
 }
-
-const faultless = ({ moved }) => Object.entries(moved).every(([finger, strip]) => finger === strip);
 
 function exchangeWords([one, ...more]) {
   return more.length > 1 ? t("act.exchange.all") : t("act.exchange", { one: t(`part.${one.finger}`), other: t(`part.${one.strip}`) });

@@ -16,7 +16,7 @@ export function mount(root, api, { act, left, lacking, send, cancel }) {
       "div",
       { class: "buttons-tall" },
       h("button", { class: "primary large", type: "submit" }, word),
-      h("button", { class: "large", type: "button", onclick: cancel }, t("go_back")),
+      h("button", { class: "large", type: "button", "data-back": true, onclick: cancel }, t("go_back")),
     );
   const form = h("form", { class: "question", novalidate: true });
   if (REASONS[act]) {
@@ -40,7 +40,7 @@ export function mount(root, api, { act, left, lacking, send, cancel }) {
   } else if (act === "enough") {
     const missing = lacking.length ? t("free.more", { joints: named(lacking) }) : t("free.begins");
     form.append(h("p", {}, h("strong", {}, t("enough.sure"))), h("p", {}, missing), h("p", {}, t("enough.text")), box.element);
-    const stay = h("button", { class: "primary large", type: "button", onclick: cancel }, t("enough.back"));
+    const stay = h("button", { class: "primary large", type: "button", "data-back": true, onclick: cancel }, t("enough.back"));
     form.append(h("div", { class: "buttons-tall" }, stay, h("button", { class: "large", type: "submit" }, t("enough.send"))));
     onSubmit(form, box, () => send(""));
   } else {

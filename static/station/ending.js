@@ -7,18 +7,19 @@ export function mount(root, api, { station }) {
   const box = errorBox();
   const opener = h("button", { class: "plain", onclick: () => show(true) }, t("ending.open"));
   const sure = h("button", { onclick: () => once(sure, box, station.end) }, t("ending.send"));
+  const back = h("button", { onclick: () => show(false) }, t("go_back"));
   const question = h(
     "div",
     { class: "question", hidden: true },
     h("p", {}, t("ending.sure")),
-    h("div", { class: "buttons" }, sure, h("button", { onclick: () => show(false) }, t("go_back"))),
+    h("div", { class: "buttons" }, sure, back),
   );
   root.append(opener, question, box.element);
 
   function show(asked) {
     question.hidden = !asked;
     opener.hidden = asked;
-    (asked ? sure : opener).focus();
+    (asked ? back : opener).focus(); // Enter, pressed once too often, ends nothing
     question.scrollIntoView({ block: "nearest" });
   }
 

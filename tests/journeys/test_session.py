@@ -1,5 +1,6 @@
 """The whole journey with a virtual glove: patient, session, calibration, tasks, numbers, report."""
 
+import itertools
 import re
 from pathlib import Path
 
@@ -126,6 +127,54 @@ def _read_results(page: Page, folder: Path) -> None:
     page.get_by_label("Notes on this session").fill("calm")
     page.get_by_role("button", name="Save notes").click()
     expect(page.get_by_text("Saved.")).to_be_visible()
+
+
+ONWARD = {"continue", "start", "accept", "choose", "resume", "use", "again", "enough", "finish"}
+
+
+@pytest.mark.slow
+def test_a_whole_usual_assessment_by_enter_and_space_alone(
+    page_without_scene: Page, server: Server
+) -> None:
+    page, pressed = page_without_scene, list[str]()
+    page.goto(f"{server.base}/patients/{new_patient(page)}")
+    begin_session(page, "left")
+    for key in itertools.cycle(("Enter", "Space")):
+        page.wait_for_function(
+            "() => document.activeElement?.dataset.act || location.pathname.startsWith('/sessions/')"
+        )
+        if "/sessions/" in page.url:
+            break
+        pressed.append(page.evaluate("document.activeElement.dataset.act"))
+        page.keyboard.press(key)
+        page.keyboard.press("Enter")  # once too often
+        page.wait_for_timeout(300)
+    assert set(pressed) <= ONWARD
+    shown(page.get_by_role("link", name="Report (PDF)"))
+    events = api(page, f"/api/sessions/{page.url.rsplit('/', 1)[1]}")["recordings"][0]["summary"]
+    done = [e["task"] for e in events["events"] if e["trial_type"] == "task"]
+    assert {"rom_fist", "tapping"} <= set(done) and len(done) >= 5
+
+
+def test_a_second_enter_ends_nothing(page_without_scene: Page, server: Server) -> None:
+    page = page_without_scene
+    page.goto(f"{server.base}/patients/{new_patient(page)}")
+    station = begin_session(page, "left")
+    expect(act(page, "continue")).to_be_focused()  # from the beginning, without a click
+    page.locator(".ending > button").click()
+    expect(page.get_by_role("button", name="Go back").filter(visible=True)).to_be_focused()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Enter")
+    act(page, "continue").focus()
+    page.keyboard.press("Enter")
+    shown(act(page, "without")).click()
+    expect(page.get_by_role("button", name="Go back").filter(visible=True)).to_be_focused()
+    page.keyboard.press("Enter")
+    expect(act(page, "start")).to_be_focused()
+    page.keyboard.press("Enter")
+    shown(page.get_by_role("progressbar", name="Progress"))
+    assert page.evaluate("document.activeElement.dataset.act ?? ''") == ""
+    assert station in [s["station"] for s in api(page, "/api/stations")]
 
 
 def test_the_wrong_glove_is_said_in_red_and_the_session_can_be_ended(
