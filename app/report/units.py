@@ -40,6 +40,9 @@ TAPPING_DECIMALS = {  # of the figures of tapping that have a row, in order
 }
 
 
+MOST_DECIMALS = {"deg": 0, "%": 0, "mm": 0, "mm/s": 0, "deg/s": 0, "Hz": 2, "s": 2}
+
+
 @dataclass(frozen=True)
 class Reading:
     """A figure's value as it is read; NaN where it was not measured."""
@@ -63,6 +66,18 @@ def reading(figure: Figure) -> Reading:
 def unit_words(unit: str, language: Language) -> str:
     """The unit as printed: "per s" for Hz."""
     return language.known(f"unit.{unit}", unit)
+
+
+def with_unit(number: str, unit: str, language: Language) -> str:
+    """A number with its unit as printed: "27°", "2.50 per s"."""
+    words = unit_words(unit, language)
+    return f"{number}{words}" if words.startswith("°") else f"{number} {words}".strip()
+
+
+def places_of(value: float, unit: str) -> int:
+    """Decimals that a person can use: of 2.5 taps per second two, of 81 degrees none, of 8 degrees one."""
+    most = MOST_DECIMALS.get(unit, 3)
+    return min(decimals(value), most + (abs(value) < 10 and most == 0))
 
 
 def decimals_of_sd(sd: float) -> int:

@@ -23,6 +23,7 @@ from handscope.app.report.sections.range_rows import (
     range_rows,
 )
 from handscope.app.report.sections.shown_panels import shown_of
+from handscope.app.report.trust import judge_trust, trust_payload
 from handscope.app.report.units import DEG, TAPPING_DECIMALS, reading
 from handscope.app.report.words import figure_words
 from handscope.estimators.measures import MEASURES
@@ -59,9 +60,24 @@ def readings(  # noqa: PLR0913
             [t for t in tasks if t["measure"] == "tapping"], figures, protocols, language
         ),
         "calibration": calibration_payload(content.get("calibration"), language),
+        "trust": _trust(content, figures, protocols, language, edition),
         "changes": _changes(changes, protocols, language) if changes else None,
         "others": _others(tasks, figures, protocols, language, grading, other_hand, edition),
     } | ({} if lean else {"figures": [_figure_payload(f, language, edition) for f in figures]})
+
+
+def _trust(
+    content: Mapping[str, Any],
+    figures: list[dict[str, Any]],
+    protocols: Mapping[str, Protocol],
+    language: Language,
+    edition: Edition | None,
+) -> dict[str, Any]:
+    """Whether the figures can be trusted, by the rules of app/report/trust.py."""
+    rows = [(f["task"], _stored_figure(f)) for f in figures if not f.get("detail")]
+    titles = {task: _title({"task": task}, protocols.get(task), language) for task, _ in rows}
+    calibrated = bool((content.get("calibration") or {}).get("quality"))
+    return trust_payload(judge_trust(rows, calibrated, edition), titles, language, edition)
 
 
 def _figure_payload(

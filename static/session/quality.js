@@ -1,34 +1,35 @@
-/** How far the numbers can be trusted: warnings in words, and how the calibration went. */
+/** Whether the numbers can be trusted: the answer first, why and what to do; warnings and the calibration are folded away. */
 import { h } from "../dom.js";
 import { segmentWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
 
+const LOOK = { yes: "good", mostly: "fair", no: "poor" };
+
 export function mount(root, api, { result }) {
   const { warnings, readings } = result;
+  const { answer, words, reasons, todo } = readings.trust;
+  const list = (each) =>
+    h(
+      "ul",
+      {},
+      each.map((text) => h("li", {}, text)),
+    );
+  const details = h(
+    "details",
+    { class: "more" },
+    h("summary", {}, t("quality.details")),
+    warnings.length > 0 && list(warnings.map(readable)),
+    h("h3", {}, t("quality.calibration")),
+    readings.calibration ? calibration(readings.calibration) : h("p", { class: "soft" }, t("quality.uncalibrated")),
+  );
   root.append(
     h("h2", {}, t("quality.title")),
-    warnings.length
-      ? h(
-          "div",
-          { class: "warning" },
-          h(
-            "ul",
-            {},
-            warnings.map((words) => h("li", {}, readable(words))),
-          ),
-        )
-      : noticed(readings),
-    h("h3", {}, t("quality.calibration")),
-    h("div", {}, readings.calibration ? calibration(readings.calibration) : h("p", { class: "soft" }, t("quality.uncalibrated"))),
+    h("p", { class: `trust ${LOOK[answer]}` }, words),
+    ...(reasons.length ? [list(reasons)] : []),
+    ...(todo.length ? [h("h3", {}, t("quality.todo")), list(todo)] : []),
+    details,
   );
   return () => {};
-}
-
-/** Without a warning: whether every figure can be trusted. */
-function noticed({ others }) {
-  const doubted = others.filter((measure) => measure.advice.length).map((measure) => measure.title);
-  if (doubted.length) return h("div", { class: "warning" }, h("p", {}, t("quality.figures", { titles: doubted.join(", ") })));
-  return h("p", {}, h("span", { class: "badge good" }, "✓"), " ", t("quality.fine"));
 }
 
 function calibration(measure) {

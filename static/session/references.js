@@ -13,7 +13,7 @@ export function mount(root, api, { session, result, go }) {
     h("h2", {}, t("references.title")),
     h("ul", { class: "plain-list" }, h("li", {}, beforeWords(references.before)), h("li", {}, otherWords(references.other, other))),
     h("p", { class: "hint" }, madeWords(references)),
-    references.versions.length > 1 && field(t("references.version"), versionChoice()),
+    ...(references.versions.length > 1 ? [field(t("references.version"), versionChoice())] : []),
     change,
     place,
     box.element,

@@ -15,7 +15,13 @@ from handscope.app.report.norms import norm_of
 from handscope.app.report.references import Edition
 from handscope.app.report.sections.range_rows import GRADES
 from handscope.app.report.sections.shown_panels import Panel, panels
-from handscope.app.report.units import DEG, decimals, decimals_of_sd, reading, unit_words
+from handscope.app.report.units import (
+    DEG,
+    decimals,
+    decimals_of_sd,
+    reading,
+    unit_words,
+)
 from handscope.app.report.words import grade_words, named, span_words
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.total_active_motion import NORM

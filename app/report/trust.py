@@ -1,0 +1,134 @@
+"""Whether the figures of a result can be trusted: yes, mostly or no, by rules that docs/checks.md states, with reasons and what to do.
+
+Rules     no: nothing was measured, there is no calibration, or more than MOST_POOR of the figures are graded poor
+          mostly: some figure is not graded good, or an angle is larger than healthy people reach (norm mean + BEYOND standard deviations)
+          yes: else. Lost samples, warnings and the sizes of a calibration count only as far as they lower the grade of a figure
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from handscope.app.language import Language
+from handscope.app.report.advice import advice
+from handscope.app.report.norms import norm_of
+from handscope.app.report.references import Edition
+from handscope.app.report.units import reading, with_unit
+from handscope.app.report.words import named
+from handscope.estimators.data.trajectory import FLAG_WORDS, Flag
+from handscope.estimators.measures.figure import Figure
+
+MOST_POOR = 0.5  # share of the figures
+BEYOND = 3.0  # standard deviations over healthy people
+NAMED = 4  # reasons at most
+TODO: Mapping[str, str] = {  # a piece of a figure's reason, and what to do about it
+    FLAG_WORDS[Flag.UNCALIBRATED]: "calibrate",
+    FLAG_WORDS[Flag.HEADING_LOST]: "calibrate",
+    FLAG_WORDS[Flag.MISSING]: "plugs",
+    FLAG_WORDS[Flag.LOST]: "plugs",
+    FLAG_WORDS[Flag.SATURATED]: "slower",
+    FLAG_WORDS[Flag.MAGNETIC]: "iron",
+    FLAG_WORDS[Flag.FAULTY]: "strip",
+    FLAG_WORDS[Flag.DOUBTFUL]: "strip",
+}
+Answer = Literal["yes", "mostly", "no"]
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Why some figures of a task cannot be trusted."""
+
+    task: str  # its name, "" for the whole recording
+    reason: str  # in English, as the measure gave it
+    count: int  # figures concerned
+    figure: Figure | None = None  # the one that is larger than healthy people reach
+
+
+@dataclass(frozen=True)
+class Trust:
+    """The answer with its reasons, the most figures first."""
+
+    answer: Answer
+    good: int  # figures graded good
+    count: int
+    doubts: tuple[Doubt, ...]
+
+
+def judge_trust(
+    rows: Sequence[tuple[str, Figure]], calibrated: bool, edition: Edition | None = None
+) -> Trust:
+    """By the figures of a result, each with its task's name."""
+    counts: dict[tuple[str, str], int] = {}
+    for task, figure in rows:
+        if figure.grade != "good":
+            counts[task, figure.reason] = counts.get((task, figure.reason), 0) + 1
+    poor = sum(figure.grade == "poor" for _, figure in rows)
+    good = sum(figure.grade == "good" for _, figure in rows)
+    beyond = [Doubt(task, "", 1, f) for task, f in rows if _is_beyond(task, f, edition)]
+    doubts = [
+        *(Doubt(task, reason, count) for (task, reason), count in counts.items()),
+        *beyond,
+    ]
+    refused = not rows or not calibrated or poor > MOST_POOR * len(rows)
+    answer: Answer = "no" if refused else "mostly" if doubts else "yes"
+    doubts.sort(key=lambda doubt: -doubt.count)
+    if not calibrated:
+        doubts.insert(0, Doubt("", FLAG_WORDS[Flag.UNCALIBRATED], len(rows)))
+    return Trust(answer, good, len(rows), tuple(doubts))
+
+
+def trust_payload(
+    trust: Trust, titles: Mapping[str, str], language: Language, edition: Edition | None = None
+) -> dict[str, Any]:
+    """For pages: the answer in words, the reasons, and what to do, each once."""
+    reasons = [d.reason for d in trust.doubts]
+    todo = [language.say(f"trust.do.{what}") for what in _todo(trust.doubts)]
+    facts = {"good": language.number(trust.good), "count": language.number(trust.count)}
+    listed = [_doubt_words(d, titles, language, edition) for d in trust.doubts[:NAMED]]
+    more = len(trust.doubts) - NAMED
+    key = "trust.nothing" if not trust.count else f"trust.{trust.answer}"
+    return {
+        "answer": trust.answer,
+        "words": language.say(key, **facts),
+        "reasons": listed + ([language.say("trust.more", count=more)] if more > 0 else []),
+        "todo": [*todo, *advice(reasons, language)],
+    }
+
+
+def _todo(doubts: Sequence[Doubt]) -> list[str]:
+    found = [what for d in doubts for piece, what in TODO.items() if piece in d.reason]
+    found += ["look"] if any(d.figure for d in doubts) else []
+    return list(dict.fromkeys(found)) or (["repeat"] if doubts else [])
+
+
+def _doubt_words(
+    doubt: Doubt, titles: Mapping[str, str], language: Language, edition: Edition | None
+) -> str:
+    task = titles.get(doubt.task, "") or language.say("trust.whole")
+    if doubt.figure is None:
+        figures = language.counted("trust.figures", doubt.count)
+        reason = language.translate(doubt.reason) or language.say("trust.signal")
+        return language.say("trust.doubt", task=task, figures=figures, reason=reason)
+    f = doubt.figure
+    norm, read = norm_of(f.what, f.part, doubt.task, edition), reading(f)
+    assert norm is not None and norm.sd is not None
+    return language.say(
+        "trust.beyond",
+        task=task,
+        figure=named(f, language),
+        value=with_unit(language.number(read.value), read.unit, language),
+        mean=with_unit(language.number(norm.mean), norm.unit, language),
+        sd=with_unit(language.number(norm.sd, 1), norm.unit, language),
+    )
+
+
+def _is_beyond(task: str, figure: Figure, edition: Edition | None) -> bool:
+    """Whether an angle is larger than healthy people reach; other figures vary with how a task is done."""
+    if figure.unit != "rad":
+        return False
+    norm = norm_of(figure.what, figure.part, task, edition)
+    return (
+        norm is not None
+        and norm.sd is not None
+        and reading(figure).value > norm.mean + BEYOND * norm.sd
+    )

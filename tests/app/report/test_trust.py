@@ -1,0 +1,59 @@
+"""Can I trust these numbers: the answer follows from written rules."""
+
+import pytest
+
+from handscope.app.language import languages
+from handscope.app.report.trust import judge_trust, trust_payload
+from handscope.estimators.measures.figure import Figure, Grade
+
+EN = languages()["en"]
+LOST, LIMIT = "samples lost on their way", "sensor at its limit"
+
+
+def figure(grade: Grade = "good", reason: str = "", value: float = 0.3) -> Figure:
+    return Figure("spread", value, "rad", "x", None, grade, reason, "index_middle", "spread")
+
+
+@pytest.mark.parametrize(
+    ("poor", "fair", "calibrated", "answer"),
+    [
+        (0, 0, True, "yes"),
+        (1, 0, True, "mostly"),
+        (0, 1, True, "mostly"),
+        (6, 0, True, "no"),
+        (0, 0, False, "no"),
+    ],
+)
+def test_the_answer_follows_the_grades_and_the_calibration(
+    poor: int, fair: int, calibrated: bool, answer: str
+) -> None:
+    grades: list[Grade] = ["poor"] * poor + ["fair"] * fair + ["good"] * (10 - poor - fair)
+    found = judge_trust(
+        [("tapping", figure(g, LOST if g != "good" else "")) for g in grades], calibrated
+    )
+    assert found.answer == answer
+
+
+def test_a_few_lost_samples_that_lower_no_grade_are_a_yes() -> None:
+    found = judge_trust([("tapping", figure())] * 37, True)
+    assert trust_payload(found, {}, EN)["words"] == "Yes. All 37 figures rest on a good signal."
+
+
+def test_reasons_name_the_task_and_say_what_to_do() -> None:
+    rows = [("tapping", figure("poor", LIMIT)), *[("rom_fist", figure())] * 5]
+    told = trust_payload(judge_trust(rows, True), {"tapping": "Finger tapping"}, EN)
+    assert told["words"] == "Mostly: 5 of 6 figures rest on a good signal."
+    assert told["reasons"] == ["Finger tapping, 1 figure: sensor at its limit."]
+    assert "more slowly" in told["todo"][0]
+
+
+def test_a_spread_larger_than_healthy_people_reach_is_flagged() -> None:
+    told = trust_payload(
+        judge_trust([("rom_spread", figure(value=0.464))], True), {"rom_spread": "Spread"}, EN
+    )
+    assert told["answer"] == "mostly"
+    assert "27°" in told["reasons"][0] and "17° ± 2.6°" in told["reasons"][0]
+
+
+def test_without_figures_the_answer_is_no() -> None:
+    assert judge_trust([], True).answer == "no"
