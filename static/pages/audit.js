@@ -51,7 +51,7 @@ export function mount(root, api, { title }) {
       "section",
       { class: "card" },
       form,
-      h("table", {}, h("thead", {}, h("tr", {}, HEADS.map((word) => h("th", { scope: "col" }, t(`audit.${word}`))))), rows),
+      h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": t("audit.title") }, table(rows)),
       none,
       more,
     ),
@@ -66,4 +66,9 @@ function one({ id, at, who, what, kind, ref, patient, address, counts }) {
   const about = [kind && known(`audit.kind.${kind}`, kind), ref, fields && `(${fields})`].filter(Boolean).join(" ");
   const cells = [who, known(`audit.does.${what.replaceAll(" ", "_")}`, what), about, patient ?? "", address];
   return h("tr", { "data-id": id }, h("th", { scope: "row" }, dayAndTime(at)), cells.map((text) => h("td", {}, String(text))));
+}
+
+function table(rows) {
+  const head = HEADS.map((word) => h("th", { scope: "col" }, t(`audit.${word}`)));
+  return h("table", {}, h("thead", {}, h("tr", {}, head)), rows);
 }

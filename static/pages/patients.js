@@ -106,7 +106,8 @@ function table(patients) {
       h("td", {}, p.affected_hand ? t(`hand.${p.affected_hand}`) : "–"),
     ),
   );
-  return h("table", { class: "rows" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, rows));
+  const list = h("table", { class: "rows" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, rows));
+  return h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": t("patients.title") }, list);
 }
 
 /** Where we are in a long list, and how to go on; nothing where all of it is shown. */

@@ -20,7 +20,8 @@ function section(payload, changes, folded) {
   const columns = ["ranges.joint", "ranges.flexion", "ranges.extension", "ranges.sideways", "ranges.signal"].map((word) =>
     h("th", { scope: "col" }, t(word)),
   );
-  const table = h("table", { class: "ranges" }, h("thead", {}, h("tr", {}, columns)), groups(payload.rows).map(body));
+  const rows = h("table", { class: "ranges" }, h("thead", {}, h("tr", {}, columns)), groups(payload.rows).map(body));
+  const table = h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": title }, rows);
   const compared = payload.rows.some((row) => Object.values(row.changes).some(Boolean));
   const captions = [h("p", { class: "hint" }, t("ranges.caption")), compared && changesCaption(changes, "range_of_motion")];
   if (folded) return h("details", { class: "card" }, h("summary", {}, h("h2", {}, t("ranges.of", { title, tasks }))), table, captions);

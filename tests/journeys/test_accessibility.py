@@ -11,6 +11,7 @@ from playwright.sync_api import Page, TimeoutError, expect
 from tests.journeys.house import SIZES, Server, act, api, end_session, keep_picture, shown
 
 pytestmark = pytest.mark.browser
+PHONE = (390, 844)
 AXE = Path(__file__).parents[1] / "vendor" / "axe-core" / "axe.min.js"
 RULES = {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]}
 OF_COLOURS = {
@@ -38,9 +39,10 @@ def looked_at(page: Page, name: str) -> None:
     assert told["found"] == [], f"{name}, dark"
     page.emulate_media(color_scheme="light")
     assert page.evaluate(SMALL) == [], name
-    for width, height in SIZES.values():
+    for width, height in (*SIZES.values(), PHONE):
         page.set_viewport_size({"width": width, "height": height})
         fits(page, name, width)
+    page.set_viewport_size(dict(zip(("width", "height"), SIZES["tablet"])))
 
 
 def fits(page: Page, name: str, width: int) -> None:
