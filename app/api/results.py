@@ -74,6 +74,7 @@ def read_result(
         grading,
         uninjured(hand, found.compared.affected, found.course) if found else None,
         found.compared.edition if found else None,
+        found.stored.other if found else None,
     )
     head = {"id": r.id} if lean else {"id": r.id, "figures": r.figures}
     return {

@@ -96,6 +96,11 @@ def tapping_words(found: Changes, language: Language) -> dict[str, dict[str, str
     return words
 
 
+def level_words(change: Change, language: Language) -> str:
+    """A change of a size: "0.40 per s higher, within MDC"."""
+    return _words(change, 1, language, LEVEL)
+
+
 def amount(value: float, name: str, unit: str, language: Language) -> str:
     """A size in the unit a person reads: "8°", "0.40 per s"."""
     number = language.number(value, 2 if name.endswith("_slope") else DECIMALS.get(unit, 2))

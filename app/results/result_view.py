@@ -26,12 +26,20 @@ from handscope.app.report.sections.shown_panels import shown_of
 from handscope.app.report.trust import judge_trust, trust_payload
 from handscope.app.report.units import DEG, TAPPING_DECIMALS, reading
 from handscope.app.report.words import figure_words
+from handscope.app.results.headlines import FOLDED, finger_rows, headlines, joint_deficits
 from handscope.estimators.measures import MEASURES
 from handscope.estimators.measures.assessment import TaskResult
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.range_of_motion import Range
 from handscope.estimators.measures.total_active_motion import GRADINGS
+from handscope.sessions.clinic.references import Compared
 
+FOLDING = (
+    "total_active_motion",
+    "open_close",
+    "pronation_supination",
+    "independence",
+)  # measures that have a headline or a table of their own
 CALIBRATION = {"rate_wander": "deg/s", "tilt_change": "deg", "bias": "deg/s", "misalignment": "deg"}
 
 
@@ -45,6 +53,7 @@ def readings(  # noqa: PLR0913
     grading: str = DEFAULT,
     other_hand: OtherHand | None = None,
     edition: Edition | None = None,
+    compared: Compared | None = None,
 ) -> dict[str, Any]:
     """Tables for pages from a stored result's content and figures, `lean` without the list of figures; empty before it is done."""
     tasks = content.get("tasks", [])
@@ -60,10 +69,37 @@ def readings(  # noqa: PLR0913
             [t for t in tasks if t["measure"] == "tapping"], figures, protocols, language
         ),
         "calibration": calibration_payload(content.get("calibration"), language),
+        "headlines": _headlines(figures, protocols, language, changes, compared, edition),
+        "joints": joint_deficits(
+            [
+                t
+                for t in _range_tasks(tasks, figures, protocols, language)
+                if asks_full_range(t.result.task)
+            ],
+            language,
+            compared,
+            edition,
+        ),
         "trust": _trust(content, figures, protocols, language, edition),
         "changes": _changes(changes, protocols, language) if changes else None,
-        "others": _others(tasks, figures, protocols, language, grading, other_hand, edition),
+        "others": _others(
+            tasks, figures, protocols, language, grading, other_hand, edition, changes
+        ),
     } | ({} if lean else {"figures": [_figure_payload(f, language, edition) for f in figures]})
+
+
+def _headlines(
+    figures: list[dict[str, Any]],
+    protocols: Mapping[str, Protocol],
+    language: Language,
+    changes: Changes | None,
+    compared: Compared | None,
+    edition: Edition | None,
+) -> list[dict[str, Any]]:
+    """Two to four figures a task, with the other hand, the norm and the change."""
+    rows = [(f["task"], f["measure"], _stored_figure(f)) for f in figures]
+    titles = {task: _title({"task": task}, protocols.get(task), language) for task, _, _ in rows}
+    return headlines(rows, titles, language, changes, compared, edition)
 
 
 def _trust(
@@ -140,10 +176,7 @@ def _ranges(
     changes: Changes | None,
 ) -> list[dict[str, Any]]:
     """One table over the tasks that asked for the full range, then one for the trials of each of the others."""
-    figures_of = _by_task(figures)
-    tasks = [
-        _task(t, figures_of.get(_key(t), ()), protocols.get(t["task"]), language) for t in trials
-    ]
+    tasks = _range_tasks(trials, figures, protocols, language)
     full = [t for t in tasks if asks_full_range(t.result.task)]
     groups = ([full] if full else []) + by_task([t for t in tasks if t not in full])
     return [
@@ -156,6 +189,21 @@ def _ranges(
             (group, _rows(group, group[0] in full, language, changes)) for group in groups
         )
         if rows or not k
+    ]
+
+
+def _range_tasks(
+    tasks: list[dict[str, Any]],
+    figures: list[dict[str, Any]],
+    protocols: Mapping[str, Protocol],
+    language: Language,
+) -> list[Task]:
+    """The trials whose ranges were measured."""
+    figures_of = _by_task(figures)
+    return [
+        _task(t, figures_of.get(_key(t), ()), protocols.get(t["task"]), language)
+        for t in tasks
+        if t["measure"] == "range_of_motion"
     ]
 
 
@@ -202,6 +250,7 @@ def _others(
     grading: str,
     other_hand: OtherHand | None,
     edition: Edition | None,
+    changes: Changes | None,
 ) -> list[dict[str, Any]]:
     """Measures that have no card of their own, as the report has them, with the norms of their figures."""
     figures_of = _by_task(figures)
@@ -222,12 +271,15 @@ def _others(
         )
         for t in tasks
     ]
-    sections = other_measures(grade_tasks(trials, grading, other_hand), language, edition)
+    graded = grade_tasks(trials, grading, other_hand)
+    sections = other_measures(graded, language, edition)
     choices = [[scheme, language.say(f"grading.{scheme}")] for scheme in GRADINGS]
     return [
         {
             **s,
             "gradings": choices if s["grading"] else [],
+            "fingers": finger_rows(s, graded, language, changes),
+            "folded": s["measure"] in FOLDING and len(s["rows"]) > FOLDED,
             "curves": [[trial, [asdict(p) for p in panels]] for trial, panels in s["curves"]],
         }
         for s in sections

@@ -7,6 +7,7 @@ import * as changes from "../session/changes.js";
 import * as compare from "../session/compare.js";
 import * as dating from "../session/dating.js";
 import * as downloads from "../session/downloads.js";
+import * as headlines from "../session/headlines.js";
 import * as measures from "../session/measures.js";
 import * as notes from "../session/notes.js";
 import * as progress from "../session/progress.js";
@@ -76,6 +77,7 @@ function draw(root, api, about) {
   const done = result?.state === "done";
   const place = (kind = "card") => h("section", { class: kind });
   const numbers = [
+    [headlines, place("stack")],
     [ranges, place("stack")],
     [changes, place("stack")],
     [tapping, place("stack")],

@@ -30,12 +30,38 @@ function section(measure, graded, drawn) {
     h("p", { class: "soft" }, measure.task),
     measure.gradings.length > 0 && field(t("measures.grading"), chosen, t("measures.grading.hint")),
     measure.advice.length > 0 && doubted(measure),
-    h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": measure.title }, table),
+    measure.fingers.length > 0 && scrolled(measure, fingers(measure)),
+    measure.folded ? folded(measure, table) : scrolled(measure, table),
     !measure.advice.length && measure.reason && h("p", { class: "hint" }, measure.reason),
     drawn,
     measure.limit && h("p", { class: "hint" }, measure.limit),
     h("details", {}, h("summary", {}, t("measures.source")), h("p", { class: "hint" }, measure.source)),
   );
+}
+
+function scrolled(measure, table) {
+  return h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": measure.title }, table);
+}
+
+/** A row a finger: what a therapist reads first. */
+function fingers({ fingers }) {
+  const changed = fingers.some((row) => row[4]);
+  const line = ([name, ...cells]) =>
+    h("tr", {}, h("th", { scope: "row" }, name), (changed ? cells : cells.slice(0, 3)).map((words) => h("td", {}, words)));
+  return h("table", { class: "ranges" }, h("tbody", {}, fingers.map(line)));
+}
+
+/** Many figures, folded away, with a search by their names. */
+function folded(measure, table) {
+  const rows = [...table.querySelectorAll("tbody tr")];
+  const show = (words) => rows.forEach((row) => (row.hidden = !row.textContent.toLowerCase().includes(words)));
+  const search = h("input", {
+    type: "search",
+    "aria-label": t("measures.search"),
+    placeholder: t("measures.search"),
+    oninput: () => show(search.value.trim().toLowerCase()),
+  });
+  return h("details", {}, h("summary", {}, t("measures.all", { count: rows.length })), search, scrolled(measure, table));
 }
 
 /** Why figures cannot be trusted, and what to do about it. */

@@ -110,14 +110,12 @@ function labelOf(figure) {
 
 function valueOf(figure, trial) {
   if (figure.value === null) return t(trial.amplitudes_mm.length ? "tapping.too_few" : "tapping.not_measured");
-  const least = DECIMALS[shortOf(figure)] ?? 2;
-  const finer = !CHANGES.includes(shortOf(figure)) && figure.sd && figure.sd < 0.5 * 10 ** -least; // a deviation never shows as zero
-  const digits = finer ? least + 1 : least;
+  const digits = DECIMALS[shortOf(figure)] ?? 2;
   const size = decimal(Math.abs(figure.value), digits);
   if (CHANGES.includes(shortOf(figure))) {
     const none = Number(figure.value.toFixed(digits)) === 0;
     return none ? t("tapping.same") : t(figure.value < 0 ? "tapping.smaller" : "tapping.larger", { size, unit: figure.unit });
   }
-  const sure = figure.sd ? ` ± ${decimal(Math.max(figure.sd, 10 ** -digits), digits)}` : "";
+  const sure = figure.sd >= 0.5 * 10 ** -digits ? ` ± ${decimal(figure.sd, digits)}` : ""; // a deviation below the last digit is left out
   return `${size}${sure} ${figure.unit === "Hz" ? t("unit.per_second") : figure.unit === "deg" ? "°" : figure.unit}`.trim();
 }

@@ -200,3 +200,32 @@ def test_a_computation_that_nobody_waits_for_is_stopped(
     shown(page.get_by_role("alert").filter(has_text="the computation was stopped"))
     assert api(page, f"/api/results/{under_way}")["state"] == "failed"
     keep_picture(page, "session-stopped")
+
+
+KEY = re.compile(r"\b[a-z]+(?:_[a-z0-9]+)+\b")
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_no_page_and_no_report_shows_a_name_of_the_program(
+    another_page: Callable[..., Page], server: Server, processed: int, language: str
+) -> None:
+    page = another_page(scene=False, at=None, locale=language)
+    session = api(page, f"/api/sessions/{processed}")
+    result = session["recordings"][0]["results"][-1]["id"]
+    for path in (
+        "/",
+        f"/patients/{session['patient']['id']}",
+        f"/sessions/{processed}",
+        "/help",
+        "/account",
+        f"/api/results/{result}/report.html?language={language}",
+    ):
+        page.goto(path)
+        shown(page.get_by_role("heading", level=1))
+        page.wait_for_load_state("networkidle")
+        page.evaluate("document.querySelectorAll('details').forEach((d) => (d.open = true))")
+        page.evaluate(
+            "document.querySelectorAll('.options, code').forEach((e) => e.remove())"
+        )  # a method's options go by their names
+        words = page.evaluate("document.body.innerText")
+        assert KEY.findall(words) == [], path

@@ -19,8 +19,10 @@ from handscope.app.report.units import (
     DEG,
     decimals,
     decimals_of_sd,
+    places_of,
     reading,
     unit_words,
+    with_unit,
 )
 from handscope.app.report.words import grade_words, named, span_words
 from handscope.estimators.measures.figure import Figure
@@ -61,6 +63,7 @@ def _section(trials: Sequence[Task], language: Language, edition: Edition | None
     ]
     return {
         "name": trials[0].result.task,
+        "measure": trials[0].result.measure,
         "title": language.translate(trials[0].measure_title),
         "task": span_words(trials, language)
         + (f"; {language.say(f'grading.{trials[0].grading}')}" if trials[0].grading else ""),
@@ -135,14 +138,16 @@ def _name(figure: Figure, task: Task, language: Language) -> str:
     if figure.what != "tam_share":
         return named(figure, language)
     finger = language.known(f"finger.{figure.part}", figure.part)
+    return f"{finger}: TAM {share_words(figure, task, language)}"
+
+
+def share_words(figure: Figure, task: Task, language: Language) -> str:
+    """Of what a share of total active motion is one: "against the right hand of 24 November 2026, 10:12 UTC"."""
     other = task.against
     if other is None or figure.part not in other.motion:
-        degrees = language.number(NORM[figure.part] * DEG)
-        return language.say("share.norm", finger=finger, size=degrees)
+        return language.say("share.norm", size=language.number(NORM[figure.part] * DEG))
     moment = {"day": language.day(other.started), "hour": language.hour(other.started)}
-    return language.say(
-        "share.hand", finger=finger, hand=language.say(f"other.{other.hand}"), **moment
-    )
+    return language.say("share.hand", hand=language.say(f"other.{other.hand}"), **moment)
 
 
 def norm_words(
@@ -162,7 +167,7 @@ def norm_words(
         if norm.low is None or norm.high is None
         else f" ({number(norm.low)} – {number(norm.high)})"
     )
-    words = f"{number(norm.mean)}{spread}{most} {unit_words(norm.unit, language)}".strip()
+    words = with_unit(f"{number(norm.mean)}{spread}{most}", norm.unit, language)
     return {
         "told": words,
         "reference": norm.source.reference,
@@ -171,16 +176,13 @@ def norm_words(
 
 
 def _value(figure: Figure, language: Language) -> str:
-    """ "12.3 ± 0.4" in the unit a person reads; at most four figures, and a deviation is never told as nothing."""
+    """ "81 ± 2" in the unit a person reads, with decimals that a person can use; a deviation below the last of them is left out."""
     read = reading(figure)
     if not np.isfinite(read.value):
         return language.say("not_measured")
-    if figure.sd is None or not np.isfinite(figure.sd) or not figure.sd:
-        return language.number(
-            read.value, 0 if figure.name.endswith("_count") else decimals(read.value)
-        )
+    places = 0 if figure.name.endswith("_count") else places_of(read.value, read.unit)
+    value = language.number(read.value, places)
+    if figure.sd is None or not np.isfinite(figure.sd):
+        return value
     sd = abs(reading(replace(figure, value=figure.sd)).value)
-    places = min(decimals_of_sd(sd), decimals(read.value) + 1 if read.value else 3)
-    return (
-        f"{language.number(read.value, places)} ± {language.number(max(sd, 10.0**-places), places)}"
-    )
+    return f"{value} ± {language.number(sd, places)}" if sd >= 0.5 * 10.0**-places else value

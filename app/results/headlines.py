@@ -1,0 +1,182 @@
+"""A result at one glance: of each task two to four figures with what they are compared with, and each joint's deficit for the drawing of the hand.
+
+Deficit   how far a joint's flexion stays behind the other hand's, else behind the reference value; small: at most the published MDC, large: more than twice it
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+from handscope.app.language import Language
+from handscope.app.report.change_words import level_words
+from handscope.app.report.changes import Changes
+from handscope.app.report.content import Task
+from handscope.app.report.norms import norm_of
+from handscope.app.report.references import Edition, newest
+from handscope.app.report.sections.other_measures import share_words
+from handscope.app.report.sections.range_comparison import reference_of
+from handscope.app.report.sections.range_rows import over_tasks
+from handscope.app.report.units import DEG, decimals_of_sd, places_of, reading, with_unit
+from handscope.app.report.words import flexion_words, joint_words, named
+from handscope.estimators.measures.figure import Figure
+from handscope.estimators.measures.range_of_motion import Range
+from handscope.sessions.clinic.references import Compared
+from handscope.sessions.clinic.repeatability import Key, values
+
+CYCLES = ("rate", "amplitude_mean", "decrement_ratio")
+HEADLINES: Mapping[str, tuple[str, ...]] = {  # figures of a measure that come first
+    "tapping": tuple(f"tapping_{name}" for name in CYCLES),
+    "open_close": tuple(f"open_close_{name}" for name in CYCLES),
+    "pronation_supination": tuple(f"pronation_supination_{name}" for name in CYCLES),
+    "finger_spread": ("whole_spread",),
+    "thumb_abduction": ("palmar_abduction", "radial_abduction"),
+    "forearm_rotation": ("pronation", "supination"),
+    "kapandji": ("kapandji_score",),
+    "reach": ("reach_distance", "reach_trunk_forward"),
+    "lift": ("lift_grip_hold", "lift_load_hold"),
+    "squeeze": ("squeeze_force", "squeeze_depth"),
+}
+FOLDED = 8  # rows of a measure from which its table is folded below its headline
+LARGE = 2.0  # MDCs
+Level = Literal["none", "small", "large"]
+
+
+def headlines(
+    figures: Sequence[tuple[str, str, Figure]],  # task, measure
+    titles: Mapping[str, str],
+    language: Language,
+    changes: Changes | None,
+    other: Compared | None,
+    edition: Edition | None,
+) -> list[dict[str, Any]]:
+    """Tiles by task, in the order of the tasks; a value is that over the trials, as comparisons take it."""
+    rows = [
+        {
+            "measure": m,
+            "task": t,
+            "name": f.name,
+            "unit": f.unit,
+            "grade": f.grade,
+            "value": f.value,
+        }
+        for t, m, f in figures
+        if f.value == f.value
+    ]
+    kept, tiles = values(rows), dict[str, list[dict[str, Any]]]()
+    for task, measure, figure in figures:
+        key = (measure, task, figure.name)
+        if (figure.what or figure.name) in HEADLINES.get(measure, ()) and key in kept:
+            value, _ = kept.pop(key)
+            shown = _tile(key, figure, value, language, changes, other, edition)
+            tiles.setdefault(task, []).append(shown)
+    return [{"title": titles.get(task, task), "tiles": found} for task, found in tiles.items()]
+
+
+def joint_deficits(
+    tasks: Sequence[Task],
+    language: Language,
+    other: Compared | None,
+    edition: Edition | None,
+) -> list[dict[str, Any]]:
+    """Of every joint of the fingers how far its flexion stays behind, in words and as a level."""
+    chosen, found = edition or newest(), []
+    for r in over_tasks(tasks):
+        against = _against(r, other, chosen)
+        if r.angle != "flexion" or against is None:
+            continue
+        short = max(0.0, against - r.largest * DEG)
+        words = language.say(
+            "deficit.behind" if round(short) else "deficit.none",
+            joint=" ".join(joint_words(r.joint, language)).strip(),
+            value=flexion_words(r.largest, language),
+            against=f"{against:.0f}°",
+            size=f"{short:.0f}°",
+        )
+        level = _level(short, chosen.smallest_change.value)
+        found.append({"joint": r.joint, "words": words, "level": level})
+    return found
+
+
+def _level(short: float, mdc: float) -> Level:
+    return "none" if short <= mdc else "small" if short <= LARGE * mdc else "large"
+
+
+def _against(r: Range, other: Compared | None, edition: Edition) -> float | None:
+    """Flexion in degrees: the other hand's, else the reference value."""
+    name = f"{r.joint}_flexion_max"
+    theirs = [v for (_, _, n), (v, _) in other.values.items() if n == name] if other else []
+    if theirs:
+        return max(theirs) * DEG
+    reference = reference_of(r, "largest", edition)
+    return reference.degrees if reference else None
+
+
+def _tile(
+    key: Key,
+    figure: Figure,
+    value: float,
+    language: Language,
+    changes: Changes | None,
+    other: Compared | None,
+    edition: Edition | None,
+) -> dict[str, Any]:
+    change = changes.of(key[1], key[2]) if changes else None
+    theirs = other.values.get(key) if other else None
+    against = []
+    if theirs:
+        hand = language.say(f"other.{other.hand}") if other else ""
+        moment = (
+            f"{language.short_day(other.started)} {language.hour(other.started)}" if other else ""
+        )
+        words = _words(figure, theirs[0], language)
+        against.append(f"{hand[:1].upper()}{hand[1:]}, {moment}: {words}")
+    if norm := norm_of(figure.what or figure.name, figure.part, key[1], edition):
+        places = decimals_of_sd(norm.sd) if norm.sd else places_of(norm.mean, norm.unit)
+        spread = f" ± {language.number(norm.sd, places)}" if norm.sd else ""
+        words = with_unit(f"{language.number(norm.mean, places)}{spread}", norm.unit, language)
+        against.append(f"{language.say('norm')}: {words}")
+    return {
+        "label": named(figure, language),
+        "value": _words(figure, value, language),
+        "against": against,
+        "change": level_words(change, language) if change else "",
+        "beyond": bool(change and change.beyond),
+    }
+
+
+def _words(figure: Figure, value: float, language: Language) -> str:
+    read = reading(Figure(figure.name, value, figure.unit, ""))
+    return with_unit(
+        language.number(read.value, places_of(read.value, read.unit)), read.unit, language
+    )
+
+
+def finger_rows(
+    section: Mapping[str, Any], tasks: Sequence[Task], language: Language, changes: Changes | None
+) -> list[list[str]]:
+    """Total active motion a finger: finger, TAM, its share with the grading's word, of what it is one, the change."""
+    if section["measure"] != "total_active_motion":
+        return []
+    at = section["measure"], section["name"]
+    found = {
+        (f.part, f.what): f
+        for t in tasks
+        if (t.result.measure, t.result.task) == at
+        for f in t.result.figures
+    }
+    task = next(t for t in tasks if (t.result.measure, t.result.task) == at)
+    rows = []
+    for (part, what), tam in found.items():
+        share = found.get((part, "tam_share"))
+        if what != "tam" or share is None:
+            continue
+        change = changes.of(section["name"], tam.name) if changes else None
+        rows.append(
+            [
+                language.known(f"finger.{part}", part),
+                _words(tam, tam.value, language),
+                f"{_words(share, share.value, language)} {language.translate(share.category)}",
+                share_words(share, task, language),
+                level_words(change, language) if change else "",
+            ]
+        )
+    return rows

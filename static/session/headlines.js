@@ -1,0 +1,49 @@
+/** The result at one glance: two to four figures a task with what they are compared with, and the joints that stay behind. */
+import { h } from "../dom.js";
+import { t } from "../words/words.js";
+import { handMap } from "./hand_map.js";
+
+const BEHIND = ["small", "large"];
+const MDC = 12; // degrees, as the server judges (app/results/headlines.py)
+
+export function mount(root, api, { session, result }) {
+  const { headlines, joints } = result.readings;
+  if (!headlines.length && !joints.length) return () => {};
+  const tasks = headlines.map((task) => h("div", {}, h("h3", {}, task.title), h("div", { class: "tiles" }, task.tiles.map(tile))));
+  root.append(
+    h(
+      "div",
+      { class: "card" },
+      h("h2", {}, t("headlines.title")),
+      h("div", { class: joints.length ? "glance" : "" }, joints.length > 0 && drawing(joints, session.hand), h("div", { class: "stack" }, tasks)),
+    ),
+  );
+  return () => {};
+}
+
+function tile({ label, value, against, change, beyond }) {
+  return h(
+    "div",
+    { class: `tile ${beyond ? "beyond" : ""}` },
+    h("p", { class: "soft small" }, label),
+    h("p", { class: "value" }, value),
+    against.map((words) => h("p", { class: "small" }, words)),
+    change && h("p", { class: "small judgement" }, change),
+  );
+}
+
+function drawing(joints, hand) {
+  const behind = joints.filter((joint) => BEHIND.includes(joint.level)).map((joint) => joint.words);
+  const key = ["none", "small", "large"].map((level) =>
+    h("li", {}, h("span", { class: `key-dot level-${level}` }), t(`headlines.level.${level}`, { size: MDC })),
+  );
+  return h(
+    "figure",
+    { class: "hand-map" },
+    handMap(joints, hand),
+    h("figcaption", { class: "small" }, h("p", {}, t("headlines.joints")), h("ul", { class: "legend" }, key)),
+    behind.length
+      ? h("p", { class: "small" }, t("headlines.behind", { joints: behind.join("; ") }))
+      : h("p", { class: "small" }, t("headlines.nothing_behind")),
+  );
+}

@@ -1,0 +1,64 @@
+"""The result at one glance: value, other hand, norm and change in one tile; each joint's deficit as a level."""
+
+from datetime import UTC, datetime
+
+import pytest
+
+from handscope.app.language import languages
+from handscope.app.report.changes import Change, Changes
+from handscope.app.report.content import Task
+from handscope.app.results.headlines import headlines, joint_deficits
+from handscope.estimators.measures.assessment import TaskResult
+from handscope.estimators.measures.figure import Figure
+from handscope.estimators.measures.range_of_motion import Range
+from handscope.sessions.clinic.references import Compared
+
+EN, DE = (languages()[code] for code in ("en", "de"))
+DEG = 3.141592653589793 / 180
+MOMENT = datetime(2026, 11, 24, 10, 12, tzinfo=UTC)
+RATE = Figure("tapping_rate", 2.4972, "Hz", "x", 0.0011, what="tapping_rate")
+
+
+def other(name: str, value: float, unit: str, measure: str = "tapping") -> Compared:
+    return Compared(1, 1, "right", MOMENT, "1", {(measure, "tapping", name): (value, unit)})
+
+
+def test_a_tile_names_the_other_hands_session_the_norm_and_the_change() -> None:
+    change = Change("tapping", "tapping", "tapping_rate", 0.4, "per s", 1.26, "published", ())
+    (task,) = headlines(
+        [("tapping", "tapping", RATE)],
+        {"tapping": "Finger tapping"},
+        EN,
+        Changes(MOMENT, (change,)),
+        other("tapping_rate", 3.0, "Hz"),
+        None,
+    )
+    (tile,) = task["tiles"]
+    assert (task["title"], tile["value"]) == ("Finger tapping", "2.50 per s")
+    assert tile["against"][0] == "Right hand, 24/11/2026 10:12 UTC: 3.00 per s"
+    assert tile["against"][1].startswith("Others measured: 3.57 ± 0.87")
+    assert (tile["change"], tile["beyond"]) == ("0.40 per s higher, within MDC", False)
+
+
+def test_a_figure_that_was_not_measured_has_no_tile() -> None:
+    lost = Figure("tapping_rate", float("nan"), "Hz", "x", what="tapping_rate")
+    assert headlines([("tapping", "tapping", lost)], {}, EN, None, None, None) == []
+
+
+@pytest.mark.parametrize(
+    ("flexion", "level"), [(100, "none"), (88, "none"), (87, "small"), (75, "large")]
+)
+def test_a_joint_behind_the_reference_has_a_level(flexion: int, level: str) -> None:
+    bent = Range("index_pip", "flexion", flexion * DEG, 0.0, 1.0, 2.0, "good", "")
+    result = TaskResult("rom_fist", "range_of_motion", 0.0, 9.0, [bent], ())
+    (joint,) = joint_deficits([Task(result, "Fist", "", None)], EN, None, None)
+    assert (joint["joint"], joint["level"]) == ("index_pip", level)
+
+
+def test_the_other_hand_comes_before_the_reference() -> None:
+    bent = Range("index_pip", "flexion", 90 * DEG, 0.0, 1.0, 2.0, "good", "")
+    result = TaskResult("rom_fist", "range_of_motion", 0.0, 9.0, [bent], ())
+    theirs = other("index_pip_flexion_max", 130 * DEG, "rad", "range_of_motion")
+    (joint,) = joint_deficits([Task(result, "Fist", "", None)], DE, theirs, None)
+    assert joint["level"] == "large"
+    assert joint["words"] == "Zeigefinger PIP: Beugung 90°, 40° hinter 130°"
