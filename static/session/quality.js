@@ -1,4 +1,4 @@
-/** Whether the numbers can be trusted: the answer first, why and what to do; warnings and the calibration are folded away. */
+/** Whether the numbers can be trusted: the answer first, why and what to do; the calibration is folded away. */
 import { h } from "../dom.js";
 import { segmentWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
@@ -17,9 +17,7 @@ export function mount(root, api, { result }) {
   const details = h(
     "details",
     { class: "more" },
-    h("summary", {}, t("quality.details")),
-    warnings.length > 0 && list(warnings.map(readable)),
-    h("h3", {}, t("quality.calibration")),
+    h("summary", {}, t("quality.calibration")),
     readings.calibration ? calibration(readings.calibration) : h("p", { class: "soft" }, t("quality.uncalibrated")),
   );
   root.append(
@@ -27,6 +25,7 @@ export function mount(root, api, { result }) {
     h("p", { class: `trust ${LOOK[answer]}` }, words),
     ...(reasons.length ? [list(reasons)] : []),
     ...(todo.length ? [h("h3", {}, t("quality.todo")), list(todo)] : []),
+    ...(warnings.length ? [h("div", { class: "warning" }, list(warnings.map(readable)))] : []),
     details,
   );
   return () => {};
