@@ -23,10 +23,10 @@ from handscope.app.report.sections.range_rows import (
     range_rows,
 )
 from handscope.app.report.sections.shown_panels import shown_of
-from handscope.app.report.trust import judge_trust, trust_payload
 from handscope.app.report.units import DEG, TAPPING_DECIMALS, reading
 from handscope.app.report.words import figure_words
 from handscope.app.results.headlines import FOLDED, finger_rows, headlines, joint_deficits
+from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.measures import MEASURES
 from handscope.estimators.measures.assessment import TaskResult
 from handscope.estimators.measures.figure import Figure
@@ -109,7 +109,7 @@ def _trust(
     language: Language,
     edition: Edition | None,
 ) -> dict[str, Any]:
-    """Whether the figures can be trusted, by the rules of app/report/trust.py."""
+    """Whether the figures can be trusted, by the rules of app/results/trust.py."""
     rows = [(f["task"], _stored_figure(f)) for f in figures if not f.get("detail")]
     titles = {task: _title({"task": task}, protocols.get(task), language) for task, _ in rows}
     calibrated = bool((content.get("calibration") or {}).get("quality"))

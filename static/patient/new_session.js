@@ -80,9 +80,15 @@ export function mount(root, api, { record, kept, go }) {
     const allowed = await api.get("/api/outlets");
     if (gone || !allowed.length) return;
     const rows = allowed.map(({ address }) =>
-      h("label", { class: "choice" }, h("input", { type: "checkbox", value: address }), h("span", {}, address, h("small", {}, t(`new_session.outlets.${address.split(":")[0]}`)))),
+      h(
+        "label",
+        { class: "choice" },
+        h("input", { type: "checkbox", value: address }),
+        h("span", {}, address, h("small", {}, t(`new_session.outlets.${address.split(":")[0]}`))),
+      ),
     );
-    outlets.replaceChildren(h("fieldset", { class: "field" }, h("legend", {}, t("new_session.outlets")), h("div", { class: "choices" }, rows)));
+    const legend = h("legend", {}, t("new_session.outlets"));
+    outlets.replaceChildren(h("fieldset", { class: "field" }, legend, h("div", { class: "choices" }, rows)));
   }
 
   const askEarlier = () => taken.ask(chosen("hand")).catch((error) => gone || box.show(error));

@@ -54,10 +54,11 @@ export function mount(root, api, { session, result, go }) {
     saved(t("downloads.json"), `${base}/report.json?${asked}`, name(".json")),
     saved(t("downloads.derivative"), `${base}/derivative.zip`, name(".zip"), ""),
   ];
-  const formats = h("div", { class: "buttons" });
+  const row = (element) => h("li", {}, element);
+  const formats = h("ul", { class: "formats" });
   const offer = () =>
     api.get(`${base}/exports`).then(
-      (all) => formats.replaceChildren(...all.map((f) => saved(f.title, `${base}/exports/${f.name}`, name(`-${f.name}${f.suffix}`), ""))),
+      (all) => formats.replaceChildren(...all.map((f) => row(saved(f.title, `${base}/exports/${f.name}`, name(`-${f.name}${f.suffix}`), "")))),
       box.show,
     );
   root.append(
@@ -71,7 +72,7 @@ export function mount(root, api, { session, result, go }) {
       "details",
       { class: "more", ontoggle: () => formats.children.length || offer() },
       h("summary", {}, t("downloads.more")),
-      h("div", { class: "buttons" }, tables),
+      h("ul", { class: "formats" }, tables.map(row)),
       h("p", { class: "hint" }, t("downloads.formats")),
       formats,
       h(

@@ -1,4 +1,4 @@
-/** A drawing of the hand with a dot at every joint, filled by how far it stays behind; its words stand beside it and in each dot's title. */
+/** A drawing of the hand with a dot at every joint, filled by how far it stays behind; each dot's title says it in words. */
 import { s } from "../dom.js";
 
 const BOX = "0 0 240 280";
@@ -21,7 +21,9 @@ export function handMap(joints, hand) {
     return s("polyline", { points: points.join(" "), class: "bone" });
   });
   const dots = joints.filter(({ joint }) => placeOf(joint)).map(({ joint, words, level }) => dot(placeOf(joint), words, level));
-  const drawing = s("svg", { viewBox: BOX, role: "img" }, s("g", { transform: hand === "left" ? MIRRORED : "" }, s("path", { d: PALM, class: "palm" }), fingers, dots));
+  const transform = hand === "left" ? MIRRORED : "";
+  const parts = s("g", { transform }, s("path", { d: PALM, class: "palm" }), fingers, dots);
+  const drawing = s("svg", { viewBox: BOX, role: "img" }, parts);
   drawing.setAttribute("aria-label", joints.map(({ words }) => words).join("; "));
   return drawing;
 }

@@ -9,13 +9,15 @@ const MDC = 12; // degrees, as the server judges (app/results/headlines.py)
 export function mount(root, api, { session, result }) {
   const { headlines, joints } = result.readings;
   if (!headlines.length && !joints.length) return () => {};
-  const tasks = headlines.map((task) => h("div", {}, h("h3", {}, task.title), h("div", { class: "tiles" }, task.tiles.map(tile))));
+  const tiles = (task) => h("div", { class: "tiles" }, task.tiles.map(tile));
+  const tasks = headlines.map((task) => h("div", {}, h("h3", {}, task.title), tiles(task)));
+  const drawn = joints.length > 0 && drawing(joints, session.hand);
   root.append(
     h(
       "div",
       { class: "card" },
       h("h2", {}, t("headlines.title")),
-      h("div", { class: joints.length ? "glance" : "" }, joints.length > 0 && drawing(joints, session.hand), h("div", { class: "stack" }, tasks)),
+      h("div", { class: joints.length ? "glance" : "" }, drawn, h("div", { class: "stack" }, tasks)),
     ),
   );
   return () => {};

@@ -99,7 +99,8 @@ function forceWords(forces) {
 function row(glove, strip) {
   const stream = glove.strips.find((s) => s.name === strip);
   const words = t(`strip.${strip}`);
-  if (!isFound(glove, strip)) return [words, [t(stream ? "glove.no_signal" : worn(glove).includes(strip) ? "glove.not_found" : "glove.none"), ""]];
+  const absent = stream ? "glove.no_signal" : worn(glove).includes(strip) ? "glove.not_found" : "glove.none";
+  if (!isFound(glove, strip)) return [words, [t(absent), ""]];
   if (!stream) return [words, [t("glove.present"), ""]];
   return [words, [t("unit.per_second_of", { rate: Math.round(stream.rate) }), whole(stream.lost)]];
 }

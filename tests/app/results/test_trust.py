@@ -3,7 +3,7 @@
 import pytest
 
 from handscope.app.language import languages
-from handscope.app.report.trust import judge_trust, trust_payload
+from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.measures.figure import Figure, Grade
 
 EN = languages()["en"]
