@@ -56,9 +56,10 @@ export function mount(root, api, { session, result, go }) {
   ];
   const row = (element) => h("li", {}, element);
   const formats = h("ul", { class: "formats" });
+  const exported = (f) => saved(f.title, `${base}/exports/${f.name}`, name(`-${f.name}${f.suffix}`), "");
   const offer = () =>
     api.get(`${base}/exports`).then(
-      (all) => formats.replaceChildren(...all.map((f) => row(saved(f.title, `${base}/exports/${f.name}`, name(`-${f.name}${f.suffix}`), "")))),
+      (all) => formats.replaceChildren(...all.map((f) => row(exported(f)))),
       box.show,
     );
   root.append(
