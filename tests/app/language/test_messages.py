@@ -16,7 +16,10 @@ from handscope.estimators.messages import GAP, Message, Text, english_texts
 
 ROOT = Path(__file__).parents[3]
 ROOMS = ("sessions", "estimators", "app")
-FINDINGS = ("estimators/fault_detection/", "estimators/recording_checks/")  # its messages have words of their own
+FINDINGS = (
+    "estimators/fault_detection/",
+    "estimators/recording_checks/",
+)  # its messages have words of their own
 OTHERS = [one for one in languages().values() if one is not ENGLISH]
 GERMAN = languages()["de"]
 WORDS = re.compile("[a-z]{2}")
