@@ -24,6 +24,7 @@ from handscope.estimators.methods import m2
 from handscope.estimators.pipeline.process import Processed, whole_of
 from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.estimators.recording_checks.free_joints import check_joints
+from handscope.estimators.recording_checks.pose_gravity import check_pose
 
 EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and ends a little later than they say
 
@@ -54,7 +55,7 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
 def suspicions_of(
     recording: Recording, calibrations: Sequence[Calibration] | None = None
 ) -> list[Suspicion]:
-    """What is probably wrong with a recording, by its readings and by what joints can do.
+    """What is probably wrong with a recording, by its readings, by what joints can do and by gravity in its pose.
 
     Parameters
     ----------
@@ -72,7 +73,7 @@ def suspicions_of(
     found = check_recording(whole_of(recording), recording, known)
     named = {n for s in found if s.message.severity != "info" for n in s.sensors}
     found += [s for s in check_joints(recording, known) if _is_asked(s) or not named & {*s.sensors}]
-    return sorted(found, key=_is_asked)
+    return sorted([*found, *check_pose(recording, known)], key=_is_asked)
 
 
 def calibrations_of(recording: Recording) -> list[Calibration]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handscope.estimators.data.samples import GYR, Block
+from handscope.estimators.data.samples import ACC, GYR, Block
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.hand.anatomy import FLEXION, JOINT, SEGMENT
 from handscope.estimators.measures.accuracy import DEFAULT, with_sd
@@ -14,7 +14,7 @@ from handscope.estimators.measures.figure import grade_of
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
-from handscope.estimators.recording_checks.check import check_processed
+from handscope.estimators.recording_checks.check import check_processed, suspicions_of
 from handscope.estimators.simulation.experiments import EXPERIMENTS, record_experiment
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
@@ -97,3 +97,14 @@ def test_sensors_in_each_others_place_are_named_and_their_figures_are_not_good()
     )
     assert grade_of(checked.trajectory.flags[:, [SEGMENT["index_distal"]]])[0] == "poor"
     assert any("1000000 recordings" in warning for warning in checked.warnings)
+
+
+def test_accelerometers_that_are_all_negated_are_asked_about(intact: Simulated) -> None:
+    samples = {}
+    for name, block in intact.samples.items():
+        values = block.values.copy()
+        values[..., block.stream.axes(ACC)] *= -1.0
+        samples[name] = Block(block.stream, block.t, values)
+    wrong = replace(intact, samples=samples)
+    (asked,) = [s for s in suspicions_of(wrong) if s.message.severity == "info"]
+    assert asked.message.code == "file.accelerometer_negated"
