@@ -46,7 +46,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     parser.add_argument(
         "port",
-        help="the glove's serial port, or its address: socket://HOST:PORT, rfc2217://HOST:PORT",
+        help="the glove's serial port, or its address: socket://HOST:PORT, rfc2217://HOST:PORT; slimevr://, lsl://, ximu3:// (docs/devices.md)",
     )
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE.mcap", help="the native recording"
