@@ -172,7 +172,7 @@ def make_export(result_id: int, name: str, sees_all: bool = True) -> bytes:
 
     What people typed (reasons of corrections, the report) is left out unless the account `sees_all`.
     """
-    from handscope.app.exporting.measured import export_processed, gather
+    from handscope.app.exporting.measured import export_processed, gather, without_text
     from handscope.app.exporting.saving import packed
     from handscope.app.results.make import params_of, process_result
     from handscope.sessions.exports import format_of
@@ -183,5 +183,7 @@ def make_export(result_id: int, name: str, sees_all: bool = True) -> bytes:
         recording, processed = process_result(_store, result, reasons=sees_all)
         params = params_of(result)
         measured = gather(recording, processed, result.method, params, software=result.version)
+    if not sees_all:
+        measured = without_text(measured)
     made = export_processed(measured, name, processed, params, with_report=sees_all)
     return packed(made.files, format_of(name), f"handscope-{name}")

@@ -28,7 +28,6 @@ from handscope.sessions.clinic.corrections import without_reasons
 from handscope.sessions.db.tables import Result
 from handscope.sessions.exports import FORMATS, download_ending
 
-MOVEMENTS = {name: f for name, f in FORMATS.items() if name != "bids"}  # the raw file has its route
 router = APIRouter(
     prefix="/results", tags=["results"], dependencies=[requires_role(CLINICIAN, SCIENTIST)]
 )
@@ -216,7 +215,7 @@ def list_exports(language: LanguageDep) -> list[dict[str, str]]:
     """The formats in which the movement can be taken away."""
     return [
         {"name": name, "title": language.translate(f.title), "suffix": download_ending(f)}
-        for name, f in MOVEMENTS.items()
+        for name, f in FORMATS.items()
     ]
 
 
@@ -228,12 +227,12 @@ async def read_export(
     db: Db, parts: PartsDep, requester: RequesterDep, result_id: int, form: str
 ) -> Response:
     """The movement in another program's format; a folder comes as a zip. No name and no date of birth is in any of them."""
-    if form not in MOVEMENTS:
-        raise InputError("export.no_format", name=form, names=", ".join(MOVEMENTS))
+    if form not in FORMATS:
+        raise InputError("export.no_format", name=form, names=", ".join(FORMATS))
     result = await asyncio.to_thread(lambda: results.require_done(results.get(db, result_id)))
     data = await parts.jobs.run(make_export, result_id, form, requester.sees_all)
     stem = f"handscope-session-{result.recording.session_id}-{result.method}-{form}"
-    wanted = MOVEMENTS[form]
+    wanted = FORMATS[form]
     ending = download_ending(wanted)
     kind = "application/zip" if ending == ".zip" else wanted.media_type
     return _download(data, kind, stem + ending)

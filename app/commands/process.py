@@ -11,6 +11,7 @@ from handscope.app.version import software_version
 from handscope.app.workers.deadline import LIMIT
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
+from handscope.sessions.exports import FORMATS, format_of
 from handscope.sessions.formats import derivative
 from handscope.sessions.tables_io.writing import save_folder
 
@@ -53,6 +54,13 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="processes of this machine (%(default)s)",
     )
     many.add_argument(
+        "--format",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help=f"write each in this format, too; may be repeated: {', '.join(FORMATS)}",
+    )
+    many.add_argument(
         "--scheduler",
         metavar="ADDRESS",
         help="of a Dask cluster that sees the same folders, such as tcp://host:8786",
@@ -66,6 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("command.give_one_recording_cohort")
     if arguments.cohort is not None:
         return _cohort(arguments)
+    if arguments.format:
+        raise InputError("--format is of a cohort; one recording: handscope export --format NAME")
     if not arguments.time_limit > 0:
         raise InputError("command.time_limit_s_leaves", time_limit=arguments.time_limit)
     recording, processed = processed_by(method, params, arguments, arguments.time_limit)
@@ -80,16 +90,20 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _cohort(arguments: argparse.Namespace) -> int:
     """0 where every recording has its derivative, 1 where some failed: they are named."""
-    from handscope.app.results import cohort
+    from handscope.app.exporting import cohort
 
     if arguments.calibration is not None:
         raise InputError("command.calibration_one_recording")
     if arguments.workers < 1:
         raise InputError("command.workers_no_number_processes", workers=arguments.workers)
+    for name in arguments.format:
+        format_of(name)
     found, out = cohort.recordings(arguments.cohort), output_folder(arguments.out).absolute()
-    options = parse(arguments.option)
+    options, formats = parse(arguments.option), tuple(dict.fromkeys(arguments.format))
     works = [
-        cohort.Work(name, str(path.absolute()), str(out), arguments.method, options, arguments.hand)
+        cohort.Work(
+            name, str(path.absolute()), str(out), arguments.method, options, arguments.hand, formats
+        )
         for name, path in found.items()
     ]
     hear, close = progress_bar("processing")

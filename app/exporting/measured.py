@@ -72,6 +72,24 @@ def export_processed(
     return export(measured, name)
 
 
+def without_text(measured: Measured) -> Measured:
+    """The same without what people may have typed at events: numbers and the task's name stay."""
+    kept = ("task_name", "contacts")
+    events = tuple(
+        replace(e, details={k: v for k, v in e.details.items() if k in kept or _is_number(v)})
+        for e in measured.recording.events
+    )
+    return replace(measured, recording=measured.recording.with_events(events))
+
+
+def _is_number(value: Any) -> bool:
+    try:
+        float(value)
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
 def _report(measured: Measured, processed: Processed, params: Any) -> bytes:
     """The PDF as the report has it, of nobody who is named."""
     visit = Visit(patient=measured.origin.pseudonym)

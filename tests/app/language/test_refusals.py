@@ -12,7 +12,7 @@ OTHERS = [one for one in languages().values() if one is not ENGLISH]
 COMMAND_LINE = (
     *(
         "app/analysis",
-        "app/results/cohort.py",
+        "app/exporting/cohort.py",
         "app/commands",
         "app/exporting/saving.py",
         "app/devices/force_strip.py",

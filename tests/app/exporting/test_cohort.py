@@ -1,12 +1,13 @@
 """A cohort: every recording as `process` alone makes it, the broken ones named, nothing done twice."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from handscope.app.cli import main
-from handscope.app.results import cohort
+from handscope.app.exporting import cohort
 from handscope.estimators.errors import InputError
 from handscope.sessions.motion_bids import writer
 from tests.simulated import loaded, pose_and_wiggle
@@ -105,3 +106,29 @@ def test_a_result_half_written_is_made_again(recordings: Path, tmp_path: Path) -
     (tmp_path / "a" / "done.json").write_text('{"key": ')
     assert cohort.one(work).state == "done"
     assert set(json.loads((tmp_path / "a" / "done.json").read_text())) == {"key", "warnings"}
+
+
+def test_a_cohort_is_written_in_the_formats_of_the_exports_table(
+    recordings: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    work = cohort.Work(
+        "a", str(recordings / "a.zip"), str(out), "m2", {}, None, ("jsonl", "opensim")
+    )
+    assert cohort.one(work).state == "done" and cohort.one(work).state == "before"
+    assert (out / "a" / "a.jsonl").is_file()
+    assert {p.name for p in (out / "a" / "opensim").iterdir()} == {
+        "motion.mot",
+        "orientations.sto",
+        "hand.osim",
+    }
+    assert cohort.one(replace(work, formats=("mat",))).state == "done"
+
+
+def test_a_format_that_there_is_not_ends_before_anything_is_done(
+    recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    words = ["process", "--cohort", str(recordings), "--out", str(out), "--format", "docx"]
+    assert main(words) == 2
+    assert "formats are bids, opensim" in capsys.readouterr().err and not out.exists()

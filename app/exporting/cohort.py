@@ -12,15 +12,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from handscope.app.exporting.measured import export_processed, gather
+from handscope.app.exporting.saving import save
 from handscope.app.options import with_options
 from handscope.app.version import software_version
 from handscope.app.workers.deadline import LIMIT, limit_time
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.methods import ALL_METHODS
-from handscope.estimators.pipeline.process import process
+from handscope.estimators.pipeline.process import Processed, process
 from handscope.estimators.recording_checks.check import check_processed
+from handscope.sessions.exports import format_of
 from handscope.sessions.files.native import SUFFIX, file_checksum
+from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import derivative
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.tables_io.writing import save_file, save_folder
@@ -40,6 +44,7 @@ class Work:
     method: str
     options: Mapping[str, Any]
     hand: Hand | None
+    formats: tuple[str, ...] = ()  # of sessions/exports, written beside the derivative
 
 
 @dataclass(frozen=True)
@@ -97,6 +102,8 @@ def one(work: Work) -> Outcome:
         save_folder(
             derivative.tree(processed, recording, work.method, params, software_version()), out
         )
+        for name in work.formats:
+            _export(recording, processed, work, params, name)
         save_file(
             json.dumps({"key": key, "warnings": list(processed.warnings)}, indent=1).encode(),
             out / DONE,
@@ -106,6 +113,16 @@ def one(work: Work) -> Outcome:
     except Exception as problem:  # one recording must not end the others' run
         return Outcome(work.name, "failed", f"{type(problem).__name__}: {problem}")
     return Outcome(work.name, "done")
+
+
+def _export(
+    recording: LoadedRecording, processed: Processed, work: Work, params: Any, name: str
+) -> None:
+    """Write a format as OUT/NAME/NAME.ending, or into a folder OUT/NAME/FORMAT."""
+    wanted, folder = format_of(name), Path(work.out) / work.name
+    measured = gather(recording, processed, work.method, params)
+    made = export_processed(measured, name, processed, params)
+    save(made.files, folder / (f"{work.name}{wanted.ending}" if wanted.ending else name))
 
 
 def all_of(
@@ -164,6 +181,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
 def _key(path: Path, work: Work) -> str:
     sum_ = file_checksum(path) if path.is_file() else _folder_checksum(path)
     parts = [sum_, work.method, dict(work.options), work.hand, software_version()]
+    parts += [sorted(work.formats)] if work.formats else []
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
