@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 
 from handscope.app.commands.methods import add_method, add_recording, method_of, processed_by
-from handscope.app.commands.words import output_folder, require_file, say
+from handscope.app.commands.words import counted, output_folder, require_file, say
+from handscope.app.exporting import fhir_server
 from handscope.app.exporting.saving import require_place, save
 from handscope.app.language import ENGLISH
 from handscope.app.protocols import load_all
@@ -30,6 +31,11 @@ def add(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="PATH",
         help="file to write; a folder for bids (or FILE.zip), opensim and redcap",
+    )
+    parser.add_argument(
+        "--send",
+        metavar="URL",
+        help="with --format fhir: post it to this FHIR server; credentials by the environment (docs/fhir.md), never here",
     )
     parser.add_argument(
         "--pseudonym",
@@ -65,13 +71,16 @@ def run(arguments: argparse.Namespace) -> int:
                 option=option,
                 arguments=getattr(arguments, option),
             )
-    if arguments.out is None and arguments.replay is None:
+    if arguments.out is None and arguments.replay is None and arguments.send is None:
         raise InputError("command.say_write_out_path")
     if arguments.replay is not None:
         require_file(arguments.replay)
     wanted = format_of(arguments.format)
-    if arguments.out is not None and arguments.format != "bids":
-        require_place(arguments.out, wanted)
+    if arguments.send is not None:
+        _require_sendable(arguments)
+    if arguments.send is not None or (arguments.out is not None and arguments.format != "bids"):
+        if arguments.out is not None:
+            require_place(arguments.out, wanted)
         _write_format(arguments)
     elif arguments.out is not None:
         recording = formats_recordings.load(arguments.recording, arguments.hand)
@@ -83,6 +92,14 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _require_sendable(arguments: argparse.Namespace) -> None:
+    """Before anything is computed: the format, the address and the credentials."""
+    if arguments.format != "fhir":
+        raise InputError("command.send_is_for_fhir")
+    fhir_server.require_server(arguments.send)
+    fhir_server.credentials()
+
+
 def _write_format(arguments: argparse.Namespace) -> None:
     from handscope.app.exporting.measured import export_processed, gather  # here: reports are slow
 
@@ -90,10 +107,15 @@ def _write_format(arguments: argparse.Namespace) -> None:
     recording, processed = processed_by(method, params, arguments)
     measured = gather(recording, processed, arguments.method, params, arguments.pseudonym)
     exported = export_processed(measured, arguments.format, processed, params)
-    save(exported.files, arguments.out)
+    if arguments.out is not None:
+        save(exported.files, arguments.out)
     for sentence in (*processed.warnings, *exported.notices):
         say(f"warning: {sentence}")
-    say(f"{len(processed.trajectory)} samples by {arguments.method}: {arguments.out}")
+    if arguments.out is not None:
+        say(f"{len(processed.trajectory)} samples by {arguments.method}: {arguments.out}")
+    if arguments.send is not None:
+        taken = fhir_server.send(exported.files[""], arguments.send, fhir_server.credentials())
+        say(f"{counted(taken, 'resource')} stored by {arguments.send}")
 
 
 def _write_replay(arguments: argparse.Namespace) -> None:

@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.cohort is not None:
         return _cohort(arguments)
     if arguments.format:
-        raise InputError("--format is of a cohort; one recording: handscope export --format NAME")
+        raise InputError("command.format_is_of_cohort")
     if not arguments.time_limit > 0:
         raise InputError("command.time_limit_s_leaves", time_limit=arguments.time_limit)
     recording, processed = processed_by(method, params, arguments, arguments.time_limit)

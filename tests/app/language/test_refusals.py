@@ -14,6 +14,7 @@ COMMAND_LINE = (
         "app/analysis",
         "app/exporting/cohort.py",
         "app/commands",
+        "app/exporting/fhir_server.py",
         "app/exporting/saving.py",
         "app/devices/force_strip.py",
         "app/devices/strip_flash.py",
