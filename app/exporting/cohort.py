@@ -180,7 +180,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
 
 def _key(path: Path, work: Work) -> str:
     sum_ = file_checksum(path) if path.is_file() else _folder_checksum(path)
-    parts = [sum_, work.method, dict(work.options), work.hand, software_version()]
+    parts: list[Any] = [sum_, work.method, dict(work.options), work.hand, software_version()]
     parts += [sorted(work.formats)] if work.formats else []
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 

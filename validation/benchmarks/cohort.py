@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from handscope.app.results import cohort
+from handscope.app.exporting import cohort
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.simulation.scenario import simulate
 from handscope.estimators.simulation.sensors import SensorErrors
