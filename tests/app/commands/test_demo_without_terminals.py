@@ -15,6 +15,7 @@ import requests
 from handscope.app.cli import main
 from tests.app.commands.test_demo import WAIT, words
 
+VERBS = ("glove", "record", "doctor", "simulate", "process", "assess", "info", "serve", "export")
 HIDDEN = """
 import builtins, os
 real = builtins.__import__
@@ -91,3 +92,17 @@ def test_a_session_is_recorded_and_assessed_without_pseudo_terminals(
         f"{base}/api/patients/1/sessions", json={"hand": "left", "port": "socket://127.0.0.1:22"}
     )
     assert elsewhere.status_code == 422 and "--allow-port" in elsewhere.text
+
+
+def test_every_verb_is_read_where_a_system_has_no_terminals_and_file_locks(tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(HIDDEN)
+    read = f"from importlib import import_module\nfor verb in {VERBS}:\n    import_module(f'handscope.app.commands.{{verb}}')"
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", read],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
