@@ -22,6 +22,7 @@ from handscope.app.live.tracking import Tracking
 from handscope.app.version import software_version
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.data import trajectory
+from handscope.estimators.data.events import Event
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS, Hand
@@ -182,6 +183,15 @@ def _hand_of(glove: Glove, arguments: argparse.Namespace) -> Hand:
     return hand
 
 
+def _calibrate(glove: Glove, tracking: Tracking, pose: Event) -> None:
+    """Use a pose that the glove marked; where it cannot be used the recording goes on all the same."""
+    tracking.mounting = glove.assembler.mounting
+    try:
+        tracking.calibrate(initial_pose.pose_of(pose))
+    except InputError as problem:
+        say(f"warning: the live tracker is not calibrated, the recording goes on: {problem}")
+
+
 def _follow(glove: Glove, tracking: Tracking, seconds: float | None, patience: float) -> str:
     """Until the time is over or the glove silent; initial poses that the glove marks are used as soon as they are complete.
 
@@ -201,8 +211,7 @@ def _follow(glove: Glove, tracking: Tracking, seconds: float | None, patience: f
                 break
             poses = [m for m in glove.assembler.marks if m.trial_type == "initial_pose"]
             if len(poses) > used and newest > poses[used].end + 0.05:
-                tracking.mounting = glove.assembler.mounting
-                tracking.calibrate(initial_pose.pose_of(poses[used]))
+                _calibrate(glove, tracking, poses[used])
                 used += 1
     except KeyboardInterrupt:
         return "it was stopped"

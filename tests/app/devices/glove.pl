@@ -1,7 +1,7 @@
 #!/usr/bin/perl
 # A glove of 17 inertial sensors over TCP, written from docs/wire-protocol.md alone: it shares no code with Handscope.
 # Usage: glove.pl RATE SECONDS [fault ...]; prints its address, serves one host after another until it has sent
-# SECONDS of samples. Faults: version, crc, half, garbage, slot, rates, strips (see below).
+# SECONDS of samples. Faults: version, crc, half, garbage, slot, rates, strips, pose (see below).
 use strict;
 use warnings;
 use IO::Socket::INET;
@@ -126,6 +126,7 @@ while (my $host = $listener->accept) {
                 $announced = time;
                 $out .= descriptions() . frame(0x05, pack 'Q<L<Cf<', nanoseconds(), 0, 255, 30);
                 $out .= join('', map { chr($_ % 255 + 1) } 1 .. 300) . "\0" if $fault{garbage};
+                $out .= frame(0x09, pack('Q<Q<', $started, 1e8) . text('initial_pose')) if $fault{pose};    # too short
                 $out .= substr(frame(0x05, pack 'Q<L<Cf<', nanoseconds(), 0, 255, 30), 0, 9) . "\0" if $fault{half};
                 if ($fault{crc}) {
                     my $broken = cobs(pack('CS<', 0x05, $sequence) . 'wrong' . pack 'L<', 0x12345678);

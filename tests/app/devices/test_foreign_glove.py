@@ -7,7 +7,7 @@ import socket
 import subprocess
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stderr, suppress
+from contextlib import contextmanager, redirect_stdout, suppress
 from io import StringIO
 from pathlib import Path
 
@@ -63,8 +63,8 @@ def faulty(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoadedRecording, l
     """A glove with every fault: what was recorded, what the doctor would mend, and what was printed."""
     folder = tmp_path_factory.mktemp("faulty")
     out, table = folder / "glove.mcap", folder / "glove.json"
-    every = ("version", "crc", "half", "garbage", "slot", "rates", "strips")
-    with foreign_glove(20, *every) as url, redirect_stderr(StringIO()) as printed:
+    every = ("version", "crc", "half", "garbage", "slot", "rates", "strips", "pose")
+    with foreign_glove(20, *every) as url, redirect_stdout(StringIO()) as printed:
         assert main(["record", url, "--out", str(out), "--seconds", "1.5"]) == 0
         assert main(["doctor", url, "--seconds", "1.5", "--json", str(table)]) == 1
     to_mend = json.loads(table.read_text())["to_mend"]
@@ -88,6 +88,14 @@ def test_a_fault_is_named_in_a_sentence_by_recording_and_doctor(
     for sentences in (recording.warnings, to_mend):
         assert any(re.search(sentence, one) for one in sentences), fault
     assert "Traceback" not in printed
+
+
+def test_a_pose_that_cannot_be_used_is_a_warning_and_the_recording_goes_on(
+    faulty: tuple[LoadedRecording, list[str], str],
+) -> None:
+    recording, _, printed = faulty
+    assert "the live tracker is not calibrated, the recording goes on: the initial pose" in printed
+    assert recording.duration > 1.4
 
 
 def test_a_glove_with_every_fault_loses_no_sample_of_the_rest(
