@@ -46,6 +46,8 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         "0",
         "--data",
         str(data),
+        "--allow-port",
+        "socket://127.0.0.1:*",
     ]
     log = data / "errors.log"
     with (
