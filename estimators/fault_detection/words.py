@@ -143,6 +143,11 @@ SENTENCES = {
         " 1 of {odds} recordings reads so). Exchange the two and record again, or let the "
         "recording be corrected."
     ),
+    "sensors.exchanged_angles": (
+        "The sensors {first} and {second} are probably exchanged: as declared they would bend the "
+        "finger's joints {beyond_deg} deg beyond their limits, in each other's place they would "
+        "not. Exchange the two and record again, or let the recording be corrected."
+    ),
     "sensors.order": (
         "The sensors {sensors} probably sit in another order along the finger than declared "
         "(in the declared order, less than 1 of {odds} recordings reads so). Check the order "

@@ -21,7 +21,6 @@ from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.fault_detection.neighbours.anatomy import check_anatomy
-from handscope.estimators.fault_detection.single_sensors.significance import odds_of
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import (
     ANGLES,
@@ -74,7 +73,7 @@ def check_joints(recording: Recording, calibrations: Sequence[Calibration]) -> l
     Returns
     -------
     list of Suspicion
-        `joint.beyond_reach`, or `sensors.exchanged` where two sensors of the finger in each other's place would stay within; then questions about
+        `joint.beyond_reach`, or `sensors.exchanged_angles` where two sensors of the finger in each other's place would stay within; then questions about
         freedoms of other joints (severity `info`).
     """
     if not calibrations or not all(c.source.is_pose for c in calibrations):
@@ -158,8 +157,9 @@ def _exchanged(recording: Recording, finger: str, beyond: Sequence[Excess]) -> S
         return None
     (pair,) = fits
     p, span = min(_p_value(e) for e in flexed), (-np.inf, np.inf)
-    values: dict[str, float | str] = {"first": pair[0], "second": pair[1], "odds": odds_of(p)}
-    message = Message("sensors.exchanged", values, "warning")
+    far = float(np.degrees(max(e.far for e in flexed)))
+    values: dict[str, float | str] = {"first": pair[0], "second": pair[1], "beyond_deg": far}
+    message = Message("sensors.exchanged_angles", values, "warning")
     return Suspicion(message, pair, (span,), p, {"exchange": pair})
 
 

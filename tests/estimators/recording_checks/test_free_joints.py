@@ -39,7 +39,7 @@ def test_two_exchanged_sensors_of_a_finger_are_named_by_what_its_joints_would_do
     pair = ("ring_middle", "ring_distal")
     wrong = Exchanged(intact, dict((pair, pair[::-1])))
     (found,) = check_joints(wrong, calibrate(m2.Params(), wrong)[0])
-    assert (found.message.code, found.sensors) == ("sensors.exchanged", pair)
+    assert (found.message.code, found.sensors) == ("sensors.exchanged_angles", pair)
     assert found.correction == {"exchange": pair}
 
 
