@@ -120,25 +120,25 @@ def _token_endpoint(url: str) -> str:
 
 def _taken(answer: Any, url: str) -> int:
     try:
-        said = answer.json()
+        body = answer.json()
     except ValueError:
-        said = {}
-    said = said if isinstance(said, dict) else {}
-    if answer.status_code != 200 or said.get("type") != "transaction-response":
+        body = {}
+    body = body if isinstance(body, dict) else {}
+    if answer.status_code != 200 or body.get("type") != "transaction-response":
         raise InputError(
             "export.fhir_refused",
             url=url,
-            answer=f"{answer.status_code} {_outcome(said)}".strip(),
+            answer=f"{answer.status_code} {_outcome(body)}".strip(),
         )
-    statuses = [str(e.get("response", {}).get("status", "")) for e in said.get("entry", [])]
+    statuses = [str(e.get("response", {}).get("status", "")) for e in body.get("entry", [])]
     if refused := [s for s in statuses if not s.startswith("2")]:
         raise InputError("export.fhir_stored_in_part", url=url, status=refused[0])
     return len(statuses)
 
 
-def _outcome(said: Mapping[str, Any]) -> str:
+def _outcome(body: Mapping[str, Any]) -> str:
     """The first words of an OperationOutcome."""
-    issues = said.get("issue") or [{}]
+    issues = body.get("issue") or [{}]
     first = issues[0] if isinstance(issues, list) and isinstance(issues[0], dict) else {}
     words = first.get("diagnostics") or (first.get("details") or {}).get("text") or ""
     return " ".join(str(words).split())[:300]
