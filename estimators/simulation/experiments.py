@@ -62,6 +62,7 @@ def record_experiment(
     wrist_error_deg: float | None = None,
     steps: bool = False,
     give_deg: float = 0.0,
+    normal_pose_error: bool = False,
 ) -> Simulated:
     """Somebody with a hand of their own does it; the method gets its declared geometry. The wrist misses the pose as the fingers do unless given.
 
@@ -76,7 +77,9 @@ def record_experiment(
     pose = task_performance.initial_pose(
         true,
         pose.motion.duration,
-        taken=_miss_posture(task_performance.flat(), pose_error_deg, of_pose, wrist_error_deg),
+        taken=_miss_posture(
+            task_performance.flat(), pose_error_deg, of_pose, wrist_error_deg, normal_pose_error
+        ),
     )
     calibrating = functional_calibration.all_steps(true, of_steps) if steps else ()
     whole, phase = [pose, *calibrating, *rest], joint_compliance.draw_phases(of_give)
@@ -116,12 +119,18 @@ def judged_samples(made: Simulated) -> Array:
 
 
 def _miss_posture(
-    pose: Array, largest_deg: float, rng: np.random.Generator, wrist_deg: float | None
+    pose: Array,
+    largest_deg: float,
+    rng: np.random.Generator,
+    wrist_deg: float | None,
+    normal: bool,
 ) -> Array:
-    """The pose with every freedom of every joint off by up to `largest_deg`, evenly spread; the wrist's by up to `wrist_deg`."""
+    """The pose with every freedom of every joint off by up to `largest_deg`, evenly spread, or normally with that
+    standard deviation; the wrist's by `wrist_deg`."""
     largest = np.full((len(IS_DOF), 1), largest_deg)
     largest[JOINT["wrist"]] = largest_deg if wrist_deg is None else wrist_deg
-    off = np.radians(largest) * rng.uniform(-1, 1, IS_DOF.shape) * IS_DOF
+    share = rng.normal(size=IS_DOF.shape) if normal else rng.uniform(-1, 1, IS_DOF.shape)
+    off = np.radians(largest) * share * IS_DOF
     return np.concatenate([pose[:6], pose[6:] + off.ravel()])
 
 

@@ -68,8 +68,11 @@ def performed(
     length_errors: bool = True,
     wrist_error: float | None = None,
     give: float = 0.0,
+    normal_pose_error: bool = False,
 ) -> Simulated:
-    """The trial's recording in a homogeneous field, with the truth beside it: full errors unless told otherwise; joints give by `give` deg."""
+    """The trial's recording in a homogeneous field, with the truth beside it: full errors unless told otherwise; joints give by `give` deg.
+
+    `pose_error` is the largest error of each freedom in the pose, or the standard deviation of a normal one."""
     of_field, of_person = _generators(trial)
     field, experiment = homogeneous(_north(of_field)), experiments.EXPERIMENTS[trial.experiment]
     return record_experiment(
@@ -83,6 +86,7 @@ def performed(
         RATE,
         wrist_error_deg=wrist_error,
         give_deg=give,
+        normal_pose_error=normal_pose_error,
     )
 
 
