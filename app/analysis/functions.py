@@ -14,7 +14,7 @@ from handscope.estimators.data.samples import Recording
 from handscope.estimators.errors import InputError as InputError
 from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import Hand
-from handscope.estimators.methods import ALL_METHODS, DEFAULT
+from handscope.estimators.methods import ALL_METHODS, default_for
 from handscope.estimators.pipeline.process import Processed
 from handscope.estimators.pipeline.process import process as process_recording
 from handscope.estimators.recording_checks.check import check_processed
@@ -34,17 +34,18 @@ def load(path: str | PathLike[str], hand: Hand | None = None) -> AnalysisRecordi
     return AnalysisRecording(formats_recordings.load(Path(path), hand))
 
 
-def process(recording: Source, method: str = DEFAULT, **options: Any) -> Result:
-    """Run a method (b, m1, m2, ekf, map, ...) over a recording or the path of one.
+def process(recording: Source, method: str | None = None, **options: Any) -> Result:
+    """Run a method (b, m1, m2, ekf, map, ...) over a recording or the path of one; without a name `ekf`, of orientations alone `m2`.
 
     `options` are those that `handscope process --method NAME --help` lists, with the same names and units. InputError for an
     unknown method or option, and for a recording that cannot be calibrated. What the checks of the recording find, and what
     else is to be known about the result, reaches the caller by `warnings.warn`, too.
     """
-    if method not in ALL_METHODS:
+    if method is not None and method not in ALL_METHODS:
         raise InputError("analysis.no_method", name=method, methods=", ".join(ALL_METHODS))
     opened: Any = load(recording) if isinstance(recording, (str, PathLike)) else recording
     samples = opened.loaded if isinstance(opened, AnalysisRecording) else opened
+    method = method or default_for(samples.streams)
     chosen = ALL_METHODS[method]
     params = with_options(chosen.Params, options)
     made = check_processed(process_recording(chosen, params, samples), samples)
@@ -64,7 +65,7 @@ def _once_a_code(made: Processed) -> list[str]:
 
 
 def measure(
-    recording: Source | Result, task: str | None = None, method: str = DEFAULT, **options: Any
+    recording: Source | Result, task: str | None = None, method: str | None = None, **options: Any
 ) -> Any:
     """The figures of one task or of all as a table; of a result, or of a recording that is processed for it."""
     result = recording if isinstance(recording, Result) else process(recording, method, **options)

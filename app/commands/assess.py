@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from handscope.app.commands.methods import add_method, add_recording, method_of, processed_by
+from handscope.app.commands.methods import add_method, add_recording, run_method
 from handscope.app.commands.words import counted, output_folder, require_file, require_folder, say
 from handscope.app.language import DEFAULT, language, languages
 from handscope.app.protocols import load_all
@@ -51,14 +51,14 @@ def run(arguments: argparse.Namespace) -> int:
     require_folder(arguments.out)
     if arguments.report:
         require_file(arguments.report, arguments.out)
-    method, params = method_of(arguments)
-    recording, processed = processed_by(method, params, arguments)
-    accuracy = accuracy_of(arguments.method, processed.calibrations)
+    done = run_method(arguments)
+    recording, processed = done.recording, done.processed
+    accuracy = accuracy_of(done.method, processed.calibrations)
     tasks = assess(processed.trajectory, recording.events, recording.geometry, accuracy)
     visit = Visit(patient=arguments.patient or "")
     style = Style(language(arguments.language), arguments.paper)
     made = content(
-        visit, recording, processed, arguments.method, params, tasks, software_version(), load_all()
+        visit, recording, processed, done.method, done.params, tasks, software_version(), load_all()
     )
     figures = {"figures.json": FORMS["json"](made, style), "figures.csv": FORMS["csv"](made, style)}
     report = FORMS[arguments.report.suffix[1:]](made, style) if arguments.report else b""

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from handscope.app.commands.methods import add_method, add_recording, method_of, processed_by
+from handscope.app.commands.methods import add_method, add_recording, run_method
 from handscope.app.commands.words import counted, output_folder, require_file, say
 from handscope.app.exporting import fhir_server
 from handscope.app.exporting.saving import require_place, save
@@ -103,16 +103,16 @@ def _require_sendable(arguments: argparse.Namespace) -> None:
 def _write_format(arguments: argparse.Namespace) -> None:
     from handscope.app.exporting.measured import export_processed, gather  # here: reports are slow
 
-    method, params = method_of(arguments)
-    recording, processed = processed_by(method, params, arguments)
-    measured = gather(recording, processed, arguments.method, params, arguments.pseudonym)
-    exported = export_processed(measured, arguments.format, processed, params)
+    done = run_method(arguments)
+    processed = done.processed
+    measured = gather(done.recording, processed, done.method, done.params, arguments.pseudonym)
+    exported = export_processed(measured, arguments.format, processed, done.params)
     if arguments.out is not None:
         save(exported.files, arguments.out)
     for sentence in (*processed.warnings, *exported.notices):
         say(f"warning: {sentence}")
     if arguments.out is not None:
-        say(f"{len(processed.trajectory)} samples by {arguments.method}: {arguments.out}")
+        say(f"{len(processed.trajectory)} samples by {done.method}: {arguments.out}")
     if arguments.send is not None:
         taken = fhir_server.send(exported.files[""], arguments.send, fhir_server.credentials())
         say(f"{counted(taken, 'resource')} stored by {arguments.send}")
@@ -124,12 +124,11 @@ def _write_replay(arguments: argparse.Namespace) -> None:
         replay_file,
     )  # here: the scene takes a while to import
 
-    method, params = method_of(arguments)
-    recording, processed = processed_by(method, params, arguments)
-    moved = processed.trajectory
+    done = run_method(arguments)
+    recording, moved = done.recording, done.processed.trajectory
     if not len(moved):
         raise InputError(
-            "command.gave_no_movement", recording=arguments.recording, method=arguments.method
+            "command.gave_no_movement", recording=arguments.recording, method=done.method
         )
     movement = {"t": moved.t, "angles": moved.angles, "q_GH": moved.q_GS[:, SEGMENT["hand"]]}
     chapter_list = chapters(recording.events, load_all(), ENGLISH)
@@ -137,5 +136,5 @@ def _write_replay(arguments: argparse.Namespace) -> None:
     data = replay_file(recording.hand, recording.geometry, movement, chapter_list, title, ENGLISH)
     save_file(data, arguments.replay)
     say(
-        f"{moved.t[-1] - moved.t[0]:.1f} s by {arguments.method}, {len(data) / 1e6:.1f} MB: {arguments.replay}"
+        f"{moved.t[-1] - moved.t[0]:.1f} s by {done.method}, {len(data) / 1e6:.1f} MB: {arguments.replay}"
     )

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,12 @@ from handscope.app.options import help_text, parse, with_options
 from handscope.app.workers.deadline import LIMIT, limit_time
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
-from handscope.estimators.methods import ALL_METHODS, DEFAULT
+from handscope.estimators.methods import (
+    ALL_METHODS,
+    DEFAULT,
+    DEFAULT_OF_ORIENTATIONS,
+    default_for,
+)
 from handscope.estimators.pipeline.method import AnyMethod
 from handscope.estimators.pipeline.process import Processed, process
 from handscope.estimators.recording_checks.check import check_processed
@@ -34,9 +40,8 @@ def add_method(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments that choose a method and its options."""
     parser.add_argument(
         "--method",
-        default=DEFAULT,
         metavar="NAME",
-        help=f"one of {', '.join(ALL_METHODS)} (default {DEFAULT})",
+        help=f"one of {', '.join(ALL_METHODS)} (default {DEFAULT}; of orientations alone {DEFAULT_OF_ORIENTATIONS})",
     )
     parser.add_argument(
         "--option",
@@ -64,24 +69,38 @@ def _options_help(given: Sequence[str]) -> str:
 
 
 def method_of(arguments: argparse.Namespace) -> tuple[AnyMethod[Any], Any]:
-    """The method named and its parameters."""
-    if arguments.method not in ALL_METHODS:
-        raise InputError(
-            "analysis.no_method", name=arguments.method, methods=", ".join(ALL_METHODS)
-        )
-    module = ALL_METHODS[arguments.method]
+    """The method named, or the default, and its parameters."""
+    name = arguments.method or DEFAULT
+    if name not in ALL_METHODS:
+        raise InputError("analysis.no_method", name=name, methods=", ".join(ALL_METHODS))
+    module = ALL_METHODS[name]
     return module, with_options(module.Params, parse(arguments.option))
 
 
-def processed_by(
-    method: AnyMethod[Any], params: Any, arguments: argparse.Namespace, limit: float = LIMIT
-) -> tuple[LoadedRecording, Processed]:
-    """The recording that the arguments name, and what the method makes of it within so many s; a bar shows how far it is."""
+@dataclass(frozen=True)
+class MethodRun:
+    """What a method made of a recording, and by what."""
+
+    recording: LoadedRecording
+    processed: Processed
+    method: str
+    params: Any
+
+
+def run_method(arguments: argparse.Namespace, limit: float = LIMIT) -> MethodRun:
+    """Run the method that the arguments name, or the one that suits the recording, over it within so many s; a bar shows how far it is.
+
+    InputError for an unknown method or option and where the recording cannot be opened or calibrated.
+    """
+    if arguments.method is not None:
+        method_of(arguments)  # refused before a long recording is read
     recording = formats_recordings.load(arguments.recording, arguments.hand)
+    name = arguments.method or default_for(recording.streams)
+    method, params = method_of(argparse.Namespace(method=name, option=arguments.option))
     found = arguments.calibration is not None and arguments.calibration.suffix == ".json"
     known = calibration_result.read(arguments.calibration) if found else None
     if known is not None and not method.CAPABILITIES.needs_pose:
-        raise InputError("command.method_does_not_use", method=arguments.method)
+        raise InputError("command.method_does_not_use", method=name)
     other = (
         formats_recordings.load(arguments.calibration, arguments.hand)
         if arguments.calibration and not found
@@ -90,6 +109,6 @@ def processed_by(
     on_progress, close = progress_bar("processing")
     try:
         made = process(method, params, recording, other, limit_time(limit, on_progress), known)
-        return recording, check_processed(made, recording)
+        return MethodRun(recording, check_processed(made, recording), name, params)
     finally:
         close()

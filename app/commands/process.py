@@ -4,13 +4,14 @@ import argparse
 import os
 from pathlib import Path
 
-from handscope.app.commands.methods import add_method, method_of, processed_by
+from handscope.app.commands.methods import add_method, method_of, run_method
 from handscope.app.commands.words import counted, output_folder, progress_bar, say
 from handscope.app.options import parse
 from handscope.app.version import software_version
 from handscope.app.workers.deadline import LIMIT
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
+from handscope.estimators.methods import DEFAULT
 from handscope.sessions.exports import FORMATS, format_of
 from handscope.sessions.formats import derivative
 from handscope.sessions.tables_io.writing import save_folder
@@ -69,7 +70,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
-    method, params = method_of(arguments)
+    if arguments.method is not None:
+        method_of(arguments)
     if (arguments.recording is None) == (arguments.cohort is None):
         raise InputError("command.give_one_recording_cohort")
     if arguments.cohort is not None:
@@ -78,13 +80,14 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("command.format_is_of_cohort")
     if not arguments.time_limit > 0:
         raise InputError("command.time_limit_s_leaves", time_limit=arguments.time_limit)
-    recording, processed = processed_by(method, params, arguments, arguments.time_limit)
-    files = derivative.tree(processed, recording, arguments.method, params, software_version())
+    done = run_method(arguments, arguments.time_limit)
+    processed = done.processed
+    files = derivative.tree(processed, done.recording, done.method, done.params, software_version())
     save_folder(files, output_folder(arguments.out))
     for warning in processed.warnings:
         say(f"warning: {warning}")
     name = next(n for n in files if n.endswith("_motion.tsv"))
-    say(f"{len(processed.trajectory)} samples by {arguments.method}: {arguments.out / name}")
+    say(f"{len(processed.trajectory)} samples by {done.method}: {arguments.out / name}")
     return 0
 
 
@@ -92,6 +95,7 @@ def _cohort(arguments: argparse.Namespace) -> int:
     """0 where every recording has its derivative, 1 where some failed: they are named."""
     from handscope.app.exporting import cohort
 
+    arguments.method = arguments.method or DEFAULT
     if arguments.calibration is not None:
         raise InputError("command.calibration_one_recording")
     if arguments.workers < 1:

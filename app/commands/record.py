@@ -27,6 +27,7 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
+from handscope.estimators.methods import DEFAULT
 from handscope.estimators.numerics.jit import load_kernels
 from handscope.estimators.pipeline.method import steps_through
 from handscope.estimators.pipeline.process import Processed
@@ -76,6 +77,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
+    arguments.method = arguments.method or DEFAULT
     method, params = method_of(arguments)
     if not steps_through(method):
         raise InputError("command.method_needs_whole_recording", method=arguments.method)

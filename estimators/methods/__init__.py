@@ -6,10 +6,11 @@ it.
 A method is imported when it is taken from its table: who runs one does not wait for the others.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+from handscope.estimators.data.samples import Stream
 from handscope.estimators.pipeline.method import AnyMethod, BatchMethod, Method
 
 AMethod = TypeVar("AMethod", covariant=True)
@@ -40,8 +41,16 @@ METHODS = MethodTable[Method[Any, Any]]("b", "m1", "m2", "ekf")
 BATCH = MethodTable[BatchMethod[Any]]("map")
 EXPERIMENTS = MethodTable[Method[Any, Any]]("map-live")
 DEFAULT = "ekf"  # of a session, a recording and a call that name none: docs/decisions/0013
+DEFAULT_OF_ORIENTATIONS = "m2"  # where a device gives orientations in place of angular rates
 OFFERED = MethodTable[AnyMethod[Any]](*METHODS, *BATCH)  # on pages, for recordings
 ALL_METHODS = MethodTable[AnyMethod[Any]](*OFFERED, *EXPERIMENTS)  # for recordings
+
+
+def default_for(streams: Sequence[Stream]) -> str:
+    """The method of a recording with these streams for which nobody named one."""
+    rates = any(s.inertial for s in streams)
+    return DEFAULT if rates or not any(s.oriented for s in streams) else DEFAULT_OF_ORIENTATIONS
+
 
 if TYPE_CHECKING:  # each method has what its table promises
     from handscope.estimators.methods import b, ekf, m1, m2, map_live

@@ -12,7 +12,7 @@ from handscope.estimators.data.samples import Block, Event
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENT
-from handscope.estimators.methods import b, ekf, m1, m2
+from handscope.estimators.methods import b, default_for, ekf, m1, m2
 from handscope.estimators.methods import map as self_calibrated
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.orientation import given_orientations
@@ -146,3 +146,9 @@ def test_the_grade_says_that_the_fusion_was_not_ours() -> None:
     known = process(m2, INSTANT, oriented_strips("left")).calibrations[0]
     joints = {j.joint: j for j in quality.of_joints(known)}
     assert {(j.grade, j.reason) for j in joints.values()} == {("fair", "fusion")}
+
+
+def test_the_default_method_is_one_that_takes_what_the_recording_has() -> None:
+    assert default_for(in_strips("left").streams) == "ekf"
+    assert default_for(oriented_strips("left").streams) == "m2"
+    assert m2.CAPABILITIES.takes_orientations
