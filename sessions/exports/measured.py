@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.geometry import HandGeometry
-from handscope.estimators.measures.assessment import TaskResult
 from handscope.estimators.numerics.typing import Array, Indices
 from handscope.sessions.files.recording import LoadedRecording
+
+if TYPE_CHECKING:  # the measures take longer to import than all else here
+    from handscope.estimators.measures.assessment import TaskResult
 
 SIMULATED = ("simulated", "virtual")  # words of devices that measured nobody
 Files = Mapping[str, bytes]  # by name in a folder; "" is the file itself, ".ending" one beside it
@@ -81,7 +83,7 @@ class Measured:
     movement: Trajectory
     geometry: HandGeometry
     origin: Origin
-    tasks: tuple[TaskResult, ...] = ()
+    tasks: "tuple[TaskResult, ...]" = ()
     report: bytes = b""  # PDF, where a format takes it
     skin: SkinMaker | None = None  # where a format takes it
     labels: Mapping[str, str] = field(
