@@ -3,9 +3,9 @@
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
-from pydantic import BaseModel
 from sqlalchemy.orm import Session
 
+from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.report.references import newest
 from handscope.app.state import Db
@@ -21,7 +21,7 @@ ReferencesDep = Annotated[
 ]
 
 
-class Choice(BaseModel):
+class Choice(Incoming):
     """Results that another one is to be compared with; null: nothing."""
 
     before: int | None = None  # of the same hand
