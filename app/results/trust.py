@@ -83,6 +83,9 @@ def trust_payload(
     """For pages: the answer in words, the reasons, and what to do, each once."""
     reasons = [d.reason for d in trust.doubts]
     todo = [language.say(f"trust.do.{what}") for what in _todo(trust.doubts)]
+    todo += advice(reasons, language)
+    if trust.doubts and not todo:
+        todo = [language.say("trust.do.repeat")]
     facts = {"good": language.number(trust.good), "count": language.number(trust.count)}
     listed = [_doubt_words(d, titles, language, edition) for d in trust.doubts[:NAMED]]
     more = len(trust.doubts) - NAMED
@@ -91,14 +94,14 @@ def trust_payload(
         "answer": trust.answer,
         "words": language.say(key, **facts),
         "reasons": listed + ([language.say("trust.more", count=more)] if more > 0 else []),
-        "todo": [*todo, *advice(reasons, language)],
+        "todo": todo,
     }
 
 
 def _todo(doubts: Sequence[Doubt]) -> list[str]:
     found = [what for d in doubts for piece, what in TODO.items() if piece in d.reason]
     found += ["look"] if any(d.figure for d in doubts) else []
-    return list(dict.fromkeys(found)) or (["repeat"] if doubts else [])
+    return list(dict.fromkeys(found))
 
 
 def _doubt_words(
