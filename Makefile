@@ -112,7 +112,7 @@ $(VENV)/develops: $(VENV)/installed requirements-dev.lock
 # The rooms as the one package that they are installed as: what type checkers and editors read
 .types/handscope:
 	@mkdir -p $@
-	@for part in handscope/__init__.py handscope/py.typed app estimators sessions static validation; do ln -sfn ../../$$part $@/; done
+	@for part in handscope/*.py handscope/py.typed app estimators sessions static validation; do ln -sfn ../../$$part $@/; done
 
 # What a server of a hospital has besides: PostgreSQL, figures for Prometheus, object storage
 $(VENV)/serves: $(VENV)/runs requirements-server.lock

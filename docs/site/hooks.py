@@ -6,6 +6,7 @@ Read by mkdocs (`hooks` in mkdocs.yml). A page made here is never edited.
 import json
 import re
 from collections.abc import Iterator
+from inspect import ismodule
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -108,9 +109,9 @@ def python() -> str:
     """What a script may call."""
     import handscope
 
-    blocks = "\n\n".join(
-        f"::: handscope.app.analysis.functions.{name}" for name in handscope.__all__
-    )
+    things = (getattr(handscope, name) for name in handscope.__all__)
+    paths = (t.__name__ if ismodule(t) else f"{t.__module__}.{t.__qualname__}" for t in things)
+    blocks = "\n\n".join(f"::: {path}" for path in paths)
     return (
         "# Python\n\n`import handscope as hs`: the functions are `hs.load`, `hs.process`, ...\n\n"
         f"{blocks}\n\n## What they return\n\n::: handscope.app.analysis.recording\n\n::: handscope.app.analysis.movement\n\n"
