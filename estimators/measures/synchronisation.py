@@ -84,8 +84,10 @@ def synchronise(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
     usable = (np.abs(lags) <= longest) & np.isfinite(r)
     if not usable.any():
         if np.isfinite(longest):
-            raise InputError("measure.overlap_within_lag", share=LEAST_OVERLAP, longest=longest)
-        raise InputError("measure.overlap", share=LEAST_OVERLAP)
+            raise InputError(
+                "measure.overlap_within_lag", percent=100 * LEAST_OVERLAP, longest=longest
+            )
+        raise InputError("measure.overlap", percent=100 * LEAST_OVERLAP)
     best, rival = _choose_peak(lags, np.where(usable, r, -np.inf), overlap)
     found = _refine(a, b, float(lags[best]), 1.0 / rate)
     needed = np.clip(

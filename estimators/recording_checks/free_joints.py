@@ -35,6 +35,7 @@ from handscope.estimators.hand.anatomy import (
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.orientation.given_orientations import with_orientations
 from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.estimators.pipeline.run import run
 
@@ -95,7 +96,8 @@ def check_joints(recording: Recording, calibrations: Sequence[Calibration]) -> l
 def move_freely(recording: Recording, calibrations: Sequence[Calibration]) -> Trajectory:
     """The hand as its sensors have it, without what joints can and cannot do."""
     params = m2.Params(constraints=False)
-    return trajectory.join(list(run(m2, params, calibrations, recording)), recording.hand)
+    with_rates = with_orientations(True, recording)
+    return trajectory.join(list(run(m2, params, calibrations, with_rates)), recording.hand)
 
 
 def excesses(free: Trajectory) -> Iterator[Excess]:

@@ -17,7 +17,8 @@ ESPERANTO = {
     "locale": "eo",
     "pages": {"save": "Konservi"},
     "words": {"finger.thumb": "Dikfingro"},
-    "sentences": {"there is no patient {id}; it may have been erased": "ne estas paciento {id}"},
+    "messages": {"clinic.no_patient": "ne estas paciento {number}"},
+    "sentences": {},
 }
 PUT_IN = {
     "eo.json": json.dumps(ESPERANTO),

@@ -42,7 +42,7 @@ def test_a_default_is_the_methods_and_the_calibration_adds_its_tilt() -> None:
     )
     assert moved.angles_sd is not None
     assert moved.tips_sd is not None
-    assert "Table 6" in basis
+    assert "table6" in basis
     sd = moved.angles_sd[0, :, 0]
     assert sd[JOINT["ring_pip"]] == pytest.approx(ANGLE)
     assert sd[JOINT["thumb_cmc"]] == pytest.approx(CMC)
