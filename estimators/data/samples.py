@@ -139,6 +139,44 @@ class Recording(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class RecordingView:
+    """A recording seen in another way: what a view does not change is the recording's."""
+
+    recording: Recording
+
+    @property
+    def hand(self) -> Hand:
+        return self.recording.hand
+
+    @property
+    def geometry(self) -> HandGeometry:
+        return self.recording.geometry
+
+    @property
+    def mounting(self) -> Mapping[str, Array]:
+        return self.recording.mounting
+
+    @property
+    def streams(self) -> tuple[Stream, ...]:
+        return self.recording.streams
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        return self.recording.events
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        return self.recording.warnings
+
+    @property
+    def plate(self) -> Plate | None:
+        return self.recording.plate
+
+    def blocks(self) -> Iterator[Block]:
+        return self.recording.blocks()
+
+
 def width_of(quantities: Sequence[str]) -> int:
     """How many numbers these quantities have together."""
     return sum(len(COMPONENTS[q]) for q in quantities)

@@ -8,20 +8,25 @@ Limits  what the device's fusion gets wrong stays; a device that sets its headin
         spoils everything until the next pose
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handscope.estimators.data.calibration import Calibration
-from handscope.estimators.data.magnet_declaration import Plate
 from handscope.estimators.data.options import option
-from handscope.estimators.data.samples import ACC, GYR, ORIENTATION, Block, Event, Recording, Stream
+from handscope.estimators.data.samples import (
+    ACC,
+    GYR,
+    ORIENTATION,
+    Block,
+    Recording,
+    RecordingView,
+    Stream,
+)
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import Hand
-from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
@@ -117,40 +122,14 @@ class LiveRates:
 
 
 @dataclass(frozen=True)
-class WithDerivedRates:
+class WithDerivedRates(RecordingView):
     """A recording whose streams of orientations bring what these imply, too; of sensors that have
     raw samples the orientations are left out: the fusion is then ours."""
-
-    recording: Recording
-
-    @property
-    def hand(self) -> Hand:
-        return self.recording.hand
-
-    @property
-    def geometry(self) -> HandGeometry:
-        return self.recording.geometry
-
-    @property
-    def mounting(self) -> Mapping[str, Array]:
-        return self.recording.mounting
 
     @property
     def streams(self) -> tuple[Stream, ...]:
         kept = ((s, _kept_columns(s, self._raw)) for s in self.recording.streams)
         return tuple(derived_stream(_with_sensors(s, k)) for s, k in kept if k)
-
-    @property
-    def events(self) -> tuple[Event, ...]:
-        return self.recording.events
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        return self.recording.warnings
-
-    @property
-    def plate(self) -> Plate | None:
-        return self.recording.plate
 
     def blocks(self) -> Iterator[Block]:
         previous: dict[str, Block] = {}

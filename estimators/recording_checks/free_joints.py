@@ -15,8 +15,7 @@ from scipy.special import log_ndtr
 
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration
-from handscope.estimators.data.magnet_declaration import Plate
-from handscope.estimators.data.samples import Block, Event, Recording, Stream
+from handscope.estimators.data.samples import Block, Recording, RecordingView, Stream
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.finding import Message, Suspicion
@@ -30,9 +29,7 @@ from handscope.estimators.hand.anatomy import (
     JOINTS,
     LIMITS,
     SEGMENT,
-    Hand,
 )
-from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.given_orientations import with_orientations
@@ -67,7 +64,7 @@ def check_joints(recording: Recording, calibrations: Sequence[Calibration]) -> l
     Parameters
     ----------
     recording : Recording
-        Inertial streams, in SI units.
+        Inertial streams, or orientations of a device, in SI units.
     calibrations : sequence of Calibration
         In order of time; without an initial pose nothing is known of the joints' angles.
 
@@ -79,6 +76,7 @@ def check_joints(recording: Recording, calibrations: Sequence[Calibration]) -> l
     """
     if not calibrations or not all(c.source.is_pose for c in calibrations):
         return []
+    recording = with_orientations(True, recording)
     free = move_freely(recording, calibrations)
     found, by_finger = [], dict[str, list[Excess]]()
     for excess in excesses(free):
@@ -96,8 +94,7 @@ def check_joints(recording: Recording, calibrations: Sequence[Calibration]) -> l
 def move_freely(recording: Recording, calibrations: Sequence[Calibration]) -> Trajectory:
     """The hand as its sensors have it, without what joints can and cannot do."""
     params = m2.Params(constraints=False)
-    with_rates = with_orientations(True, recording)
-    return trajectory.join(list(run(m2, params, calibrations, with_rates)), recording.hand)
+    return trajectory.join(list(run(m2, params, calibrations, recording)), recording.hand)
 
 
 def excesses(free: Trajectory) -> Iterator[Excess]:
@@ -179,39 +176,14 @@ def _stays_within(recording: "Exchanged", finger: str) -> bool:
 
 
 @dataclass(frozen=True)
-class Exchanged:
+class Exchanged(RecordingView):
     """A recording in which sensors are read as those of other segments."""
 
-    recording: Recording
     to: Mapping[str, str]  # name by name that is written
-
-    @property
-    def hand(self) -> Hand:
-        return self.recording.hand
-
-    @property
-    def geometry(self) -> HandGeometry:
-        return self.recording.geometry
-
-    @property
-    def mounting(self) -> Mapping[str, Array]:
-        return self.recording.mounting
 
     @property
     def streams(self) -> tuple[Stream, ...]:
         return tuple(self._read(s) for s in self.recording.streams)
-
-    @property
-    def events(self) -> tuple[Event, ...]:
-        return self.recording.events
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        return self.recording.warnings
-
-    @property
-    def plate(self) -> Plate | None:
-        return self.recording.plate
 
     def blocks(self) -> Iterator[Block]:
         """All samples, under the other names."""

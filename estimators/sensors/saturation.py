@@ -15,10 +15,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handscope.estimators.data.magnet_declaration import Plate
-from handscope.estimators.data.samples import ACC, GYR, Block, Event, Recording, Stream
-from handscope.estimators.hand.anatomy import Hand
-from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.data.samples import (
+    ACC,
+    GYR,
+    Block,
+    RecordingView,
+    Stream,
+)
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 
@@ -86,39 +89,14 @@ def _declare(stream: Stream, scales: Mapping[str, Mapping[str, float]]) -> Strea
 
 
 @dataclass(frozen=True)
-class WithFullScales:
+class WithFullScales(RecordingView):
     """A recording whose streams tell the full scales that were found."""
 
-    recording: Recording
     scales: Mapping[str, Mapping[str, float]]  # by stream and quantity
-
-    @property
-    def hand(self) -> Hand:
-        return self.recording.hand
-
-    @property
-    def geometry(self) -> HandGeometry:
-        return self.recording.geometry
-
-    @property
-    def mounting(self) -> Mapping[str, Array]:
-        return self.recording.mounting
 
     @property
     def streams(self) -> tuple[Stream, ...]:
         return tuple(_declare(s, self.scales) for s in self.recording.streams)
-
-    @property
-    def events(self) -> tuple[Event, ...]:
-        return self.recording.events
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        return self.recording.warnings
-
-    @property
-    def plate(self) -> Plate | None:
-        return self.recording.plate
 
     def blocks(self) -> Iterator[Block]:
         return (self.scaled(b) for b in self.recording.blocks())
