@@ -10,6 +10,7 @@ from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.validation.benchmarks import Metric
 from handscope.validation.benchmarks.steps import one_by_one
+from handscope.validation.reproduce.accuracy import nees
 from handscope.validation.reproduce.experiments import Trial, at_the_truths_instants, performed
 
 MOVEMENT = Trial("free", 0)  # about 45 s, a whole hand
@@ -61,7 +62,7 @@ def errors(made: Simulated, moved: Trajectory) -> tuple[float, float, float]:
     honest = np.nan
     if moved.angles_sd is not None:
         sd = moved.angles_sd[np.searchsorted(moved.t, estimate.t - 1e-6)][:, 1:]
-        honest = float(np.nanmean((angles / sd) ** 2))
+        honest = nees(angles, sd)
     return (
         float(np.degrees(np.sqrt(np.nanmean(angles**2)))),
         1e3 * float(np.sqrt(np.nanmean((tips**2).sum(axis=-1)))),

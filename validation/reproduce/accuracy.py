@@ -37,10 +37,20 @@ def tip_rmse(estimate: Trajectory, truth: Trajectory, fingers: Sequence[str]) ->
     return rms(np.linalg.norm(estimate.tips[:, k] - truth.tips[:, k], axis=-1))
 
 
+def angle_difference(a: Array, b: Array) -> Array:
+    """a - b in rad, the shorter way round: in [-pi, pi)."""
+    return np.asarray((a - b + np.pi) % (2 * np.pi) - np.pi)
+
+
+def nees(error: Array, sd: Array) -> float:
+    """Mean normalised error squared over all values that are known: 1 is honest, less too careful."""
+    return float(np.nanmean((error / sd) ** 2))
+
+
 def angle_errors(estimate: Trajectory, truth: Trajectory, joints: Sequence[str]) -> Array:
     """Differences (n, freedoms) of all freedoms of the joints, rad, the shorter way round."""
     k = [JOINT[joint] for joint in joints]
-    error = (estimate.angles[:, k] - truth.angles[:, k] + np.pi) % (2 * np.pi) - np.pi
+    error = angle_difference(estimate.angles[:, k], truth.angles[:, k])
     free = np.isfinite(truth.angles[:, k]).all(axis=0)
     return np.asarray(error[:, free])
 
@@ -52,9 +62,11 @@ def distance_rmse(a: Array, b: Array, distance: float) -> float:
 
 def orientation_error(q_GS: Array, q_ref: Array) -> OrientationError:
     """Split the error q_e = q_GS conj(q_ref) (n, 4) into its turn about the vertical and the rest."""
-    w, x, y, z = np.moveaxis(quat.multiply(q_GS, quat.conjugate(q_ref)), -1, 0)
+    q_e = quat.multiply(q_GS, quat.conjugate(q_ref))
+    w, x, y, z = np.moveaxis(q_e, -1, 0)
     upright, tilted = np.hypot(w, z), np.hypot(x, y)
-    heading = (2 * np.arctan2(z, w) + np.pi) % (2 * np.pi) - np.pi
     return OrientationError(
-        2 * np.arctan2(np.hypot(tilted, z), np.abs(w)), heading, 2 * np.arctan2(tilted, upright)
+        2 * np.arctan2(np.hypot(tilted, z), np.abs(w)),
+        quat.twist(q_e, 2),
+        2 * np.arctan2(tilted, upright),
     )

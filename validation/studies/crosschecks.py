@@ -33,6 +33,7 @@ from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings as formats
 from handscope.validation.independent.simulator import free_movement
 from handscope.validation.reproduce import Wanted
+from handscope.validation.reproduce.accuracy import angle_difference
 from handscope.validation.reproduce.finding import Finding, Row, Table, Verdict, spread
 
 COSTLY = 1.4  # times the clean error of angles
@@ -320,7 +321,7 @@ def _error(clean: Made, spoilt: Made) -> float:
     except InputError:
         return float("nan")
     rows = np.clip(np.searchsorted(moved.t, truth.t - 1e-6), 0, len(moved.t) - 1)
-    off = (moved.angles[rows] - truth.angles + np.pi) % (2 * np.pi) - np.pi
+    off = angle_difference(moved.angles[rows], truth.angles)
     return float(np.sqrt(np.nanmean(off[:, IS_DOF] ** 2)))
 
 

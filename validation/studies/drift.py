@@ -25,6 +25,7 @@ from handscope.estimators.simulation.person import Person, draw_person
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors, SensorSet
 from handscope.validation.reproduce import Wanted
+from handscope.validation.reproduce.accuracy import angle_difference
 from handscope.validation.reproduce.experiments import RATE
 from handscope.validation.reproduce.figures import Line, lines
 from handscope.validation.reproduce.finding import Finding, Row, Spread, Table, spread
@@ -192,7 +193,7 @@ def _recorded(worn: Worn, performance: Performance, begin: float) -> tuple[Block
 def _squares(estimate: Trajectory, truth: Trajectory) -> tuple[Array, Array]:
     """Mean squared error (n,) of all freedoms and of the five tips."""
     assert len(estimate) == len(truth), "an instant without a truth"
-    angle = ((estimate.angles - truth.angles + np.pi) % (2 * np.pi) - np.pi)[:, IS_DOF]
+    angle = angle_difference(estimate.angles, truth.angles)[:, IS_DOF]
     tip = np.linalg.norm(estimate.tips - truth.tips, axis=-1)
     return (angle**2).mean(axis=1), (tip**2).mean(axis=1)
 

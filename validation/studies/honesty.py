@@ -9,11 +9,11 @@ import numpy as np
 from handscope.estimators.data.options import describe
 from handscope.estimators.hand.anatomy import IS_DOF
 from handscope.estimators.methods import ekf
-from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import joint_compliance
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.validation.reproduce import Wanted
+from handscope.validation.reproduce.accuracy import angle_difference, nees
 from handscope.validation.reproduce.experiments import (
     Trial,
     at_the_truths_instants,
@@ -60,9 +60,9 @@ def measure(trial: Trial) -> Mapping[str, float]:
         assert estimate.angles_sd is not None and estimate.tips_sd is not None, (
             "ekf tells its standard deviations"
         )
-        error = (estimate.angles - truth.angles + np.pi) % (2 * np.pi) - np.pi
-        found[f"angles, {name}"] = _squares(error[:, IS_DOF], estimate.angles_sd[:, IS_DOF])
-        found[f"tips, {name}"] = _squares(estimate.tips - truth.tips, estimate.tips_sd)
+        error = angle_difference(estimate.angles, truth.angles)
+        found[f"angles, {name}"] = nees(error[:, IS_DOF], estimate.angles_sd[:, IS_DOF])
+        found[f"tips, {name}"] = nees(estimate.tips - truth.tips, estimate.tips_sd)
     return found
 
 
@@ -91,10 +91,6 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]
         (table,),
         remarks=remarks,
     )
-
-
-def _squares(error: Array, sd: Array) -> float:
-    return float(np.nanmean((error / sd) ** 2))
 
 
 def bounds(s: Spread) -> str:

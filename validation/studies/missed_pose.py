@@ -13,12 +13,17 @@ import numpy as np
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import DEVIATION, FINGERS, JOINT, JOINTS
 from handscope.estimators.methods import METHODS
-from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation.experiments import EXPERIMENTS
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.validation.reproduce import Wanted
-from handscope.validation.reproduce.accuracy import angle_errors, rms, tip_rmse
+from handscope.validation.reproduce.accuracy import (
+    angle_difference,
+    angle_errors,
+    nees,
+    rms,
+    tip_rmse,
+)
 from handscope.validation.reproduce.experiments import (
     Trial,
     at_the_truths_instants,
@@ -95,13 +100,9 @@ def _errors(name: str, estimate: Trajectory, truth: Trajectory, trial: Trial) ->
     }
     if estimate.angles_sd is not None and estimate.tips_sd is not None:
         k, f = [JOINT[j] for j in joints], [FINGERS.index(x) for x in fingers]
-        off = (estimate.angles[:, k] - truth.angles[:, k] + np.pi) % (2 * np.pi) - np.pi
-        found[f"{name}: NEES angles"] = _mean_square(off, estimate.angles_sd[:, k])
-        found[f"{name}: NEES tips"] = _mean_square(
+        off = angle_difference(estimate.angles[:, k], truth.angles[:, k])
+        found[f"{name}: NEES angles"] = nees(off, estimate.angles_sd[:, k])
+        found[f"{name}: NEES tips"] = nees(
             estimate.tips[:, f] - truth.tips[:, f], estimate.tips_sd[:, f]
         )
     return found
-
-
-def _mean_square(error: Array, sd: Array) -> float:
-    return float(np.nanmean((error / sd) ** 2))
