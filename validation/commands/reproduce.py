@@ -7,6 +7,7 @@ import subprocess
 from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import date
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -97,7 +98,11 @@ def run(arguments: argparse.Namespace) -> int:
         if out is not None:
             save_folder({file: svg.encode() for file, svg in found[-1].figures.items()}, out)
         if arguments.markdown:
-            _write_pages(arguments.markdown, found[-1], wanted, out)
+            where = os.path.relpath(out, arguments.markdown) if out else None
+            section, command = as_markdown(found[-1], where), f" {name} --seeds {wanted.seeds}"
+            _write_page(arguments.markdown, name, section, command)
+    if arguments.markdown and any(f.simulated for f in found):
+        _write_page(arguments.markdown, sizes().name, sizes_as_markdown(sizes()), "")
     if arguments.json:
         text = {
             "version": software_version(),
@@ -141,21 +146,16 @@ def _plans(names: Sequence[str], wanted: Wanted) -> dict[str, Sequence[Any]]:
     return plans
 
 
-def _write_pages(folder: Path, found: Finding, wanted: Wanted, images: Path | None) -> None:
-    """The page of what was found, with the drawings where they are written to a folder, and that of the error sizes."""
-    output_folder(folder)
-    where = os.path.relpath(images, folder) if images else None
+def _write_page(folder: Path, name: str, section: str, command: str) -> None:
+    """One page, with the command that wrote it, the day and the commit."""
     written = (
-        f"Written by `handscope reproduce {found.name} --seeds {wanted.seeds}` on {date.today():%Y-%m-%d},"
+        f"Written by `handscope reproduce{command}` on {date.today():%Y-%m-%d},"
         f" {_described_commit()}. Do not edit it: run the command again."
     )
-    sections = {found.name: as_markdown(found, where)}
-    if found.simulated:
-        sections[sizes().name] = sizes_as_markdown(sizes())
-    for name, section in sections.items():
-        save_file(as_page(section, written).encode(), folder / f"{name}.md")
+    save_file(as_page(section, written).encode(), output_folder(folder) / f"{name}.md")
 
 
+@cache
 def _described_commit() -> str:
     """Which code was run: version and, in a clone, commit."""
     clone = Path(__file__).resolve().parents[2]
