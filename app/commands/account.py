@@ -3,12 +3,11 @@
 import argparse
 import getpass
 import sys
-from pathlib import Path
 
 from sqlalchemy.orm import Session
 
 from handscope.app.commands.audit import open_audited
-from handscope.app.commands.words import database_url, default_data, say
+from handscope.app.commands.words import add_store, say
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit, second_factors
 from handscope.sessions.clinic.accounts import LOCAL, ROLES
@@ -31,19 +30,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     for action, meaning in ACTIONS.items():
         sub = actions.add_parser(action, help=meaning, description=meaning)
-        sub.add_argument(
-            "--data",
-            type=Path,
-            default=default_data(),
-            metavar="DIR",
-            help="the server's data folder (%(default)s)",
-        )
-        sub.add_argument(
-            "--database",
-            default=database_url(),
-            metavar="URL",
-            help="the server's database, where it is not SQLite in the data folder",
-        )
+        add_store(sub)
         if action != "list":
             sub.add_argument("name", metavar="NAME")
         if action in ("add", "role"):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from sqlalchemy.orm import Session
 
-from handscope.app.commands.words import database_url, default_data, say
+from handscope.app.commands.words import add_store, say
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit
 from handscope.sessions.clinic.audit_copy import read_head, read_heads
@@ -85,19 +85,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--most", type=int, default=100, metavar="N", help="so many lines (%(default)s)"
     )
     for sub in (verify, listed):
-        sub.add_argument(
-            "--data",
-            type=Path,
-            default=default_data(),
-            metavar="DIR",
-            help="the server's data folder (%(default)s)",
-        )
-        sub.add_argument(
-            "--database",
-            default=database_url(),
-            metavar="URL",
-            help="the server's database, where it is not SQLite in the data folder",
-        )
+        add_store(sub)
 
 
 def _head_of(file: Path, keys: list[Path]) -> tuple[int, str]:

@@ -4,7 +4,7 @@ import argparse
 import os
 from pathlib import Path
 
-from handscope.app.commands.words import counted, database_url, default_data, require_file, say
+from handscope.app.commands.words import add_store, counted, require_file, say
 from handscope.app.version import software_version
 from handscope.sessions.store import backup
 
@@ -26,19 +26,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         metavar="age1...",
         help="encrypt it for the key of which this is the public part (HANDSCOPE_BACKUP_RECIPIENTS, several with spaces between; handscope backup-key make)",
     )
-    parser.add_argument(
-        "--data",
-        type=Path,
-        default=default_data(),
-        metavar="DIR",
-        help="the server's data folder (%(default)s)",
-    )
-    parser.add_argument(
-        "--database",
-        default=database_url(),
-        metavar="URL",
-        help="the server's database, where it is not SQLite in the data folder",
-    )
+    add_store(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -13,6 +13,23 @@ from handscope.estimators.errors import InputError
 FOLDER = "handscope-data"  # in the user's home
 
 
+def add_store(parser: argparse.ArgumentParser) -> None:
+    """Declare where a server's data are, for verbs that read or write them beside it."""
+    parser.add_argument(
+        "--data",
+        type=Path,
+        default=default_data(),
+        metavar="DIR",
+        help="the server's data folder (%(default)s)",
+    )
+    parser.add_argument(
+        "--database",
+        default=database_url(),
+        metavar="URL",
+        help="the server's database, where it is not SQLite in the data folder",
+    )
+
+
 def say(text: str) -> None:
     """To standard output."""
     print(text, flush=True)  # noqa: T201  the command's answer
