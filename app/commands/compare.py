@@ -25,7 +25,7 @@ from handscope.estimators.measures import clock_drift, comparison, synchronisati
 from handscope.estimators.measures.comparison import WHOLE, Pair
 from handscope.estimators.measures.synchronisation import Lag
 from handscope.estimators.measures.tip_errors import Frame
-from handscope.estimators.methods import DEFAULT, METHODS
+from handscope.estimators.methods import METHODS, default_for
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.fusion import FusionParams
 from handscope.estimators.pipeline import landmark_trajectory, optical_trajectory
@@ -379,7 +379,7 @@ def _load_movement(
 
 
 def _processed(path: Path, recording: LoadedRecording, given: dict[str, Any]) -> ComparedMovement:
-    name = given["method"] or DEFAULT
+    name = given["method"] or default_for(recording.streams)
     method, params = method_of(argparse.Namespace(method=name, option=given["option"]))
     other = (
         formats_recordings.load(given["calibration"], recording.hand)

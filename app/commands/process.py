@@ -70,8 +70,6 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
-    if arguments.method is not None:
-        method_of(arguments)
     if (arguments.recording is None) == (arguments.cohort is None):
         raise InputError("command.give_one_recording_cohort")
     if arguments.cohort is not None:
@@ -95,7 +93,8 @@ def _cohort(arguments: argparse.Namespace) -> int:
     """0 where every recording has its derivative, 1 where some failed: they are named."""
     from handscope.app.exporting import cohort
 
-    arguments.method = arguments.method or DEFAULT
+    method = arguments.method or DEFAULT
+    method_of(arguments)
     if arguments.calibration is not None:
         raise InputError("command.calibration_one_recording")
     if arguments.workers < 1:
@@ -105,9 +104,7 @@ def _cohort(arguments: argparse.Namespace) -> int:
     found, out = cohort.recordings(arguments.cohort), output_folder(arguments.out).absolute()
     options, formats = parse(arguments.option), tuple(dict.fromkeys(arguments.format))
     works = [
-        cohort.Work(
-            name, str(path.absolute()), str(out), arguments.method, options, arguments.hand, formats
-        )
+        cohort.Work(name, str(path.absolute()), str(out), method, options, arguments.hand, formats)
         for name, path in found.items()
     ]
     hear, close = progress_bar("processing")
@@ -122,6 +119,6 @@ def _cohort(arguments: argparse.Namespace) -> int:
         say(f"FAILED {outcome.name}: {outcome.message}")
     before = sum(o.state == "before" for o in outcomes)
     say(
-        f"{counted(len(outcomes) - len(failed), 'recording')} by {arguments.method} in {arguments.out}, {before} of them done before; {len(failed)} failed"
+        f"{counted(len(outcomes) - len(failed), 'recording')} by {method} in {arguments.out}, {before} of them done before; {len(failed)} failed"
     )
     return 1 if failed else 0
