@@ -39,7 +39,7 @@ def test_every_function_and_test_that_a_method_page_names_exists(page: Path) -> 
             defined = {n.name for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef)}
             name = words.split(":")[1].strip()
             assigned = {t.id for n in tree.body if isinstance(n, ast.Assign) for t in n.targets if isinstance(t, ast.Name)}  # fmt: skip
-            assert name in defined | assigned | {"SIZE"}, f"{page.name}: {words}"
+            assert name in defined | assigned, f"{page.name}: {words}"
 
 
 def test_a_measured_page_is_of_a_reproduction_that_exists() -> None:

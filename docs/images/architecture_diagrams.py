@@ -35,22 +35,29 @@ def draw_rooms() -> None:
     save("architecture-rooms.svg", 800, 366, "The rooms of Handscope and their imports", parts)
 
 
-def draw_sample() -> None:
-    """One sample from the glove to the browser."""
-    stages = [
-        ("glove", "COBS frame, CRC-32"),
-        ("recording process", "bytes to disk first"),
-        ("assembly", "blocks per stream"),
-        ("method.step", "fusion, joints, tips"),
-        ("station", "checks, tasks, trial"),
-        ("browser", "scene and figures"),
-    ]
+def chain(stages: list[tuple[str, str]]) -> list[str]:
+    """Boxes from left to right with arrows between them."""
     parts = [TIP]
     for k, (name, what) in enumerate(stages):
         x = 10 + 172 * k
         parts.append(box(x, 30, 148, 60, name, what))
         if k:
             parts.append(arrow(x - 24, 60, x - 1, 60))
+    return parts
+
+
+def draw_sample() -> None:
+    """One sample from the glove to the browser."""
+    parts = chain(
+        [
+            ("glove", "COBS frame, CRC-32"),
+            ("recording process", "bytes to disk first"),
+            ("assembly", "blocks per stream"),
+            ("method.step", "fusion, joints, tips"),
+            ("station", "checks, tasks, trial"),
+            ("browser", "scene and figures"),
+        ]
+    )
     parts += [
         box(182, 150, 148, 60, "recording.mcap", "append-only, on disk"),
         arrow(256, 90, 256, 149),
@@ -66,20 +73,16 @@ def draw_sample() -> None:
 
 def draw_file() -> None:
     """One recording from its file to the report."""
-    stages = [
-        ("recording", "MCAP, BIDS, table"),
-        ("reader", "streams and events"),
-        ("process", "calibrate, run, check"),
-        ("measures", "per task, with sd"),
-        ("result", "stored, frozen"),
-        ("report, exports", "PDF, BIDS, FHIR ..."),
-    ]
-    parts = [TIP]
-    for k, (name, what) in enumerate(stages):
-        x = 10 + 172 * k
-        parts.append(box(x, 30, 148, 60, name, what))
-        if k:
-            parts.append(arrow(x - 24, 60, x - 1, 60))
+    parts = chain(
+        [
+            ("recording", "MCAP, BIDS, table"),
+            ("reader", "streams and events"),
+            ("process", "calibrate, run, check"),
+            ("measures", "per task, with sd"),
+            ("result", "stored, frozen"),
+            ("report, exports", "PDF, BIDS, FHIR ..."),
+        ]
+    )
     save("architecture-file.svg", 1040, 120, "One file's way from a recording to a report", parts)
 
 

@@ -5,7 +5,6 @@ Out     angles (n, joints, 3) rad without gaps, of the fingers that were measure
 Limits  a gap takes the nearest sample that is known; a joint that was never measured is neutral where it lies within the chain (the wrist)
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -128,8 +127,3 @@ def _forearm(moved: Trajectory, angles: Array) -> Array:
     q_GH = fill_rotations(moved.q_GS[:, SEGMENT["hand"]])
     back = quat.conjugate(joint_angles.compose(angles[:, JOINT["wrist"]]))
     return quat.multiply(np.broadcast_to(Y_UP, q_GH.shape), quat.multiply(q_GH, back))
-
-
-def joints_of(fingers: Sequence[str]) -> list[str]:
-    """Names of the joints of these fingers, from the palm outwards."""
-    return [joint for finger in fingers for joint in FINGER_JOINTS[finger]]
