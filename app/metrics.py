@@ -23,7 +23,7 @@ def serve(parts: "Parts", host: str, port: int) -> tuple[Any, Any]:
         from prometheus_client import CollectorRegistry, ProcessCollector, start_http_server
         from prometheus_client.registry import Collector
     except ImportError:
-        raise InputError("server.metrics_need_package_prometheus") from None
+        raise InputError("server.metrics_package_missing") from None
 
     class Figures(Collector):  # type: ignore[misc]  # mypy does not follow the package
         def collect(self) -> Iterator[Any]:
@@ -36,7 +36,7 @@ def serve(parts: "Parts", host: str, port: int) -> tuple[Any, Any]:
         server, thread = start_http_server(port, host, registry)
     except OSError as problem:
         raise InputError(
-            "server.metrics_cannot_served_port",
+            "server.metrics_cannot_listen",
             host=host,
             port=port,
             strerror=str(problem.strerror),

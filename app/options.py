@@ -13,7 +13,7 @@ def with_options(params_type: type, given: Mapping[str, Any]) -> Any:
     descriptions = {d.name: d for d in describe(params_type)}
     unknown = [name for name in given if name not in descriptions]
     if unknown:
-        raise InputError("option.no_option", name=unknown[0], options=", ".join(descriptions))
+        raise InputError("option.unknown_option", name=unknown[0], options=", ".join(descriptions))
     return replace(
         params_type(), **{name: _value(descriptions[name], value) for name, value in given.items()}
     )

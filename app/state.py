@@ -69,7 +69,7 @@ def station_of(connection: HTTPConnection, name: str) -> AnyStation:
     """The station; InputError where there is none that the account may see."""
     station = parts(connection).stations.get(name)
     if not visible(requester(connection), station):
-        raise InputError("live.no_station", name=name)
+        raise InputError("live.station_closed", name=name)
     return station
 
 

@@ -42,7 +42,7 @@ def process(recording: Source, method: str | None = None, **options: Any) -> Res
     else is to be known about the result, reaches the caller by `warnings.warn`, too.
     """
     if method is not None and method not in ALL_METHODS:
-        raise InputError("analysis.no_method", name=method, methods=", ".join(ALL_METHODS))
+        raise InputError("analysis.unknown_method", name=method, methods=", ".join(ALL_METHODS))
     opened: Any = load(recording) if isinstance(recording, (str, PathLike)) else recording
     samples = opened.loaded if isinstance(opened, AnalysisRecording) else opened
     method = method or default_for(samples.streams)
@@ -77,8 +77,8 @@ def truth(path: str | PathLike[str], hand: Hand | None = None) -> Movement:
     files = open_files(Path(path))
     names = [n for n in sorted(files) if n.endswith("_desc-truth_motion.tsv")]
     if not names:
-        raise InputError("analysis.has_no_truth_beside", path=str(path))
+        raise InputError("analysis.no_truth", path=str(path))
     found = kinematics.load(files, names[0], hand).trajectory
     if found is None:
-        raise InputError("analysis.holds_no_movement", path=str(path), names=names[0])
+        raise InputError("analysis.no_movement", path=str(path), names=names[0])
     return Movement(found)

@@ -28,7 +28,7 @@ class Movement:
     def angles_sd(self, unit: AngleUnit = "deg") -> Any:
         """Standard deviations of the angles; InputError where the method gives none (`ekf` does)."""
         if self.trajectory.angles_sd is None:
-            raise InputError("analysis.method_gives_no_standard")
+            raise InputError("analysis.no_standard_deviations")
         return _angle_table(self.trajectory, self.trajectory.angles_sd, _scale(unit, "deg", "rad"))
 
     def tips(self, unit: LengthUnit = "mm") -> Any:
@@ -63,5 +63,5 @@ def _indexed(moved: Trajectory, columns: dict[str, Array]) -> Any:
 
 def _scale(unit: str, *units: str) -> float:
     if unit not in units:
-        raise InputError("analysis.no_unit", unit=unit, units=", ".join(units))
+        raise InputError("analysis.unknown_output_unit", unit=unit, units=", ".join(units))
     return SCALES[unit]

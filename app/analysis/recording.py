@@ -55,10 +55,10 @@ class AnalysisRecording:
             f"{j.name}_{a}{sd}_deg" for j in JOINTS for a in _freedoms(j) for sd in ("", "_sd")
         }
         if wrong := sorted(set(details) - known):
-            raise InputError("analysis.no_angle_pose", wrong=wrong[0])
+            raise InputError("analysis.unknown_pose_angle", wrong=wrong[0])
         if thumb_cmc_deg is not None:
             if len(thumb_cmc_deg) != 3:
-                raise InputError("analysis.thumb_cmc_deg_has")
+                raise InputError("analysis.thumb_angle_form")
             names = ("flexion", "deviation", "pronation")
             details |= {f"thumb_cmc_{n}_deg": float(v) for n, v in zip(names, thumb_cmc_deg)}
         self._add(Event(onset, duration, "initial_pose", details))
@@ -84,7 +84,7 @@ class AnalysisRecording:
         """Write it as Motion-BIDS: a folder, or a zip where the name ends so."""
         for name, label in (("subject", subject), ("task", task)):
             if not label.isalnum():
-                raise InputError("analysis.may_have_letters_digits", name=name, label=label)
+                raise InputError("analysis.label_form", name=name, label=label)
         motion_bids.write(self.loaded, Path(path), subject, task)
 
     def _add(self, event: Event) -> None:
@@ -130,12 +130,12 @@ def from_arrays(
         raise InputError("analysis.hand_unknown", hand=hand)
     time = np.asarray(t, float)
     if time.ndim != 1 or len(time) < 2 or not (np.diff(time) > 0).all():
-        raise InputError("analysis.t_has_one_time")
+        raise InputError("analysis.time_form")
     names = tuple(segments)
     if wrong := [s for s in names if s not in TRACKED_POINTS]:
-        raise InputError("analysis.no_segment", wrong=wrong[0])
+        raise InputError("analysis.unknown_segment", wrong=wrong[0])
     if len(set(names)) < len(names):
-        raise InputError("analysis.segments_names_one_twice")
+        raise InputError("analysis.segment_twice")
     given = [(GYR, gyr, gyr_unit), (ACC, acc, acc_unit)]
     given += [(MAG, mag, mag_unit)] if mag is not None else []
     values = [_si(kind, array, unit, (len(time), len(names), 3)) for kind, array, unit in given]

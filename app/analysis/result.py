@@ -50,14 +50,14 @@ class Result(Movement):
         done = self.tasks()
         names = dict.fromkeys(t.task for t in done)
         if task is not None and task not in names:
-            raise InputError("analysis.recording_has_no_task", task=task, names=", ".join(names))
+            raise InputError("analysis.unknown_task", task=task, names=", ".join(names))
         chosen = [t for t in done if task in (None, t.task)]
         return frames.frame(frames.figures(chosen))[list(COLUMNS)]
 
     def segment_lengths(self, unit: LengthUnit = "mm") -> Any:
         """A row a segment: length, and its standard deviation where the method found it."""
         if unit not in ("mm", "m"):
-            raise InputError("analysis.no_unit_of_length", unit=unit)
+            raise InputError("analysis.unknown_length_unit", unit=unit)
         factor, c = (1e3 if unit == "mm" else 1.0), self.processed.calibrations[0]
         lengths = {s: v for s, v in c.geometry.lengths.items() if v > 0}
         sd = [factor * c.lengths_sd[s] if s in c.lengths_sd else float("nan") for s in lengths]
@@ -84,9 +84,11 @@ class Result(Movement):
 
         target = Path(path)
         if target.suffix not in (".pdf", ".html"):
-            raise InputError("analysis.does_not_end_pdf", target=str(target))
+            raise InputError("analysis.report_suffix", target=str(target))
         if language not in languages():
-            raise InputError("analysis.no_language", code=language, codes=", ".join(languages()))
+            raise InputError(
+                "analysis.unknown_language", code=language, codes=", ".join(languages())
+            )
         made = content(
             Visit(patient=patient),
             self.recording,

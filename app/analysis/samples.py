@@ -93,10 +93,10 @@ def make(name: str, folder: str | PathLike[str] = ".") -> Path:
     ['assessment', 'faults', 'tapping_fast', 'tapping_slow', 'tapping_small']
     """
     if name not in SAMPLES:
-        raise InputError("analysis.no_sample", name=name, samples=", ".join(SAMPLES))
+        raise InputError("analysis.unknown_sample", name=name, samples=", ".join(SAMPLES))
     target = Path(folder) / f"{name}.zip"
     if not target.parent.is_dir():
-        raise InputError("analysis.no_folder", parent=str(target.parent))
+        raise InputError("analysis.folder_missing", parent=str(target.parent))
     chosen = SAMPLES[name]
     made = _simulate(chosen)
     recording = LoadedRecording(

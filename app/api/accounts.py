@@ -75,7 +75,7 @@ def change_account(db: Db, who: RequesterDep, account_id: int, change: AccountCh
     if account.id == who.account and (
         change.disabled or (change.roles is not None and ADMINISTRATOR not in change.roles)
     ):
-        raise InputError("api.you_cannot_take_your")
+        raise InputError("api.own_account")
     accounts.change(db, account, change.roles, change.disabled)
     if account.disabled:
         logins.end_all(db, account)
@@ -87,7 +87,7 @@ def make_code(db: Db, parts: PartsDep, account_id: int) -> dict[str, str]:
     """A one-time code: it logs in as this account, once, within 15 minutes."""
     account = accounts.get(db, account_id)
     if account.name == LOCAL or account.disabled:
-        raise InputError("api.codes_computer_own_account")
+        raise InputError("api.code_not_given_here")
     audit.record(db, audit.AuditEvent("created", "code", str(account.id)))
     db.commit()
     return {"code": logins.new_token(parts.store.folder, account.name)}
@@ -114,12 +114,12 @@ def set_password(db: Db, who: RequesterDep, request: Request, new: NewPassword) 
     """Set the own password; every other login of the account ends."""
     account = accounts.get(db, who.account)
     if account.name == LOCAL or account.subject is not None:
-        raise InputError("api.account_has_no_password")
+        raise InputError("api.account_without_password")
     if (
         account.password is not None
         and logins.log_in(db, account.name, new.current, address_of(request)) is None
     ):
-        raise InputError("api.password_until_now_not")
+        raise InputError("api.old_password_wrong")
     accounts.set_password(db, account, new.password)
     logins.end_all(db, account, but=cookie_of(request))
     return Response(status_code=204)

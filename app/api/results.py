@@ -180,7 +180,7 @@ async def read_report(
 ) -> Response:
     """The report as pdf, html, csv or json; the tables for programs are always in English."""
     if form not in FORMS:
-        raise InputError("api.no_report", form=form, forms=", ".join(FORMS))
+        raise InputError("api.unknown_report_form", form=form, forms=", ".join(FORMS))
     result = await asyncio.to_thread(lambda: results.require_done(results.get(db, result_id)))
     data = await parts.jobs.run(
         make_report, result_id, form, language.code, paper, grading, references
@@ -228,7 +228,7 @@ async def read_export(
 ) -> Response:
     """The movement in another program's format; a folder comes as a zip. No name and no date of birth is in any of them."""
     if form not in FORMATS:
-        raise InputError("export.no_format", name=form, names=", ".join(FORMATS))
+        raise InputError("export.unknown_format", name=form, names=", ".join(FORMATS))
     result = await asyncio.to_thread(lambda: results.require_done(results.get(db, result_id)))
     data = await parts.jobs.run(make_export, result_id, form, requester.sees_all)
     stem = f"handscope-session-{result.recording.session_id}-{result.method}-{form}"
@@ -286,7 +286,7 @@ def open_replay(
 def _of_one_patient(result: Result, other: Result) -> Result:
     """The other; InputError where it is of another patient."""
     if result.recording.session.patient_id != other.recording.session.patient_id:
-        raise InputError("api.results_two_patients")
+        raise InputError("api.results_of_two_patients")
     return other
 
 

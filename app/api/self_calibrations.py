@@ -50,7 +50,7 @@ def keep_self_calibration(
     """Keep what a result by map found with the patient; keeping is not using: sessions take it over where somebody decides so."""
     result = results.get(db, new.result)
     if result.recording.session.patient_id != patient_id:
-        raise InputError("api.result_another_patient", number=new.result)
+        raise InputError("api.result_of_other_patient", number=new.result)
     return row(
         self_calibrations.store(
             db, result.recording, self_calibrations.of_result(result), software_version()

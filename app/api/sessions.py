@@ -405,7 +405,7 @@ def _queue(
     db: Db, parts: Parts, session: PatientSession, method: str, options: dict[str, Any]
 ) -> Result:
     if method not in ALL_METHODS:
-        raise InputError("analysis.no_method", name=method, methods=", ".join(ALL_METHODS))
+        raise InputError("analysis.unknown_method", name=method, methods=", ".join(ALL_METHODS))
     params = with_options(ALL_METHODS[method].Params, options)
     changed = {
         d.name: getattr(params, d.name)
@@ -414,7 +414,7 @@ def _queue(
     }
     closed = [f for f in session.recordings if f.sha256]
     if not closed:
-        raise InputError("api.session_has_no_closed")
+        raise InputError("api.session_without_recording")
     result = results.find_matching(db, closed[-1], method, changed, software_version())
     if result.state == "queued":
         parts.jobs.process(result.id)

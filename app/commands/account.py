@@ -76,7 +76,7 @@ def _change(db: Session, arguments: argparse.Namespace) -> None:
         _say_code(db, arguments)
     else:
         if account.name == LOCAL or account.subject is not None:
-            raise InputError("command.has_no_password_logs", name=account.name)
+            raise InputError("command.account_without_password", name=account.name)
         accounts.set_password(db, account, _asked())
         logins.end_all(db, account)
 

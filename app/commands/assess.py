@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.report and arguments.report.suffix not in REPORTS:
         raise InputError(
-            "command.report_does_not_end", report=arguments.report, reports=" or ".join(REPORTS)
+            "command.report_suffix", report=arguments.report, reports=" or ".join(REPORTS)
         )
     require_folder(arguments.out)
     if arguments.report:

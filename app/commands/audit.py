@@ -97,7 +97,7 @@ def _head_of(file: Path, keys: list[Path]) -> tuple[int, str]:
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     if not arguments.database and not (arguments.data / FILE).is_file():
-        raise InputError("command.has_no_database_no", data=arguments.data)
+        raise InputError("command.no_database", data=arguments.data)
     noted = (
         [
             *arguments.against,

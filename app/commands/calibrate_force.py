@@ -105,9 +105,9 @@ def _before(path: Path) -> dict[str, Any]:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        raise InputError("command.no_json_could_take", path=str(path), setup=SETUP) from None
+        raise InputError("command.not_json", path=str(path), setup=SETUP) from None
     if not isinstance(found, dict) or not isinstance(found.get(SETUP, {}), dict):
-        raise InputError("command.no_json_object_could", path=str(path), setup=SETUP)
+        raise InputError("command.not_a_json_object", path=str(path), setup=SETUP)
     return found
 
 

@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     for problem in refused:
         say(f"warning: {problem}")
     if not solved:
-        raise InputError("command.no_sensor_could_calibrated", name=arguments.recording.name)
+        raise InputError("command.no_sensor_calibrated", name=arguments.recording.name)
     for name, found in solved.items():
         for line in _summary_lines(name, found):
             say(line)

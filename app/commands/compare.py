@@ -147,7 +147,7 @@ def run(arguments: argparse.Namespace) -> int:
     parts = comparison.list_stretches(a.events, b.events, 0.0, span)
     found = comparison.agreements(pairs, parts)
     if not found:
-        raise InputError("command.recordings_share_no_sample")
+        raise InputError("command.no_common_sample")
     compared = Compared(a.side, b.side, lag, how, tuple(found), _tips(a, b, centres, parts))
     plots = _plots(
         compared,
@@ -200,9 +200,7 @@ def _wrists(
     for name, moved in (("a", a), ("b", b)):
         if words := getattr(arguments, f"wrist_{name}"):
             if moved.in_wrist:
-                raise InputError(
-                    "command.tells_fingertips_wrist_frame", name=moved.side.name, name2=name
-                )
+                raise InputError("command.wrist_of_fingertips", name=moved.side.name, name2=name)
             centres[name] = tip_errors.centre_of_rotation(
                 moved.trajectory.between(*_stretch(words, name, "wrist")).tips
             )
@@ -259,14 +257,14 @@ def _plots(compared: Compared, pairs: list[Pair], forms: set[str]) -> dict[str, 
 def _require_places(arguments: argparse.Namespace) -> None:
     if arguments.plot and arguments.plot.suffix[1:] not in PLOTS:
         raise InputError(
-            "command.plot_does_not_end",
+            "command.plot_suffix",
             plot=arguments.plot,
             plots=" or ".join("." + form for form in PLOTS),
         )
     if arguments.lag is not None and not np.isfinite(arguments.lag):
-        raise InputError("command.lag_number_seconds")
+        raise InputError("command.lag_form")
     if not arguments.max_lag >= 0:
-        raise InputError("command.max_lag_number_seconds")
+        raise InputError("command.max_lag_form")
     if arguments.out:
         require_folder(arguments.out)
     if arguments.plot:
@@ -281,7 +279,7 @@ def _both(arguments: argparse.Namespace) -> tuple[ComparedMovement, ComparedMove
         raise InputError("command.two_hands", hands=hands["a"], hands2=hands["b"])
     hand = hands["a"] or hands["b"] or arguments.hand
     if hand is None:
-        raise InputError("command.neither_recording_says_hand")
+        raise InputError("command.hand_not_given")
     poses = {
         name: _pose(() if isinstance(o, Markers | Landmarks) else o.events)
         for name, o in opened.items()
@@ -335,14 +333,14 @@ def _load_movement(
     if isinstance(opened, LoadedRecording):
         return _processed(path, opened, given)
     if given["method"] or given["option"] or given["calibration"]:
-        raise InputError("command.no_raw_recording_method", name=path.name, name2=name)
+        raise InputError("command.not_a_raw_recording", name=path.name, name2=name)
     if isinstance(opened, Landmarks):
         return _by_landmarks(path.name, opened, hand, name if given["static"] else "")
     static = _stretch(given["static"], name, "static") if given["static"] else None
     markers = opened if isinstance(opened, Markers) else opened.markers
     if isinstance(opened, Markers) or opened.trajectory is None:
         if markers is None:
-            raise InputError("command.holds_nothing_hand_no", name=path.name)
+            raise InputError("command.nothing_of_a_hand", name=path.name)
         side, moved = _by_markers(
             path.name,
             markers,
@@ -360,7 +358,7 @@ def _load_movement(
     moved = replace(opened.trajectory, hand=hand)
     if static:
         if opened.has_angles:
-            raise InputError("command.tells_joint_angles", name=opened.name, name2=name)
+            raise InputError("command.static_of_angles", name=opened.name, name2=name)
         moved = optical_trajectory.align(moved, _flat(static, own, other, UP[arguments.up]))
     source = (
         "joint angles"
@@ -432,7 +430,7 @@ def _by_markers(name: str, markers: Markers, hand: Hand, pose: FlatPose) -> tupl
 
 def _by_landmarks(file: str, opened: Landmarks, hand: Hand, static: str) -> ComparedMovement:
     if static:
-        raise InputError("command.holds_camera_landmarks", file=file, static=static)
+        raise InputError("command.static_of_landmarks", file=file, static=static)
     moved = landmark_trajectory.trajectory_of(opened, hand)
     limits = (landmark_trajectory.LIMITS,)
     return ComparedMovement(
@@ -447,7 +445,7 @@ def _stretch(words: str, name: str, option: str) -> tuple[float, float]:
     except ValueError:
         colon, first, last = "", 0.0, 0.0
     if not colon or not 0 <= first < last < np.inf:
-        raise InputError("command.not_form_start_stop", option=option, name=name, words=words)
+        raise InputError("command.stretch_form", option=option, name=name, words=words)
     return first, last
 
 
@@ -456,7 +454,7 @@ def _lag(
 ) -> tuple[Lag, str]:
     names, on_a, on_b = comparison.shared_names(a.trajectory, b.trajectory)
     if not names:
-        raise InputError("command.have_no_joint_common", name=a.side.name, name2=b.side.name)
+        raise InputError("command.no_common_joint", name=a.side.name, name2=b.side.name)
     if arguments.lag is not None:
         return synchronisation.fit_at(on_a, on_b, arguments.lag), "given"
     if a.checksum and a.checksum == b.checksum:

@@ -78,7 +78,7 @@ def _terminals(arguments: argparse.Namespace, gloves: ExitStack) -> tuple[str, .
     processes = _start(arguments, gloves, [["--pty", str(path)] for path in paths])
     while not all(path.is_symlink() for path in paths):  # slow ones are waited for
         if any(p.poll() is not None for p in processes):
-            raise InputError("command.virtual_gloves_did_not_start", folder=folder)
+            raise InputError("command.demo_gloves_pty", folder=folder)
         time.sleep(0.05)
     return tuple(str(path) for path in paths)
 
@@ -89,7 +89,7 @@ def _addresses(arguments: argparse.Namespace, gloves: ExitStack) -> tuple[str, .
     first = [p.stdout.readline().decode() if p.stdout else "" for p in processes]
     ports = tuple(line.split()[-1] if "socket://" in line else "" for line in first)
     if not all(ports):
-        raise InputError("command.virtual_gloves_did_not")
+        raise InputError("command.demo_gloves_tcp")
     return ports
 
 

@@ -41,7 +41,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     if not 1 <= arguments.seconds <= 3600:
-        raise InputError("command.seconds_outside_1_3600", seconds=arguments.seconds)
+        raise InputError("command.seconds_outside", seconds=arguments.seconds)
     if arguments.json:
         require_file(arguments.json)
     shaken, felt = ShakenSensors(), dict[str, str]()

@@ -67,12 +67,12 @@ def run(arguments: argparse.Namespace) -> int:
     for option in ("subject", "task"):
         if not getattr(arguments, option).isalnum():
             raise InputError(
-                "command.may_have_letters_digits",
+                "command.label_form",
                 option=option,
                 arguments=getattr(arguments, option),
             )
     if arguments.out is None and arguments.replay is None and arguments.send is None:
-        raise InputError("command.say_write_out_path")
+        raise InputError("command.nothing_to_write")
     if arguments.replay is not None:
         require_file(arguments.replay)
     wanted = format_of(arguments.format)
@@ -127,9 +127,7 @@ def _write_replay(arguments: argparse.Namespace) -> None:
     done = run_method(arguments)
     recording, moved = done.recording, done.processed.trajectory
     if not len(moved):
-        raise InputError(
-            "command.gave_no_movement", recording=arguments.recording, method=done.method
-        )
+        raise InputError("command.no_movement", recording=arguments.recording, method=done.method)
     movement = {"t": moved.t, "angles": moved.angles, "q_GH": moved.q_GS[:, SEGMENT["hand"]]}
     chapter_list = chapters(recording.events, load_all(), ENGLISH)
     title = arguments.title or ENGLISH.say("replay.title")

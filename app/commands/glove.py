@@ -206,7 +206,7 @@ def _line(
     try:
         from handscope.app.devices.virtual_glove import pseudo_terminal
     except ImportError:
-        raise InputError("command.system_has_no_pseudo") from None
+        raise InputError("command.no_pseudo_terminals") from None
     pseudo_terminal.require_free(arguments.pty)
     return str(arguments.pty), partial(pseudo_terminal.plug, arguments.pty)
 
@@ -227,7 +227,7 @@ def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
     )
     unknown = set(single) - {s.name for s in streams}
     if unknown:
-        raise InputError("command.rate_names_strip_not", unknown=unknown.pop())
+        raise InputError("command.rate_of_unknown_strip", unknown=unknown.pop())
     errors = (
         SensorErrors() if arguments.saturate is None else SensorErrors(gyr_range=arguments.saturate)
     )
@@ -240,12 +240,12 @@ def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
     if arguments.exchange:
         one, other = arguments.exchange
         if missing := {one, other} - {s.name for s in streams}:
-            raise InputError("command.exchange_names_strip_not", missing=missing.pop())
+            raise InputError("command.exchange_of_unknown_strip", missing=missing.pop())
         person.worn_on = {one: other, other: one}
     if arguments.task is not None:
         if arguments.task not in task_performance.TASKS:
             raise InputError(
-                "command.no_task", task=arguments.task, tasks=", ".join(task_performance.TASKS)
+                "command.unknown_task", task=arguments.task, tasks=", ".join(task_performance.TASKS)
             )
         person.repeat = arguments.task
     return person
@@ -261,7 +261,7 @@ def _forces(path: Path, wearer: Wearer) -> dict[str, ForceSetup]:
             "file.cannot_read", name=str(path), problem=str(problem.strerror)
         ) from problem
     except (ValueError, KeyError, TypeError, AttributeError) as problem:
-        raise InputError("command.holds_no_forcesetup", name=path.name) from problem
+        raise InputError("command.no_force_setup", name=path.name) from problem
     require_fitting(forces, wearer.streams)
     return forces
 
@@ -273,9 +273,9 @@ def _rates(words: list[str]) -> tuple[float, dict[str, float]]:
         try:
             rate = float(value)
         except ValueError:
-            raise InputError("command.rate_not_number_hz", word=word) from None
+            raise InputError("command.strip_rate_form", word=word) from None
         if not 1 <= rate <= 1000:
-            raise InputError("command.rate_outside_1_1000", word=word)
+            raise InputError("command.strip_rate_outside", word=word)
         if equals:
             single[name] = rate
         else:
@@ -289,10 +289,10 @@ def _actions(arguments: argparse.Namespace, strips: Sequence[str]) -> list[sessi
         for word in getattr(arguments, verb):
             name, at, t = word.partition("@")
             if not at:
-                raise InputError("command.not_form_strip_seconds", verb=verb, word=word)
+                raise InputError("command.fault_form", verb=verb, word=word)
             if name not in strips:
                 raise InputError(
-                    "command.names_strip", verb=verb, name=name, strips=", ".join(strips)
+                    "command.fault_of_unknown_strip", verb=verb, name=name, strips=", ".join(strips)
                 )
             actions.append(session.Action(_seconds(t, f"--{verb}"), verb, name))
     for word in arguments.unplug:
@@ -341,4 +341,4 @@ def _seconds(word: str, option: str) -> float:
     try:
         return float(word)
     except ValueError:
-        raise InputError("command.not_number_seconds", option=option, word=word) from None
+        raise InputError("command.seconds_form", option=option, word=word) from None

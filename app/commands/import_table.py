@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.table.is_file():
         raise InputError("reference.not_file", name=arguments.table)
     if (arguments.guess is None) == (arguments.map is None):
-        raise InputError("command.give_either_guess_map")
+        raise InputError("command.guess_or_map")
     return _guess(arguments) if arguments.guess else _convert(arguments)
 
 
@@ -52,7 +52,7 @@ def _guess(arguments: argparse.Namespace) -> int:
 def _convert(arguments: argparse.Namespace) -> int:
     out = arguments.out
     if out is None or out.suffix != native.SUFFIX or out.exists():
-        raise InputError("command.out_must_new_file", out=out, suffix=native.SUFFIX)
+        raise InputError("command.out_not_new", out=out, suffix=native.SUFFIX)
     require_file(out)
     columns = read_map(arguments.map)
     events = read_events(arguments.events) if arguments.events else ()

@@ -224,7 +224,7 @@ def _load_readings(path: Path, array: ArrayDescription) -> BenchReadings:
     missing = [name for name in array.names if name not in values]
     if missing:
         raise InputError(
-            "command.has_no_magnetometer",
+            "command.unknown_magnetometer",
             name=path.name,
             missing=missing[0],
             value=", ".join(values) or "none",

@@ -158,7 +158,7 @@ def require_unit(strength: float, unit: str | float, name: str) -> None:
     """InputError where the field of the rotated array is not the earth's."""
     if not EARTH_WEAKEST <= strength <= EARTH_STRONGEST:
         raise InputError(
-            "command.array_read_ut_while",
+            "command.field_implausible",
             name=name,
             strength=1000000.0 * strength,
             strength2=_ask_unit(strength, unit),

@@ -24,6 +24,6 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         base = (arguments.data / "address").read_text().strip()
     except OSError:
-        raise InputError("command.no_server_has_run", data=arguments.data) from None
+        raise InputError("command.no_server_yet", data=arguments.data) from None
     say(f"{base}/login?token={new_token(arguments.data)}")
     return 0

@@ -72,7 +72,7 @@ def method_of(arguments: argparse.Namespace) -> tuple[AnyMethod[Any], Any]:
     """The method named, or the default, and its parameters."""
     name = arguments.method or DEFAULT
     if name not in ALL_METHODS:
-        raise InputError("analysis.no_method", name=name, methods=", ".join(ALL_METHODS))
+        raise InputError("analysis.unknown_method", name=name, methods=", ".join(ALL_METHODS))
     module = ALL_METHODS[name]
     return module, with_options(module.Params, parse(arguments.option))
 
@@ -100,7 +100,7 @@ def run_method(arguments: argparse.Namespace, limit: float = LIMIT) -> MethodRun
     found = arguments.calibration is not None and arguments.calibration.suffix == ".json"
     known = calibration_result.read(arguments.calibration) if found else None
     if known is not None and not method.CAPABILITIES.needs_pose:
-        raise InputError("command.method_does_not_use", method=name)
+        raise InputError("command.method_without_calibration", method=name)
     other = (
         formats_recordings.load(arguments.calibration, arguments.hand)
         if arguments.calibration and not found

@@ -71,13 +71,13 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     if (arguments.recording is None) == (arguments.cohort is None):
-        raise InputError("command.give_one_recording_cohort")
+        raise InputError("command.recording_or_cohort")
     if arguments.cohort is not None:
         return _cohort(arguments)
     if arguments.format:
         raise InputError("command.format_is_of_cohort")
     if not arguments.time_limit > 0:
-        raise InputError("command.time_limit_s_leaves", time_limit=arguments.time_limit)
+        raise InputError("command.time_limit_form", time_limit=arguments.time_limit)
     done = run_method(arguments, arguments.time_limit)
     processed = done.processed
     files = derivative.tree(processed, done.recording, done.method, done.params, software_version())
@@ -96,9 +96,9 @@ def _cohort(arguments: argparse.Namespace) -> int:
     method = arguments.method or DEFAULT
     method_of(arguments)
     if arguments.calibration is not None:
-        raise InputError("command.calibration_one_recording")
+        raise InputError("command.calibration_with_cohort")
     if arguments.workers < 1:
-        raise InputError("command.workers_no_number_processes", workers=arguments.workers)
+        raise InputError("command.workers_form", workers=arguments.workers)
     for name in arguments.format:
         format_of(name)
     found, out = cohort.recordings(arguments.cohort), output_folder(arguments.out).absolute()

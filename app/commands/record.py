@@ -80,10 +80,10 @@ def run(arguments: argparse.Namespace) -> int:
     arguments.method = arguments.method or DEFAULT
     method, params = method_of(arguments)
     if not steps_through(method):
-        raise InputError("command.method_needs_whole_recording", method=arguments.method)
+        raise InputError("command.method_in_batch_only", method=arguments.method)
     geometry = _geometry(arguments.geometry)
     if arguments.out.suffix != ".mcap" or arguments.out.exists():
-        raise InputError("command.out_must_new_file_ends", out=arguments.out)
+        raise InputError("command.out_not_new_mcap", out=arguments.out)
     require_file(arguments.out)
     if arguments.live:
         require_folder(arguments.live)
@@ -151,7 +151,7 @@ def _geometry(path: Path | None) -> dict[str, object]:
     try:
         value = json.loads(path.read_text())
     except (OSError, ValueError) as problem:
-        raise InputError("command.cannot_read_json", path=str(path), problem=str(problem)) from None
+        raise InputError("command.json_unreadable", path=str(path), problem=str(problem)) from None
     measures_from(value)
     return dict(value)
 
@@ -159,16 +159,16 @@ def _geometry(path: Path | None) -> dict[str, object]:
 def connect(glove: Glove, port: str) -> None:
     """Wait until a glove at the port speaks; InputError where there is none."""
     if not glove.wait_for(lambda g: g.state.state != "opening", OPEN_WAIT):
-        raise InputError("command.did_not_answer", port=port)
+        raise InputError("command.port_silent", port=port)
     speaks = glove.wait_for(lambda g: _speaks(g) or g.state.state != "opened", SPEAK_WAIT)
     if glove.state.state == "port_lost":
-        raise InputError("command.hung_up_does_another", port=port)
+        raise InputError("command.port_hung_up", port=port)
     if glove.state.state != "opened":
         raise InputError(glove.state.reason)
     if not speaks:
         if glove.is_foreign:
-            raise InputError("command.sends_something_else_wire", port=port)
-        raise InputError("command.open_but_no_glove", port=port)
+            raise InputError("command.foreign_protocol", port=port)
+        raise InputError("command.no_glove_at_port", port=port)
 
 
 def _speaks(glove: Glove) -> bool:
@@ -178,10 +178,10 @@ def _speaks(glove: Glove) -> bool:
 def _hand_of(glove: Glove, arguments: argparse.Namespace) -> Hand:
     glove_hand = glove.assembler.identity.hand if glove.assembler.identity else None
     if glove_hand and arguments.hand not in (None, glove_hand):
-        raise InputError("command.glove_hand_says", glove_hand=glove_hand, hand=arguments.hand)
+        raise InputError("command.other_glove", glove_hand=glove_hand, hand=arguments.hand)
     hand: Hand | None = cast("Hand | None", glove_hand) or arguments.hand
     if hand is None:
-        raise InputError("command.glove_does_not_say")
+        raise InputError("command.glove_without_hand")
     return hand
 
 

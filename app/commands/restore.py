@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
         say(f"{arguments.file} is whole: {_manifest_words(manifest)}")
         return 0
     if arguments.data is None:
-        raise InputError("command.say_restore_data_dir")
+        raise InputError("command.restore_where")
     hear, close = progress_bar("restoring")
     beside = arguments.data.absolute().parent
     beside.mkdir(parents=True, exist_ok=True)

@@ -23,7 +23,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     names = arguments.names or list(SAMPLES)
     if unknown := [name for name in names if name not in SAMPLES]:
-        raise InputError("analysis.no_sample", name=unknown[0], samples=", ".join(SAMPLES))
+        raise InputError("analysis.unknown_sample", name=unknown[0], samples=", ".join(SAMPLES))
     folder = output_folder(arguments.out)
     for name in names:
         made = make(name, folder)

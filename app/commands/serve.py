@@ -185,15 +185,11 @@ def sign_on(arguments: argparse.Namespace) -> SignOn | None:
     mapping = arguments.oidc_role or os.environ.get("HANDSCOPE_OIDC_ROLES", "").split()
     roles = parse(mapping) or {role: role for role in ROLES}
     if unknown := set(roles.values()) - set(ROLES):
-        raise InputError(
-            "command.oidc_role_handscope_oidc", unknown=sorted(unknown)[0], roles=", ".join(ROLES)
-        )
+        raise InputError("command.oidc_role", unknown=sorted(unknown)[0], roles=", ".join(ROLES))
     if not arguments.oidc_issuer.startswith("https://"):
-        raise InputError("command.oidc_issuer_does_not", oidc_issuer=arguments.oidc_issuer)
+        raise InputError("command.oidc_issuer", oidc_issuer=arguments.oidc_issuer)
     if "openid" not in arguments.oidc_scope.split():
-        raise InputError(
-            "command.oidc_scope_lacks_word", oidc_scope=arguments.oidc_scope, scope=SCOPE
-        )
+        raise InputError("command.oidc_scope", oidc_scope=arguments.oidc_scope, scope=SCOPE)
     secret = os.environ.get("HANDSCOPE_OIDC_SECRET", "")
     return SignOn(
         issuer=arguments.oidc_issuer,
@@ -210,7 +206,7 @@ def second_factor_roles(arguments: argparse.Namespace) -> tuple[str, ...]:
     roles = arguments.second_factor or os.environ.get("HANDSCOPE_SECOND_FACTOR", "").split()
     if unknown := set(roles) - set(ROLES):
         raise InputError(
-            "command.handscope_second_factor_names",
+            "command.second_factor_role",
             unknown=sorted(unknown)[0],
             roles=", ".join(ROLES),
         )
@@ -337,7 +333,7 @@ class _Server(uvicorn.Server):  # type: ignore[misc]  # mypy does not follow uvi
 
 def _listen(host: str, port: int) -> socket.socket:
     if not 0 <= port <= 65535:
-        raise InputError("command.port_outside_0_65535", port=port)
+        raise InputError("command.port_outside", port=port)
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(
         family, socket.SOCK_STREAM, socket.IPPROTO_TCP
@@ -349,7 +345,7 @@ def _listen(host: str, port: int) -> socket.socket:
     except OSError as problem:
         listener.close()
         raise InputError(
-            "command.cannot_listen_port", host=host, port=port, strerror=str(problem.strerror)
+            "command.cannot_listen", host=host, port=port, strerror=str(problem.strerror)
         ) from None
     listener.listen(128)
     listener.set_inheritable(True)

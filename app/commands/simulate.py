@@ -108,20 +108,20 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     if not 10 <= arguments.rate <= 1000:
-        raise InputError("command.rate_hz_outside_10", rate=arguments.rate)
+        raise InputError("command.rate_outside", rate=arguments.rate)
     if arguments.six_axes and arguments.task not in object_dynamics.TASKS:
         raise InputError(
-            "command.six_axes_force_sensors",
+            "command.six_axes_without_forces",
             task=arguments.task,
             tasks=" and ".join(object_dynamics.TASKS),
         )
     if not 0 <= arguments.pose_error <= 30:
-        raise InputError("command.pose_error_deg_outside", pose_error=arguments.pose_error)
+        raise InputError("command.pose_error_outside", pose_error=arguments.pose_error)
     if arguments.misalignment is not None and not 0 <= arguments.misalignment <= 180:
-        raise InputError("command.misalignment_deg_outside_0", misalignment=arguments.misalignment)
+        raise InputError("command.misalignment_outside", misalignment=arguments.misalignment)
     made = _made(arguments)
     if arguments.out.suffix != ".zip":
-        raise InputError("command.does_not_end_zip", out=arguments.out)
+        raise InputError("command.zip_suffix", out=arguments.out)
     recording, label = as_recording(made), "".join(c for c in arguments.task if c.isalnum())
     files = writer.tree(recording, "simulated", label)
     files |= truth_files(made.truth, recording, "simulated", label, software_version())
@@ -177,12 +177,12 @@ def _made(arguments: argparse.Namespace) -> Simulated:
     if arguments.task in object_dynamics.TASKS:
         return _held(arguments, rng, errors, field)
     if arguments.task not in (*task_performance.TASKS, FUNCTIONAL):
-        raise InputError("command.no_task_simulate", task=arguments.task, tasks_help=TASKS_HELP)
+        raise InputError("command.unknown_simulation", task=arguments.task, tasks_help=TASKS_HELP)
     if arguments.task == FUNCTIONAL:
         return _functional(arguments, rng, errors, field)
     if arguments.pose_error:
         raise InputError(
-            "command.pose_error_experiments_none", task=arguments.task, tasks_help=TASKS_HELP
+            "command.pose_error_without_experiment", task=arguments.task, tasks_help=TASKS_HELP
         )
     if arguments.trunk:
         return _with_trunk(arguments, rng, errors)
@@ -301,7 +301,7 @@ def _captured(
 ) -> Simulated:
     """The model hand moves as the markers did."""
     if arguments.markers is None:
-        raise InputError("command.captured_needs_markers")
+        raise InputError("command.markers_missing")
     markers = read_markers(arguments.markers)
     fit = optical_capture.fit_markers(markers, arguments.hand)
     done = optical_capture.performance(fit, "captured", float(markers.t[0]), float(markers.t[-1]))

@@ -89,7 +89,7 @@ def output_folder(path: Path) -> Path:
 def require_folder(path: Path) -> None:
     """InputError where no folder can be made or written to; makes nothing, so that a command can ask before it computes."""
     if path.exists() and not path.is_dir():
-        raise InputError("command.file_out_names_folder", path=str(path))
+        raise InputError("command.file_in_place_of_folder", path=str(path))
     above = next(p for p in (path, *path.absolute().parents) if p.exists())
     if not above.is_dir():
         raise InputError("command.folder_over_file", path=str(path), above=str(above))
@@ -100,11 +100,11 @@ def require_folder(path: Path) -> None:
 def require_file(path: Path, made: Path | None = None) -> None:
     """InputError where no file can be written; makes nothing. `made`: a folder that will be there by then."""
     if path.is_dir():
-        raise InputError("command.folder_name_file", path=str(path))
+        raise InputError("command.folder_in_place_of_file", path=str(path))
     folder = path.absolute().parent
     if made is not None and folder == made.absolute():
         return
     if not folder.is_dir():
-        raise InputError("command.no_folder", parent=str(path.parent), name=path.name)
+        raise InputError("command.folder_missing", parent=str(path.parent), name=path.name)
     if not os.access(folder, os.W_OK):
         raise InputError("command.no_permission_file", path=str(path), parent=str(path.parent))

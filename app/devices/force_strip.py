@@ -22,7 +22,7 @@ def fitting(assembler: Assembler, point: str, found: ForceCalibration) -> int:
     if strip is None:
         raise InputError("device.calibrated_strip_missing", point=point)
     if any((strip.slot, k) in assembler.forces for k in range(len(strip.points))):
-        raise InputError("device.strip_tells_calibration_own", point=point)
+        raise InputError("device.strip_calibrated_itself", point=point)
     sent = [
         i.quantities
         for i in assembler.infos.values()
@@ -31,7 +31,5 @@ def fitting(assembler: Assembler, point: str, found: ForceCalibration) -> int:
     axes = 3 * len(sent[0]) if sent else 0
     rows, channels = found.matrix.shape
     if rows != channels or channels > axes:
-        raise InputError(
-            "device.channels_were_calibrated_strip", point=point, channels=channels, axes=axes
-        )
+        raise InputError("device.channel_count_differs", point=point, channels=channels, axes=axes)
     return strip.strip_id

@@ -60,12 +60,12 @@ def require_allowed(port: str, patterns: Sequence[str]) -> None:
     machine are always allowed. Raises InputError.
     """
     if port.startswith("\\\\") and not port.startswith("\\\\.\\"):
-        raise InputError("device.not_port_machine", port=port)
+        raise InputError("device.not_a_local_port", port=port)
     if not is_network(port):
         return
     require_address(port)
     if not any(fnmatchcase(port, pattern) for pattern in patterns):
-        raise InputError("device.server_may_not_open", port=port)
+        raise InputError("device.port_not_allowed", port=port)
 
 
 def require_address(url: str) -> None:
@@ -81,7 +81,7 @@ def require_address(url: str) -> None:
     if parts.scheme not in NETWORK:
         forms = [f"{scheme}://HOST:PORT" for scheme in NETWORK]
         known = ", ".join([*forms, *(form for _, form in SOURCES.values())])
-        raise InputError("device.no_address_glove", url=url, known=known)
+        raise InputError("device.address_unknown", url=url, known=known)
     if not host or not number or parts.netloc.rsplit(":", 1)[0].strip("[]").lower() != host:
         raise InputError("device.address_form", url=url, scheme=parts.scheme)
     if parts.path or parts.query or parts.fragment:
@@ -112,12 +112,12 @@ def _open_address(url: str) -> serialx.BaseSerial:
     except ConnectionRefusedError:
         raise InputError("device.nothing_listens", url=url) from None
     except TimeoutError:
-        raise InputError("device.does_not_answer", url=url) from None
+        raise InputError("device.address_silent", url=url) from None
     except socket.gaierror:
-        raise InputError("device.network_does_not_know", url=url) from None
+        raise InputError("device.host_unknown", url=url) from None
     except OSError as problem:
         raise InputError(
-            "device.cannot_opened", url=url, what=str(problem.strerror or problem)
+            "device.address_cannot_open", url=url, what=str(problem.strerror or problem)
         ) from None
     return port
 
@@ -128,13 +128,13 @@ def _open_serial(path: str) -> serialx.BaseSerial:
         if not port.is_open:
             port.open()
     except FileNotFoundError:
-        raise InputError("device.no_port", port=path) from None
+        raise InputError("device.port_missing", port=path) from None
     except PermissionError:
-        raise InputError("device.no_permission_open", port=path) from None
+        raise InputError("device.port_no_permission", port=path) from None
     except OSError as problem:
         if problem.errno in (errno.EBUSY, errno.EACCES):
             raise InputError("device.port_in_use", port=path) from None
         raise InputError(
-            "device.cannot_opened_serial_port", port=path, what=str(problem.strerror or problem)
+            "device.port_cannot_open", port=path, what=str(problem.strerror or problem)
         ) from None
     return port

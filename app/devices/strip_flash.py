@@ -49,10 +49,10 @@ def _places(
             raise InputError("device.recorded_strip_missing", point=point)
         strip = plugged[point][0]
         if not strip.raw:
-            raise InputError("device.strip_corrects_samples_itself", point=point)
+            raise InputError("device.strip_corrects_itself", point=point)
         if strip_ids.get(point, f"{strip.strip_id:x}") != f"{strip.strip_id:x}":
             raise InputError(
-                "device.strip_plugged_recording_strip",
+                "device.other_strip",
                 point=point,
                 strip_id=strip.strip_id,
                 strip_ids=strip_ids[point],
@@ -94,9 +94,9 @@ class Talk:
                 if reply.command == code:
                     if reply.code is not wire.ReplyCode.OK:
                         raise InputError(
-                            "device.glove_refused",
+                            "device.command_refused",
                             name=name,
                             value=reply.text or reply.code.name.lower().replace("_", " "),
                         )
                     return
-        raise InputError("device.glove_did_not_answer", name=name, answer=ANSWER)
+        raise InputError("device.command_unanswered", name=name, answer=ANSWER)

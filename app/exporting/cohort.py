@@ -64,7 +64,7 @@ def recordings(place: Path) -> dict[str, Path]:
             p.relative_to(place).with_suffix("").as_posix().replace("/", "--"): p for p in found
         }
         if len(named) < len(found):
-            raise InputError("result.holds_recordings_differ_their", place=str(place))
+            raise InputError("result.names_differ_by_suffix", place=str(place))
     elif place.is_file():
         try:
             lines = [line.strip() for line in place.read_text().splitlines()]
@@ -75,13 +75,11 @@ def recordings(place: Path) -> dict[str, Path]:
             p.name.removesuffix(p.suffix) if p.suffix in SUFFIXES else p.name: p for p in found
         }
         if len(named) < len(found):
-            raise InputError("result.names_two_recordings_one", place=str(place))
+            raise InputError("result.name_twice", place=str(place))
     else:
-        raise InputError("result.no_folder_list", place=str(place))
+        raise InputError("result.folder_or_list_missing", place=str(place))
     if not named:
-        raise InputError(
-            "result.holds_no_recordings", place=str(place), suffixes=" or ".join(SUFFIXES)
-        )
+        raise InputError("result.no_recordings", place=str(place), suffixes=" or ".join(SUFFIXES))
     return named
 
 
@@ -172,7 +170,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
                 yield client
     except (OSError, TimeoutError) as problem:
         raise InputError(
-            "result.scheduler_cannot_reached",
+            "result.scheduler_unreachable",
             value=scheduler or "of this machine",
             problem=str(problem),
         ) from None
@@ -187,7 +185,7 @@ def _key(path: Path, work: Work) -> str:
 
 def _folder_checksum(path: Path) -> str:
     if not path.is_dir():
-        raise InputError("result.no_recording", name=str(path))
+        raise InputError("result.recording_unknown", name=str(path))
     sums = [
         (p.relative_to(path).as_posix(), file_checksum(p))
         for p in sorted(path.rglob("*"))

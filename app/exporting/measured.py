@@ -30,7 +30,7 @@ def gather(
 ) -> Measured:
     """The movement with its measures; nobody is named but by a pseudonym that was given. InputError without any movement."""
     if not np.isfinite(processed.trajectory.angles).any():
-        raise InputError("export.recording_gave_no_joint", method=method)
+        raise InputError("export.no_joint_angles", method=method)
     origin = Origin(
         software=software or software_version(),
         method=method,

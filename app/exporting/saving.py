@@ -33,11 +33,11 @@ def packed(files: Files, wanted: Format, stem: str) -> bytes:
 def require_place(path: Path, wanted: Format) -> None:
     """InputError where the format cannot be written there; makes nothing."""
     if wanted.ending and path.is_dir():
-        raise InputError("export.folder_name_file_ends", path=str(path), ending=wanted.ending)
+        raise InputError("export.folder_in_place_of_file", path=str(path), ending=wanted.ending)
     if not wanted.ending and path.exists() and not path.is_dir():
-        raise InputError("export.file_format_written_folder", path=str(path))
+        raise InputError("export.file_in_place_of_folder", path=str(path))
     if wanted.ending and not path.absolute().parent.is_dir():
-        raise InputError("command.no_folder", parent=str(path.parent), name=path.name)
+        raise InputError("command.folder_missing", parent=str(path.parent), name=path.name)
 
 
 def _beside(path: Path, ending: str) -> str:

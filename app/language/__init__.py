@@ -282,7 +282,7 @@ def _each_once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
 def language(code: str) -> Language:
     """The language of a code; InputError where there is none."""
     if code not in languages():
-        raise InputError("analysis.no_language", code=code, codes=", ".join(languages()))
+        raise InputError("analysis.unknown_language", code=code, codes=", ".join(languages()))
     return languages()[code]
 
 

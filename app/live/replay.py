@@ -112,7 +112,7 @@ class Replay:
             elif what == "speed" and value is not None and np.isfinite(value):
                 self.speed = float(np.clip(value, *SPEEDS))
             else:
-                raise InputError("live.no_action_value", what=what, value=str(value))
+                raise InputError("live.action_value", what=what, value=str(value))
             self._draw()
             self._number += 1
         self._viewers.notify()

@@ -149,7 +149,7 @@ class Station:
             action = Action(what)
         except ValueError:
             raise InputError(
-                "live.no_action",
+                "live.unknown_action",
                 what=what,
                 actions=", ".join(a for a in Action if a in wizard_machine.BY_PERSON),
             ) from None

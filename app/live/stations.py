@@ -97,7 +97,7 @@ class Stations:
         with self._lock:
             station = self._stations.get(name)
         if station is None:
-            raise InputError("live.no_station", name=name)
+            raise InputError("live.station_closed", name=name)
         return station
 
     def all(self) -> list[AnyStation]:
@@ -117,7 +117,7 @@ class Stations:
     def require_free(self, port: str) -> None:
         """InputError where a live station has this port."""
         if self.uses(port):
-            raise InputError("live.glove_use_another_session", port=port)
+            raise InputError("live.glove_in_use", port=port)
 
     def close(self, name: str) -> None:
         """End a station; a live one's recording is finished first, then `on_finish` is called."""
@@ -160,7 +160,7 @@ def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup
     InputError for an unknown method or option.
     """
     if method not in METHODS:
-        raise InputError("analysis.no_method", name=method, methods=", ".join(METHODS))
+        raise InputError("analysis.unknown_method", name=method, methods=", ".join(METHODS))
     module = METHODS[method]
     params = with_options(module.Params, options)
     protocols, faults, force_files = *offered(data), force_calibrations.read_stored(data)

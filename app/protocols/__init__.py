@@ -246,10 +246,10 @@ def _loaded(entry: Traversable) -> Protocol:
         text = entry.read_text("utf-8")
     except OSError as problem:
         raise InputError(
-            "protocol.protocol_could_not_read", file=entry.name, problem=str(problem.strerror)
+            "protocol.unreadable", file=entry.name, problem=str(problem.strerror)
         ) from None
     except UnicodeDecodeError:
-        raise InputError("protocol.protocol_not_text_utf", file=entry.name) from None
+        raise InputError("protocol.not_utf8", file=entry.name) from None
     return protocol_of(entry.name, text)
 
 

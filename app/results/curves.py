@@ -41,7 +41,7 @@ def require_quantities(what: Sequence[str]) -> None:
     """InputError for an unknown quantity."""
     unknown = [w for w in what if w != APERTURE and w not in DOF_NAMES]
     if unknown:
-        raise InputError("result.no_curve", name=unknown[0])
+        raise InputError("result.unknown_curve", name=unknown[0])
 
 
 def load_curves(
@@ -76,7 +76,7 @@ def compare_results(
     require_quantities([what])
     same = a.recording_id == b.recording_id
     if event is None and not same:
-        raise InputError("result.two_recordings_compared_trial")
+        raise InputError("result.trial_not_given")
     onsets, length = _trials(a, b, event) if event is not None else ((0.0, 0.0), np.inf)
     first, second = (
         _rows(store, r, onset if event is not None else -np.inf, onset + length)
@@ -107,7 +107,7 @@ def matching_tasks(a: Result, b: Result) -> tuple[MatchedTask, ...]:
     tasks, others = _tasks(a), {e.get("task_name") for e in _tasks(b).values()}
     found = [_trials(a, b, event) for event, e in tasks.items() if e.get("task_name") in others]
     if not found:
-        raise InputError("result.two_sessions_have_no")
+        raise InputError("result.no_common_task")
     return tuple(
         sorted((MatchedTask(*onsets, length) for onsets, length in found), key=lambda s: s.onset)
     )
@@ -126,14 +126,14 @@ def _trials(a: Result, b: Result, event: int) -> tuple[tuple[float, float], floa
     events = [_tasks(r) for r in (a, b)]
     wanted = events[0].get(event)
     if wanted is None:
-        raise InputError("result.no_task_recording_result", number=event, result=a.id)
+        raise InputError("result.task_unknown", number=event, result=a.id)
     mine, others = (
         [e for e in found.values() if e.get("task_name") == wanted.get("task_name")]
         for found in events
     )
     if not others:
         raise InputError(
-            "result.other_session_has_no", task=str(wanted.get("task_name")).replace("_", " ")
+            "result.other_session_without_task", task=str(wanted.get("task_name")).replace("_", " ")
         )
     other = (
         others[min(mine.index(wanted), len(others) - 1)]

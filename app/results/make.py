@@ -118,7 +118,9 @@ def process_result(
 ) -> tuple[LoadedRecording, Processed]:
     """The recording with its corrections, and what the method makes of it; `reasons`: with those of the corrections."""
     if result.method not in ALL_METHODS:
-        raise InputError("analysis.no_method", name=result.method, methods=", ".join(ALL_METHODS))
+        raise InputError(
+            "analysis.unknown_method", name=result.method, methods=", ".join(ALL_METHODS)
+        )
     method = ALL_METHODS[result.method]
     applied = result.corrections if reasons else corrections.redact_reasons(result.corrections)
     recording = trunk_height.apply(

@@ -33,7 +33,7 @@ def stream_patient_export(store: Store, patient_id: int) -> Iterator[bytes]:
                 yield ours.recv_bytes()
         process.join()
         if process.exitcode != 0:
-            raise InputError("job.export_could_not_finished")
+            raise InputError("job.export_failed")
     finally:
         ours.close()
         process.kill()

@@ -138,7 +138,7 @@ def _known_angles(event: Event, joint: str, unit: str, otherwise: float) -> Angl
             usable = False
         if not usable:
             raise InputError(
-                "calibration.initial_pose_s_gives", at=event.onset, what=str(given), column=column
+                "calibration.pose_angle_form", at=event.onset, what=str(given), column=column
             )
         found.append(value)
     return found[0], found[1], found[2]
@@ -169,7 +169,7 @@ def calibrate(
     )
     still = {name: s for b in window for name, s in held_still(b, params.pose_duration).items()}
     if "hand" not in still:
-        raise InputError("calibration.initial_pose_s_has", time=pose.onset)
+        raise InputError("calibration.pose_without_hand_samples", time=pose.onset)
     quality = {name: stillness(s) for name, s in still.items()}
     _refuse_movement(params, quality, pose)
     q_GS, q_BS = _orient(params, still, mounting, pose, palm_down(hand))
@@ -233,7 +233,7 @@ def guess_calibration(
     window = [b for b in blocks if b.stream.inertial and len(b.t)]
     still = {name: s for b in window for name, s in held_still(b).items()}
     if "hand" not in still:
-        raise InputError("calibration.no_samples_hand_sensor")
+        raise InputError("calibration.no_hand_samples")
     start, end = min(float(b.t[0]) for b in window), max(float(b.t[-1]) for b in window)
     q_GS, q_BS = _orient(
         replace(params, alignment="heading"),
@@ -349,7 +349,7 @@ def _stillest_stretch(params: PoseParams, window: list[Block], pose: Pose) -> li
     longest = max((b.t[-1] - b.t[0] + 1 / b.stream.rate for b in window if len(b.t)), default=0.0)
     if longest < params.pose_duration - 0.05:
         raise InputError(
-            "calibration.initial_pose_s_has_s",
+            "calibration.pose_too_short",
             time=pose.onset,
             length=longest,
             needed=params.pose_duration,
@@ -406,7 +406,7 @@ def _refuse_movement(params: PoseParams, quality: Mapping[str, SensorQuality], p
         value = getattr(quality[worst], what) / DEG
         if value > limit:
             raise InputError(
-                "calibration.hand_was_not_still",
+                "calibration.pose_not_still",
                 time=pose.onset,
                 sensor=worst,
                 verb=verb,

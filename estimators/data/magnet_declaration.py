@@ -36,7 +36,7 @@ def plate_from(table: Mapping[str, Any]) -> Plate | None:
     places = table.get("places")
     if missing or not isinstance(places, Mapping):
         raise InputError(
-            "option.magnetsetup_has_no", missing=", ".join(missing) or "places by magnetometer"
+            "option.magnet_setup_incomplete", missing=", ".join(missing) or "places by magnetometer"
         )
     dip = table.get("dip")
     return Plate(
@@ -60,12 +60,12 @@ def table_of(plate: Plate) -> dict[str, Any]:
 
 def _three(value: Any, what: str) -> Place:
     if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 3:
-        raise InputError("option.magnetsetup", what=what, value=value)
+        raise InputError("option.magnet_setup_vector", what=what, value=value)
     x, y, z = (_number(v, what) for v in value)
     return x, y, z
 
 
 def _number(value: Any, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
-        raise InputError("option.magnetsetup_has_no_finite", what=what, value=value)
+        raise InputError("option.magnet_setup_not_finite", what=what, value=value)
     return float(value)

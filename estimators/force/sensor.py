@@ -110,9 +110,7 @@ class Solved:
 def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = ()) -> Solved:
     """By least squares, without loads that do not belong; InputError where the loads do not tell the matrix, with the loads' names where they have some."""
     if raw.ndim != 2 or loads.ndim != 2 or len(raw) != len(loads) or loads.shape[1] not in (3, 6):
-        raise InputError(
-            "force.readings_loads_do_not", shape=str(raw.shape), shape2=str(loads.shape)
-        )
+        raise InputError("force.readings_shape", shape=str(raw.shape), shape2=str(loads.shape))
     rows = np.flatnonzero(np.isfinite(raw).all(axis=1) & np.isfinite(loads).all(axis=1))
     m, most = loads.shape[1], int(DISCARDED * len(rows))
     _require(raw[rows], loads[rows])
@@ -122,13 +120,13 @@ def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = 
     ):
         if len(strange) > 1:
             both = _describe_rows(sorted(int(row) for row in rows[strange[:2]]), names)
-            raise InputError("force.table_contradict_each_other", both=both)
+            raise InputError("force.rows_contradict", both=both)
         left_out.append(int(rows[strange[0]]))
         if len(left_out) > 1 and len(rows) + len(left_out) - 1 < m + 1 + SPARE * (
             len(left_out) + 1
         ):
             left_out_rows = _describe_rows(sorted(left_out), names)
-            raise InputError("force.table_do_not_belong", left_out_rows=left_out_rows)
+            raise InputError("force.rows_do_not_fit", left_out_rows=left_out_rows)
         rows = np.delete(rows, strange[0])
         _require(raw[rows], loads[rows])
     raw, loads = raw[rows], loads[rows]
@@ -157,7 +155,7 @@ def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = 
         np.hypot(_turn_by_bias(loads, params.level * np.pi / 180), each / np.sqrt(2.0))
     )  # the halves that turn
     if (whole := float(np.hypot(missed_share, params.load_error))) > params.worst:
-        raise InputError("force.readings_do_not_follow", whole=100 * whole)
+        raise InputError("force.readings_do_not_follow_loads", whole=100 * whole)
     one_sided = tuple(AXES[a] for a in range(m) if min(loads[:, a].max(), -loads[:, a].min()) <= 0)
     heaviest = float(np.linalg.norm(loads[:, :3], axis=1).max())
     calibration = ForceCalibration(matrix, offset, scale)
@@ -242,9 +240,9 @@ def _require(raw: Array, loads: Array) -> None:
     """InputError where there are too few loads, they leave a direction out, or nobody reads them."""
     m = loads.shape[1]
     if len(raw) < m + 1 + SPARE:
-        raise InputError("force.known_loads_too_few", raw=len(raw), m=m + 1 + SPARE)
+        raise InputError("force.too_few_loads", raw=len(raw), m=m + 1 + SPARE)
     if raw.shape[1] < m:
-        raise InputError("force.channels_cannot_tell_axes", shape=raw.shape[1], m=m)
+        raise InputError("force.too_few_channels", shape=raw.shape[1], m=m)
     size = np.abs(loads).max(axis=0)
     missing = [AXES[a] for a in np.flatnonzero(size == 0)]
     spread = np.linalg.svd(_design(loads / np.where(size > 0, size, 1.0)))
@@ -254,11 +252,11 @@ def _require(raw: Array, loads: Array) -> None:
         ]
     if missing:
         how = "each by itself" if len(missing) > 1 else "both ways"
-        raise InputError("force.known_loads_do_not", missing=", ".join(missing), how=how)
+        raise InputError("force.loads_not_in_all_directions", missing=", ".join(missing), how=how)
     answer, *_ = np.linalg.lstsq(_design(loads), raw, rcond=None)
     parts = np.linalg.svd(answer[:m] * size[:, None], compute_uv=False)
     if parts[-1] * 1e4 < parts[0] or parts[0] == 0:
-        raise InputError("force.readings_hardly_change_loads")
+        raise InputError("force.readings_hardly_change")
 
 
 def _outlying_rows(chance: float, raw: Array, loads: Array) -> NDArray[np.int_]:

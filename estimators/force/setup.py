@@ -65,19 +65,19 @@ def setup_to_table(setup: ForceSetup) -> dict[str, Any]:
 
 def _parse_setup(point: str, declared: Any) -> ForceSetup:
     if point not in FORCE_POINTS:
-        raise InputError("force.forcesetup_names", point=point, points=", ".join(FORCE_POINTS))
+        raise InputError("force.setup_unknown_point", point=point, points=", ".join(FORCE_POINTS))
     if not isinstance(declared, Mapping):
-        raise InputError("force.forcesetup_no_object", point=point)
+        raise InputError("force.setup_not_an_object", point=point)
     scale = _parse_numbers(point, "scale_sd", declared.get("scale_sd"), ())
     if not 0 <= scale < 1:
-        raise InputError("force.forcesetup_scale_sd", point=point, scale=float(scale))
+        raise InputError("force.setup_scale_sd", point=point, scale=float(scale))
     turn = (
         float(_parse_numbers(point, "turn_sd", declared["turn_sd"], ()))
         if declared.get("turn_sd") is not None
         else None
     )
     if turn is not None and not 0 <= turn < 1:
-        raise InputError("force.forcesetup_turn_sd", point=point, turn=turn)
+        raise InputError("force.setup_turn_sd", point=point, turn=turn)
     if "matrix" not in declared:
         return ForceSetup(float(scale), turn_sd=turn)
     channels = _parse_channels(point, declared.get("channels"))
@@ -93,7 +93,7 @@ def _parse_channels(point: str, declared: Any) -> tuple[Channel, ...]:
     )
     channels = tuple(Channel(str(c["name"]), str(c["units"])) for c in declared) if fits else ()
     if not channels or len({c.name for c in channels}) < len(channels):
-        raise InputError("force.forcesetup_channels_objects_name", point=point)
+        raise InputError("force.setup_channels_form", point=point)
     return channels
 
 
@@ -104,5 +104,5 @@ def _parse_numbers(point: str, what: str, declared: Any, shape: tuple[int, ...])
         numbers = np.full(shape, np.nan)
     if numbers.shape != shape or not np.isfinite(numbers).all():
         how = " by ".join(str(n) for n in shape) or "one"
-        raise InputError("force.forcesetup_not_finite_numbers", point=point, what=what, how=how)
+        raise InputError("force.setup_not_finite", point=point, what=what, how=how)
     return numbers

@@ -238,7 +238,7 @@ def check(m: HandMeasures) -> None:
         low, high = PLAUSIBLE[kind]
         if value is not None and not low <= value <= high:
             raise InputError(
-                "hand.hand_geometry_m_outside", name=name, value=value, least=low, most=high
+                "hand.geometry_length_outside", name=name, value=value, least=low, most=high
             )
     for joint, position in m.joint_positions.items():
         low, high = PLAUSIBLE["thumb_cmc" if joint == "thumb_cmc" else "palm_length"]
@@ -247,9 +247,7 @@ def check(m: HandMeasures) -> None:
             or len(position) != 3
             or not low <= np.linalg.norm(position) <= high
         ):
-            raise InputError(
-                "hand.hand_geometry_joint_positions", joint=joint, place=str(list(position))
-            )
+            raise InputError("hand.geometry_joint_position", joint=joint, place=str(list(position)))
 
 
 def measures_from(table: Mapping[str, Any]) -> HandMeasures:
@@ -267,7 +265,7 @@ def measures_from(table: Mapping[str, Any]) -> HandMeasures:
     unknown = set(table) - known - set(SEGMENTS)
     if unknown:
         raise InputError(
-            "hand.handgeometry_has_unknown_entries",
+            "hand.geometry_unknown_entries",
             names=str(sorted(unknown)),
             known=str(sorted(known)),
         )
@@ -296,11 +294,11 @@ def measures_from(table: Mapping[str, Any]) -> HandMeasures:
             else frozenset(str(name) for name in table["measured"])
         )
     except (TypeError, ValueError) as problem:
-        raise InputError("hand.handgeometry_cannot_read", problem=str(problem)) from None
+        raise InputError("hand.geometry_unreadable", problem=str(problem)) from None
     for name, values in by_finger.items():
         if set(values) - set(FINGERS):
             raise InputError(
-                "hand.handgeometry_names",
+                "hand.geometry_unknown_fingers",
                 name=name,
                 fingers=str(sorted(set(values) - set(FINGERS))),
                 known=", ".join(FINGERS),
@@ -353,7 +351,7 @@ def _phalanges(
     if outer is not None:
         scale = (outer - tissue - sum(known.values())) / sum(free.values())
         if scale <= 0:
-            raise InputError("hand.measured_phalanges_together_longer", finger=finger, length=outer)
+            raise InputError("hand.phalanges_longer_than_finger", finger=finger, length=outer)
     elif known:
         scale = sum(known.values()) / sum(w for s, w in zip(segments, share) if s in known)
     else:

@@ -176,7 +176,7 @@ def require_fast(params: Params, t: Array, values: Array) -> None:
     t, values = check_signal(t, values)
     period = float(np.median(np.diff(t)))
     if period > params.cycle_min:
-        raise InputError("measure.samples_come_every_s", period=period, least=params.cycle_min)
+        raise InputError("measure.samples_too_slow", period=period, least=params.cycle_min)
 
 
 def cycles_between(params: Params, signal: Even, closed: np.ndarray) -> Cycles:

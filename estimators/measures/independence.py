@@ -145,7 +145,7 @@ def of_sums(
     """A finger asked for, from the summed flexions (n,) in rad of all fingers, by finger."""
     params = params or Params()
     if finger not in sums or len({len(s) for s in sums.values()}) != 1 or len(sums) < 2:
-        raise InputError("measure.sums_hold", sums=str(sorted(sums)), finger=finger)
+        raise InputError("measure.sums_shape", sums=str(sorted(sums)), finger=finger)
     known = np.all([np.isfinite(s) for s in sums.values()], axis=0)
     kept = {f: np.asarray(s, float)[known] for f, s in sums.items()}
     others = tuple(f for f in FINGERS if f in kept and f != finger)

@@ -91,7 +91,7 @@ def held_angles(
     for k, (start, stop) in enumerate(holds):
         if stop - start <= 2 * settling:
             raise InputError(
-                "measure.hold_s_lasts_s", start=start, stop=stop - start, settling=settling
+                "measure.hold_too_short", start=start, stop=stop - start, settling=settling
             )
         found[k] = _mean(moved.between(start + settling, stop - settling).angles[:, j, a])
     return found
@@ -100,7 +100,7 @@ def held_angles(
 def posture_spread(held: Array, names: Sequence[str] = DOF_NAMES) -> Spread:
     """Range and SD within each trial from held angles (trials, holds, angles)."""
     if held.ndim != 3 or held.shape[1] < 2 or held.shape[2] != len(names):
-        raise InputError("measure.repeatability_needs_two_holds")
+        raise InputError("measure.too_few_holds")
     return Spread(tuple(names), held.max(axis=1) - held.min(axis=1), held.std(axis=1, ddof=1))
 
 
@@ -112,7 +112,7 @@ def reliability(values: Array) -> Reliability:
     complete = values[np.isfinite(values).all(axis=1)] if values.ndim == 2 else np.empty((0, 0))
     n, k = complete.shape
     if n < 1 or k < 2:
-        raise InputError("measure.reliability_needs_least_two")
+        raise InputError("measure.too_few_sessions")
     grand, row, column = complete.mean(), complete.mean(axis=1), complete.mean(axis=0)
     within = ((complete - row[:, None]) ** 2).sum() / (
         n * (k - 1)

@@ -66,17 +66,15 @@ def check_signal(t: Array, values: Array) -> tuple[Array, Array]:
     try:
         t, values = np.asarray(t, float), np.asarray(values, float)
     except (TypeError, ValueError):
-        raise InputError("measure.times_values_signal_numbers") from None
+        raise InputError("measure.signal_not_numbers") from None
     if t.ndim != 1 or t.shape != values.shape:
-        raise InputError(
-            "measure.times_values_signal_have", shape=str(t.shape), shape2=str(values.shape)
-        )
+        raise InputError("measure.signal_shape", shape=str(t.shape), shape2=str(values.shape))
     if not np.isfinite(t).all() or (np.diff(t) <= 0).any():
-        raise InputError("measure.times_signal_do_not")
+        raise InputError("measure.signal_time_not_increasing")
     if np.isinf(values).any():
-        raise InputError("measure.signal_has_infinite_values")
+        raise InputError("measure.signal_infinite")
     if np.isfinite(values).sum() < 3:
-        raise InputError("measure.signal_has_known_samples", values=int(np.isfinite(values).sum()))
+        raise InputError("measure.signal_too_short", values=int(np.isfinite(values).sum()))
     return t, values
 
 

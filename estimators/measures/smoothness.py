@@ -44,7 +44,7 @@ def dimensionless_jerk(
 ) -> float:
     """-(T^p / peak^2) times the integral of jerk squared; p is 3 of a speed, 1 of an acceleration, -1 of a jerk."""
     if kind not in POWERS:
-        raise InputError("measure.no_kind_movement", kind=kind, powers=", ".join(POWERS))
+        raise InputError("measure.unknown_movement", kind=kind, powers=", ".join(POWERS))
     v = _check_movement(movement, rate)
     dt, peak = 1.0 / rate, float(np.abs(v).max())
     if not peak > 0:
@@ -83,9 +83,9 @@ def movement_units(speed: Array, rate: float, rise: float, least_interval: float
 def _check_movement(movement: Array, rate: float) -> Array:
     v = np.asarray(movement, float)
     if v.ndim != 1 or len(v) < 3:
-        raise InputError("measure.movement_shape_has_no", shape=str(v.shape))
+        raise InputError("measure.movement_too_short", shape=str(v.shape))
     if not np.isfinite(v).all():
-        raise InputError("measure.samples_movement_not_numbers", value=int((~np.isfinite(v)).sum()))
+        raise InputError("measure.movement_not_finite", value=int((~np.isfinite(v)).sum()))
     if not (np.isfinite(rate) and rate > 0):
-        raise InputError("measure.sampling_rate_hz_none", rate=rate)
+        raise InputError("measure.sampling_rate", rate=rate)
     return v

@@ -79,7 +79,7 @@ def synchronise(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
     on_a, on_b = _resample(a, rate), _resample(b, rate)
     for name, signal in (("A", on_a), ("B", on_b)):
         if not variance(signal.values).sum() > 1e-12:
-            raise InputError("measure.nothing_moves_channels_both", name=name)
+            raise InputError("measure.nothing_moves", name=name)
     lags, r, overlap = _correlations(on_a, on_b, rate)
     usable = (np.abs(lags) <= longest) & np.isfinite(r)
     if not usable.any():
@@ -95,7 +95,7 @@ def synchronise(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
     )
     if found.correlation < needed:
         raise InputError(
-            "measure.recordings_do_not_fit",
+            "measure.correlation_too_small",
             correlation=found.correlation,
             seconds=found.seconds,
             needed=needed,
@@ -109,7 +109,7 @@ def fit_at(a: Signal, b: Signal, seconds: float) -> Lag:
     shifted = interpolate(b, a.t - seconds)
     both = np.isfinite(a.values) & np.isfinite(shifted)
     if both.any(axis=1).sum() < 3:
-        raise InputError("measure.recordings_do_not_overlap", seconds=seconds)
+        raise InputError("measure.no_overlap", seconds=seconds)
     return Lag(
         seconds, pooled_correlation(a.values, shifted), float(both.any(axis=1).sum() / rate_of(a))
     )

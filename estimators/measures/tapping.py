@@ -202,14 +202,14 @@ def opening_of_rates(params: Params, t: Array, thumb: Array, index: Array) -> Ev
         or (thumb.ndim == 2 and thumb.shape[1] != 3)
     ):
         raise InputError(
-            "measure.times_rates_thumb_index",
+            "measure.finger_rates_shape",
             t=np.size(t),
             shape=str(thumb.shape),
             shape2=str(index.shape),
         )
     known = np.asarray(np.isfinite(np.column_stack([thumb, index])).all(axis=1))
     if known.sum() < 3:
-        raise InputError("measure.both_fingers_rates_known", known=int(known.sum()))
+        raise InputError("measure.finger_rates_too_short", known=int(known.sum()))
     rates = [_about_principal(params, t, w, known) for w in (thumb, index)]
     both = rates[0].values - rates[0].values.mean(), rates[1].values - rates[1].values.mean()
     aligned = thumb.ndim == 1
@@ -309,9 +309,7 @@ def _require_unit(values: Array, most: float, what: str, unit: str) -> None:
     """InputError where an opening is wider than any hand's: millimetres or degrees given for metres or radians."""
     low, high = np.nanpercentile(np.asarray(values, float), [5, 95])
     if high - low > most:
-        raise InputError(
-            "measure.between_thumb_index_finger", what=what, high=high - low, unit=unit
-        )
+        raise InputError("measure.aperture_implausible", what=what, high=high - low, unit=unit)
 
 
 def _make_trial(  # noqa: PLR0913

@@ -81,7 +81,7 @@ def centre_of_rotation(places: Array) -> Array:
     k = int(np.isfinite(places).all(axis=-1).sum(axis=0).argmax())
     p = places[:, k][np.isfinite(places[:, k]).all(axis=-1)]
     if len(p) < LEAST:
-        raise InputError("measure.no_fingertip_seen_while")
+        raise InputError("measure.no_fingertip")
     A = np.column_stack([2 * p, np.ones(len(p))])
     start = np.linalg.lstsq(A, (p**2).sum(axis=1), rcond=None)[0][:3]
 
@@ -94,7 +94,7 @@ def centre_of_rotation(places: Array) -> Array:
     sd = noise * np.sqrt(np.diag(np.linalg.pinv(J.T @ J, rcond=1e-12)).max())
     flat = np.linalg.matrix_rank(J, tol=1e-6) < 3
     if flat or sd > SURE:
-        raise InputError("measure.wrist_centre_cannot_told", fingers=FINGERS[k])
+        raise InputError("measure.wrist_centre_not_observable", fingers=FINGERS[k])
 
     def deviations(c: Array) -> float:
         return float(np.abs(_from_mean(p, c)).sum())  # (28)

@@ -266,7 +266,7 @@ def grade_with_scheme(scheme: str, m: FingerMotion, other_hand: float | None = N
                 if degrees >= 260
                 else _grade_by_bands(degrees, (220, 180, 180))
             )
-    raise InputError("measure.no_grading", name=scheme, gradings=", ".join(GRADINGS))
+    raise InputError("measure.unknown_grading", name=scheme, gradings=", ".join(GRADINGS))
 
 
 def regrade(
@@ -274,7 +274,7 @@ def regrade(
 ) -> tuple[Figure, ...]:
     """Kept figures of a task with the words of a scheme, its source, and shares of the uninjured hand's TAM (rad, by finger) where that is given."""
     if scheme not in GRADINGS:
-        raise InputError("measure.no_grading", name=scheme, gradings=", ".join(GRADINGS))
+        raise InputError("measure.unknown_grading", name=scheme, gradings=", ".join(GRADINGS))
     angles = {(f.what, f.part): f.value for f in figures}
     return tuple(
         _regrade_share(f, scheme, angles, (other_hand or {}).get(f.part))

@@ -149,7 +149,7 @@ def of_rates(t: Array, rates: Array, params: Params | None = None, part: str = "
     w = np.asarray(rates, float)
     w = w[:, None] if w.ndim == 1 else w
     if w.ndim != 2 or len(w) != len(np.atleast_1d(t)):
-        raise InputError("measure.rates_shape_do_not", rates=str(np.shape(rates)), t=np.size(t))
+        raise InputError("measure.rates_shape", rates=str(np.shape(rates)), t=np.size(t))
     return _measure_segment(params or Params(), part, np.asarray(t, float), w, ("good", ""))
 
 

@@ -86,7 +86,7 @@ def solve(
     blocks = [b for b in whole_streams(list(recording.blocks())) if b.stream.inertial and len(b.t)]
     worn = {name for b in blocks for name in b.stream.sensors}
     if "hand" not in worn:
-        raise InputError("method.recording_has_no_inertial")
+        raise InputError("method.no_hand_sensor")
     start, stop, messages = _stretch(params, recording, blocks)
     limbs: list[_Limb] = []
     problems: list[str] = []

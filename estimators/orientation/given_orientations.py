@@ -96,7 +96,7 @@ def with_orientations(takes: bool, recording: Recording) -> Recording:
 def require_rates(streams: Sequence[Stream]) -> None:
     """InputError where sensors bring orientations and nothing else."""
     if any(s.oriented for s in streams) and not any(s.inertial for s in streams):
-        raise InputError("orientation.method_needs_angular_rates")
+        raise InputError("orientation.rates_missing")
 
 
 class LiveRates:

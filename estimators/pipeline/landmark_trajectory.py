@@ -98,4 +98,4 @@ def _require_forward(angles: Array, hand: Hand) -> None:
     pips = angles[:, [JOINT[f"{finger}_pip"] for finger in FINGERS[1:]], FLEXION]
     bent = pips[np.abs(pips) > BENT]
     if len(bent) and (bent < 0).mean() > 0.5:
-        raise InputError("processing.landmarks_fingers_bend_backwards", hand=hand)
+        raise InputError("processing.landmarks_of_other_hand", hand=hand)

@@ -106,7 +106,7 @@ def trajectory_of(
     }
     if not joints and len(tips) < 2:
         raise InputError(
-            "processing.markers_give_no_joint", naming=NAMING, names=", ".join(markers.names[:8])
+            "processing.markers_without_joint", naming=NAMING, names=", ".join(markers.names[:8])
         )
     n = len(markers.t)
     q_GS, angles, places = (
@@ -134,7 +134,7 @@ def align(movement: Trajectory, pose: FlatPose) -> Trajectory:
     still = movement.between(pose.start, pose.stop).q_GS
     q_GS, hand = movement.q_GS.copy(), _mean(still[:, SEGMENT["hand"]])
     if hand is None:
-        raise InputError("processing.hand_orientation_not_known", start=pose.start, stop=pose.stop)
+        raise InputError("processing.hand_orientation_unknown", start=pose.start, stop=pose.stop)
     for k, segment in enumerate(SEGMENTS):
         if (q_GB := _mean(still[:, k])) is not None:
             q_BS = quat.relative(q_GB, quat.multiply(hand, _in_pose(segment, pose.thumb_cmc)))
@@ -185,11 +185,11 @@ def _cluster(segment: str, markers: Markers, columns: tuple[int, ...], still: Bo
     places = markers.places[:, columns]
     lying = places[still]
     if not np.isfinite(lying).all(axis=2).any(axis=0).all():
-        raise InputError("processing.marker_hidden_during_whole", segment=segment)
+        raise InputError("processing.marker_hidden_in_pose", segment=segment)
     moved = np.nanstd(lying, axis=0).max()
     if moved > STILL:
         raise InputError(
-            "processing.markers_move_mm_flat",
+            "processing.markers_move_in_pose",
             segment=segment,
             moved=1000.0 * moved,
             still=1000.0 * STILL,
@@ -197,7 +197,7 @@ def _cluster(segment: str, markers: Markers, columns: tuple[int, ...], still: Bo
     rest = np.nanmean(lying, axis=0)
     spread = np.linalg.svd(rest - rest.mean(axis=0), compute_uv=False)
     if spread[1] < FLATNESS * spread[0]:
-        raise InputError("processing.markers_lie_line_turn", segment=segment)
+        raise InputError("processing.markers_on_a_line", segment=segment)
     q, p, residuals = _fit_rigid(rest, places)
     return Cluster(columns, rest, q, p, residuals)
 
@@ -270,10 +270,10 @@ def _hand_in_pose(fits: Mapping[str, Cluster], hand: Hand, up: Array) -> Array:
             bone = centres[-1] - centres[0]
             along += bone / np.linalg.norm(bone)
     if np.linalg.norm(along) < 1e-9:
-        raise InputError("processing.no_finger_index_little", naming=NAMING)
+        raise InputError("processing.no_finger_direction", naming=NAMING)
     if (tilt := np.arcsin(abs(along @ up) / np.linalg.norm(along))) > UPRIGHT:
         raise InputError(
-            "processing.flat_pose_fingers_stand", tilt=float(np.degrees(tilt)), otherwise=OTHERWISE
+            "processing.fingers_not_level", tilt=float(np.degrees(tilt)), otherwise=OTHERWISE
         )
     distal = along - (along @ up) * up
     distal = distal / np.linalg.norm(distal)
@@ -283,7 +283,7 @@ def _hand_in_pose(fits: Mapping[str, Cluster], hand: Hand, up: Array) -> Array:
     across = roots[-1] - roots[0]
     across = across - (across @ distal) * distal
     if np.linalg.norm(across) > SIDE_BY_SIDE and sign * z @ across <= abs(up @ across):
-        raise InputError("processing.flat_pose_fingers_index", hand=hand, otherwise=OTHERWISE)
+        raise InputError("processing.fingers_not_side_by_side", hand=hand, otherwise=OTHERWISE)
     return quat.from_matrix(np.stack([x, y, z], axis=-1))
 
 

@@ -30,11 +30,9 @@ BEGINNING = 3.0  # s of samples that tell a rate where there is no pose
 def with_known(pose: Calibration, known: PriorCalibration) -> Calibration:
     """The pose of a hand whose lengths, or also mountings, are known from before; the pose gives the rest. InputError for another hand."""
     if pose.hand != known.hand:
-        raise InputError(
-            "processing.calibration_hand_recording_one", one=known.hand, other=pose.hand
-        )
+        raise InputError("processing.calibration_of_other_hand", one=known.hand, other=pose.hand)
     if pose.source is CalibrationSource.NONE:
-        raise InputError("processing.calibration_tells_how_sensors", without_pose=WITHOUT_POSE)
+        raise InputError("processing.pose_needed", without_pose=WITHOUT_POSE)
     mounting = {s: q for s, q in known.q_BS.items() if s in pose.q_BS}
     mounted = (
         functional_calibration.apply_mounting(pose, {"hand": pose.q_BS["hand"]} | mounting)
@@ -82,7 +80,7 @@ def calibrate(
         )
     if other.hand != recording.hand:
         raise InputError(
-            "processing.calibration_recording_hand_recording", one=other.hand, other=recording.hand
+            "processing.calibration_recording_of_other_hand", one=other.hand, other=recording.hand
         )
     borrowed, more = calibrate(params, other)
     return _borrow(recording, borrowed[-1], found), refused + more
@@ -168,7 +166,7 @@ def require_magnetometers(capabilities: Capabilities, recording: Recording) -> N
     if capabilities.needs_magnetometers and not any(
         {MAG, ORIENTATION} & set(s.quantities) for s in recording.streams
     ):
-        raise InputError("processing.method_takes_headings_magnetometers")
+        raise InputError("processing.magnetometers_missing")
 
 
 def initial_poses(events: Sequence[Event]) -> list[Event]:

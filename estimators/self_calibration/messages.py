@@ -36,7 +36,7 @@ def require_length(asked: Requirements, duration: float) -> None:
     """InputError where the movement is shorter than self-calibration needs, s."""
     if duration < asked.shortest - ROUNDED:
         raise InputError(
-            "self_calibration.s_movement_self_calibration",
+            "self_calibration.too_short",
             length=max(duration, 0.0),
             least=asked.shortest,
         )
@@ -48,7 +48,7 @@ def require_samples(asked: Requirements, duration: float, holes: Sequence[Gap]) 
         by = Counter(hole.sensor for hole in holes)
         names = ", ".join(name for name, _ in by.most_common(NAMED))
         raise InputError(
-            "self_calibration.gaps_more_s_samples",
+            "self_calibration.gaps",
             longest=LONGEST_GAP,
             count=len(holes),
             names=names,
@@ -76,12 +76,8 @@ def describe_silent_sensors(finger: str, silent: Sequence[str], clipped: bool) -
         return []
     if silent[0] in ("hand", LIMBS[finger][0]):
         if clipped:
-            raise InputError(
-                "self_calibration.sensor_was_limit_more", finger=finger, segment=silent[0]
-            )
-        raise InputError(
-            "self_calibration.sensor_gave_no_samples", finger=finger, segment=silent[0]
-        )
+            raise InputError("self_calibration.saturated", finger=finger, segment=silent[0])
+        raise InputError("self_calibration.sensor_silent", finger=finger, segment=silent[0])
     without = ", ".join(silent)
     if clipped:
         return [
@@ -101,17 +97,17 @@ def require_movement(asked: Requirements, finger: str, read: Readings) -> None:
     if turning < asked.moving:
         if finger == "forearm":
             raise InputError(
-                "self_calibration.forearm_turned_deg_s", rate=turning, needed=asked.moving
+                "self_calibration.forearm_turned_too_slowly", rate=turning, needed=asked.moving
             )
         raise InputError(
-            "self_calibration.turned_deg_s_average",
+            "self_calibration.finger_turned_too_slowly",
             finger=finger,
             rate=turning,
             needed=asked.moving,
         )
     if hand < asked.hand_moving:
         raise InputError(
-            "self_calibration.hand_itself_turned_deg",
+            "self_calibration.hand_turned_too_slowly",
             finger=finger,
             rate=hand,
             needed=asked.hand_moving,
@@ -134,7 +130,7 @@ def require_one_minimum(
     if slipped:
         first = slipped[0]
         raise InputError(
-            "self_calibration.sensor_seems_sit_differently",
+            "self_calibration.sensor_slipped",
             finger=finger,
             segment=first.sensor,
             shift=1000.0 * first.shift,
@@ -142,19 +138,17 @@ def require_one_minimum(
         )
     if solution.outcome != "converged":
         if stiff := ", ".join(self_calibration_result.stiff_joints(asked, solution)):
-            raise InputError(
-                "self_calibration.calibration_did_not_come_end", finger=finger, joints=stiff
-            )
+            raise InputError("self_calibration.not_converged_at_joint", finger=finger, joints=stiff)
         turning = float(
             np.degrees(
                 np.linalg.norm(read.gyr[:, -1] - read.gyr[:, -1].mean(axis=0), axis=1).mean()
             )
         )
         raise InputError(
-            "self_calibration.calibration_did_not_come",
+            "self_calibration.not_converged",
             finger=finger,
             rate=turning,
-            lively=RECOMMENDED_RATE,
+            recommended=RECOMMENDED_RATE,
         )
 
 
@@ -174,7 +168,7 @@ def require_possible(finger: Finger) -> None:
         if beyond > BEYOND:
             name = about.child if about.parent not in ("hand", "forearm") else about.parent
             raise InputError(
-                "self_calibration.sensor_said_sit_would",
+                "self_calibration.mounting_contradicts_joint",
                 finger=finger.name,
                 name=name,
                 joint=joint,
@@ -189,7 +183,7 @@ def _require_calm(finger: str, solution: Solution, start_time: float) -> None:
     if len(times) > OFTEN * dt * len(solution.problem):
         name = solution.problem.chain.sensors[by.most_common(1)[0][0]]
         raise InputError(
-            "self_calibration.sensors_were_knocked_times",
+            "self_calibration.impacts",
             finger=finger,
             count=len(times),
             seconds=dt * len(solution.problem),
@@ -204,7 +198,7 @@ def _require_rates(finger: str, read: Readings, solution: Solution) -> None:
     worst = int(np.argmax(lacking))
     if lacking[worst] > LACKING:
         raise InputError(
-            "self_calibration.gyroscope_was_limit_missing",
+            "self_calibration.rates_missing",
             finger=finger,
             segment=solution.problem.chain.sensors[worst],
             share=100 * lacking[worst],
@@ -218,14 +212,14 @@ def _require_order(finger: str, read: Readings, problem: Problem) -> None:
     elsewhere = [name for name, there in zip(names, sitting) if name != there]
     if len(elsewhere) == 2:
         raise InputError(
-            "self_calibration.sensors_seem_exchanged_their",
+            "self_calibration.sensors_exchanged",
             finger=finger,
             first=elsewhere[0],
             second=elsewhere[1],
         )
     if elsewhere:
         raise InputError(
-            "self_calibration.sensors_seem_sit_another", finger=finger, names=", ".join(sitting)
+            "self_calibration.sensors_in_other_order", finger=finger, names=", ".join(sitting)
         )
 
 

@@ -84,13 +84,13 @@ def fit_ellipsoid(
     readings = mag[np.isfinite(mag).all(axis=-1)]
     if len(readings) < FEWEST:
         raise InputError(
-            "sensor.readings_too_few_calibrate", name=name, readings=len(readings), fewest=FEWEST
+            "sensor.too_few_readings", name=name, readings=len(readings), fewest=FEWEST
         )
     y = readings[:: max(1, -(-len(readings) // MOST))]
     middle = y.mean(axis=0)
     size = float(np.sqrt(((y - middle) ** 2).sum(axis=1).mean()))
     if not size > 1e-9 * np.abs(middle).max():
-        raise InputError("sensor.all_readings_same", name=name)
+        raise InputError("sensor.readings_constant", name=name)
     z = (y - middle) / size
     begin = _quadric(z, name)
     found = least_squares(_residuals, begin, jac=_residual_jacobian, args=(z,), method="lm")
@@ -101,9 +101,9 @@ def fit_ellipsoid(
     own = np.cbrt(np.linalg.det(A))  # the readings' own strength, if none is given
     radius = size / own if strength is None else strength
     if not sd.max() < SEEN:
-        raise InputError("sensor.was_not_turned_through", name=name)
+        raise InputError("sensor.directions_missing", name=name)
     if noise > HOMOGENEOUS:
-        raise InputError("sensor.field_was_not_same", name=name, noise=100 * noise)
+        raise InputError("sensor.field_not_homogeneous", name=name, noise=100 * noise)
     scale = radius / size
     raw = np.linalg.norm(y, axis=1)
     return EllipsoidCalibration(
@@ -172,7 +172,7 @@ def _quadric(z: Array, name: str) -> Array:
     Q, g = _symmetric(np.asarray(found[:6], float)), found[6:]
     values, axes = np.linalg.eigh(Q)
     if values.min() <= 1e-3 * abs(values).max():
-        raise InputError("sensor.readings_lie_no_ellipsoid", name=name)
+        raise InputError("sensor.no_ellipsoid", name=name)
     centre = -np.linalg.solve(Q, g)
     values = values / (1.0 + centre @ Q @ centre)
     A = (axes * np.sqrt(values)) @ axes.T

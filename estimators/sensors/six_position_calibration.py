@@ -137,7 +137,7 @@ def _require_positions(name: str, found: list[Array]) -> None:
         )
         raise InputError("sensor.no_position_with", name=name, count=len(found), wanted=wanted)
     if len(found) < 6:
-        raise InputError("sensor.only_different_positions_rest", name=name, found=len(found))
+        raise InputError("sensor.too_few_positions", name=name, found=len(found))
 
 
 def _accelerometer(
@@ -206,7 +206,7 @@ def _gyroscope(
     """Matrix (3, 3) with which the integrated rate takes the direction of gravity from each
     position to the next; scales alone where no more shows."""
     if len(ways) < 5:
-        raise InputError("sensor.only_turns_one_position", name=name, ways=len(ways))
+        raise InputError("sensor.too_few_turns", name=name, ways=len(ways))
     steps, dt = _steps(t, rate, [(rests[a].last - 1, rests[b].first) for a, b in ways])
     start, end = np.array([up[a] for a, _ in ways]), np.array([up[b] for _, b in ways])
     still = float(np.mean([r.gyr_noise for r in rests]))

@@ -84,7 +84,7 @@ def simulate(
     unknown = [name for name in task_names if name not in task_performance.TASKS]
     if unknown:
         raise InputError(
-            "simulation.no_task_simulate",
+            "simulation.unknown_task",
             unknown=unknown[0],
             tasks=", ".join(task_performance.TASKS),
         )

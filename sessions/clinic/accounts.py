@@ -57,7 +57,7 @@ def add(db: Session, name: str, roles: Sequence[str]) -> Account:
         db.commit()
     except IntegrityError:
         db.rollback()
-        raise InputError("clinic.already_account", name=name) from None
+        raise InputError("clinic.account_exists", name=name) from None
     return account
 
 

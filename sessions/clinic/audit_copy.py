@@ -53,7 +53,7 @@ def enable(database: sessionmaker[Session], targets: str) -> None:
 def _open_place(word: str) -> Send:
     kind, _, place = word.partition(":")
     if kind not in KINDS or not place or (kind == "tcp" and not _has_port(place)):
-        raise InputError("clinic.no_place_audit_trail_2", target=word)
+        raise InputError("clinic.audit_copy_place", target=word)
     return KINDS[kind](place)
 
 
@@ -84,7 +84,7 @@ def read_heads(file: Path) -> Iterator[tuple[int, str]]:
             "file.cannot_read", name=str(file), problem=str(problem.strerror)
         ) from None
     except (ValueError, KeyError, TypeError):
-        raise InputError("clinic.no_copy_audit_trail", file=str(file)) from None
+        raise InputError("clinic.not_an_audit_copy", file=str(file)) from None
 
 
 def read_head(file: Path) -> tuple[int, str]:
@@ -94,10 +94,10 @@ def read_head(file: Path) -> tuple[int, str]:
         return int(number), digest
     except OSError as problem:
         raise InputError(
-            "clinic.cannot_read", name=str(file), problem=str(problem.strerror)
+            "file.cannot_read", name=str(file), problem=str(problem.strerror)
         ) from None
     except ValueError:
-        raise InputError("clinic.no_note_audit_trail", file=str(file)) from None
+        raise InputError("clinic.not_an_audit_head", file=str(file)) from None
 
 
 def _append_to_file(place: str) -> Send:

@@ -36,9 +36,9 @@ def add(
     """Keep a correction of the recording's event number `event` (from 0, in its order); `onset` to `end`, s, are the new ends or the stretch."""
     task = _task_of(file, event)
     if kind not in get_args(Kind):
-        raise InputError("clinic.no_correction", name=kind, kinds=", ".join(get_args(Kind)))
+        raise InputError("clinic.unknown_correction", name=kind, kinds=", ".join(get_args(Kind)))
     if not reason.strip():
-        raise InputError("clinic.correction_needs_reason_stands")
+        raise InputError("clinic.correction_without_reason")
     if kind == "exclude":
         onset, end = task["onset"], task["onset"] + task["duration"]
     else:
@@ -46,7 +46,7 @@ def add(
     standing = [c for c in file.corrections if c.undone is None and c.event == event]
     for before in standing:
         if before.kind == kind == "exclude":
-            raise InputError("clinic.trial_left_out_already")
+            raise InputError("clinic.trial_already_left_out")
         if before.kind == kind == "move":
             before.undone = now()  # its ends are moved anew
     made = Correction(
@@ -151,7 +151,7 @@ def _sentence(name: str, c: Mapping[str, Any], event: Event) -> str:
 def _task_of(file: RecordingFile, event: int) -> Mapping[str, Any]:
     events = file.summary.get("events", [])
     if not 0 <= event < len(events) or events[event]["trial_type"] != "task":
-        raise InputError("clinic.no_task_recording", number=event, recording=file.id)
+        raise InputError("clinic.task_unknown", number=event, recording=file.id)
     task: Mapping[str, Any] = events[event]
     return task
 
@@ -161,14 +161,14 @@ def _require_stretch(
 ) -> None:
     first, last = task["onset"], task["onset"] + task["duration"]
     if not end > onset:
-        raise InputError("clinic.stretch_ends_before_begins")
+        raise InputError("clinic.stretch_reversed")
     if kind == "move" and (
         end - onset < SHORTEST or onset < 0 or end > file.summary.get("duration", end) + 1.0
     ):
-        raise InputError("clinic.trial_lies_within_recording", least=SHORTEST)
+        raise InputError("clinic.trial_outside_recording", least=SHORTEST)
     if kind == "leave_out" and (
         onset < first - 0.01 or end > last + 0.01 or (last - first) - (end - onset) < SHORTEST
     ):
-        raise InputError("clinic.stretch_lies_within_trial", least=SHORTEST)
+        raise InputError("clinic.stretch_outside_trial", least=SHORTEST)
     if kind == "leave_out" and "tap" in str(task.get("task", "")).lower():
-        raise InputError("clinic.tapping_judged_taps_follow")
+        raise InputError("clinic.tapping_cannot_be_cut")

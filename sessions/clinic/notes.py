@@ -29,7 +29,7 @@ def get(db: Session, note_id: int) -> Note:
     """The note; InputError where there is none."""
     note = db.get(Note, note_id)
     if note is None:
-        raise InputError("clinic.no_note", number=note_id)
+        raise InputError("clinic.note_unknown", number=note_id)
     return note
 
 

@@ -45,7 +45,7 @@ def create(
         db.commit()
     except IntegrityError:
         db.rollback()
-        raise InputError("clinic.already_patient", code=patient.pseudonym) from None
+        raise InputError("clinic.patient_exists", code=patient.pseudonym) from None
     return patient
 
 
@@ -87,7 +87,7 @@ def get(db: Session, patient_id: int) -> Patient:
     """The patient; InputError where there is none."""
     patient = db.get(Patient, patient_id)
     if patient is None:
-        raise InputError("clinic.no_patient", number=patient_id)
+        raise InputError("clinic.patient_unknown", number=patient_id)
     return patient
 
 
@@ -99,7 +99,7 @@ def change(
     require_seen(f"patient {patient.pseudonym!r}", patient.version, version)
     unknown = set(facts) - set(CHANGEABLE)
     if unknown:
-        raise InputError("clinic.patient_has_no", what=sorted(unknown)[0])
+        raise InputError("clinic.patient_field_unknown", what=sorted(unknown)[0])
     if facts.get("pseudonym", patient.pseudonym) != patient.pseudonym:
         require_code(facts["pseudonym"] or "", confirmed)
     for name, value in facts.items():
@@ -109,7 +109,7 @@ def change(
         db.commit()
     except IntegrityError:
         db.rollback()
-        raise InputError("clinic.already_patient", code=str(facts.get("pseudonym"))) from None
+        raise InputError("clinic.patient_exists", code=str(facts.get("pseudonym"))) from None
     except StaleDataError:
         db.rollback()
         raise ConflictError("the patient") from None
@@ -136,5 +136,5 @@ def _check(patient: Patient) -> None:
         trunk_height.require_height(patient.trunk_height)
     for hand, measures in (patient.hand_measures or {}).items():
         if hand not in HANDS:
-            raise InputError("clinic.hand_measures_left_right", hand=hand)
+            raise InputError("clinic.hand_measures_side", hand=hand)
         measures_from(measures)

@@ -106,7 +106,7 @@ def current(
         query = query.where(ResultReferences.number == number)
     row = db.scalar(query.order_by(ResultReferences.number.desc()).limit(1))
     if row is None and number is not None:
-        raise InputError("clinic.no_version_references_result", number=number, result=result.id)
+        raise InputError("clinic.references_version_unknown", number=number, result=result.id)
     return _load(db, row) if row else _store_first(db, result, reference_values)
 
 
@@ -286,7 +286,7 @@ def _require(
     for p in past:
         if p.occasion.result == wanted and (p.occasion.hand == hand) == same:
             return p
-    raise InputError("clinic.result_cannot_compared_result", other=wanted, result=result.id)
+    raise InputError("clinic.result_not_comparable", other=wanted, result=result.id)
 
 
 def _sufficient_rows(

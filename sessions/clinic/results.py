@@ -69,7 +69,7 @@ def get(db: Session, result_id: int) -> Result:
     """The result; InputError where there is none."""
     result = db.get(Result, result_id)
     if result is None:
-        raise InputError("clinic.no_result", number=result_id)
+        raise InputError("clinic.result_unknown", number=result_id)
     return result
 
 
@@ -78,9 +78,9 @@ def require_done(result: Result) -> Result:
     if result.state != "done":
         if result.error:
             raise InputError(
-                "api.result_failed", number=result.id, state=result.state, problem=result.error
+                "clinic.result_failed", number=result.id, state=result.state, problem=result.error
             )
-        raise InputError("api.result_not_done", number=result.id, state=result.state)
+        raise InputError("clinic.result_not_done", number=result.id, state=result.state)
     return result
 
 

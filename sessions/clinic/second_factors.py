@@ -91,7 +91,7 @@ def confirm_totp(db: Session, account: Account, code: str) -> list[str]:
     )
     waiting = db.scalar(query)
     if waiting is None:
-        raise InputError("clinic.no_authenticator_waits_confirmed")
+        raise InputError("clinic.no_authenticator_to_confirm")
     if not _matches(db, waiting, code):
         raise InputError(WRONG)
     waiting.confirmed = True
@@ -160,7 +160,7 @@ def remove(db: Session, account: Account, number: int) -> None:
     """Take one out of use; with the last one the recovery codes go, too."""
     found = next((f for f in of_account(db, account) if f.id == number), None)
     if found is None:
-        raise InputError("clinic.no_second_factor_account", number=number)
+        raise InputError("clinic.second_factor_unknown", number=number)
     db.delete(found)
     db.flush()
     if not of_account(db, account):
@@ -212,14 +212,14 @@ def _require_room(db: Session, account: Account) -> None:
     if not may_have_one(account):
         raise InputError(NONE_HERE)
     if len(of_account(db, account)) >= MOST:
-        raise InputError("clinic.account_has_most_second", count=MOST)
+        raise InputError("clinic.too_many_second_factors", count=MOST)
 
 
 def _checked_name(name: str) -> str:
     name = " ".join(name.split())
     require_plain(name, "the name", one_line=True)
     if not 1 <= len(name) <= LONGEST_NAME:
-        raise InputError("clinic.name_second_factor_has", longest=LONGEST_NAME)
+        raise InputError("clinic.second_factor_name_length", longest=LONGEST_NAME)
     return name
 
 

@@ -64,7 +64,7 @@ def store(
     try:
         calibration_result.parse(dict(found.table))
     except (KeyError, TypeError, ValueError, AttributeError):
-        raise InputError("clinic.result_no_self_calibration") from None
+        raise InputError("clinic.result_not_self_calibration") from None
     for before in file.session.patient.self_calibrations:
         if (before.recording_id, before.onset, before.end, before.version) == (
             file.id,
@@ -93,7 +93,7 @@ def of_result(result: Result) -> FoundCalibration:
     """What a result of self-calibration holds to be kept; InputError where there is nothing."""
     stored = result.content.get("self_calibration") if result.state == "done" else None
     if not stored:
-        raise InputError("clinic.result_no_self_calibration")
+        raise InputError("clinic.result_not_self_calibration")
     return FoundCalibration(stored["table"], stored["told"], stored["onset"], stored["end"])
 
 
@@ -101,7 +101,7 @@ def get(db: Session, self_calibration_id: int) -> SelfCalibration:
     """The self-calibration; InputError where there is none."""
     found = db.get(SelfCalibration, self_calibration_id)
     if found is None:
-        raise InputError("clinic.no_self_calibration", number=self_calibration_id)
+        raise InputError("clinic.self_calibration_unknown", number=self_calibration_id)
     return found
 
 
@@ -134,13 +134,13 @@ def decide(
 ) -> Reuse:
     """A person's decision for a session; InputError where this cannot be taken over."""
     if parts not in PARTS:
-        raise InputError("clinic.no_part_self_calibration", part=parts, parts=", ".join(PARTS))
+        raise InputError("clinic.self_calibration_part_unknown", part=parts, parts=", ".join(PARTS))
     if (self_calibration_id is None) != (parts == NOTHING):
-        raise InputError("clinic.name_self_calibration_whose")
+        raise InputError("clinic.self_calibration_not_named")
     chosen = None if self_calibration_id is None else get(db, self_calibration_id)
     if chosen is not None:
         if (chosen.patient_id, chosen.hand) != (session.patient_id, session.hand):
-            raise InputError("clinic.self_calibration_another_hand")
+            raise InputError("clinic.self_calibration_of_other_hand")
         if parts not in (offer := _offer(chosen, _worn_glove(session))).parts:
             raise InputError(offer.barred)
     made = Reuse(self_calibration=chosen, parts=parts)

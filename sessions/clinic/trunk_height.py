@@ -21,13 +21,13 @@ def require_height(height: float) -> None:
 def require_worn(session: PatientSession) -> None:
     """InputError where the height of this session cannot be told, or would change nothing."""
     if session.state == "open":
-        raise InputError("clinic.session_being_measured")
+        raise InputError("clinic.height_while_measured")
     if not any(
         TRUNK in stream["sensors"]
         for file in session.recordings
         for stream in file.summary.get("streams", ())
     ):
-        raise InputError("clinic.recording_has_no_sensor")
+        raise InputError("clinic.no_trunk_sensor")
 
 
 def apply(recording: LoadedRecording, height: float | None) -> LoadedRecording:

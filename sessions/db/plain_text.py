@@ -24,7 +24,7 @@ def require_plain(value: Any, what: str, one_line: bool = False) -> None:
     if isinstance(value, str):
         if found := find_refused(value, one_line):
             codes = ", ".join(f"U+{ord(c):04X}" for c in found[:5])
-            raise InputError("database.holds_characters_cannot_shown", what=what, codes=codes)
+            raise InputError("database.unprintable_characters", what=what, codes=codes)
     elif isinstance(value, Mapping):
         for name, inner in value.items():
             require_plain(name, what, one_line)

@@ -47,7 +47,7 @@ FORMATS: Mapping[str, Format] = {
 def format_of(name: str) -> Format:
     """InputError where there is no such format."""
     if name not in FORMATS:
-        raise InputError("export.no_format", name=name, names=", ".join(FORMATS))
+        raise InputError("export.unknown_format", name=name, names=", ".join(FORMATS))
     return FORMATS[name]
 
 

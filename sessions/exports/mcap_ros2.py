@@ -43,7 +43,7 @@ def write(measured: Measured) -> Exported:
     try:
         from mcap_ros2.writer import Writer
     except ImportError:
-        raise InputError("export.format_needs_package_not") from None
+        raise InputError("export.package_missing") from None
     bones = skeleton(measured)
     names, positions = _joints(bones, measured)
     links = list(_links(bones))

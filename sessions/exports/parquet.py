@@ -16,7 +16,7 @@ def write(measured: Measured) -> Exported:
         import pyarrow as pa
         from pyarrow import parquet as pq
     except ImportError:
-        raise InputError("export.format_needs_package_not") from None
+        raise InputError("export.package_missing") from None
     columns, table = table_of(measured.movement)
     fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, *_, unit in columns]
     about = measured.origin.table() | {"hand": measured.recording.hand}

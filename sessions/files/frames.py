@@ -66,5 +66,5 @@ def frame(columns: Mapping[str, Any]) -> Any:
     try:
         import pandas
     except ImportError:
-        raise InputError("recording.data_frames_need_pandas") from None
+        raise InputError("recording.pandas_missing") from None
     return pandas.DataFrame(dict(columns))

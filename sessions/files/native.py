@@ -49,7 +49,7 @@ def read(path: Path) -> Contents:
             "file.cannot_read", name=str(path), problem=str(problem.strerror)
         ) from None
     except (ValueError, TypeError, KeyError):
-        raise InputError("recording.holds_event_metadata_not", name=path.name) from None
+        raise InputError("recording.foreign_metadata", name=path.name) from None
     version = contents.metadata.get("format_version", FORMAT_VERSION if contents.wire else None)
     if version is None:
         what = (
@@ -57,10 +57,10 @@ def read(path: Path) -> Contents:
             if contents.file.ours
             else f"is no Handscope recording (they end in {SUFFIX})"
         )
-        raise InputError("recording.nothing_open", name=path.name, what=what)
+        raise InputError("recording.cannot_open", name=path.name, what=what)
     if not isinstance(version, int) or version > FORMAT_VERSION:
         raise InputError(
-            "recording.has_recording_format_program",
+            "recording.newer_format",
             name=path.name,
             version=version,
             newest=FORMAT_VERSION,
@@ -163,17 +163,17 @@ def _hand(metadata: Mapping[str, Any], identity: Identity | None, wanted: Hand |
     }
     if len(set(hands.values())) > 1:
         raise InputError(
-            "recording.recording_says_hand_glove",
+            "recording.hand_differs_from_glove",
             one=hands["the recording"],
             other=hands["the glove"],
         )
     for hand in HANDS:
         if hand in hands.values():
             if wanted not in (None, hand):
-                raise InputError("recording.recording_hand_not_one", one=hand, other=wanted)
+                raise InputError("recording.other_hand", one=hand, other=wanted)
             return hand
     if wanted is None:
-        raise InputError("recording.neither_recording_nor_glove")
+        raise InputError("recording.hand_not_given")
     return wanted
 
 

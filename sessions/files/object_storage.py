@@ -47,18 +47,14 @@ def find_attached(folder: Path) -> ObjectStorage | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, TypeError):
-        raise InputError(
-            "recording.damaged_says_recordings_take", file=str(folder / MARK)
-        ) from None
+        raise InputError("recording.storage_note_damaged", file=str(folder / MARK)) from None
 
 
 def attach(folder: Path, url: str) -> ObjectStorage:
     """Have a data folder's files kept there from now on; InputError where they are elsewhere, or where that place is another folder's."""
     known = find_attached(folder)
     if known is not None and known.url != url:
-        raise InputError(
-            "recording.recordings_kept_not", folder=str(folder), place=known.url, url=url
-        )
+        raise InputError("recording.storage_differs", folder=str(folder), place=known.url, url=url)
     if known is not None:
         return known
     _require_plain(url)
@@ -72,7 +68,7 @@ def attach(folder: Path, url: str) -> ObjectStorage:
             )
             found = None
     if found is not None:
-        raise InputError("recording.holds_recordings_another_data", url=url)
+        raise InputError("recording.storage_in_use", url=url)
     save_file(json.dumps(asdict(storage)).encode(), folder / MARK)
     return storage
 
@@ -135,7 +131,7 @@ def _reached(storage: ObjectStorage) -> Iterator[tuple[Any, str]]:
     try:
         import fsspec
     except ImportError:
-        raise InputError("recording.needs_package_pip_install", url=storage.url) from None
+        raise InputError("recording.storage_package_missing", url=storage.url) from None
     protocol = storage.url.partition("://")[0]
     try:
         fs, root = fsspec.core.url_to_fs(storage.url, **OPTIONS.get(protocol, {}))
@@ -143,7 +139,9 @@ def _reached(storage: ObjectStorage) -> Iterator[tuple[Any, str]]:
     except (InputError, FileNotFoundError):
         raise
     except ImportError as problem:
-        raise InputError("recording.needs_package", url=storage.url, problem=str(problem)) from None
+        raise InputError(
+            "recording.storage_package_broken", url=storage.url, problem=str(problem)
+        ) from None
     except Exception as problem:  # each file system's library has errors of its own
         raise UnreachableError(
             f"the object storage {storage.url} cannot be reached ({_words(problem)}); try again later"
@@ -160,6 +158,6 @@ def _words(problem: Exception) -> str:
 def _require_plain(url: str) -> None:
     protocol, separator, place = url.partition("://")
     if not (protocol and separator and place.strip("/")):
-        raise InputError("recording.no_place_recordings", url=url)
+        raise InputError("recording.storage_address", url=url)
     if ":" in place.partition("@")[0] and "@" in place:
-        raise InputError("recording.password_does_not_belong")
+        raise InputError("recording.storage_password")

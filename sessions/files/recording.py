@@ -75,5 +75,5 @@ def require_samples(recording: LoadedRecording, name: str) -> LoadedRecording:
     if not any(
         (b.stream.inertial or b.stream.oriented) and len(b.t) for b in recording.samples.values()
     ):
-        raise InputError("recording.has_no_inertial_samples", name=name)
+        raise InputError("recording.no_inertial_samples", name=name)
     return recording

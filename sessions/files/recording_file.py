@@ -74,7 +74,7 @@ def _records(file: IO[bytes], size: int, found: Findings) -> Iterator[list[Any] 
         unpacked += sum(len(record.data) for record in inside or () if isinstance(record, Message))
         if unpacked > min(RATIO * size, MOST) + LARGEST:
             raise InputError(
-                "recording.recording_unpacks_more_mb",
+                "recording.unpacks_too_large",
                 unpacked=unpacked / 2**20,
                 packed=size / 2**20,
             )

@@ -127,13 +127,11 @@ def read_markers(path: Path) -> Markers:
             "c3d.not_readable", name=path.name, problem=" ".join(str(problem).split())[:80]
         ) from None
     if len(points) < 2 or len(names) < points.shape[1]:
-        raise InputError("c3d.holds_no_markers_over", name=path.name)
+        raise InputError("c3d.no_markers", name=path.name)
     if unit not in METRES:
-        raise InputError(
-            "c3d.has_unknown_unit_length", name=path.name, unit=unit, metres=", ".join(METRES)
-        )
+        raise InputError("c3d.unknown_unit", name=path.name, unit=unit, metres=", ".join(METRES))
     if not np.isfinite(rate) or rate <= 0:
-        raise InputError("c3d.has_no_usable_rate", name=path.name, rate=rate)
+        raise InputError("c3d.no_rate", name=path.name, rate=rate)
     if len(points) < declared:
         raise InputError("c3d.cut_off", name=path.name, points=len(points), declared=declared)
     hidden = (points[..., 3] < 0) | ~np.isfinite(points[..., :3]).all(

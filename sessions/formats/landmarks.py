@@ -82,7 +82,7 @@ def _read_json(text: str, name: str) -> FileContent:
     head: Mapping[str, Any] = value if isinstance(value, dict) else {}
     frames = head.get("frames") if head else value
     if not isinstance(frames, list) or len(frames) < 2:
-        raise InputError("landmarks.holds_no_list_two", name=name)
+        raise InputError("landmarks.no_frames", name=name)
     places = np.stack([_points(frame, k, name) for k, frame in enumerate(frames)])
     sizes = [(head[w], head[h]) for w, h in PICTURE if w in head and h in head]
     picture = (_number(sizes[0][0], name), _number(sizes[0][1], name)) if sizes else None
@@ -100,7 +100,7 @@ def _json_times(head: Mapping[str, Any], frames: list[Any], name: str) -> Array:
     key = next((k for k in SECONDS if known and k in known[0]), None)
     if key is None or len(known) < len(frames):
         raise InputError(
-            "landmarks.tells_no_time_each",
+            "landmarks.no_time",
             name=name,
             seconds=", ".join(SECONDS),
             rates=", ".join(RATES),
@@ -125,7 +125,7 @@ def _points(frame: Any, k: int, name: str) -> Array:
     if found is None or found == []:
         return np.full((COUNT, 3), np.nan)
     if not isinstance(found, list) or len(found) != COUNT:
-        raise InputError("landmarks.does_not_hold_points", where=where, count=COUNT)
+        raise InputError("landmarks.point_count", where=where, count=COUNT)
     return np.array([_point(point, where) for point in found])
 
 
@@ -140,7 +140,7 @@ def _point(point: Any, where: str) -> list[float]:
     if isinstance(point, dict):
         point = [point.get(axis) for axis in "xyz"]
     if not isinstance(point, list) or len(point) < 3:
-        raise InputError("landmarks.point_needs_x_y", where=where)
+        raise InputError("landmarks.point_incomplete", where=where)
     return [_number(value, where) for value in point[:3]]
 
 
@@ -167,11 +167,11 @@ def _read_csv(text: str, name: str) -> FileContent:
     try:
         header, *rows = [row for row in csv.reader(lines, delimiter=delimiter) if row] or [[]]
     except csv.Error as problem:
-        raise InputError("landmarks.no_table_text", name=name, problem=str(problem)) from None
+        raise InputError("landmarks.not_a_table", name=name, problem=str(problem)) from None
     columns = [column.strip().lower() for column in header]
     time = next((key for key in SECONDS if key in columns), None)
     if time is None or len(rows) < 2:
-        raise InputError("landmarks.has_no_column_time", name=name, seconds=", ".join(SECONDS))
+        raise InputError("landmarks.no_time_column", name=name, seconds=", ".join(SECONDS))
     values = np.array(
         [
             _row(row, len(columns), delimiter != ",", f"{name}, row {k}")
@@ -235,19 +235,19 @@ def _landmark_of(column: str) -> tuple[int, str] | None:
 
 def _require_increasing(t: Array, name: str) -> None:
     if not np.isfinite(t).all() or not (np.diff(t) > 0).all():
-        raise InputError("landmarks.times_do_not_increase", name=name)
+        raise InputError("landmarks.time_not_increasing", name=name)
 
 
 def _scale(content: FileContent, name: str) -> Array:
     """Places (n, 21, 3) whose axes have one scale: shares of a picture are stretched by its width and height."""
     places, picture = content.places, content.picture
     if not np.isfinite(places).any():
-        raise InputError("landmarks.shows_no_hand_any", name=name)
+        raise InputError("landmarks.no_hand", name=name)
     if np.nanmax(np.abs(places)) > LARGEST:
-        raise InputError("landmarks.holds_coordinates_beyond", name=name, largest=LARGEST)
+        raise InputError("landmarks.coordinates_too_large", name=name, largest=LARGEST)
     wrist = np.nanmedian(np.abs(places[:, WRIST]), axis=0)
     if content.is_world or wrist[2] > AT_WRIST or wrist[:2].max() < AT_WRIST:
         return places
     if picture is None or not all(1 <= size <= LARGEST for size in picture):
-        raise InputError("landmarks.holds_shares_picture_whose", name=name)
+        raise InputError("landmarks.image_size_missing", name=name)
     return np.asarray(places * [picture[0], picture[1], picture[0]])

@@ -57,7 +57,7 @@ def load_table(path: Path, gravity: float) -> LoadTable:
     with read_lines(path, LARGEST, "16 MB: give one row a load") as lines:
         found = list(lines)
     if len(found) < 2:
-        raise InputError("loads.holds_no_loads", name=path.name)
+        raise InputError("loads.empty", name=path.name)
     columns = _Columns(path.name, found[0][1], found[1:])
     loads = (
         _of_weights(columns, gravity)
@@ -85,7 +85,7 @@ class _Columns:
         self.names = [name for name, _ in parsed]
         self.units = {name: unit.strip() for name, unit in parsed if unit}
         if len(set(self.names)) < len(self.names):
-            raise InputError("loads.two_columns_have_same", file=file)
+            raise InputError("loads.column_twice", file=file)
         for number, cells in rows:
             if len(cells) != len(header):
                 raise InputError(
@@ -101,7 +101,7 @@ class _Columns:
         """Columns with a unit that tell no load."""
         own = [name for name in self.units if name not in _LOADS]
         if not own:
-            raise InputError("loads.has_no_channels_sensor", file=self.file)
+            raise InputError("loads.no_channels", file=self.file)
         return tuple(Channel(name, self.units[name]) for name in own)
 
     def require_enough(self, channels: Sequence[Channel], axes: int) -> None:
@@ -115,7 +115,7 @@ class _Columns:
         readings = [name for name in readings if np.isfinite(self.numbers(name)).any()]
         if len(channels) < axes and readings:
             raise InputError(
-                "loads.channels_unit_cannot_tell",
+                "loads.too_few_channels",
                 file=self.file,
                 channels=len(channels),
                 axes=axes,
@@ -143,7 +143,7 @@ class _Columns:
             return None
         if len(present) < 3:
             raise InputError(
-                "loads.has_without_rest",
+                "loads.axes_incomplete",
                 file=self.file,
                 present=", ".join(present),
                 names=", ".join(names),
@@ -177,7 +177,7 @@ _LOADS = {
 def _of_weights(columns: _Columns, gravity: float) -> Array:
     """Weights that hang on the sensor: F = -m g d, and where it is told where, M = r x F."""
     if "mass" not in columns.names:
-        raise InputError("loads.tells_down_no_mass", file=columns.file)
+        raise InputError("loads.mass_missing", file=columns.file)
     mass = columns.numbers("mass", columns.factor("mass", "mass"))
     down = _down(columns)
     down[mass == 0] = 0.0  # nothing hung: it does not matter where down was
@@ -194,7 +194,7 @@ def _down(columns: _Columns) -> Array:
     acc = columns.three("acc")
     if acc is not None:
         if {"down", "down_x", "down_y", "down_z"} & set(columns.names):
-            raise InputError("loads.tells_down_was_twice", file=columns.file)
+            raise InputError("loads.down_twice", file=columns.file)
         return np.asarray(-acc / np.linalg.norm(acc, axis=1, keepdims=True))
     if "down" in columns.names:
         return np.array(
@@ -204,7 +204,7 @@ def _down(columns: _Columns) -> Array:
             ]
         )
     if "down_x" not in columns.names:
-        raise InputError("loads.has_masses_does_not", file=columns.file)
+        raise InputError("loads.down_missing", file=columns.file)
     down = np.stack(
         [
             columns.numbers(f"down_{axis}")
@@ -231,7 +231,7 @@ def _direction(where: str, word: str) -> Array:
 def _of_forces(columns: _Columns) -> Array:
     force, torque = columns.three("force"), columns.three("torque")
     if force is None:
-        raise InputError("loads.tells_no_loads", file=columns.file, how=HOW)
+        raise InputError("loads.no_loads", file=columns.file, how=HOW)
     return force if torque is None else np.concatenate([force, torque], axis=1)
 
 

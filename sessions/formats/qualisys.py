@@ -30,7 +30,7 @@ def read_markers(path: Path) -> Markers:
     wanted = [*BACK, elbow, *(f"{f}_{place}" for f in FINGERS for place in ("middle", "tip"))]
     if missing := [name for name in wanted if name not in column]:
         raise InputError(
-            "qualisys.has_no_marker", path=str(path), missing=missing[0], wanted=", ".join(wanted)
+            "qualisys.marker_missing", path=str(path), missing=missing[0], wanted=", ".join(wanted)
         )
     places = table[:, 2:].reshape(len(table), -1, 3)[:, [column[name] for name in wanted]] * 1e-3
     return Markers(table[:, 1], places[:, :3], places[:, 3], places[:, 4:].reshape(-1, 5, 2, 3))
@@ -47,9 +47,7 @@ def _table(path: Path, lines: list[str]) -> tuple[list[str], Array]:
             dtype=float,
         )
     except ValueError as problem:
-        raise InputError(
-            "qualisys.no_qualisys_export", path=str(path), problem=str(problem)
-        ) from None
+        raise InputError("qualisys.damaged", path=str(path), problem=str(problem)) from None
     if table.ndim != 2 or len(table) < 2 or table.shape[1] != 2 + 3 * len(names):
-        raise InputError("qualisys.no_qualisys_export_marker", path=str(path))
+        raise InputError("qualisys.not_an_export", path=str(path))
     return names, table

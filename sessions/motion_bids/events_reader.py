@@ -20,7 +20,7 @@ def read_events(path: Path) -> tuple[Event, ...]:
         text = path.read_bytes()
     except OSError as problem:
         raise InputError(
-            "motion_bids.cannot_be_read", name=str(path), problem=str(problem.strerror)
+            "file.cannot_read", name=str(path), problem=str(problem.strerror)
         ) from None
     found = rows(text, path.name, ("onset", "duration", "trial_type")).items()
     events = (_event(row, path.name, number) for number, row in found)

@@ -35,7 +35,7 @@ def require_checksum(name: str, entry: dict[str, Any], pieces: Iterable[bytes]) 
     for piece in pieces:
         total.update(piece)
     if total.hexdigest() != entry["sha256"]:
-        raise InputError("backup.backup_not_was_backed", name=name)
+        raise InputError("backup.checksum_differs", name=name)
 
 
 def pieces_of(file: IO[bytes]) -> Iterator[bytes]:

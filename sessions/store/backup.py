@@ -85,11 +85,11 @@ def write(
     With recipients it is sealed for them: it is made in the data folder, and leaves it sealed alone.
     """
     if url is None and not (folder / FILE).is_file():
-        raise InputError("backup.no_handscope_data", folder=str(folder))
+        raise InputError("backup.no_data", folder=str(folder))
     if target.exists():
-        raise InputError("backup.already", target=str(target))
+        raise InputError("backup.exists", target=str(target))
     if target.absolute().is_relative_to(folder.absolute()):
-        raise InputError("backup.lies_inside_data_folder", target=str(target))
+        raise InputError("backup.inside_data_folder", target=str(target))
     partial = target.with_name(f".{target.name}.partial")
     sealed = partial if recipients else None
     if sealed is not None:
@@ -112,7 +112,7 @@ def write(
                     sealed_files.seal(partial, sealed, recipients)
                 os.replace(sealed or partial, target)
                 return made
-        raise InputError("backup.patients_were_erased_while")
+        raise InputError("backup.erased_meanwhile")
     except OSError as problem:
         raise InputError(
             "backup.cannot_write_backup", target=str(target), strerror=str(problem.strerror)
@@ -147,7 +147,7 @@ def restore(
     The database comes last and a mark lies in the folder until then: an interrupted restore cannot be taken for data.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError("backup.not_empty_folder", folder=str(folder))
+        raise InputError("backup.folder_not_empty", folder=str(folder))
     existed = folder.exists()
     with _open(source) as archive:
         manifest = _manifest(archive, source)
@@ -176,7 +176,7 @@ def restore(
                 ) from None
             if isinstance(problem, DBAPIError):
                 raise InputError(
-                    "backup.database_refused_backup",
+                    "backup.database_refused",
                     engine=place_of(engine),
                     orig=str(problem.orig),
                 ) from None
@@ -198,7 +198,7 @@ def read_audit_head(source: Path) -> tuple[int, str]:
     with _open(source) as archive:
         noted = _manifest(archive, source).get("audit")
     if not noted:
-        raise InputError("backup.notes_no_line_audit", source=str(source))
+        raise InputError("backup.no_audit_head", source=str(source))
     number, total = noted
     return int(number), str(total)
 
@@ -314,20 +314,18 @@ def _put(
 def _verify(path: Path) -> None:
     with zipfile.ZipFile(path) as archive:
         if (bad := archive.testzip()) is not None:
-            raise InputError("backup.could_not_read_back", bad=bad)
+            raise InputError("backup.not_read_back", bad=bad)
 
 
 @contextlib.contextmanager
 def _open(source: Path) -> Iterator[zipfile.ZipFile]:
     if sealed_files.is_sealed(source):
-        raise InputError("backup.sealed_name_file_key", source=str(source))
+        raise InputError("backup.sealed", source=str(source))
     try:
         with zipfile.ZipFile(source) as archive:
             yield archive
     except DAMAGED as problem:
-        raise InputError(
-            "backup.damaged_no_backup", source=str(source), problem=str(problem)
-        ) from None
+        raise InputError("backup.damaged", source=str(source), problem=str(problem)) from None
     except OSError as problem:  # also where a damaged directory points before the file's beginning
         raise InputError(
             "backup.cannot_read", source=str(source), strerror=str(problem.strerror)
@@ -341,10 +339,10 @@ def _manifest(archive: zipfile.ZipFile, source: Path) -> dict[str, Any]:
     except (KeyError, TypeError, ValueError):
         known = False
     if not known:
-        raise InputError("backup.no_backup_made_handscope", source=str(source))
+        raise InputError("backup.not_a_backup", source=str(source))
     if manifest["format_version"] > FORMAT_VERSION:
         raise InputError(
-            "backup.has_backup_format_program",
+            "backup.newer_format",
             source=str(source),
             manifest=manifest["format_version"],
             format_version=FORMAT_VERSION,
@@ -363,10 +361,10 @@ def _unpack(
     whole = max(1, sum(entry["bytes"] for entry in manifest["files"].values()))
     for name, entry in manifest["files"].items():
         if name not in archive.namelist():
-            raise InputError("backup.missing_backup", name=name)
+            raise InputError("backup.file_missing", name=name)
         path = (folder / name).resolve()
         if not path.is_relative_to(home) or path == home / RESTORING:
-            raise InputError("backup.backup_lies_outside_data", name=name)
+            raise InputError("backup.path_outside", name=name)
         if name == DATABASE:
             require_checksum(name, entry, read_entry(archive, name))
         else:
@@ -383,5 +381,5 @@ def _fill(engine: Engine, lines: Iterable[bytes]) -> None:
         database_dump.load(engine, lines)
     except (AttributeError, KeyError, StopIteration, TypeError) as problem:
         raise InputError(
-            "backup.rows_backup_not_those", error=type(problem).__name__, problem=str(problem)
+            "backup.foreign_rows", error=type(problem).__name__, problem=str(problem)
         ) from problem

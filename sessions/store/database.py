@@ -43,7 +43,7 @@ def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]
     except DatabaseError as problem:
         engine.dispose()
         raise InputError(
-            "store.database_cannot_opened", engine=place_of(engine), orig=str(problem.orig)
+            "store.database_cannot_open", engine=place_of(engine), orig=str(problem.orig)
         ) from None
     database = sessionmaker(engine, expire_on_commit=False)
     repeatability.enable(database)
@@ -62,7 +62,7 @@ def connect(folder: Path, url: str | None = None) -> Engine:
             connect_args=_connect_arguments(url or ""),
         )
     except (ArgumentError, ImportError) as problem:
-        raise InputError("store.database_url_not_understood", problem=str(problem)) from None
+        raise InputError("store.database_url", problem=str(problem)) from None
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _prepare_sqlite)
         event.listen(engine, "checkin", _patient_again)
@@ -127,9 +127,7 @@ def _require_known(engine: Engine) -> None:
     with engine.connect() as connection:
         revision = MigrationContext.configure(connection).get_current_revision()
     if revision is not None and not is_known(revision):
-        raise InputError(
-            "store.database_has_schema_newer", engine=place_of(engine), revision=revision
-        )
+        raise InputError("store.database_newer", engine=place_of(engine), revision=revision)
 
 
 def _connect_arguments(url: str) -> dict[str, Any]:

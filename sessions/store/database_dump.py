@@ -53,11 +53,11 @@ def dump(connection: Connection) -> Iterator[bytes]:
 def load(engine: Engine, lines: Iterable[bytes]) -> None:
     """Make the schema that the dump had, fill it, bring it up to date; InputError where the database is not empty or the dump is of a newer program."""
     if inspect(engine).get_table_names():
-        raise InputError("store.database_holds_tables_already")
+        raise InputError("store.database_not_empty")
     each = iter(lines)
     revision = json.loads(next(each))["revision"]
     if not is_known(revision):
-        raise InputError("store.backup_has_database_schema", revision=revision)
+        raise InputError("store.backup_newer", revision=revision)
     try:
         upgrade(engine, revision)
         with engine.begin() as connection:

@@ -26,7 +26,7 @@ def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, i
     """Erase the patient whose pseudonym was typed as it is stored; InputError, and nothing is erased, where it is another or where work goes on; gives what there was."""
     patient = patients.get(db, patient_id)
     if " ".join(typed.split()) != patient.pseudonym:
-        raise InputError("store.erase_patient_type_code", code=patient.pseudonym)
+        raise InputError("store.erasure_code_differs", code=patient.pseudonym)
     sessions = list(db.scalars(_of(patient)))
     recordings = [f for s in sessions for f in s.recordings]
     results = [r for f in recordings for r in f.results]

@@ -46,7 +46,7 @@ def hold_folder(folder: Path, url: str | None = None) -> Iterator[None]:
         file = os.open(folder / FILE, os.O_RDWR | os.O_CREAT, 0o600)
     except OSError as problem:
         raise InputError(
-            "store.data_folder_cannot_made", folder=str(folder), problem=str(problem.strerror)
+            "store.data_folder_cannot_make", folder=str(folder), problem=str(problem.strerror)
         ) from None
     try:
         if not _lock(file):

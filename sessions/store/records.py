@@ -133,7 +133,7 @@ def get(db: Session, session_id: int) -> PatientSession:
     """The session; InputError where there is none."""
     session = db.get(PatientSession, session_id)
     if session is None:
-        raise InputError("store.no_session", number=session_id)
+        raise InputError("store.session_unknown", number=session_id)
     return session
 
 
@@ -164,7 +164,7 @@ def hand_of(word: str) -> Hand:
     for hand in HANDS:
         if word == hand:
             return hand
-    raise InputError("store.hand_left_right_not", word=word)
+    raise InputError("store.unknown_hand", word=word)
 
 
 def _require_finished(path: Path) -> None:
@@ -172,7 +172,7 @@ def _require_finished(path: Path) -> None:
     until = time.monotonic() + FINISH_WAIT
     while path.exists() and is_being_written(path):
         if time.monotonic() > until:
-            raise InputError("store.recording_still_being_written")
+            raise InputError("store.recording_in_progress")
         time.sleep(0.05)
 
 

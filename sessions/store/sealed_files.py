@@ -31,7 +31,7 @@ def seal(source: Path, target: Path, recipients: Sequence[str]) -> None:
     try:
         known = [pyrage.x25519.Recipient.from_str(r.strip()) for r in recipients]
     except pyrage.RecipientError:
-        raise InputError("store.recipient_line_age1_handscope") from None
+        raise InputError("sealed.recipient_form") from None
     os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600))
     pyrage.encrypt_file(str(source), str(target), known)
     with target.open("rb") as file:
@@ -47,10 +47,12 @@ def unseal(source: Path, target: Path, keys: Sequence[Path]) -> None:
         pyrage.decrypt_file(str(source), str(target), identities)
     except pyrage.DecryptError as problem:
         target.unlink(missing_ok=True)
-        raise InputError("store.not_opened_key", source=str(source), problem=problem) from None
+        raise InputError("sealed.key_does_not_open", source=str(source), problem=problem) from None
     except OSError as problem:
         target.unlink(missing_ok=True)
-        raise InputError("store.cannot_opened", source=str(source), problem=str(problem)) from None
+        raise InputError(
+            "sealed.sealed_damaged", source=str(source), problem=str(problem)
+        ) from None
 
 
 @contextlib.contextmanager
@@ -60,7 +62,7 @@ def unsealed(source: Path, keys: Sequence[Path], beside: Path | None = None) -> 
         yield source
         return
     if not keys:
-        raise InputError("backup.sealed_name_file_key", source=str(source))
+        raise InputError("backup.sealed", source=str(source))
     with tempfile.TemporaryDirectory(prefix=".handscope-", dir=beside) as folder:
         plain = Path(folder) / source.name.removesuffix(ENDING)
         unseal(source, plain, keys)
@@ -74,10 +76,10 @@ def make_key(file: Path) -> str:
     try:
         handle = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:
-        raise InputError("store.key_exists", file=str(file)) from None
+        raise InputError("sealed.key_exists", file=str(file)) from None
     except OSError as problem:
         raise InputError(
-            "table.cannot_written_3", file=str(file), problem=str(problem.strerror)
+            "table.file_not_writable", file=str(file), problem=str(problem.strerror)
         ) from None
     with os.fdopen(handle, "w") as out:
         out.write(f"# recipient: {recipient}\n{identity}\n")
@@ -87,7 +89,7 @@ def make_key(file: Path) -> str:
 def reseal(file: Path, keys: Sequence[Path], recipients: Sequence[str]) -> None:
     """Seal a file for other recipients, in its place; what was sealed before is gone only when the new one can be read."""
     if not is_sealed(file):
-        raise InputError("store.not_sealed", file=str(file))
+        raise InputError("sealed.not_sealed", file=str(file))
     partial = file.with_name(f".{file.name}.partial")
     try:
         with unsealed(file, keys, file.parent) as plain:
@@ -105,10 +107,10 @@ def _read_keys(file: Path) -> list[Any]:
         return [pyrage.x25519.Identity.from_str(line) for line in found]
     except OSError as problem:
         raise InputError(
-            "store.key_cannot_read", file=str(file), strerror=str(problem.strerror)
+            "sealed.key_unreadable", file=str(file), strerror=str(problem.strerror)
         ) from None
     except (UnicodeDecodeError, pyrage.IdentityError):
-        raise InputError("store.holds_no_key", file=str(file)) from None
+        raise InputError("sealed.not_a_key", file=str(file)) from None
 
 
 def _library() -> Any:

@@ -55,7 +55,7 @@ class Store:
         """Where a kept file is written, by its name in the database; nothing outside the folder. To read one: kept_files.at_hand."""
         path = (self.folder / file).resolve()
         if not path.is_relative_to(self.folder.resolve()):
-            raise InputError("store.lies_outside_data_folder", file=file)
+            raise InputError("store.path_outside", file=file)
         return path
 
     def cached(self, file: str) -> Path:
@@ -71,7 +71,7 @@ class Store:
         """InputError where the disk is nearly full."""
         free = free_bytes(self.folder)
         if free < needed:
-            raise InputError("store.disk_nearly_full_mb", free=free / 2**20, needed=needed / 2**20)
+            raise InputError("store.disk_nearly_full", free=free / 2**20, needed=needed / 2**20)
 
 
 def free_bytes(folder: Path) -> int:
@@ -95,10 +95,10 @@ def open_store(folder: Path, url: str | None = None, recordings: str | None = No
             place.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise InputError(
-            "store.data_folder_cannot_made", folder=str(folder), problem=str(problem.strerror)
+            "store.data_folder_cannot_make", folder=str(folder), problem=str(problem.strerror)
         ) from None
     if (folder / RESTORING).exists():
-        raise InputError("store.backup_was_being_restored", folder=str(folder))
+        raise InputError("store.restore_unfinished", folder=str(folder))
     for leftover in (folder / "incoming").iterdir():
         leftover.unlink() if leftover.is_file() else shutil.rmtree(leftover, ignore_errors=True)
     _require_writable(folder)
@@ -123,7 +123,7 @@ def _require_writable(folder: Path) -> None:
         with contextlib.suppress(OSError):
             probe.unlink(missing_ok=True)
         raise InputError(
-            "store.data_folder_cannot_written", folder=str(folder), problem=str(problem.strerror)
+            "store.data_folder_not_writable", folder=str(folder), problem=str(problem.strerror)
         ) from None
 
 

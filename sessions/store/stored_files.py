@@ -91,7 +91,7 @@ def _fetch(store: Store, file: str, copy: Path, sha256: str | None) -> None:
         with partial.open("xb") as out:
             out.writelines(object_storage.pieces(store.away, file))
         if sha256 is not None and file_checksum(partial) != sha256:
-            raise InputError("store.object_storage_not_was", file=file)
+            raise InputError("store.object_checksum_differs", file=file)
         copy.parent.mkdir(parents=True, exist_ok=True)
         os.replace(partial, copy)
     finally:

@@ -79,10 +79,10 @@ def _date(session: PatientSession, started: datetime, reason: str) -> None:
 def _require_date(session: PatientSession, started: datetime, reason: str) -> None:
     born = session.patient.year_of_birth
     if session.state == "open":
-        raise InputError("store.session_being_measured")
+        raise InputError("store.date_while_measured")
     if started > now() + SLACK:
-        raise InputError("store.date_lies_future")
+        raise InputError("store.date_in_future")
     if born is not None and started.year < born:
-        raise InputError("store.date_before_patient_year", year=born)
+        raise InputError("store.date_before_birth", year=born)
     if started not in (session.recorded_as, session.started) and not reason.strip():
-        raise InputError("store.corrected_date_needs_reason")
+        raise InputError("store.date_without_reason")

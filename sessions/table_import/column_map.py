@@ -84,12 +84,12 @@ def parse_map(value: Any, name: str, of_stream: bool = False) -> ColumnMap:
     _only(value, {"hand", "table", "time", "rate", "sensors", "geometry"}, name)
     hand = value.get("hand")
     if hand not in HANDS:
-        raise InputError("import.hand_say_left_right", name=name, hand=hand)
+        raise InputError("import.unknown_hand", name=name, hand=hand)
     timed = not of_stream or {"time", "rate"} & set(value)
     time, rate = _time(value, name) if timed else (None, None)
     sensors = value.get("sensors")
     if not isinstance(sensors, dict) or not sensors:
-        raise InputError("import.sensors_names_no_sensor", name=name)
+        raise InputError("import.no_sensors", name=name)
     geometry = dict(value.get("geometry") or {})
     measures_from(geometry)
     return ColumnMap(
@@ -123,7 +123,7 @@ def _only(value: Any, known: set[str], where: str) -> None:
         raise InputError("import.not_an_object", where=where, known=", ".join(sorted(known)))
     if unknown := sorted(set(value) - known):
         raise InputError(
-            "import.has_unknown_keys",
+            "import.unknown_keys",
             where=where,
             unknown=", ".join(unknown),
             known=", ".join(sorted(known)),
@@ -135,21 +135,21 @@ def _layout(value: Any, name: str) -> TableLayout:
     _only(value, {"delimiter", "decimal", "header", "skip"}, where)
     layout = TableLayout(**value)
     if len(str(layout.delimiter)) != 1 or layout.decimal not in (".", ","):
-        raise InputError("import.delimiter_one_character_decimal", where=where)
+        raise InputError("import.delimiter_form", where=where)
     if layout.delimiter == layout.decimal:
-        raise InputError("import.delimiter_decimal_mark_both", where=where, decimal=layout.decimal)
+        raise InputError("import.delimiter_is_decimal_mark", where=where, decimal=layout.decimal)
     if not isinstance(layout.skip, int) or layout.skip < 0 or not isinstance(layout.header, bool):
-        raise InputError("import.header_true_false_skip", where=where)
+        raise InputError("import.header_form", where=where)
     return layout
 
 
 def _time(value: Mapping[str, Any], name: str) -> tuple[tuple[Column, str] | None, float | None]:
     time, rate = value.get("time"), value.get("rate")
     if (time is None) == (rate is None):
-        raise InputError("import.give_either_time", name=name)
+        raise InputError("import.time_or_rate", name=name)
     if time is None:
         if not isinstance(rate, int | float) or not 1 <= rate <= 10000:
-            raise InputError("import.rate_no_number_hz", name=name, rate=repr(rate))
+            raise InputError("import.rate_form", name=name, rate=repr(rate))
         return None, float(rate)
     _only(time, {"column", "unit"}, f"{name}: time")
     if time.get("unit") not in SECONDS:
@@ -161,7 +161,7 @@ def _time(value: Mapping[str, Any], name: str) -> tuple[tuple[Column, str] | Non
 
 def _column(value: Any, where: str) -> Column:
     if isinstance(value, bool) or not isinstance(value, str | int):
-        raise InputError("import.no_column_give_name", where=where, value=value)
+        raise InputError("import.column_form", where=where, value=value)
     return value
 
 
@@ -169,21 +169,21 @@ def _sensor(point: str, value: Any, name: str) -> MappedSensor:
     where = f"{name}: {point}"
     if point not in TRACKED_POINTS:
         raise InputError(
-            "import.no_tracked_point", where=where, tracked_points=", ".join(TRACKED_POINTS)
+            "import.unknown_point", where=where, tracked_points=", ".join(TRACKED_POINTS)
         )
     _only(value, {*FACTORS, "mounting"}, where)
     channels = {
         q: _channels(value[q], q, f"{where}, {q}") for q in FACTORS if value.get(q) is not None
     }
     if not channels:
-        raise InputError("import.maps_nothing", where=where)
+        raise InputError("import.nothing_mapped", where=where)
     mounting = value.get("mounting") or [1, 0, 0, 0]
     try:
         q = np.asarray(mounting, dtype=float)
     except (TypeError, ValueError):
         q = np.zeros(0)
     if q.shape != (4,) or not 0.9 < np.linalg.norm(q) < 1.1:
-        raise InputError("import.mounting_no_unit_quaternion", where=where, mounting=repr(mounting))
+        raise InputError("import.mounting_not_unit", where=where, mounting=repr(mounting))
     return MappedSensor(channels, (float(q[0]), float(q[1]), float(q[2]), float(q[3])))
 
 

@@ -67,9 +67,9 @@ def _values(table: NumberColumns, columns: ColumnMap, point: str, quantity: str)
     values = np.column_stack([table.column(c) for c in channels.columns]) * factor
     if not np.isfinite(values).all(axis=1).any():
         raise InputError(
-            "import.columns_hold_no_numbers",
+            "import.columns_without_numbers",
             file=table.file,
-            str=", ".join(map(str, channels.columns)),
+            columns=", ".join(map(str, channels.columns)),
             point=point,
         )
     return values
@@ -84,11 +84,11 @@ def _times(table: NumberColumns, columns: ColumnMap) -> tuple[Array, float]:
     t = table.column(column) * SECONDS[unit]
     if not np.isfinite(t).all():
         row = int(np.flatnonzero(~np.isfinite(t))[0])
-        raise InputError("import.time_column_has_no", file=table.file, column=column, row=row + 1)
+        raise InputError("import.time_missing", file=table.file, column=column, row=row + 1)
     steps = np.diff(t)
     if len(t) < 2 or (steps <= 0).any():
         row = int(np.flatnonzero(steps <= 0)[0]) + 2 if len(t) > 1 else 1
-        raise InputError("import.times_do_not_increase", file=table.file, column=column, row=row)
+        raise InputError("import.time_not_increasing", file=table.file, column=column, row=row)
     rate = float(1 / np.median(steps))
     if not 5 <= rate <= 10000:
         raise InputError(
@@ -111,7 +111,7 @@ def _require_plausible(blocks: Sequence[Block], stated: Set[str], file: str) -> 
             _likely_unit(size, min(stated)) if len(stated) == 1 else "sensors have several units"
         )
         raise InputError(
-            "import.map_units_accelerometers_read",
+            "import.gravity_implausible",
             file=file,
             size=size,
             gravity=GRAVITY,
@@ -119,9 +119,7 @@ def _require_plausible(blocks: Sequence[Block], stated: Set[str], file: str) -> 
         )
     _require_unit_norm(blocks, file)
     if rates and max(rates) > FASTEST:
-        raise InputError(
-            "import.map_units_gyroscope_reads", file=file, rates=np.degrees(max(rates))
-        )
+        raise InputError("import.rates_implausible", file=file, rates=np.degrees(max(rates)))
 
 
 def _require_unit_norm(blocks: Sequence[Block], file: str) -> None:
@@ -129,9 +127,7 @@ def _require_unit_norm(blocks: Sequence[Block], file: str) -> None:
         norms = np.nanmedian(np.linalg.norm(block.of(ORIENTATION), axis=2), axis=0)
         for point, norm in zip(block.stream.sensors, norms):
             if not abs(norm - 1.0) <= UNIT_NORM:
-                raise InputError(
-                    "import.columns_mapped_orientation_have", file=file, point=point, norm=norm
-                )
+                raise InputError("import.orientation_not_unit", file=file, point=point, norm=norm)
 
 
 def _likely_unit(size: float, stated: str) -> str:

@@ -27,7 +27,7 @@ class NumberColumns:
         if isinstance(wanted, int):
             if not 0 <= wanted < self.values.shape[1]:
                 raise InputError(
-                    "import.has_no_column",
+                    "import.column_number_missing",
                     file=self.file,
                     wanted=wanted,
                     shape=self.values.shape[1],
@@ -37,7 +37,7 @@ class NumberColumns:
             known = ", ".join(self.names[:40]) or "none: it has no header, give numbers from 0"
             many = "no" if wanted not in self.names else "more than one"
             raise InputError(
-                "import.has_column", file=self.file, many=many, wanted=wanted, known=known
+                "import.column_not_unique", file=self.file, many=many, wanted=wanted, known=known
             )
         return self._whole(self.names.index(wanted))
 
@@ -65,4 +65,4 @@ def text_lines(path: Path) -> list[str]:
         if "\0" in text:
             break
         return text.splitlines()
-    raise InputError("import.no_text_csv_tsv", name=path.name)
+    raise InputError("import.unknown_format", name=path.name)

@@ -44,9 +44,9 @@ def _read_text(path: Path, layout: TableLayout) -> NumberColumns:
         faults: dict[int, str] = {}
         values = list(_numbers(rows, names, first, path.name, layout.decimal, faults))
     except csv.Error as problem:
-        raise InputError("import.cannot_read_table", name=path.name, problem=str(problem)) from None
+        raise InputError("import.not_a_table", name=path.name, problem=str(problem)) from None
     if not values:
-        raise InputError("import.has_no_rows_numbers", name=path.name, first=first - 1)
+        raise InputError("import.no_rows", name=path.name, first=first - 1)
     return NumberColumns(path.name, names, np.array(values), faults)
 
 
@@ -107,7 +107,7 @@ def _frame_reader(function: str, package: str) -> Callable[[Path, TableLayout], 
             import_module(package)
         except ImportError:
             raise InputError(
-                "import.files_need_pandas", suffix=path.suffix, package=package
+                "import.package_missing", suffix=path.suffix, package=package
             ) from None
         options: Mapping[str, Any] = (
             {"header": 0 if layout.header else None, "skiprows": layout.skip}
@@ -131,9 +131,7 @@ def _read_matlab(path: Path, layout: TableLayout) -> NumberColumns:
     try:
         found = loadmat(path, simplify_cells=True)
     except Exception as problem:  # whatever a foreign file raises
-        raise InputError(
-            "import.cannot_read_matlab_5", name=path.name, problem=str(problem)
-        ) from None
+        raise InputError("import.not_matlab", name=path.name, problem=str(problem)) from None
     names, columns = [], []
     for name, value in _flatten("", found):
         array = np.asarray(value)
@@ -145,7 +143,7 @@ def _read_matlab(path: Path, layout: TableLayout) -> NumberColumns:
     rows = max((len(c) for c in columns), key=[len(c) for c in columns].count, default=0)
     kept = [(n, c) for n, c in zip(names, columns) if len(c) == rows]
     if not kept:
-        raise InputError("import.holds_no_columns_numbers", name=path.name)
+        raise InputError("import.no_columns", name=path.name)
     return NumberColumns(
         path.name, tuple(n for n, _ in kept), np.column_stack([c for _, c in kept])
     )

@@ -59,9 +59,7 @@ def _split_quoted(text: str, mark: str, number: int) -> list[str]:
     try:
         return next(csv.reader([text], delimiter=mark, skipinitialspace=True))
     except csv.Error as problem:
-        raise InputError(
-            "array.line_table_cannot_read", number=number, problem=str(problem)
-        ) from problem
+        raise InputError("array.line_unreadable", number=number, problem=str(problem)) from problem
 
 
 def split_triple(cell: str) -> list[str]:

@@ -86,7 +86,7 @@ def read_description(path: Path) -> ArrayDescription:
 def _parse(parsed: Mapping[str, Any]) -> ArrayDescription:
     magnetometers = parsed["magnetometers"]
     if not magnetometers:
-        raise InputError("array.array_file_names_no")
+        raise InputError("array.no_magnetometers")
     _refuse_others(parsed, ENTRIES, "the array's file")
     for name, one in magnetometers.items():
         _refuse_others(one, MAGNETOMETER_ENTRIES, f"magnetometer {name!r}")
@@ -98,18 +98,18 @@ def _parse(parsed: Mapping[str, Any]) -> ArrayDescription:
     )
     turns = [one.get("q_bl") for one in magnetometers.values()]
     if any(turn is None for turn in turns) and any(turn is not None for turn in turns):
-        raise InputError("array.tell_q_bl_every")
+        raise InputError("array.orientations_incomplete")
     numbers = ("earth", "limit", "moment", "place_sd", "calibration_sd", "gradient", "rate")
     earth, limit, moment, place_sd, calibration_sd, gradient, rate = (
         None if parsed.get(key) is None else _parse_finite(parsed[key], key) for key in numbers
     )
     unit, sensor = parsed["unit"], parsed.get("sensor")
     if "columns" in parsed and sensor is None:
-        raise InputError("array.columns_whole_array_those")
+        raise InputError("array.sensor_column_missing")
     if sensor is not None and (
         separate := [name for name, one in magnetometers.items() if "columns" in one]
     ):
-        raise InputError("array.magnetometer_has_columns_own", separate=separate[0])
+        raise InputError("array.columns_twice", separate=separate[0])
     shared = (
         {}
         if sensor is None
@@ -142,18 +142,20 @@ def _parse(parsed: Mapping[str, Any]) -> ArrayDescription:
 def _refuse_others(parsed: Mapping[str, Any], known: Sequence[str], what: str) -> None:
     strange = [key for key in parsed if key not in known]
     if strange:
-        raise InputError("array.no_entry", strange=strange[0], what=what, known=", ".join(known))
+        raise InputError(
+            "array.unknown_entry", strange=strange[0], what=what, known=", ".join(known)
+        )
 
 
 def _parse_timing(parsed: Any, rate: float | None) -> Timing:
     if rate is not None and not rate > 0:
-        raise InputError("array.array_rate_hz", rate=rate)
+        raise InputError("array.rate_form", rate=rate)
     if parsed is None:
         return Timing(rate=rate)
     _refuse_others(parsed, ("column", "unit"), "the array's `time`")
     unit = parsed.get("unit", "s")
     if unit not in SECONDS:
-        raise InputError("array.no_unit_time", unit=unit, seconds=", ".join(SECONDS))
+        raise InputError("array.unknown_time_unit", unit=unit, seconds=", ".join(SECONDS))
     return Timing(parsed.get("column", "t"), unit, rate)
 
 
@@ -165,5 +167,5 @@ def _parse_columns(name: str, columns: Any) -> tuple[Column, ...]:
 
 def _parse_finite(value: Any, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
-        raise InputError("array.array_has_no_finite", what=what, value=value)
+        raise InputError("array.not_finite", what=what, value=value)
     return float(value)

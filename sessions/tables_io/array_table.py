@@ -71,12 +71,12 @@ def read_table(path: Path, array: ArrayDescription) -> Table:
     with read_lines(path, MAX_BYTES, "1 GB: cut it into pieces") as lines:
         first = next(lines, None)
         if first is None:
-            raise InputError("array.holds_no_readings", file=path.name)
+            raise InputError("array.empty", file=path.name)
         header = drop_empty_end(first[1])
         bare = all(is_number(cell) or split_triple(cell) for cell in header)
         second = first if bare else next(lines, None)
         if second is None:
-            raise InputError("array.holds_no_readings", file=path.name)
+            raise InputError("array.empty", file=path.name)
         wide = [bool(split_triple(cell)) for cell in second[1]][: len(header)] + [False] * (
             len(header) - len(second[1])
         )
@@ -108,7 +108,7 @@ def _prepend(first: Line, rest: Iterator[Line]) -> Iterator[Line]:
 
 def _find_columns(file: str, header: Sequence[str], many: int, array: ArrayDescription) -> Columns:
     if len(set(header)) < len(header):
-        raise InputError("loads.two_columns_have_same", file=file)
+        raise InputError("loads.column_twice", file=file)
     place: dict[Column, int] = {name: k for k, name in enumerate(header)} | {
         k + 1: k for k in range(many)
     }
@@ -117,7 +117,7 @@ def _find_columns(file: str, header: Sequence[str], many: int, array: ArrayDescr
     if array.time.rate is None:
         if array.time.column not in place:
             raise InputError(
-                "array.first_line_must_name",
+                "array.header_form",
                 file=file,
                 column=array.time.column,
                 header=_describe_header(header, many),
@@ -136,7 +136,7 @@ def _find_columns(file: str, header: Sequence[str], many: int, array: ArrayDescr
         x, y, z = found
         if x is None or y is None or z is None:
             raise InputError(
-                "array.has_no_magnetometer_columns",
+                "array.magnetometer_columns_missing",
                 file=file,
                 name=name,
                 header=_describe_header(header, many),
@@ -161,9 +161,9 @@ def _find_long_columns(
     sensor = None if array.sensor in (None, IN_TURN) else place.get(array.sensor)
     if x is None or y is None or z is None or (sensor is None and array.sensor != IN_TURN):
         raise InputError(
-            "array.lacks_one_columns_told",
+            "array.declared_columns_missing",
             file=file,
-            str=", ".join(map(str, asked)),
+            columns=", ".join(map(str, asked)),
             sensor=str(array.sensor),
             header=_describe_header(header, many),
         )
@@ -199,7 +199,7 @@ def _read_rows(
         cells = drop_empty_end(line, many)
         if len(cells) != many:
             raise InputError(
-                "array.line_columns_first_line",
+                "array.row_length",
                 file=file,
                 number=number,
                 cells=len(cells),
@@ -213,7 +213,7 @@ def _read_rows(
                 "array.line_damaged", file=file, number=number, problem=str(problem)
             ) from problem
     if not values:
-        raise InputError("array.holds_no_readings", file=file)
+        raise InputError("array.empty", file=file)
     return np.frombuffer(values).reshape(-1, len(wanted))
 
 
@@ -255,7 +255,7 @@ def _split_by_magnetometer(
     each has its own."""
     if len(rows) % len(array.names) and columns.sensor is None:
         raise InputError(
-            "array.has_rows_no_multiple", file=file, rows=len(rows), names=len(array.names)
+            "array.rows_not_in_turn", file=file, rows=len(rows), names=len(array.names)
         )
     sensor = (
         np.arange(len(rows)) % len(array.names)
@@ -265,7 +265,7 @@ def _split_by_magnetometer(
     parts = {name: rows[sensor == k] for k, name in enumerate(array.names)}
     if missing := [name for name, part in parts.items() if not len(part)]:
         raise InputError(
-            "array.has_no_magnetometer_column",
+            "array.magnetometer_never_named",
             file=file,
             missing=missing[0],
             sensor=str(array.sensor),
@@ -275,7 +275,7 @@ def _split_by_magnetometer(
         most = max(len(part) for part in parts.values())
         if fewer := [name for name, part in parts.items() if len(part) < most]:
             raise InputError(
-                "array.has_rows_others_without",
+                "array.row_counts_differ",
                 file=file,
                 fewer=fewer[0],
                 parts=len(parts[fewer[0]]),
@@ -296,4 +296,4 @@ def _require_increasing(file: str, t: Array) -> None:
     behind = np.flatnonzero(~(np.diff(t) > 0))
     if len(t) < 2 or not np.isfinite(t).all() or len(behind):
         at = f"; {t[behind[0] + 1]:.10g} comes after {t[behind[0]]:.10g}" if len(behind) else ""
-        raise InputError("array.times_must_all_increase", file=file, at=at)
+        raise InputError("array.time_not_increasing", file=file, at=at)

@@ -26,11 +26,11 @@ def read(path: Path) -> PriorCalibration:
             "file.cannot_read", name=str(path), problem=str(problem.strerror)
         ) from None
     except ValueError:
-        raise InputError("calibration_file.no_json_name_calibration", path=str(path)) from None
+        raise InputError("calibration_file.not_json", path=str(path)) from None
     try:
         return parse(table)
     except (KeyError, TypeError, ValueError, AttributeError):
-        raise InputError("calibration_file.no_calibration_hand", path=str(path)) from None
+        raise InputError("calibration_file.not_a_calibration", path=str(path)) from None
 
 
 def parse(table: dict[str, Any]) -> PriorCalibration:

@@ -39,7 +39,7 @@ def of_recording(metadata: Mapping[str, Any]) -> StoredSetups:
     if not isinstance(tables, Mapping) or not all(
         isinstance(table, Mapping) for table in tables.values()
     ):
-        raise InputError("table.recording_calibrations_force_sensors")
+        raise InputError("table.force_calibrations_not_tables")
     return {strip: parse_setups(table) for strip, table in tables.items()}
 
 
@@ -53,5 +53,5 @@ def _read(path: Path) -> dict[str, Any]:
     except (InputError, OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
         reason = problem if isinstance(problem, InputError) else "it is no ForceSetup"
         raise InputError(
-            "table.calibration_force_sensors_cannot", file=path.name, said=str(reason)
+            "table.force_calibration_unreadable", file=path.name, reason=str(reason)
         ) from None

@@ -16,7 +16,7 @@ def save_folder(files: Mapping[str, Data], folder: Path) -> None:
         staging = Path(tempfile.mkdtemp(prefix=".handscope-", dir=folder))
     except OSError as problem:
         raise InputError(
-            "table.cannot_written", folder=str(folder), problem=str(problem.strerror)
+            "table.folder_not_writable", folder=str(folder), problem=str(problem.strerror)
         ) from None
     try:
         for name, data in files.items():
@@ -26,7 +26,7 @@ def save_folder(files: Mapping[str, Data], folder: Path) -> None:
         _exchange(staging, folder, list(files))
     except OSError as problem:
         raise InputError(
-            "table.cannot_written_2", folder=str(folder), problem=str(problem.strerror)
+            "table.nothing_kept", folder=str(folder), problem=str(problem.strerror)
         ) from None
     finally:
         shutil.rmtree(staging, ignore_errors=True)
@@ -60,7 +60,7 @@ def save_file(data: bytes, path: Path) -> None:
         os.replace(partial, path)
     except OSError as problem:
         raise InputError(
-            "table.cannot_written_3", file=str(path), problem=str(problem.strerror)
+            "table.file_not_writable", file=str(path), problem=str(problem.strerror)
         ) from None
     finally:
         partial.unlink(missing_ok=True)

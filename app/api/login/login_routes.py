@@ -79,12 +79,12 @@ def log_in(parts: PartsDep, db: Db, request: Request, given: Proof) -> Response:
     if given.name:
         account = logins.log_in(db, given.name, given.password, address_of(request))
         if account is None:
-            raise InputError("api.name_password_not_right")
+            raise InputError("api.login_refused")
     else:
         code = given.token.strip()
         account = logins.log_in_by_code(db, parts.store, code, address_of(request))
         if account is None:
-            raise InputError("api.code_was_used_before")
+            raise InputError("api.code_refused")
     if second_factors.needs_one(db, account):
         return JSONResponse({"ticket": parts.pending_logins.add(account.id)}, 202)
     cookie = logins.begin(db, account, cookie_of(request))

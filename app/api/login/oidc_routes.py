@@ -120,7 +120,7 @@ def _refuse(problem: InputError) -> Response:
 
 def _require_configuration(agreed: SignOn | None) -> SignOn:
     if agreed is None:
-        raise InputError("api.no_single_sign_server")
+        raise InputError("api.no_single_sign_on")
     return agreed
 
 

@@ -128,7 +128,7 @@ def renew_codes(
     """Ten new recovery codes; the earlier ones count no longer."""
     account = _with_password(db, who.account, given.password, request)
     if not second_factors.of_account(db, account):
-        raise InputError("api.recovery_codes_stand_second")
+        raise InputError("api.recovery_without_factor")
     return {"recovery_codes": second_factors.new_recovery_codes(db, account)}
 
 
@@ -140,7 +140,7 @@ def _with_password(db: Db, account_id: int, password: str, request: Request) -> 
     if account.password is None:
         raise InputError(PASSWORD_FIRST)
     if logins.log_in(db, account.name, password, address_of(request)) is None:
-        raise InputError("api.password_not_right")
+        raise InputError("api.password_wrong")
     return account
 
 

@@ -52,7 +52,7 @@ def parse_source(url: str) -> SourceAddress:
     options = dict(parse_qsl(query, keep_blank_values=True))
     if scheme not in SOURCES or not what or "#" in rest or set(options) - {"map"}:
         form = SOURCES[scheme][1] if scheme in SOURCES else "SCHEME://..."
-        raise InputError("device.no_address_source", url=url, form=form)
+        raise InputError("device.source_address_form", url=url, form=form)
     file = options.get("map")
     return SourceAddress(url, scheme, unquote(what), Path(file) if file else None)
 

@@ -32,17 +32,17 @@ def open_source(address: SourceAddress) -> "Inlet":
     """Find and open the stream; InputError where there is none, or where the map does not fit it."""
     columns = address.columns()
     if columns is None:
-        raise InputError("device.names_no_map_channels", url=address.url)
+        raise InputError("device.lsl_map_missing", url=address.url)
     lsl = _library()
     found = lsl.resolve_byprop("name", address.what, 1, FIND_WAIT)
     if not found:
-        raise InputError("device.no_lsl_stream_called", name=address.what)
+        raise InputError("device.lsl_stream_missing", name=address.what)
     markers = lsl.resolve_byprop("type", MARKERS, 1, MARKERS_WAIT)
     inlet = lsl.StreamInlet(found[0], recover=False)
     try:
         inlet.open_stream(FIND_WAIT)
     except Exception:  # pylsl's TimeoutError and LostError
-        raise InputError("device.lsl_stream_does_not", name=address.what) from None
+        raise InputError("device.lsl_stream_silent", name=address.what) from None
     return Inlet(inlet, [lsl.StreamInlet(m) for m in markers], columns, lsl.local_clock)
 
 
@@ -50,7 +50,7 @@ def _library() -> Any:
     try:
         import pylsl
     except (ImportError, RuntimeError):
-        raise InputError("device.lsl_streams_need_pylsl") from None
+        raise InputError("device.lsl_package_missing") from None
     return pylsl
 
 
@@ -111,7 +111,7 @@ class Inlet:
         if isinstance(label, str) and labels.count(label) == 1:
             return labels.index(label)
         known = ", ".join(labels[:40]) or f"0 to {self._count - 1}"
-        raise InputError("device.lsl_stream_has_no", name=self._name, label=label, known=known)
+        raise InputError("device.lsl_channel_missing", name=self._name, label=label, known=known)
 
     def _correct(self) -> None:
         """Ask how far the remote clocks are off, from time to time; what does not answer stays as it was."""

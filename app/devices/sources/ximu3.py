@@ -40,7 +40,7 @@ def open_source(address: SourceAddress) -> "Devices":
     """Connect; InputError where a device does not answer or the map does not fit."""
     columns = address.columns()
     if columns is None:
-        raise InputError("device.names_no_map_device", url=address.url)
+        raise InputError("device.ximu3_map_missing", url=address.url)
     library = _library()
     kind, _, rest = address.what.partition("/")
     names = [name for name in rest.split(",") if name]
@@ -55,7 +55,7 @@ def _library() -> Any:
     try:
         import ximu3
     except ImportError:
-        raise InputError("device.x_imu3s_need_package") from None
+        raise InputError("device.ximu3_package_missing") from None
     return ximu3
 
 
@@ -67,7 +67,7 @@ def _config(library: Any, kind: str, name: str, url: str) -> Any:
         return library.SerialConnectionConfig(name, BAUD, False)
     if kind == "usb":
         return library.UsbConnectionConfig(name)
-    raise InputError("device.no_address_x_imu3", url=url)
+    raise InputError("device.ximu3_address_form", url=url)
 
 
 class Devices:
@@ -75,7 +75,7 @@ class Devices:
 
     def __init__(self, names: Sequence[str], columns: ColumnMap) -> None:
         if not names:
-            raise InputError("device.address_names_no_x")
+            raise InputError("device.ximu3_address_missing")
         self._columns = columns
         self._sets = _by_device(names, columns)
         self._waiting: queue.Queue[tuple[str, str, Any, int]] = queue.Queue(MOST_WAITING)
@@ -99,7 +99,7 @@ class Devices:
             connection.open()
         except Exception as problem:  # the library's own errors
             self.close()
-            raise InputError("device.x_imu3_does_not", name=name, problem=str(problem)) from None
+            raise InputError("device.ximu3_silent", name=name, problem=str(problem)) from None
         self._connections.append(connection)
 
     def _hearer(self, name: str, kind: str) -> Callable[[Any], None]:
@@ -161,7 +161,7 @@ def _by_device(names: Sequence[str], columns: ColumnMap) -> dict[str, list[Chann
         devices = {device or (names[0] if len(names) == 1 else "") for device, _, _ in parts}
         if len(devices) != 1 or not devices <= set(names) or {p[2] for p in parts} - known:
             raise InputError(
-                "device.no_channels_one_x",
+                "device.ximu3_labels",
                 point=channels.point,
                 labels=", ".join(map(str, channels.labels)),
             )

@@ -125,17 +125,15 @@ def require_fitting(forces: dict[str, ForceSetup], streams: Sequence[Stream]) ->
     """InputError where calibrations are not those of the glove's force sensors."""
     worn = next((s for s in streams if FORCE in s.quantities), None)
     if worn is None:
-        raise InputError("device.calibration_force_sensors_told")
+        raise InputError("device.no_force_strip")
     axes = 3 * len(worn.quantities)
     for point in worn.sensors:
         one = forces.get(point)
         if one is None or one.calibration is None:
-            raise InputError(
-                "device.forcesetup_tells_no_matrix", point=point, value=point.split("_")[0]
-            )
+            raise InputError("device.force_matrix_missing", point=point, value=point.split("_")[0])
         if one.calibration.matrix.shape != (axes, axes):
             read = " by ".join(str(n) for n in one.calibration.matrix.shape)
-            raise InputError("device.forcesetup_has_matrix", point=point, read=read, axes=axes)
+            raise InputError("device.force_matrix_shape", point=point, read=read, axes=axes)
 
 
 def _calibration(setup: ForceSetup) -> ForceCalibration:

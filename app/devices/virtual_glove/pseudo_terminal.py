@@ -16,7 +16,7 @@ HANG_UP_WAIT = 0.004  # s until it is looked again whether a host has opened the
 def require_free(path: Path) -> None:
     """InputError where something else than an old link is there already."""
     if path.exists() and not path.is_symlink():
-        raise InputError("device.exists_already", path=str(path))
+        raise InputError("device.pty_exists", path=str(path))
 
 
 @contextmanager

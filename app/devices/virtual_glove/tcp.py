@@ -16,7 +16,7 @@ def listen(host: str, port: int) -> socket.socket:
         return socket.create_server((host, port))
     except OSError as problem:
         raise InputError(
-            "device.glove_cannot_listen", host=host, port=port, strerror=str(problem.strerror)
+            "device.cannot_listen", host=host, port=port, strerror=str(problem.strerror)
         ) from None
 
 

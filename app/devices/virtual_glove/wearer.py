@@ -321,9 +321,9 @@ def layout(
             names=", ".join(n for n in (*known, *MORE) if n != "hand"),
         )
     if "force" in strips and not {"thumb", "index"} <= set(strips):
-        raise InputError("device.strip_force_sits_tips")
+        raise InputError("device.force_strip_alone")
     if "torque" in strips and "force" not in strips:
-        raise InputError("device.torque_makes_force_sensors")
+        raise InputError("device.torque_without_force")
     scale = {GYR: np.radians(2000.0), ACC: 16 * GRAVITY}
     wanted = ["hand", *(name for name in known if name in strips and name != "hand")]
     scales = {FORCE: ForceErrors().limit} | (

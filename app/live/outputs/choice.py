@@ -25,7 +25,7 @@ def open_outlets(
     InputError for an unknown address and for a package that is not installed.
     """
     if len(addresses) > MOST:
-        raise InputError("live.session_has_most_outlets", most=MOST)
+        raise InputError("live.too_many_outlets", most=MOST)
     opened: list[Outlet] = []
     try:
         for address in dict.fromkeys(addresses):
@@ -42,14 +42,14 @@ def require_allowed(addresses: Sequence[str], patterns: Sequence[str]) -> None:
     for address in addresses:
         kind_of(address)
         if not any(fnmatchcase(address, pattern) for pattern in patterns):
-            raise InputError("live.server_may_not_send", address=address)
+            raise InputError("live.outlet_not_allowed", address=address)
 
 
 def kind_of(address: str) -> str:
     """A name of OUTLETS; InputError where the address is none of them."""
     kind = address.partition("://")[0]
     if kind not in OUTLETS or (kind == "lsl" and address != "lsl"):
-        raise InputError("live.no_outlet_outlets_lsl", address=address)
+        raise InputError("live.outlet_unknown", address=address)
     if kind == "osc":
         osc_sender.address_of(address)
     return kind

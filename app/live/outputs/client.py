@@ -34,7 +34,7 @@ def stream(url: str, token: str, every: bool = False) -> Iterator[Pose]:
             open_timeout=OPEN_WAIT,
         )
     except Exception as problem:  # of the network, of TLS, or an answer that is no web socket
-        raise InputError("live.no_stream_check_address", url=url, problem=str(problem)) from None
+        raise InputError("live.no_stream", url=url, problem=str(problem)) from None
     with opened as socket:
         try:
             socket.recv()  # what the poses are
@@ -58,7 +58,7 @@ def _next(socket: Any, every: bool) -> str:
 def _raise_unless_ended(closed: Any, url: str) -> None:
     code = closed.rcvd.code if closed.rcvd else None
     if code == REFUSED:
-        raise InputError("live.refused_token", url=url)
+        raise InputError("live.token_refused", url=url)
     if code not in (1000, 1001):
         reason = closed.rcvd.reason if closed.rcvd else "without a word"
         raise InputError("live.stream_broke_off", url=url, reason=reason)
@@ -69,6 +69,6 @@ def _address(url: str) -> tuple[str, Any]:
     parts = urlsplit(url)
     secure = {"http": False, "ws": False, "https": True, "wss": True}
     if parts.scheme not in secure or not parts.netloc:
-        raise InputError("live.no_address_server", url=url)
+        raise InputError("live.server_address_form", url=url)
     tls = "s" * secure[parts.scheme]
     return f"ws{tls}://{parts.netloc}", f"http{tls}://{parts.netloc}"

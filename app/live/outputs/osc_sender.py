@@ -38,7 +38,7 @@ class OscSender:
         try:
             family, *_, to = socket.getaddrinfo(*self._place, type=socket.SOCK_DGRAM)[0]
         except OSError as problem:
-            raise InputError("live.cannot_found_network", url=url, problem=str(problem)) from None
+            raise InputError("live.host_unknown", url=url, problem=str(problem)) from None
         self._socket, self._to = socket.socket(family, socket.SOCK_DGRAM), to
         self._socket.setblocking(False)
 
@@ -97,5 +97,5 @@ def address_of(url: str) -> tuple[str, int]:
     except ValueError:
         parts, host, port = urlsplit(""), None, None
     if parts.scheme != "osc" or not host or not port:
-        raise InputError("live.no_address_osc", url=url)
+        raise InputError("live.osc_address_form", url=url)
     return host, port

@@ -38,7 +38,7 @@ class Permits:
         """A new stream and its token; InputError for a rate out of bounds and for one stream too many."""
         if not SLOWEST <= rate <= FASTEST:
             raise InputError(
-                "live.stream_poses_second_not", rate=rate, slowest=SLOWEST, fastest=FASTEST
+                "live.stream_rate_outside", rate=rate, slowest=SLOWEST, fastest=FASTEST
             )
         token, permit = (
             secrets.token_urlsafe(32),
@@ -46,7 +46,7 @@ class Permits:
         )
         with self._lock:
             if len(self._of(station)) >= MOST_STREAMS:
-                raise InputError("live.session_has_streams_already", streams=MOST_STREAMS)
+                raise InputError("live.too_many_streams", streams=MOST_STREAMS)
             self._permits[_digest(token)] = permit
         return permit, token
 

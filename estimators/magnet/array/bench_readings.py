@@ -110,17 +110,15 @@ def convert_to_tesla(mag: Array, unit: str | float, earth: float | None) -> Arra
     """Readings in T from a unit, or from counts of so many T; normalised ones need `earth` T."""
     if not isinstance(unit, str):
         if not unit > 0:
-            raise InputError("magnet.array_unit_t_count", unit=unit)
+            raise InputError("magnet.declared_unit", unit=unit)
         return np.asarray(mag * unit)
     unit = UNIT_ALIASES.get(unit, unit)
     if unit == NORMALISED:
         if earth is None:
-            raise InputError("magnet.readings_normalised_1_need")
+            raise InputError("magnet.normalised_without_field")
         return np.asarray(mag * earth)
     if unit not in UNITS:
-        raise InputError(
-            "magnet.no_unit_magnetometer", unit=unit, names=", ".join((*UNITS, NORMALISED))
-        )
+        raise InputError("magnet.unknown_unit", unit=unit, names=", ".join((*UNITS, NORMALISED)))
     return np.asarray(mag * UNITS[unit])
 
 
@@ -134,17 +132,17 @@ def require_plausible(
 ) -> None:
     """InputError where declared values of an array cannot be T, A m^2 and m."""
     if earth is not None and not EARTH_WEAKEST <= earth <= EARTH_STRONGEST:
-        raise InputError("magnet.array_earth_told_t", earth=earth)
+        raise InputError("magnet.declared_earth_field", earth=earth)
     if moment is not None and not WEAKEST <= moment <= STRONGEST:
-        raise InputError("magnet.moment_m_2_no", size=moment, least=WEAKEST, most=STRONGEST)
+        raise InputError("magnet.moment_outside", size=moment, least=WEAKEST, most=STRONGEST)
     if limit is not None and not limit > 0:
-        raise InputError("magnet.array_limit_told", limit=limit)
+        raise InputError("magnet.declared_limit", limit=limit)
     if not 0 <= place_sd <= 0.02:
-        raise InputError("magnet.array_place_sd_told", place_sd=place_sd)
+        raise InputError("magnet.declared_position_sd", place_sd=place_sd)
     if calibration_sd is not None and not 0 <= calibration_sd <= EARTH_WEAKEST:
-        raise InputError("magnet.array_calibration_sd_told", calibration_sd=calibration_sd)
+        raise InputError("magnet.declared_calibration_sd", calibration_sd=calibration_sd)
     if not 0 <= gradient <= 1e-3:
-        raise InputError("magnet.array_gradient_told_t", gradient=gradient)
+        raise InputError("magnet.declared_gradient", gradient=gradient)
 
 
 def find_fitting_units(strength: float, unit: str | float) -> list[str]:
@@ -168,7 +166,7 @@ def calibrate_by_rotation(
         own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(ellipsoids)], axis=1)
     is_complete = np.isfinite(own).all(axis=(1, 2))
     if is_complete.sum() < 50:
-        raise InputError("magnet.magnetometers_hardly_ever_answered")
+        raise InputError("magnet.too_few_common_readings")
     common = find_common_axes(own)
     for message in find_outsiders(names, common).values():
         raise InputError(message)
@@ -189,7 +187,7 @@ def measure_ambient_field(mag: Array, q_bl: Array | None) -> AmbientReference:
     first, last = (_deviation_from_mean(part) for part in (y[: len(y) // 2], y[len(y) // 2 :]))
     change = (last - first)[np.isfinite(last - first)]
     if not len(change):
-        raise InputError("magnet.recording_without_magnet_holds")
+        raise InputError("magnet.ambient_recording_too_short")
     drift, steps = (
         float(np.sqrt((change**2).mean())),
         np.diff(y - _mean_of_known(y, 1)[:, None], axis=0),
@@ -200,7 +198,7 @@ def measure_ambient_field(mag: Array, q_bl: Array | None) -> AmbientReference:
         else 0.0
     )
     if drift > max(MIN_DRIFT, 6 * noise * float(np.sqrt(4 / len(y)))):
-        raise InputError("magnet.without_magnet_magnetometers_changed", drift=1000000.0 * drift)
+        raise InputError("magnet.ambient_field_changed", drift=1000000.0 * drift)
     deviation = _deviation_from_mean(y)
     deviation = deviation if q_bl is None else quat.rotate(quat.conjugate(q_bl), deviation)
     return AmbientReference(

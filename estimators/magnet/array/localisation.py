@@ -80,7 +80,7 @@ def locate(
     more of the positions that fit a reading as well.
     """
     if mag.ndim != 3 or mag.shape[1:] != (len(array), 3):
-        raise InputError("magnet.readings_must", array=len(array), shape=str(mag.shape))
+        raise InputError("magnet.readings_shape", array=len(array), shape=str(mag.shape))
     require_field(mag)
     unknowns, known = 6 + 3 * (field is None), 3 * len(array) + (size is not None)
     if known < unknowns:

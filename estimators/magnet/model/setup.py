@@ -50,23 +50,21 @@ def make_constellation(places: Array, q_bl: Array | None = None) -> Constellatio
     trunk."""
     where = np.atleast_2d(np.asarray(places, float))
     if where.ndim != 2 or where.shape[1] != 3 or not np.isfinite(where).all():
-        raise InputError("magnet.constellation_must_finite_places", shape=str(where.shape))
+        raise InputError("magnet.constellation_shape", shape=str(where.shape))
     distances = np.linalg.norm(where[:, None] - where[None], axis=-1)[
         ~np.eye(len(where), dtype=bool)
     ]
     away = float(np.linalg.norm(where, axis=1).max())
     if away > FARTHEST or (len(distances) and distances.max() > WIDEST):
         largest = max(away, float(distances.max(initial=0.0)))
-        raise InputError("magnet.constellation_spans_m_no", size=largest)
+        raise InputError("magnet.constellation_too_large", size=largest)
     if len(distances) and distances.min() < CLOSEST:
-        raise InputError(
-            "magnet.two_magnetometers_constellation_mm", apart=1000.0 * distances.min()
-        )
+        raise InputError("magnet.magnetometers_too_close", apart=1000.0 * distances.min())
     turned = np.tile(quat.IDENTITY, (len(where), 1)) if q_bl is None else np.asarray(q_bl, float)
     if turned.shape != (len(where), 4) or not np.allclose(
         np.linalg.norm(turned, axis=-1), 1.0, atol=1e-3
     ):
-        raise InputError("magnet.magnetometers_orientations_must_unit", count=len(where))
+        raise InputError("magnet.orientations_not_unit", count=len(where))
     return Constellation(where, quat.normalize(turned))
 
 
@@ -75,10 +73,10 @@ def make_magnet(moment: Array, place: Array | None = None) -> Magnet:
     magnet on a hand."""
     m, p = np.asarray(moment, float), np.zeros(3) if place is None else np.asarray(place, float)
     if m.shape != (3,) or p.shape != (3,) or not (np.isfinite(m).all() and np.isfinite(p).all()):
-        raise InputError("magnet.magnet_moment_place_must")
+        raise InputError("magnet.magnet_not_finite")
     size, away = float(np.linalg.norm(m)), float(np.linalg.norm(p))
     if not WEAKEST <= size <= STRONGEST:
-        raise InputError("magnet.moment_m_2_no", size=size, least=WEAKEST, most=STRONGEST)
+        raise InputError("magnet.moment_outside", size=size, least=WEAKEST, most=STRONGEST)
     if away > LARGEST_OFFSET:
         raise InputError("magnet.magnet_said_m_hand", away=away)
     return Magnet(m, p)
@@ -90,9 +88,9 @@ def require_field(mag: Array) -> None:
     sizes = np.linalg.norm(mag, axis=-1)
     sizes = sizes[np.isfinite(sizes)]
     if not len(sizes):
-        raise InputError("magnet.no_magnetometer_gave_single")
+        raise InputError("magnet.no_readings")
     middle = float(np.median(sizes))
     if 0.1 < middle < 10.0:
-        raise InputError("magnet.magnetometers_read_average_field", strength=middle)
+        raise InputError("magnet.field_of_magnet", strength=middle)
     if not 1e-6 < middle < 5e-3:
-        raise InputError("magnet.magnetometers_read_t_average", strength=middle)
+        raise InputError("magnet.field_implausible", strength=middle)

@@ -103,7 +103,7 @@ def make_setting(
     if plate is None and not read_recording:
         return None
     if plate is None:
-        raise InputError("magnet.magnetometers_trunk_nobody_said", unknown=UNKNOWN)
+        raise InputError("magnet.setup_missing", unknown=UNKNOWN)
     missing = [
         what
         for what, there in (("the trunk", TRUNK in inertial), ("the hand", HAND in inertial))
@@ -116,7 +116,7 @@ def make_setting(
     undeclared = [name for name in read_recording if name not in plate.places]
     if len(undeclared) == len(read_recording):
         raise InputError(
-            "magnet.magnetsetup_does_not_say", unknown=UNKNOWN, undeclared=", ".join(undeclared)
+            "magnet.magnetometer_not_in_setup", unknown=UNKNOWN, undeclared=", ".join(undeclared)
         )
     names = tuple(name for name in read_recording if name not in undeclared)
     q_BS = mounting.get(TRUNK, quat.IDENTITY)

@@ -75,20 +75,20 @@ def estimate_setup(
     )
     s = hand_position.make_setting(params, plate, [b.stream for b in blocks], mounting)
     if s is None or plate is None:
-        raise InputError("magnet.has_no_magnetometers_trunk", refused=REFUSED)
+        raise InputError("magnet.no_trunk_magnetometers", refused=REFUSED)
     if len(s.magnetometers) < 2:
-        raise InputError("magnet.one_magnetometer_cannot_tell", refused=REFUSED)
+        raise InputError("magnet.one_magnetometer", refused=REFUSED)
     state, track = magnet_tracker.step(
         s.params, magnet_tracker.start(s.setup), hand_position.read_recording(s, blocks)
     )
     doubtful, sd = track.doubtful, track.p_sd
     if state.x is None or not len(sd):
-        raise InputError("magnet.trunk_hand_magnetometers_were", refused=REFUSED)
+        raise InputError("magnet.never_read_together", refused=REFUSED)
     known = np.nan_to_num(sd.max(axis=1), nan=np.inf) < s.params.max_sd
     if known.any() and doubtful[known].mean() > 0.5:
-        raise InputError("magnet.readings_contradict_everything_near", refused=REFUSED)
+        raise InputError("magnet.readings_contradict_setup", refused=REFUSED)
     if known.mean() < MIN_TRACKED_SHARE:
-        raise InputError("magnet.hand_was_near_enough", refused=REFUSED, known=known.mean())
+        raise InputError("magnet.hand_too_far", refused=REFUSED, known=known.mean())
     estimate = magnet_tracker.estimated_setup(state)
     sds, many = np.sqrt(np.maximum(np.diag(state.covariance), 0.0)), 3 * len(s.magnetometers)
     positions = {name: _place(p) for name, p in zip(s.magnetometers, estimate.array.places)}

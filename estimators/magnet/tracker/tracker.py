@@ -107,7 +107,7 @@ class Track:
 def start(setup: Setup) -> State:
     """Before the first sample; InputError where the setup cannot be."""
     if not EARTH_WEAKEST <= setup.earth <= EARTH_STRONGEST:
-        raise InputError("magnet.earth_field_said_ut", strength=1000000.0 * setup.earth)
+        raise InputError("magnet.ambient_field_outside", strength=1000000.0 * setup.earth)
     return State(
         setup,
         None,
@@ -135,7 +135,7 @@ def step(
         or readings.target.shape != (n, 6)
     ):
         raise InputError(
-            "magnet.magnetometer_readings_inertial_ones",
+            "magnet.shapes_differ",
             shape=str(readings.mag.shape),
             shape2=str(readings.base.shape),
             shape3=str(readings.target.shape),

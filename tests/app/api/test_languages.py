@@ -17,7 +17,7 @@ ESPERANTO = {
     "locale": "eo",
     "pages": {"save": "Konservi"},
     "words": {"finger.thumb": "Dikfingro"},
-    "messages": {"clinic.no_patient": "ne estas paciento {number}"},
+    "messages": {"clinic.patient_unknown": "ne estas paciento {number}"},
     "sentences": {},
 }
 PUT_IN = {

@@ -193,7 +193,7 @@ def _bound(host: str, port: int) -> socket.socket:
     except OSError as problem:
         found.close()
         raise InputError(
-            "device.udp_port_cannot_opened", port=port, problem=str(problem.strerror or problem)
+            "device.udp_port_cannot_open", port=port, problem=str(problem.strerror or problem)
         ) from None
     found.setblocking(False)
     return found
@@ -208,7 +208,7 @@ def _by_sensor(columns: ColumnMap | None) -> dict[str, list[ChannelSet]] | None:
         sensors = {str(label).rsplit("/", 1)[0] for label in channels.labels}
         if len(sensors) != 1 or any(str(label).count("/") != 2 for label in channels.labels):
             raise InputError(
-                "device.no_channels_one_tracker",
+                "device.tracker_labels",
                 point=channels.point,
                 labels=", ".join(map(str, channels.labels)),
             )

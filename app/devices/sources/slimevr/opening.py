@@ -11,5 +11,5 @@ def open_source(address: SourceAddress) -> Listener:
     """Listen; InputError where the port is none or taken."""
     host, _, number = address.what.rpartition(":")
     if not number.isascii() or not number.isdigit() or not 0 < int(number) < 65536:
-        raise InputError("device.names_no_udp_port", url=address.url)
+        raise InputError("device.udp_port_missing", url=address.url)
     return Listener(host or EVERYWHERE, int(number), address.columns())
