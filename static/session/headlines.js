@@ -45,7 +45,7 @@ function drawing(joints, hand) {
     handMap(joints, hand),
     h("figcaption", { class: "small" }, h("p", {}, t("headlines.joints")), h("ul", { class: "legend" }, key)),
     behind.length
-      ? h("p", { class: "small" }, t("headlines.behind", { joints: behind.join("; ") }))
+      ? [h("p", { class: "small" }, t("headlines.behind")), h("ul", { class: "small" }, behind.map((words) => h("li", {}, words)))]
       : h("p", { class: "small" }, t("headlines.nothing_behind")),
   );
 }
