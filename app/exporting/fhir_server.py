@@ -1,8 +1,9 @@
 """Sends a FHIR Bundle to a server, with OAuth 2.0 client credentials where it wants them (docs/fhir.md).
 
-Source  HL7 FHIR R4, 3.1.0.11 transaction; RFC 6749, 4.4; SMART App Launch 2.0, discovery by .well-known/smart-configuration
+Source  HL7 FHIR R4, 3.1.0.8.1 conditional create, 3.1.0.11 transaction; RFC 6749, 4.4; SMART App Launch 2.0, discovery by .well-known/smart-configuration
 """
 
+import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -70,22 +71,44 @@ def require_server(url: str) -> None:
 
 
 def send(bundle: bytes, url: str, known: Credentials) -> int:
-    """Post a transaction Bundle; how many resources the server took. InputError where it did not take all of them."""
+    """Post a transaction Bundle; how many resources the server took. InputError where it did not take all of them.
+
+    What is created only where the server has none goes first and by itself: servers bound the size of a transaction that has to look for something.
+    """
     import requests
 
     require_server(url)
-    headers = {"Content-Type": KIND, "Accept": KIND}
+    content = json.loads(bundle)
+    shared = [e for e in content["entry"] if "ifNoneExist" in e["request"]]
+    content["entry"] = [e for e in content["entry"] if e not in shared]
     try:
-        if known.client:
-            headers["Authorization"] = f"Bearer {_token(url, known)}"
-        answer = requests.post(
-            url, data=bundle, headers=headers, timeout=WAIT, allow_redirects=False
-        )
+        with requests.Session() as session:
+            session.headers.update({"Content-Type": KIND, "Accept": KIND})
+            if known.client:
+                session.headers["Authorization"] = f"Bearer {_token(url, known)}"
+            for entry in shared:
+                _create_once(session, entry, url)
+            answer = _post(session, content, url)
     except requests.RequestException as problem:
         raise InputError(
             "export.fhir_does_not_answer", url=url, problem=type(problem).__name__
         ) from None
-    return _taken(answer, url)
+    return len(shared) + _taken(answer, url)
+
+
+def _create_once(session: Any, entry: Any, url: str) -> None:
+    """Create a resource unless the server has it; InputError where it refuses."""
+    request = entry["request"]
+    place = f"{url.rstrip('/')}/{request['url']}"
+    answer = _post(session, entry["resource"], place, {"If-None-Exist": request["ifNoneExist"]})
+    if answer.status_code not in (200, 201):
+        raise _refused(answer, place)
+
+
+def _post(session: Any, content: Any, url: str, headers: Mapping[str, str] | None = None) -> Any:
+    return session.post(
+        url, data=json.dumps(content), headers=headers, timeout=WAIT, allow_redirects=False
+    )
 
 
 def _token(url: str, known: Credentials) -> str:
@@ -119,26 +142,27 @@ def _token_endpoint(url: str) -> str:
 
 
 def _taken(answer: Any, url: str) -> int:
-    try:
-        body = answer.json()
-    except ValueError:
-        body = {}
-    body = body if isinstance(body, dict) else {}
+    body = _body(answer)
     if answer.status_code != 200 or body.get("type") != "transaction-response":
-        raise InputError(
-            "export.fhir_refused",
-            url=url,
-            answer=f"{answer.status_code} {_outcome(body)}".strip(),
-        )
+        raise _refused(answer, url)
     statuses = [str(e.get("response", {}).get("status", "")) for e in body.get("entry", [])]
     if refused := [s for s in statuses if not s.startswith("2")]:
         raise InputError("export.fhir_stored_in_part", url=url, status=refused[0])
     return len(statuses)
 
 
-def _outcome(body: Mapping[str, Any]) -> str:
-    """The first words of an OperationOutcome."""
-    issues = body.get("issue") or [{}]
+def _body(answer: Any) -> Mapping[str, Any]:
+    try:
+        body = answer.json()
+    except ValueError:
+        return {}
+    return body if isinstance(body, dict) else {}
+
+
+def _refused(answer: Any, url: str) -> InputError:
+    """With the first words of its OperationOutcome."""
+    issues = _body(answer).get("issue") or [{}]
     first = issues[0] if isinstance(issues, list) and isinstance(issues[0], dict) else {}
     words = first.get("diagnostics") or (first.get("details") or {}).get("text") or ""
-    return " ".join(str(words).split())[:300]
+    answered = f"{answer.status_code} {' '.join(str(words).split())[:300]}".strip()
+    return InputError("export.fhir_refused", url=url, answer=answered)

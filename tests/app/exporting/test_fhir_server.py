@@ -1,7 +1,9 @@
-"""Sending to a FHIR server: a stub that knows client credentials and transactions, and refuses what a server would."""
+"""Sending to a FHIR server: Medplum's, and a stub that refuses what it would not."""
 
 import base64
 import json
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -11,6 +13,7 @@ from typing import Any
 from urllib.parse import parse_qs
 
 import pytest
+import requests
 
 from handscope.app.cli import main
 from handscope.app.exporting import fhir_server
@@ -20,6 +23,7 @@ from handscope.sessions.motion_bids import writer
 from tests.simulated import loaded, pose_and_wiggle
 
 KNOWN = Credentials("glove", "very secret")
+PACKAGES = Path(sys.prefix) / "node" / "node_modules"
 BUNDLE: dict[str, Any] = {
     "resourceType": "Bundle",
     "type": "transaction",
@@ -56,6 +60,9 @@ def stub() -> Iterator[Stub]:
                 self.answer(200 if right else 401, token if right else {"error": "invalid_client"})
             elif self.headers.get("Authorization") != "Bearer t0ken":
                 self.answer(401, outcome("who are you?"))
+            elif self.headers.get("If-None-Exist"):
+                made.stored.append(json.loads(body))
+                self.answer(201, {})
             elif not json.loads(body).get("entry"):
                 self.answer(422, outcome("a Bundle has entries"))
             else:
@@ -89,23 +96,82 @@ def stub() -> Iterator[Stub]:
         thread.join()
 
 
+@pytest.fixture(scope="module")
+def medplum() -> Iterator[str]:
+    """The address of a FHIR server out of Medplum's parts, which validates against HL7's R4 profiles."""
+    if not (PACKAGES / "@medplum" / "fhir-router").is_dir():
+        pytest.skip("npm is not there, or cannot reach its packages")
+    script = Path(__file__).with_name("medplum.mjs")
+    words = ["node", str(script), str(PACKAGES)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        yield server.stdout.readline().strip()
+        server.terminate()
+
+
+def stored(server: str, kind: str) -> list[dict[str, Any]]:
+    """What the server holds of a kind."""
+    found = requests.get(
+        f"{server}/{kind}?_count=1000", headers={"Authorization": "Bearer t0ken"}, timeout=10
+    ).json()
+    return [entry["resource"] for entry in found.get("entry", [])]
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("fhir") / "r.zip"
+    place.write_bytes(writer.pack(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle")))
+    return place
+
+
+@pytest.fixture
+def secret(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Our name at the server, and a file with the secret."""
+    place = tmp_path / "secret"
+    place.write_text(f"{KNOWN.secret}\n")
+    monkeypatch.setenv(fhir_server.CLIENT, KNOWN.client)
+    monkeypatch.setenv(fhir_server.SECRET_FILE, str(place))
+
+
+@pytest.mark.process
+def test_a_fhir_server_stores_every_resource_and_the_codes_once(
+    medplum: str, recording: Path, secret: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["export", str(recording), "--format", "fhir", "--method", "m2", "--send", medplum]
+    assert main(words) == 0 and main(words) == 0
+    (codes,) = stored(medplum, "CodeSystem")
+    known = {concept["code"] for concept in codes["concept"]}
+    figures, reports = stored(medplum, "Observation"), stored(medplum, "DiagnosticReport")
+    assert {c["code"] for f in figures for c in f["code"]["coding"]} <= known
+    assert len(reports) == 2
+    named = {result["reference"] for report in reports for result in report["result"]}
+    assert named == {f"Observation/{figure['id']}" for figure in figures}
+    answered = capsys.readouterr().out
+    assert f"{len(figures) // 2 + 4} resources stored by {medplum}" in answered
+
+
+@pytest.mark.process
+def test_a_fhir_server_refuses_a_figure_without_its_status(medplum: str) -> None:
+    resource = {"resourceType": "Observation", "code": {"text": "flexion"}}
+    entry = {"resource": resource, "request": {"method": "POST", "url": "Observation"}}
+    bundle = json.dumps(BUNDLE | {"entry": [entry]}).encode()
+    with pytest.raises(InputError, match="Missing required property"):
+        send(bundle, medplum, KNOWN)
+
+
 def outcome(words: str) -> dict[str, Any]:
     issue = {"severity": "error", "code": "invalid", "diagnostics": words}
     return {"resourceType": "OperationOutcome", "issue": [issue]}
 
 
 def test_a_recording_goes_to_the_server_with_client_credentials(
-    stub: Stub, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    stub: Stub, recording: Path, secret: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    recording, secret = tmp_path / "r.zip", tmp_path / "secret"
-    recording.write_bytes(writer.pack(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle")))
-    secret.write_text(f"{KNOWN.secret}\n")
-    monkeypatch.setenv(fhir_server.CLIENT, KNOWN.client)
-    monkeypatch.setenv(fhir_server.SECRET_FILE, str(secret))
     words = ["export", str(recording), "--format", "fhir", "--method", "m2", "--send", stub.url]
     assert main(words) == 0
-    (bundle,) = stub.stored
-    assert f"{len(bundle['entry'])} resources stored by {stub.url}" in capsys.readouterr().out
+    codes, bundle = stub.stored
+    assert codes["resourceType"] == "CodeSystem"
+    assert f"{1 + len(bundle['entry'])} resources stored by {stub.url}" in capsys.readouterr().out
     assert bundle["type"] == "transaction"
     assert stub.asked[0]["grant_type"] == ["client_credentials"]
     assert stub.asked[0]["scope"] == ["system/*.write"]
@@ -130,7 +196,7 @@ def test_what_the_server_refuses_is_said_and_nothing_is_stored(
 
 def test_a_server_that_does_not_answer_is_named() -> None:
     with pytest.raises(InputError, match="does not answer"):
-        send(b"{}", "http://127.0.0.1:9/fhir", Credentials())
+        send(json.dumps(BUNDLE).encode(), "http://127.0.0.1:9/fhir", Credentials())
 
 
 @pytest.mark.parametrize("url", ["http://hospital.example/fhir", "ftp://host", "fhir", "https://"])
