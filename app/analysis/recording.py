@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from handscope.app.version import software_version
 from handscope.estimators.data.samples import ACC, GYR, MAG, TRACKED_POINTS, Block, Event, Stream
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.words import sentence
@@ -85,7 +86,7 @@ class AnalysisRecording:
         for name, label in (("subject", subject), ("task", task)):
             if not label.isalnum():
                 raise InputError("analysis.label_form", name=name, label=label)
-        motion_bids.write(self.loaded, Path(path), subject, task)
+        motion_bids.write(self.loaded, Path(path), subject, task, software=software_version())
 
     def _add(self, event: Event) -> None:
         spans = [(b.t[0], b.t[-1]) for b in self.loaded.samples.values() if len(b.t)]

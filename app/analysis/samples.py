@@ -113,7 +113,7 @@ def make(name: str, folder: str | PathLike[str] = ".") -> Path:
         },
     )
     label = name.replace("_", "")
-    files = dict(writer.tree(recording, "simulated", label))
+    files = dict(writer.tree(recording, "simulated", label, software=software_version()))
     files |= _description(chosen)
     files |= truth_files(made.truth, recording, "simulated", label, software_version())
     save_file(writer.pack(files), target)

@@ -9,6 +9,7 @@ from handscope.app.exporting import fhir_server
 from handscope.app.exporting.saving import require_place, save
 from handscope.app.language import ENGLISH
 from handscope.app.protocols import load_all
+from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.sessions import motion_bids
@@ -85,7 +86,9 @@ def run(arguments: argparse.Namespace) -> int:
     elif arguments.out is not None:
         recording = formats_recordings.load(arguments.recording, arguments.hand)
         target = arguments.out if arguments.out.suffix == ".zip" else output_folder(arguments.out)
-        motion_bids.write(recording, target, arguments.subject, arguments.task)
+        motion_bids.write(
+            recording, target, arguments.subject, arguments.task, software=software_version()
+        )
         say(f"{len(recording.samples)} streams, {recording.duration:.1f} s: {arguments.out}")
     if arguments.replay is not None:
         _write_replay(arguments)

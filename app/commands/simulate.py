@@ -123,7 +123,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.out.suffix != ".zip":
         raise InputError("command.zip_suffix", out=arguments.out)
     recording, label = as_recording(made), "".join(c for c in arguments.task if c.isalnum())
-    files = writer.tree(recording, "simulated", label)
+    files = writer.tree(recording, "simulated", label, software=software_version())
     files |= truth_files(made.truth, recording, "simulated", label, software_version())
     save_file(writer.pack(files), arguments.out)
     say(

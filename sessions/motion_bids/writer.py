@@ -44,9 +44,10 @@ def write(
     task: str = "hand",
     session: str | None = None,
     extra: Mapping[str, Data] | None = None,
+    software: str = "",
 ) -> None:
     """Write to a folder or, where the name ends in .zip, a zip; `extra` adds files by relative path."""
-    files = {**tree(recording, subject, task, session), **(extra or {})}
+    files = {**tree(recording, subject, task, session, software), **(extra or {})}
     if path.suffix == ".zip":
         save_file(pack(files), path)
     else:
@@ -55,9 +56,13 @@ def write(
 
 
 def tree(
-    recording: LoadedRecording, subject: str, task: str, session: str | None = None
+    recording: LoadedRecording,
+    subject: str,
+    task: str,
+    session: str | None = None,
+    software: str = "",
 ) -> dict[str, Data]:
-    """All files of the recording by relative path."""
+    """All files of the recording by relative path; `software`: the version that writes them."""
     stem = "_".join(
         filter(None, [f"sub-{subject}", f"ses-{session}" if session else "", f"task-{task}"])
     )
@@ -65,9 +70,7 @@ def tree(
         filter(None, [f"sub-{subject}", f"ses-{session}" if session else "", "motion"])
     )
     files: dict[str, Data] = {
-        "dataset_description.json": pretty(
-            {"Name": "Handscope recording", "BIDSVersion": BIDS_VERSION, "DatasetType": "raw"}
-        ),
+        "dataset_description.json": pretty(_description(recording, software)),
         "README": b"A recording of a hand's movement, written by Handscope.\n",
     }
     for name, block in recording.samples.items():
@@ -78,6 +81,20 @@ def tree(
     if recording.events:
         files[f"{folder}/{stem}_events.tsv"] = events_table(recording.events)
     return files
+
+
+def _description(recording: LoadedRecording, software: str) -> dict[str, Any]:
+    """What the folder is, what wrote it, and the recording it was written from."""
+    found: dict[str, Any] = {
+        "Name": "Handscope recording",
+        "BIDSVersion": BIDS_VERSION,
+        "DatasetType": "raw",
+    }
+    if software:
+        found["GeneratedBy"] = [{"Name": "Handscope", "Version": software}]
+    if recording.checksum:
+        found["SourceDatasets"] = [{"Version": f"sha256:{recording.checksum}"}]
+    return found
 
 
 def pack(files: Mapping[str, Data]) -> bytes:
