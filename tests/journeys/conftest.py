@@ -1,6 +1,7 @@
 """A real server with virtual gloves, and real browsers on it; every page's console is listened to."""
 
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -35,6 +36,9 @@ SELDOM = """
 @pytest.fixture(scope="package")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     data = tmp_path_factory.mktemp("journeys")
+    poses = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    poses.bind(("127.0.0.1", 0))
+    poses.settimeout(LONG / 1000)
     words = [
         sys.executable,
         "-P",
@@ -48,9 +52,12 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         str(data),
         "--allow-port",
         "socket://127.0.0.1:*",
+        "--allow-outlet",
+        f"osc://127.0.0.1:{poses.getsockname()[1]}",
     ]
     log = data / "errors.log"
     with (
+        poses,
         log.open("w") as errors,
         subprocess.Popen(
             words, cwd=ROOT, stdout=subprocess.PIPE, stderr=errors, text=True
@@ -59,7 +66,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         assert process.stdout is not None
         first = next((line for line in process.stdout if "/login?token=" in line), None)
         assert first is not None, log.read_text()
-        yield begun(first.split()[-1], data)
+        yield begun(first.split()[-1], data, poses)
         process.send_signal(signal.SIGINT)  # as Ctrl-C does: the virtual gloves are ended with it
         assert process.wait(LONG / 1000) == 130, log.read_text()
     assert "Traceback" not in log.read_text(), log.read_text()

@@ -3,6 +3,7 @@
 import itertools
 import os
 import re
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ class Server:
     base: str
     data: Path
     first_address: str
+    poses: socket.socket  # what sessions send by OSC, where one was asked to
     processed: int | None = None
 
     def address(self) -> str:
@@ -39,9 +41,9 @@ class Server:
         return new_token(self.data)
 
 
-def begun(address: str, data: Path) -> Server:
+def begun(address: str, data: Path, poses: socket.socket) -> Server:
     parts = urlsplit(address)
-    return Server(f"{parts.scheme}://{parts.netloc}", data, address)
+    return Server(f"{parts.scheme}://{parts.netloc}", data, address, poses)
 
 
 def api(page: Page, path: str, method: str = "GET", **more: Any) -> Any:

@@ -1,5 +1,6 @@
 """A glove of another maker, written in another language, in the network: opened from the page where the administrator allowed it."""
 
+import re
 import shutil
 
 import pytest
@@ -27,6 +28,7 @@ def test_an_allowed_glove_in_the_network_is_recorded_whole_and_assessed(
         page.get_by_role("button", name="Start session").click()
         shown(page.get_by_role("alert").filter(has_text="--allow-port"))
         page.get_by_label("Port", exact=True).fill(url)
+        page.get_by_role("checkbox", name="osc://127.0.0.1").check()
         page.get_by_role("button", name="Start session").click()
         page.wait_for_url("**/stations/*")
         station = f"/api/stations/{page.url.rsplit('/', 1)[1]}"
@@ -39,6 +41,8 @@ def test_an_allowed_glove_in_the_network_is_recorded_whole_and_assessed(
         shown(page.get_by_text("Seconds left"))
         shown(act(page, "stop")).click()
         shown(act(page, "accept")).click()
+        heading = re.compile(rb"/handscope/(left|right)/angle/index_pip_flexion\0")
+        assert any(heading.search(server.poses.recv(2000)) for _ in range(200))
         while api(page, station)["glove"]["recorded"] < seconds:
             page.wait_for_timeout(500)
         shown(act(page, "finish")).click()
