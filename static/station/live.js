@@ -16,6 +16,7 @@ import * as numbers from "./numbers.js";
 import * as recording from "./recording.js";
 import * as score from "./score.js";
 import * as stillness from "./stillness.js";
+import * as streams from "./streams.js";
 import * as steps from "./steps.js";
 import * as tasks from "./tasks.js";
 import * as handPosition from "./hand_position.js";
@@ -42,6 +43,7 @@ const PARTS = [
   [joints, "joints", "section"],
   [angles, "angles", "section"],
   [glove, "glove", "section"],
+  [streams, "streams", "section"],
 ];
 
 export function mount(root, api, about) {

@@ -6,6 +6,7 @@ import shutil
 import pytest
 from playwright.sync_api import Page
 
+import handscope
 from handscope.sessions.formats import recordings as formats_recordings
 from tests.app.devices.test_foreign_glove import RATE, foreign_glove
 from tests.journeys.house import Server, act, api, name_port, new_patient, shown
@@ -41,6 +42,13 @@ def test_an_allowed_glove_in_the_network_is_recorded_whole_and_assessed(
         shown(page.get_by_text("Seconds left"))
         shown(act(page, "stop")).click()
         shown(act(page, "accept")).click()
+        page.locator(".streams summary").click()
+        page.get_by_role("button", name="New token").click()
+        code = shown(page.locator(".streams code")).inner_text()
+        poses = handscope.stream(server.base, code.split('"')[3])
+        assert "index_pip_flexion" in next(iter(poses)).angles
+        page.locator(".streams").get_by_role("button", name="End").click()
+        assert len(list(poses)) < 1000  # the loop ends
         heading = re.compile(rb"/handscope/(left|right)/angle/index_pip_flexion\0")
         assert any(heading.search(server.poses.recv(2000)) for _ in range(200))
         while api(page, station)["glove"]["recorded"] < seconds:
