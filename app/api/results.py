@@ -211,8 +211,9 @@ async def read_derivative(
 
 
 @router.get("/{result_id}/exports")
-def list_exports(language: LanguageDep) -> list[dict[str, str]]:
+def list_exports(db: Db, language: LanguageDep, result_id: int) -> list[dict[str, str]]:
     """The formats in which the movement can be taken away."""
+    results.get(db, result_id)
     return [
         {"name": name, "title": language.translate(f.title), "suffix": download_ending(f)}
         for name, f in FORMATS.items()

@@ -41,6 +41,7 @@ SERVER = "server"  # who, where no account asked for it
 NOTHING = "0" * 64  # before the first line
 LOCK = 0x61756469  # of PostgreSQL's advisory locks; any number that nobody else uses
 LONGEST = 64  # characters of a reference
+LARGEST = 2**31 - 1  # number of a row that both databases take
 KINDS: Mapping[type[Base], str] = {
     Patient: "patient",
     Note: "note",
@@ -200,7 +201,7 @@ def hash_of(line: Mapping[Any, Any]) -> str:
 
 def add_patient(db: Session, happened: AuditEvent) -> AuditEvent:
     """The same with the patient whom it is about."""
-    if not happened.ref.isdecimal():
+    if not happened.ref.isdecimal() or int(happened.ref) > LARGEST:
         return happened
     return replace(happened, patient=patient_of(db, happened.kind, int(happened.ref)))
 

@@ -283,6 +283,20 @@ def test_every_answer_carries_the_security_headers(client: TestClient) -> None:
         assert headers["x-frame-options"] == "SAMEORIGIN"
 
 
+@pytest.mark.parametrize("number", ["999", str(2**63), "-1"])
+def test_a_number_that_nothing_has_is_refused_on_every_route(
+    client: TestClient, number: str
+) -> None:
+    paths = [
+        re.sub(r"{\w+_id}", number, path).replace("{form}", "pdf")
+        for path, operations in client.app.openapi()["paths"].items()  # type: ignore[attr-defined]
+        if "get" in operations and "_id}" in path
+    ]
+    answers = {path: client.get(path).status_code for path in paths}
+    assert len(paths) > 10
+    assert {p: code for p, code in answers.items() if code not in (404, 422)} == {}
+
+
 def test_an_unknown_address_is_404_and_a_broken_request_says_where(client: TestClient) -> None:
     assert client.get("/nowhere").status_code == 404
     answer = client.post("/api/patients", json={"pseudonym": 5})
