@@ -48,7 +48,7 @@ from handscope.app.workers.upload_reader import UploadReader
 from handscope.estimators.errors import InputError
 from handscope.estimators.methods import DEFAULT
 from handscope.sessions.clinic import self_calibrations as stored_calibrations
-from handscope.sessions.store import records
+from handscope.sessions.store import crash_repair, records
 from handscope.sessions.store.store import Store, open_store
 
 log = logging.getLogger(__name__)
@@ -83,10 +83,10 @@ def create_app(settings: Settings) -> FastAPI:
             app.state.parts = Parts(
                 settings, store, jobs, open_stations, upload_reader, storage_mover
             )
-            left_open = await anyio.to_thread.run_sync(_list_left_open, store)
+            left = await anyio.to_thread.run_sync(_list_left_open, store)
             finish = partial(_process_closed, app)
             with (
-                SessionRepair(store, left_open, finish) as app.state.repair,
+                SessionRepair(store, *left, finish) as app.state.repair,
                 _serve_metrics(app.state.parts),
             ):
                 yield
@@ -169,10 +169,11 @@ def _store_finished(parts: Parts, station: Station) -> None:
     _close(parts, station.setup.session, station.setup.method_name, {})
 
 
-def _list_left_open(store: Store) -> list[int]:
-    """Sessions that the last server left open."""
+def _list_left_open(store: Store) -> tuple[list[int], list[int]]:
+    """Sessions that the last server left open, and those whose recordings it did not read whole."""
     with store.database() as db:
-        return [session.id for session in records.list_abandoned(db)]
+        listed = records.list_abandoned(db), crash_repair.list_unread(db)
+        return [s.id for s in listed[0]], [s.id for s in listed[1]]
 
 
 def _process_closed(app: FastAPI, session_id: int) -> None:

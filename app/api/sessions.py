@@ -44,7 +44,7 @@ from handscope.sessions.clinic.self_calibrations import FoundCalibration
 from handscope.sessions.db.plain_text import require_plain
 from handscope.sessions.db.tables import Correction, PatientSession, RecordingFile, Result, now
 from handscope.sessions.files import native
-from handscope.sessions.store import records, stored_files, visit_facts
+from handscope.sessions.store import crash_repair, records, stored_files, visit_facts
 from handscope.sessions.store.visit_facts import TrunkHeight
 
 router = APIRouter(tags=["sessions"], dependencies=[requires_role(CLINICIAN)])
@@ -191,9 +191,11 @@ async def upload_recording(
 
 @router.get("/sessions/unfinished")
 def unfinished_sessions(db: Db, parts: PartsDep, repair: RepairDep) -> list[dict[str, Any]]:
-    """Sessions that run or that nobody finished, the oldest first; `repairing` [this, of so many] after a server that was killed."""
+    """Sessions that run or that nobody finished, the oldest first; after a server that was killed those that are `repairing` [this, of so many], and
+    those that are closed and whose recordings are read whole, `reading` [this, of so many]."""
     rows = []
-    for session in records.list_abandoned(db):
+    being_read = [s for s in crash_repair.list_unread(db) if repair.reading(s.id)]
+    for session in [*records.list_abandoned(db), *being_read]:
         station = parts.stations.of_session(session.id)
         patient = {"id": session.patient_id, "pseudonym": session.patient.pseudonym}
         overnight = now() - session.started > dates.OVERNIGHT
@@ -204,6 +206,7 @@ def unfinished_sessions(db: Db, parts: PartsDep, repair: RepairDep) -> list[dict
                 "station": station.name if station else None,
                 "overnight": overnight,
                 "repairing": repair.progress(session.id),
+                "reading": repair.reading(session.id),
             }
         )
     return rows

@@ -1,19 +1,20 @@
 """Closes the sessions that the last server left open, in a process of its own while the server serves already.
 
-A recording is read whole for its summary, which takes longer the longer it is. A session stays open until then; what is recorded in it is
-on the disk.
+First every session is closed from the end of its recording, which takes no longer for a long one. Then the recordings are read whole, one after the
+other, for checksum and summary, and results follow.
 """
 
 import logging
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from sqlalchemy.exc import DBAPIError
 
 from handscope.app.workers.process import DiedError, WorkerProcess
 from handscope.estimators.errors import InputError
-from handscope.sessions.store import records
+from handscope.sessions.store import crash_repair
+from handscope.sessions.store.crash_repair import UNREAD
 from handscope.sessions.store.store import Store, store_at
 
 log = logging.getLogger(__name__)
@@ -22,22 +23,25 @@ log = logging.getLogger(__name__)
 class SessionRepair:
     """A context manager; leaving it stops the repair, which the next start begins again.
 
-    `finish(session)` follows in this process for each session that is closed.
+    `finish(session)` follows in this process for each session whose recording was read whole.
     """
 
     def __init__(
-        self, store: Store, sessions: Sequence[int], finish: Callable[[int], None]
+        self,
+        store: Store,
+        left_open: Sequence[int],
+        unread: Sequence[int],
+        finish: Callable[[int], None],
     ) -> None:
         self._process = WorkerProcess(_initialise, store.folder, store.url)
         self._finish = finish
-        self._waiting = list(sessions)  # the first is being repaired
-        self._total = len(sessions)
-        self._lock = threading.Lock()
+        self._open = _Waiting(left_open)
+        self._unread = _Waiting(unread)
         self._leaving = threading.Event()
         self._thread = threading.Thread(target=self._run, name="repair", daemon=True)
 
     def __enter__(self) -> "SessionRepair":
-        if self._waiting:
+        if self._open.first() is not None or self._unread.first() is not None:
             self._thread.start()
         return self
 
@@ -50,24 +54,70 @@ class SessionRepair:
 
     def progress(self, session: int) -> tuple[int, int] | None:
         """Which of how many is being repaired, where this session is among those that are not yet; else None."""
+        return self._open.progress(session)
+
+    def reading(self, session: int) -> tuple[int, int] | None:
+        """Which of how many is being read whole, where this session is among those that are not yet; else None."""
+        return self._unread.progress(session)
+
+    def _run(self) -> None:
+        for session in self._open.each(self._leaving):
+            state = self._do(_close, session)
+            if state == UNREAD:
+                self._unread.add(session)
+            elif state == "recorded":
+                self._do_here(session)
+        for session in self._unread.each(self._leaving):
+            if self._do(_read, session) == "recorded":
+                self._do_here(session)
+
+    def _do(self, work: Callable[[int], str], session: int) -> str:
+        """What came of it in the process; "" where it failed."""
+        try:
+            return self._process.do(work, session)
+        except (InputError, DBAPIError, DiedError) as problem:
+            if not self._leaving.is_set():
+                log.warning("session %s is not repaired: %s", session, type(problem).__name__)
+        except Exception:
+            log.exception("session %s is not repaired", session)
+        return ""
+
+    def _do_here(self, session: int) -> None:
+        try:
+            self._finish(session)
+        except (InputError, DBAPIError) as problem:
+            log.warning("session %s is not processed: %s", session, type(problem).__name__)
+        except Exception:
+            log.exception("session %s is not processed", session)
+
+
+class _Waiting:
+    """Sessions in a row, taken by one thread and looked at by others; the first stays until it is done."""
+
+    def __init__(self, sessions: Sequence[int]) -> None:
+        self._waiting, self._total = list(sessions), len(sessions)
+        self._lock = threading.Lock()
+
+    def add(self, session: int) -> None:
+        with self._lock:
+            self._waiting.append(session)
+            self._total += 1
+
+    def first(self) -> int | None:
+        with self._lock:
+            return self._waiting[0] if self._waiting else None
+
+    def each(self, leaving: threading.Event) -> Iterator[int]:
+        while (session := self.first()) is not None and not leaving.is_set():
+            yield session
+            with self._lock:
+                self._waiting.pop(0)
+
+    def progress(self, session: int) -> tuple[int, int] | None:
         with self._lock:
             if session not in self._waiting:
                 return None
             return self._total - len(self._waiting) + 1, self._total
-
-    def _run(self) -> None:
-        while self._waiting and not self._leaving.is_set():
-            session = self._waiting[0]
-            try:
-                if self._process.do(_close, session) == "recorded":
-                    self._finish(session)
-            except (InputError, DBAPIError, DiedError) as problem:
-                if not self._leaving.is_set():
-                    log.warning("session %s stays open: %s", session, type(problem).__name__)
-            except Exception:
-                log.exception("session %s stays open", session)
-            with self._lock:
-                self._waiting.pop(0)
 
 
 _store: Store | None = None  # of the process, set once at its start
@@ -79,7 +129,15 @@ def _initialise(folder: Path, url: str | None) -> None:
 
 
 def _close(session: int) -> str:
-    """Close a session; its state then."""
+    """Close a session; its state then, UNREAD where the ends of its recording alone were read."""
     assert _store is not None
     with _store.database() as db:
-        return records.close(db, _store, session).state
+        closed = crash_repair.close_from_ends(db, _store, session)
+        return UNREAD if any(map(crash_repair.is_unread, closed.recordings)) else closed.state
+
+
+def _read(session: int) -> str:
+    """Read a session's recordings whole; its state then."""
+    assert _store is not None
+    with _store.database() as db:
+        return crash_repair.read_whole(db, _store, session).state

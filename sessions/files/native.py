@@ -43,7 +43,7 @@ def read(path: Path) -> Contents:
     try:
         with path.open("rb") as file:
             for topic, message in read_messages(file, contents.file):
-                _store_message(contents, topic, message)
+                store_message(contents, topic, message)
     except OSError as problem:
         raise InputError(
             "file.cannot_read", name=str(path), problem=str(problem.strerror)
@@ -138,7 +138,8 @@ def _named(block: Block, name: str) -> Block:
     return replace(block, stream=replace(block.stream, name=name))
 
 
-def _store_message(contents: Contents, topic: str, message: Message) -> None:
+def store_message(contents: Contents, topic: str, message: Message) -> None:
+    """Take a message into the contents; those of other topics are passed over."""
     if topic == "wire":
         contents.wire.append((message.publish_time * 1e-9, message.data))
     elif topic == "metadata":

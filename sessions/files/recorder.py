@@ -2,7 +2,8 @@
 
 One MCAP file (docs/recording.md): channel `wire` holds the port's bytes with their arrival times, `command` what was sent to the glove, `event` and
 `metadata` JSON. Every message is numbered and a chunk of its own with its channel and CRC, handed to the operating system at once and to the disk
-every second; what has piled up behind a slow disk goes there in one write. (mcap's own writer is not used: it keeps an index entry of every chunk in memory, 0.4 GB after a million.)
+every second; what has piled up behind a slow disk goes there in one write. Channel `checkpoint` repeats events and metadata every CHECKPOINT_EVERY, so that
+what a crash left is listed from its end (recording_ends.py). (mcap's own writer is not used: it keeps an index entry of every chunk in memory, 0.4 GB after a million.)
 """
 
 import contextlib
@@ -30,8 +31,10 @@ except ImportError:  # Windows: nobody else can open a file that is being writte
 
 FORMAT_VERSION = 1
 SYNC_EVERY = 1.0  # s between syncs to the disk
+CHECKPOINT_EVERY = 10.0  # s between two checkpoints: 4 MB of 17 sensors at 1 kHz
 BUFFER = 2**22  # bytes that go to the file in one write: half a minute of 17 sensors at 1 kHz
 PROFILE = "handscope"
+CHECKPOINT = "checkpoint"  # channel of what stands so far
 CHANNELS = {
     topic: Channel(id=k, topic=topic, message_encoding=encoding, metadata={}, schema_id=0)
     for k, (topic, encoding) in enumerate(
@@ -40,6 +43,7 @@ CHANNELS = {
             "command": "handscope-wire",
             "event": "json",
             "metadata": "json",
+            CHECKPOINT: "json",
         }.items(),
         start=1,
     )
@@ -60,8 +64,10 @@ class Recorder:
         """`now` is the host's monotonic clock in s, the clock of every `arrival`; `file` replaces the opened path in tests."""
         self._file = file if file is not None else _create_locked(path)
         self._began, self._utc = now, utc or datetime.now(UTC)
-        self._synced = self._newest = now
+        self._synced = self._newest = self._checkpointed = now
         self._number = 0
+        self._facts: dict[str, Any] = {}
+        self._events: dict[str, Any] = {}  # by id, those that stand
         self._together = False
         self.bytes_written = 0
         self._file.write(MCAP0_MAGIC + _bytes_of(Header(PROFILE, PROFILE)))
@@ -100,17 +106,19 @@ class Recorder:
 
     def event(self, event_id: str, event: Event | None, at: float) -> None:
         """Keep an event; the same id again replaces it, None takes it back. The earlier ones stay in the file."""
-        self._put(
-            "event",
-            _json(
-                {"id": event_id, **(asdict(event) if event is not None else {"retracted": True})}
-            ),
-            at,
-        )
+        value = {"id": event_id, **(asdict(event) if event is not None else {"retracted": True})}
+        data = _json(value)
+        if event is None:
+            self._events.pop(event_id, None)
+        else:
+            self._events[event_id] = value
+        self._put("event", data, at)
 
     def metadata(self, changed: Mapping[str, Any], at: float) -> None:
         """Keep facts about the recording; a later value of a name replaces the earlier."""
-        self._put("metadata", _json(changed), at)
+        data = _json(changed)
+        self._facts |= changed
+        self._put("metadata", data, at)
 
     def sync(self) -> None:
         """Everything so far is on the disk when this returns."""
@@ -123,6 +131,8 @@ class Recorder:
         if self._file.closed:
             return
         try:
+            if self._checkpointed > self._began:
+                self._checkpoint()
             self._file.write(
                 _bytes_of(
                     DataEnd(0), Footer(summary_start=0, summary_offset_start=0, summary_crc=0)
@@ -134,6 +144,14 @@ class Recorder:
             self._file.close()
 
     def _put(self, topic: str, data: bytes, at: float) -> None:
+        number, self._number = self._number, (self._number + 1) % 2**32
+        self._file_message(topic, data, at, number)
+        self.bytes_written += len(data)
+        self._newest = at
+        if not self._together:
+            self._flush()
+
+    def _file_message(self, topic: str, data: bytes, at: float, number: int) -> None:
         utc = round(self._utc.timestamp() * 1e9 + (at - self._began) * 1e9)
         channel = CHANNELS[topic]
         message = Message(
@@ -141,17 +159,20 @@ class Recorder:
             log_time=utc,
             data=data,
             publish_time=round(at * 1e9),
-            sequence=self._number,
+            sequence=number,
         )
-        self._number = (self._number + 1) % 2**32
         self._file.write(_chunk(_bytes_of(channel, message), utc))
-        self.bytes_written += len(data)
-        self._newest = at
-        if not self._together:
-            self._flush()
+
+    def _checkpoint(self) -> None:
+        """Repeat what stands so far; a checkpoint has the number of the message that follows, and takes none itself."""
+        value = {"metadata": self._facts, "events": list(self._events.values())}
+        self._file_message(CHECKPOINT, _json(value), self._newest, self._number)
+        self._checkpointed = self._newest
 
     def _flush(self) -> None:
         """Hand what waits to the operating system, and to the disk every SYNC_EVERY."""
+        if self._newest - self._checkpointed >= CHECKPOINT_EVERY:
+            self._checkpoint()
         self._file.flush()
         if self._newest - self._synced >= SYNC_EVERY:
             self._synced = self._newest

@@ -19,7 +19,7 @@ from mcap.stream_reader import breakup_chunk
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from handscope.estimators.errors import InputError
-from handscope.sessions.files.recorder import CHANNELS, PROFILE
+from handscope.sessions.files.recorder import CHANNELS, CHECKPOINT, PROFILE
 
 LARGEST = 64 * 2**20  # bytes of a record; a recorder's are a few kB
 LZ4_MOST = 255  # bytes that one of lz4 becomes at most
@@ -45,11 +45,17 @@ class Findings:
     unread: int = 0  # bytes behind the last good record
 
 
-def read_messages(file: IO[bytes], found: Findings) -> Iterator[tuple[str, Message]]:
-    """Messages with their topics; `found` is complete when they have been gone through."""
-    size, number, failed = file.seek(0, os.SEEK_END), 0, 0
+def read_messages(
+    file: IO[bytes], found: Findings, start: int = 0
+) -> Iterator[tuple[str, Message]]:
+    """Messages with their topics; `found` is complete when they have been gone through.
+
+    From the first chunk at or behind `start` on, where it is not the file's beginning: what is missing is counted from there.
+    """
+    size, failed = file.seek(0, os.SEEK_END), 0
+    number = None if start else 0
     topics: dict[int, str] = {}
-    for inside in _records(file, size, found):
+    for inside in _records(file, size, found, start):
         failed += inside is None
         for record in inside or ():
             if isinstance(record, Header):
@@ -57,18 +63,35 @@ def read_messages(file: IO[bytes], found: Findings) -> Iterator[tuple[str, Messa
             elif isinstance(record, Channel) and record.topic in CHANNELS:
                 topics[record.id] = record.topic
             elif isinstance(record, Message) and record.channel_id in topics:
+                topic = topics[record.channel_id]
+                number = record.sequence if number is None else number
                 missing = (record.sequence - number) % 2**32  # messages are numbered
                 found.damaged += missing if missing < 2**31 else 0
-                number, failed = record.sequence + 1, 0
-                yield topics[record.channel_id], record
+                number, failed = record.sequence + (topic != CHECKPOINT), 0
+                yield topic, record
     found.damaged += failed if found.finished else 0
 
 
-def _records(file: IO[bytes], size: int, found: Findings) -> Iterator[list[Any] | None]:
+def find_last_chunk(file: IO[bytes], topic: str, start: int, end: int) -> int | None:
+    """Where the last good chunk of a topic begins, of those that begin from `start` to before `end`."""
+    size, last = file.seek(0, os.SEEK_END), None
+    at = _next_chunk(file, start)
+    while at is not None and at < end:
+        _, after, inside = _record(file, at, size)
+        if any(isinstance(record, Channel) and record.topic == topic for record in inside or ()):
+            last = at
+        at = after if inside is not None else _next_chunk(file, at + 1)
+    return last
+
+
+def _records(
+    file: IO[bytes], size: int, found: Findings, start: int = 0
+) -> Iterator[list[Any] | None]:
     """What each good record holds, None for one that is damaged."""
     unpacked = 0
     file.seek(0)
-    at: int | None = len(MAGIC) if file.read(len(MAGIC)) == MAGIC else _next_chunk(file, 0)
+    begins = start == 0 and file.read(len(MAGIC)) == MAGIC
+    at: int | None = len(MAGIC) if begins else _next_chunk(file, start)
     while at is not None and at < size:
         opcode, end, inside = _record(file, at, size)
         unpacked += sum(len(record.data) for record in inside or () if isinstance(record, Message))

@@ -12,6 +12,7 @@ import numpy as np
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from handscope.estimators.data.samples import Event, Stream
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized, table_of
@@ -65,8 +66,8 @@ def close(db: Session, store: Store, session_id: int) -> PatientSession:
     session = get(db, session_id)
     for file in session.recordings:
         if file.sha256 is None:
-            _require_finished(store.path_of(file.file))
-            _describe(file, store)
+            require_finished(store.path_of(file.file))
+            describe(file, store)
     session.finished = now()
     session.state = "recorded" if any(f.sha256 for f in session.recordings) else "failed"
     db.commit()
@@ -148,6 +149,27 @@ def open_recording(store: Store, file: RecordingFile) -> LoadedRecording:
     return replace(recording, geometry=sized(recording.hand, measures_from(session.geometry)))
 
 
+def require_finished(path: Path) -> None:
+    """Wait for a recorder that outlived its server; InputError, and the session stays open, where it goes on."""
+    until = time.monotonic() + FINISH_WAIT
+    while path.exists() and is_being_written(path):
+        if time.monotonic() > until:
+            raise InputError("store.recording_in_progress")
+        time.sleep(0.05)
+
+
+def describe(file: RecordingFile, store: Store) -> None:
+    """Size, checksum and summary of a closed file; a file that holds no samples keeps sha256 None."""
+    path = store.path_of(file.file)
+    try:
+        recording = formats_recordings.load(path, hand_of(file.session.hand))
+    except InputError as problem:
+        file.summary = {"problem": str(problem).replace(path.name, "the recording")}
+        return
+    file.bytes, file.sha256 = path.stat().st_size, native.file_checksum(path)
+    file.summary = summary(recording)
+
+
 def list_abandoned(db: Session) -> list[PatientSession]:
     """Sessions that are not finished, the oldest first: they run, or a server that stopped left them open."""
     return list(
@@ -167,15 +189,6 @@ def hand_of(word: str) -> Hand:
     raise InputError("store.unknown_hand", word=word)
 
 
-def _require_finished(path: Path) -> None:
-    """Wait for a recorder that outlived its server; InputError, and the session stays open, where it goes on."""
-    until = time.monotonic() + FINISH_WAIT
-    while path.exists() and is_being_written(path):
-        if time.monotonic() > until:
-            raise InputError("store.recording_in_progress")
-        time.sleep(0.05)
-
-
 def _start_of(recording: LoadedRecording) -> datetime | None:
     """When it was recorded, where it tells that with its zone."""
     try:
@@ -185,42 +198,37 @@ def _start_of(recording: LoadedRecording) -> datetime | None:
     return start if start.tzinfo else start.replace(tzinfo=UTC)
 
 
-def _describe(file: RecordingFile, store: Store) -> None:
-    """Size, checksum and summary of a closed file; a file that holds no samples keeps sha256 None."""
-    path = store.path_of(file.file)
-    try:
-        recording = formats_recordings.load(path, hand_of(file.session.hand))
-    except InputError as problem:
-        file.summary = {"problem": str(problem).replace(path.name, "the recording")}
-        return
-    file.bytes, file.sha256 = path.stat().st_size, native.file_checksum(path)
-    file.summary = summary(recording)
-
-
 def summary(recording: LoadedRecording) -> dict[str, Any]:
     """What a recording holds, for lists and pages."""
-    streams = [
-        {"name": s.name, "sensors": list(s.sensors), "rate": round(s.rate, 3), "samples": len(b.t)}
-        for s, b in ((b.stream, b) for b in recording.samples.values())
-    ]
-    events = [
-        {
-            "trial_type": e.trial_type,
-            "onset": round(e.onset, 3),
-            "duration": round(e.duration, 3),
-            "task": e.details.get("task_name"),
-        }
-        | ({"phase": e.details["phase"]} if e.details.get("phase") else {})
-        for e in recording.events
-    ]
+    streams = [{**stream_row(b.stream), "samples": len(b.t)} for b in recording.samples.values()]
     gaps = int(sum(np.isnan(b.values).any(axis=(1, 2)).sum() for b in recording.samples.values()))
     return {
         "duration": round(recording.duration, 3),
         "streams": streams,
-        "events": events,
+        "events": [event_row(e) for e in recording.events],
         "losses": dict(recording.losses),
         "samples_with_gaps": gaps,
         "warnings": list(recording.warnings),
         "source": dict(recording.source),
         "geometry": table_of(recording.geometry),
     }
+
+
+def stream_row(stream: Stream) -> dict[str, Any]:
+    """A stream in a recording's summary."""
+    return {
+        "name": stream.name,
+        "sensors": list(stream.sensors),
+        "rate": round(stream.rate, 3),
+    }
+
+
+def event_row(event: Event) -> dict[str, Any]:
+    """An event in a recording's summary."""
+    row = {
+        "trial_type": event.trial_type,
+        "onset": round(event.onset, 3),
+        "duration": round(event.duration, 3),
+        "task": event.details.get("task_name"),
+    }
+    return row | ({"phase": event.details["phase"]} if event.details.get("phase") else {})

@@ -11,7 +11,7 @@ export function mount(root, api) {
   const show = (sessions) => {
     if (gone) return;
     root.replaceChildren(...sessions.map((session) => one(api, session, draw)));
-    if (sessions.some((session) => session.repairing)) timer = setTimeout(draw, REPAIR_MS);
+    if (sessions.some((session) => session.repairing || session.reading)) timer = setTimeout(draw, REPAIR_MS);
   };
   const draw = () =>
     api.get("/api/sessions/unfinished").then(show, () => {}); // the list below says what is wrong
@@ -32,9 +32,10 @@ export function closing(api, session, done) {
 
 function one(api, session, done) {
   const who = { patient: session.patient.pseudonym, since: dayAndTime(session.started) };
-  if (session.repairing) {
-    const [now, all] = session.repairing;
-    return h("p", { class: "note" }, t("unfinished.repairing", { ...who, this: now, all }));
+  for (const stage of ["repairing", "reading"]) {
+    if (!session[stage]) continue;
+    const [now, all] = session[stage];
+    return h("p", { class: "note" }, t(`unfinished.${stage}`, { ...who, this: now, all }));
   }
   const words = t(session.overnight ? "unfinished.overnight" : "unfinished.runs", who);
   const address = session.station ? `/stations/${session.station}` : `/sessions/${session.id}`;

@@ -175,7 +175,7 @@ class Clinic:
     def _is_repaired(self) -> bool:
         """Whether no session is being repaired any more."""
         found = self.server.call("GET", "/api/sessions/unfinished")
-        return not any(session["repairing"] for session in found)
+        return not any(session["repairing"] or session["reading"] for session in found)
 
     def _result(self, result: int) -> Any:
         return self.server.call("GET", f"/api/results/{result}")
