@@ -58,13 +58,14 @@ format: $(VENV)/develops
 docs: $(VENV)/runs $(VENV)/develops .types/handscope
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-# Known weaknesses of the locked versions; skipped with a word where the service cannot be reached
+# Known weaknesses of the locked versions, each that could not be checked by name (exit code 3); offline: make audit ADVISORIES=all.zip (docs/security.md)
 audit: $(VENV)/develops
-	.ci/audit $(BIN)
+	$(BIN)/python .ci/audit.py $(if $(ADVISORIES),--advisories $(ADVISORIES))
 
 # What a server consists of (CycloneDX 1.6), from the lock with its hashes: sbom.json
 sbom: $(VENV)/installed
 	$(BIN)/uv tool run --quiet --from 'cyclonedx-bom>=7,<8' cyclonedx-py requirements requirements-server.lock --sv 1.6 --of JSON --output-reproducible -o sbom.json
+	$(BIN)/python .ci/sbom.py sbom.json
 
 # A file's tests stay in one process, which makes their recordings once; files come longest first (tests/schedule.py)
 PYTEST = $(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
