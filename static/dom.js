@@ -14,6 +14,11 @@ export function h(tag, attributes = {}, ...children) {
   return element;
 }
 
+/** A drawing of the bundled set (style.css); what it means stands in words beside it. */
+export function icon(name) {
+  return h("span", { class: `icon icon-${name}`, "aria-hidden": "true" });
+}
+
 /** The same for drawings: s("svg", { viewBox }, s("path", { d })). */
 export function s(tag, attributes = {}, ...children) {
   const element = document.createElementNS(SVG, tag);

@@ -24,7 +24,7 @@ from handscope.sessions.store.store import Store
 
 __all__ = ["COOKIE", "Gate", "cookie_name", "cookie_of", "new_token"]
 COOKIE = "handscope"
-OPEN_FOLDERS = ("/static/login/", "/static/fonts/", "/static/words/")
+OPEN_FOLDERS = ("/static/login/", "/static/vendor/inter/", "/static/vendor/lucide/", "/static/words/")
 OPEN_FILES = (
     "/static/colors.css",
     "/static/style.css",
@@ -32,6 +32,7 @@ OPEN_FILES = (
     "/static/preferences.js",
     "/static/theme.js",
     "/static/dom.js",
+    "/static/forms.js",
 )
 SAFE = ("GET", "HEAD", "OPTIONS")
 STRANGER = "not logged in; open the address that the server printed, or print a new one with: handscope login"

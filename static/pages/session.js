@@ -1,5 +1,5 @@
 /** A session: while it runs, while it is processed, then its numbers. `?result=` names one of several results. */
-import { assemble, h } from "../dom.js";
+import { assemble, h, icon } from "../dom.js";
 import { errorBox } from "../forms.js";
 import { makeRecord } from "../patient/record.js";
 import * as reprocess from "../session/reprocess.js";
@@ -126,9 +126,9 @@ function trail(session) {
     "p",
     { class: "trail" },
     h("a", { href: "/" }, t("patients.title")),
-    "›",
+    icon("chevron-right"),
     h("a", { href: `/patients/${session.patient.id}` }, session.patient.pseudonym),
-    "›",
+    icon("chevron-right"),
   );
 }
 

@@ -30,6 +30,8 @@ export function makePlot(root, wanted) {
   const observer = new ResizeObserver(() => (plot ? plot.setSize(sizeOf(root)) : make()));
   observer.observe(root);
   const unwatch = watchTheme(make);
+  let gone = false;
+  document.fonts.ready.then(() => gone || (plot && make()));
   const press = (event) => plot && wanted.pressed?.(plot.posToVal(event.clientX - plot.over.getBoundingClientRect().left, "x"));
   root.addEventListener("click", press);
   return {
@@ -41,6 +43,7 @@ export function makePlot(root, wanted) {
       plot?.setData(data);
     },
     destroy() {
+      gone = true;
       observer.disconnect();
       unwatch();
       root.removeEventListener("click", press);

@@ -117,5 +117,6 @@ function valueOf(figure, trial) {
     return none ? t("tapping.same") : t(figure.value < 0 ? "tapping.smaller" : "tapping.larger", { size, unit: figure.unit });
   }
   const sure = figure.sd >= 0.5 * 10 ** -digits ? ` ± ${decimal(figure.sd, digits)}` : ""; // a deviation below the last digit is left out
-  return `${size}${sure} ${figure.unit === "Hz" ? t("unit.per_second") : figure.unit === "deg" ? "°" : figure.unit}`.trim();
+  if (figure.unit === "deg") return `${size}${sure}°`;
+  return `${size}${sure} ${figure.unit === "Hz" ? t("unit.per_second") : figure.unit}`.trim();
 }

@@ -1,10 +1,10 @@
 /** The sensors finger by finger: what moves lights up, what was seen is ticked, and what is wrong is said with what to do. */
-import { h, whenChanged } from "../dom.js";
+import { h, icon, whenChanged } from "../dom.js";
 import { inWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
 
 const FINGERS = ["thumb", "index", "middle", "ring", "little"];
-const SIGN = { seen: "✓", wrong: "!", dead: "×", asked: "→" };
+const SIGN = { seen: "check", wrong: "triangle-alert", dead: "x", asked: "arrow-right" };
 
 export function mount(root, api, { station }) {
   const list = h("ul", { class: "fingers" });
@@ -42,7 +42,7 @@ function chip(finger, standing, moving) {
   return h(
     "li",
     { class: `${standing} ${moving ? "lit" : ""}` },
-    h("span", { "aria-hidden": "true" }, SIGN[standing] ?? ""),
+    h("span", { "aria-hidden": "true" }, SIGN[standing] && icon(SIGN[standing])),
     h("span", {}, t(`finger.${finger}`)),
     h("span", { class: "visually-hidden" }, t(`check.${standing}`)),
   );

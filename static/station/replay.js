@@ -1,5 +1,5 @@
 /** A replay: the 3-D hand with a time line, curves beside it, and the tasks to jump to. */
-import { assemble, h } from "../dom.js";
+import { assemble, h, icon } from "../dom.js";
 import { errorBox } from "../forms.js";
 import * as angles from "./angles.js";
 import * as chapterList from "./replay_chapters.js";
@@ -23,7 +23,7 @@ export function mount(root, api, { station, session, strip }) {
   strip.classList.add("tall");
   strip.append(places.controls, places.curves);
   root.append(
-    h("a", { class: "button", href: back }, "‹ ", t("replay.back")),
+    h("a", { class: "button", href: back }, icon("chevron-left"), t("replay.back")),
     h("h1", {}, t("replay.title")),
     h(
       "p",

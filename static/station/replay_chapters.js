@@ -1,5 +1,5 @@
 /** What happens in the recording and when: press to jump there, or to repeat it. */
-import { h } from "../dom.js";
+import { h, icon } from "../dom.js";
 import { errorBox, once } from "../forms.js";
 import { clock, known, t } from "../words/words.js";
 
@@ -38,7 +38,8 @@ export function mount(root, api, { station, focus, chapters }) {
       h("span", { class: "soft" }, clock(chapter.start - start)),
     );
     const label = t("chapters.repeat.of", { chapter: chapter.words });
-    const repeat = h("button", { class: "repeat", "aria-pressed": "false", title: t("chapters.repeat"), "aria-label": label }, "↻");
+    const named = { title: t("chapters.repeat"), "aria-label": label };
+    const repeat = h("button", { class: "repeat", "aria-pressed": "false", ...named }, icon("repeat"));
     repeat.addEventListener("click", () => once(repeat, box, () => turn(chapter)));
     return { chapter, jump, repeat, element: h("li", { class: chapter.calibration && "calibration" }, jump, repeat) };
   }

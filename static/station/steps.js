@@ -1,5 +1,5 @@
 /** The bar of steps: connect, initial pose, tasks, finish. */
-import { h, whenChanged } from "../dom.js";
+import { h, icon, whenChanged } from "../dom.js";
 import { known, t } from "../words/words.js";
 
 export function mount(root, api, { station }) {
@@ -9,7 +9,7 @@ export function mount(root, api, { station }) {
       const at = steps.findIndex((step) => step.name === now);
       const items = steps.map((step, k) => {
         const place = k < at ? "done" : k === at ? "now" : "later";
-        const number = h("span", { class: "number", "aria-hidden": "true" }, place === "done" ? "✓" : String(k + 1));
+        const number = h("span", { class: "number", "aria-hidden": "true" }, place === "done" ? icon("check") : String(k + 1));
         return h(
           "li",
           { class: place, "aria-current": place === "now" && "step" },

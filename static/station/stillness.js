@@ -1,5 +1,5 @@
 /** Whether the hand lies still, and if not, what moves: shown while that matters. */
-import { h, whenChanged } from "../dom.js";
+import { h, icon, whenChanged } from "../dom.js";
 import { partWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
 
@@ -18,7 +18,7 @@ export function mount(root, api, { station }) {
       const connecting = ["connect", "check"].includes(state); // movement is wanted there, and nowhere else
       root.hidden = !shown || !flowing;
       root.className = `stillness ${still === connecting ? (connecting ? "idle" : "unwanted") : "wanted"}`;
-      lamp.textContent = still ? (connecting ? "" : "✓") : "~";
+      lamp.replaceChildren(...(still && !connecting ? [icon("check")] : []));
       words.textContent = still ? t(connecting ? "still.idle" : "still.yes") : t("still.no", { part: partWords(fastest || "hand") });
     },
   );

@@ -1,9 +1,9 @@
 /** The tasks of a group with what became of them; while tasks are chosen, each is a button, and another group can be taken. */
-import { h, whenChanged } from "../dom.js";
+import { h, icon, whenChanged } from "../dom.js";
 import { errorBox, field, once, select } from "../forms.js";
 import { known, t } from "../words/words.js";
 
-const SIGN = { accepted: "✓", good: "✓", used: "✓", skipped: "–", unable: "×", spoilt: "!" };
+const SIGN = { accepted: "check", good: "check", used: "check", skipped: "minus", unable: "x", spoilt: "triangle-alert" };
 const GOOD = ["accepted", "good", "used"];
 
 export function mount(root, api, { station }) {
@@ -53,7 +53,7 @@ export function mount(root, api, { station }) {
     const outcome = h(
       "span",
       { class: `badge ${GOOD.includes(task.outcome) ? "good" : task.outcome ? "warn" : ""}` },
-      stands(task, current),
+      ...stands(task, current),
     );
     const words = [h("span", {}, task.title), outcome];
     const choose = () => once(button, box, () => station.act("choose", { task: task.name }));
@@ -66,9 +66,9 @@ export function mount(root, api, { station }) {
 }
 
 function stands({ outcome, trials, accepted }, current) {
-  if (outcome) return `${SIGN[outcome] ?? ""} ${t(`outcome.${outcome}`)}`;
-  if (trials > 1 && accepted) return t("outcome.trials", { accepted, trials });
-  return current ? t("outcome.now") : t("outcome.open");
+  if (outcome) return [SIGN[outcome] && icon(SIGN[outcome]), t(`outcome.${outcome}`)].filter(Boolean);
+  if (trials > 1 && accepted) return [t("outcome.trials", { accepted, trials })];
+  return [current ? t("outcome.now") : t("outcome.open")];
 }
 
 function groupWords({ name, title, tasks, done }) {

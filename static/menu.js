@@ -1,0 +1,21 @@
+/** The menu at the end of the header: language, brightness and logging out. */
+import { h, icon } from "./dom.js";
+import { preferences } from "./preferences.js";
+import { t } from "./words/words.js";
+
+export function menu(logOut) {
+  const opener = h("summary", {}, icon("menu"), h("span", { class: "words" }, t("nav.menu")));
+  const root = h(
+    "details",
+    { class: "menu" },
+    opener,
+    h("div", { class: "card" }, preferences(), h("button", { onclick: logOut }, t("nav.logout"))),
+  );
+  document.addEventListener("click", (event) => root.contains(event.target) || close());
+  root.addEventListener("keydown", (event) => event.key === "Escape" && (close(), opener.focus()));
+
+  function close() {
+    root.open = false;
+  }
+  return root;
+}
