@@ -1,7 +1,7 @@
 /** The one document: header and footer, and between them the page that the address names. */
 import { makeApi } from "./api.js";
 import { h } from "./dom.js";
-import { preferences } from "./preferences.js";
+import { menu } from "./menu.js";
 import { t } from "./words/words.js";
 
 /** @type {[RegExp, () => Promise<any>][]} */
@@ -96,8 +96,7 @@ document.body.append(
     { class: "top" },
     h("a", { class: "brand", href: "/" }, h("img", { src: "/static/favicon.svg", alt: "" }), "Handscope"),
     h("nav", { "aria-label": t("nav.label") }, links),
-    preferences(),
-    h("button", { onclick: logOut }, t("nav.logout")),
+    menu(logOut),
   ),
   main,
   h("footer", { class: "bottom" }, t("notice")),

@@ -1,5 +1,6 @@
 /** The two choices that belong to the browser and not to the patient: language and light or dark. */
 import { h } from "./dom.js";
+import { field } from "./forms.js";
 import { setTheme, theme, THEMES } from "./theme.js";
 import { choose, language, LANGUAGES } from "./words/languages.js";
 import { t } from "./words/words.js";
@@ -20,5 +21,5 @@ export function preferences() {
 
 function chooser(label, options, now, chosen) {
   const each = options.map(([value, words]) => h("option", { value, selected: value === now }, words));
-  return h("select", { "aria-label": label, onchange: (event) => chosen(event.target.value) }, each);
+  return field(label, h("select", { onchange: (event) => chosen(event.target.value) }, each));
 }

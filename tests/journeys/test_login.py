@@ -73,6 +73,7 @@ def test_a_second_browser_without_the_cookie_sees_nothing(
 
 
 def test_who_logs_out_is_out(page: Page, server: Server) -> None:
+    page.locator(".menu > summary").click()
     page.get_by_role("button", name="Log out").click()
     page.wait_for_url("**/login")
     page.goto(server.base)
@@ -88,6 +89,7 @@ def test_a_question_answered_while_its_page_is_left_does_not_lead_away_again(
         with page.expect_request("**/api/patients*"):
             page.reload(wait_until="commit")
         with page.expect_request(f"{server.base}/login"):
+            page.locator(".menu > summary").click()
             page.get_by_role("button", name="Log out").click(no_wait_after=True)
     assert answer.value.status == 401
     asked[0].continue_()
@@ -137,6 +139,7 @@ def test_an_account_is_handed_over_by_a_code_and_then_logs_in_by_its_password(
         newcomer.get_by_label(label, exact=True).fill("seven hands on a table")
     newcomer.get_by_role("button", name="Set password").click()
     shown(newcomer.get_by_text("The password is set"))
+    newcomer.locator(".menu > summary").click()
     newcomer.get_by_role("button", name="Log out").click()
     newcomer.wait_for_url("**/login")
     code_typed_before_the_ways_in_are_known(newcomer, f"{server.base}/login")

@@ -12,10 +12,16 @@ pytestmark = pytest.mark.browser
 GROUND = "getComputedStyle(document.body).backgroundColor"
 
 
+def open_menu(page: Page) -> None:
+    page.locator(".menu > summary").click()
+
+
 def test_german_is_chosen_once_and_kept_and_reports_follow_it(
     another_page: Callable[..., Page], server: Server, processed: int
 ) -> None:
     page = another_page(scene=False, bypass_csp=True)
+    open_menu(page)
+    looked_at(page, "menu")
     page.get_by_label("Language").select_option("de")
     shown(page.get_by_role("heading", name="Patienten"))
     assert page.locator("html").get_attribute("lang") == "de"
@@ -32,6 +38,7 @@ def test_german_is_chosen_once_and_kept_and_reports_follow_it(
     made = page.request.get(server.base + address.replace(".pdf", ".html")).text()
     assert '<html lang="de">' in made
     assert "Fingertippen" in made
+    open_menu(page)
     page.get_by_label("Sprache").select_option("en")
     shown(page.get_by_role("heading", name="Finger tapping"))
 
@@ -56,12 +63,14 @@ def test_dark_and_light_can_be_chosen_against_the_device(
 ) -> None:
     page = another_page(scene=False, color_scheme="light")
     light = page.evaluate(GROUND)
+    open_menu(page)
     page.get_by_label("Brightness").select_option("dark")
     dark = page.evaluate(GROUND)
     assert dark != light
     page.goto(f"{server.base}/help")
     shown(page.get_by_role("heading", name="Step by step"))
     assert page.evaluate(GROUND) == dark
+    open_menu(page)
     page.get_by_label("Brightness").select_option("auto")
     assert page.evaluate(GROUND) == light
     page.emulate_media(color_scheme="dark")
