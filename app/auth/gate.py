@@ -24,7 +24,12 @@ from handscope.sessions.store.store import Store
 
 __all__ = ["COOKIE", "Gate", "cookie_name", "cookie_of", "new_token"]
 COOKIE = "handscope"
-OPEN_FOLDERS = ("/static/login/", "/static/vendor/inter/", "/static/vendor/lucide/", "/static/words/")
+OPEN_FOLDERS = (
+    "/static/login/",
+    "/static/vendor/inter/",
+    "/static/vendor/lucide/",
+    "/static/words/",
+)
 OPEN_FILES = (
     "/static/colors.css",
     "/static/style.css",
