@@ -14,6 +14,7 @@ VERBS = {
     "demo": "serve with a virtual glove and a demonstration patient",
     "serve": "serve pages, API and 3-D scene",
     "account": "who may log in, and as what",
+    "ward": "parts of the hospital that patients and accounts belong to",
     "audit": "who saw, changed, exported and erased what; verify that nobody changed the trail",
     "login": "print a new one-time address for a server that runs",
     "backup": "everything in the data folder as one checked file, while the server runs",

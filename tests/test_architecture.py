@@ -87,6 +87,7 @@ LEVELS = {  # a package imports packages of lower levels only
         "formats",
         "exports",
         "clinic",
+        "wards",
         "store",
     ),
     "handscope.app": (

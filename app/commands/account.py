@@ -3,6 +3,7 @@
 import argparse
 import getpass
 import sys
+from collections.abc import Sequence
 
 from sqlalchemy.orm import Session
 
@@ -12,11 +13,13 @@ from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit, second_factors
 from handscope.sessions.clinic.accounts import LOCAL, ROLES
 from handscope.sessions.store import logins
+from handscope.sessions.wards import wards
 
 ACTIONS = {
     "add": "a new account; prints a one-time address with which its owner sets a password",
     "list": "all accounts with their roles",
     "role": "give an account these roles and no others",
+    "ward": "let an account belong to these wards and no others ('all' is the whole house)",
     "disable": "take an account out of use and end its logins",
     "enable": "take it into use again",
     "password": "set a password: asked for on a terminal, else read from standard input",
@@ -41,6 +44,23 @@ def add(parser: argparse.ArgumentParser) -> None:
                 choices=ROLES,
                 help="may be given more than once",
             )
+        if action in ("add", "ward"):
+            sub.add_argument(
+                "--ward",
+                action="append",
+                required=action == "ward",
+                default=None,
+                metavar="WARD",
+                help="whose patients the account sees; may be given more than once",
+            )
+        if action == "ward":
+            sub.add_argument(
+                "--head",
+                action="append",
+                default=[],
+                metavar="WARD",
+                help="of these wards the account is shown emergency accesses",
+            )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -48,11 +68,14 @@ def run(arguments: argparse.Namespace) -> int:
     with open_audited(arguments.data, arguments.database) as db:
         if arguments.action == "list":
             for account in accounts.list_accounts(db):
-                say(
-                    f"{account.name:24} {', '.join(account.roles)}{'  out of use' if account.disabled else ''}"
-                )
+                named = ", ".join(m.ward.name for m in account.memberships)
+                state = "  out of use" if account.disabled else ""
+                say(f"{account.name:24} {', '.join(account.roles):36} wards: {named}{state}")
         elif arguments.action == "add":
-            accounts.add(db, arguments.name, arguments.role)
+            numbers = _numbers(db, arguments.ward)
+            account = accounts.add(db, arguments.name, arguments.role)
+            if numbers is not None:
+                wards.assign(db, account, numbers)
             _say_code(db, arguments)
         else:
             _change(db, arguments)
@@ -63,6 +86,9 @@ def _change(db: Session, arguments: argparse.Namespace) -> None:
     account = accounts.find_by_name(db, arguments.name)
     if arguments.action == "role":
         accounts.change(db, account, roles=arguments.role)
+    elif arguments.action == "ward":
+        numbers = _numbers(db, arguments.ward) or []
+        wards.assign(db, account, numbers, _numbers(db, arguments.head) or [])
     elif arguments.action in ("disable", "enable"):
         accounts.change(db, account, disabled=arguments.action == "disable")
         if account.disabled:
@@ -79,6 +105,11 @@ def _change(db: Session, arguments: argparse.Namespace) -> None:
             raise InputError("command.account_without_password", name=account.name)
         accounts.set_password(db, account, _asked())
         logins.end_all(db, account)
+
+
+def _numbers(db: Session, names: Sequence[str] | None) -> list[int] | None:
+    """Numbers of wards by their names; InputError where there is none of a name."""
+    return None if names is None else [wards.find_by_name(db, name).id for name in names]
 
 
 def _say_code(db: Session, arguments: argparse.Namespace) -> None:

@@ -22,7 +22,7 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from handscope.estimators.errors import InputError
-from handscope.sessions.db.tables import Account
+from handscope.sessions.db.tables import HOUSE, Account, Ward, WardMember
 
 CLINICIAN, SCIENTIST, ADMINISTRATOR = ROLES = ("clinician", "scientist", "administrator")
 LOCAL = "local"
@@ -44,6 +44,7 @@ def local_account(db: Session) -> Account:
     found = db.scalar(select(Account).where(Account.name == LOCAL))
     if found is None:
         found = Account(name=LOCAL, roles=[CLINICIAN, ADMINISTRATOR])
+        found.memberships = [WardMember(ward_id=HOUSE)]
         db.add(found)
         db.flush()
     return found
@@ -52,6 +53,7 @@ def local_account(db: Session) -> Account:
 def add(db: Session, name: str, roles: Sequence[str]) -> Account:
     """A new account without a password; InputError where the name is taken or not one, or a role is not known."""
     account = Account(name=_checked_name(name), roles=_checked_roles(roles))
+    account.memberships = _first_wards(db)
     db.add(account)
     try:
         db.commit()
@@ -90,6 +92,7 @@ def get_or_add_subject(db: Session, subject: str, name: str, roles: Sequence[str
         if name == LOCAL or db.scalar(select(Account.id).where(Account.name == name)):
             name += f"+{hashlib.sha256(subject.encode()).hexdigest()[:8]}"
         found = Account(name=_checked_name(name), roles=_checked_roles(roles), subject=subject)
+        found.memberships = _first_wards(db)
         db.add(found)
     if found.disabled:
         raise InputError("clinic.account_disabled", name=found.name)
@@ -145,6 +148,12 @@ def authenticate(db: Session, name: str, password: str) -> Account | None:
         account.password = _hash_password(password)
         db.commit()
     return account
+
+
+def _first_wards(db: Session) -> list[WardMember]:
+    """A new account belongs to the whole house where there are no wards; else to none until somebody assigns it."""
+    wards = db.scalar(select(func.count(Ward.id)))
+    return [WardMember(ward_id=HOUSE)] if wards == 1 else []
 
 
 def _verify(stored: str, password: str) -> bool:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, event, insert, inspect, select, text, update
+from sqlalchemy import ColumnElement, Connection, event, insert, inspect, select, text, update
 from sqlalchemy.orm import Session, sessionmaker
 
 from handscope.sessions.clinic import audit_copy, audit_guards
@@ -26,6 +26,7 @@ from handscope.sessions.db.tables import (
     AuditLine,
     Base,
     Correction,
+    EmergencyAccess,
     Note,
     Patient,
     PatientSession,
@@ -34,8 +35,10 @@ from handscope.sessions.db.tables import (
     Reuse,
     SecondFactor,
     SelfCalibration,
+    Ward,
     now,
 )
+from handscope.sessions.db.visible_rows import unrestricted
 
 SERVER = "server"  # who, where no account asked for it
 NOTHING = "0" * 64  # before the first line
@@ -53,6 +56,7 @@ KINDS: Mapping[type[Base], str] = {
     Result: "result",
     Account: "account",
     SecondFactor: "second_factor",
+    Ward: "ward",
 }
 BY_ITSELF: Mapping[
     type[Base], frozenset[str]
@@ -113,9 +117,12 @@ def list_lines(
     patient: int | None = None,
     before: int | None = None,
     limit: int = 100,
+    within: ColumnElement[bool] | None = None,
 ) -> list[AuditLine]:
-    """The newest first; `before` a line's number, to go on from there."""
+    """The newest first; `before` a line's number, to go on from there; `within`: what else holds of them (sessions/wards)."""
     query = select(AuditLine).order_by(AuditLine.id.desc()).limit(limit)
+    if within is not None:
+        query = query.where(within)
     for column, value in (
         (AuditLine.who, who),
         (AuditLine.what, what),
@@ -220,6 +227,7 @@ def patient_of(db: Session, kind: str, number: int) -> int | None:
         "self_calibration": select(SelfCalibration.patient_id).where(SelfCalibration.id == number),
         "reuse": of_session.join(Reuse).where(Reuse.id == number),
         "result": of_session.join(RecordingFile).join(Result).where(Result.id == number),
+        "emergency_access": select(EmergencyAccess.patient_id).where(EmergencyAccess.id == number),
     }
     return db.scalar(queries[kind]) if kind in queries else None
 
@@ -253,11 +261,12 @@ def _fields(row: object) -> tuple[str, ...]:
 
 def _write(db: Session) -> None:
     """Before a commit: everything noted, in the same transaction."""
-    db.flush()
-    happened = [*_row_events(db), *db.info.get("audit", ())]
-    _discard(db)
-    if happened:
-        _append(db, happened)
+    with unrestricted(db):  # a patient who was moved to another ward is still whose line it is
+        db.flush()
+        happened = [*_row_events(db), *db.info.get("audit", ())]
+        _discard(db)
+        if happened:
+            _append(db, happened)
 
 
 def _row_events(db: Session) -> Iterator[AuditEvent]:

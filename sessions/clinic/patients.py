@@ -21,6 +21,7 @@ LONGEST_PSEUDONYM = 64
 YEARS = (1900, 2100)
 CHANGEABLE = (
     "pseudonym",
+    "ward_id",
     "year_of_birth",
     "dominant_hand",
     "affected_hand",

@@ -24,6 +24,7 @@ from handscope.sessions.db.plain_text import replaced
 
 TEXTS = (str, dict, list)
 NEVER_AGAIN = {"sqlite_autoincrement": True}
+HOUSE = 1  # number of the ward that everybody belongs to: all accounts see its patients, its accounts see all patients
 
 
 class UtcDateTime(TypeDecorator[datetime]):
@@ -55,6 +56,31 @@ def now() -> datetime:
     return datetime.now(UTC)
 
 
+class Ward(Base):
+    """A part of the hospital that patients and accounts belong to (sessions/wards). HOUSE is the whole house."""
+
+    __tablename__ = "ward"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    name: Mapped[str] = mapped_column(String(64), unique=True)
+    created: Mapped[datetime] = mapped_column(default=now)
+
+
+class WardMember(Base):
+    """That an account sees a ward's patients."""
+
+    __tablename__ = "ward_member"
+
+    account_id: Mapped[int] = mapped_column(
+        ForeignKey("account.id", ondelete="CASCADE"), primary_key=True
+    )
+    ward_id: Mapped[int] = mapped_column(ForeignKey("ward.id"), primary_key=True, index=True)
+    head: Mapped[bool] = mapped_column(default=False)  # is shown emergency accesses
+
+    ward: Mapped[Ward] = relationship(lazy="joined")
+
+
 class Patient(Base):
     """A patient under a pseudonym; lengths in m."""
 
@@ -63,6 +89,9 @@ class Patient(Base):
 
     id: Mapped[int] = mapped_column(primary_key=True)
     pseudonym: Mapped[str] = mapped_column(String(64), unique=True)
+    ward_id: Mapped[int] = mapped_column(
+        ForeignKey("ward.id"), index=True, default=HOUSE, server_default=str(HOUSE)
+    )
     year_of_birth: Mapped[int | None]
     dominant_hand: Mapped[str | None] = mapped_column(String(5))
     affected_hand: Mapped[str | None] = mapped_column(String(5))
@@ -76,6 +105,10 @@ class Patient(Base):
         default=1
     )  # counts changes: two editors at once are noticed
 
+    ward: Mapped[Ward] = relationship()
+    emergency_accesses: Mapped[list["EmergencyAccess"]] = relationship(
+        back_populates="patient", cascade="all, delete-orphan", order_by="EmergencyAccess.id.desc()"
+    )
     sessions: Mapped[list["PatientSession"]] = relationship(
         back_populates="patient",
         cascade="all, delete-orphan",
@@ -406,6 +439,30 @@ class Account(Base):
     logins: Mapped[list["Login"]] = relationship(
         back_populates="account", cascade="all, delete-orphan"
     )
+    memberships: Mapped[list[WardMember]] = relationship(
+        cascade="all, delete-orphan", order_by="WardMember.ward_id", lazy="selectin"
+    )
+
+
+class EmergencyAccess(Base):
+    """That an account opened a patient of another ward, for how long and why (sessions/wards/emergency_access.py). Only its end changes."""
+
+    __tablename__ = "emergency_access"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    patient_id: Mapped[int] = mapped_column(
+        ForeignKey("patient.id", ondelete="CASCADE"), index=True
+    )
+    account_id: Mapped[int] = mapped_column(
+        ForeignKey("account.id", ondelete="CASCADE"), index=True
+    )
+    reason: Mapped[str]
+    begun: Mapped[datetime] = mapped_column(default=now)
+    ends: Mapped[datetime]
+
+    account: Mapped[Account] = relationship()
+    patient: Mapped[Patient] = relationship(back_populates="emergency_accesses")
 
 
 class Login(Base):

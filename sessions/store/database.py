@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session, sessionmaker
 
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit, repeatability
+from handscope.sessions.db import visible_rows
 from handscope.sessions.db.tables import Login
 from handscope.sessions.store.folder_privacy import keep_private
 
@@ -46,6 +47,7 @@ def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]
             "store.database_cannot_open", engine=place_of(engine), orig=str(problem.orig)
         ) from None
     database = sessionmaker(engine, expire_on_commit=False)
+    visible_rows.enable(database)
     repeatability.enable(database)
     audit.enable(database, os.environ.get(AUDIT_COPY, ""))
     return database

@@ -4,7 +4,7 @@ Rows and the list of files go in one transaction, then the files: a power cut in
 which must answer, go with its next round. SQLite overwrites what it deletes (secure_delete) and its log is emptied. What was exported, printed or backed up is out of reach.
 """
 
-from sqlalchemy import Select, select
+from sqlalchemy import ColumnElement, Select, select
 from sqlalchemy.orm import Session, selectinload
 
 from handscope.estimators.errors import InputError
@@ -57,15 +57,14 @@ def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, i
     return counts
 
 
-def erasures(db: Session) -> list[AuditLine]:
-    """The lines that were left, the newest first."""
-    return list(
-        db.scalars(
-            select(AuditLine)
-            .where(AuditLine.what == "erased", AuditLine.kind == "patient")
-            .order_by(AuditLine.id.desc())
-        )
+def erasures(db: Session, within: ColumnElement[bool] | None = None) -> list[AuditLine]:
+    """The lines that were left, the newest first; `within`: what else holds of them."""
+    query = (
+        select(AuditLine)
+        .where(AuditLine.what == "erased", AuditLine.kind == "patient")
+        .order_by(AuditLine.id.desc())
     )
+    return list(db.scalars(query if within is None else query.where(within)))
 
 
 def _of(patient: Patient) -> Select[PatientSession]:

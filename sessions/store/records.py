@@ -2,7 +2,7 @@
 
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -136,6 +136,11 @@ def get(db: Session, session_id: int) -> PatientSession:
     if session is None:
         raise InputError("store.session_unknown", number=session_id)
     return session
+
+
+def visible_among(db: Session, sessions: Collection[int]) -> set[int]:
+    """Which of these sessions the database session sees."""
+    return set(db.scalars(select(PatientSession.id).where(PatientSession.id.in_(sessions))))
 
 
 def open_recording(store: Store, file: RecordingFile) -> LoadedRecording:

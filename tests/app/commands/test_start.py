@@ -64,7 +64,7 @@ FIGURES = OFFLINE | {"babel", "scipy.signal", "scipy.spatial"}
 SIMULATED = {"numba", "numpy", "scipy.interpolate", "scipy.optimize", "scipy.special"}
 SERVERS = {"demo", "serve"}  # they import nearly everything
 MAY = {  # what each other verb may import; nothing heavy where it is not here
-    **dict.fromkeys(("account", "audit", "login", "backup", "restore"), OFFICE),
+    **dict.fromkeys(("account", "ward", "audit", "login", "backup", "restore"), OFFICE),
     **dict.fromkeys(("process", "info"), OFFLINE),
     **dict.fromkeys(("assess", "export"), FIGURES),
     **dict.fromkeys(("record", "doctor"), OFFLINE | {"serialx"}),
