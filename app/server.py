@@ -32,6 +32,7 @@ from handscope.app.api import (
 )
 from handscope.app.api.live import streams
 from handscope.app.api.login import login_routes, oidc_routes, second_factors
+from handscope.app.api.wards import emergency_routes, ward_routes
 from handscope.app.auth.gate import Gate
 from handscope.app.auth.incoming_text import PlainAddresses
 from handscope.app.auth.request_limits import RequestLimits
@@ -125,6 +126,8 @@ def create_app(settings: Settings) -> FastAPI:
         streams,
         methods,
         login_routes,
+        ward_routes,
+        emergency_routes,
     ):
         app.include_router(module.router, prefix="/api")
     app.include_router(accounts.own, prefix="/api")

@@ -23,6 +23,8 @@ from handscope.app.workers.storage_mover import StorageMover
 from handscope.app.workers.upload_reader import UploadReader
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit
+from handscope.sessions.db import visible_rows
+from handscope.sessions.db.visible_rows import Visibility
 from handscope.sessions.store.store import Store
 
 
@@ -57,12 +59,24 @@ def database(connection: HTTPConnection) -> Iterator[Session]:
     """A database session for one request, in the name of its account."""
     with parts(connection).store.database() as db:
         audit.set_actor(db, *on_behalf_of(connection))
+        visible_rows.restrict(db, _visibility(connection))
         yield db
 
 
+def _visibility(connection: HTTPConnection) -> Visibility | None:
+    """Whose patients this request sees; without a login nobody's of a ward."""
+    asking: Requester | None = getattr(connection.state, "requester", None)
+    return asking.visibility if asking else Visibility(frozenset())
+
+
 def visible(requester: Requester, station: AnyStation) -> bool:
-    """Whether the account may see a station: only clinicians see a live session."""
+    """Whether the account may see a station: only clinicians see a live session. Whose patient it shows the gate has asked."""
     return requester.sees_all or isinstance(station, Replay)
+
+
+def session_of(station: AnyStation) -> int:
+    """The session that a station shows."""
+    return station.session if isinstance(station, Replay) else station.setup.session
 
 
 def station_of(connection: HTTPConnection, name: str) -> AnyStation:

@@ -6,6 +6,7 @@ from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 
 from handscope.app.api.answers import AccountRow, answers
+from handscope.app.api.wards.ward_routes import require_house
 from handscope.app.auth.gate import cookie_of
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import (
@@ -19,12 +20,15 @@ from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit, second_factors
 from handscope.sessions.clinic.accounts import LOCAL
-from handscope.sessions.db.tables import Account, AuditLine
+from handscope.sessions.db.tables import HOUSE, Account, AuditLine
 from handscope.sessions.store import logins
+from handscope.sessions.wards import wards
 
 UNGUARDED = "the triggers that refuse changes of the trail are gone"
 router = APIRouter(tags=["accounts"], dependencies=[requires_role(ADMINISTRATOR)])
 own = APIRouter(tags=["accounts"], dependencies=[requires_role(*EVERY_ACCOUNT)])
+MOST_WARDS = 200
+WARDS = "numbers of the wards whose patients the account sees; 1 is the whole house"
 MOST = 200  # lines of the audit trail in one answer
 
 
@@ -33,6 +37,7 @@ class NewAccount(Incoming):
 
     name: str = Field(max_length=64)
     roles: list[str] = Field(max_length=len(accounts.ROLES), description=", ".join(accounts.ROLES))
+    wards: list[int] | None = Field(None, max_length=MOST_WARDS, description=WARDS)
 
 
 class AccountChange(Incoming):
@@ -40,6 +45,10 @@ class AccountChange(Incoming):
 
     roles: list[str] | None = Field(None, max_length=len(accounts.ROLES))
     disabled: bool | None = None
+    wards: list[int] | None = Field(None, max_length=MOST_WARDS, description=WARDS)
+    heads: list[int] | None = Field(
+        None, max_length=MOST_WARDS, description="wards among these that the account heads"
+    )
 
 
 class NewPassword(Incoming):
@@ -52,30 +61,45 @@ class NewPassword(Incoming):
 
 
 @router.get("/accounts", responses=answers(list[AccountRow]))
-def list_accounts(db: Db) -> list[dict[str, Any]]:
-    """Every account, and whether it has a second factor."""
+def list_accounts(db: Db, who: RequesterDep) -> list[dict[str, Any]]:
+    """Every account, and whether it has a second factor; to an administrator of wards those of the wards."""
     proved = second_factors.accounts_with_one(db)
     return [
         {**account_row(account), "second": account.id in proved}
-        for account in accounts.list_accounts(db)
+        for account in wards.known_accounts(db, who.visibility)
     ]
 
 
 @router.post("/accounts", status_code=201, responses=answers(AccountRow, 201))
-def add_account(db: Db, parts: PartsDep, new: NewAccount) -> dict[str, Any]:
+def add_account(db: Db, parts: PartsDep, who: RequesterDep, new: NewAccount) -> dict[str, Any]:
     """A new account, with a one-time code by which its owner logs in and sets a password."""
+    require_house(who)
+    for ward in new.wards or ():
+        wards.get(db, ward)
     account = accounts.add(db, new.name, new.roles)
+    if new.wards is not None:
+        wards.assign(db, account, new.wards)
     return {**account_row(account), "code": logins.new_token(parts.store.folder, account.name)}
 
 
 @router.patch("/accounts/{account_id}", responses=answers(AccountRow))
 def change_account(db: Db, who: RequesterDep, account_id: int, change: AccountChange) -> Any:
-    """Other roles, in or out of use; nobody locks himself out."""
+    """Other roles or wards, in or out of use; nobody locks himself out."""
+    require_house(who)
     account = accounts.get(db, account_id)
     if account.id == who.account and (
-        change.disabled or (change.roles is not None and ADMINISTRATOR not in change.roles)
+        change.disabled
+        or (change.roles is not None and ADMINISTRATOR not in change.roles)
+        or (change.wards is not None and HOUSE not in change.wards)
     ):
         raise InputError("api.own_account")
+    if change.wards is not None or change.heads is not None:
+        wards.assign(
+            db,
+            account,
+            wards.wards_of(account) if change.wards is None else change.wards,
+            wards.headed_by(account) if change.heads is None else change.heads,
+        )
     accounts.change(db, account, change.roles, change.disabled)
     if account.disabled:
         logins.end_all(db, account)
@@ -83,8 +107,9 @@ def change_account(db: Db, who: RequesterDep, account_id: int, change: AccountCh
 
 
 @router.post("/accounts/{account_id}/code", status_code=201)
-def make_code(db: Db, parts: PartsDep, account_id: int) -> dict[str, str]:
+def make_code(db: Db, parts: PartsDep, who: RequesterDep, account_id: int) -> dict[str, str]:
     """A one-time code: it logs in as this account, once, within 15 minutes."""
+    require_house(who)
     account = accounts.get(db, account_id)
     if account.name == LOCAL or account.disabled:
         raise InputError("api.code_not_given_here")
@@ -94,8 +119,9 @@ def make_code(db: Db, parts: PartsDep, account_id: int) -> dict[str, str]:
 
 
 @router.delete("/accounts/{account_id}/second-factors", status_code=204)
-def remove_second_factors(db: Db, account_id: int) -> Response:
+def remove_second_factors(db: Db, who: RequesterDep, account_id: int) -> Response:
     """Take all second factors of an account out of use, where their owner lost them; its logins end."""
+    require_house(who)
     account = accounts.get(db, account_id)
     second_factors.remove_all(db, account)
     logins.end_all(db, account)
@@ -128,14 +154,17 @@ def set_password(db: Db, who: RequesterDep, request: Request, new: NewPassword) 
 @router.get("/audit")
 def read_audit(
     db: Db,
+    requester: RequesterDep,
     who: Annotated[str, Query(max_length=64)] = "",
     what: Annotated[str, Query(max_length=64)] = "",
     patient: int | None = None,
     before: Annotated[int | None, Query(description="a line's number, to go on from there")] = None,
     limit: Annotated[int, Query(ge=1, le=MOST)] = 100,
 ) -> list[dict[str, Any]]:
-    """Lines of the audit trail, the newest first."""
-    return [audit_row(line) for line in audit.list_lines(db, who, what, patient, before, limit)]
+    """Lines of the audit trail, the newest first; to an administrator of wards those about their patients and of their accounts."""
+    within = wards.audited_within(db, requester.visibility)
+    lines = audit.list_lines(db, who, what, patient, before, limit, within)
+    return [audit_row(line) for line in lines]
 
 
 @router.get("/audit/verification")
@@ -164,6 +193,7 @@ def account_row(a: Account) -> AccountRow:
         "roles": a.roles,
         "disabled": a.disabled,
         "created": a.created,
+        "wards": [{"ward": m.ward_id, "name": m.ward.name, "head": m.head} for m in a.memberships],
         "proof": kind,
         "local": a.name == LOCAL,
     }

@@ -15,6 +15,14 @@ def answers(model: Any, status: int = 200) -> dict[int | str, dict[str, Any]]:
     return {status: {"model": model}}
 
 
+class MembershipRow(TypedDict):
+    """A ward that an account belongs to."""
+
+    ward: int
+    name: str
+    head: bool  # is shown emergency accesses to its patients
+
+
 class AccountRow(TypedDict):
     """An account; nothing secret."""
 
@@ -23,11 +31,34 @@ class AccountRow(TypedDict):
     roles: list[str]
     disabled: bool
     created: datetime
+    wards: list[MembershipRow]
     proof: str  # code, single, password, none
     local: bool
     second: NotRequired[bool]  # it has a second factor
     code: NotRequired[str]  # of a new account
     lacks_second_factor: NotRequired[bool]  # the own account, where one is required
+
+
+class WardRow(TypedDict):
+    """A ward of the hospital."""
+
+    id: int
+    name: str
+    house: bool  # the whole house
+    own: bool  # the account sees its patients and may put new ones there
+
+
+class EmergencyRow(TypedDict):
+    """An emergency access to a patient of another ward."""
+
+    id: int
+    patient: int
+    pseudonym: str
+    by: str  # account
+    reason: str
+    begun: datetime
+    ends: datetime
+    lasts: bool
 
 
 class NoteRow(TypedDict):
@@ -45,6 +76,8 @@ class PatientRow(TypedDict):
 
     id: int
     pseudonym: str
+    ward: int
+    ward_name: str
     year_of_birth: int | None
     dominant_hand: str | None
     affected_hand: str | None
@@ -95,6 +128,7 @@ class PatientAnswer(PatientRow):
     """A patient with notes and sessions."""
 
     notes: list[NoteRow] | None
+    emergency_accesses: list[EmergencyRow]
     sessions: list[Visit]
     clock: dict[str, Any]
 

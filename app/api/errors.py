@@ -18,6 +18,7 @@ from handscope.sessions.db.full_disk import FULL, is_full
 from handscope.sessions.store.throttle import ThrottledError
 
 TOO_LARGE = "there is no such number: it is larger than any that the database can hold"
+FORBIDDEN = {"wards.members_only", "wards.house_administrators"}
 log = logging.getLogger(__name__)
 
 
@@ -48,7 +49,11 @@ def install(app: FastAPI) -> None:
         coded = {"code": message.code, "values": dict(message.values)} if message else {}
         return JSONResponse(
             {"error": preferred(request).render_error(error), **coded},
-            404 if str(error).startswith("there is no ") else 422,
+            403
+            if message and message.code in FORBIDDEN
+            else 404
+            if str(error).startswith("there is no ")
+            else 422,
         )
 
     @app.exception_handler(RequestValidationError)

@@ -11,6 +11,8 @@ from starlette.responses import StreamingResponse
 from handscope.app.api.answers import NoteRow, PatientAnswer, PatientListed, PatientRow, answers
 from handscope.app.api.pseudonymisation import for_reader
 from handscope.app.api.sessions import session_row
+from handscope.app.api.wards.emergency_routes import emergency_row
+from handscope.app.api.wards.ward_routes import require_member
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import (
     ADMINISTRATOR,
@@ -25,6 +27,7 @@ from handscope.app.workers.patient_exporter import stream_patient_export
 from handscope.sessions.clinic import dates, notes, patients, timeline
 from handscope.sessions.db.tables import Note, Patient, now
 from handscope.sessions.store import erasure
+from handscope.sessions.wards import wards
 
 router = APIRouter(tags=["patients"], dependencies=[requires_role(CLINICIAN)])
 MOST = 200  # patients in one answer
@@ -34,6 +37,9 @@ class NewPatient(Incoming):
     """A new patient, under a pseudonym."""
 
     pseudonym: str = Field(description="a code, never a name", max_length=200)
+    ward: int | None = Field(
+        None, description="one of the account's wards; without it the first of them"
+    )
     year_of_birth: int | None = None
     dominant_hand: str | None = None
     affected_hand: str | None = None
@@ -50,6 +56,7 @@ class PatientChange(Incoming):
         description="the version that was seen; somebody else's change meanwhile is refused"
     )
     pseudonym: str | None = Field(None, max_length=200)
+    ward: int | None = Field(None, description="the ward that the patient is moved to")
     year_of_birth: int | None = None
     dominant_hand: str | None = None
     affected_hand: str | None = None
@@ -113,9 +120,11 @@ def list_patients(
 
 
 @router.post("/patients", status_code=201, responses=answers(PatientRow, 201))
-def create_patient(db: Db, new: NewPatient) -> Any:
-    """Create a patient."""
-    return patient_row(patients.create(db, **new.model_dump()))
+def create_patient(db: Db, requester: RequesterDep, new: NewPatient) -> Any:
+    """Create a patient in a ward of the account's."""
+    ward = wards.ward_for_new_patient(db, requester.visibility, new.ward)
+    made = patients.create(db, **new.model_dump(exclude={"ward"}), ward_id=ward)
+    return patient_row(made)
 
 
 @router.get(
@@ -148,6 +157,9 @@ def read_patient(
             {
                 **patient_row(patient),
                 "notes": [note_row(n) for n in patient.notes if n.removed is None],
+                "emergency_accesses": [
+                    emergency_row(a) for a in patient.emergency_accesses if requester.sees_all
+                ],
             },
         ),
         "sessions": rows,
@@ -158,9 +170,13 @@ def read_patient(
 
 
 @router.patch("/patients/{patient_id}", responses=answers(PatientRow))
-def change_patient(db: Db, patient_id: int, change: PatientChange) -> Any:
+def change_patient(db: Db, requester: RequesterDep, patient_id: int, change: PatientChange) -> Any:
     """Change a patient; 409 where somebody else changed it meanwhile."""
-    return patient_row(patients.change(db, patient_id, **change.model_dump(exclude_unset=True)))
+    facts = change.model_dump(exclude_unset=True, exclude={"ward"})
+    if change.ward is not None:
+        require_member(requester, patients.get(db, patient_id).ward_id)
+        facts["ward_id"] = wards.get(db, change.ward).id
+    return patient_row(patients.change(db, patient_id, **facts))
 
 
 @router.get(
@@ -180,8 +196,11 @@ def export_patient(db: Db, parts: PartsDep, patient_id: int) -> StreamingRespons
 
 
 @router.post("/patients/{patient_id}/erasure")
-def erase_patient(db: Db, parts: PartsDep, patient_id: int, body: Erasure) -> dict[str, int]:
+def erase_patient(
+    db: Db, parts: PartsDep, requester: RequesterDep, patient_id: int, body: Erasure
+) -> dict[str, int]:
     """Erase everything about a patient for good; answers with what there was."""
+    require_member(requester, patients.get(db, patient_id).ward_id)
     sessions = {s.id for s in patients.get(db, patient_id).sessions}
     counts = erasure.erase(db, parts.store, patient_id, body.pseudonym)
     parts.stations.close_replays(sessions)
@@ -189,11 +208,12 @@ def erase_patient(db: Db, parts: PartsDep, patient_id: int, body: Erasure) -> di
 
 
 @router.get("/erasures", dependencies=[requires_role(CLINICIAN, ADMINISTRATOR)])
-def list_erasures(db: Db) -> list[dict[str, Any]]:
-    """What was erased when, the newest first; never whose it was."""
+def list_erasures(db: Db, requester: RequesterDep) -> list[dict[str, Any]]:
+    """What was erased when, the newest first; never whose it was. To accounts of wards what their own erased."""
+    within = wards.audited_within(db, requester.visibility)
     return [
         {"at": line.at, "what": "patient erased", "counts": line.counts}
-        for line in erasure.erasures(db)
+        for line in erasure.erasures(db, within)
     ]
 
 
@@ -220,6 +240,8 @@ def patient_row(p: Patient) -> PatientRow:
     return {
         "id": p.id,
         "pseudonym": p.pseudonym,
+        "ward": p.ward_id,
+        "ward_name": p.ward.name,
         "year_of_birth": p.year_of_birth,
         "dominant_hand": p.dominant_hand,
         "affected_hand": p.affected_hand,

@@ -15,8 +15,18 @@ from handscope.app.devices import ports
 from handscope.app.language import Language
 from handscope.app.live.replay import Replay
 from handscope.app.live.stations import AnyStation
-from handscope.app.state import LanguageDep, PartsDep, StationDep, parts, station_of, visible
+from handscope.app.state import (
+    Db,
+    LanguageDep,
+    PartsDep,
+    StationDep,
+    parts,
+    session_of,
+    station_of,
+    visible,
+)
 from handscope.estimators.errors import InputError
+from handscope.sessions.store import records
 
 router = APIRouter(tags=["stations"], dependencies=[requires_role(CLINICIAN)])
 WATCHERS = requires_role(CLINICIAN, SCIENTIST)  # of replays, scientists too
@@ -59,11 +69,11 @@ def list_gloves(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
 
 
 @router.get("/stations", dependencies=[WATCHERS], responses=answers(list[StationRow]))
-def list_stations(parts: PartsDep, requester: RequesterDep) -> list[dict[str, Any]]:
-    """Stations that run, live or as replays."""
-    return [
-        {"station": s.name, "kind": s.kind} for s in parts.stations.all() if visible(requester, s)
-    ]
+def list_stations(db: Db, parts: PartsDep, requester: RequesterDep) -> list[dict[str, Any]]:
+    """Stations that run, live or as replays, of patients whom the account sees."""
+    shown = [s for s in parts.stations.all() if visible(requester, s)]
+    seen = records.visible_among(db, {session_of(s) for s in shown})
+    return [{"station": s.name, "kind": s.kind} for s in shown if session_of(s) in seen]
 
 
 @router.get("/stations/{name}", dependencies=[WATCHERS])

@@ -19,9 +19,8 @@ from starlette.requests import HTTPConnection
 from starlette.types import Message, Send
 
 from handscope.app.auth.roles import RouteAccess, on_behalf_of
-from handscope.app.live.replay import Replay
+from handscope.app.auth.ward_access import session_of_station
 from handscope.app.private_log import describe_error
-from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit
 from handscope.sessions.clinic.audit import AuditEvent
 from handscope.sessions.db.tables import now
@@ -169,8 +168,5 @@ def _subject(connection: HTTPConnection, access: RouteAccess) -> tuple[str, str]
 
 def _of_station(connection: HTTPConnection, name: str) -> tuple[str, str] | None:
     """The session that a station shows."""
-    try:
-        station = connection.scope["app"].state.parts.stations.get(name)
-    except InputError:
-        return None
-    return "session", str(station.session if isinstance(station, Replay) else station.setup.session)
+    session = session_of_station(connection, name)
+    return None if session is None else ("session", str(session))

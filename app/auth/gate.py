@@ -15,12 +15,14 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from handscope.app.auth.audit_hooks import AuditHooks
 from handscope.app.auth.roles import ANYBODY, Requester, RouteAccess, RouteTable
+from handscope.app.auth.ward_access import OTHER_WARD, is_visible, subjects
 from handscope.app.database_answers import answer_to_database
 from handscope.app.settings import Settings
 from handscope.app.state import preferred
 from handscope.sessions.clinic.second_factors import lacks_required
 from handscope.sessions.store.logins import find_login, new_token
 from handscope.sessions.store.store import Store
+from handscope.sessions.wards import wards
 
 __all__ = ["COOKIE", "Gate", "cookie_name", "cookie_of", "new_token"]
 COOKIE = "handscope"
@@ -141,6 +143,20 @@ class Gate:
             if _asks_for_page(connection):
                 return RedirectResponse("/account", 303)
             return _answer(connection, 403, SECOND_FACTOR)
+        if not requester.is_of_house and access is not None:
+            return self._refuse_other_ward(connection, requester, access)
+        return None
+
+    def _refuse_other_ward(
+        self, connection: HTTPConnection, requester: Requester, access: RouteAccess
+    ) -> Response | None:
+        """Refuse what an address names of a patient whom the account does not see."""
+        for subject in subjects(connection, access):
+            if subject is None:  # a kind of number that ward_access.py does not know
+                return _answer(connection, 403, NOT_YOURS)
+            with self._store.database() as db:
+                if not is_visible(db, requester, *subject):
+                    return _answer(connection, 403, OTHER_WARD)
         return None
 
     def _refuse_safely(
@@ -169,6 +185,8 @@ class Gate:
                 frozenset(account.roles),
                 login.id,
                 bool(required) and lacks_required(db, account, required),
+                wards.visibility_of(db, account),
+                wards.headed_by(account),
             )
 
     async def _serve_while_logged_in(

@@ -14,6 +14,7 @@ from starlette.routing import BaseRoute, Match
 from starlette.types import Scope
 
 from handscope.sessions.clinic.accounts import ADMINISTRATOR, CLINICIAN, ROLES, SCIENTIST
+from handscope.sessions.db.visible_rows import Visibility
 
 __all__ = [
     "ADMINISTRATOR",
@@ -43,6 +44,17 @@ class Requester:
     roles: frozenset[str]
     login: int
     lacks_second_factor: bool = False  # that its role requires
+    visibility: Visibility | None = None  # whose patients it sees; None: all
+    heads: frozenset[int] = frozenset()  # wards that it heads
+
+    @property
+    def is_of_house(self) -> bool:
+        """Whether the account belongs to the whole house."""
+        return self.visibility is None
+
+    def is_of_ward(self, ward: int) -> bool:
+        """Whether patients of this ward are seen without an emergency access."""
+        return self.visibility is None or self.visibility.covers(ward, 0)
 
     @property
     def sees_all(self) -> bool:

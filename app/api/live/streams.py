@@ -8,14 +8,16 @@ from fastapi import APIRouter, WebSocket
 from pydantic import Field
 from starlette.websockets import WebSocketDisconnect
 
+from handscope.app.api.wards.ward_routes import require_member
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import ANYBODY, CLINICIAN, RequesterDep, requires_role
 from handscope.app.live.outputs import lsl_outlet, pose_message
 from handscope.app.live.outputs.permits import Permit
 from handscope.app.live.station import Station
-from handscope.app.state import PartsDep, StationDep, parts
+from handscope.app.state import Db, PartsDep, StationDep, parts, session_of
 from handscope.estimators.errors import InputError
 from handscope.sessions.exports.measured import is_simulated
+from handscope.sessions.store import records
 
 router = APIRouter(tags=["streams"], dependencies=[requires_role(CLINICIAN)])
 REFUSED, GONE, TOO_SLOW = 4401, 1001, 4408  # web socket close codes
@@ -47,9 +49,10 @@ def list_streams(parts: PartsDep, station: StationDep) -> list[dict[str, Any]]:
 
 @router.post("/stations/{name}/streams", status_code=201)
 def open_stream(
-    parts: PartsDep, requester: RequesterDep, station: StationDep, new: NewStream
+    db: Db, parts: PartsDep, requester: RequesterDep, station: StationDep, new: NewStream
 ) -> dict[str, Any]:
     """Permit other programs to read the poses of a live session; the token is shown this once and ends with the session."""
+    require_member(requester, records.get(db, session_of(station)).patient.ward_id)
     if not isinstance(station, Station):
         raise InputError("api.replay_has_no_stream")
     permit, token = parts.permits.grant(station.name, new.rate, requester.name)

@@ -1,0 +1,1 @@
+"""Wards, and emergency access to patients of others."""

@@ -1,0 +1,60 @@
+"""Whose patient an address names, for the gate: of another ward nothing is served, whatever the route does.
+
+Routes' own queries are narrowed besides (sessions/db/visible_rows.py). A new kind of number in an address is refused
+to accounts of a ward until it stands here.
+"""
+
+from collections.abc import Iterator
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+from starlette.requests import HTTPConnection
+
+from handscope.app.auth.roles import Requester, RouteAccess
+from handscope.app.state import session_of
+from handscope.estimators.errors import InputError
+from handscope.sessions.clinic.audit import patient_of
+from handscope.sessions.db.tables import Patient
+
+OTHER_WARD = (
+    "this belongs to a patient of another ward; in an emergency open the patient by the code, "
+    "with a reason, on the page Patients"
+)
+OF_PATIENTS = frozenset(
+    {"patient", "note", "session", "recording", "correction", "self_calibration", "result"}
+)
+OF_NOBODY = frozenset({"account", "ward", "factor", "access"})  # their routes ask whose it is
+STATION = "name"  # what routes call a station
+
+
+def subjects(connection: HTTPConnection, access: RouteAccess) -> Iterator[tuple[str, int] | None]:
+    """Kind and number of everything of patients that an address names; None for a kind that is not known."""
+    for name, value in access.named.items():
+        kind = name.removesuffix("_id")
+        if name == STATION:
+            session = session_of_station(connection, str(value))
+            if session is not None:
+                yield "session", session
+        elif name.endswith("_id") and kind not in OF_NOBODY:
+            if kind not in OF_PATIENTS:
+                yield None
+            elif str(value).isdecimal() and len(str(value)) <= 18:
+                yield kind, int(value)
+
+
+def is_visible(db: Session, requester: Requester, kind: str, number: int) -> bool:
+    """Whether the account sees the patient whose it is; what there is not is left to the route."""
+    patient = patient_of(db, kind, number)
+    ward = db.scalar(select(Patient.ward_id).where(Patient.id == patient))
+    if patient is None or ward is None or requester.visibility is None:
+        return True
+    return requester.visibility.covers(ward, patient)
+
+
+def session_of_station(connection: HTTPConnection, name: str) -> int | None:
+    """The session that a station shows; None where there is no such station."""
+    try:
+        station = connection.scope["app"].state.parts.stations.get(name)
+    except InputError:
+        return None
+    return session_of(station)
