@@ -14,7 +14,8 @@ from handscope.app.auth.roles import Requester, RouteAccess
 from handscope.app.state import session_of
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic.audit import patient_of
-from handscope.sessions.db.tables import Patient
+from handscope.sessions.db.tables import Account, Patient, PatientSession
+from handscope.sessions.wards import wards
 
 OTHER_WARD = (
     "this belongs to a patient of another ward; in an emergency open the patient by the code, "
@@ -49,6 +50,18 @@ def is_visible(db: Session, requester: Requester, kind: str, number: int) -> boo
     if patient is None or ward is None or requester.visibility is None:
         return True
     return requester.visibility.covers(ward, patient)
+
+
+def sees_session(db: Session, account: str, session: int) -> bool:
+    """Whether an account, by its name, is in use and sees the patient of a session."""
+    found = db.scalar(select(Account).where(Account.name == account))
+    if found is None or found.disabled:
+        return False
+    visibility = wards.visibility_of(db, found)
+    if visibility is None:
+        return True
+    row = db.get(PatientSession, session)
+    return row is not None and visibility.covers(row.patient.ward_id, row.patient_id)
 
 
 def session_of_station(connection: HTTPConnection, name: str) -> int | None:

@@ -4,6 +4,8 @@
 export interface AccountChange {
   roles?: string[] | null;
   disabled?: boolean | null;
+  wards?: number[] | null;
+  heads?: number[] | null;
 }
 
 /** An account; nothing secret. */
@@ -13,6 +15,7 @@ export interface AccountRow {
   roles: string[];
   disabled: boolean;
   created: string;
+  wards: MembershipRow[];
   proof: string;
   local: boolean;
   second?: boolean;
@@ -54,6 +57,18 @@ export interface Decision {
   self_calibration?: number | null;
 }
 
+/** An emergency access to a patient of another ward. */
+export interface EmergencyRow {
+  id: number;
+  patient: number;
+  pseudonym: string;
+  by: string;
+  reason: string;
+  begun: string;
+  ends: string;
+  lasts: boolean;
+}
+
 /** The pseudonym typed again, before everything of a patient is erased. */
 export interface Erasure {
   pseudonym: string;
@@ -66,10 +81,23 @@ export interface MadePasskey {
   credential: Record<string, any>;
 }
 
+/** A ward that an account belongs to. */
+export interface MembershipRow {
+  ward: number;
+  name: string;
+  head: boolean;
+}
+
+/** The name of a ward. */
+export interface NamedWard {
+  name: string;
+}
+
 /** A new account: its name and its roles. */
 export interface NewAccount {
   name: string;
   roles: string[];
+  wards?: number[] | null;
 }
 
 /** An event of a recording corrected: its kind and interval, s. */
@@ -79,6 +107,12 @@ export interface NewCorrection {
   reason: string;
   onset?: number;
   end?: number;
+}
+
+/** Whose data are needed, and why. */
+export interface NewEmergencyAccess {
+  pseudonym: string;
+  reason: string;
 }
 
 /** A second factor to be added, with its name. */
@@ -101,6 +135,7 @@ export interface NewPassword {
 /** A new patient, under a pseudonym. */
 export interface NewPatient {
   pseudonym: string;
+  ward?: number | null;
   year_of_birth?: number | null;
   dominant_hand?: string | null;
   affected_hand?: string | null;
@@ -155,6 +190,8 @@ export interface NoteRow {
 export interface PatientAnswer {
   id: number;
   pseudonym: string;
+  ward: number;
+  ward_name: string;
   year_of_birth: number | null;
   dominant_hand: string | null;
   affected_hand: string | null;
@@ -164,6 +201,7 @@ export interface PatientAnswer {
   created: string;
   version: number;
   notes: NoteRow[] | null;
+  emergency_accesses: EmergencyRow[];
   sessions: Visit[];
   clock: Record<string, any>;
 }
@@ -172,6 +210,7 @@ export interface PatientAnswer {
 export interface PatientChange {
   version: number;
   pseudonym?: string | null;
+  ward?: number | null;
   year_of_birth?: number | null;
   dominant_hand?: string | null;
   affected_hand?: string | null;
@@ -185,6 +224,8 @@ export interface PatientChange {
 export interface PatientListed {
   id: number;
   pseudonym: string;
+  ward: number;
+  ward_name: string;
   year_of_birth: number | null;
   dominant_hand: string | null;
   affected_hand: string | null;
@@ -201,6 +242,8 @@ export interface PatientListed {
 export interface PatientRow {
   id: number;
   pseudonym: string;
+  ward: number;
+  ward_name: string;
   year_of_birth: number | null;
   dominant_hand: string | null;
   affected_hand: string | null;
@@ -350,4 +393,12 @@ export interface Visit {
   calibration: Record<string, any> | null;
   warnings: number;
   doubts: string[];
+}
+
+/** A ward of the hospital. */
+export interface WardRow {
+  id: number;
+  name: string;
+  house: boolean;
+  own: boolean;
 }

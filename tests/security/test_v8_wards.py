@@ -14,7 +14,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from handscope.app.auth.gate import new_token
 from handscope.app.auth.roles import ANYBODY, RouteTable
-from handscope.app.auth.ward_access import OF_PATIENTS
+from handscope.app.auth.ward_access import OF_PATIENTS, sees_session
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
 from handscope.sessions.clinic import accounts, patients
@@ -235,6 +235,24 @@ def test_an_emergency_opens_one_patient_and_the_ward_is_shown_it(house: House) -
     assert client.get("/api/emergency-accesses").json() == []
     assert client.delete(f"/api/emergency-accesses/{made.json()['id']}").status_code == 204
     assert client.get(f"/api/patients/{other['patient']}").status_code == 403
+
+
+def test_a_stream_ends_with_what_its_account_may_see(house: House) -> None:
+    parts = house.client.app.state.parts  # type: ignore[attr-defined]
+    _, token = parts.permits.grant(house.other["name"], 10.0, "anna")
+    headers = {"Authorization": f"Bearer {token}", **ORIGIN}
+    with (
+        house.client.websocket_connect("ws://127.0.0.1:8420/api/stream", headers=headers) as socket,
+        pytest.raises(WebSocketDisconnect) as closed,
+    ):
+        socket.receive_json()
+    assert closed.value.code == 4401
+    with parts.store.database() as db:
+        assert sees_session(db, "berta", house.other["session"])
+        assert not sees_session(db, "anna", house.other["session"])
+        accounts.change(db, accounts.find_by_name(db, "berta"), disabled=True)
+        assert not sees_session(db, "berta", house.other["session"])
+        accounts.change(db, accounts.find_by_name(db, "berta"), disabled=False)
 
 
 def test_a_patient_who_is_moved_is_the_new_wards(house: House) -> None:

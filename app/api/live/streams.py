@@ -1,20 +1,26 @@
 """/api/stations/{name}/streams: permissions for other programs to read a live session's poses; /api/stream: those poses"""
 
 import asyncio
+import contextlib
 import time
 from typing import Any
 
+from anyio import to_thread
 from fastapi import APIRouter, WebSocket
 from pydantic import Field
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.websockets import WebSocketDisconnect
 
 from handscope.app.api.wards.ward_routes import require_member
+from handscope.app.auth.gate import CHECK_EVERY
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import ANYBODY, CLINICIAN, RequesterDep, requires_role
+from handscope.app.auth.ward_access import sees_session
 from handscope.app.live.outputs import lsl_outlet, pose_message
 from handscope.app.live.outputs.permits import Permit
 from handscope.app.live.station import Station
-from handscope.app.state import Db, PartsDep, StationDep, parts, session_of
+from handscope.app.state import Db, Parts, PartsDep, StationDep, parts, session_of
 from handscope.estimators.errors import InputError
 from handscope.sessions.exports.measured import is_simulated
 from handscope.sessions.store import records
@@ -52,7 +58,8 @@ def open_stream(
     db: Db, parts: PartsDep, requester: RequesterDep, station: StationDep, new: NewStream
 ) -> dict[str, Any]:
     """Permit other programs to read the poses of a live session; the token is shown this once and ends with the session."""
-    require_member(requester, records.get(db, session_of(station)).patient.ward_id)
+    if not requester.is_of_house:
+        require_member(requester, records.get(db, session_of(station)).patient.ward_id)
     if not isinstance(station, Station):
         raise InputError("api.replay_has_no_stream")
     permit, token = parts.permits.grant(station.name, new.rate, requester.name)
@@ -82,8 +89,15 @@ async def stream_poses(websocket: WebSocket) -> None:
         return
     try:
         station = all_parts.stations.get(permit.station)
+        if not await to_thread.run_sync(_is_still_granted, all_parts, session_of(station), permit):
+            await websocket.close(REFUSED, "who made the stream does not see this session any more")
+            return
         assert isinstance(station, Station)
-        await _send_poses(websocket, station, permit)
+        ending = asyncio.ensure_future(_end_when_not_granted(all_parts, station, permit))
+        try:
+            await _send_poses(websocket, station, permit)
+        finally:
+            ending.cancel()
     except TimeoutError:
         await _close(websocket, TOO_SLOW, "the poses were not read")
     except InputError:
@@ -92,6 +106,24 @@ async def stream_poses(websocket: WebSocket) -> None:
         pass  # the client has left
     finally:
         all_parts.permits.leave(permit)
+
+
+def _is_still_granted(all_parts: Parts, session: int, permit: Permit) -> bool:
+    """Whether the account that made the stream sees the session now."""
+    with all_parts.store.database() as db:
+        return sees_session(db, permit.by, session)
+
+
+async def _end_when_not_granted(all_parts: Parts, station: Station, permit: Permit) -> None:
+    """End the stream once its account was disabled, or the patient is in another ward; a database that is away ends nothing."""
+    granted = True
+    while granted:
+        await asyncio.sleep(CHECK_EVERY)
+        with contextlib.suppress(DBAPIError, PoolTimeout):
+            granted = await to_thread.run_sync(
+                _is_still_granted, all_parts, session_of(station), permit
+            )
+    all_parts.permits.withdraw(station.name, permit.name)
 
 
 async def _send_poses(websocket: WebSocket, station: Station, permit: Permit) -> None:
