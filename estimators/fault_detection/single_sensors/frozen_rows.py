@@ -10,12 +10,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators.data.samples import Block
+from handscope.estimators.data.samples import ORIENTATION, Block
 from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
 
 SHORTEST = 0.1  # s of repeated rows that are worth a word
 CHANNELS = 3  # at least: the axes of one sensor
+SMOOTH = 0.1  # of the usual step: less is readings without noise that come to rest
+JUMP, FOLLOWING = 3.0, 5  # times the steps that follow: orientations behind a gap
 MOST_FROZEN = 0.9  # of all rows; what stood still stands beside what moved
 
 
@@ -38,6 +40,7 @@ def frozen_stretches(blocks: Sequence[Block]) -> list[Suspicion]:
         if len(block.t) < 3 or values.shape[1] < CHANNELS:
             continue
         runs = [r for r in _runs(_repeats(values)) if block.t[r[1]] - block.t[r[0]] >= SHORTEST]
+        runs = [r for r in runs if _is_cut_off(block, values, r)]
         rows = sum(b - a for a, b in runs)
         if rows > MOST_FROZEN * len(block.t):  # a stream that never changes: its sensors are dead
             continue
@@ -80,6 +83,20 @@ def backward_times(blocks: Sequence[Block]) -> list[Suspicion]:
             )
             found.append(Suspicion(message, block.stream.sensors, spans, 0.0))
     return found
+
+
+def _is_cut_off(block: Block, values: NDArray[np.float64], run: tuple[int, int]) -> bool:
+    """Whether readings break off at a run of equal rows; those without noise come to rest and start again smoothly.
+
+    Orientations may start abruptly, too; behind a gap they jump by all that was missed.
+    """
+    steps = np.sqrt(np.nansum(np.diff(values, axis=0) ** 2, axis=1))
+    first, last = run
+    if not block.stream.inertial and ORIENTATION in block.stream.quantities:
+        following = steps[last + 1 : last + 1 + FOLLOWING]
+        return bool(len(following) and steps[last] > JUMP * np.median(following))
+    beside = [*([steps[first - 1]] if first else ()), *steps[last : last + 1]]
+    return bool(min(beside, default=0.0) > SMOOTH * np.median(steps[steps > 0]))
 
 
 def _repeats(values: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from handscope.estimators.data.samples import ACC, MAG
+from handscope.estimators.data.samples import ACC, MAG, ORIENTATION, Block, Stream
 from handscope.estimators.fault_detection.single_sensors.accelerometer_check import negated_in_pose
 from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
 from handscope.estimators.fault_detection.single_sensors.frozen_rows import frozen_stretches
 from handscope.estimators.fault_detection.single_sensors.lost_rows import lost_rows
 from handscope.estimators.hand.geometry import sized
+from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.simulation.magnetic_field import homogeneous
 from handscope.estimators.simulation.scenario import simulate
@@ -59,6 +60,26 @@ def test_a_rest_without_noise_is_no_frozen_stretch():
         ["rest", "rom_fist", "rest"], "left", sized("left"), np.random.default_rng(1), IDEAL
     )
     assert frozen_stretches(list(made.blocks())) == []
+
+
+def swinging(held: slice = slice(0)) -> list[Block]:
+    """Orientations without noise of a hand that rests, swings twice and rests, one stretch held."""
+    t = np.arange(0.0, 9.0, 0.01)
+    moved = (t > 2) & (t < 6.1415)
+    angle = np.where(moved, 1 - np.cos(np.pi * np.round(t - 2, 6) / 2.07075), 0.0)
+    values = quat.about(2, angle)[:, None].repeat(3, axis=1)
+    values[held] = values[held.start] if held.stop else values[held]
+    stream = Stream("imu", ("hand", "index_proximal", "index_middle"), (ORIENTATION,), 100.0)
+    return [Block(stream, t, values)]
+
+
+def test_orientations_without_noise_that_come_to_rest_are_no_frozen_stretch():
+    assert frozen_stretches(swinging()) == []
+
+
+def test_orientations_that_stand_still_while_the_hand_swings_are_frozen():
+    (found,) = frozen_stretches(swinging(slice(280, 330)))
+    np.testing.assert_allclose(found.spans, [(2.8, 3.29)], atol=0.02)
 
 
 def test_dropped_rows_are_found_where_they_were():
