@@ -163,6 +163,17 @@ SENTENCES = {
         "{start} s to {stop} s (without a shift, less than 1 of {odds} recordings reads so). "
         "Check the strip's clock and cable, or let the shift be removed."
     ),
+    "sensor.gain_at_joints": (
+        "{sensor}: its gyroscope reads {gain} times what the joints to its neighbours show "
+        "(a right gyroscope looks so in less than 1 of {odds} recordings). Calibrate the strip, "
+        "and check the gyroscope's range, or let the recording be corrected."
+    ),
+    "sensors.disagree": (
+        "The sensors {first} and {second} do not meet at their common joint: between {start} s and "
+        "{stop} s they differ {ratio} times as much as skin and noise explain (those of intact "
+        "sensors do in less than 1 of {odds} recordings). One of the two is wrong, late, loose or "
+        "elsewhere; which one the movement does not tell. Check both and record again."
+    ),
     "sensor.slipped": (
         "The sensor {sensor} turned by about {angle_deg} deg on its segment at {start} s (of "
         "sensors that stayed, less than 1 of {odds} recordings reads so). Fasten it and take "

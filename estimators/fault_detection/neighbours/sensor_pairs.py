@@ -76,6 +76,24 @@ class Pairs:
             self.q_BS,
         )
 
+    def with_gain(self, sensor: str, gain: float) -> "Pairs":
+        """A sensor and its neighbours, its rates divided by a gain."""
+        s = self.series
+        around = {sensor, *(n for joint in self.joints if sensor in joint for n in joint)}
+        columns = np.array([k for k, name in enumerate(s.sensors) if name in around])
+        names = tuple(s.sensors[k] for k in columns)
+        by = np.where([name == sensor for name in names], 1.0 / gain, 1.0)[:, None]
+        part = Series(
+            s.t,
+            names,
+            s.gyr[:, columns] * by,
+            s.change[:, columns] * by,
+            s.acc[:, columns],
+            s.whole[:, columns],
+            s.chosen,
+        )
+        return Pairs(part, self.geometry, self.q_BS)
+
     def windows(self, sensor: str, late: float = 0.0) -> Windows:
         if (sensor, late) not in self._windows:
             if late == 0.0:
@@ -175,12 +193,22 @@ class Pairs:
             places.append(quat.rotate(quat.conjugate(self.q_BS[sensor]), place - above))
         return Region(np.concatenate(places), np.array([REACH.get(s, NEAR) for s in at]))
 
-    def is_poor(self, a: str, b: str) -> bool:
-        """Whether the joint between two segments leaves anything that another description could explain, where they turn."""
+    def is_doubtful(self, a: str, b: str) -> bool:
+        """Whether several windows leave more than noise of the joint between two segments, where they turn."""
         joint, use = self.joint(a, b, (a, b)), self.use(a, b) & self.turns(a, b)
-        rest, noise = joint.rest[use], joint.noise[use]
-        many = np.count_nonzero(rest > 1.5 * noise) >= paired_test.FEWEST
-        return bool(many and rest.sum() > POOR * noise.sum())
+        return bool(np.count_nonzero((joint.rest > joint.noise)[use]) >= paired_test.FEWEST)
+
+    def is_poor(self, a: str, b: str) -> bool:
+        """Whether the joint leaves anything over the whole recording that another description could explain."""
+        joint, use = self.joint(a, b, (a, b)), self.use(a, b) & self.turns(a, b)
+        many = np.count_nonzero((joint.rest > 1.5 * joint.noise)[use]) >= paired_test.FEWEST
+        return bool(many and self.left(a, b) > POOR)
+
+    def left(self, a: str, b: str, anywhere: bool = False) -> float:
+        """What the joint between two segments leaves over where they turn, in multiples of its noise; wherever it lies, if asked so."""
+        joint = self.joint(a, b, None if anywhere else (a, b))
+        use = self.use(a, b) & self.turns(a, b)
+        return float(joint.rest[use].sum() / max(joint.noise[use].sum(), 1e-12))
 
     @cached_property
     def explains(self) -> bool:

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from handscope.estimators.data.samples import Block
+from handscope.estimators.data.samples import ACC, GYR, Block
 from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.simulation.movements import free_movement
@@ -33,6 +33,25 @@ def delayed(recording: Simulated, sensors: Sequence[str], late: float) -> list[B
             values[:, k] = np.stack(
                 [np.interp(block.t - late, block.t, c) for c in values[:, k].T], axis=1
             )
+
+    return _changed(recording, change)
+
+
+def amplified(recording: Simulated, sensor: str, gain: float) -> list[Block]:
+    """A gyroscope that reads too much."""
+
+    def change(block: Block, values: np.ndarray) -> None:
+        values[:, block.stream.sensors.index(sensor), block.stream.axes(GYR)] *= gain
+
+    return _changed(recording, change)
+
+
+def loosened(recording: Simulated, sensor: str) -> list[Block]:
+    """A sensor that rattles: it sees accelerations that no rigid segment has, with the size of a slow swing."""
+
+    def change(block: Block, values: np.ndarray) -> None:
+        k = block.stream.sensors.index(sensor)
+        values[:, k, block.stream.axes(ACC)] += 1.5 * np.sin(2 * np.pi * 1.7 * block.t)[:, None]
 
     return _changed(recording, change)
 

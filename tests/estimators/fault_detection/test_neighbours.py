@@ -11,9 +11,11 @@ from handscope.estimators.fault_detection.neighbours import check_neighbours as 
 from handscope.estimators.hand.anatomy import CHAINS, Hand
 from handscope.estimators.hand.geometry import HandGeometry, sized
 from tests.estimators.fault_detection.joint_recordings import (
+    amplified,
     delayed,
     exchanged,
     freely_moved,
+    loosened,
     slipped,
 )
 
@@ -63,6 +65,20 @@ def test_a_late_sensor_is_named_with_its_delay(late: float) -> None:
 def test_a_late_strip_is_told_as_one() -> None:
     (found,) = told(delayed(freely_moved(), CHAINS["index"], 0.2))
     assert found.sensors == CHAINS["index"]
+
+
+def test_a_gyroscope_that_reads_too_much_is_named_with_its_gain() -> None:
+    (found,) = told(amplified(freely_moved(), "index_proximal", 1.3))
+    assert (found.message.code, found.sensors) == ("sensor.gain_at_joints", ("index_proximal",))
+    assert found.message.values["gain"] == pytest.approx(1.3, abs=0.03)
+    assert found.correction is not None
+    np.testing.assert_allclose(found.correction["gyr"], np.eye(3) / 1.3, atol=0.02)  # type: ignore[call-overload]
+
+
+def test_sensors_that_do_not_meet_are_told_though_no_cause_explains_it() -> None:
+    found = told(loosened(freely_moved(), "ring_middle"))
+    assert {s.message.code for s in found} == {"sensors.disagree"}
+    assert all("ring_middle" in s.sensors for s in found)
 
 
 def test_two_exchanged_fingers_are_named() -> None:

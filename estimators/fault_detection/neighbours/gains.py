@@ -1,0 +1,99 @@
+"""Gyroscopes that read too much or too little: the joints around them fit only where their rates are divided by a gain.
+
+In      pairs of sensors (sensor_pairs.py)
+Out     which sensor, and how many times the true rate it reads
+Source  ours: the acceleration of a common joint at the gain that leaves least; test: paired_test.py
+Limits  gains between `GAINS`; a joint that rests, or turns little within a second, tells nothing. Gravity tells gains of slow movement: single_sensors/
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.fault_detection.neighbours import paired_test
+from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
+from handscope.estimators.numerics.typing import Array
+
+GAINS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.3, 1.5, 1.8, 2.2)
+TOLERATED = 0.07  # of a gain: calibration, a joint that lies a little elsewhere
+MARGIN = 0.4  # of the mean log ratio of a joint, as for delays (delays.py)
+LEAST_SURE = 0.01  # probability from which on a gain is looked at no further
+EXPLAINED = 4.0  # times their noise that joints leave at the gain: of what leaves more, a gain is not the cause
+
+
+@dataclass(frozen=True)
+class Gain:
+    """A gyroscope that reads `gain` times the true rate."""
+
+    sensor: str
+    gain: float
+    p_value: float
+    evidence: float  # log ratio of what is left over, all windows and joints
+
+
+def find(pairs: Pairs) -> Gain | None:
+    """The most certain gain, with the probability of such evidence without any."""
+    doubtful = [j for j in pairs.joints if pairs.is_doubtful(*j)]
+    suspects = [s for s in pairs.series.sensors if any(s in j for j in doubtful)]
+    count = len(pairs.series.sensors) * (len(GAINS) + 2)
+    tried = [_best(pairs, s) for s in suspects]
+    sure = [g for g in tried if g.p_value * count < LEAST_SURE]
+    if not sure:
+        return None
+    best = max(sure, key=lambda g: g.evidence)
+    return replace(best, p_value=best.p_value * count)
+
+
+def _best(pairs: Pairs, sensor: str) -> Gain:
+    """The gain of a sensor that explains its joints best, those tried and one between them."""
+    before = _left(pairs, sensor)
+    after = {g: _left(pairs.with_gain(sensor, g), sensor) for g in GAINS}
+    gains = sorted([*GAINS, 1.0])
+    totals = [_total(before if g == 1.0 else after[g]) for g in gains]
+    k = int(np.argmin(totals))
+    if abs(gains[k] - 1.0) <= TOLERATED or k in (0, len(gains) - 1):
+        return Gain(sensor, 1.0, 1.0, 0.0)
+    gain = _vertex(np.array(gains[k - 1 : k + 2]), np.array(totals[k - 1 : k + 2]))
+    between = _left(pairs.with_gain(sensor, gain), sensor)
+    if _total(between) > totals[k]:
+        gain, between = gains[k], after[gains[k]]
+    return _judged(sensor, gain, before, between)
+
+
+def _left(pairs: Pairs, sensor: str) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """What the joints (J, K) of a sensor leave over, the noise in it, and where both sensors have samples and turn."""
+    around = [j for j in pairs.joints if sensor in j]
+    fits = [pairs.joint(*j, j) for j in around]
+    use = [pairs.use(*j) & pairs.turns(*j) for j in around]
+    return np.array([f.rest for f in fits]), np.array([f.noise for f in fits]), np.array(use)
+
+
+def _total(left: tuple[Array, Array, NDArray[np.bool_]]) -> float:
+    rest, noise, use = left
+    return float((paired_test.log_rest(rest, noise) * use).sum())
+
+
+def _judged(
+    sensor: str,
+    gain: float,
+    declared: tuple[Array, Array, NDArray[np.bool_]],
+    other: tuple[Array, Array, NDArray[np.bool_]],
+) -> Gain:
+    """The paired test of a gain against none, over windows."""
+    (before, noise, use), (after, _, _) = declared, other
+    gained = np.where(
+        use, paired_test.log_rest(before, noise) - paired_test.log_rest(after, noise), 0.0
+    ).sum(axis=0)
+    shown = np.clip(np.maximum(before, after) / noise, 0.0, 1.0)  # what skin may make tells less
+    weight = np.where(use, shown, 0.0).max(axis=0)
+    if float((weight * after * use).sum()) > EXPLAINED * float((weight * noise * use).sum()):
+        return Gain(sensor, 1.0, 1.0, 0.0)
+    p = paired_test.p_value(gained / np.maximum(use.sum(axis=0), 1), MARGIN, weight)
+    return Gain(sensor, gain, p, float(gained @ (weight > 0)))
+
+
+def _vertex(x: Array, y: Array) -> float:
+    """Where the parabola through three points has its least."""
+    a, b, _ = np.polyfit(x - x[1], y, 2)
+    return float(np.clip(x[1] - b / (2 * max(a, 1e-9)), x[0], x[2]))
