@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Concatenate, ParamSpec, TypeVar
 
 from sqlalchemy.exc import DBAPIError
 
@@ -23,6 +23,7 @@ from handscope.sessions.clinic.results import ENDED
 from handscope.sessions.store.store import Store, store_at
 
 log = logging.getLogger(__name__)
+P = ParamSpec("P")
 T = TypeVar("T")
 NO_ROOM_WAIT = 5.0  # s between two tries to settle a result while the database takes nothing
 CLOSE_WAIT = (
@@ -35,7 +36,7 @@ class Jobs:
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._process = WorkerProcess(_begin, store.folder, store.url)
+        self._process = WorkerProcess(_prepare, store.folder, store.url)
         self._queue = ThreadPoolExecutor(
             1, thread_name_prefix="jobs"
         )  # its thread waits for the process
@@ -61,10 +62,13 @@ class Jobs:
         with contextlib.suppress(RuntimeError):
             self._queue.submit(self._settle, result_id)
 
-    async def run(self, work: Callable[..., T], *arguments: Any) -> T:
-        """Run other work there (a report, an export) and wait for it."""
+    async def run(
+        self, work: Callable[Concatenate[Store, P], T], *given: P.args, **named: P.kwargs
+    ) -> T:
+        """Run other work there (a report, an export) on the store, and wait for it."""
+        waiting = self._queue.submit(lambda: self._process.do(work, *given, **named))
         try:
-            return await asyncio.wrap_future(self._queue.submit(self._process.do, work, *arguments))
+            return await asyncio.wrap_future(waiting)
         except DiedError:
             raise InputError(ENDED) from None
 
@@ -98,19 +102,15 @@ class Jobs:
         return True
 
 
-_store: Store | None = None  # of the worker process, set once at its start
-
-
-def _begin(folder: Path, url: str | None) -> None:
-    global _store
+def _prepare(folder: Path, url: str | None) -> Store:
     with contextlib.suppress(ImportError):
         from threadpoolctl import threadpool_limits
 
         threadpool_limits(1)
-    _store = store_at(folder, url)
+    return store_at(folder, url)
 
 
-def _warm() -> None:
+def _warm(_: Store) -> None:
     """Import what every job needs before the first one is asked for."""
     from handscope.app.results import make as results_make
     from handscope.app.results import report as results_report
@@ -118,14 +118,14 @@ def _warm() -> None:
     assert results_report and results_make
 
 
-def _make(result_id: int) -> None:
+def _make(store: Store, result_id: int) -> None:
     from handscope.app.results.make import make
 
-    assert _store is not None
-    make(_store, result_id)
+    make(store, result_id)
 
 
 def make_report(
+    store: Store,
     result_id: int,
     form: str,
     language: str = "en",
@@ -139,35 +139,32 @@ def make_report(
     from handscope.app.report.gradings import DEFAULT, grade_content
     from handscope.app.results.report import report
 
-    assert _store is not None
-    with _store.database() as db:
+    with store.database() as db:
         content = grade_content(
-            report(_store, results.get(db, result_id), references), grading or DEFAULT
+            report(store, results.get(db, result_id), references), grading or DEFAULT
         )
         return FORMS[form](content, Style(languages()[language], paper))
 
 
-def make_replay_file(result_id: int, named: bool, language: str = "en") -> bytes:
+def make_replay_file(store: Store, result_id: int, named: bool, language: str = "en") -> bytes:
     """In the worker process: the replay of a result as one file."""
     from handscope.app.language import languages
     from handscope.app.replay_file.stored import of_result
 
-    assert _store is not None
-    with _store.database() as db:
-        return of_result(_store, results.get(db, result_id), named, languages()[language])
+    with store.database() as db:
+        return of_result(store, results.get(db, result_id), named, languages()[language])
 
 
-def make_derivative(result_id: int, reasons: bool = True) -> bytes:
+def make_derivative(store: Store, result_id: int, reasons: bool = True) -> bytes:
     """In the worker process: the derivative of a result as a zip."""
     from handscope.app.results.make import derivative_files
     from handscope.sessions.motion_bids.writer import pack
 
-    assert _store is not None
-    with _store.database() as db:
-        return pack(derivative_files(_store, results.get(db, result_id), reasons))
+    with store.database() as db:
+        return pack(derivative_files(store, results.get(db, result_id), reasons))
 
 
-def make_export(result_id: int, name: str, sees_all: bool = True) -> bytes:
+def make_export(store: Store, result_id: int, name: str, sees_all: bool = True) -> bytes:
     """In the worker process: a result in a format of sessions/exports; several files as a zip.
 
     What people typed (reasons of corrections, the report) is left out unless the account `sees_all`.
@@ -177,10 +174,9 @@ def make_export(result_id: int, name: str, sees_all: bool = True) -> bytes:
     from handscope.app.results.make import params_of, process_result
     from handscope.sessions.exports import format_of
 
-    assert _store is not None
-    with _store.database() as db:
+    with store.database() as db:
         result = results.get(db, result_id)
-        recording, processed = process_result(_store, result, reasons=sees_all)
+        recording, processed = process_result(store, result, reasons=sees_all)
         params = params_of(result)
         measured = gather(recording, processed, result.method, params, software=result.version)
     if not sees_all:

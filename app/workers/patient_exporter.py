@@ -4,15 +4,11 @@ On Linux it is forked from a process that has imported everything (app/workers/p
 zip any more, writing fails and the process ends.
 """
 
-import contextlib
 import io
-import os
-from collections.abc import Iterator, Mapping
-from multiprocessing.connection import Connection
-from pathlib import Path
+from collections.abc import Iterator
 
 from handscope.app.version import software_version
-from handscope.app.workers.process import CONTEXT, ignore_terminal_signals
+from handscope.app.workers.process import DiedError, Send, WorkerProcess
 from handscope.estimators.errors import InputError
 from handscope.sessions.store import patient_export
 from handscope.sessions.store.store import Store, store_at
@@ -22,48 +18,33 @@ CHUNK = 2**16
 
 def stream_patient_export(store: Store, patient_id: int) -> Iterator[bytes]:
     """The zip in chunks; InputError where it cannot start. A later error truncates it, so that no program reads it as complete."""
-    ours, theirs = CONTEXT.Pipe(duplex=False)
-    arguments = (theirs, dict(os.environ), store.folder, store.url, patient_id)
-    process = CONTEXT.Process(target=_write, args=arguments, name="handscope export", daemon=True)
-    process.start()
-    theirs.close()
-    try:
-        with contextlib.suppress(EOFError):
-            while True:
-                yield ours.recv_bytes()
-        process.join()
-        if process.exitcode != 0:
-            raise InputError("job.export_failed")
-    finally:
-        ours.close()
-        process.kill()
-        process.join()
+    with WorkerProcess(store_at, store.folder, store.url) as process:
+        try:
+            yield from process.stream(_write, patient_id)
+        except DiedError:
+            raise InputError("job.export_failed") from None
+        finally:
+            process.kill()
 
 
-class _PipeFile(io.RawIOBase):
-    """A file that goes through a pipe."""
+class _SendingFile(io.RawIOBase):
+    """A file whose bytes are sent."""
 
-    def __init__(self, pipe: Connection) -> None:
-        self._pipe = pipe
+    def __init__(self, send: Send) -> None:
+        self._send = send
 
     def writable(self) -> bool:
         return True
 
     def write(self, chunk: object) -> int:
-        sent = memoryview(chunk)  # type: ignore[arg-type]
-        self._pipe.send_bytes(sent)
-        return sent.nbytes
+        written = bytes(chunk)  # type: ignore[call-overload]
+        self._send(written)
+        return len(written)
 
 
-def _write(
-    pipe: Connection, environment: Mapping[str, str], folder: Path, url: str | None, patient_id: int
-) -> None:
-    """In the process, with the present environment of its parent."""
-    ignore_terminal_signals()
-    os.environ.clear()
-    os.environ.update(environment)
-    store = store_at(folder, url)
-    with contextlib.suppress(BrokenPipeError), store.database() as db:
-        out = io.BufferedWriter(_PipeFile(pipe), CHUNK)
+def _write(store: Store, send: Send, patient_id: int) -> None:
+    """In the process."""
+    with store.database() as db:
+        out = io.BufferedWriter(_SendingFile(send), CHUNK)
         patient_export.write(db, store, patient_id, software_version(), out)
         out.flush()

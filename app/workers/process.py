@@ -15,13 +15,16 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from typing import Any, TypeVar
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
 
 log = logging.getLogger(__name__)
+C = TypeVar("C")  # what every call of a process works on, such as the store
+P = ParamSpec("P")
 T = TypeVar("T")
+Send = Callable[[Any], None]
 CONTEXT = (
     multiprocessing.get_context("forkserver")
     if sys.platform == "linux"
@@ -40,15 +43,17 @@ class DiedError(Exception):
         )  # by a request: the call is not the cause
 
 
-class WorkerProcess:
-    """A context manager; `initialise(*arguments)` runs first in every process. One thread calls `do`, any may call `kill`."""
+class WorkerProcess(Generic[C]):
+    """A context manager. `prepare(*arguments)` runs first in every process; every call gets what it returned. One thread calls `do` or `stream`,
+    any may call `kill`.
+    """
 
-    def __init__(self, initialise: Callable[..., None], *arguments: Any) -> None:
-        self._initialise, self._arguments = initialise, arguments
+    def __init__(self, prepare: Callable[..., C], *arguments: Any) -> None:
+        self._prepare, self._arguments = prepare, arguments
         self._starting = threading.Lock()
         self._process: BaseProcess | None = None
 
-    def __enter__(self) -> "WorkerProcess":
+    def __enter__(self) -> "WorkerProcess[C]":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -56,21 +61,35 @@ class WorkerProcess:
             self._pipe.close()
             self._process.join()
 
-    def do(self, work: Callable[..., T], *arguments: Any) -> T:
-        """Call `work` in the process; returns its value or raises its error, DiedError where the process ended."""
-        if not self.alive:
-            self._start()
+    def do(self, work: Callable[Concatenate[C, P], T], *given: P.args, **named: P.kwargs) -> T:
+        """Call `work(context, ...)` in the process; its value or its error, DiedError where the process ended."""
+        for _, value in self._answers(_call, work, given, named):
+            done: T = value
+        return done
+
+    def stream(
+        self, work: Callable[Concatenate[C, Send, P], None], *given: P.args, **named: P.kwargs
+    ) -> Iterator[Any]:
+        """What `work(context, send, ...)` sends, as it comes; then its error, DiedError where the process ended."""
+        for is_message, value in self._answers(_call_with_send, work, given, named):
+            if is_message:
+                yield value
+
+    def _answers(self, call: Callable[..., Any], *request: Any) -> Iterator[tuple[bool, Any]]:
+        """Messages, then what the work returned."""
+        self.start()
         assert self._process is not None
         try:
-            self._pipe.send((work, arguments))
-            value, error = self._pipe.recv()
+            self._pipe.send((call, request))
+            is_message = True
+            while is_message:
+                is_message, value, error = self._pipe.recv()
+                if error is not None:
+                    raise error
+                yield is_message, value
         except (EOFError, OSError):
             self._process.join()
             raise DiedError(self._process.exitcode) from None
-        if error is not None:
-            raise error
-        done: T = value
-        return done
 
     @property
     def alive(self) -> bool:
@@ -82,8 +101,11 @@ class WorkerProcess:
             if self._process is not None:
                 self._process.kill()
 
-    def _start(self) -> None:
+    def start(self) -> None:
+        """Have a process that waits for calls."""
         with self._starting:
+            if self.alive:
+                return
             if self._process is not None:
                 log.error(
                     "the process for long work ended (%s); another is started",
@@ -91,7 +113,7 @@ class WorkerProcess:
                 )
                 self.__exit__()
             self._pipe, theirs = CONTEXT.Pipe()
-            given = (theirs, dict(os.environ), self._initialise, self._arguments)
+            given = (theirs, dict(os.environ), self._prepare, self._arguments)
             process = CONTEXT.Process(target=_serve, args=given, name="handscope work", daemon=True)
             process.start()
             theirs.close()  # the pipe ends when the process, which has the only other end, dies
@@ -110,28 +132,40 @@ def restore_terminal_signals() -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
+def no_context() -> None:
+    """For a process whose calls need nothing but their arguments."""
+
+
 def _serve(
     pipe: Connection,
     environment: Mapping[str, str],
-    initialise: Callable[..., None],
+    prepare: Callable[..., Any],
     arguments: tuple[Any, ...],
 ) -> None:
     """In the process: run calls until the pipe ends, with the present environment of its parent."""
     ignore_terminal_signals()
     os.environ.clear()
     os.environ.update(environment)
-    initialise(*arguments)
+    context = prepare(*arguments)
     with contextlib.suppress(EOFError, OSError):
         while True:
-            work, given = pipe.recv()
-            pipe.send(_outcome(work, given))
+            call, request = pipe.recv()
+            pipe.send(_outcome(call, context, pipe, *request))
 
 
-def _outcome(
-    work: Callable[..., T], arguments: tuple[Any, ...]
-) -> tuple[T | None, Exception | None]:
+def _call(context: Any, _: Connection, work: Callable[..., T], given: Any, named: Any) -> T:
+    return work(context, *given, **named)
+
+
+def _call_with_send(
+    context: Any, pipe: Connection, work: Callable[..., T], given: Any, named: Any
+) -> T:
+    return work(context, lambda message: pipe.send((True, message, None)), *given, **named)
+
+
+def _outcome(call: Callable[..., T], *given: Any) -> tuple[bool, T | None, Exception | None]:
     try:
-        return work(*arguments), None
-    except Exception as error:  # raised by `do`
+        return False, call(*given), None
+    except Exception as error:  # raised by `do` and `stream`
         error.add_note(traceback.format_exc())  # a traceback cannot be pickled
-        return None, error
+        return False, None, error

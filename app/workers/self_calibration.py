@@ -5,11 +5,11 @@ The process ends by itself when its parent is gone; one that takes longer than L
 
 import contextlib
 import logging
+import threading
 import time
-from multiprocessing.connection import Connection
 from typing import Any
 
-from handscope.app.workers.process import CONTEXT, ignore_terminal_signals
+from handscope.app.workers.process import DiedError, Send, WorkerProcess, no_context
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic.self_calibrations import FoundCalibration
 from handscope.sessions.files.recording import LoadedRecording
@@ -28,25 +28,28 @@ class SelfCalibrationSolver:
         self.solution: FoundCalibration | None = None
         self.refusal = ""
         self._started = time.monotonic()
-        self._pipe, theirs = CONTEXT.Pipe()
-        self._process = CONTEXT.Process(
-            target=_solve, args=(theirs, recording), name="handscope self-calibration", daemon=True
-        )
+        self._process = WorkerProcess(no_context)
         self._process.start()
-        theirs.close()
+        self._thread = threading.Thread(
+            target=self._run, args=(recording,), name="self-calibration", daemon=True
+        )
+        self._thread.start()
+
+    def _run(self, recording: LoadedRecording) -> None:
+        try:
+            for name, value in self._process.stream(_solve, recording):
+                setattr(self, name, value)
+        except Exception as problem:  # of the process, or its end
+            if not isinstance(problem, DiedError):
+                log.exception("self-calibration")
+            self.refusal = self.refusal or ENDED
 
     @property
     def is_over(self) -> bool:
         return self.solution is not None or bool(self.refusal)
 
     def poll(self) -> None:
-        """Read the messages of the process since the last call; never waits."""
-        try:
-            while not self.is_over and self._pipe.poll():
-                kind, value = self._pipe.recv()
-                setattr(self, kind, value)
-        except (EOFError, OSError):
-            self.refusal = self.refusal or ENDED
+        """End what is over or takes too long; never waits for a result."""
         if not self.is_over and time.monotonic() - self._started > LONGEST:
             self.refusal = TOO_LONG
         if self.is_over:
@@ -55,15 +58,13 @@ class SelfCalibrationSolver:
     def close(self) -> None:
         """End the process, whatever it does."""
         self._process.kill()
-        self._process.join()
-        self._pipe.close()
+        self._thread.join()
+        self._process.__exit__()
 
 
-def _solve(pipe: Connection, recording: LoadedRecording) -> None:
+def _solve(_: None, send: Send, recording: LoadedRecording) -> None:
     """In the process: send the name of an attribute and its value."""
-    ignore_terminal_signals()
-    with contextlib.suppress(BrokenPipeError, OSError):
-        pipe.send(_outcome(recording, lambda share: pipe.send(("share", share))))
+    send(_outcome(recording, lambda share: send(("share", share))))
 
 
 def _outcome(recording: LoadedRecording, progress: Any) -> tuple[str, Any]:

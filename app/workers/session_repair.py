@@ -7,7 +7,6 @@ other, for checksum and summary, and results follow.
 import logging
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 
 from sqlalchemy.exc import DBAPIError
 
@@ -33,7 +32,7 @@ class SessionRepair:
         unread: Sequence[int],
         finish: Callable[[int], None],
     ) -> None:
-        self._process = WorkerProcess(_initialise, store.folder, store.url)
+        self._process = WorkerProcess(store_at, store.folder, store.url)
         self._finish = finish
         self._open = _Waiting(left_open)
         self._unread = _Waiting(unread)
@@ -71,7 +70,7 @@ class SessionRepair:
             if self._do(_read, session) == "recorded":
                 self._do_here(session)
 
-    def _do(self, work: Callable[[int], str], session: int) -> str:
+    def _do(self, work: Callable[[Store, int], str], session: int) -> str:
         """What came of it in the process; "" where it failed."""
         try:
             return self._process.do(work, session)
@@ -120,24 +119,14 @@ class _Waiting:
             return self._total - len(self._waiting) + 1, self._total
 
 
-_store: Store | None = None  # of the process, set once at its start
-
-
-def _initialise(folder: Path, url: str | None) -> None:
-    global _store
-    _store = store_at(folder, url)
-
-
-def _close(session: int) -> str:
+def _close(store: Store, session: int) -> str:
     """Close a session; its state then, UNREAD where the ends of its recording alone were read."""
-    assert _store is not None
-    with _store.database() as db:
-        closed = crash_repair.close_from_ends(db, _store, session)
+    with store.database() as db:
+        closed = crash_repair.close_from_ends(db, store, session)
         return UNREAD if any(map(crash_repair.is_unread, closed.recordings)) else closed.state
 
 
-def _read(session: int) -> str:
+def _read(store: Store, session: int) -> str:
     """Read a session's recordings whole; its state then."""
-    assert _store is not None
-    with _store.database() as db:
-        return crash_repair.read_whole(db, _store, session).state
+    with store.database() as db:
+        return crash_repair.read_whole(db, store, session).state

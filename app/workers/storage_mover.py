@@ -2,7 +2,6 @@
 
 import logging
 import threading
-from pathlib import Path
 
 from handscope.app.workers.process import DiedError, WorkerProcess
 from handscope.sessions.store import stored_files
@@ -18,7 +17,7 @@ class StorageMover:
 
     def __init__(self, store: Store, cache_bytes: int) -> None:
         assert store.away is not None
-        self._process = WorkerProcess(_initialise, store.folder, store.url)
+        self._process = WorkerProcess(store_at, store.folder, store.url)
         self._cache_bytes = cache_bytes
         self._leaving = threading.Event()
         self._thread = threading.Thread(target=self._run, name="moving out", daemon=True)
@@ -37,7 +36,7 @@ class StorageMover:
     def _run(self) -> None:
         while not self._leaving.is_set():
             try:
-                latest = self._process.do(_move_files, self._cache_bytes)
+                latest = self._process.do(stored_files.move_out, self._cache_bytes)
             except DiedError:
                 latest = Round(
                     problem="the process that moves recordings ended; it is started again"
@@ -53,16 +52,3 @@ class StorageMover:
                 log.error("%s; %d files wait in the data folder", latest.problem, latest.waiting)
             self.latest = latest
             self._leaving.wait(PAUSE)
-
-
-_store: Store | None = None  # of the process, set once at its start
-
-
-def _initialise(folder: Path, url: str | None) -> None:
-    global _store
-    _store = store_at(folder, url)
-
-
-def _move_files(cache_bytes: int) -> Round:
-    assert _store is not None
-    return stored_files.move_out(_store, cache_bytes)

@@ -4,15 +4,18 @@ The process of app/job_queue.py would make an upload wait for everything that is
 """
 
 import asyncio
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any, TypeVar
 
-from handscope.app.workers.process import DiedError, WorkerProcess
+from handscope.app.workers.process import DiedError, WorkerProcess, no_context
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
 from handscope.sessions.store import records
 from handscope.sessions.store.records import Upload
 
+T = TypeVar("T")
 DIED = "the recording could not be opened: the process that read it ended, perhaps for want of memory; split the recording and try again"
 
 
@@ -20,7 +23,7 @@ class UploadReader:
     """A context manager; leaving it stops the reading."""
 
     def __init__(self) -> None:
-        self._process = WorkerProcess(_initialise)
+        self._process = WorkerProcess(no_context)
         self._queue = ThreadPoolExecutor(
             1, thread_name_prefix="opening"
         )  # its thread waits for the process
@@ -35,13 +38,17 @@ class UploadReader:
 
     async def read(self, upload: Path, name: str, hand: Hand | None) -> Upload:
         """Content of an uploaded recording; InputError where it cannot be opened."""
+        return await self.call(records.read_upload, upload, name, hand)
+
+    async def call(self, work: Callable[..., T], *arguments: Any) -> T:
+        """Call `work` in the process; InputError where it refuses, or the process ends."""
         try:
             return await asyncio.wrap_future(
-                self._queue.submit(self._process.do, records.read_upload, upload, name, hand)
+                self._queue.submit(lambda: self._process.do(_call, work, arguments))
             )
         except DiedError:
             raise InputError(DIED) from None
 
 
-def _initialise() -> None:
-    """Reading needs no preparation."""
+def _call(_: None, work: Callable[..., T], arguments: tuple[Any, ...]) -> T:
+    return work(*arguments)

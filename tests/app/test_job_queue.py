@@ -29,11 +29,10 @@ DEATHS: dict[str, Callable[[], object]] = {
 }
 
 
-def make(result_id: int) -> None:
+def make(store: Store, result_id: int) -> None:
     """In the working process: what app.results does, with computations that end as their method's name says."""
     results_make.process_result = computed  # type: ignore[assignment]  # of this process only
-    assert job_queue._store is not None
-    results_make.make(job_queue._store, result_id)
+    results_make.make(store, result_id)
 
 
 def computed(store: Store, result: Result, progress: Callable[[float], None]) -> None:
@@ -53,8 +52,12 @@ def computed(store: Store, result: Result, progress: Callable[[float], None]) ->
     raise InputError(f"{result.method}, attempt {result.attempts}")
 
 
-def nothing() -> int:
+def nothing(_: Store) -> int:
     return 7
+
+
+def abort(_: Store) -> None:
+    os.abort()
 
 
 @pytest.fixture
@@ -136,7 +139,7 @@ def test_a_result_that_somebody_stopped_ends_with_its_next_step_or_does_not_begi
 def test_other_work_whose_process_dies_says_so_and_the_next_is_done(store: Store) -> None:
     with Jobs(store) as running:
         with pytest.raises(InputError, match="ended unexpectedly"):
-            asyncio.run(running.run(os.abort))
+            asyncio.run(running.run(abort))
         assert asyncio.run(running.run(nothing)) == 7
 
 

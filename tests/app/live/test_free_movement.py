@@ -165,7 +165,7 @@ def test_a_hand_that_rests_is_refused_in_words_by_a_process_of_its_own() -> None
     work = SelfCalibrationSolver(
         LoadedRecording(whole.hand, whole.geometry, whole.mounting, rest, ())
     )
-    work._process.join(120)
+    work._thread.join(120)
     work.poll()
     assert work.is_over
     assert "self-calibration needs 10 s" in work.refusal
@@ -177,6 +177,6 @@ def test_a_computation_that_dies_or_lasts_too_long_is_told() -> None:
         LoadedRecording(whole.hand, whole.geometry, whole.mounting, whole.samples, ())
     )
     work._process.kill()
-    work._process.join()
+    work._thread.join(120)
     work.poll()
     assert work.refusal == self_calibration.ENDED

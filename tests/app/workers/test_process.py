@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from handscope.app.workers.process import DiedError, WorkerProcess
+from handscope.app.workers.process import DiedError, Send, WorkerProcess
 from tests.app.devices.virtual import wait_for
 
 PARENT = """
@@ -14,45 +14,77 @@ import os, sys
 from handscope.app.workers.process import WorkerProcess
 if __name__ == "__main__":
     with WorkerProcess(os.getpid) as process:
-        print(process.do(os.getpid), flush=True)
+        print(process.do(int), flush=True)
         sys.stdin.read()
 """
 
 
-def bug(word: str) -> None:
+def divide(_: int, a: int, b: int) -> tuple[int, int]:
+    return divmod(a, b)
+
+
+def pid(prepared: int) -> int:
+    """What `prepare` returned is what a call gets."""
+    assert prepared == os.getpid()
+    return prepared
+
+
+def variable(_: int, name: str) -> str | None:
+    return os.getenv(name)
+
+
+def count(_: int, send: Send, to: int) -> None:
+    for k in range(to):
+        send(k)
+    if to > 3:
+        raise ValueError("enough")
+
+
+def bug(_: int, word: str) -> None:
     raise ValueError(word)
 
 
-def imported() -> set[str]:
+def imported(_: int) -> set[str]:
     return set(sys.modules)
 
 
-def unsendable() -> object:
+def unsendable(_: int) -> object:
     return lambda: None
 
 
 def test_values_and_errors_come_back_with_where_they_arose() -> None:
     with WorkerProcess(os.getpid) as process:
-        assert process.do(divmod, 7, 2) == (3, 1)
+        assert process.do(divide, 7, 2) == (3, 1)
         with pytest.raises(ValueError, match="seven") as error:
             process.do(bug, "seven")
         assert "in bug" in "".join(error.value.__notes__)
-        assert process.do(divmod, 7, 3) == (2, 1)
+        assert process.do(divide, 7, 3) == (2, 1)
+
+
+def test_messages_come_as_they_are_sent_and_then_the_error() -> None:
+    with WorkerProcess(os.getpid) as process:
+        assert list(process.stream(count, 3)) == [0, 1, 2]
+        assert list(process.stream(count, 0)) == []
+        messages = process.stream(count, 4)
+        assert [next(messages) for _ in range(4)] == [0, 1, 2, 3]
+        with pytest.raises(ValueError, match="enough"):
+            list(messages)
+        assert process.do(divide, 7, 3) == (2, 1)
 
 
 def test_a_process_killed_while_it_waits_is_replaced() -> None:
     with WorkerProcess(os.getpid) as process:
-        first = process.do(os.getpid)
+        first = process.do(pid)
         process.kill()
         wait_for(lambda: not process.alive)
-        assert process.do(os.getpid) != first
+        assert process.do(pid) != first
 
 
 def test_a_value_that_cannot_travel_ends_the_process_not_the_queue() -> None:
     with WorkerProcess(os.getpid) as process:
         with pytest.raises(DiedError):
             process.do(unsendable)
-        assert process.do(divmod, 7, 2) == (3, 1)
+        assert process.do(divide, 7, 2) == (3, 1)
 
 
 def test_a_process_sees_the_environment_of_its_own_beginning(
@@ -61,7 +93,7 @@ def test_a_process_sees_the_environment_of_its_own_beginning(
     for word in ("first", "second"):
         monkeypatch.setenv("HANDSCOPE_WORD", word)
         with WorkerProcess(os.getpid) as process:
-            assert process.do(os.getenv, "HANDSCOPE_WORD") == word
+            assert process.do(variable, "HANDSCOPE_WORD") == word
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="forked on Linux alone")
@@ -75,7 +107,7 @@ def test_a_process_begins_with_what_its_work_needs() -> None:
 def test_killing_one_that_has_not_begun_is_nothing() -> None:
     with WorkerProcess(os.getpid) as process:
         process.kill()
-        assert process.do(divmod, 7, 2) == (3, 1)
+        assert process.do(divide, 7, 2) == (3, 1)
 
 
 @pytest.mark.slow
