@@ -28,6 +28,8 @@ VERBS = {
     "process": "run a method over a recording",
     "compare": "how far two recordings of one movement agree",
     "assess": "measures of a recording as JSON and CSV, and a report",
+    "pose-sheet": "the sheet on which a hand is laid and photographed, as PDF at true scale",
+    "photograph": "lengths and angles of a hand from a photograph of it on the sheet",
     "calibrate-strip": "calibrate strips laid down in six or more positions, and write it to their flash",
     "calibrate-force": "what a fingertip's force sensor reads, from loads that are known",
     "locate": "where a magnet is, from the recording of any magnetometer array",

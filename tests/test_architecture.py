@@ -68,7 +68,7 @@ LEVELS = {  # a package imports packages of lower levels only
             "hand",
             "data",
             "sensors magnet.model",
-            "orientation force simulation",
+            "orientation force simulation photograph",
         ),
         *(
             "alignment magnet.array",
@@ -92,7 +92,7 @@ LEVELS = {  # a package imports packages of lower levels only
     ),
     "handscope.app": (
         "language protocols devices",
-        "report",
+        "report photograph",
         "workers",
         "scene results",
         "exporting replay_file",

@@ -1,7 +1,6 @@
 """`handscope record`: record a glove without the pages; the live tracker runs as in a station and calibrates on the glove's own marks."""
 
 import argparse
-import json
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -12,6 +11,7 @@ from handscope.app.commands.shortfalls import shortfalls
 from handscope.app.commands.words import (
     output_folder,
     progress_bar,
+    read_json,
     require_file,
     require_folder,
     say,
@@ -148,12 +148,9 @@ def ending(recorded: float, asked: float | None, why: str) -> str:
 def _geometry(path: Path | None) -> dict[str, object]:
     if path is None:
         return {}
-    try:
-        value = json.loads(path.read_text())
-    except (OSError, ValueError) as problem:
-        raise InputError("command.json_unreadable", path=str(path), problem=str(problem)) from None
+    value = read_json(path)
     measures_from(value)
-    return dict(value)
+    return value
 
 
 def connect(glove: Glove, port: str) -> None:

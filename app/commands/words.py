@@ -1,10 +1,12 @@
 """What all verbs share: words for the terminal, where data is kept, places to write to. No numerics: `login` and its like begin at once."""
 
 import argparse
+import json
 import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
@@ -72,6 +74,17 @@ def progress_bar(what: str) -> tuple[Callable[[float], None], Callable[[], None]
 def counted(n: int, what: str) -> str:
     """A number of things in words: 1 figure, 2 figures."""
     return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The object in a JSON file."""
+    try:
+        value = json.loads(path.read_text("utf-8"))
+        if not isinstance(value, dict):
+            raise ValueError("it holds no object")
+    except (OSError, ValueError) as problem:
+        raise InputError("command.json_unreadable", path=str(path), problem=str(problem)) from None
+    return value
 
 
 def output_folder(path: Path) -> Path:

@@ -73,6 +73,8 @@ MAY = {  # what each other verb may import; nothing heavy where it is not here
     "simulate": SIMULATED | {"scipy.signal"},
     "calibrate-strip": OFFLINE | {"scipy.optimize", "serialx"},
     "calibrate-force": {"numba", "numpy", "serialx"},
+    "pose-sheet": {"babel", "numba", "numpy", "scipy.special", "typst"},
+    "photograph": {"numba", "numpy", "scipy.optimize", "scipy.special"},
     "locate": OFFLINE | {"scipy.optimize"},
     "learn-magnet": OFFLINE,
     "import": {"mcap", "numba", "numpy", "vqf"},

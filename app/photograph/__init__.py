@@ -1,0 +1,1 @@
+"""The printed sheet, and what is read off a photograph of a hand on it."""

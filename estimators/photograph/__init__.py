@@ -1,0 +1,1 @@
+"""Lengths and in-plane angles of a flat hand from one photograph of it on a printed sheet."""
