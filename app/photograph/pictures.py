@@ -99,8 +99,9 @@ def _read(data: bytes) -> tuple[Any, float | None]:
             grey = np.asarray(ImageOps.exif_transpose(picture).convert("L"))
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
         raise InputError("photograph.unreadable") from None
-    usable = isinstance(focal, int | float) and 15 <= focal <= 120
-    return grey, float(focal) if usable else None
+    if isinstance(focal, int | float) and 15 <= focal <= 120:
+        return grey, float(focal)
+    return grey, None
 
 
 def _markers(grey: Any) -> dict[int, Array]:

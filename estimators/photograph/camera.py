@@ -43,19 +43,21 @@ class Camera:
     @property
     def tilt(self) -> float:
         """Between the lens's axis and the sheet's normal, rad."""
-        return float(np.arccos(abs(quat.rotate(self.q_cs, np.array([0.0, 0.0, 1.0]))[2])))
+        normal = np.asarray(quat.rotate(self.q_cs, np.array([0.0, 0.0, 1.0])))
+        return float(np.arccos(min(1.0, abs(normal[2]))))
 
     @property
     def place(self) -> Array:
         """Where the lens is in the sheet's frame (3,), m."""
-        return -quat.rotate(quat.conjugate(self.q_cs), self.p_c)
+        return np.asarray(-quat.rotate(quat.conjugate(self.q_cs), self.p_c))
 
     def project(self, points: Array) -> Array:
         """Pictures (n, 2) of points (n, 3) in the sheet's frame."""
         x, y, z = np.moveaxis(quat.rotate(self.q_cs, points) + self.p_c, -1, 0)
         u = np.stack([x, y], axis=-1) / z[..., None]
         larger, middle = max(self.size), np.array(self.size) / 2
-        return middle + larger * (self.centre + self.focal * u * _drawn(u, self.radial))
+        drawn = self.centre + self.focal * u * _drawn(u, self.radial)
+        return np.asarray(middle + larger * drawn)
 
     def place_at(self, pixels: Array, height: Array) -> Array:
         """Where points (n, 2) of the picture lie (n, 2), m, if they are `height` (n,) above the
@@ -97,11 +99,11 @@ def locate(sheet: Array, pixels: Array, size: tuple[int, int], focal: float | No
     off = residuals(found.x, 1.0)[: 2 * len(sheet)]
     sd = max(CORNER_SD, float(np.sqrt((off**2).sum() / max(1, 2 * len(sheet) - 6))))
     found = least_squares(partial(residuals, sd=sd), found.x, x_scale="jac")
-    camera = start.moved(found.x)
+    camera, jacobian = start.moved(found.x), np.asarray(found.jac)
     on_sheet = camera.place_at(pixels, np.zeros(len(pixels))) - sheet[:, :2]
     return replace(
         camera,
-        covariance=np.linalg.inv(found.jac.T @ found.jac),
+        covariance=np.linalg.inv(jacobian.T @ jacobian),
         misfit=float(np.sqrt((on_sheet**2).sum(axis=1).mean())),
     )
 

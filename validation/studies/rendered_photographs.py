@@ -186,6 +186,7 @@ def _photograph(
 ) -> bytes:
     png = print_sheet(sheet, sized(geometry.hand), languages()["en"], "png", 25.4 * TEXTURE)
     texture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    assert texture is not None
     picture = cv2.remap(
         texture, *lens.sheet_map(sheet), cv2.INTER_AREA, borderValue=(96, 128, 150)
     ).astype(np.float32)
@@ -195,11 +196,12 @@ def _photograph(
     picture *= 1 - 0.45 * cv2.GaussianBlur(shadow, (0, 0), 18)[..., None]
     skin = np.zeros(SIZE[::-1], np.float32)
     _draw(skin, lens, balls, 1.0)
-    picture = np.where(skin[..., None] > 0, np.float32([120, 150, 205]), picture)
-    slope = np.linspace(*rng.uniform(0.6, 1.1, 2), SIZE[0], dtype=np.float32)[None, :, None]
-    picture = cv2.GaussianBlur(picture * slope, (0, 0), rng.uniform(0.6, 1.8))
-    picture = np.clip(picture + 4 * rng.standard_normal(picture.shape, np.float32), 0, 255)
-    done, jpeg = cv2.imencode(".jpg", picture.astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 85])
+    picture = np.where(skin[..., None] > 0, np.array([120, 150, 205], np.float32), picture)
+    bright, dark = map(float, rng.uniform(0.6, 1.1, 2))
+    slope = np.linspace(bright, dark, SIZE[0], dtype=np.float32)[:, None]
+    blurred = cv2.GaussianBlur(picture * slope, (0, 0), rng.uniform(0.6, 1.8))
+    noisy = np.clip(blurred + 4 * rng.standard_normal(picture.shape, np.float32), 0, 255)
+    done, jpeg = cv2.imencode(".jpg", noisy.astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 85])
     assert done
     return bytes(jpeg)
 
