@@ -70,7 +70,7 @@ class Camera:
         along = (height - lens[2]) / ray[:, 2]
         return np.asarray(lens[:2] + along[:, None] * ray[:, :2])
 
-    def moved(self, d: Array) -> "Camera":
+    def perturb(self, d: Array) -> "Camera":
         """The camera with its parameters changed by d (11,)."""
         return replace(
             self,
@@ -91,7 +91,7 @@ def locate(sheet: Array, pixels: Array, size: tuple[int, int], focal: float | No
     )
 
     def residuals(d: Array, sd: float) -> Array:
-        camera = start.moved(d)
+        camera = start.perturb(d)
         off = (camera.project(sheet) - pixels) / sd
         return np.concatenate([off.ravel(), d[:5] / prior_sd])
 
@@ -99,7 +99,7 @@ def locate(sheet: Array, pixels: Array, size: tuple[int, int], focal: float | No
     off = residuals(found.x, 1.0)[: 2 * len(sheet)]
     sd = max(CORNER_SD, float(np.sqrt((off**2).sum() / max(1, 2 * len(sheet) - 6))))
     found = least_squares(partial(residuals, sd=sd), found.x, x_scale="jac")
-    camera, jacobian = start.moved(found.x), np.asarray(found.jac)
+    camera, jacobian = start.perturb(found.x), np.asarray(found.jac)
     on_sheet = camera.place_at(pixels, np.zeros(len(pixels))) - sheet[:, :2]
     return replace(
         camera,

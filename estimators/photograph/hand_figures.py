@@ -68,7 +68,7 @@ def measure(
     def of_causes(causes: Array) -> Array:
         """All figures of errors of the camera (11,), of heights (1 + n,), of marks (2 n,)."""
         share = 1.0 + causes[11] + causes[12 : 12 + n]
-        at = camera.moved(causes[:11]).place_at(pixels, height * share)
+        at = camera.perturb(causes[:11]).place_at(pixels, height * share)
         return _as_vector(_figures(at + causes[12 + n :].reshape(-1, 2), hand))
 
     jacobian = _derivative(of_causes, 12 + 3 * n)
