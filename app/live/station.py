@@ -25,7 +25,7 @@ from handscope.app.live.readouts.grasp_estimate import GraspEstimator
 from handscope.app.live.readouts.hand_position import HandPositionReadout
 from handscope.app.live.setup import Setup
 from handscope.app.live.snapshot import GloveView, StationView, station_pulse, station_snapshot
-from handscope.app.live.station_scene import PICTURE_INTERVAL, THUMB, StationScene
+from handscope.app.live.station_scene import PICTURE_INTERVAL, StationScene
 from handscope.app.live.tracking import Tracking
 from handscope.app.live.viewers import Viewers
 from handscope.app.live.wizard import machine as wizard_machine
@@ -41,13 +41,13 @@ from handscope.app.results.quantity_curve import Curve
 from handscope.app.scene.scene_process import SceneProcess
 from handscope.app.version import software_version
 from handscope.estimators.alignment import quality as alignment_quality
-from handscope.estimators.alignment.initial_pose import THERAPIST, Pose
+from handscope.estimators.alignment.initial_pose import THERAPIST, Pose, pose_of
 from handscope.estimators.alignment.quality import JointQuality
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import Block, Event
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import FINGERS
+from handscope.estimators.hand.anatomy import ANGLES, FINGERS
 from handscope.estimators.hand.geometry import table_of
 from handscope.estimators.simulation.movements.task_performance import POSE_THUMB
 from handscope.sessions.wire.messages import Cue
@@ -55,6 +55,7 @@ from handscope.sessions.wire.messages import Cue
 log = logging.getLogger(__name__)
 TICK = 0.1  # s
 FINGER_LEAD = 2.5  # s for the finger before to come to rest
+THUMB_COLUMNS = tuple(f"thumb_cmc_{name}_deg" for name in ANGLES)  # of a pose's event
 WIGGLE = 10.0  # s that bending one finger after the other takes
 
 
@@ -68,6 +69,7 @@ class Station:
         self.scene = SceneProcess(setup.hand, setup.geometry)
         self.curve = Curve()
         self._attempts = 0
+        self._measured_pose: dict[str, float] = {}
         self._on_finish = on_finish
         self._lock = threading.RLock()
         self._wizard = Wizard(setup.protocols, setup.params.pose_duration, setup.steps, setup.free)
@@ -405,7 +407,8 @@ class Station:
 
     def _calibrate(self, effect: Effect) -> None:
         """Compute outside the tick: to combine a pose with calibration movements takes seconds."""
-        pose = Pose(effect.onset, effect.end - effect.onset, THUMB, self._wizard.passive)
+        length = effect.end - effect.onset
+        pose = pose_of(Event(effect.onset, length, "initial_pose", self._pose_details()))
         self.tracking.mounting = self.glove.assembler.mounting
         self.tracking.prior = self.free.prior(self.setup.prior, self.setup.prior_glove)
         self._start_thread(self._compute_calibration, "calibration", pose)
@@ -438,14 +441,20 @@ class Station:
                 self._carry_out(effects, status)
         self._viewers.notify()
 
+    def take_measured_pose(self, details: Mapping[str, float]) -> None:
+        """The next pose has these angles (columns of its event), as a photograph told them; empty: the nominal ones."""
+        with self._lock:
+            self._measured_pose = dict(details)
+
+    def _pose_details(self) -> dict[str, Any]:
+        """Of the pose that is taken now."""
+        thumb = dict(zip(THUMB_COLUMNS, POSE_THUMB))
+        held_by = {"held_by": THERAPIST} if self._wizard.passive else {}
+        return {**thumb, **self._measured_pose, **held_by}
+
     def _store_pose(self, pose: Pose) -> None:
         self._attempts += 1
-        details: dict[str, Any] = {
-            f"thumb_cmc_{name}_deg": value
-            for name, value in zip(("flexion", "deviation", "pronation"), POSE_THUMB)
-        }
-        if pose.passive:
-            details["held_by"] = THERAPIST
+        details, self._measured_pose = self._pose_details(), {}
         self.glove.keep_event(
             f"pose-{self._attempts}",
             Event(pose.onset, pose.duration, "initial_pose", details),

@@ -27,6 +27,7 @@ MOST_TILT = np.radians(35.0)  # ours: the hand's height then moves a joint by tw
 MOST_MISFIT = 1.0e-3  # m, of markers against the sheet: more, and the paper was not flat
 LARGEST = 30 * 2**20  # bytes of a picture
 MOST_PIXELS, LEAST_PIXELS = 60e6, 0.3e6
+SHOWN = 2000  # pixels, of the longer side of a picture that is kept
 RULER_RANGE = (0.8, 1.25)  # of its length; no printer scales more by mistake
 EXIF, FOCAL_35MM = 0x8769, 0xA405  # tags of a picture's own description
 
@@ -75,6 +76,18 @@ def open_photograph(data: bytes, hand: Hand, ruler: float | None = None) -> Phot
     if camera.tilt > MOST_TILT:
         raise InputError("photograph.too_oblique", tilt=float(np.degrees(camera.tilt)))
     return Photograph(sheet, camera, len(seen))
+
+
+def without_description(data: bytes) -> bytes:
+    """The picture alone as JPEG, upright: no place, no time, no device; at most SHOWN pixels long."""
+    from PIL import Image, ImageOps
+
+    with Image.open(BytesIO(data), formats=("JPEG", "PNG")) as picture:
+        upright = ImageOps.exif_transpose(picture).convert("RGB")
+    upright.thumbnail((SHOWN, SHOWN))
+    plain, out = Image.frombytes("RGB", upright.size, upright.tobytes()), BytesIO()
+    plain.save(out, "JPEG", quality=85)
+    return out.getvalue()
 
 
 def _scale(ruler: float | None) -> float:

@@ -12,6 +12,7 @@ from sqlalchemy import (
     DateTime,
     ForeignKey,
     String,
+    Text,
     TypeDecorator,
     UniqueConstraint,
     event,
@@ -119,6 +120,9 @@ class Patient(Base):
     )
     self_calibrations: Mapped[list["SelfCalibration"]] = relationship(
         cascade="all, delete-orphan", order_by="SelfCalibration.id.desc()"
+    )
+    photographs: Mapped[list["HandPhotograph"]] = relationship(
+        cascade="all, delete-orphan", order_by="HandPhotograph.id.desc()"
     )
 
     __mapper_args__ = {"version_id_col": version}  # noqa: RUF012  SQLAlchemy's form
@@ -261,6 +265,26 @@ class SelfCalibration(Base):
     withdrawn: Mapped[datetime | None]  # it is not offered any more
 
     recording: Mapped[RecordingFile] = relationship()
+
+
+class HandPhotograph(Base):
+    """What a photograph of a hand on the sheet told (sessions/clinic/photographs.py)."""
+
+    __tablename__ = "hand_photograph"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    patient_id: Mapped[int] = mapped_column(
+        ForeignKey("patient.id", ondelete="CASCADE"), index=True
+    )
+    hand: Mapped[str] = mapped_column(String(5))
+    taken: Mapped[datetime] = mapped_column(default=now)  # when it was measured
+    version: Mapped[str] = mapped_column(String(32))  # of the program
+    marks: Mapped[dict[str, Any]] = mapped_column(default=dict)  # pixels, by landmark
+    figures: Mapped[dict[str, Any]] = mapped_column(default=dict)  # geometry (m), initial_pose
+    picture: Mapped[str | None] = mapped_column(
+        Text, deferred=True
+    )  # JPEG in base64; None: not kept
 
 
 class Reuse(Base):

@@ -19,7 +19,7 @@ from sqlalchemy import inspect
 from sqlalchemy.orm import Session
 
 from handscope.estimators.errors import InputError
-from handscope.sessions.clinic import patients
+from handscope.sessions.clinic import patients, photographs
 from handscope.sessions.db.tables import Base, PatientSession, RecordingFile, now
 from handscope.sessions.motion_bids import writer
 from handscope.sessions.store import records, stored_files
@@ -29,7 +29,8 @@ from handscope.sessions.tables_io.number_table import pieces
 PIECE = 2**20
 README = """Everything that Handscope kept about one patient.
 
-patient.json     facts, notes, self-calibrations; SI units, times in UTC
+patient.json     facts, notes, self-calibrations, what photographs told; SI units, times in UTC
+photographs/     pictures of the hands that were kept
 sessions/        a folder a session: session.json, the recordings as they were kept (and as Motion-BIDS), the results
 manifest.json    every file with its size and SHA-256; check with: sha256sum -c SHA256SUMS
 
@@ -72,9 +73,15 @@ def write(db: Session, store: Store, patient_id: int, software: str, out: IO[byt
                 **_row(patient),
                 "notes": notes,
                 "self_calibrations": [_row(c) for c in patient.self_calibrations],
+                "photographs": [
+                    {**_row(p), "picture": p.picture is not None} for p in patient.photographs
+                ],
             }
         ),
     )
+    for photograph in patient.photographs:
+        if (picture := photographs.picture_of(photograph)) is not None:
+            archive.put(f"photographs/{photograph.id}.jpg", [picture])
     for session_id in [session.id for session in patient.sessions]:
         db.expunge_all()  # what was written is let go
         problems += _session(archive, store, records.get(db, session_id))

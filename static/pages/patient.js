@@ -9,6 +9,7 @@ import * as newSession from "../patient/new_session.js";
 import * as notes from "../patient/notes.js";
 import { makeRecord } from "../patient/record.js";
 import * as selfCalibrations from "../patient/self_calibrations.js";
+import * as photograph from "../patient/photograph.js";
 import * as progress from "../progress/progress.js";
 import * as upload from "../patient/upload.js";
 import * as visits from "../patient/visits.js";
@@ -35,7 +36,7 @@ export function mount(root, api, { id, go, title, roles }) {
       const treats = roles.includes("clinician"); // who does not is shown what was measured, and nothing that the server refuses
       const place = (part) => [part, h("section", { class: "card" })];
       const main = [treats && newSession, visits, progress].filter(Boolean).map(place);
-      const aside = (treats ? [facts, notes, upload, measures, selfCalibrations, keeping] : [facts, measures, selfCalibrations]).map(place);
+      const aside = (treats ? [facts, notes, upload, measures, photograph, selfCalibrations, keeping] : [facts, measures, selfCalibrations]).map(place);
       root.append(
         h(
           "div",

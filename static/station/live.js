@@ -11,6 +11,7 @@ import * as freeMovement from "./free_movement.js";
 import * as glove from "./glove.js";
 import * as guidance from "./guidance.js";
 import * as joints from "./joints.js";
+import * as measuredPose from "./measured_pose.js";
 import * as metronome from "./metronome.js";
 import * as numbers from "./numbers.js";
 import * as recording from "./recording.js";
@@ -36,6 +37,7 @@ const PARTS = [
   [stillness, "stillness", "div"],
   [score, "score", "div"],
   [actions, "actions", "div"],
+  [measuredPose, "measured-pose", "div"],
   [freeMovement, "free", "div"],
   [ending, "ending", "div"],
   [tasks, "tasks", "section"],

@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import replace
+from math import radians
 from typing import Any
 
 import pytest
@@ -187,6 +188,29 @@ def test_a_station_goes_on_while_a_calibration_is_computed(
     assert [(e.trial_type, e.details["held_by"]) for e in events] == [("initial_pose", "therapist")]
     assert initial_pose.pose_of(events[0]).passive
     assert len(station.snapshot()["calibration"]["joints"]) == 16
+
+
+def test_the_next_pose_alone_takes_the_angles_of_a_photograph(
+    station: Station, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    events, taken = kept(station, monkeypatch), list[initial_pose.Pose]()
+    calibration = initial_pose.uncalibrated("left", sized("left"), {}, SEGMENTS, 0.0)
+
+    def calibrate(pose: initial_pose.Pose) -> Calibration:
+        taken.append(pose)
+        return calibration
+
+    monkeypatch.setattr(station.tracking, "calibrate", calibrate)
+    details = {"index_mcp_deviation_deg": 4.0, "index_mcp_deviation_sd_deg": 0.6}
+    station.take_measured_pose(details)
+    for count in (1, 2):
+        station._wizard = replace(station._wizard, state=State.POSE_WORK)
+        station._carry_out([wizard_machine.Effect("calibrate", onset=10.0, end=13.0)], READY)
+        wait_for(lambda count=count: len(events) == count)
+    assert taken[0].measured["index_mcp"] == pytest.approx((0.0, radians(4.0), 0.0))
+    assert taken[0].thumb_cmc == taken[1].thumb_cmc != initial_pose.NEUTRAL
+    assert events[0].details.items() >= details.items() and taken[1].measured == {}
+    assert "index_mcp_deviation_deg" not in events[1].details
 
 
 def test_leaving_the_server_waits_for_a_session_that_is_being_finished() -> None:

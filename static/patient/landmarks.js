@@ -1,0 +1,76 @@
+/** The photograph with its landmarks, to be dragged to their places: by pointer, or by the arrow keys. */
+import { h, s } from "../dom.js";
+import { jointWords } from "../words/clinical.js";
+import { t } from "../words/words.js";
+
+const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+const CHAINS = {
+  thumb: ["thumb_cmc", "thumb_mcp", "thumb_ip", "thumb_tip"],
+  ...Object.fromEntries(["index", "middle", "ring", "little"].map((f) => [f, ["mcp", "pip", "dip", "tip"].map((j) => `${f}_${j}`)])),
+  wrist: ["wrist_radial", "wrist_ulnar"],
+  forearm: ["forearm_radial", "forearm_ulnar"],
+};
+
+/** Resolves with the places by name, pixels, or null where the person gave up. */
+export function correctLandmarks(root, file, { size, landmarks }) {
+  const address = URL.createObjectURL(file);
+  const places = structuredClone(landmarks);
+  const now = h("p", { class: "soft", role: "status" }, t("landmarks.how"));
+  const lines = Object.values(CHAINS).map((names) => [names, s("polyline", { class: "chain" })]);
+  const radius = Math.max(...size) / 160;
+  const points = Object.keys(places).map(point);
+  const image = s("image", { href: address, width: size[0], height: size[1] });
+  const drawing = s("svg", { viewBox: `0 0 ${size[0]} ${size[1]}`, class: "landmarks" }, image, lines.map(([, line]) => line), points);
+  const close = (value) => {
+    URL.revokeObjectURL(address);
+    dialog.remove();
+    finish(value);
+  };
+  let finish;
+  const done = h("button", { type: "button", class: "primary large", onclick: () => close(places) }, t("landmarks.measure"));
+  const stop = h("button", { type: "button", onclick: () => close(null) }, t("cancel"));
+  const dialog = h("dialog", { class: "photograph", "aria-label": t("landmarks.title") }, h("h2", {}, t("landmarks.title")), now, drawing, h("div", { class: "buttons" }, done, stop));
+  dialog.addEventListener("cancel", () => close(null));
+  draw();
+  root.append(dialog);
+  dialog.showModal();
+  return new Promise((resolve) => (finish = resolve));
+
+  function draw() {
+    for (const [names, line] of lines) line.setAttribute("points", names.map((name) => places[name].join()).join(" "));
+  }
+
+  function point(name) {
+    const dot = s("circle", { class: "landmark", r: radius, tabindex: 0, role: "button", "aria-label": words(name), "data-landmark": name });
+    const put = (x, y) => {
+      places[name] = [x, y];
+      dot.setAttribute("cx", x);
+      dot.setAttribute("cy", y);
+      draw();
+    };
+    dot.setAttribute("cx", places[name][0]);
+    dot.setAttribute("cy", places[name][1]);
+    dot.addEventListener("focus", () => (now.textContent = words(name)));
+    dot.addEventListener("pointerdown", (event) => dot.setPointerCapture(event.pointerId));
+    dot.addEventListener("pointermove", (event) => {
+      if (!dot.hasPointerCapture(event.pointerId)) return;
+      const { x, y } = new DOMPoint(event.clientX, event.clientY).matrixTransform(drawing.getScreenCTM().inverse());
+      put(x, y);
+    });
+    dot.addEventListener("keydown", (event) => {
+      const step = KEYS[event.key];
+      if (!step) return;
+      event.preventDefault();
+      const far = event.shiftKey ? 10 : 1;
+      put(places[name][0] + far * step[0], places[name][1] + far * step[1]);
+    });
+    return dot;
+  }
+}
+
+function words(name) {
+  const [part, piece] = name.split(/_(?=[^_]*$)/);
+  if (piece === "tip") return t("landmarks.tip", { finger: t(`finger.${part}`) });
+  if (part === "wrist" || part === "forearm") return t(`landmarks.${name}`);
+  return Object.values(jointWords(name)).join(" ");
+}
