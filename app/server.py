@@ -23,7 +23,6 @@ from handscope.app.api import (
     methods,
     pages,
     patients,
-    photographs,
     progress,
     references,
     results,
@@ -31,6 +30,7 @@ from handscope.app.api import (
     sessions,
     stations,
 )
+from handscope.app.api.hand_photographs import routes as photograph_routes
 from handscope.app.api.live import streams
 from handscope.app.api.login import login_routes, oidc_routes, second_factors
 from handscope.app.api.wards import emergency_routes, ward_routes
@@ -123,7 +123,7 @@ def create_app(settings: Settings) -> FastAPI:
         results,
         references,
         self_calibrations,
-        photographs,
+        photograph_routes,
         stations,
         streams,
         methods,

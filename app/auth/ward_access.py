@@ -22,7 +22,10 @@ OTHER_WARD = (
     "with a reason, on the page Patients"
 )
 OF_PATIENTS = frozenset(
-    {"patient", "note", "session", "recording", "correction", "self_calibration", "result"}
+    {
+        *("patient", "note", "session", "recording", "correction", "self_calibration"),
+        *("photograph", "result"),
+    }
 )
 OF_NOBODY = frozenset({"account", "ward", "factor", "access"})  # their routes ask whose it is
 STATION = "name"  # what routes call a station

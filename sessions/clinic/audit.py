@@ -27,6 +27,7 @@ from handscope.sessions.db.tables import (
     Base,
     Correction,
     EmergencyAccess,
+    HandPhotograph,
     Note,
     Patient,
     PatientSession,
@@ -52,6 +53,7 @@ KINDS: Mapping[type[Base], str] = {
     RecordingFile: "recording",
     Correction: "correction",
     SelfCalibration: "self_calibration",
+    HandPhotograph: "photograph",
     Reuse: "reuse",
     Result: "result",
     Account: "account",
@@ -224,6 +226,7 @@ def patient_of(db: Session, kind: str, number: int) -> int | None:
         "correction": of_session.join(RecordingFile)
         .join(Correction)
         .where(Correction.id == number),
+        "photograph": select(HandPhotograph.patient_id).where(HandPhotograph.id == number),
         "self_calibration": select(SelfCalibration.patient_id).where(SelfCalibration.id == number),
         "reuse": of_session.join(Reuse).where(Reuse.id == number),
         "result": of_session.join(RecordingFile).join(Result).where(Result.id == number),

@@ -268,7 +268,7 @@ class SelfCalibration(Base):
 
 
 class HandPhotograph(Base):
-    """What a photograph of a hand on the sheet told (sessions/clinic/photographs.py)."""
+    """What a photograph of a hand on the sheet told (sessions/hand_photographs/photographs.py)."""
 
     __tablename__ = "hand_photograph"
     __table_args__ = NEVER_AGAIN

@@ -17,6 +17,7 @@ from handscope.sessions.db.tables import (
     Base,
     Correction,
     EmergencyAccess,
+    HandPhotograph,
     Note,
     Patient,
     PatientSession,
@@ -98,7 +99,7 @@ def criteria_by_class(visibility: Visibility) -> dict[type[Base], ColumnElement[
         ),
         ResultReferences: ResultReferences.result_id.in_(results),
     }
-    for of_patient in (Note, PatientSession, SelfCalibration, EmergencyAccess):
+    for of_patient in (Note, PatientSession, SelfCalibration, HandPhotograph, EmergencyAccess):
         narrowed[of_patient] = of_patient.patient_id.in_(patients)
     for of_session in (RecordingFile, Reuse):
         narrowed[of_session] = of_session.session_id.in_(sessions)

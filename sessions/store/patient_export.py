@@ -19,8 +19,9 @@ from sqlalchemy import inspect
 from sqlalchemy.orm import Session
 
 from handscope.estimators.errors import InputError
-from handscope.sessions.clinic import patients, photographs
+from handscope.sessions.clinic import patients
 from handscope.sessions.db.tables import Base, PatientSession, RecordingFile, now
+from handscope.sessions.hand_photographs import photographs
 from handscope.sessions.motion_bids import writer
 from handscope.sessions.store import records, stored_files
 from handscope.sessions.store.store import Store

@@ -81,6 +81,11 @@ export interface MadePasskey {
   credential: Record<string, any>;
 }
 
+/** The photograph whose angles the next pose has. */
+export interface MeasuredPose {
+  photograph: number | null;
+}
+
 /** A ward that an account belongs to. */
 export interface MembershipRow {
   ward: number;

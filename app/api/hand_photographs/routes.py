@@ -25,8 +25,9 @@ from handscope.estimators.hand.geometry import HandGeometry, measures_from, size
 from handscope.estimators.photograph.hand_figures import Figures
 from handscope.estimators.photograph.sheet import PAPERS, Sheet
 from handscope.estimators.photograph.use import geometry_entries, pose_details
-from handscope.sessions.clinic import patients, photographs
+from handscope.sessions.clinic import patients
 from handscope.sessions.db.tables import HandPhotograph, Patient
+from handscope.sessions.hand_photographs import photographs
 from handscope.sessions.store import records
 
 router = APIRouter(tags=["photographs"], dependencies=[requires_role(CLINICIAN)])

@@ -1,0 +1,1 @@
+"""Photographs of hands on the printed sheet."""

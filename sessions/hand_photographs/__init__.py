@@ -1,0 +1,1 @@
+"""What photographs of patients' hands on the printed sheet told."""
