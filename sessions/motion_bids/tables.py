@@ -6,12 +6,14 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+import orjson
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.messages import Message, Value
 from handscope.estimators.numerics.typing import Array
 
 MISSING = "n/a"
+NUMERALS = b"0123456789+-.eE\t\n\r n/a"  # of which tables are made as a rule
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
@@ -75,17 +77,9 @@ def numbers(text: Iterable[bytes], name: str, columns: int) -> Array:
 
 def _parsed(text: bytes, name: str, columns: int, line: int) -> Array:
     """Whole lines of a table, the first of them with number `line`."""
-    text = text.replace(b"n/a", b"nan")
-    if (
-        b"\n\n" in text or b"\n\r" in text or text[:1] in b"\r\n"
-    ):  # an empty line would move all samples behind it
-        raise InputError(_first_fault(text, name, columns, line))
-    try:
-        table: Array = np.loadtxt(
-            io.BytesIO(text), delimiter="\t", ndmin=2, comments=None, encoding="utf-8"
-        )
-    except (ValueError, UnicodeDecodeError):
-        raise InputError(_first_fault(text, name, columns, line)) from None
+    table = _parsed_as_json(text)
+    if table is None:
+        table = _parsed_as_text(text, name, columns, line)
     if table.shape[1] != columns:
         if line > 1:
             raise InputError(_first_fault(text, name, columns, line))
@@ -94,9 +88,36 @@ def _parsed(text: bytes, name: str, columns: int, line: int) -> Array:
     return table
 
 
+def _parsed_as_text(text: bytes, name: str, columns: int, line: int) -> Array:
+    text = text.replace(b"n/a", b"nan")
+    if (
+        b"\n\n" in text or b"\n\r" in text or text[:1] in b"\r\n" or text.endswith(b"\n")
+    ):  # an empty line would move all samples behind it
+        raise InputError(_first_fault(text, name, columns, line))
+    try:
+        table: Array = np.loadtxt(
+            io.BytesIO(text), delimiter="\t", ndmin=2, comments=None, encoding="utf-8"
+        )
+    except (ValueError, UnicodeDecodeError):
+        raise InputError(_first_fault(text, name, columns, line)) from None
+    return table
+
+
+def _parsed_as_json(text: bytes) -> Array | None:
+    """The same numbers, read many times faster; None where a number is written as JSON does not, or a row has another length."""
+    if text.translate(None, NUMERALS):
+        return None
+    lists = text.replace(b"n/a", b"null").replace(b"\t", b",").replace(b"\n", b"],[")
+    try:
+        table = np.array(orjson.loads(b"[[" + lists + b"]]"), dtype=float)  # null is NaN
+    except (orjson.JSONDecodeError, ValueError):
+        return None
+    return table if table.ndim == 2 else None
+
+
 def _first_fault(text: bytes, name: str, columns: int, first: int) -> Message:
     values: dict[str, Value]
-    for number, line in enumerate(text.splitlines(), start=first):
+    for number, line in enumerate(text.split(b"\n"), start=first):
         cells = line.split(b"\t")
         if len(cells) != columns:
             values = {"name": name, "line": number, "found": len(cells), "count": columns}
