@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Modules are compiled once, not again by every process that starts
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: sbom docs firmware run test test-fast test-all check audit tests browser types format lock bench faults fuzz soak clean
+.PHONY: sbom pin-images docs firmware run test test-fast test-all check audit tests browser types format lock bench faults fuzz soak clean
 
 run: $(VENV)/runs
 	$(BIN)/handscope demo --port $(PORT) $(DEMO)
@@ -66,6 +66,10 @@ audit: $(VENV)/develops
 sbom: $(VENV)/installed
 	$(BIN)/uv tool run --quiet --from 'cyclonedx-bom>=7,<8' cyclonedx-py requirements requirements-server.lock --sv 1.6 --of JSON --output-reproducible -o sbom.json
 	$(BIN)/python .ci/sbom.py sbom.json
+
+# The images of deploy/.env by digest; needs Docker and a registry
+pin-images:
+	.ci/pin-images
 
 # A file's tests stay in one process, which makes their recordings once; files come longest first (tests/schedule.py)
 PYTEST = $(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder

@@ -1,7 +1,9 @@
 """The compose file asks for what the program has."""
 
 import argparse
+import os
 import re
+import subprocess
 from ipaddress import ip_address, ip_network
 from pathlib import Path
 
@@ -51,6 +53,39 @@ def test_nobody_is_given_the_address_that_the_proxy_names() -> None:
     assert shared == {"inside"}, (
         "the proxy could come from another address, and what it says of TLS would count for nothing"
     )
+
+
+def test_every_container_may_write_nothing_but_what_is_named() -> None:
+    told = yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text())["services"]
+    for name, service in told.items():
+        assert service["read_only"] and service["cap_drop"] == ["ALL"], name
+        assert service["security_opt"] == ["no-new-privileges:true"], name
+        assert {"mem_limit", "pids_limit"} <= service.keys(), name
+
+
+def test_the_program_s_files_belong_to_root_in_the_image() -> None:
+    lines = (ROOT / "Dockerfile").read_text().splitlines()
+    user = lines.index("USER 1000:1000")
+    assert not [line for line in lines if line.startswith("COPY --chown")]
+    assert [line for line in lines[:user] if line.startswith("RUN make")]
+    assert not [line for line in lines[user:] if line.startswith(("RUN", "COPY"))]
+
+
+def test_images_are_pinned_by_the_digest_that_docker_tells(tmp_path: Path) -> None:
+    digest = f"sha256:{'0a' * 32}"
+    docker = tmp_path / "docker"
+    docker.write_text(f'#!/bin/sh\n[ "$1" = pull ] || echo "${{5%%:*}}@{digest}"\n')
+    docker.chmod(0o755)
+    settings = tmp_path / "settings"
+    settings.write_text((ROOT / "deploy" / "env.example").read_text())
+    words = [ROOT / ".ci" / "pin-images", settings]
+    path = {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    subprocess.run(words, env=path, check=True, capture_output=True)
+    pinned = settings.read_text()
+    assert re.findall(r"^(\w+)_IMAGE=(\S+)$", pinned, re.M) == [
+        (name, f"{image}@{digest}")
+        for name, image in [("PYTHON", "python"), ("POSTGRES", "postgres"), ("CADDY", "caddy")]
+    ]
 
 
 def test_every_health_check_says_how_it_is_run() -> None:
