@@ -2,6 +2,7 @@
 
 import argparse
 import getpass
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import chain
@@ -141,9 +142,17 @@ def open_audited(folder: Path, url: str | None) -> Iterator[Session]:
         raise InputError("command.no_data_folder", folder=str(folder))
     database = open_database(folder, url)
     with database() as db:
-        audit.set_actor(db, f"command line: {getpass.getuser()}"[:64], "")
+        audit.set_actor(db, f"command line: {_user_name()}"[:64], "")
         yield db
     database.kw["bind"].dispose()
+
+
+def _user_name() -> str:
+    """Of who types the command; the number where the system has no name for it, as in a container of any user."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # until and since Python 3.13
+        return str(os.getuid())
 
 
 def _line_words(line: AuditLine) -> str:

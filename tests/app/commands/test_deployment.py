@@ -123,6 +123,21 @@ def test_accounts_and_the_trail_are_those_of_the_server_s_database(
     assert not (tmp_path / "handscope.sqlite").exists()
 
 
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="users have no numbers on this system")
+def test_a_user_without_a_name_may_type_commands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As in a container that is run by any number."""
+
+    def has_no_name() -> str:
+        raise KeyError("getpwuid(): uid not found")
+
+    monkeypatch.setattr("getpass.getuser", has_no_name)
+    assert main(["account", "add", "mira", "--role", "clinician", "--data", str(tmp_path)]) == 0
+    assert main(["audit", "list", "--data", str(tmp_path)]) == 0
+    assert f"command line: {os.getuid()}" in capsys.readouterr().out
+
+
 def test_where_no_database_is_no_trail_holds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
