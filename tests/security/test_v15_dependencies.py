@@ -1,4 +1,4 @@
-"""The audit of the dependencies says which versions have weaknesses and which it did not check."""
+"""ASVS 15.2: the audit of the dependencies says which versions have weaknesses and which it did not check."""
 
 import importlib.util
 import json
