@@ -1,15 +1,20 @@
 /** All accounts, for administrators: roles, one-time codes, in and out of use, new ones. */
 import { h } from "../dom.js";
 import { errorBox, field, once, onSubmit } from "../forms.js";
+import { memberships, wardBoxes } from "./memberships.js";
 import { t } from "../words/words.js";
 
 const ROLES = ["clinician", "scientist", "administrator"];
 
+/** Gives `draw(wards)`, to be called with the hospital's wards, and how to `leave`. */
 export function mount(root, api) {
   const box = errorBox();
   const codeBox = h("div", { role: "status", class: "handed" });
   const rows = h("tbody", {});
-  const heads = ["accounts.name", "accounts.roles", "accounts.proof"].map((word) => h("th", { scope: "col" }, t(word)));
+  const heads = h("tr", {});
+  const wardPlace = h("div", {});
+  let wards = []; // nothing about them is shown where there is but one
+  let newWards = null;
   const name = h("input", { autocomplete: "off", maxlength: 64, spellcheck: "false" });
   const boxes = ROLES.map((role) => h("input", { type: "checkbox", value: role }));
   const choices = boxes.map((input) =>
@@ -21,10 +26,17 @@ export function mount(root, api) {
     h("h3", {}, t("accounts.new")),
     field(t("accounts.name"), name, t("accounts.new_hint")),
     h("fieldset", { class: "field" }, h("legend", {}, t("accounts.roles")), h("div", { class: "choices" }, choices)),
+    wardPlace,
     h("button", { class: "primary", type: "submit" }, t("accounts.make")),
   );
 
-  async function draw() {
+  async function draw(now = wards) {
+    wards = now;
+    const several = wards.length > 1;
+    newWards = several ? wardBoxes(t("ward.of_account"), wards, []) : null;
+    wardPlace.replaceChildren(...(newWards ? [newWards.element] : []));
+    const words = ["accounts.name", "accounts.roles", several && "ward.title", "accounts.proof"].filter(Boolean);
+    heads.replaceChildren(...words.map((word) => h("th", { scope: "col" }, t(word))), h("td", {}));
     const all = await api.get("/api/accounts");
     rows.replaceChildren(...all.map(one));
   }
@@ -47,6 +59,7 @@ export function mount(root, api) {
       {},
       h("th", { scope: "row" }, account.name),
       h("td", {}, account.roles.map((role) => t(`role.${role}`)).join(", ")),
+      wards.length > 1 && h("td", {}, memberships(api, account, wards, draw)),
       h("td", {}, proof(account)),
       h("td", {}, h("div", { class: "buttons" }, buttons)),
     );
@@ -63,14 +76,14 @@ export function mount(root, api) {
 
   onSubmit(form, box, async () => {
     const roles = boxes.filter((input) => input.checked).map((input) => input.value);
-    const created = await api.post("/api/accounts", { name: name.value, roles });
+    const created = await api.post("/api/accounts", { name: name.value, roles, wards: newWards?.numbers() });
     form.reset();
     handOver(created.name, created.code);
     await draw();
   });
-  const table = h("table", {}, h("thead", {}, h("tr", {}, heads, h("td", {}))), rows);
+  const table = h("table", {}, h("thead", {}, heads), rows);
   const head = h("div", { class: "head" }, h("h2", {}, t("accounts.title")), h("a", { href: "/audit" }, t("nav.audit")));
-  root.append(head, box.element, table, codeBox, form);
-  api.get("/api/me").then((me) => me.roles.includes("administrator") && draw().catch(box.show), box.show);
-  return () => root.replaceChildren();
+  const wide = h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": t("accounts.title") }, table);
+  root.append(head, box.element, wide, codeBox, form);
+  return { draw, leave: () => root.replaceChildren() };
 }

@@ -1,6 +1,7 @@
 /** The audit trail, for administrators: lines, the newest first, and whether the chain holds. */
 import { h } from "../dom.js";
 import { errorBox, field, once, onSubmit } from "../forms.js";
+import { openedInEmergency } from "../patient/emergency.js";
 import { dayAndTime, known, t, whole } from "../words/words.js";
 
 const PAGE = 100;
@@ -57,6 +58,7 @@ export function mount(root, api, { title }) {
     ),
   );
   draw().catch(box.show);
+  api.get("/api/emergency-accesses").then((all) => root.append(openedInEmergency(all) || ""), box.show);
   return () => root.replaceChildren();
 }
 

@@ -1,6 +1,7 @@
 /** A patient: begin a session, upload a recording, what was done before, facts, hand measures, notes. */
 import { assemble, h, icon } from "../dom.js";
 import { errorBox } from "../forms.js";
+import { banner, openedInEmergency } from "../patient/emergency.js";
 import * as facts from "../patient/facts.js";
 import * as keeping from "../patient/keeping.js";
 import { makeKept } from "../patient/stored_calibrations.js";
@@ -37,13 +38,21 @@ export function mount(root, api, { id, go, title, roles }) {
       const place = (part) => [part, h("section", { class: "card" })];
       const main = [treats && newSession, visits, progress].filter(Boolean).map(place);
       const aside = (treats ? [facts, notes, upload, measures, photograph, selfCalibrations, keeping] : [facts, measures, selfCalibrations]).map(place);
+      const warning = h("div", {});
+      banner(api, patient, () => go("/")).then((shown) => shown && warning.append(shown), box.show);
+      const opened = openedInEmergency(patient.emergency_accesses);
       root.append(
+        warning,
         h(
           "div",
           { class: "head" },
           h("div", {}, h("p", { class: "trail" }, h("a", { href: "/" }, t("patients.title")), icon("chevron-right")), heading, about),
         ),
-        h("div", { class: "beside" }, [main, aside].map((stack) => h("div", { class: "stack" }, stack.map(([, root]) => root)))),
+        h(
+          "div",
+          { class: "beside" },
+          [main, aside].map((stack) => h("div", { class: "stack" }, stack.map(([, part]) => part), stack === aside && opened)),
+        ),
       );
       const erased = (counts) => {
         leave();

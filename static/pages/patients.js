@@ -1,6 +1,7 @@
 /** All patients: search, how many sessions, the last visit; a new one. */
 import { h, paced } from "../dom.js";
 import { errorBox } from "../forms.js";
+import * as emergency from "../patient/emergency.js";
 import * as erasures from "../patient/erasures.js";
 import * as newPatient from "../patient/new_patient.js";
 import * as notFinished from "../patient/unfinished.js";
@@ -25,6 +26,7 @@ export function mount(root, api, { go, title, roles }) {
   const opener = h("button", { class: "primary large clinicians", onclick: open, "aria-expanded": "false" }, t("patients.new"));
   let leaveForm = null;
   const erased = h("div", {});
+  const emergencies = h("div", { class: "stack" });
   let leaveErased = () => {};
   let asked = 0;
   let offset = 0;
@@ -76,12 +78,14 @@ export function mount(root, api, { go, title, roles }) {
   root.append(
     h("div", { class: "head" }, h("div", {}, h("h1", {}, t("patients.title")), h("p", { class: "soft" }, t("patients.lead"))), opener),
     unfinished,
-    h("div", { class: "stack" }, form, h("div", {}, searchRow(search, archived), box.element, list), erased),
+    h("div", { class: "stack" }, form, h("div", {}, searchRow(search, archived), box.element, list), emergencies, erased),
   );
   draw();
   const leaveUnfinished = treats ? notFinished.mount(unfinished, api) : () => {};
+  const leaveEmergencies = treats ? emergency.mount(emergencies, api, { go }) : () => {};
   return () => {
     leaveUnfinished();
+    leaveEmergencies();
     leaveErased();
     asked += 1;
     leaveForm?.();

@@ -23,7 +23,17 @@ export function factFields(patient) {
     "",
     { name: "affected" },
   );
+  const wardPlace = h("div", {});
+  let ward = null;
+  /** A choice of wards, where there are several. */
+  const offerWards = (wards) => {
+    if (wards.length < 2) return;
+    const options = wards.map(({ id, name }) => [String(id), name]);
+    ward = select(options, String(patient.ward ?? wards[0].id), { name: "ward" });
+    wardPlace.replaceChildren(field(t("fact.ward"), ward));
+  };
   const set = (facts) => {
+    if (ward && facts.ward) ward.value = String(facts.ward);
     pseudonym.value = facts.pseudonym ?? "";
     year.value = facts.year_of_birth ?? "";
     dominant.value = facts.dominant_hand ?? "";
@@ -33,16 +43,19 @@ export function factFields(patient) {
   return {
     first: pseudonym,
     set,
+    offerWards,
     elements: [
       field(t("fact.pseudonym"), pseudonym, t("fact.pseudonym.hint")),
       field(t("fact.year_of_birth"), year, t("fact.year_of_birth.hint")),
       h("div", { class: "pair" }, field(t("fact.dominant_hand"), dominant), field(t("fact.affected_hand"), affected)),
+      wardPlace,
     ],
     values: () => ({
       pseudonym: pseudonym.value.trim(),
       year_of_birth: year.value.trim() === "" ? null : yearOf(year.value.trim()),
       dominant_hand: dominant.value || null,
       affected_hand: affected.value || null,
+      ...(ward && Number(ward.value) !== patient.ward ? { ward: Number(ward.value) } : {}),
     }),
   };
 }

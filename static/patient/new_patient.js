@@ -3,11 +3,13 @@ import { h } from "../dom.js";
 import { errorBox, onSubmit } from "../forms.js";
 import { confirming } from "./confirmation.js";
 import { factFields } from "./fact_fields.js";
+import { loadWards } from "./ward_names.js";
 import { t } from "../words/words.js";
 
 export function mount(root, api, { done, cancel }) {
   const fields = factFields({});
   const box = errorBox();
+  loadWards(api).then((wards) => fields.offerWards(wards.filter((ward) => ward.own)), box.show);
   const form = h(
     "form",
     { novalidate: true },

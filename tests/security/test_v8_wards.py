@@ -20,6 +20,7 @@ from handscope.app.settings import Settings
 from handscope.sessions.clinic import accounts, patients
 from handscope.sessions.db.tables import (
     Correction,
+    HandPhotograph,
     PatientSession,
     RecordingFile,
     Result,
@@ -94,7 +95,8 @@ def _patient(db: Any, code: str, ward: int) -> dict[str, Any]:
     found = SelfCalibration(
         patient_id=patient.id, recording=file, hand="left", onset=0.0, end=1.0, version="1"
     )
-    db.add(found)
+    photograph = HandPhotograph(patient_id=patient.id, hand="left", version="1")
+    db.add_all([found, photograph])
     db.commit()
     rows = {
         "patient": patient,
@@ -103,6 +105,7 @@ def _patient(db: Any, code: str, ward: int) -> dict[str, Any]:
         "recording": file,
         "correction": correction,
         "self_calibration": found,
+        "photograph": photograph,
         "result": result,
     }
     assert set(rows) == OF_PATIENTS

@@ -30,6 +30,7 @@ NOT_MOUNTED = {
     "merging.js",
     "fact_fields.js",
     "record.js",
+    "ward_names.js",
     "connection.js",
     "words.js",
     "metronome_time.js",
