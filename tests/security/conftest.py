@@ -1,8 +1,11 @@
 """A real server on a folder that others could read, with a logged-in browser: what is tried here is tried from outside."""
 
+import copy
+import json
 import os
 import sqlite3
 import urllib.error
+import urllib.request
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -26,6 +29,27 @@ def victim(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Victim]:
     server = Victim(data).start()
     yield server
     server.stop()
+
+
+def logged_in_as(victim: Victim, name: str, *roles: str) -> Victim:
+    """Another browser on the server, logged in as an account of these roles (a clinician)."""
+    other = copy.copy(victim)
+    made = victim.call("POST", "/api/accounts", {"name": name, "roles": roles or ("clinician",)})
+    request = other._request("POST", "/api/login", {"token": made["code"]})
+    del request.headers["Cookie"]
+    with urllib.request.urlopen(request) as answer:
+        other.cookie = str(answer.headers["Set-Cookie"]).split(";")[0]
+    return other
+
+
+def answer_of(victim: Victim, method: str, path: str, body: Any = None) -> tuple[int, Any]:
+    """The answer's status and JSON, also of a refusal."""
+    try:
+        with urllib.request.urlopen(victim._request(method, path, body)) as answer:
+            return answer.status, json.loads(answer.read() or b"null")
+    except urllib.error.HTTPError as refusal:
+        with refusal:
+            return refusal.code, json.loads(refusal.read() or b"null")
 
 
 def log_of(victim: Victim) -> str:
