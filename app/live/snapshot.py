@@ -69,6 +69,8 @@ class StationView:
     curve_quantity: str
     curve_points: Sequence[tuple[float, float]]  # of the newest attempt: s, mm or deg
     hand_position: Mapping[str, Any] | None
+    followed: bool  # whether the drawn hand is the tracked one
+    pose_fit: Sequence[Mapping[str, Any]]  # by palm and finger, while a pose is taken
     task_number: Mapping[str, Any] | None  # estimated for a task of UNCOUNTED
     sensor_faults: Sequence[str]
     ended: bool
@@ -95,6 +97,8 @@ def station_snapshot(view: StationView) -> dict[str, Any]:
         "protocol_faults": [{"reason": fault} for fault in view.setup.faults],
         "numbers": _numbers(view),
         "place": view.hand_position,
+        "followed": view.followed,
+        "pose_fit": list(view.pose_fit),
         "ended": view.ended,
     }
 

@@ -21,11 +21,12 @@ from handscope.app.live.calibration_movements import CalibrationMovements
 from handscope.app.live.free_movement import FreeMovement
 from handscope.app.live.outputs.choice import open_outlets
 from handscope.app.live.outputs.outlets import Outlets
+from handscope.app.live.readouts import pose_fit
 from handscope.app.live.readouts.grasp_estimate import GraspEstimator
 from handscope.app.live.readouts.hand_position import HandPositionReadout
 from handscope.app.live.setup import Setup
 from handscope.app.live.snapshot import GloveView, StationView, station_pulse, station_snapshot
-from handscope.app.live.station_scene import PICTURE_INTERVAL, StationScene
+from handscope.app.live.station_scene import INCLINED_INTERVAL, PICTURE_INTERVAL, StationScene
 from handscope.app.live.tracking import Tracking
 from handscope.app.live.viewers import Viewers
 from handscope.app.live.wizard import machine as wizard_machine
@@ -92,9 +93,16 @@ class Station:
             **setup.about,
         }
         self.tracking = Tracking(
-            setup.method, setup.params, setup.hand, setup.geometry, self._take_pose
+            setup.method,
+            setup.params,
+            setup.hand,
+            setup.geometry,
+            self._take_pose,
+            on_samples=self._take_samples,
         )
-        self._drawing = StationScene(self.scene, self.tracking, self._viewers)
+        self._drawing = StationScene(
+            self.scene, self.tracking, self._viewers, lambda: self.glove.assembler.mounting
+        )
         self.hand_position = HandPositionReadout()
         self.grasp = GraspEstimator(self.tracking)
         self.glove = Glove(setup.port, setup.recording, about, self._feed)
@@ -108,7 +116,7 @@ class Station:
         self.free = FreeMovement(self.glove, self.tracking, self._next_number, setup.store_solution)
 
     def __enter__(self) -> "Station":
-        self.scene.measured(())
+        self._drawing.begin()
         self.scene.__enter__()
         self.outlets.__enter__()
         self.tracking.__enter__()
@@ -224,6 +232,10 @@ class Station:
             curve_quantity=self.curve.what,
             curve_points=self.curve.attempted(),
             hand_position=self.hand_position.to_json(),
+            followed=self._drawing.followed,
+            pose_fit=pose_fit.fit_rows(self.tracking, self.glove.assembler.mounting)
+            if w.state in (State.POSE_READY, State.POSE_HOLD)
+            else [],
             task_number=self._task_number(),
             sensor_faults=self.sensor_faults,
             ended=self.ended,
@@ -310,8 +322,11 @@ class Station:
         self.outlets.send_poses(rows)
         self._pose_readers.notify()
         self._viewers.notify()
-        interval = max(PICTURE_INTERVAL, 2 * self.tracking.rest)
-        self._drawing.draw_hand_if_due(interval)
+        self._drawing.draw_hand_if_due(max(PICTURE_INTERVAL, 2 * self.tracking.rest))
+
+    def _take_samples(self) -> None:
+        """In the tracker's thread, before anything is calibrated: draw how the hand is inclined."""
+        self._drawing.draw_hand_if_due(max(INCLINED_INTERVAL, 2 * self.tracking.rest))
 
     def _current_status(self) -> StationStatus:
         """The status of the last tick, at this moment: to read every sensor for every viewer would cost a core."""

@@ -2,31 +2,51 @@
 
 import threading
 import time
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from handscope.app.live import ghost
+from handscope.app.live.readouts import pose_fit
 from handscope.app.live.readouts.bending_finger import MOVES
+from handscope.app.live.readouts.pose_fit import THUMB
 from handscope.app.live.tracking import Tracking
 from handscope.app.live.viewers import Viewers
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard
 from handscope.app.scene.scene_process import SceneProcess
-from handscope.estimators.alignment.initial_pose import DEG
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.simulation.movements.task_performance import POSE_THUMB
 
 TRAIL, MOVED = 2.0, 0.03  # s of the hand's path that are drawn, once it went so far (m)
+INCLINED_INTERVAL = (
+    1 / 30
+)  # s, the same while nothing is calibrated: the mean over a quarter of a second moves slowly
 PICTURE_INTERVAL = 1 / 60  # s, least time between two pictures; more where the tracker is behind
-THUMB = (POSE_THUMB[0] * DEG, POSE_THUMB[1] * DEG, POSE_THUMB[2] * DEG)
+NOT_FOLLOWED = (
+    State.CONNECT,
+    State.CHECK,
+    State.CHECKED,
+    State.POSE_READY,
+    State.POSE_HOLD,
+    State.POSE_WORK,
+)
 
 
 class StationScene:
     """Draws into a SceneProcess; the tracker's thread and the station's tick both call it."""
 
-    def __init__(self, process: SceneProcess, tracking: Tracking, viewers: Viewers) -> None:
+    def __init__(
+        self,
+        process: SceneProcess,
+        tracking: Tracking,
+        viewers: Viewers,
+        mounting: Callable[[], Mapping[str, Array]],
+    ) -> None:
+        """`mounting`: the nominal sensor-to-segment rotations as the glove states them now."""
         self._process, self._tracking, self._viewers = process, tracking, viewers
+        self._mounting = mounting
+        self.followed = False  # whether the hand is tracked; else it shows inclinations alone
         self._lock = threading.Lock()
         self.newest: Trajectory | None = None  # row of the tracker
         self._shown: Trajectory | None = None  # row that was drawn last
@@ -37,9 +57,15 @@ class StationScene:
         if time.monotonic() - self._drawn_at >= interval:
             self._draw_hand()
 
+    def begin(self) -> None:
+        """Draw the neutral hand that stands until samples come."""
+        self._process.measured(())
+        self._process.show(pose_fit.neutral_angles(), None, followed=False)
+
     def draw_wizard(self, wizard: Wizard, status: StationStatus) -> None:
         """Ghost, highlighted segment and measured fingers of the wizard's state."""
         scene = self._process
+        self.followed = is_followed(wizard, self._tracking.calibration is not None)
         scene.ghost(ghost.ghost(wizard, THUMB, status.now - wizard.since))
         is_checking = (
             wizard.state in (State.CONNECT, State.CHECK) and status.angular_rate_peak > MOVES
@@ -50,6 +76,9 @@ class StationScene:
 
     def _draw_hand(self) -> None:
         with self._lock:
+            if not self.followed:
+                self._draw_inclined()
+                return
             rows = self.newest
             if rows is None or rows is self._shown:
                 return
@@ -59,7 +88,19 @@ class StationScene:
                 if self._viewers:  # following the path costs a fifth of tracking the hand
                     self._process.trail(self._trail())
 
+    def _draw_inclined(self) -> None:
+        self._drawn_at, self._shown = time.monotonic(), None
+        if inclined := pose_fit.inclined_pose(self._tracking, self._mounting()):
+            with self._process.picture():
+                self._process.show(*inclined, followed=False)
+                self._process.trail(np.empty((0, 3)))
+
     def _trail(self) -> Array:
         """Path (n, 3) m of the hand in the last seconds; empty where it hardly moved."""
         places = self._tracking.trail(TRAIL)
         return places if len(places) and np.ptp(places, axis=0).max() > MOVED else places[:0]
+
+
+def is_followed(wizard: Wizard, calibrated: bool) -> bool:
+    """Whether the drawn hand is the tracked one: not before the first pose, nor while a pose is taken."""
+    return calibrated and wizard.state not in NOT_FOLLOWED

@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import takewhile
 from typing import Any
 
@@ -80,7 +81,9 @@ class Tracking:
         geometry: HandGeometry,
         on_pose: Callable[[Trajectory], None],
         patience: float = PATIENCE,
+        on_samples: Callable[[], None] = lambda: None,
     ) -> None:
+        """`on_pose` gets every new row; `on_samples` is called for samples without one: nothing is calibrated."""
         self._patience = patience
         self.method, self.params, self.hand, self.geometry = method, params, hand, geometry
         self.skipped = 0  # blocks that the live view skipped; the recording has them
@@ -97,7 +100,7 @@ class Tracking:
         self.findings: tuple[Finding, ...] = ()  # of the sensors, from the newest check
         self._segment_flags = np.zeros(len(SEGMENTS), np.uint8)  # until the next calibration
         self._previous: _PreviousCalibration | None = None
-        self._on_pose = on_pose
+        self._on_pose, self._on_samples = on_pose, on_samples
         self._queue: deque[Block] = deque()
         self._wake = threading.Condition()
         self._stop = False
@@ -276,12 +279,15 @@ class Tracking:
 
     def motion(self) -> dict[str, Motion]:
         """Movement of each sensor in the last second, by segment."""
+        return {segment: m for block in self.recent(1.0) for segment, m in motions(block).items()}
+
+    def recent(self, seconds: float) -> list[Block]:
+        """The last seconds of every inertial stream, one block a stream."""
         with self._lock:  # the method waits for this lock: only collect the blocks
-            recent = [latest(blocks, 1.0) for blocks in self._samples.values()]
-        seconds = (
-            join(blocks).between(blocks[-1].t[-1] - 1.0, np.inf) for blocks in recent if blocks
-        )
-        return {segment: m for block in seconds for segment, m in motions(block).items()}
+            recent = [latest(blocks, seconds) for blocks in self._samples.values()]
+        return [
+            join(blocks).between(blocks[-1].t[-1] - seconds, np.inf) for blocks in recent if blocks
+        ]
 
     def newest_sample(self) -> float:
         """Time of the newest sample of any stream, s; -inf before the first."""
@@ -332,7 +338,7 @@ class Tracking:
                 if len(rest):
                     self._poses.append(rest)
         if self._state is not None and len(rest):
-            self._show(rest)
+            self._call(partial(self._on_pose, rest))
 
     def _run(self) -> None:
         while True:
@@ -346,13 +352,15 @@ class Tracking:
             with self._lock:
                 newest = self._process(join_consecutive(waited))
             if newest is not None:
-                self._show(newest)
+                self._call(partial(self._on_pose, newest))
+            elif self._state is None:
+                self._call(self._on_samples)
             self.rest = rest_after(time.monotonic() - began, time.thread_time() - computed)
 
-    def _show(self, rows: Trajectory) -> None:
-        """Pass rows on; a failure there must not stop the method."""
+    def _call(self, notice: Callable[[], None]) -> None:
+        """Pass on what is new; a failure there must not stop the method."""
         try:
-            self._on_pose(rows)
+            notice()
         except Exception:
             log.exception("a pose could not be shown")
 

@@ -79,12 +79,17 @@ class DrawnHand:
         handle.color, handle.opacity = paint.colour, paint.opacity
         handle.cast_shadow = handle.receive_shadow = paint.opacity is None and paint.shaded
 
-    def paint_hand(self, measured: Set[str]) -> None:
-        """Paint a hand's own parts: the measured fingers solid, the others pale."""
+    def paint_hand(self, measured: Set[str], followed: bool = True) -> None:
+        """Paint a hand's own parts: the measured fingers solid, the others pale; all grey while the hand is not followed."""
+        skin, nail = (
+            (palette.SKIN, palette.NAIL)
+            if followed
+            else (palette.UNFOLLOWED, palette.UNFOLLOWED_NAIL)
+        )
         for finger in FINGERS:
-            self.paint(finger, palette.SKIN if finger in measured else palette.UNMEASURED)
-            self.paint(f"{finger}_nail", palette.NAIL if finger in measured else palette.UNMEASURED)
-        self.paint("palm", palette.SKIN)
+            self.paint(finger, skin if finger in measured else palette.UNMEASURED)
+            self.paint(f"{finger}_nail", nail if finger in measured else palette.UNMEASURED)
+        self.paint("palm", skin)
         self.paint("cuff", palette.CUFF)
 
     def place(self, wrist: tuple[float, float, float]) -> None:

@@ -6,6 +6,7 @@ is what viewers see (at about 57 Hz, or at once after a `picture`), and a viewer
 
 import asyncio
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
@@ -22,6 +23,7 @@ from handscope.app.scene.mesh.hand_mesh import hand_mesh
 from handscope.app.scene.mesh.highlight_mesh import highlight_parts
 from handscope.app.scene.mesh.skinned_mesh import SkinnedMesh
 from handscope.app.scene.palette import Paint
+from handscope.app.scene.postures import Passage
 from handscope.app.scene.reach_map import ReachMap
 from handscope.app.scene.second_hand import BESIDE, SecondHand
 from handscope.estimators.hand.anatomy import FINGERS, JOINT, SEGMENT, Hand
@@ -38,14 +40,21 @@ class HandScene:
     """A context manager: `port` and `secret` are what bridge.bridge needs."""
 
     def __init__(
-        self, hand: Hand, geometry: HandGeometry, beside: HandGeometry | None = None
+        self,
+        hand: Hand,
+        geometry: HandGeometry,
+        beside: HandGeometry | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`beside`: of a second hand, drawn to the right of this one."""
+        """`beside`: of a second hand, drawn to the right of this one; `clock`: s, for what moves by itself."""
         assert geometry.hand == hand
         self._hand, self._geometry, self._mesh = hand, geometry, hand_mesh(geometry)
         self._lock = threading.Lock()
         self._q_DG: Array | None = None  # set by the first orientation shown
-        self._q_DH = view.palm_down(hand)
+        self._clock = clock
+        self._q_DH = self._q_wanted = view.palm_down(hand)
+        self._followed: bool | None = None  # set by the first hand shown
+        self._passage = Passage(-np.inf, postures.relaxed(), self._q_DH)
         self._measured = frozenset(FINGERS)
         self._ghost_is_whole = False
         self._map: ReachMap | None = None  # drawn with the first place
@@ -99,27 +108,45 @@ class HandScene:
         with quiet():
             self._server.stop()
 
-    def show(self, angles: Array, q_GH: Array | None) -> None:
+    def show(self, angles: Array, q_GH: Array | None, followed: bool = True) -> None:
         """Draw the hand with joint angles (joints, 3) rad, turned as the hand's segment q_GH (4,) is in the global frame.
 
         Angles that are not known (NaN) are the resting hand's; an orientation that is not known keeps the one before (at first: palm down).
+        A hand that is not `followed` is drawn grey; from one kind to the other the hand passes smoothly.
         """
-        filled = postures.filled(angles)
+        if q_GH is not None and np.isnan(q_GH).any():
+            q_GH = None
+        with self._lock:
+            if followed != self._followed:
+                self._change_kind(followed)
+            if q_GH is not None and self._q_DG is None:
+                self._q_DG = view.heading_removed(q_GH, self._hand)
+            wanted = (
+                self._q_wanted
+                if q_GH is None or self._q_DG is None
+                else quat.multiply(self._q_DG, q_GH)
+            )
+            filled, q_DH = self._passage.at(self._clock(), postures.filled(angles), wanted)
         pose = bones.pose(
             filled, self._geometry
-        )  # before the lock: nothing is sent to anybody while it is held
+        )  # outside the lock: nothing is sent to anybody while it is held
         with self._lock, self._server.atomic():
             self._own.bend(*pose)
-            self._shown = filled, self._shown[1] if q_GH is None or np.isnan(q_GH).any() else q_GH
+            self._shown = filled, self._shown[1] if q_GH is None else q_GH
+            self._q_wanted, self._q_DH = wanted, q_DH
             if self._forces is not None:
                 self._push()
-            if q_GH is not None and not np.isnan(q_GH).any():
-                if self._q_DG is None:
-                    self._q_DG = view.heading_removed(q_GH, self._hand)
-                self._q_DH = quat.multiply(self._q_DG, q_GH)
-                self._own.turn(self._q_DH)
-                if not self._ghost_is_whole:
-                    self._ghost.turn(self._q_DH)
+            self._own.turn(q_DH)
+            if not self._ghost_is_whole:
+                self._ghost.turn(q_DH)
+
+    def _change_kind(self, followed: bool) -> None:
+        """Let the drawn hand pass from where it is to that of another kind."""
+        if self._followed is not None:
+            self._passage = Passage(self._clock(), self._shown[0], self._q_DH)
+            self._q_DG = None
+        self._followed = followed
+        self._own.paint_hand(self._measured, followed)
 
     def show_beside(self, angles: Array, q_GH: Array, measured: Iterable[str]) -> None:
         """Draw the second hand, of which these fingers are measured."""
@@ -138,7 +165,7 @@ class HandScene:
         with self._lock, self._server.atomic():
             if self._measured != (wanted := frozenset(fingers)):
                 self._measured = wanted
-                self._own.paint_hand(wanted)
+                self._own.paint_hand(wanted, self._followed is not False)
 
     def ghost(self, angles: Array | None, whole: bool = False) -> None:
         """Show the pose to take, joint angles (joints, 3) rad, as translucent fingers on the patient's palm; None takes them away.

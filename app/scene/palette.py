@@ -22,6 +22,8 @@ class Paint:
 
 SKIN = Paint((222, 164, 132))
 NAIL = Paint((238, 192, 174), shaded=False)
+UNFOLLOWED = Paint((172, 178, 186))  # as much as inclinations tell
+UNFOLLOWED_NAIL = Paint((194, 199, 205), shaded=False)
 CUFF = Paint((84, 96, 110))
 UNMEASURED = Paint((158, 166, 176), 0.42)
 GHOST = Paint((0, 114, 178), 0.34)

@@ -5,12 +5,16 @@ Source  minimum jerk: Flash & Hogan 1985, J Neurosci 5:1688
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from handscope.estimators.hand.anatomy import JOINTS
+from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.movements import task_performance
+
+PASSAGE = 0.7  # s
 
 
 def angles_of(posture: Array) -> Array:
@@ -31,8 +35,31 @@ def filled(angles: Array) -> Array:
 
 def between(start: Array, stop: Array, share: float) -> Array:
     """The posture on the way from `start` (share 0) to `stop` (share 1) in a movement of minimum jerk."""
+    return start + (stop - start) * eased(share)
+
+
+def eased(share: float) -> float:
+    """How far a movement of minimum jerk has come after a share of its time."""
     s = min(max(share, 0.0), 1.0)
-    return start + (stop - start) * (s**3 * (10 - 15 * s + 6 * s**2))
+    return s**3 * (10 - 15 * s + 6 * s**2)
+
+
+@dataclass(frozen=True)
+class Passage:
+    """A smooth way from a hand that was shown to another one, which may move meanwhile."""
+
+    since: float  # s
+    angles: Array  # (joints, 3) at its beginning, all known
+    q: Array  # (4,) orientation at its beginning
+
+    def at(self, now: float, angles: Array, q: Array) -> tuple[Array, Array]:
+        """The hand to draw at `now` s on the way to `angles` (joints, 3) and `q` (4,)."""
+        share = eased((now - self.since) / PASSAGE)
+        if share >= 1.0:
+            return angles, q
+        return self.angles + share * (angles - self.angles), quat.slerp(
+            self.q, q, np.asarray(share)
+        )
 
 
 def along(postures: Sequence[Array], t: float, move: float = 1.0, hold: float = 0.8) -> Array:

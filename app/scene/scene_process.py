@@ -53,8 +53,8 @@ class SceneProcess:
         self._disconnect()
         self._thread.join(CLOSE_WAIT)
 
-    def show(self, angles: Array, q_GH: Array | None) -> None:
-        self._request("show", angles, q_GH)
+    def show(self, angles: Array, q_GH: Array | None, followed: bool = True) -> None:
+        self._request("show", angles, q_GH, followed)
 
     def face_ahead(self) -> None:
         self._request("face_ahead")

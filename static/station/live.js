@@ -7,6 +7,7 @@ import * as check from "./check.js";
 import * as countdown from "./countdown.js";
 import * as curve from "./live_curve.js";
 import * as ending from "./ending.js";
+import * as following from "./following.js";
 import * as freeMovement from "./free_movement.js";
 import * as glove from "./glove.js";
 import * as guidance from "./guidance.js";
@@ -14,6 +15,7 @@ import * as joints from "./joints.js";
 import * as measuredPose from "./measured_pose.js";
 import * as metronome from "./metronome.js";
 import * as numbers from "./numbers.js";
+import * as poseFit from "./pose_fit.js";
 import * as recording from "./recording.js";
 import * as score from "./score.js";
 import * as stillness from "./stillness.js";
@@ -29,12 +31,14 @@ const PARTS = [
   [metronome, "metronome", "over"],
   [countdown, "countdown", "over"],
   [recording, "recording", "scene"],
+  [following, "following", "scene"],
   [curve, "curve", "strip"],
   [numbers, "numbers", "strip"],
   [steps, "steps", "div"],
   [guidance, "guidance", "div"],
   [check, "sensors", "div"],
   [stillness, "stillness", "div"],
+  [poseFit, "pose-fit", "div"],
   [score, "score", "div"],
   [actions, "actions", "div"],
   [measuredPose, "measured-pose", "div"],

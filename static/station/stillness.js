@@ -1,7 +1,8 @@
-/** Whether the hand lies still, and if not, what moves: shown while that matters. */
+/** Whether the hand lies still, and in the pose whether it lies as it should: shown while that matters. */
 import { h, icon, whenChanged } from "../dom.js";
 import { partWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
+import { offWords } from "./pose_fit.js";
 
 const SHOWN = ["connect", "check", "pose_ready", "pose_hold", "step_ready"];
 
@@ -10,17 +11,25 @@ export function mount(root, api, { station }) {
   const words = h("span", { role: "status" });
   root.append(lamp, words);
   const draw = whenChanged(
-    ({ wizard, glove }) => {
+    ({ wizard, glove, pose_fit }) => {
       const fastest = wizard.still ? "" : wizard.fastest_segment;
-      return [SHOWN.includes(wizard.state), glove.flowing, wizard.still, fastest, wizard.state];
+      const off = pose_fit.filter((fit) => fit.grade !== "good").sort((a, b) => b.deg - a.deg)[0];
+      return [SHOWN.includes(wizard.state), glove.flowing, wizard.still, fastest, wizard.state, off ?? null, pose_fit.length > 0];
     },
-    ([shown, flowing, still, fastest, state]) => {
+    ([shown, flowing, still, fastest, state, off, judged]) => {
       const connecting = ["connect", "check"].includes(state); // movement is wanted there, and nowhere else
       root.hidden = !shown || !flowing;
-      root.className = `stillness ${still === connecting ? (connecting ? "idle" : "unwanted") : "wanted"}`;
-      lamp.replaceChildren(...(still && !connecting ? [icon("check")] : []));
-      words.textContent = still ? t(connecting ? "still.idle" : "still.yes") : t("still.no", { part: partWords(fastest || "hand") });
+      const wanted = connecting ? !still : still && !off;
+      root.className = `stillness ${wanted ? "wanted" : connecting ? "idle" : "unwanted"}`;
+      lamp.replaceChildren(...(wanted && !connecting ? [icon("check")] : []));
+      words.textContent = still ? stillWords(connecting, off, judged) : t("still.no", { part: partWords(fastest || "hand") });
     },
   );
   return station.on("full", draw);
+}
+
+function stillWords(connecting, off, judged) {
+  if (connecting) return t("still.idle");
+  if (off) return t("still.off", { part: partWords(off.part), off: offWords(off) });
+  return t(judged ? "still.fits" : "still.yes");
 }

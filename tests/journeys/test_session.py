@@ -52,6 +52,7 @@ def test_from_a_new_patient_to_a_report(page: Page, server: Server, tmp_path: Pa
         )
     ).to_have_count(0)
     shown(page.get_by_text("Moving: index finger"))
+    expect(page.get_by_text("Not followed yet")).to_be_visible()
     keep_picture(page, "station-connect")
     act(page, "continue").click()
 
@@ -60,7 +61,10 @@ def test_from_a_new_patient_to_a_report(page: Page, server: Server, tmp_path: Pa
     act(page, "start").focus()
     page.keyboard.press("Enter")  # the keyboard alone leads on: the next button has the focus
     shown(page.get_by_role("progressbar", name="Progress"))
+    shown(page.get_by_text("Still, and inclined as the blue hand"))
+    expect(page.locator('.fit [data-grade="good"]')).to_have_count(6)  # palm and fingers
     shown(act(page, "accept"))
+    expect(page.get_by_text("Not followed yet")).to_be_hidden()
     keep_picture(page, "station-review")
     expect(act(page, "accept")).to_be_focused()
     page.keyboard.press("Enter")

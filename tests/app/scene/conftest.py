@@ -9,13 +9,13 @@ from handscope.estimators.hand.geometry import sized
 from tests.app.scene.small_site import Site, site
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def scene() -> Iterator[HandScene]:
     with HandScene("left", sized("left")) as one:
         yield one
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def right_scene() -> Iterator[HandScene]:
     with HandScene("right", sized("right")) as one:
         yield one
