@@ -1,7 +1,7 @@
 """/api/stations: live sessions and replays as they run; /api/gloves: where gloves may be plugged in"""
 
 import asyncio
-from typing import Any
+from typing import Any, Literal
 
 from fastapi import APIRouter, WebSocket
 from pydantic import Field
@@ -15,6 +15,7 @@ from handscope.app.devices import ports
 from handscope.app.language import Language
 from handscope.app.live.replay import Replay
 from handscope.app.live.stations import AnyStation
+from handscope.app.scene.camera.sides import Side
 from handscope.app.state import (
     Db,
     LanguageDep,
@@ -41,6 +42,13 @@ class StationAction(Incoming):
     reason: str = Field("", max_length=1000)
     group: str = Field("", max_length=100)
     value: float | None = None
+
+
+class StationView(Incoming):
+    """From which side the hand is to be seen; `fit` keeps the side. With `mirrored` the picture is mirrored or not, and the side stays."""
+
+    side: Literal[Side, "fit"] = "fit"
+    mirrored: bool | None = None
 
 
 @router.get("/gloves")
@@ -90,6 +98,12 @@ def act(station: StationDep, language: LanguageDep, action: StationAction) -> di
     else:
         station.act(action.action, action.task, action.reason, action.group, action.value)
     return localised_state(station, language)
+
+
+@router.post("/stations/{name}/view", status_code=204, dependencies=[WATCHERS])
+def turn_view(station: StationDep, view: StationView) -> None:
+    """Turn every viewer's picture of the hand to a side, or mirror it."""
+    station.look(None if view.side == "fit" else view.side, view.mirrored)
 
 
 @router.delete("/stations/{name}", status_code=204, dependencies=[WATCHERS])

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from handscope.app.live.wizard.machine import State, Wizard
-from handscope.app.protocols import TURN
+from handscope.app.protocols import TURN, Protocol
 from handscope.app.scene import postures
 from handscope.estimators.alignment.initial_pose import DEG
 from handscope.estimators.hand.anatomy import ANGLES, JOINT, JOINTS
@@ -23,6 +23,7 @@ SHOWN = (
     State.FREE_COUNTDOWN,
     State.FREE_RUN,
 )
+TARGET, LEAST_SHOWN = 5 * DEG, 15 * DEG  # half the target's band: what a goniometer is good for
 STEP = 0.5  # s of movement to the next posture, of each posture's pace
 
 
@@ -53,3 +54,15 @@ def ghost(wizard: Wizard, thumb_cmc: tuple[float, float, float], t: float) -> Ar
         return None
     shown = [angles_of(p) for p in protocol.ghost]
     return postures.along(shown, t, move=STEP * protocol.pace, hold=(1 - STEP) * protocol.pace)
+
+
+def target(protocol: Protocol, curve: str) -> tuple[float, float] | None:
+    """The band (rad) of a task's joint angle that its demonstration ends in; None where the demonstration hardly moves that joint."""
+    joint, _, angle = curve.rpartition("_")
+    if joint not in JOINT or not protocol.ghost:
+        return None
+    shown = [float(angles_of(p)[JOINT[joint], ANGLES.index(angle)]) for p in protocol.ghost]
+    furthest = max(shown, key=abs)
+    if max(shown) - min(shown) < LEAST_SHOWN:
+        return None
+    return furthest - TARGET, furthest + TARGET

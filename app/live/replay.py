@@ -12,6 +12,7 @@ from handscope.app.live.readouts.angle_rows import angle_rows
 from handscope.app.live.viewers import Viewers
 from handscope.app.results.curves import MatchedTask, at_other
 from handscope.app.results.quantity_curve import Curve
+from handscope.app.scene.camera.sides import Side
 from handscope.app.scene.hand_scene import HandScene
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINTS, Hand
@@ -58,6 +59,7 @@ class Replay:
         self.scene = HandScene(hand, geometry, beside.geometry if beside else None)
         self.beside = beside
         self.curve = Curve()
+        self.mirrored = False
         self.playing, self.speed = False, 1.0
         self.t = float(movement["t"][0])
         self.used = time.monotonic()
@@ -117,6 +119,16 @@ class Replay:
             self._number += 1
         self._viewers.notify()
 
+    def look(self, side: Side | None, mirrored: bool | None = None) -> None:
+        """As Station.look."""
+        if mirrored is None:
+            self.scene.look(side)
+        else:
+            self.mirrored = mirrored
+            self.scene.mirror(mirrored)
+            self._number += 1
+        self._viewers.notify()
+
     def snapshot(self) -> dict[str, Any]:
         first, last = self.span
         where = {
@@ -132,6 +144,7 @@ class Replay:
             "result": self.result,
             "hand": self.hand,
             "replay": where,
+            "mirrored": self.mirrored,
             "beside": {
                 "session": self.beside.session,
                 "result": self.beside.result,

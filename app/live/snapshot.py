@@ -70,6 +70,8 @@ class StationView:
     curve_points: Sequence[tuple[float, float]]  # of the newest attempt: s, mm or deg
     hand_position: Mapping[str, Any] | None
     followed: bool  # whether the drawn hand is the tracked one
+    mirrored: bool  # whether viewers see the hand as in a mirror
+    measured: str  # quantity of the task that is drawn on the hand; empty where there is none
     pose_fit: Sequence[Mapping[str, Any]]  # by palm and finger, while a pose is taken
     task_number: Mapping[str, Any] | None  # estimated for a task of UNCOUNTED
     sensor_faults: Sequence[str]
@@ -98,6 +100,8 @@ def station_snapshot(view: StationView) -> dict[str, Any]:
         "numbers": _numbers(view),
         "place": view.hand_position,
         "followed": view.followed,
+        "mirrored": view.mirrored,
+        "measured": view.measured,
         "pose_fit": list(view.pose_fit),
         "ended": view.ended,
     }

@@ -39,6 +39,7 @@ from handscope.app.live.wizard.machine import (
     Wizard,
 )
 from handscope.app.results.quantity_curve import Curve
+from handscope.app.scene.camera.sides import Side
 from handscope.app.scene.scene_process import SceneProcess
 from handscope.app.version import software_version
 from handscope.estimators.alignment import quality as alignment_quality
@@ -175,6 +176,16 @@ class Station:
             self._publish(status)
         self._viewers.notify()
 
+    def look(self, side: Side | None, mirrored: bool | None = None) -> None:
+        """Turn every viewer's picture to a side of the hand (None: fit), and mirror it or not."""
+        if mirrored is None:
+            self._drawing.look(side)
+        else:
+            self._drawing.mirror(mirrored)
+        with self._lock:
+            self._publish(self._current_status())
+        self._viewers.notify()
+
     def snapshot(self) -> dict[str, Any]:
         """The state of the session, for a page."""
         with self._lock:
@@ -233,6 +244,8 @@ class Station:
             curve_points=self.curve.attempted(),
             hand_position=self.hand_position.to_json(),
             followed=self._drawing.followed,
+            mirrored=self._drawing.mirrored,
+            measured=self._drawing.measured,
             pose_fit=pose_fit.fit_rows(self.tracking, self.glove.assembler.mounting)
             if w.state in (State.POSE_READY, State.POSE_HOLD)
             else [],

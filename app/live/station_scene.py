@@ -13,6 +13,9 @@ from handscope.app.live.readouts.pose_fit import THUMB
 from handscope.app.live.tracking import Tracking
 from handscope.app.live.viewers import Viewers
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard
+from handscope.app.protocols import Protocol
+from handscope.app.scene.angle_arc import Measured
+from handscope.app.scene.camera.sides import Side, side_of
 from handscope.app.scene.scene_process import SceneProcess
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
@@ -23,6 +26,14 @@ INCLINED_INTERVAL = (
     1 / 30
 )  # s, the same while nothing is calibrated: the mean over a quarter of a second moves slowly
 PICTURE_INTERVAL = 1 / 60  # s, least time between two pictures; more where the tracker is behind
+MEASURED = (
+    State.TASK_READY,
+    State.COUNTDOWN,
+    State.RESUME_COUNTDOWN,
+    State.TASK_RUN,
+    State.TASK_PAUSED,
+    State.TASK_REVIEW,
+)
 NOT_FOLLOWED = (
     State.CONNECT,
     State.CHECK,
@@ -49,6 +60,9 @@ class StationScene:
         self.followed = False  # whether the hand is tracked; else it shows inclinations alone
         self._lock = threading.Lock()
         self.newest: Trajectory | None = None  # row of the tracker
+        self._protocol: Protocol | None = None  # whose measure is drawn
+        self._framed: list[Array] = []  # its postures
+        self.mirrored, self.measured = False, ""
         self._shown: Trajectory | None = None  # row that was drawn last
         self._drawn_at = -np.inf  # s, host's clock
 
@@ -71,8 +85,33 @@ class StationScene:
             wizard.state in (State.CONNECT, State.CHECK) and status.angular_rate_peak > MOVES
         )
         scene.highlight(status.fastest_segment if is_checking else None)
+        self._follow_task(wizard, status)
         if wizard.state in (State.CONNECT, State.CHECK, State.CHECKED):
             scene.measured([f for f in FINGERS if set(CHAINS[f]) <= status.measured])
+
+    def look(self, side: Side | None) -> None:
+        """Show a side of the hand, None: as each viewer looks at it, filling two thirds of the picture."""
+        self._process.look(side, self._framed)
+
+    def mirror(self, mirrored: bool) -> None:
+        """Whether viewers see the hand as in a mirror."""
+        self.mirrored = mirrored
+        self._process.mirror(mirrored)
+
+    def _follow_task(self, wizard: Wizard, status: StationStatus) -> None:
+        """Turn to the side that shows a task, and mark what it measures, when the task comes."""
+        protocol = wizard.protocol if wizard.state in MEASURED else None
+        if protocol is self._protocol:
+            return
+        self._protocol = protocol
+        if protocol is None:
+            self.measured = ""
+            self._process.measure(None)
+            return
+        self.measured = curve = protocol.curve_of(status.measured)
+        self._framed = [ghost.angles_of(p) for p in protocol.ghost]
+        self._process.measure(Measured(curve, ghost.target(protocol, curve)))
+        self.look(side_of(curve))
 
     def _draw_hand(self) -> None:
         with self._lock:

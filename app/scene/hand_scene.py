@@ -7,7 +7,7 @@ is what viewers see (at about 57 Hz, or at once after a `picture`), and a viewer
 import asyncio
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from types import TracebackType
 
@@ -15,8 +15,13 @@ import numpy as np
 from viser import ClientHandle
 
 from handscope.app.scene import palette, postures, stage, view
+from handscope.app.scene.angle_arc import AngleArc, Measured
+from handscope.app.scene.camera import sides
+from handscope.app.scene.camera.operator import CameraOperator
+from handscope.app.scene.camera.sides import Side
 from handscope.app.scene.drawn_hand import DrawnHand
 from handscope.app.scene.force_arrows import ForceArrows, in_hand
+from handscope.app.scene.ground import Ground
 from handscope.app.scene.loopback_server import make_server, quiet, renumber
 from handscope.app.scene.mesh import bones
 from handscope.app.scene.mesh.hand_mesh import hand_mesh
@@ -60,11 +65,18 @@ class HandScene:
         self._map: ReachMap | None = None  # drawn with the first place
         self._arrows: ForceArrows | None = None  # drawn with the first forces
         self._forces: Array | None = None
+        self._arc: AngleArc | None = None  # drawn with the first quantity
+        self._quantity: Measured | None = None
+        self._mirrored = False
         self._shown = postures.relaxed(), quat.IDENTITY  # angles and orientation
         self._server, self.secret = make_server()
         self.port: int = self._server.get_port()
+        self._cameras = CameraOperator(
+            self._server, view.NARROW if beside is None else view.NARROW_PAIR, clock
+        )
         with self._server.atomic():
-            stage.set_up(self._server, view.NARROW if beside is None else view.NARROW_PAIR)
+            stage.set_up(self._server)
+            self._ground = Ground(self._server)
             scale = view.units_per_metre(geometry)
             self._own = DrawnHand(self._server, "/hand", self._mesh.parts(), self._mesh.rest, scale)
             self._ghost = DrawnHand(self._server, "/ghost", {}, self._mesh.rest, scale)
@@ -88,6 +100,7 @@ class HandScene:
             self._beside = None if beside is None else SecondHand(self._server, beside)
             if beside is not None:
                 self._own.place((-BESIDE, 0.0, 0.0))
+            self._place = np.array([0.0 if beside is None else -BESIDE, 0.0, 0.0])
             self._draw(self._own, postures.relaxed())
             self._own.turn(self._q_DH)
         self._server.on_client_disconnect(self._renumber)
@@ -136,7 +149,10 @@ class HandScene:
             self._q_wanted, self._q_DH = wanted, q_DH
             if self._forces is not None:
                 self._push()
+            if self._quantity is not None:
+                self._draw_quantity()
             self._own.turn(q_DH)
+            self._ground.follow(filled, q_DH, self._geometry, self._place)
             if not self._ghost_is_whole:
                 self._ghost.turn(q_DH)
 
@@ -185,6 +201,35 @@ class HandScene:
                     if self._ghost_is_whole
                     else self._q_DH
                 )
+
+    def measure(self, measured: Measured | None) -> None:
+        """Draw on the hand what a task measures; None takes it away."""
+        with self._lock, self._server.atomic():
+            self._quantity = measured
+            self._draw_quantity()
+
+    def mirror(self, mirrored: bool) -> None:
+        """Leave the number out of a picture that its viewers mirror: digits would be reversed."""
+        with self._lock, self._server.atomic():
+            self._mirrored = mirrored
+            self._draw_quantity()
+
+    def look(self, side: Side | None, framed: Sequence[Array] = ()) -> None:
+        """Ease every viewer's camera to a side of the hand as it is turned now, None: each stays on its own side.
+
+        It frames the hand shown and these postures, joint angles (joints, 3).
+        """
+        with self._lock, self._server.atomic():
+            (angles, _), q_DH, place = self._shown, self._q_DH, self._place
+            wanted = [angles, *(postures.filled(a) for a in framed)]
+            points = sides.outline(wanted, self._geometry, q_DH) + place
+            if self._beside is not None:
+                points = np.concatenate([points, points - 2 * place])
+            towards = side and sides.direction(side, self._hand, q_DH)
+            if towards is not None:
+                self._ground.lie_below(points, seen_from_below=towards[2] < 0)
+                self._ground.follow(angles, q_DH, self._geometry, place)
+            self._cameras.look(towards, points)
 
     def trail(self, places: Array) -> None:
         """Draw where the hand has been: places (n, 3) m in the global frame, seen from where it is now, oldest first; fewer than two draw nothing."""
@@ -255,6 +300,15 @@ class HandScene:
 
     async def _renumber(self, _: ClientHandle) -> None:
         renumber(self._server)
+
+    def _draw_quantity(self) -> None:
+        """What is measured, on the hand as it is shown."""
+        if self._arc is None and self._quantity is not None:
+            self._arc = AngleArc(
+                self._server, "/hand", self._geometry, view.units_per_metre(self._geometry)
+            )
+        if self._arc is not None:
+            self._arc.show(self._quantity, self._shown[0], not self._mirrored)
 
     def _draw(self, drawn: DrawnHand, angles: Array) -> None:
         drawn.bend(*bones.pose(postures.filled(angles), self._geometry))

@@ -7,12 +7,14 @@ themselves.
 
 import logging
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any
 
+from handscope.app.scene.angle_arc import Measured
+from handscope.app.scene.camera.sides import Side
 from handscope.app.scene.hand_scene import HandScene
 from handscope.app.workers.process import CONTEXT, ignore_terminal_signals
 from handscope.estimators.hand.anatomy import Hand
@@ -64,6 +66,15 @@ class SceneProcess:
 
     def ghost(self, angles: Array | None, whole: bool = False) -> None:
         self._request("ghost", angles, whole)
+
+    def measure(self, measured: Measured | None) -> None:
+        self._request("measure", measured)
+
+    def mirror(self, mirrored: bool) -> None:
+        self._request("mirror", mirrored)
+
+    def look(self, side: Side | None, framed: Sequence[Array] = ()) -> None:
+        self._request("look", side, tuple(framed))
 
     def trail(self, places: Array) -> None:
         self._request("trail", places)

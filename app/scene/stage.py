@@ -1,12 +1,12 @@
-"""What stands round the hand: light, ground and camera."""
+"""What stands round the hand: light and the first camera."""
 
-from viser import CameraHandle, ClientHandle, ViserServer
+from viser import ViserServer
 
-from handscope.app.scene import palette, view
+from handscope.app.scene import view
 
 
-def set_up(server: ViserServer, narrow: float) -> None:
-    """Set the camera that keeps `narrow` (view.NARROW) in view, a soft light from behind the viewer's left shoulder, and a faint grid below the hand."""
+def set_up(server: ViserServer) -> None:
+    """Set the first camera, and a soft light from behind the viewer's left shoulder, a weak one from below: the palm is looked at, too."""
     camera, scene = server.initial_camera, server.scene
     camera.position, camera.look_at, camera.up = view.CAMERA, view.LOOK_AT, (0.0, 0.0, 1.0)
     camera.fov, camera.near, camera.far = view.FIELD_OF_VIEW, view.NEAR, view.FAR
@@ -25,32 +25,6 @@ def set_up(server: ViserServer, narrow: float) -> None:
     scene.add_light_directional(
         "/light/rim", color=(226, 236, 255), intensity=0.55, position=(0.9, 0.7, 0.5)
     )
-    scene.add_grid(
-        "/ground",
-        width=12.0,
-        height=12.0,
-        cell_size=0.2,
-        cell_color=palette.GROUND,
-        section_size=1.0,
-        section_color=palette.GROUND_SECTION,
-        fade_distance=7.5,
-        fade_from="origin",
-        shadow_opacity=0.11,
-        position=(0.0, 0.0, view.GROUND),
+    scene.add_light_directional(
+        "/light/fill", color=(255, 244, 236), intensity=1.4, position=(0.15, -0.35, -1.0)
     )
-
-    async def refit(camera: CameraHandle) -> None:
-        _fit(camera, narrow)
-
-    async def follow(client: ClientHandle) -> None:
-        _fit(client.camera, narrow)
-        client.camera.on_update(refit)
-
-    server.on_client_connect(follow)
-
-
-def _fit(camera: CameraHandle, narrow: float) -> None:
-    """Widen the view of a narrow window, so that no finger is cut off."""
-    wanted = view.field_of_view(camera.aspect, narrow)
-    if abs(camera.fov - wanted) > 0.002:
-        camera.fov = wanted

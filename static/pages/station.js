@@ -4,6 +4,7 @@ import { errorBox } from "../forms.js";
 import { follow } from "../station/connection.js";
 import * as live from "../station/live.js";
 import * as replay from "../station/replay.js";
+import * as views from "../station/views.js";
 import { t } from "../words/words.js";
 
 export function mount(root, api, { id, go, title }) {
@@ -46,7 +47,10 @@ export function mount(root, api, { id, go, title }) {
     scene.append(frame);
     root.append(h("div", { class: "workplace" }, h("div", { class: "view" }, line, scene, strip), panel), box.element);
     title(t(station.latest.replay ? "replay.title" : "station.title", { patient: session.patient.pseudonym }));
-    leave = kind.mount(panel, api, { station, session, scene, strip, go });
+    const sides = h("div", { class: "views" });
+    scene.append(sides);
+    const parts = [kind.mount(panel, api, { station, session, scene, strip, go }), views.mount(sides, api, { station, scene })];
+    leave = () => parts.forEach((unmount) => unmount());
   }
 
   begin().catch(missing);

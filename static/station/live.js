@@ -16,6 +16,7 @@ import * as measuredPose from "./measured_pose.js";
 import * as metronome from "./metronome.js";
 import * as numbers from "./numbers.js";
 import * as poseFit from "./pose_fit.js";
+import * as quantity from "./quantity.js";
 import * as recording from "./recording.js";
 import * as score from "./score.js";
 import * as stillness from "./stillness.js";
@@ -31,7 +32,8 @@ const PARTS = [
   [metronome, "metronome", "over"],
   [countdown, "countdown", "over"],
   [recording, "recording", "scene"],
-  [following, "following", "scene"],
+  [following, "following", "over"],
+  [quantity, "quantity", "over"],
   [curve, "curve", "strip"],
   [numbers, "numbers", "strip"],
   [steps, "steps", "div"],

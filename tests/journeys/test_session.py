@@ -89,11 +89,25 @@ def _perform(page: Page, task: str, name: str) -> None:
     shown(page.locator(".countdown .digits"))
     assert page.evaluate(COUNTDOWN_BELOW_BANNER)
     shown(page.get_by_text("Seconds left"))
+    _turn_the_view(page)
     shown(page.locator(".numbers dd"))
     keep_picture(page, f"station-{task}")
     shown(act(page, "accept"))
     act(page, "accept").click()
     expect(page.locator(f'[data-task="{task}"]')).to_contain_text(re.compile("done|1 of 3"))
+
+
+def _turn_the_view(page: Page) -> None:
+    """The picture is mirrored, and the number stands beside it while its own digits would be reversed."""
+    mirror = page.locator('[data-view="mirror"]')
+    mirror.click()
+    expect(mirror).to_have_attribute("aria-pressed", "true")
+    expect(page.locator(".scene.mirrored .quantity strong")).to_have_text(re.compile(r"\d"))
+    mirror.click()
+    expect(page.locator(".quantity")).to_be_hidden()
+    with page.expect_response("**/view") as answer:
+        page.locator('[data-view="palm"]').click()
+    assert answer.value.status == 204
 
 
 def _skip(page: Page, task: str, reason: str) -> None:

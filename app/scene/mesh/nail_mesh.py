@@ -10,16 +10,18 @@ from handscope.estimators.numerics.typing import Array
 _ROOT, _EDGE = 0.46, 0.985  # of the last segment, tissue included
 _HALF_ANGLE = np.radians(58.0)  # how far round the finger it reaches
 _LIFT, _FREE, _DEPTH = (
+    0.45e-3,
     0.25e-3,
-    0.25e-3,
-    0.6e-3,
+    0.9e-3,
 )  # m: over the skin, free edge above that, below the skin
 _DORSAL = np.array([1.0, 0.0, 0.0])
 
 
 def nail(shape: FingerShape) -> tuple[Array, Indices]:
     """Vertices (V, 3) and faces (F, 3) in the straight finger's coordinates."""
-    x, y = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(0, 1, 9))  # across, and from root to edge
+    x, y = np.meshgrid(
+        np.linspace(-1, 1, 21), np.linspace(0, 1, 21)
+    )  # across, and from root to edge
     skin = shape.surface(_along(x, y, shape), np.pi / 2 + _half_angle(y) * x)
     top = (
         skin + (_LIFT * _arch(x, y) + _FREE * np.maximum((y - 0.7) / 0.3, 0.0))[..., None] * _DORSAL
@@ -47,4 +49,4 @@ def _half_angle(y: Array) -> Array:
 def _arch(x: Array, y: Array) -> Array:
     """Height over the skin in units of the lift, falling to it at the rim."""
     rim = np.minimum(1 - np.abs(x) ** 6, np.minimum(y / 0.12, (1 - y) / 0.05 + 0.4))
-    return np.asarray(0.15 + 1.2 * np.clip(rim, 0, 1))
+    return np.asarray(0.75 + 0.5 * np.clip(rim, 0, 1))

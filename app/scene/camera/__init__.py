@@ -1,0 +1,1 @@
+"""From which side viewers see the hand, and how their cameras move there."""
