@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from anyio import to_thread
 from fastapi import APIRouter, Form, UploadFile
 from pydantic import Field
+from sqlalchemy.orm import Session
 from starlette.responses import FileResponse
 
 from handscope.app.api.answers import (
@@ -25,6 +26,7 @@ from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.devices import ports
 from handscope.app.live.outputs import choice
+from handscope.app.live.readouts.trial_review import EarlierFigures
 from handscope.app.live.stations import live_setup
 from handscope.app.options import with_options
 from handscope.app.state import Db, Parts, PartsDep, RepairDep
@@ -37,6 +39,7 @@ from handscope.sessions.clinic import (
     corrections,
     dates,
     patients,
+    repeatability,
     results,
     self_calibrations,
 )
@@ -146,6 +149,7 @@ def begin_session(db: Db, parts: PartsDep, patient_id: int, new: NewSession) -> 
             replace(
                 setup,
                 outlets=tuple(new.outlets),
+                earlier=_earlier_figures(db, patient.id, hand, new.method),
                 store_solution=_solution_store(db, parts, file.id),
                 **_prior_options(db, session, new.reuse),
             )
@@ -155,6 +159,14 @@ def begin_session(db: Db, parts: PartsDep, patient_id: int, new: NewSession) -> 
         db.commit()
         raise
     return {"session": session.id, "station": station.name}
+
+
+def _earlier_figures(db: Session, patient: int, hand: str, method: str) -> EarlierFigures:
+    """What the newest sessions of this hand and of the other one gave with this method."""
+    every = [p for p in repeatability.history(db, patient) if p.occasion.method == method]
+    last = next((p for p in reversed(every) if p.occasion.hand == hand), None)
+    other = next((p for p in reversed(every) if p.occasion.hand != hand), None)
+    return EarlierFigures(last.values if last else {}, other.values if other else {})
 
 
 @router.post("/patients/{patient_id}/recordings", status_code=201)

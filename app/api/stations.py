@@ -13,6 +13,7 @@ from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.devices import ports
 from handscope.app.language import Language
+from handscope.app.live.readouts.trial_review import localised_review
 from handscope.app.live.replay import Replay
 from handscope.app.live.stations import AnyStation
 from handscope.app.scene.camera.sides import Side
@@ -104,6 +105,21 @@ def act(station: StationDep, language: LanguageDep, action: StationAction) -> di
 def turn_view(station: StationDep, view: StationView) -> None:
     """Turn every viewer's picture of the hand to a side, or mirror it."""
     station.look(None if view.side == "fit" else view.side, view.mirrored)
+
+
+@router.get("/stations/{name}/trial")
+def read_trial(station: StationDep, language: LanguageDep) -> dict[str, Any] | None:
+    """The trial that is to be kept or not: curves, marks, figures beside earlier ones, what was wrong; null where there is none."""
+    return (
+        None if isinstance(station, Replay) else localised_review(station.trial.payload(), language)
+    )
+
+
+@router.post("/stations/{name}/trial/replays", status_code=204)
+def replay_trial(station: StationDep) -> None:
+    """Show the trial under review once more in the scene."""
+    if not isinstance(station, Replay):
+        station.replay_trial()
 
 
 @router.delete("/stations/{name}", status_code=204, dependencies=[WATCHERS])

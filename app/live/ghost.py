@@ -27,13 +27,6 @@ TARGET, LEAST_SHOWN = 5 * DEG, 15 * DEG  # half the target's band: what a goniom
 STEP = 0.5  # s of movement to the next posture, of each posture's pace
 
 
-def pose_angles(thumb_cmc: tuple[float, float, float]) -> Array:
-    """Joint angles (joints, 3) of the initial pose with the thumb at these CMC angles (rad)."""
-    angles = np.zeros((len(JOINTS), 3))
-    angles[JOINT["thumb_cmc"]] = thumb_cmc
-    return angles
-
-
 def angles_of(degrees: Mapping[str, float]) -> Array:
     """Joint angles (joints, 3) of a posture by names of freedoms, in deg; what is not named is 0. The drawn forearm stays, so its turn is the wrist's."""
     angles = np.zeros((len(JOINTS), 3))
@@ -43,12 +36,12 @@ def angles_of(degrees: Mapping[str, float]) -> Array:
     return angles
 
 
-def ghost(wizard: Wizard, thumb_cmc: tuple[float, float, float], t: float) -> Array | None:
-    """The ghost's angles at t s into the state, or None where it is not shown."""
+def ghost(wizard: Wizard, pose: Array, t: float) -> Array | None:
+    """The ghost's angles (joints, 3) at t s into the state, those of the initial pose being `pose`; None where it is not shown."""
     if wizard.state not in SHOWN:
         return None
     if wizard.state in (State.POSE_READY, State.POSE_HOLD):
-        return pose_angles(thumb_cmc)
+        return pose
     protocol = wizard.protocol
     if protocol is None or not protocol.ghost:
         return None

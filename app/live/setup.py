@@ -1,10 +1,11 @@
 """The settings of a live station."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from handscope.app.live.readouts.trial_review import EarlierFigures
 from handscope.app.protocols import Protocol
 from handscope.estimators.data.calibration import PriorCalibration
 from handscope.estimators.hand.anatomy import Hand
@@ -39,6 +40,7 @@ class Setup:
     store_solution: Callable[[FoundCalibration, str], object] = lambda found, glove: (
         None
     )  # with the patient
+    earlier: EarlierFigures = field(default_factory=EarlierFigures)  # what a trial is compared with
     outlets: tuple[str, ...] = ()  # addresses of app/live/outputs/choice.py; none by itself
     about: Mapping[str, Any]  # stored in the recording: pseudonym, session, ...
 

@@ -71,6 +71,8 @@ class StationView:
     hand_position: Mapping[str, Any] | None
     followed: bool  # whether the drawn hand is the tracked one
     mirrored: bool  # whether viewers see the hand as in a mirror
+    replaying: bool  # whether the drawn hand repeats the trial under review
+    trial: int  # number of the review that can be read, 0: none
     measured: str  # quantity of the task that is drawn on the hand; empty where there is none
     pose_fit: Sequence[Mapping[str, Any]]  # by palm and finger, while a pose is taken
     task_number: Mapping[str, Any] | None  # estimated for a task of UNCOUNTED
@@ -101,6 +103,8 @@ def station_snapshot(view: StationView) -> dict[str, Any]:
         "place": view.hand_position,
         "followed": view.followed,
         "mirrored": view.mirrored,
+        "replaying": view.replaying,
+        "trial": view.trial,
         "measured": view.measured,
         "pose_fit": list(view.pose_fit),
         "ended": view.ended,

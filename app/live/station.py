@@ -24,6 +24,7 @@ from handscope.app.live.outputs.outlets import Outlets
 from handscope.app.live.readouts import pose_fit
 from handscope.app.live.readouts.grasp_estimate import GraspEstimator
 from handscope.app.live.readouts.hand_position import HandPositionReadout
+from handscope.app.live.readouts.trial_review import TrialReview
 from handscope.app.live.setup import Setup
 from handscope.app.live.snapshot import GloveView, StationView, station_pulse, station_snapshot
 from handscope.app.live.station_scene import INCLINED_INTERVAL, PICTURE_INTERVAL, StationScene
@@ -105,6 +106,7 @@ class Station:
             self.scene, self.tracking, self._viewers, lambda: self.glove.assembler.mounting
         )
         self.hand_position = HandPositionReadout()
+        self.trial = TrialReview(self.tracking, setup.geometry, setup.earlier)
         self.grasp = GraspEstimator(self.tracking)
         self.glove = Glove(setup.port, setup.recording, about, self._feed)
         self.outlets = Outlets(
@@ -186,6 +188,11 @@ class Station:
             self._publish(self._current_status())
         self._viewers.notify()
 
+    def replay_trial(self) -> None:
+        """Show the trial under review once more in the scene; nothing where there is none."""
+        if self.trial.rows is not None:
+            self._drawing.replay(self.trial.rows)
+
     def snapshot(self) -> dict[str, Any]:
         """The state of the session, for a page."""
         with self._lock:
@@ -245,8 +252,12 @@ class Station:
             hand_position=self.hand_position.to_json(),
             followed=self._drawing.followed,
             mirrored=self._drawing.mirrored,
+            replaying=self._drawing.replaying,
+            trial=self.trial.number,
             measured=self._drawing.measured,
-            pose_fit=pose_fit.fit_rows(self.tracking, self.glove.assembler.mounting)
+            pose_fit=pose_fit.fit_rows(
+                self.tracking, self.glove.assembler.mounting, self._drawing.pose
+            )
             if w.state in (State.POSE_READY, State.POSE_HOLD)
             else [],
             task_number=self._task_number(),
@@ -299,12 +310,14 @@ class Station:
         self._wizard, effects = wizard_machine.tick(self._wizard, status)
         self._carry_out(effects, status)
         self._follow_free_movement(status)
+        self.trial.follow(self._wizard, self.curve.what)
         self._wiggle(status)
         self._problem = (
             worn_glove.foreign_bytes_sentence(self.glove)
             or worn_glove.wrong_hand_sentence(self.glove, self.setup.hand)
             or worn_glove.other_glove_sentence(self.glove, self._calibrated_glove)
         )
+        self._drawing.pose = self._pose()
         with self.scene.picture():
             self._drawing.draw_wizard(self._wizard, status)
             self._draw_readouts()
@@ -435,8 +448,7 @@ class Station:
 
     def _calibrate(self, effect: Effect) -> None:
         """Compute outside the tick: to combine a pose with calibration movements takes seconds."""
-        length = effect.end - effect.onset
-        pose = pose_of(Event(effect.onset, length, "initial_pose", self._pose_details()))
+        pose = self._pose(effect.onset, effect.end - effect.onset)
         self.tracking.mounting = self.glove.assembler.mounting
         self.tracking.prior = self.free.prior(self.setup.prior, self.setup.prior_glove)
         self._start_thread(self._compute_calibration, "calibration", pose)
@@ -479,6 +491,10 @@ class Station:
         thumb = dict(zip(THUMB_COLUMNS, POSE_THUMB))
         held_by = {"held_by": THERAPIST} if self._wizard.passive else {}
         return {**thumb, **self._measured_pose, **held_by}
+
+    def _pose(self, onset: float = 0.0, length: float = 0.0) -> Pose:
+        """The pose that is taken now."""
+        return pose_of(Event(onset, length, "initial_pose", self._pose_details()))
 
     def _store_pose(self, pose: Pose) -> None:
         self._attempts += 1

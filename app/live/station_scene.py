@@ -9,7 +9,6 @@ import numpy as np
 from handscope.app.live import ghost
 from handscope.app.live.readouts import pose_fit
 from handscope.app.live.readouts.bending_finger import MOVES
-from handscope.app.live.readouts.pose_fit import THUMB
 from handscope.app.live.tracking import Tracking
 from handscope.app.live.viewers import Viewers
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard
@@ -17,6 +16,7 @@ from handscope.app.protocols import Protocol
 from handscope.app.scene.angle_arc import Measured
 from handscope.app.scene.camera.sides import Side, side_of
 from handscope.app.scene.scene_process import SceneProcess
+from handscope.estimators.alignment import inclined_hand
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
 from handscope.estimators.numerics.typing import Array
@@ -57,12 +57,15 @@ class StationScene:
         """`mounting`: the nominal sensor-to-segment rotations as the glove states them now."""
         self._process, self._tracking, self._viewers = process, tracking, viewers
         self._mounting = mounting
+        self.pose = pose_fit.NOMINAL  # that is to be taken
         self.followed = False  # whether the hand is tracked; else it shows inclinations alone
         self._lock = threading.Lock()
         self.newest: Trajectory | None = None  # row of the tracker
         self._protocol: Protocol | None = None  # whose measure is drawn
         self._framed: list[Array] = []  # its postures
         self.mirrored, self.measured = False, ""
+        self._again: Trajectory | None = None  # rows that are drawn once more
+        self._again_since = 0.0  # s, host's clock
         self._shown: Trajectory | None = None  # row that was drawn last
         self._drawn_at = -np.inf  # s, host's clock
 
@@ -74,24 +77,38 @@ class StationScene:
     def begin(self) -> None:
         """Draw the neutral hand that stands until samples come."""
         self._process.measured(())
-        self._process.show(pose_fit.neutral_angles(), None, followed=False)
+        self._process.show(inclined_hand.pose_angles(self.pose), None, followed=False)
 
     def draw_wizard(self, wizard: Wizard, status: StationStatus) -> None:
         """Ghost, highlighted segment and measured fingers of the wizard's state."""
         scene = self._process
         self.followed = is_followed(wizard, self._tracking.calibration is not None)
-        scene.ghost(ghost.ghost(wizard, THUMB, status.now - wizard.since))
+        scene.ghost(
+            ghost.ghost(wizard, inclined_hand.pose_angles(self.pose), status.now - wizard.since)
+        )
         is_checking = (
             wizard.state in (State.CONNECT, State.CHECK) and status.angular_rate_peak > MOVES
         )
         scene.highlight(status.fastest_segment if is_checking else None)
         self._follow_task(wizard, status)
+        if wizard.state is not State.TASK_REVIEW:
+            self._again = None
         if wizard.state in (State.CONNECT, State.CHECK, State.CHECKED):
             scene.measured([f for f in FINGERS if set(CHAINS[f]) <= status.measured])
 
     def look(self, side: Side | None) -> None:
         """Show a side of the hand, None: as each viewer looks at it, filling two thirds of the picture."""
         self._process.look(side, self._framed)
+
+    def replay(self, rows: Trajectory) -> None:
+        """Draw these rows once, in their own time, in place of the hand as it is now."""
+        if len(rows):
+            self._again, self._again_since = rows, time.monotonic()
+
+    @property
+    def replaying(self) -> bool:
+        """Whether rows of before are drawn."""
+        return self._again is not None
 
     def mirror(self, mirrored: bool) -> None:
         """Whether viewers see the hand as in a mirror."""
@@ -118,7 +135,7 @@ class StationScene:
             if not self.followed:
                 self._draw_inclined()
                 return
-            rows = self.newest
+            rows = self._row_again() or self.newest
             if rows is None or rows is self._shown:
                 return
             self._drawn_at, self._shown = time.monotonic(), rows
@@ -127,9 +144,20 @@ class StationScene:
                 if self._viewers:  # following the path costs a fifth of tracking the hand
                     self._process.trail(self._trail())
 
+    def _row_again(self) -> Trajectory | None:
+        """The row of the replay that is due; None where nothing is replayed, or it is over."""
+        rows = self._again
+        if rows is None:
+            return None
+        k = int(np.searchsorted(rows.t, rows.t[0] + time.monotonic() - self._again_since))
+        if k >= len(rows):
+            self._again = None
+            return None
+        return rows.between(rows.t[k], np.nextafter(rows.t[k], np.inf))
+
     def _draw_inclined(self) -> None:
         self._drawn_at, self._shown = time.monotonic(), None
-        if inclined := pose_fit.inclined_pose(self._tracking, self._mounting()):
+        if inclined := pose_fit.inclined_pose(self._tracking, self._mounting(), self.pose):
             with self._process.picture():
                 self._process.show(*inclined, followed=False)
                 self._process.trail(np.empty((0, 3)))

@@ -26,5 +26,5 @@ def set_up(server: ViserServer) -> None:
         "/light/rim", color=(226, 236, 255), intensity=0.55, position=(0.9, 0.7, 0.5)
     )
     scene.add_light_directional(
-        "/light/fill", color=(255, 244, 236), intensity=1.4, position=(0.15, -0.35, -1.0)
+        "/light/fill", color=(255, 244, 236), intensity=0.9, position=(0.0, 0.1, -1.0)
     )

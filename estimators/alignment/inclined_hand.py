@@ -66,10 +66,17 @@ def up_directions(blocks: Sequence[Block], mounting: Mapping[str, Array]) -> dic
     return found
 
 
+def pose_angles(pose: Pose) -> Array:
+    """Joint angles (joints, 3) rad of a pose."""
+    angles = np.zeros((len(JOINTS), 3))
+    for joint, known in {**pose.measured, "thumb_cmc": pose.thumb_cmc}.items():
+        angles[JOINT[joint]] = known
+    return angles
+
+
 def inclined_angles(up: Mapping[str, Array], pose: Pose) -> Array:
     """Joint angles (joints, 3) rad: flexion as the inclinations show it, everything else as in the pose."""
-    angles = np.zeros((len(JOINTS), 3))
-    angles[JOINT["thumb_cmc"]] = pose.thumb_cmc
+    angles = pose_angles(pose)
     for finger in FINGERS if "hand" in up else ():
         above = up["hand"]
         for joint, segment in zip(FINGER_JOINTS[finger], CHAINS[finger]):

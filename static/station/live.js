@@ -23,6 +23,7 @@ import * as stillness from "./stillness.js";
 import * as streams from "./streams.js";
 import * as steps from "./steps.js";
 import * as tasks from "./tasks.js";
+import * as trial from "./trial.js";
 import * as handPosition from "./hand_position.js";
 import { t } from "../words/words.js";
 
@@ -42,6 +43,7 @@ const PARTS = [
   [stillness, "stillness", "div"],
   [poseFit, "pose-fit", "div"],
   [score, "score", "div"],
+  [trial, "trial-review", "div"],
   [actions, "actions", "div"],
   [measuredPose, "measured-pose", "div"],
   [freeMovement, "free", "div"],

@@ -9,7 +9,8 @@ export function mount(root, api, { station, scene }) {
   const box = errorBox();
   const path = `/api/stations/${station.name}/view`;
   const button = (name, wanted, more = {}) => {
-    const made = h("button", { ...more, title: t(`view.${name}.title`), "data-view": name, onclick: () => once(made, box, () => api.post(path, wanted())) }, t(`view.${name}`));
+    const press = () => once(made, box, () => api.post(path, wanted()));
+    const made = h("button", { ...more, title: t(`view.${name}.title`), "data-view": name, onclick: press }, t(`view.${name}`));
     return made;
   };
   const mirror = button("mirror", () => ({ mirrored: !station.latest.mirrored }), { "aria-pressed": "false" });

@@ -93,8 +93,20 @@ def _perform(page: Page, task: str, name: str) -> None:
     shown(page.locator(".numbers dd"))
     keep_picture(page, f"station-{task}")
     shown(act(page, "accept"))
+    _review(page)
     act(page, "accept").click()
     expect(page.locator(f'[data-task="{task}"]')).to_contain_text(re.compile("done|1 of 3"))
+
+
+def _review(page: Page) -> None:
+    """Before a trial is kept: its frozen curve, three figures, what was wrong or that nothing was, and the movement once more."""
+    expect(page.locator(".trial-review tbody tr")).to_have_count(3)
+    shown(page.locator(".frozen canvas"))
+    shown(page.locator(".trial-review [role=status] p"))
+    keep_picture(page, "station-keep")
+    again = page.locator("[data-again]")
+    again.click()
+    expect(again).to_be_disabled()
 
 
 def _turn_the_view(page: Page) -> None:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from handscope.app.live import ghost
-from handscope.app.live.station import THUMB, Station
+from handscope.app.live.readouts.pose_fit import NOMINAL
+from handscope.app.live.station import Station
 from handscope.app.live.wizard import machine as wizard_machine
 from handscope.app.live.wizard.machine import (
     LATE,
@@ -18,11 +19,14 @@ from handscope.app.live.wizard.machine import (
 )
 from handscope.app.live.wizard.snapshot import wizard_snapshot
 from handscope.app.protocols import load_steps
+from handscope.estimators.alignment import inclined_hand
 from handscope.estimators.alignment.functional_movements import STEPS, CalibrationMovement
 from handscope.estimators.data.samples import Event
 from handscope.estimators.simulation.movements import functional_calibration
 from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
 from tests.app.live.wizard.test_machine import PROTOCOLS, READY, kinds, later
+
+POSE = inclined_hand.pose_angles(NOMINAL)
 
 PROTOCOL = load_steps()
 NAMES = list(STEPS)
@@ -148,9 +152,9 @@ def test_only_steps_whose_segments_are_measured_are_offered_and_none_without_any
 def test_the_ghost_shows_each_step_before_it_is_done() -> None:
     for name in NAMES:
         w = calibrating(task=name)
-        shown = ghost.ghost(w, THUMB, 0.0)
+        shown = ghost.ghost(w, POSE, 0.0)
         assert shown is not None
-        assert (ghost.ghost(w, THUMB, 1.4) == shown).all() == (len(PROTOCOL[name].ghost) == 1)
+        assert (ghost.ghost(w, POSE, 1.4) == shown).all() == (len(PROTOCOL[name].ghost) == 1)
 
 
 @pytest.mark.parametrize(

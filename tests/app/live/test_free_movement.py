@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from handscope.app.live import free_movement, ghost
-from handscope.app.live.station import THUMB, Station
+from handscope.app.live.readouts.pose_fit import NOMINAL
+from handscope.app.live.station import Station
 from handscope.app.live.wizard import machine as wizard_machine
 from handscope.app.live.wizard.machine import LATE, Action, NotNowError, State, Wizard
 from handscope.app.live.wizard.snapshot import wizard_snapshot
 from handscope.app.protocols import load_free
 from handscope.app.workers import self_calibration
 from handscope.app.workers.self_calibration import SelfCalibrationSolver
+from handscope.estimators.alignment import inclined_hand
 from handscope.estimators.data.calibration import PriorCalibration
 from handscope.estimators.data.samples import Event
 from handscope.sessions.clinic.self_calibrations import FoundCalibration
@@ -21,6 +23,8 @@ from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
 from tests.app.live.wizard.test_machine import PROTOCOLS, READY, kinds, later
 from tests.sessions.clinic.test_self_calibrations import found
 from tests.simulated import in_strips, loaded
+
+POSE = inclined_hand.pose_angles(NOMINAL)
 
 FREE = load_free()
 
@@ -101,13 +105,13 @@ def test_it_is_offered_where_hand_and_a_first_phalanx_are_measured_and_the_metho
 
 def test_the_ghost_shows_what_to_do_until_it_is_done() -> None:
     shown = [
-        ghost.ghost(ready(state=s), THUMB, t)
+        ghost.ghost(ready(state=s), POSE, t)
         for s in (State.FREE_READY, State.FREE_RUN)
         for t in (0.0, 2.5)
     ]
     assert all(angles is not None for angles in shown)
     assert not np.allclose(shown[0], shown[1])  # type: ignore[arg-type]
-    assert ghost.ghost(ready(state=State.FREE_WORK), THUMB, 0.0) is None
+    assert ghost.ghost(ready(state=State.FREE_WORK), POSE, 0.0) is None
 
 
 def test_only_lengths_of_another_glove_are_taken_over() -> None:

@@ -8,6 +8,7 @@ from handscope.app.live.station_scene import is_followed
 from handscope.app.live.tracking import Tracking
 from handscope.app.live.wizard.machine import State, Wizard
 from handscope.app.protocols import load_all
+from handscope.estimators.alignment import inclined_hand
 from handscope.estimators.hand.anatomy import FINGERS, FLEXION, JOINT
 from handscope.estimators.methods import m2
 from tests.simulated import DEG, INSTANT, in_strips
@@ -34,7 +35,7 @@ def test_in_the_pose_every_finger_fits_and_the_drawn_hand_lies_flat(
     assert {r["grade"] for r in rows} == {"good"}
     drawn = pose_fit.inclined_pose(followed_until["pose"], in_strips("left").mounting)
     assert drawn is not None
-    np.testing.assert_allclose(drawn[0], pose_fit.neutral_angles(), atol=3 * DEG)
+    np.testing.assert_allclose(drawn[0], inclined_hand.pose_angles(pose_fit.NOMINAL), atol=3 * DEG)
 
 
 def test_a_bent_finger_is_drawn_bent_before_anything_is_calibrated_and_fits_no_more(

@@ -1,0 +1,94 @@
+"""Before a trial is kept: its figures beside earlier ones, every finger that counts, marks, and what was wrong with it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from handscope.app.language import languages
+from handscope.app.live.readouts.trial_review import (
+    EarlierFigures,
+    localised_review,
+    problem_of,
+    review,
+)
+from handscope.app.protocols import load_all
+from handscope.app.results.quantity_curve import value_of
+from handscope.estimators.data.samples import Block
+from handscope.estimators.hand.anatomy import FINGERS
+from handscope.estimators.hand.geometry import sized
+from handscope.estimators.simulation.scenario import Simulated, simulate
+from handscope.estimators.simulation.sensors import IDEAL
+
+PROTOCOLS = load_all()
+NOTHING = EarlierFigures()
+
+
+@pytest.fixture(scope="module")
+def fist() -> Simulated:
+    return simulate(
+        ["initial_pose", "rom_fist"], "left", sized("left"), np.random.default_rng(3), IDEAL
+    )
+
+
+def trial_of(made: Simulated) -> tuple[float, float, tuple[tuple[float, float], ...]]:
+    (task,) = [e for e in made.events if e.trial_type == "task"]
+    return task.onset, task.end, ()
+
+
+def test_a_fist_shows_all_four_fingers_three_figures_and_a_mark_a_movement(
+    fist: Simulated,
+) -> None:
+    earlier = EarlierFigures(
+        last={("range_of_motion", "rom_fist", "index_pip_flexion_max"): (1.0, "rad")}
+    )
+    blocks = list(fist.samples.values())
+    protocol = replace(PROTOCOLS["rom_fist"], duration=None)
+    found = review(
+        fist.truth, blocks, protocol, "index_pip_flexion", trial_of(fist), sized("left"), earlier
+    )
+    assert [c["what"].split("_")[0] for c in found["curves"]] == list(FINGERS[1:])
+    assert [f["finger"] for f in found["fingers"]] == list(FINGERS[1:])
+    assert len(found["marks"]) == 3 and found["problem"] is None
+    first = found["figures"][0]
+    assert len(found["figures"]) == 3 and first["figure"] == "index_pip_flexion_max"
+    assert first["last"] == pytest.approx(np.degrees(1.0)) and first["other"] is None
+    words = localised_review(found, languages()["de"])
+    assert words is not None and words["figures"][0]["last"] == "57°"
+
+
+def without_some(block: Block, share: float) -> Block:
+    """The block with this share of its samples missing."""
+    kept = np.arange(len(block.t)) >= share * len(block.t)
+    return Block(block.stream, block.t[kept], block.values[kept])
+
+
+@pytest.mark.parametrize(
+    ("share", "length", "repetitions", "kind"),
+    [
+        (0.0, None, 3, None),
+        (0.3, None, 3, "lost"),
+        (0.0, 60.0, 3, "early"),
+        (0.0, None, 5, "few"),
+    ],
+)
+def test_what_was_wrong_is_said_the_gravest_alone(
+    fist: Simulated, share: float, length: float | None, repetitions: int, kind: str | None
+) -> None:
+    onset, end, _ = trial_of(fist)
+    blocks = [without_some(b.between(onset, end), share) for b in fist.samples.values()]
+    protocol = replace(PROTOCOLS["rom_fist"], duration=length, repetitions=repetitions)
+    values = value_of(fist.truth.between(onset, end), "index_pip_flexion")
+    problem = problem_of(blocks, protocol, "index_pip_flexion", values, (onset, end, ()))
+    assert (problem and problem["kind"]) == kind
+    if kind == "lost":
+        assert problem is not None and problem["percent"] == pytest.approx(100 * share, abs=2)
+
+
+def test_a_movement_that_could_not_be_followed_is_said(fist: Simulated) -> None:
+    onset, end, _ = trial_of(fist)
+    blocks = [b.between(onset, end) for b in fist.samples.values()]
+    problem = problem_of(
+        blocks, PROTOCOLS["tapping"], "aperture", np.full(100, np.nan), (onset, end, ())
+    )
+    assert problem == {"kind": "unknown", "percent": 100}
