@@ -12,7 +12,7 @@ const COLUMNS = ["now", "last", "other"];
 export function mount(root, api, { station, strip }) {
   const box = errorBox();
   const path = `/api/stations/${station.name}/trial`;
-  const again = h("button", { class: "large", "data-again": true, onclick: () => once(again, box, () => api.post(`${path}/replays`, {})) });
+  const again = h("button", { "data-again": true, onclick: () => once(again, box, () => api.post(`${path}/replays`, {})) });
   const wrong = h("div", { role: "status" });
   const table = h("div", {});
   const frozen = h("div", { class: "frozen", hidden: true });
@@ -76,7 +76,8 @@ function figures({ figures: rows, fingers }) {
   const shown = COLUMNS.filter((name) => name === "now" || rows.some((row) => row[name] !== null));
   const head = h("tr", {}, h("td", {}), shown.map((name) => h("th", { scope: "col" }, t(`trial.${name}`))));
   const cell = (row, name) => h("td", {}, (name === "now" ? row.value : row[name]) ?? t("trial.none"));
-  const body = rows.map((row) => h("tr", {}, h("th", { scope: "row" }, row.label), shown.map((name) => cell(row, name))));
+  const label = (row) => h("th", { scope: "row" }, row.end ? t(`trial.${row.end}`) : row.label);
+  const body = rows.map((row) => h("tr", {}, label(row), shown.map((name) => cell(row, name))));
   const far = ({ finger, what, value }) => h("div", {}, h("dt", {}, t(`finger.${finger}`)), h("dd", {}, valueWords(what, value)));
   const furthest = fingers.map(far);
   return h(

@@ -74,7 +74,7 @@ def review(
         "curve": curve,
         **_curves(shown, curve),
         "marks": [round(float(t), 3) for t in _marks(shown.t, values, curve)],
-        "figures": [_figure(r, f, earlier) for r, f in select_figures(results, curve)],
+        "figures": [_figure(r, f, curve, earlier) for r, f in select_figures(results, curve)],
         "fingers": _fingers(results, curve),
         "problem": problem_of(blocks, protocol, curve, values, trial),
     }
@@ -164,7 +164,9 @@ def _marks(t: np.ndarray, values: np.ndarray, curve: str) -> np.ndarray:
     return np.array([t[a + int(np.nanargmax(values[a:b]))] for a, b in stays])
 
 
-def _figure(result: TaskResult, figure: Figure, earlier: EarlierFigures) -> dict[str, Any]:
+def _figure(
+    result: TaskResult, figure: Figure, curve: str, earlier: EarlierFigures
+) -> dict[str, Any]:
     key = (result.measure, result.task, figure.name)
     read = reading(figure)
     beside = {
@@ -175,6 +177,7 @@ def _figure(result: TaskResult, figure: Figure, earlier: EarlierFigures) -> dict
         "figure": figure.name,
         "part": figure.part,
         "what": figure.what,
+        "end": figure.name.removeprefix(f"{curve}_") if figure.name.startswith(f"{curve}_") else "",
         "unit": read.unit,
         "value": read.value,
         "sd": None if figure.sd is None else reading(_with(figure, figure.sd)).value,
@@ -226,6 +229,7 @@ def _figure_words(f: Mapping[str, Any], language: Language) -> dict[str, Any]:
     return {
         "label": named(figure, language),
         "grade": f["grade"],
+        "end": f["end"],
         **{name: words(f[name]) for name in ("value", "sd", "last", "other")},
     }
 

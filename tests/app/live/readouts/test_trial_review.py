@@ -52,6 +52,7 @@ def test_a_fist_shows_all_four_fingers_three_figures_and_a_mark_a_movement(
     assert len(found["marks"]) == 3 and found["problem"] is None
     first = found["figures"][0]
     assert len(found["figures"]) == 3 and first["figure"] == "index_pip_flexion_max"
+    assert [f["end"] for f in found["figures"]] == ["max", "min", "range"]
     assert first["last"] == pytest.approx(np.degrees(1.0)) and first["other"] is None
     words = localised_review(found, languages()["de"])
     assert words is not None and words["figures"][0]["last"] == "57°"
