@@ -20,6 +20,7 @@ VERBS = {
     "backup": "everything in the data folder as one checked file, while the server runs",
     "restore": "put a backup into an empty data folder",
     "backup-key": "make the key of encrypted backups, and seal backups for another one",
+    "data-key": "make the key that seals a data folder, seal what lies there, change the key",
     "glove": "a virtual glove behind a pseudo-terminal",
     "record": "record a glove without the pages, with the live tracker running",
     "doctor": "who is at a port, and is it well? ends in pass or in what to mend",

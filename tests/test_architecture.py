@@ -80,7 +80,7 @@ LEVELS = {  # a package imports packages of lower levels only
         ),
     ),
     "handscope.sessions": (
-        "db tables_io",
+        "db tables_io sealing",
         "wire",
         "files",
         "motion_bids table_import",

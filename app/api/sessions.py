@@ -12,7 +12,7 @@ from anyio import to_thread
 from fastapi import APIRouter, Form, UploadFile
 from pydantic import Field
 from sqlalchemy.orm import Session
-from starlette.responses import FileResponse
+from starlette.responses import FileResponse, Response, StreamingResponse
 
 from handscope.app.api.answers import (
     CorrectionRow,
@@ -47,7 +47,9 @@ from handscope.sessions.clinic.self_calibrations import FoundCalibration
 from handscope.sessions.db.plain_text import require_plain
 from handscope.sessions.db.tables import Correction, PatientSession, RecordingFile, Result, now
 from handscope.sessions.files import native
+from handscope.sessions.sealing.stored import is_sealed, open_stored
 from handscope.sessions.store import crash_repair, records, stored_files, visit_facts
+from handscope.sessions.store.archive_entries import pieces_of
 from handscope.sessions.store.visit_facts import TrunkHeight
 
 router = APIRouter(tags=["sessions"], dependencies=[requires_role(CLINICIAN)])
@@ -311,11 +313,17 @@ def undo_correction(db: Db, parts: PartsDep, correction_id: int) -> dict[str, An
 @router.get(
     "/recordings/{recording_id}/file", dependencies=[requires_role(CLINICIAN, does="exported")]
 )
-def download_recording(db: Db, parts: PartsDep, recording_id: int) -> FileResponse:
+def download_recording(db: Db, parts: PartsDep, recording_id: int) -> Response:
     """The recording file, byte for byte."""
     file = _closed(db, recording_id)
     path = stored_files.fetch_local(parts.store, file.file, file.sha256)
-    return FileResponse(path, filename=f"session-{file.session_id}-recording{path.suffix}")
+    name = f"session-{file.session_id}-recording{path.suffix}"
+    if not is_sealed(path):
+        return FileResponse(path, filename=name)
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return StreamingResponse(
+        pieces_of(open_stored(path)), media_type="application/octet-stream", headers=headers
+    )
 
 
 def queue_session(

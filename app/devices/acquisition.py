@@ -187,15 +187,19 @@ def main() -> int:
         return 2
     order = json.loads(frame[2])
     try:
-        recorder = Recorder(Path(order["recording"]), order["metadata"], time.monotonic_ns() * 1e-9)
-    except OSError as problem:
+        recorder = Recorder(
+            Path(order["recording"]),
+            order["metadata"],
+            time.monotonic_ns() * 1e-9,
+            stored=order.get("stored", False),
+        )
+    except (OSError, InputError) as problem:
+        reason = getattr(problem, "strerror", None) or str(problem)
         write_frame(
             out,
             Kind.STATE,
             time.monotonic_ns() * 1e-9,
-            json.dumps(
-                {"state": "recording_failed", "reason": problem.strerror, "dropped": 0}
-            ).encode(),
+            json.dumps({"state": "recording_failed", "reason": reason, "dropped": 0}).encode(),
         )
         return 1
     Acquisition(order["port"], recorder, out).run(commands)

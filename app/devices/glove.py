@@ -47,7 +47,10 @@ class Glove:
         recording: Path,
         metadata: Mapping[str, Any],
         on_blocks: Callable[[list[Block]], object],
+        stored: bool = False,
     ) -> None:
+        """A recording that is `stored` lies in a data folder: sealed where there is a key (sessions/sealing)."""
+        self._stored = stored
         self.recording, self._port, self._metadata, self._on_blocks = (
             recording,
             port,
@@ -78,6 +81,7 @@ class Glove:
                     "port": self._port,
                     "recording": str(self.recording),
                     "metadata": dict(self._metadata),
+                    "stored": self._stored,
                 }
             ).encode(),
         )

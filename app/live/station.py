@@ -108,7 +108,7 @@ class Station:
         self.hand_position = HandPositionReadout()
         self.trial = TrialReview(self.tracking, setup.geometry, setup.earlier)
         self.grasp = GraspEstimator(self.tracking)
-        self.glove = Glove(setup.port, setup.recording, about, self._feed)
+        self.glove = Glove(setup.port, setup.recording, about, self._feed, stored=True)
         self.outlets = Outlets(
             open_outlets(
                 setup.outlets, setup.hand, str(setup.session), setup.method_name, self.glove.now

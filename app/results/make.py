@@ -44,11 +44,11 @@ from handscope.sessions.db.full_disk import FULL, is_full
 from handscope.sessions.db.tables import Result
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import derivative
+from handscope.sessions.sealing.stored import open_stored, read_stored, write_stored
 from handscope.sessions.store import records, stored_files
 from handscope.sessions.store.store import Store
 from handscope.sessions.tables_io.number_table import Data
 from handscope.sessions.tables_io.trajectory_table import measured_segments
-from handscope.sessions.tables_io.writing import save_file
 
 LOOK, STEP = 0.5, 0.05  # s, share: how often progress is stored
 REPLAY_RATE = 60.0  # Hz of the trajectory stored for replay and curves
@@ -270,7 +270,7 @@ def save_replay(store: Store, result_id: int, trajectory: Trajectory) -> None:
     )
     path = store.path_of(replay_file(result_id))
     path.parent.mkdir(exist_ok=True)
-    save_file(buffer.getvalue(), path)
+    write_stored(buffer.getvalue(), path)
 
 
 def load_replay(store: Store, result: Result) -> dict[str, Any]:
@@ -316,14 +316,14 @@ def save_report(
         report_content = replace(
             report_content, self_calibration=self_calibration.reused_form(earlier, reused["parts"])
         )
-    save_file(pack(report_content), store.path_of(report_file(result.id)))
+    write_stored(pack(report_content), store.path_of(report_file(result.id)))
     return report_content
 
 
 def load_report(store: Store, result: Result) -> Content:
     """The report's content for the recording, without a visit; made again where its file is missing or outdated."""
     path = stored_files.fetch_local(store, report_file(result.id))
-    if path.exists() and (report_content := unpack(path.read_bytes())) is not None:
+    if path.exists() and (report_content := unpack(read_stored(path))) is not None:
         return report_content
     recording, processed = process_result(store, result)
     return save_report(
@@ -334,7 +334,7 @@ def load_report(store: Store, result: Result) -> Content:
 @lru_cache(maxsize=4)
 def _read(path: Path, written: int) -> dict[str, Any]:
     """Cached, since a page asks for one curve after the other; ten minutes are 10 MB."""
-    with np.load(path) as arrays:
+    with open_stored(path) as file, np.load(file) as arrays:
         return {name: arrays[name] for name in arrays.files}
 
 

@@ -18,6 +18,7 @@ from handscope.estimators.hand.geometry import measures_from, sized
 from handscope.sessions.files.recorder import FORMAT_VERSION
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.files.recording_file import Findings, read_messages
+from handscope.sessions.sealing.stored import open_stored
 from handscope.sessions.tables_io import force_calibrations
 from handscope.sessions.wire.assembly import Assembler
 from handscope.sessions.wire.messages import Identity
@@ -41,7 +42,7 @@ def read(path: Path) -> Contents:
     """Everything in the file up to its end, its cut or its damage; InputError where it is no recording of ours."""
     contents = Contents()
     try:
-        with path.open("rb") as file:
+        with open_stored(path) as file:
             for topic, message in read_messages(file, contents.file):
                 store_message(contents, topic, message)
     except OSError as problem:
@@ -110,9 +111,12 @@ def load(path: Path, hand: Hand | None = None, correct: bool = True) -> LoadedRe
 
 
 def file_checksum(path: Path) -> str:
-    """sha256 of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    """sha256 of a file, of what is in it where it is sealed."""
+    total = hashlib.sha256()
+    with open_stored(path) as file:
+        while piece := file.read(2**20):
+            total.update(piece)
+    return total.hexdigest()
 
 
 class _Parts:

@@ -23,6 +23,7 @@ from mcap.records import Channel, Chunk, DataEnd, Footer, Header, McapRecord, Me
 from mcap.writer import MCAP0_MAGIC
 
 from handscope.estimators.data.events import Event
+from handscope.sessions.sealing.stored import create_stored
 
 try:
     import fcntl
@@ -60,9 +61,13 @@ class Recorder:
         now: float,
         utc: datetime | None = None,
         file: IO[bytes] | None = None,
+        stored: bool = False,
     ) -> None:
-        """`now` is the host's monotonic clock in s, the clock of every `arrival`; `file` replaces the opened path in tests."""
-        self._file = file if file is not None else _create_locked(path)
+        """`now` is the host's monotonic clock in s, the clock of every `arrival`; `file` replaces the opened path in tests.
+
+        One that is stored in a data folder is sealed where this process has a key (sessions/sealing).
+        """
+        self._file = file if file is not None else _create_locked(path, stored)
         self._began, self._utc = now, utc or datetime.now(UTC)
         self._synced = self._newest = self._checkpointed = now
         self._number = 0
@@ -193,8 +198,8 @@ def is_being_written(path: Path) -> bool:
     return False
 
 
-def _create_locked(path: Path) -> IO[bytes]:
-    file = path.open("xb", buffering=BUFFER)
+def _create_locked(path: Path, stored: bool) -> IO[bytes]:
+    file = create_stored(path, BUFFER) if stored else path.open("xb", buffering=BUFFER)
     if fcntl is not None:
         with contextlib.suppress(OSError):  # a file system without locks
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -14,6 +14,7 @@ from handscope.estimators.data.samples import Event, Stream
 from handscope.sessions.files.native import Contents, store_message
 from handscope.sessions.files.recorder import CHECKPOINT, FORMAT_VERSION
 from handscope.sessions.files.recording_file import Findings, find_last_chunk, read_messages
+from handscope.sessions.sealing.stored import open_stored
 from handscope.sessions.wire.assembly import Assembler
 
 WINDOW = 2**20  # bytes at the end that are looked through first
@@ -34,7 +35,7 @@ class RecordingEnds:
 
 def read_ends(path: Path) -> RecordingEnds | None:
     """None where the ends do not tell enough, and the recording must be read whole."""
-    with path.open("rb") as file:
+    with open_stored(path) as file:
         at = _find_checkpoint(file)
         return None if at is None else _read_from(file, at)
 

@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.geometry import measures_from
 from handscope.sessions.db.tables import HandPhotograph, Patient
+from handscope.sessions.sealing.stored import seal_bytes, unseal_bytes
 
 
 def store(
@@ -22,7 +23,7 @@ def store(
 ) -> HandPhotograph:
     """Keep what a photograph told: `geometry` (HandGeometry, m), `initial_pose` (columns of the event, deg)."""
     measures_from(figures["geometry"])
-    kept = None if picture is None else b64encode(picture).decode()
+    kept = None if picture is None else b64encode(seal_bytes(picture)).decode()
     made = HandPhotograph(
         hand=hand, marks=dict(marks), figures=dict(figures), version=version, picture=kept
     )
@@ -47,4 +48,4 @@ def remove(db: Session, photograph_id: int) -> None:
 
 def picture_of(photograph: HandPhotograph) -> bytes | None:
     """The JPEG, where it was kept."""
-    return None if photograph.picture is None else b64decode(photograph.picture)
+    return None if photograph.picture is None else unseal_bytes(b64decode(photograph.picture))

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 
 from handscope.estimators.errors import InputError
+from handscope.sessions.sealing.stored import open_stored
 
 MOST_FILES = 10_000
 MOST_BYTES = (
@@ -28,7 +29,7 @@ def open_files(path: Path) -> Files:
     if not path.exists():
         raise InputError("motion_bids.does_not_exist", name=str(path))
     if not _is_zip(path):
-        with path.open("rb") as file:
+        with open_stored(path) as file:
             begins_like_zip = file.read(4) == b"PK\x03\x04"
         if begins_like_zip:
             raise InputError("motion_bids.zip_cut_off", name=path.name)
@@ -53,7 +54,8 @@ def checksum(files: Files) -> str:
 
 def _is_zip(path: Path) -> bool:
     try:
-        return zipfile.is_zipfile(path)
+        with open_stored(path) as file:
+            return zipfile.is_zipfile(file)
     except zipfile.BadZipFile:  # one that names further disks
         return False
 
@@ -76,7 +78,7 @@ def _of_file(path: Path) -> Iterator[bytes]:
 
 def _zip(path: Path) -> dict[str, Pieces]:
     try:
-        with zipfile.ZipFile(path) as archive:
+        with open_stored(path) as file, zipfile.ZipFile(file) as archive:
             entries = [
                 entry for entry in archive.infolist() if not entry.filename.endswith("/")
             ]  # is_dir() fails on a name without a letter
@@ -125,7 +127,11 @@ def _refuse_tricks(name: str, entries: list[zipfile.ZipInfo]) -> None:
 def _unpacked(path: Path, entry: zipfile.ZipInfo) -> Iterator[bytes]:
     length = 0
     try:
-        with zipfile.ZipFile(path) as archive, archive.open(entry) as file:
+        with (
+            open_stored(path) as stored,
+            zipfile.ZipFile(stored) as archive,
+            archive.open(entry) as file,
+        ):
             for piece in iter(partial(file.read, PIECE), b""):
                 length += len(piece)
                 if length > entry.file_size:

@@ -12,6 +12,7 @@ import json
 import os
 import shutil
 import struct
+import tempfile
 import time
 import zipfile
 import zlib
@@ -28,8 +29,12 @@ from handscope.sessions.clinic import audit
 from handscope.sessions.db.tables import now
 from handscope.sessions.files import object_storage
 from handscope.sessions.files.object_storage import MARK, ObjectStorage, find_attached
+from handscope.sessions.sealing.keys import SEALED_MARK
+from handscope.sessions.sealing.rotation import SEALED
+from handscope.sessions.sealing.stored import create_stored, is_sealing, open_stored, unsealed
 from handscope.sessions.store import database_dump, sealed_files
 from handscope.sessions.store.archive_entries import (
+    PIECE,
     pieces_of,
     read_entry,
     require_checksum,
@@ -47,6 +52,7 @@ PASSING = (
     "address",
     CACHE,
     MARK,
+    SEALED_MARK,
     FILE,
     f"{FILE}-wal",
     f"{FILE}-shm",
@@ -86,6 +92,8 @@ def write(
     """
     if url is None and not (folder / FILE).is_file():
         raise InputError("backup.no_data", folder=str(folder))
+    if is_sealing() and not recipients:
+        raise InputError("sealing.backup_needs_recipient")
     if target.exists():
         raise InputError("backup.exists", target=str(target))
     if target.absolute().is_relative_to(folder.absolute()):
@@ -98,9 +106,7 @@ def write(
     try:
         partial.parent.mkdir(mode=0o700, exist_ok=True)
         for _ in range(TRIES):
-            with os.fdopen(
-                os.open(partial, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600), "w+b"
-            ) as out:
+            with _create(partial) as out:
                 stored, made = _archive(engine, folder, software, out)
                 out.flush()
                 os.fsync(out.fileno())
@@ -248,6 +254,14 @@ def _snapshot(engine: Engine) -> Iterator[Connection]:
             connection.exec_driver_sql("PRAGMA wal_checkpoint(TRUNCATE)")
 
 
+def _create(partial: Path) -> IO[bytes]:
+    """The file of a backup that is being made; what is made in a sealed data folder is sealed, too."""
+    partial.unlink(missing_ok=True)
+    if is_sealing():
+        return create_stored(partial, PIECE)
+    return os.fdopen(os.open(partial, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600), "w+b")
+
+
 def _recordings(connection: Connection) -> dict[str, str | None]:
     """Names of the recordings' files with their checksums; None while one is being written."""
     return {
@@ -288,12 +302,15 @@ def _object_names(away: ObjectStorage | None) -> list[str]:
 def _stored_pieces(folder: Path, away: ObjectStorage | None, name: str) -> Iterator[bytes]:
     """A file's bytes from where it is: it may leave the folder for its cache, and that for good, at any moment."""
     for place in (folder, folder / CACHE):
-        with contextlib.suppress(FileNotFoundError), (place / name).open("rb") as file:
+        with contextlib.suppress(FileNotFoundError), open_stored(place / name) as file:
             yield from pieces_of(file)
             return
     if away is None:
         raise FileNotFoundError(name)
-    yield from object_storage.pieces(away, name)
+    with tempfile.TemporaryFile(dir=folder / "incoming") as held:
+        held.writelines(object_storage.pieces(away, name))
+        held.seek(0)
+        yield from pieces_of(unsealed(held, name))
 
 
 def _put(
@@ -312,7 +329,7 @@ def _put(
 
 
 def _verify(path: Path) -> None:
-    with zipfile.ZipFile(path) as archive:
+    with open_stored(path) as file, zipfile.ZipFile(file) as archive:
         if (bad := archive.testzip()) is not None:
             raise InputError("backup.not_read_back", bad=bad)
 
@@ -322,7 +339,7 @@ def _open(source: Path) -> Iterator[zipfile.ZipFile]:
     if sealed_files.is_sealed(source):
         raise InputError("backup.sealed", source=str(source))
     try:
-        with zipfile.ZipFile(source) as archive:
+        with open_stored(source) as file, zipfile.ZipFile(file) as archive:
             yield archive
     except DAMAGED as problem:
         raise InputError("backup.damaged", source=str(source), problem=str(problem)) from None
@@ -369,10 +386,17 @@ def _unpack(
             require_checksum(name, entry, read_entry(archive, name))
         else:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("xb") as target:
+            with _open_new(name, path) as target:
                 require_checksum(name, entry, write_pieces(read_entry(archive, name), target))
         done += entry["bytes"]
         progress(done / whole)
+
+
+def _open_new(name: str, path: Path) -> IO[bytes]:
+    """The place of a file that is restored; sealed where this process seals, and what is its like."""
+    if name.split("/")[0] in SEALED:
+        return create_stored(path, PIECE)
+    return path.open("xb")
 
 
 def _fill(engine: Engine, lines: Iterable[bytes]) -> None:

@@ -23,6 +23,7 @@ from handscope.sessions.clinic import patients
 from handscope.sessions.db.tables import Base, PatientSession, RecordingFile, now
 from handscope.sessions.hand_photographs import photographs
 from handscope.sessions.motion_bids import writer
+from handscope.sessions.sealing.stored import open_stored
 from handscope.sessions.store import records, stored_files
 from handscope.sessions.store.store import Store
 from handscope.sessions.tables_io.number_table import pieces
@@ -170,6 +171,6 @@ def _json(value: Mapping[str, Any]) -> list[bytes]:
 
 
 def _pieces(path: Path) -> Iterator[bytes]:
-    with path.open("rb") as file:
+    with open_stored(path) as file:
         while piece := file.read(PIECE):
             yield piece

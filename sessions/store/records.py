@@ -1,6 +1,5 @@
 """Sessions and their recordings: begun live, or made from an uploaded file."""
 
-import shutil
 import time
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
@@ -21,6 +20,7 @@ from handscope.sessions.files import native
 from handscope.sessions.files.recorder import is_being_written
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings as formats_recordings
+from handscope.sessions.sealing.stored import store_file
 from handscope.sessions.store import stored_files
 from handscope.sessions.store.store import Store
 
@@ -101,7 +101,7 @@ def store_upload(
     fleeting = ErasedFile(file=place)
     db.add(fleeting)
     db.commit()
-    shutil.move(upload, store.path_of(place))
+    store_file(upload, store.path_of(place))
     try:
         moment = now()
         session = PatientSession(

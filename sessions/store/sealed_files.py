@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from handscope.estimators.errors import InputError
+from handscope.sessions.sealing.stored import create_stored, open_stored
 
 MAGIC = b"age-encryption.org/"
 ENDING = ".age"
+BUFFER = 2**20  # bytes written at a time
 MISSING = 'encryption is not installed; install it with pip install "handscope[encryption]"'
 
 
@@ -33,18 +35,20 @@ def seal(source: Path, target: Path, recipients: Sequence[str]) -> None:
     except pyrage.RecipientError:
         raise InputError("sealed.recipient_form") from None
     os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600))
-    pyrage.encrypt_file(str(source), str(target), known)
-    with target.open("rb") as file:
-        os.fsync(file.fileno())
+    with open_stored(source) as file, target.open("r+b") as out:
+        pyrage.encrypt_io(file, out, known)
+        out.flush()
+        os.fsync(out.fileno())
 
 
 def unseal(source: Path, target: Path, keys: Sequence[Path]) -> None:
-    """Open a sealed file into another; InputError where no key fits, or the file was changed."""
+    """Open a sealed file into another, new and private, sealed by a data key where this process has one; InputError where no key fits, or the file was changed."""
     pyrage = _library()
     identities = [identity for file in keys for identity in _read_keys(file)]
-    os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600))
+    target.unlink(missing_ok=True)
     try:
-        pyrage.decrypt_file(str(source), str(target), identities)
+        with source.open("rb") as file, create_stored(target, BUFFER) as out:
+            pyrage.decrypt_io(file, out, identities)
     except pyrage.DecryptError as problem:
         target.unlink(missing_ok=True)
         raise InputError("sealed.key_does_not_open", source=str(source), problem=problem) from None

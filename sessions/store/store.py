@@ -15,6 +15,7 @@ from handscope.sessions.clinic import notes, repeatability
 from handscope.sessions.db.tables import ErasedFile
 from handscope.sessions.files import object_storage
 from handscope.sessions.files.object_storage import ObjectStorage
+from handscope.sessions.sealing.keys import mark_sealed
 from handscope.sessions.store.database import RESTORING, open_database
 from handscope.sessions.store.folder_privacy import keep_private, mend_permissions
 
@@ -102,6 +103,7 @@ def open_store(folder: Path, url: str | None = None, recordings: str | None = No
     for leftover in (folder / "incoming").iterdir():
         leftover.unlink() if leftover.is_file() else shutil.rmtree(leftover, ignore_errors=True)
     _require_writable(folder)
+    mark_sealed(folder)
     mend_permissions(folder)
     if recordings is not None:
         object_storage.attach(folder, recordings)

@@ -5,6 +5,7 @@ A file is written into the data folder and read from there. Where an object stor
 """
 
 import contextlib
+import hashlib
 import logging
 import os
 import time
@@ -21,6 +22,7 @@ from handscope.sessions.db.tables import ErasedFile, RecordingFile, Result
 from handscope.sessions.files import object_storage
 from handscope.sessions.files.native import file_checksum
 from handscope.sessions.files.object_storage import UnreachableError
+from handscope.sessions.sealing.stored import is_sealed
 from handscope.sessions.store.store import AWAY, CACHE, FREE, Store, free_bytes
 
 log = logging.getLogger(__name__)
@@ -111,7 +113,7 @@ def _move_file(store: Store, file: str, sha256: str | None) -> bool:
                 sha256,
             )
             return False
-        if object_storage.put(store.away, file, path) != total:
+        if object_storage.put(store.away, file, path) != (_sum_as_it_lies(path) or total):
             raise UnreachableError(
                 f"the object storage {store.away.url} did not give back what was put there; it is tried again"
             )
@@ -123,6 +125,14 @@ def _move_file(store: Store, file: str, sha256: str | None) -> bool:
     except FileNotFoundError:  # erased: the next round removes it there
         return False
     return True
+
+
+def _sum_as_it_lies(path: Path) -> str:
+    """sha256 of a sealed file's own bytes, which go to the storage; "" where it is not sealed."""
+    if not is_sealed(path):
+        return ""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _list_closed(store: Store) -> list[tuple[str, str | None]]:

@@ -65,6 +65,7 @@ SIMULATED = {"numba", "numpy", "scipy.interpolate", "scipy.optimize", "scipy.spe
 SERVERS = {"demo", "serve"}  # they import nearly everything
 MAY = {  # what each other verb may import; nothing heavy where it is not here
     **dict.fromkeys(("account", "ward", "audit", "login", "backup", "restore"), OFFICE),
+    "data-key": OFFICE | {"mcap"},
     **dict.fromkeys(("process", "info"), OFFLINE),
     **dict.fromkeys(("assess", "export"), FIGURES),
     **dict.fromkeys(("record", "doctor"), OFFLINE | {"serialx"}),

@@ -21,9 +21,9 @@ def _movement() -> list[tuple[bytes, float]]:
     return list(zip(frames(m.message for m in sent), (m.arrival for m in sent)))
 
 
-def write_left_open(path: Path, minutes: float, close: bool = False) -> None:
+def write_left_open(path: Path, minutes: float, close: bool = False, stored: bool = False) -> None:
     """A movement, then minutes of what the glove was told, and a task at the end; not closed: the program was killed."""
-    recorder = Recorder(path, {"hand": "left"}, 99.0)
+    recorder = Recorder(path, {"hand": "left"}, 99.0, stored=stored)
     with recorder.together():
         for chunk, arrival in _movement():
             recorder.write(chunk, arrival)
