@@ -96,7 +96,8 @@ def _is_cut_off(block: Block, values: NDArray[np.float64], run: tuple[int, int])
         following = steps[last + 1 : last + 1 + FOLLOWING]
         return bool(len(following) and steps[last] > JUMP * np.median(following))
     beside = [*([steps[first - 1]] if first else ()), *steps[last : last + 1]]
-    return bool(min(beside, default=0.0) > SMOOTH * np.median(steps[steps > 0]))
+    moving = steps[steps > 0]
+    return bool(len(moving) and min(beside, default=0.0) > SMOOTH * np.median(moving))
 
 
 def _repeats(values: NDArray[np.float64]) -> NDArray[np.bool_]:

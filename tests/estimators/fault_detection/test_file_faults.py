@@ -62,6 +62,15 @@ def test_a_rest_without_noise_is_no_frozen_stretch():
     assert frozen_stretches(list(made.blocks())) == []
 
 
+def test_a_sensor_without_noise_that_rests_throughout_is_judged_without_a_warning():
+    made = simulate(["rest"], "left", sized("left"), np.random.default_rng(1), IDEAL)
+    blocks = [
+        replace(block, values=np.broadcast_to(block.values[:1], block.values.shape))
+        for block in made.blocks()
+    ]
+    frozen_stretches(blocks)
+
+
 def swinging(held: slice = slice(0)) -> list[Block]:
     """Orientations without noise of a hand that rests, swings twice and rests, one stretch held."""
     t = np.arange(0.0, 9.0, 0.01)
