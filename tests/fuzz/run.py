@@ -69,6 +69,9 @@ def main() -> int:
 def _fuzz(name: str, seconds: int, corpus: Path) -> int:
     import atheris  # no dependency: there is none for Windows
 
+    from handscope.app.compile_kernels import load_kernels  # numba cannot translate what is traced
+
+    load_kernels()
     with atheris.instrument_imports(include=INSTRUMENTED):
         from tests.fuzz import targets
     begin = corpus / name
