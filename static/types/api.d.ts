@@ -372,6 +372,12 @@ export interface StationRow {
   kind: string;
 }
 
+/** From which side the hand is to be seen; `fit` keeps the side. With `mirrored` the picture is mirrored or not, and the side stays. */
+export interface StationView {
+  side?: "own" | "front" | "back" | "thumb" | "little" | "palm" | "fit";
+  mirrored?: boolean | null;
+}
+
 /** A login that waits for its second factor. */
 export interface Ticket {
   ticket: string;
