@@ -9,8 +9,9 @@ from handscope.app.devices.ports import open_port
 from handscope.estimators.errors import InputError
 from handscope.estimators.sensors.imu_calibration import ImuCalibration
 from handscope.sessions.wire import messages as wire
-from handscope.sessions.wire.assembly import Assembler, correction_of, message_of
+from handscope.sessions.wire.assembly import Assembler
 from handscope.sessions.wire.framing import Encoder
+from handscope.sessions.wire.strip_calibration import correction_of, message_of
 
 ANSWER = 2.0  # s that a reply may take: a page of flash is erased in less than 0.1
 

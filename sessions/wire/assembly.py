@@ -14,14 +14,7 @@ import numpy as np
 
 from handscope.estimators.data.magnet_declaration import Plate
 from handscope.estimators.data.samples import (
-    COMPONENTS,
     FORCE,
-    FORCE_POINTS,
-    GYR,
-    MAG,
-    ORIENTATION,
-    SATURATION,
-    TORQUE,
     Block,
     Event,
     Stream,
@@ -29,8 +22,6 @@ from handscope.estimators.data.samples import (
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.sensors import imu_calibration
-from handscope.estimators.sensors.imu_calibration import CALIBRATED, Correction, ImuCalibration
 from handscope.sessions.tables_io.force_calibrations import StoredSetups
 from handscope.sessions.wire import force_calibration
 from handscope.sessions.wire.clock_mapping import ClockMap
@@ -49,18 +40,20 @@ from handscope.sessions.wire.messages import (
     Strip,
     StripCalibration,
 )
-from handscope.sessions.wire.sample_values import decode_values, has_expected_size
+from handscope.sessions.wire.sample_values import has_expected_size
+from handscope.sessions.wire.stream_reading import (
+    Burst,
+    Reading,
+    describe_stream,
+    make_reading,
+    name_of,
+    samples_of,
+)
+from handscope.sessions.wire.strip_calibration import correction_of
 
 NS = 1e-9
 SET_BACK = 0.1  # s; as much may a better map of a foreign clock set a burst back: its samples are squeezed together, not dropped
 WAITING = 512  # bursts kept while their stream is not described yet: about 2 s of 17 sensors
-KINDS = {
-    GYR: "",
-    MAG: "_mag",
-    FORCE: "_force",
-    TORQUE: "_torque",
-    ORIENTATION: "_orientation",
-}  # behind the strip's name, by the first of these that a stream gives
 
 
 @dataclass
@@ -112,7 +105,7 @@ class Assembler:
         default_factory=ClockMap
     )  # base unit's clock to the host's arrival times, s
     _announced: dict[int, Strip] = field(default_factory=dict)  # strips as they describe themselves
-    _readings: dict[int, "_Reading"] = field(default_factory=dict)  # by stream number
+    _readings: dict[int, Reading] = field(default_factory=dict)  # by stream number
     _clocks: dict[int, ClockMap] = field(default_factory=dict)
     _zero: int | None = (
         None  # base clock at recording time 0, ns; moves when the device begins again
@@ -151,7 +144,7 @@ class Assembler:
 
         A message that fails, by a fault of ours, is left out alone and told to `failed`; the error is raised where nobody is to be told.
         """
-        bursts: dict[int, list[_Burst]] = {}
+        bursts: dict[int, list[Burst]] = {}
         for arrival, chunk in chunks:
             for message in self.decoder.feed(chunk):
                 try:
@@ -171,11 +164,14 @@ class Assembler:
         ]
 
     def _blocks(
-        self, bursts: "list[_Burst]", failed: Callable[[Exception], object] | None
+        self, bursts: list[Burst], failed: Callable[[Exception], object] | None
     ) -> list[Block]:
         """The bursts of one stream as one block; where one fails each by itself, without those that do."""
         try:
-            return [self._block(bursts)]
+            block, saturated = samples_of(bursts)
+            if saturated:  # hardly ever
+                self.counts[block.stream.name].saturated += saturated
+            return [block]
         except Exception as fault:
             if failed is None:
                 raise
@@ -229,7 +225,7 @@ class Assembler:
         )
         self.mounting |= dict(zip(strip.points, quat.normalize(turned)))
 
-    def _take(self, message: Message, arrival: float) -> "Iterable[_Burst]":
+    def _take(self, message: Message, arrival: float) -> Iterable[Burst]:
         match message:
             case Identity():
                 self._identified(message)
@@ -330,7 +326,7 @@ class Assembler:
             self._next_index.pop(info.stream, None)
             self._rename()
 
-    def _released(self) -> "Iterable[_Burst]":
+    def _released(self) -> Iterable[Burst]:
         """The bursts whose stream is described by now."""
         ready = [w for w in self._waiting if w[0].stream in self.streams]
         self._waiting = deque(
@@ -347,60 +343,17 @@ class Assembler:
             if strip is None or messages is None:
                 self.streams.pop(number, None)  # its bursts wait
                 continue
-            name = _label(strip.points) + next(
-                (kind for quantity, kind in KINDS.items() if quantity in info.quantities), "_other"
-            )
-            if name in {
-                s.name for n, s in self.streams.items() if n != number
-            }:  # two strips for the same finger
-                name += f"_slot{info.slot}"
-            corrected = messages if ORIENTATION not in info.quantities else ()
-            calibrations = [correction_of(m) for m in corrected]
-            scales = {
-                q: imu_calibration.saturation_level(calibrations, q, f)
-                for q, f in zip(info.quantities, info.full_scale)
-                if f > 0
-            }
             forces, applied = self._forces_of(strip, info)
-            known = {p: f for p, f in zip(strip.points, forces) if f is not None}
-            if known and applied:
-                scales = {
-                    q: f for q, f in scales.items() if q not in (FORCE, TORQUE)
-                }  # a limit is of what was sent
-            scale_sd, turn_sd = (
-                {p: f.scale_sd for p, f in known.items()},
-                {p: f.turn_sd for p, f in known.items() if f.turn_sd is not None},
-            )
-            stream = Stream(
-                name,
-                strip.points,
-                info.quantities,
-                info.rate,
-                f"clock{info.clock}",
-                scales,
-                scale_sd,
-                turn_sd,
-            )
+            name = name_of(strip.points, info.quantities)
+            if name in {s.name for n, s in self.streams.items() if n != number}:
+                name += f"_slot{info.slot}"  # two strips for the same finger
+            stream = describe_stream(name, strip.points, info, messages, forces, applied)
             if self.streams.get(number) != stream:
                 self.streams[number] = stream
             before = self._readings.get(number)
-            if before is None or (before.stream, before.info, before.messages, before.forces) != (
-                stream,
-                info,
-                messages,
-                forces,
-            ):
-                correction = (
-                    imu_calibration.correction(calibrations, info.quantities)
-                    if calibrations
-                    else None
-                )
-                limits = np.repeat(
-                    [SATURATION * stream.full_scale.get(q, np.inf) for q in stream.quantities],
-                    [len(COMPONENTS[q]) for q in stream.quantities],
-                )
-                self._readings[number] = _Reading(
-                    self.streams[number], info, messages, correction, limits, forces, applied
+            if before is None or not before.is_of(stream, info, messages, forces):
+                self._readings[number] = make_reading(
+                    self.streams[number], info, messages, forces, applied
                 )
 
     def _corrections_of(self, strip: Strip) -> tuple[StripCalibration, ...] | None:
@@ -432,7 +385,7 @@ class Assembler:
             else ((), False)
         )
 
-    def _sampled(self, samples: Samples, arrival: float) -> "Iterable[_Burst]":
+    def _sampled(self, samples: Samples, arrival: float) -> Iterable[Burst]:
         reading = (
             self._readings.get(samples.stream)
             if samples.stream in self.streams and samples.stream in self.infos
@@ -456,7 +409,7 @@ class Assembler:
         self._count(name, samples, stale)
         if stale < samples.count:
             self._newest[name] = float(t[-1])
-        yield _Burst(reading, t, stale, samples)
+        yield Burst(reading, t, stale, samples)
 
     def _times(self, samples: Samples, info: StreamInfo, arrival: float) -> np.ndarray:
         own = samples.t_first
@@ -487,85 +440,9 @@ class Assembler:
         count.samples += samples.count - stale
         self._next_index[samples.stream] = (samples.index + samples.count) % 2**32
 
-    def _block(self, bursts: "list[_Burst]") -> Block:
-        """The samples of consecutive bursts of one stream, in SI units and corrected."""
-        reading = bursts[0].reading
-        t = bursts[0].t if len(bursts) == 1 else np.concatenate([b.t for b in bursts])
-        values = decode_values(
-            [b.samples for b in bursts], reading.info, len(reading.stream.sensors)
-        )
-        if any(b.stale for b in bursts):
-            fresh = np.concatenate([np.arange(len(b.t)) >= b.stale for b in bursts])
-            t, values = t[fresh], values[fresh]
-        if reading.correction is not None:
-            values = imu_calibration.correct(reading.correction, values)
-        if reading.forces and reading.raw:
-            values = force_calibration.correct_forces(
-                values, reading.info.quantities, reading.info.full_scale, reading.forces
-            )
-        at_limit = np.abs(values) >= reading.limits
-        if at_limit.any():  # hardly ever
-            count = self.counts[reading.stream.name]
-            count.saturated += sum(
-                int(at_limit[..., reading.stream.axes(q)].any(axis=-1).sum())
-                for q in reading.stream.quantities
-            )
-        return Block(reading.stream, t, values)
-
-
-@dataclass(frozen=True)
-class _Reading:
-    """How the samples of a stream are read as long as neither strip nor stream is described anew."""
-
-    stream: Stream
-    info: StreamInfo
-    messages: tuple[StripCalibration, ...]
-    correction: Correction | None
-    limits: (
-        Array  # (axes,) sizes that count as the sensor's limit, SI; infinite where none is known
-    )
-    forces: tuple[ForceSensorCalibration | None, ...]  # calibrations of force sensors
-    raw: bool  # whether they are still to be applied
-
-
-@dataclass(frozen=True)
-class _Burst:
-    """Samples at their times; the first `stale` ones would run back in time."""
-
-    reading: _Reading
-    t: np.ndarray  # (count,) s of recording
-    stale: int
-    samples: Samples
-
-
-def correction_of(message: StripCalibration) -> ImuCalibration:
-    """The value of a message."""
-    bias, matrix = np.reshape(message.bias, (3, 3)), np.reshape(message.matrix, (3, 3, 3))
-    return ImuCalibration(dict(zip(CALIBRATED, matrix)), dict(zip(CALIBRATED, bias)))
-
-
-def message_of(calibration: ImuCalibration, slot: int, sensor: int) -> StripCalibration:
-    """The inverse of `correction_of`, in the single precision of the wire."""
-    parts = [calibration.of(q) for q in CALIBRATED]
-    bias = np.concatenate([b for _, b in parts]).astype("<f4")
-    matrix = np.concatenate([M.ravel() for M, _ in parts]).astype("<f4")
-    return StripCalibration(slot, sensor, tuple(map(float, bias)), tuple(map(float, matrix)))
-
 
 def _degrees(value: str) -> float | str:
     try:
         return float(value)
     except ValueError:
         return value
-
-
-def _label(points: tuple[str, ...]) -> str:
-    """What people call the strip: its finger, its only point, or where it is worn."""
-    fingers = {point.split("_")[0] for point in points}
-    return (
-        fingers.pop()
-        if len(fingers) == 1
-        else "fingertips"
-        if set(points) <= set(FORCE_POINTS)
-        else "_".join(points)
-    )

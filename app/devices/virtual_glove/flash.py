@@ -16,9 +16,9 @@ from handscope.estimators.force.setup import ForceSetup
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.imu_calibration import CALIBRATED, ImuCalibration
-from handscope.sessions.wire.assembly import correction_of, message_of
 from handscope.sessions.wire.force_calibration import ForceSensorCalibration, messages_of_setups
 from handscope.sessions.wire.messages import StripCalibration
+from handscope.sessions.wire.strip_calibration import correction_of, message_of
 
 BIAS = {
     GYR: np.radians(5.0),

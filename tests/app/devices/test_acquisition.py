@@ -21,7 +21,7 @@ from handscope.app.devices.ports import open_port
 from handscope.estimators.data.samples import Block, Event
 from handscope.estimators.errors import InputError
 from handscope.sessions.files import native
-from handscope.sessions.wire import assembly
+from handscope.sessions.wire import stream_reading
 from handscope.sessions.wire.assembly import Assembler
 from handscope.sessions.wire.messages import Samples
 from tests.app.devices.virtual import virtual_glove, wait_for
@@ -220,7 +220,7 @@ def test_what_cannot_be_read_by_a_fault_of_ours_takes_nothing_with_it_that_was_r
         and s.message.index == 50
         and s.message.stream == 10 + SLOTS["index"]
     )
-    where = Assembler if fails == "_sampled" else assembly
+    where = Assembler if fails == "_sampled" else stream_reading
     working = getattr(where, fails)
 
     def failing(*given: Any) -> Any:

@@ -22,8 +22,9 @@ from handscope.estimators.simulation.sensors import IDEAL
 from handscope.sessions.files import native
 from handscope.sessions.files.recorder import Recorder
 from handscope.sessions.wire import messages as wire
-from handscope.sessions.wire.assembly import Assembler, message_of
+from handscope.sessions.wire.assembly import Assembler
 from handscope.sessions.wire.framing import Decoder, Encoder
+from handscope.sessions.wire.strip_calibration import message_of
 from tests.app.devices.virtual import virtual_glove
 from tests.app.devices.virtual_glove.test_firmware import person, play
 from tests.estimators.sensors.test_imu_calibration import drawn

@@ -11,9 +11,10 @@ from handscope.estimators.sensors.imu_calibration import ImuCalibration, apply
 from handscope.sessions.files import native
 from handscope.sessions.files.recorder import Recorder
 from handscope.sessions.wire import messages as wire
-from handscope.sessions.wire.assembly import Assembler, correction_of, message_of
+from handscope.sessions.wire.assembly import Assembler
 from handscope.sessions.wire.force_calibration import ForceSensorCalibration
 from handscope.sessions.wire.framing import Encoder
+from handscope.sessions.wire.strip_calibration import correction_of, message_of
 from tests.estimators.sensors.test_imu_calibration import drawn
 from tests.glove import as_float32, bursts, frames, identity, info, strip
 from tests.simulated import STRIPS, cut, in_strips
