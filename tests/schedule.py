@@ -23,10 +23,13 @@ def seconds() -> dict[str, float]:
 
 def lanes(known: dict[str, float]) -> dict[str, str]:
     """The lane of each file of journeys: the longest first, each into the lane that is shorter so far."""
-    files = [path.name for path in DURATIONS.with_name("journeys").glob("test_*.py")]
+    root = DURATIONS.parent.parent
+    files = [
+        f.relative_to(root).as_posix() for f in DURATIONS.with_name("journeys").rglob("test_*.py")
+    ]
     taken = dict.fromkeys((f"{JOURNEYS}{k}" for k in range(LANES)), 0.0)
     found: dict[str, str] = {}
-    for file in sorted((JOURNEYS + f for f in files), key=lambda f: (-known.get(f, 0.0), f)):
+    for file in sorted(files, key=lambda f: (-known.get(f, 0.0), f)):
         found[file] = min(taken, key=lambda lane: taken[lane])
         taken[found[file]] += known.get(file, 0.0)
     return found

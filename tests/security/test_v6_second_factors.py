@@ -1,4 +1,4 @@
-"""ASVS 5, 6.5 to 6.7: second factors: an authenticator's code, recovery codes, roles that require one. Passkeys: tests/journeys/test_second_factor.py."""
+"""ASVS 5, 6.5 to 6.7: second factors: an authenticator's code, recovery codes, roles that require one. Passkeys: tests/journeys/accounts/test_second_factor.py."""
 
 from collections.abc import Iterator
 from datetime import datetime, timedelta

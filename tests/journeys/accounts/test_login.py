@@ -127,7 +127,7 @@ def test_an_account_is_handed_over_by_a_code_and_then_logs_in_by_its_password(
     page: Page, newcomer: Page, server: Server, processed: int
 ) -> None:
     page.goto(f"{server.base}/account")
-    page.get_by_label("Name").fill("anna")
+    page.get_by_label("Name", exact=True).fill("anna")
     page.get_by_role("checkbox", name="Scientist").check()
     page.get_by_role("button", name="Make the account").click()
     code = shown(page.locator(".handed code")).inner_text()
