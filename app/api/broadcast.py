@@ -31,6 +31,7 @@ TRANSLATED_KEYS = (
     "next",
     "reason",
     "hint",
+    "sentence",
 )  # keys of English texts in a snapshot
 
 

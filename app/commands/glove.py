@@ -131,6 +131,13 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="two strips are on each other's finger",
     )
     faults.add_argument(
+        "--negate",
+        action="append",
+        default=[],
+        metavar="SENSOR:AXIS",
+        help="an axis of a sensor's gyroscope has the wrong sign, such as index_middle:z",
+    )
+    faults.add_argument(
         "--pull",
         action="append",
         default=[],
@@ -242,6 +249,11 @@ def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
         if missing := {one, other} - {s.name for s in streams}:
             raise InputError("command.exchange_of_unknown_strip", missing=missing.pop())
         person.worn_on = {one: other, other: one}
+    for text in arguments.negate:
+        sensor, _, axis = text.partition(":")
+        if axis not in ("x", "y", "z") or sensor not in {n for s in streams for n in s.sensors}:
+            raise InputError("command.negate_of_unknown_sensor", text=text)
+        person.negated = {**person.negated, sensor: "xyz".index(axis)}
     if arguments.task is not None:
         if arguments.task not in task_performance.TASKS:
             raise InputError(

@@ -19,6 +19,8 @@ from handscope.estimators.alignment.quality import JointQuality
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import FORCE, Stream
 from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.fault_detection.finding import Suspicion
+from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import SEGMENTS
 from handscope.estimators.measures import repetitions, tapping
 from handscope.sessions.wire.assembly import StreamCount
@@ -77,6 +79,7 @@ class StationView:
     pose_fit: Sequence[Mapping[str, Any]]  # by palm and finger, while a pose is taken
     task_number: Mapping[str, Any] | None  # estimated for a task of UNCOUNTED
     sensor_faults: Sequence[str]
+    findings: Sequence[Suspicion]  # of the checks over what has come so far
     ended: bool
 
 
@@ -98,6 +101,7 @@ def station_snapshot(view: StationView) -> dict[str, Any]:
             "what": view.curve_quantity,
         },
         "sensor_faults": view.sensor_faults if wizard.state is State.CHECKED else [],
+        "findings": [_finding(s) for s in view.findings],
         "protocol_faults": [{"reason": fault} for fault in view.setup.faults],
         "numbers": _numbers(view),
         "place": view.hand_position,
@@ -146,6 +150,15 @@ def _glove(glove: GloveView, status: StationStatus) -> dict[str, Any]:
         "recorded": round(status.t, 1) if np.isfinite(status.t) else 0.0,
         "row_age_ms": glove.row_age_ms,
         "sent": time.time(),
+    }
+
+
+def _finding(suspicion: Suspicion) -> dict[str, Any]:
+    return {
+        "code": suspicion.message.code,
+        "severity": suspicion.message.severity,
+        "sensors": list(suspicion.sensors),
+        "sentence": sentence(suspicion.message),
     }
 
 

@@ -19,12 +19,14 @@ from handscope.app.devices.glove import Glove
 from handscope.app.live import trial_events, worn_glove
 from handscope.app.live.calibration_movements import CalibrationMovements
 from handscope.app.live.free_movement import FreeMovement
+from handscope.app.live.live_corrections import LiveCorrections
 from handscope.app.live.outputs.choice import open_outlets
 from handscope.app.live.outputs.outlets import Outlets
 from handscope.app.live.readouts import pose_fit
 from handscope.app.live.readouts.grasp_estimate import GraspEstimator
 from handscope.app.live.readouts.hand_position import HandPositionReadout
 from handscope.app.live.readouts.trial_review import TrialReview
+from handscope.app.live.sensor_checks import SensorChecks
 from handscope.app.live.setup import Setup
 from handscope.app.live.snapshot import GloveView, StationView, station_pulse, station_snapshot
 from handscope.app.live.station_scene import INCLINED_INTERVAL, PICTURE_INTERVAL, StationScene
@@ -84,6 +86,7 @@ class Station:
         self._problem = ""
         self._calibrated_glove = 0  # gloves plugged in before the newest calibration
         self.sensor_faults: list[str] = []  # found by the sensor check
+        self._corrections = LiveCorrections(self._next_number)
         self.exchanged: dict[str, str] = {}  # finger of a strip -> finger that wears it
         self._wiggled_at = -np.inf  # s, host's clock, newest request to a virtual patient
         self._status = worn_glove.UNKNOWN  # of the last tick
@@ -105,6 +108,7 @@ class Station:
         self._drawing = StationScene(
             self.scene, self.tracking, self._viewers, lambda: self.glove.assembler.mounting
         )
+        self.checks = SensorChecks(self.tracking, setup.hand, setup.geometry, self._viewers.notify)
         self.hand_position = HandPositionReadout()
         self.trial = TrialReview(self.tracking, setup.geometry, setup.earlier)
         self.grasp = GraspEstimator(self.tracking)
@@ -262,6 +266,7 @@ class Station:
             else [],
             task_number=self._task_number(),
             sensor_faults=self.sensor_faults,
+            findings=self.checks.found,
             ended=self.ended,
         )
 
@@ -312,6 +317,7 @@ class Station:
         self._follow_free_movement(status)
         self.trial.follow(self._wizard, self.curve.what)
         self._wiggle(status)
+        self._wizard = self.checks.follow(self._wizard, status, self.glove.assembler.mounting)
         self._problem = (
             worn_glove.foreign_bytes_sentence(self.glove)
             or worn_glove.wrong_hand_sentence(self.glove, self.setup.hand)
@@ -328,6 +334,7 @@ class Station:
 
     def _feed(self, blocks: list[Block]) -> None:
         """In the glove's thread: pass blocks on, then wait as long as the tracker asks; the pipe buffers meanwhile."""
+        blocks = self._corrections.read(blocks)
         self.outlets.send_samples(blocks)
         self.hand_position.feed(blocks)
         time.sleep(self.tracking.feed(blocks))
@@ -384,6 +391,10 @@ class Station:
                 self._start_thread(self._check_sensors, "sensors")
             case "exchange":
                 self._exchange(dict(effect.worn_on))
+            case "correct":
+                self._corrections.add(effect.reason, status.t, self.glove)
+                self.checks.restart()
+                self.tracking.restart()
             case "guess":
                 self._guess(status)
             case "drop_pose":
@@ -535,6 +546,8 @@ class Station:
         self._calibration = None
         self.steps.reset()
         self.free.reset()
+        self.checks.restart()
+        self._corrections.withdraw(self.glove)
         self.glove.exchange(self.exchanged, self.tracking.restart)
 
     def _drop_pose(self) -> None:

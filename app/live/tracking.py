@@ -88,6 +88,7 @@ class Tracking:
         self.method, self.params, self.hand, self.geometry = method, params, hand, geometry
         self.skipped = 0  # blocks that the live view skipped; the recording has them
         self.rest = 0.0  # s for which the tracker takes no more blocks
+        self.spent = 0.0  # s of processor time
         self.failures = 0  # of the method, each followed by a new start
         self._failed_since = 0  # failures in a row
         self.calibration: Calibration | None = None
@@ -355,7 +356,9 @@ class Tracking:
                 self._call(partial(self._on_pose, newest))
             elif self._state is None:
                 self._call(self._on_samples)
-            self.rest = rest_after(time.monotonic() - began, time.thread_time() - computed)
+            own = time.thread_time() - computed
+            self.spent += own
+            self.rest = rest_after(time.monotonic() - began, own)
 
     def _call(self, notice: Callable[[], None]) -> None:
         """Pass on what is new; a failure there must not stop the method."""

@@ -7,6 +7,7 @@ from handscope.estimators.hand.anatomy import Hand
 from handscope.sessions import motion_bids
 from handscope.sessions.files import native
 from handscope.sessions.files.recording import LoadedRecording, require_samples
+from handscope.sessions.files.sensor_corrections import correct_recording
 
 
 def load(
@@ -14,13 +15,15 @@ def load(
 ) -> LoadedRecording:
     """The recording at a path; `hand` is the side to take where it does not say (an error where it says the other).
 
-    With `correct` false a native recording's samples are as the sensors read, without their strips' calibrations.
+    With `correct` false samples are as the sensors read, without their strips' calibrations and the corrections that events ask for.
     With `inertial` false a recording of magnetometers alone is one too.
     """
     if path.is_file() and path.suffix == native.SUFFIX:
         recording = native.load(path, hand, correct)
-        return require_samples(recording, path.name) if inertial else recording
-    return motion_bids.load(path, hand, inertial)
+        recording = require_samples(recording, path.name) if inertial else recording
+    else:
+        recording = motion_bids.load(path, hand, inertial)
+    return correct_recording(recording) if correct else recording
 
 
 def checksum(path: Path) -> str:

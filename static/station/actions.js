@@ -4,6 +4,7 @@ import { errorBox, once } from "../forms.js";
 import * as confirming from "./confirming.js";
 import { notEnough } from "./free_movement.js";
 import { goingOn, leading, spoilt } from "./going_on.js";
+import { segmentWords } from "../words/clinical.js";
 import { known, t } from "../words/words.js";
 
 const ELSEWHERE = ["choose", "group"]; // the list of tasks has these
@@ -28,6 +29,7 @@ export function mount(root, api, { station, given }) {
       wizard.pace?.trial,
       spoilt(wizard),
       wizard.proposal,
+      wizard.mend,
       wizard.passive,
       self_calibration?.enough,
     ],
@@ -104,6 +106,7 @@ function label({ wizard, self_calibration }, act) {
   if (state === "check") return t(`act.check.${act}`);
   if (act === "next" && (state === "step_ready" || spoilt(wizard))) return t("act.next_step.skip");
   if (act === "next") return t("act.next_step");
+  if (act === "correct") return mendWords(wizard.mend);
   if (act === "exchange") return exchangeWords(wizard.check.exchange);
   if (act === "assist") return t(wizard.passive ? "act.assist.back" : "act.assist");
   if (act === "accept" && actions.includes("again")) return t("act.accept.leave");
@@ -113,6 +116,12 @@ function label({ wizard, self_calibration }, act) {
 
 function nextWords({ title, trials, accepted }) {
   return trials > 1 && accepted ? t("act.next.trial", { task: title, trial: accepted + 1, trials }) : t("act.next", { task: title });
+}
+
+function mendWords({ kind, sensors }) {
+  const [one, other] = sensors.map(segmentWords);
+  const list = sensors.length > 2 ? t("mend.every_sensor") : one;
+  return t(`act.correct.${kind}`, kind === "exchange" ? { one, other } : { sensors: list });
 }
 
 function exchangeWords([one, ...more]) {

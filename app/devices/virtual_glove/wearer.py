@@ -102,6 +102,7 @@ class SimulatedPerson:
     worn_on: Mapping[str, str] = field(
         default_factory=dict
     )  # by the finger that a strip says it is for, the one that it is on
+    negated: Mapping[str, int] = field(default_factory=dict)  # axis of a sensor's gyroscope
 
     def __post_init__(self) -> None:
         worn = [s for s in SEGMENTS if any(s in stream.sensors for stream in self.streams)]
@@ -140,6 +141,9 @@ class SimulatedPerson:
         on = {s: other for f, g in self.worn_on.items() for s, other in zip(CHAINS[f], CHAINS[g])}
         rows = [self._sensors.segments.index(on.get(s, s)) for s in stream.sensors]
         values = readings[:, rows]
+        for sensor, axis in self.negated.items():
+            if sensor in stream.sensors and stream.inertial:
+                values[:, stream.sensors.index(sensor), stream.axes(GYR).start + axis] *= -1.0
         return Block(
             stream,
             t,

@@ -43,7 +43,7 @@ STILL_RATE = 0.07  # rad/s (4 deg/s) of every sensor within a second: the pose i
 
 @dataclass(frozen=True)
 class Effect:
-    """What the station carries out after a step, by kind: calibrate, cue, exchange, keep_attempt, drop_pose,
+    """What the station carries out after a step, by kind: calibrate, cue, exchange, correct, keep_attempt, drop_pose,
     finish; measure_step, drop_step, drop_steps, use_steps; watch_free, solve_free, leave_free, use_free."""
 
     kind: str
@@ -141,6 +141,11 @@ def accept_pose(
     return _enter(replace(wizard, refusals=0, poor=poor, swapped=swapped), Action.POSED, status)
 
 
+def propose(wizard: Wizard, swapped: tuple[str, str] | None, mend: str) -> Wizard:
+    """Offer what the sensors' readings leave as the only answer, in the first step; elsewhere nothing is offered."""
+    return replace(wizard, swapped=swapped, mend=mend) if wizard.state is State.CONNECT else wizard
+
+
 def accept_free_movement(wizard: Wizard, status: StationStatus) -> Wizard:
     """The free movement gave a self-calibration; ignored where nobody waits for it."""
     return _enter(wizard, Action.SOLVED, status)[0] if wizard.state is State.FREE_WORK else wizard
@@ -232,6 +237,10 @@ def _enter(
         effects += [Effect("drop_pose")] if before is State.POSE_REVIEW else []
         effects.append(Effect("exchange", worn_on=tuple(worn_on.items())))
         wizard = replace(wizard, swapped=None, calibrated=False, used=frozenset())
+    if what is Action.CORRECT:
+        effects.append(Effect("correct", reason=wizard.mend))
+    if before is State.CONNECT:
+        wizard = replace(wizard, swapped=None, mend="")
     if after is State.CHECKED:
         effects.append(Effect("look"))
     if after is State.CHECK:

@@ -6,6 +6,7 @@ from handscope.app.live.wizard import machine as wz
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard
 from handscope.app.live.wizard.texts import STEP_OF, STEPS, title_and_sentence
 from handscope.app.protocols import Protocol
+from handscope.sessions.files import sensor_corrections
 
 
 def wizard_snapshot(w: Wizard, status: StationStatus) -> dict[str, Any]:
@@ -35,6 +36,7 @@ def wizard_snapshot(w: Wizard, status: StationStatus) -> dict[str, Any]:
         "message": w.message,
         "proposal": w.proposal(status),
         "check": _check(w, status),
+        "mend": _mend(w),
         "passive": w.passive,
         "actions": w.allowed(status),
         "progress": round(wz.progress_share(w, status), 3),
@@ -75,6 +77,14 @@ def _check(w: Wizard, status: StationStatus) -> dict[str, Any] | None:
             {"strip": strip, "finger": finger} for strip, finger in w.exchangeable().items()
         ],
     }
+
+
+def _mend(w: Wizard) -> dict[str, Any] | None:
+    """The correction that is offered: exchange or gyroscope, and of which sensors."""
+    if w.state is not State.CONNECT or not w.mend:
+        return None
+    correction = sensor_corrections.parse(w.mend)
+    return {"kind": correction.kind, "sensors": list(correction.sensors)}
 
 
 def _score(p: Protocol) -> dict[str, Any] | None:

@@ -74,8 +74,9 @@ class Wizard:
     ] = ()  # of the sensor check: the finger asked for, and whose strip moved ("" for none)
     calm: bool = False  # since the last finger of the check
     swapped: tuple[str, str] | None = (
-        None  # two fingers whose strips the pose shows on each other's
+        None  # two fingers whose strips pose or movement show on each other's
     )
+    mend: str = ""  # a correction of the sensors' readings that the checks propose
     task: str | None = None  # or step
     onset: float = 0.0  # recording time at which the pose, task or step began
     end: float = 0.0
@@ -114,6 +115,7 @@ class Wizard:
             Action.CONTINUE: not ready(status),
             Action.CHECK: not ready(status) or len(self.checkable(status)) < 2,
             Action.EXCHANGE: not self.exchangeable(),
+            Action.CORRECT: not self.mend,
             Action.WITHOUT: self.calibrated or not ready(status),
             Action.STOP: self.state is State.POSE_READY and not self.calibrated,
             Action.AGAIN: not self._trials_left(),
@@ -151,8 +153,8 @@ class Wizard:
         )
 
     def exchangeable(self) -> dict[str, str]:
-        """Finger that a strip is read for -> finger that wears it, where check or pose found strips exchanged."""
-        if self.state is State.POSE_REVIEW and self.swapped:
+        """Finger that a strip is read for -> finger that wears it, where check, pose or movement found strips exchanged."""
+        if self.state in (State.CONNECT, State.POSE_REVIEW) and self.swapped:
             one, other = self.swapped
             return {one: other, other: one}
         strip_by_finger = dict(self.seen) if self.state is State.CHECKED else {}
@@ -167,8 +169,10 @@ class Wizard:
         waited = self.state is State.POSE_HOLD and status.now - self.since > PATIENT
         if waited or (self.state is State.POSE_READY and self.refusals):
             action = Action.ASSIST if not self.passive else Action.WITHOUT
-        elif self.state is State.POSE_REVIEW and self.swapped:
+        elif self.state in (State.CONNECT, State.POSE_REVIEW) and self.swapped:
             action = Action.EXCHANGE
+        elif self.state is State.CONNECT and self.mend:
+            action = Action.CORRECT
         elif self.state is State.POSE_REVIEW and self.poor:
             action = (
                 Action.REDO if self.used or not self.steps_offered(status) else Action.CALIBRATE

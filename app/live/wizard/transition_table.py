@@ -39,6 +39,7 @@ class Action(StrEnum):
     CONTINUE = "continue"
     CHECK = "check"  # the sensors, finger by finger
     EXCHANGE = "exchange"  # strips that were found on each other's fingers
+    CORRECT = "correct"  # what the sensors read, as the checks propose
     START = "start"
     STOP = "stop"
     ACCEPT = "accept"
@@ -69,7 +70,12 @@ class Action(StrEnum):
 
 S, A = State, Action
 TRANSITIONS: Mapping[State, Mapping[Action, State]] = {
-    S.CONNECT: {A.CONTINUE: S.POSE_READY, A.CHECK: S.CHECK},
+    S.CONNECT: {
+        A.EXCHANGE: S.CONNECT,
+        A.CORRECT: S.CONNECT,
+        A.CONTINUE: S.POSE_READY,
+        A.CHECK: S.CHECK,
+    },
     S.CHECK: {A.NEXT: S.CHECK, A.SEEN: S.CHECKED, A.STOP: S.CONNECT},
     S.CHECKED: {A.EXCHANGE: S.CHECK, A.CONTINUE: S.POSE_READY, A.CHECK: S.CHECK},
     S.POSE_READY: {

@@ -69,7 +69,7 @@ CODES = (  # of all messages
     *(f"sensor.{code}" for code in SHARES),
     "sensor.magnetometer_axes",
 )
-DIFFERENT = 0.3  # of an element of the matrix, from which on corrections are not the same
+DIFFERENT = 0.3  # of an element of the matrix, times how much that axis turned among the three, from which on corrections are not the same
 SMALL = 0.15  # of a gain that is a warning only
 
 
@@ -202,10 +202,14 @@ def _of_rate(cells: Cells, rate: CommonRate) -> Suspicion:
 
 def _of_sensors(cells: Cells, judged: Sequence[Judged], among: int) -> Iterator[Suspicion]:
     """Faults of single sensors that are sure enough."""
-    for sensor, j in zip(cells.sensors, judged):
+    for k, (sensor, j) in enumerate(zip(cells.sensors, judged)):
         if j.verdicts and (p := _p_value(j.named, among)) < FALSE_ALARMS:
             fault = j.named.fault
-            differences = [np.abs(v.fault.matrix - fault.matrix).max() for v in j.rivals]
+            turned = np.sqrt((cells.gyr[cells.valid[:, k], k] ** 2).mean(axis=0))
+            differences = [
+                (np.abs(v.fault.matrix - fault.matrix) * turned / turned.max()).max()
+                for v in j.rivals
+            ]
             certain = fault.certain and max(differences) <= DIFFERENT
             span = _span(cells, j.named)
             yield _suspicion(f"sensor.{fault.code}", fault, (sensor,), span, p, certain)

@@ -503,3 +503,21 @@ def test_everything_that_is_proposed_or_can_come_of_a_task_has_words() -> None:
     ]
     keys += [f"group.{group}" for group in groups(PROTOCOLS)]
     assert [key for key in keys if key not in ENGLISH.pages] == []
+
+
+def test_a_correction_that_the_readings_leave_is_offered_while_the_glove_is_put_on() -> None:
+    mend = "gyroscope index_middle 1 0 0 0 1 0 0 0 -1"
+    w = wizard_machine.propose(at(State.CONNECT), None, mend)
+    assert w.proposal(READY) is Action.CORRECT
+    after, effects = wizard_machine.act(w, Action.CORRECT, READY)
+    assert [(e.kind, e.reason) for e in effects] == [("correct", mend)]
+    assert after.state is State.CONNECT and Action.CORRECT not in after.allowed(READY)
+    assert wizard_machine.propose(at(State.TASKS), None, mend).mend == ""
+
+
+def test_strips_that_movement_shows_on_each_others_finger_can_be_exchanged_at_once() -> None:
+    w = wizard_machine.propose(at(State.CONNECT), ("index", "ring"), "")
+    assert w.proposal(READY) is Action.EXCHANGE
+    after, effects = wizard_machine.act(w, Action.EXCHANGE, READY)
+    assert dict(effects[0].worn_on) == {"index": "ring", "ring": "index"}
+    assert after.state is State.CONNECT and after.swapped is None

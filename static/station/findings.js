@@ -1,0 +1,19 @@
+/** What the checks found at the sensors in what has come so far: which one, what is probably wrong, what to do. */
+import { h, whenChanged } from "../dom.js";
+import { inWords } from "../words/clinical.js";
+import { t } from "../words/words.js";
+
+export function mount(root, api, { station }) {
+  root.setAttribute("role", "status");
+  const draw = whenChanged(
+    ({ findings }) => findings,
+    (findings) => {
+      root.hidden = !findings.length;
+      root.replaceChildren(
+        ...(findings.length ? [h("h2", {}, t("findings.title"))] : []),
+        ...findings.map(({ sentence }) => h("p", { class: "warning" }, inWords(sentence))),
+      );
+    },
+  );
+  return station.on("full", draw);
+}
