@@ -37,7 +37,9 @@ export function mount(root, api, { id, go, title, roles }) {
       const treats = roles.includes("clinician"); // who does not is shown what was measured, and nothing that the server refuses
       const place = (part) => [part, h("section", { class: "card" })];
       const main = [treats && newSession, visits, progress].filter(Boolean).map(place);
-      const aside = (treats ? [facts, notes, upload, measures, photograph, selfCalibrations, keeping] : [facts, measures, selfCalibrations]).map(place);
+      const aside = (
+        treats ? [facts, notes, upload, measures, photograph, selfCalibrations, keeping] : [facts, measures, selfCalibrations]
+      ).map(place);
       const warning = h("div", {});
       banner(api, patient, () => go("/")).then((shown) => shown && warning.append(shown), box.show);
       const opened = openedInEmergency(patient.emergency_accesses);
@@ -51,7 +53,14 @@ export function mount(root, api, { id, go, title, roles }) {
         h(
           "div",
           { class: "beside" },
-          [main, aside].map((stack) => h("div", { class: "stack" }, stack.map(([, part]) => part), stack === aside && opened)),
+          [main, aside].map((stack) =>
+            h(
+              "div",
+              { class: "stack" },
+              stack.map(([, part]) => part),
+              stack === aside && opened,
+            ),
+          ),
         ),
       );
       const erased = (counts) => {

@@ -20,7 +20,13 @@ export function correctLandmarks(root, file, { size, landmarks }) {
   const radius = Math.max(...size) / 160;
   const points = Object.keys(places).map(point);
   const image = s("image", { href: address, width: size[0], height: size[1] });
-  const drawing = s("svg", { viewBox: `0 0 ${size[0]} ${size[1]}`, class: "landmarks" }, image, lines.map(([, line]) => line), points);
+  const drawing = s(
+    "svg",
+    { viewBox: `0 0 ${size[0]} ${size[1]}`, class: "landmarks" },
+    image,
+    lines.map(([, line]) => line),
+    points,
+  );
   const close = (value) => {
     URL.revokeObjectURL(address);
     dialog.remove();
@@ -29,7 +35,14 @@ export function correctLandmarks(root, file, { size, landmarks }) {
   let finish;
   const done = h("button", { type: "button", class: "primary large", onclick: () => close(places) }, t("landmarks.measure"));
   const stop = h("button", { type: "button", onclick: () => close(null) }, t("cancel"));
-  const dialog = h("dialog", { class: "photograph", "aria-label": t("landmarks.title") }, h("h2", {}, t("landmarks.title")), now, drawing, h("div", { class: "buttons" }, done, stop));
+  const dialog = h(
+    "dialog",
+    { class: "photograph", "aria-label": t("landmarks.title") },
+    h("h2", {}, t("landmarks.title")),
+    now,
+    drawing,
+    h("div", { class: "buttons" }, done, stop),
+  );
   dialog.addEventListener("cancel", () => close(null));
   draw();
   root.append(dialog);
@@ -41,7 +54,14 @@ export function correctLandmarks(root, file, { size, landmarks }) {
   }
 
   function point(name) {
-    const dot = s("circle", { class: "landmark", r: radius, tabindex: 0, role: "button", "aria-label": words(name), "data-landmark": name });
+    const dot = s("circle", {
+      class: "landmark",
+      r: radius,
+      tabindex: 0,
+      role: "button",
+      "aria-label": words(name),
+      "data-landmark": name,
+    });
     const put = (x, y) => {
       places[name] = [x, y];
       dot.setAttribute("cx", x);

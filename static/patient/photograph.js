@@ -29,7 +29,12 @@ export function mount(root, api, { record }) {
 
   const hand = () => hands.querySelector("input:checked").value;
   const drawSheets = () => {
-    const link = (paper) => h("a", { class: "button", href: `/api/patients/${patient.id}/pose-sheet.pdf?hand=${hand()}&paper=${paper}` }, t(`photograph.${paper}`));
+    const link = (paper) =>
+      h(
+        "a",
+        { class: "button", href: `/api/patients/${patient.id}/pose-sheet.pdf?hand=${hand()}&paper=${paper}` },
+        t(`photograph.${paper}`),
+      );
     sheets.replaceChildren(...PAPERS.map(link));
   };
   hands.addEventListener("change", drawSheets);
@@ -40,7 +45,7 @@ export function mount(root, api, { record }) {
     data.append("file", picture.files[0]);
     data.append("hand", hand());
     const length = metres(ruler.value, t("photograph.ruler"));
-    if (length !== null) data.append("ruler", length);
+    if (length !== null) data.append("ruler", String(length));
     return data;
   }
 
@@ -77,17 +82,34 @@ export function mount(root, api, { record }) {
     };
     const gone_for_good = h("button", { type: "button", onclick: () => once(gone_for_good, box, erase) }, t("photograph.erase"));
     const title = t("photograph.title", { hand: t(`hand.${photograph.hand}.title`), when: dayAndTime(photograph.taken) });
-    const link = photograph.picture && h("a", { class: "button", href: `/api/photographs/${photograph.id}/picture.jpg` }, t("photograph.picture"));
-    return h("details", {}, h("summary", {}, title), figuresTable(photograph.table), h("p", { class: "hint" }, t("photograph.positive")), h("div", { class: "buttons" }, use, link, gone_for_good), said);
+    const link =
+      photograph.picture && h("a", { class: "button", href: `/api/photographs/${photograph.id}/picture.jpg` }, t("photograph.picture"));
+    return h(
+      "details",
+      {},
+      h("summary", {}, title),
+      figuresTable(photograph.table),
+      h("p", { class: "hint" }, t("photograph.positive")),
+      h("div", { class: "buttons" }, use, link, gone_for_good),
+      said,
+    );
   }
 
   root.append(
-    h("details", {}, h("summary", {}, h("h2", {}, t("photograph.heading"))), h("p", { class: "soft" }, t("photograph.lead")), hands, sheets, [
-      field(t("photograph.file"), picture, t("photograph.file.hint")),
-      field(t("photograph.ruler"), ruler, t("photograph.ruler.hint")),
-      h("label", { class: "choice" }, keep, h("span", {}, t("photograph.keep"), h("small", {}, t("photograph.keep.hint")))),
-      h("p", {}, send),
-    ]),
+    h(
+      "details",
+      {},
+      h("summary", {}, h("h2", {}, t("photograph.heading"))),
+      h("p", { class: "soft" }, t("photograph.lead")),
+      hands,
+      sheets,
+      [
+        field(t("photograph.file"), picture, t("photograph.file.hint")),
+        field(t("photograph.ruler"), ruler, t("photograph.ruler.hint")),
+        h("label", { class: "choice" }, keep, h("span", {}, t("photograph.keep"), h("small", {}, t("photograph.keep.hint")))),
+        h("p", {}, send),
+      ],
+    ),
     box.element,
     list,
   );

@@ -7,7 +7,13 @@ import { t } from "../words/words.js";
 export function figuresTable(rows) {
   const head = ["what", "value", "sd"].map((name) => h("th", { scope: "col" }, t(`photograph.${name}`)));
   const lines = rows.map(({ what, value, sd, unit }) =>
-    h("tr", {}, h("th", { scope: "row" }, words(what)), h("td", { class: "number" }, `${value.toFixed(1)} ${unit}`), h("td", { class: "number" }, `± ${sd.toFixed(1)} ${unit}`)),
+    h(
+      "tr",
+      {},
+      h("th", { scope: "row" }, words(what)),
+      h("td", { class: "number" }, `${value.toFixed(1)} ${unit}`),
+      h("td", { class: "number" }, `± ${sd.toFixed(1)} ${unit}`),
+    ),
   );
   return h("table", {}, h("thead", {}, h("tr", {}, head)), h("tbody", {}, lines));
 }

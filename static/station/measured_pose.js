@@ -1,4 +1,4 @@
-/** Before the pose: a photograph of this hand that was measured just now gives the pose's angles, where the person says that the hand still lies so. */
+/** Before the pose: a photograph of this hand that was just measured gives the pose's angles, if the hand still lies so. */
 import { h } from "../dom.js";
 import { errorBox, once } from "../forms.js";
 import { dayAndTime, t } from "../words/words.js";

@@ -31,6 +31,8 @@ NOT_MOUNTED = {
     "fact_fields.js",
     "record.js",
     "ward_names.js",
+    "landmarks.js",
+    "photograph_figures.js",
     "connection.js",
     "words.js",
     "metronome_time.js",
