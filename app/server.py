@@ -48,7 +48,6 @@ from handscope.app.workers.session_repair import SessionRepair
 from handscope.app.workers.storage_mover import StorageMover
 from handscope.app.workers.upload_reader import UploadReader
 from handscope.estimators.errors import InputError
-from handscope.estimators.methods import DEFAULT
 from handscope.sessions.clinic import self_calibrations as stored_calibrations
 from handscope.sessions.store import crash_repair, records
 from handscope.sessions.store.store import Store, open_store
@@ -187,7 +186,7 @@ def _process_closed(app: FastAPI, session_id: int) -> None:
     with parts.store.database() as db:
         session = records.get(db, session_id)
         stored_calibrations.settle(db, session)
-        sessions.queue_session(db, parts, session, DEFAULT, {})
+        sessions.queue_session(db, parts, session, None, {})
 
 
 def _close(parts: Parts, session_id: int, method: str, options: dict[str, Any]) -> None:

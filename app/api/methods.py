@@ -5,12 +5,11 @@ from typing import Any
 
 from fastapi import APIRouter
 
-from handscope.app.api.sessions import NewResult
 from handscope.app.auth.roles import EVERY_ACCOUNT, requires_role
 from handscope.app.protocols import offered
 from handscope.app.state import LanguageDep, PartsDep
 from handscope.estimators.data.options import describe
-from handscope.estimators.methods import OFFERED
+from handscope.estimators.methods import DEFAULT, OFFERED
 
 router = APIRouter(tags=["methods"], dependencies=[requires_role(*EVERY_ACCOUNT)])
 
@@ -22,7 +21,7 @@ def list_methods(language: LanguageDep) -> list[dict[str, Any]]:
         {
             "name": name,
             "title": language.translate(m.TITLE),
-            "default": name == NewResult().method,
+            "default": name == DEFAULT,
             "options": [asdict(d) for d in describe(m.Params)],
         }
         for name, m in OFFERED.items()

@@ -127,7 +127,7 @@ class NewCorrection(Incoming):
 class NewResult(Incoming):
     """A recording processed anew: by which method, with which options."""
 
-    method: str = DEFAULT
+    method: str | None = Field(None, description="without it what suits the recording's sensors")
     options: dict[str, Any] = Field(default_factory=dict)
 
 
@@ -178,12 +178,14 @@ async def upload_recording(
     patient_id: int,
     file: UploadFile,
     hand: Annotated[str | None, Form()] = None,
-    method: Annotated[str, Form()] = DEFAULT,
+    method: Annotated[
+        str | None, Form(description="without it what suits the recording's sensors")
+    ] = None,
 ) -> dict[str, Any]:
     """Keep a Motion-BIDS zip or a native recording made elsewhere as a session and process it."""
     patient = patients.get(db, patient_id)
     name = Path(file.filename or "recording").name
-    require_plain((name, hand or "", method), "the form", one_line=True)
+    require_plain((name, hand or "", method or ""), "the form", one_line=True)
     suffix = native.SUFFIX if name.endswith(native.SUFFIX) else ".zip"
     handle, place = tempfile.mkstemp(suffix=suffix, dir=parts.store.incoming)
     try:
@@ -235,7 +237,7 @@ def close_session(db: Db, parts: PartsDep, repair: RepairDep, session_id: int) -
     if station := parts.stations.of_session(session_id):
         parts.stations.close(station.name)
     elif session.state == "open" and records.close(db, parts.store, session_id).state == "recorded":
-        _queue(db, parts, session, DEFAULT, {})
+        _queue(db, parts, session, None, {})
 
 
 @router.get(
@@ -327,9 +329,9 @@ def download_recording(db: Db, parts: PartsDep, recording_id: int) -> Response:
 
 
 def queue_session(
-    db: Db, parts: Parts, session: PatientSession, method: str, options: dict[str, Any]
+    db: Db, parts: Parts, session: PatientSession, method: str | None, options: dict[str, Any]
 ) -> Result:
-    """Process a session's recording unless that was done before."""
+    """Process a session's recording unless that was done before; no method: the one that suits it."""
     return _queue(db, parts, session, method, options)
 
 
@@ -425,8 +427,12 @@ def recomputed(
 
 
 def _queue(
-    db: Db, parts: Parts, session: PatientSession, method: str, options: dict[str, Any]
+    db: Db, parts: Parts, session: PatientSession, method: str | None, options: dict[str, Any]
 ) -> Result:
+    closed = [f for f in session.recordings if f.sha256]
+    if not closed:
+        raise InputError("api.session_without_recording")
+    method = method or records.suited_method(closed[-1])
     if method not in ALL_METHODS:
         raise InputError("analysis.unknown_method", name=method, methods=", ".join(ALL_METHODS))
     params = with_options(ALL_METHODS[method].Params, options)
@@ -435,9 +441,6 @@ def _queue(
         for d in describe(type(params))
         if getattr(params, d.name) != d.default
     }
-    closed = [f for f in session.recordings if f.sha256]
-    if not closed:
-        raise InputError("api.session_without_recording")
     result = results.find_matching(db, closed[-1], method, changed, software_version())
     if result.state == "queued":
         parts.jobs.process(result.id)

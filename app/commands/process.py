@@ -11,7 +11,6 @@ from handscope.app.version import software_version
 from handscope.app.workers.deadline import LIMIT
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
-from handscope.estimators.methods import DEFAULT
 from handscope.sessions.exports import FORMATS, format_of
 from handscope.sessions.formats import derivative
 from handscope.sessions.tables_io.writing import save_folder
@@ -93,7 +92,6 @@ def _cohort(arguments: argparse.Namespace) -> int:
     """0 where every recording has its derivative, 1 where some failed: they are named."""
     from handscope.app.exporting import cohort
 
-    method = arguments.method or DEFAULT
     method_of(arguments)
     if arguments.calibration is not None:
         raise InputError("command.calibration_with_cohort")
@@ -103,8 +101,9 @@ def _cohort(arguments: argparse.Namespace) -> int:
         format_of(name)
     found, out = cohort.recordings(arguments.cohort), output_folder(arguments.out).absolute()
     options, formats = parse(arguments.option), tuple(dict.fromkeys(arguments.format))
+    asked = arguments.method
     works = [
-        cohort.Work(name, str(path.absolute()), str(out), method, options, arguments.hand, formats)
+        cohort.Work(name, str(path.absolute()), str(out), asked, options, arguments.hand, formats)
         for name, path in found.items()
     ]
     hear, close = progress_bar("processing")
@@ -119,6 +118,6 @@ def _cohort(arguments: argparse.Namespace) -> int:
         say(f"FAILED {outcome.name}: {outcome.message}")
     before = sum(o.state == "before" for o in outcomes)
     say(
-        f"{counted(len(outcomes) - len(failed), 'recording')} by {method} in {arguments.out}, {before} of them done before; {len(failed)} failed"
+        f"{counted(len(outcomes) - len(failed), 'recording')} by {asked or 'the method that suits each'} in {arguments.out}, {before} of them done before; {len(failed)} failed"
     )
     return 1 if failed else 0

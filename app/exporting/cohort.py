@@ -19,12 +19,12 @@ from handscope.app.version import software_version
 from handscope.app.workers.deadline import LIMIT, limit_time
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
-from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.methods import ALL_METHODS, default_for
 from handscope.estimators.pipeline.process import Processed, process
 from handscope.estimators.recording_checks.check import check_processed
 from handscope.sessions.exports import format_of
+from handscope.sessions.exports.measured import Measured
 from handscope.sessions.files.native import SUFFIX, file_checksum
-from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import derivative
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.tables_io.writing import save_file, save_folder
@@ -41,7 +41,7 @@ class Work:
     name: str
     recording: str
     out: str
-    method: str
+    method: str | None  # None: what suits the recording
     options: Mapping[str, Any]
     hand: Hand | None
     formats: tuple[str, ...] = ()  # of sessions/exports, written beside the derivative
@@ -90,18 +90,17 @@ def one(work: Work) -> Outcome:
         key = _key(path, work)
         if _done(out) == key:
             return Outcome(work.name, "before")
-        method = ALL_METHODS[work.method]
-        params = with_options(method.Params, work.options)
         recording = formats_recordings.load(path, work.hand)
+        name = work.method or default_for(recording.streams)
+        method = ALL_METHODS[name]
+        params = with_options(method.Params, work.options)
         made = process(method, params, recording, progress=limit_time(LIMIT, lambda share: None))
         processed = check_processed(made, recording)
         out.mkdir(parents=True, exist_ok=True)
         (out / DONE).unlink(missing_ok=True)
-        save_folder(
-            derivative.tree(processed, recording, work.method, params, software_version()), out
-        )
-        for name in work.formats:
-            _export(recording, processed, work, params, name)
+        save_folder(derivative.tree(processed, recording, name, params, software_version()), out)
+        for wanted in work.formats:
+            _export(gather(recording, processed, name, params), processed, out, params, wanted)
         save_file(
             json.dumps({"key": key, "warnings": list(processed.warnings)}, indent=1).encode(),
             out / DONE,
@@ -113,14 +112,11 @@ def one(work: Work) -> Outcome:
     return Outcome(work.name, "done")
 
 
-def _export(
-    recording: LoadedRecording, processed: Processed, work: Work, params: Any, name: str
-) -> None:
-    """Write a format as OUT/NAME/NAME.ending, or into a folder OUT/NAME/FORMAT."""
-    wanted, folder = format_of(name), Path(work.out) / work.name
-    measured = gather(recording, processed, work.method, params)
+def _export(measured: Measured, processed: Processed, out: Path, params: Any, name: str) -> None:
+    """Write a format as OUT/NAME/NAME.ending, or into a folder OUT/NAME/FORMAT; `out` is OUT/NAME."""
+    wanted = format_of(name)
     made = export_processed(measured, name, processed, params)
-    save(made.files, folder / (f"{work.name}{wanted.ending}" if wanted.ending else name))
+    save(made.files, out / (f"{out.name}{wanted.ending}" if wanted.ending else name))
 
 
 def all_of(

@@ -15,6 +15,7 @@ from handscope.estimators.data.samples import Event, Stream
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized, table_of
+from handscope.estimators.methods import default_for
 from handscope.sessions.db.tables import ErasedFile, Patient, PatientSession, RecordingFile, now
 from handscope.sessions.files import native
 from handscope.sessions.files.recorder import is_being_written
@@ -186,6 +187,14 @@ def list_abandoned(db: Session) -> list[PatientSession]:
     )
 
 
+def suited_method(file: RecordingFile) -> str:
+    """The method for a closed recording when nobody names one; summaries of older versions name no quantities."""
+    streams = file.summary.get("streams", [])
+    return default_for(
+        [Stream(s["name"], (), tuple(s.get("quantities", ())), s.get("rate", 0.0)) for s in streams]
+    )
+
+
 def hand_of(word: str) -> Hand:
     """left or right as a Hand."""
     for hand in HANDS:
@@ -224,6 +233,7 @@ def stream_row(stream: Stream) -> dict[str, Any]:
     return {
         "name": stream.name,
         "sensors": list(stream.sensors),
+        "quantities": list(stream.quantities),
         "rate": round(stream.rate, 3),
     }
 

@@ -1,6 +1,6 @@
 /** Upload a recording made elsewhere: drop it or choose it, then to its session. */
 import { h } from "../dom.js";
-import { choices, errorBox, field, initial, onSubmit, select } from "../forms.js";
+import { choices, errorBox, field, onSubmit, select } from "../forms.js";
 import { progressBar } from "../progress_bar.js";
 import { t } from "../words/words.js";
 
@@ -61,8 +61,8 @@ export function mount(root, api, { record, go }) {
         checked: !side,
       }));
       const method = select(
-        methods.map((m) => [m.name, `${m.name}: ${m.title}`]),
-        initial(methods),
+        [["", t("upload.method.suited")], ...methods.map((m) => [m.name, `${m.name}: ${m.title}`])],
+        "",
         { name: "method" },
       );
       more.replaceChildren(h("p", {}), choices(t("upload.hand"), "upload_hand", hands), field(t("upload.method"), method));
@@ -75,7 +75,7 @@ export function mount(root, api, { record, go }) {
   onSubmit(form, box, async () => {
     const data = new FormData();
     data.append("file", file);
-    data.append("method", form.elements.method.value);
+    if (form.elements.method.value) data.append("method", form.elements.method.value);
     if (form.elements.upload_hand.value) data.append("hand", form.elements.upload_hand.value);
     bar.element.hidden = false;
     try {

@@ -19,7 +19,8 @@ from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.motion_bids import writer
 from handscope.sessions.store.store import open_store
 from tests.app.api.conftest import files_in
-from tests.simulated import pose_and_wiggle
+from tests.oriented import fused
+from tests.simulated import loaded, pose_and_wiggle
 
 
 @pytest.fixture(scope="module")
@@ -469,3 +470,12 @@ def test_only_measured_fingers_are_told(
     )
     named = {f["name"].split("_")[0] for f in result["figures"] if f["value"] is not None}
     assert named & set(FINGERS) == {"index"}
+
+
+def test_orientations_alone_are_processed_by_a_method_that_takes_them(
+    client: TestClient, patient: int
+) -> None:
+    oriented = loaded(fused(pose_and_wiggle("left")))
+    made = upload(client, patient, writer.pack(writer.tree(oriented, "01", "wiggle")))
+    result = finished(client, made.json()["result"])
+    assert (result["method"], result["state"], result["error"]) == ("m2", "done", "")

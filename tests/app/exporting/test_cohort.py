@@ -10,6 +10,7 @@ from handscope.app.cli import main
 from handscope.app.exporting import cohort
 from handscope.estimators.errors import InputError
 from handscope.sessions.motion_bids import writer
+from tests.oriented import fused
 from tests.simulated import loaded, pose_and_wiggle
 
 pytest.importorskip("distributed", reason="Dask is not installed: make lock, then make check")
@@ -132,3 +133,11 @@ def test_a_format_that_there_is_not_ends_before_anything_is_done(
     words = ["process", "--cohort", str(recordings), "--out", str(out), "--format", "docx"]
     assert main(words) == 2
     assert "formats are bids, opensim" in capsys.readouterr().err and not out.exists()
+
+
+def test_where_no_method_is_named_each_recording_gets_the_one_that_suits_it(tmp_path: Path) -> None:
+    oriented = loaded(fused(pose_and_wiggle("left")))
+    (tmp_path / "q.zip").write_bytes(writer.pack(writer.tree(oriented, "01", "wiggle")))
+    work = cohort.Work("q", str(tmp_path / "q.zip"), str(tmp_path / "out"), None, {}, None)
+    assert cohort.one(work) == cohort.Outcome("q", "done")
+    assert list((tmp_path / "out" / "q").rglob("*_desc-m2_motion.tsv"))
