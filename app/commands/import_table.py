@@ -6,18 +6,22 @@ from pathlib import Path
 from handscope.app.commands.words import require_file, say
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages import render_english
 from handscope.sessions.files import native
 from handscope.sessions.motion_bids.events_reader import read_events
 from handscope.sessions.table_import.column_map import as_json, read_map
-from handscope.sessions.table_import.convert import blocks_of, write_native
 from handscope.sessions.table_import.guess import guess_map
-from handscope.sessions.table_import.tables import read_table
+from handscope.sessions.table_import.importing import import_table
 from handscope.sessions.tables_io.writing import save_file
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
-    parser.add_argument("table", type=Path, help="CSV, TSV, XLSX, Parquet or MAT, a row a sample")
+    parser.add_argument(
+        "table",
+        type=Path,
+        help="CSV, TSV, XLSX, Parquet, MAT, XDF or a maker's format, a row a sample",
+    )
     parser.add_argument("--map", type=Path, metavar="MAP.json", help="which columns are what")
     parser.add_argument("--guess", type=Path, metavar="MAP.json", help="write a first map there")
     parser.add_argument(
@@ -56,11 +60,9 @@ def _convert(arguments: argparse.Namespace) -> int:
     require_file(out)
     columns = read_map(arguments.map)
     events = read_events(arguments.events) if arguments.events else ()
-    blocks = blocks_of(read_table(arguments.table, columns.table), columns)
     about = {"software": software_version(), "imported_from": arguments.table.name}
-    write_native(blocks, columns, events, out, about)
-    t = blocks[0].t
-    say(f"{t[-1]:.1f} s of {len(columns.sensors)} sensors at {blocks[0].stream.rate:.4g} Hz: {out}")
-    if not events:
-        say("warning: no events: without an initial pose the headings are guesses; give --events")
+    found = import_table(arguments.table, columns, events, out, about)
+    for message in found.messages:
+        say(f"{'warning: ' * (message.severity == 'warning')}{render_english(message)}")
+    say(f"{found.duration:.1f} s of {len(columns.sensors)} sensors at {found.rate:.4g} Hz: {out}")
     return 0

@@ -145,12 +145,13 @@ def write_native(
     events: Iterable[Event],
     path: Path,
     about: Mapping[str, str],
+    started: datetime | None = None,
 ) -> None:
-    """A new native recording at `path`, whole or not at all."""
+    """A new native recording at `path`, whole or not at all; `started` is the instant of the first row, now where it is not known."""
     encoder = Encoder()
     metadata = {"hand": columns.hand, "geometry": dict(columns.geometry), **about}
     try:
-        with Recorder(path, metadata, 0.0, datetime.now(UTC)) as recorder:
+        with Recorder(path, metadata, 0.0, started or datetime.now(UTC)) as recorder:
             for at, frame in _frames(blocks, columns, encoder):
                 recorder.write(frame, at)
             for k, event in enumerate(events):

@@ -1,23 +1,21 @@
 """What a table's columns probably are: a first MAP.json for somebody to correct.
 
-In      a file
-Out     a ColumnMap of what could be guessed, and sentences about what could not
+In      a file, or the columns of its table
+Out     a ColumnMap of what could be guessed, and messages about what could not
 """
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 
-from handscope.estimators.data.samples import ACC, COMPONENTS, GYR, MAG, ORIENTATION
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import HANDS, SEGMENTS
-from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.hand.anatomy import HANDS, SEGMENTS, Hand
+from handscope.estimators.messages import Message, render_english
 from handscope.sessions.table_import.column_map import (
-    FACTORS,
     Channels,
     ColumnMap,
     MappedSensor,
@@ -25,60 +23,80 @@ from handscope.sessions.table_import.column_map import (
 )
 from handscope.sessions.table_import.makers import Maker, maker_of
 from handscope.sessions.table_import.number_columns import NumberColumns, text_lines
-from handscope.sessions.table_import.tables import (
-    READERS,
-    read_table,
-)
+from handscope.sessions.table_import.tables import READERS, read_table
+from handscope.sessions.table_import.triads import Triad, find_triads
 
 DELIMITERS = (";", "\t", ",", "|", " ")
 LOOKED_AT = 50  # lines
 TIME = re.compile(r"^(t|time|timestamp|zeit|sampletime\w*)([_ \[(]|$)", re.IGNORECASE)
-KINDS = {
-    ORIENTATION: re.compile(r"quat|orient|(?:^|[^a-z])q[_.]?[wxyz0-3](?:[^a-z]|$)", re.IGNORECASE),
-    GYR: re.compile(r"gyr|angvel|omega|rate|gyro|w_?[xyz]\b", re.IGNORECASE),
-    ACC: re.compile(r"(?<!free)(?<!lin)(?<!linear)(?<!free_)acc|beschl", re.IGNORECASE),
-    MAG: re.compile(r"mag", re.IGNORECASE),
-}
-AXIS = re.compile(r"(?:^|[^a-z])([xyz])(?:[^a-z]|$)|([XYZ])(?:[^a-zA-Z]|$)")
-QUATERNION = re.compile(r"(?:^|[^a-z]|q)([wxyz])(?:[^a-z]|$)|([WXYZ])(?:[^a-zA-Z]|$)")
-UNITS = (  # words in a header, most telling first
-    ("deg/s", GYR),
-    ("dps", GYR),
-    ("rad/s", GYR),
-    ("mg", ACC),
-    ("m/s^2", ACC),
-    ("m/s2", ACC),
-    ("[g]", ACC),
-    ("(g)", ACC),
-    ("ut", MAG),
-)
-SPELT = {"dps": "deg/s", "m/s2": "m/s^2", "[g]": "g", "(g)": "g", "ut": "uT"}
+MOST_NAMED = 20  # columns in a sentence
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A first map of a table, and what it leaves open."""
+
+    columns: ColumnMap
+    triads: tuple[Triad, ...]  # of the map, and those whose segment nothing says
+    questions: tuple[Message, ...]
 
 
 def guess_map(path: Path) -> tuple[ColumnMap, list[str]]:
     """The map, and a sentence for everything that has to be filled in by hand."""
-    layout = TableLayout() if path.suffix.lower() in READERS else _guess_layout(path)
-    table = read_table(path, layout)
-    open_questions: list[str] = []
+    found = guess(path)
+    return found.columns, [render_english(q) for q in found.questions]
+
+
+def guess(path: Path, layout: TableLayout | None = None) -> Guess:
+    """What the columns of a file probably are; its text as `layout` says, or as it probably is."""
+    layout = layout or guess_layout(path)
+    return guess_columns(read_table(path, layout), path.stem, layout)
+
+
+def guess_layout(path: Path) -> TableLayout:
+    """How the text of a file is laid out; the default where it is no text."""
+    return TableLayout() if path.suffix.lower() in READERS else _guess_layout(path)
+
+
+def guess_columns(table: NumberColumns, stem: str, layout: TableLayout) -> Guess:
+    """What the columns of a table probably are; `stem` is the file's name without its ending."""
     maker = maker_of(table.names)
     time, rate = _guess_time(table, maker)
-    if time is None:
-        open_questions.append("no column of times was found: rate is a guess of 100 Hz")
-    sensors: dict[str, MappedSensor] = {}
-    words = " ".join(table.names).lower() + " " + path.stem.lower()
+    words = " ".join(table.names).lower() + " " + stem.lower()
     sides = [h for h in HANDS if h in words]
-    for point, kind, columns in _named_channels(table, path.stem, sides[1:]):
-        unit = (maker and maker.units.get(kind)) or _guess_unit(table, kind, columns)
-        known = sensors.get(point, MappedSensor({}))
-        sensors[point] = MappedSensor({**known.channels, kind: Channels(columns, unit)})
-    if not sensors:
-        open_questions.append(
-            f"no column names a segment ({', '.join(SEGMENTS[:3])}, ...) and a quantity: fill in sensors; columns are {', '.join(table.names[:20]) or f'0 to {table.values.shape[1] - 1}'}"
-        )
+    triads = tuple(
+        replace(t, unit=maker.units.get(t.quantity, t.unit)) if maker else t
+        for t in find_triads(table, stem, sides[1:], time[0] if time else None)
+    )
+    sensors: dict[str, MappedSensor] = {}
+    for triad in triads:
+        if triad.point:
+            known = sensors.get(triad.point, MappedSensor({}))
+            channels = {**known.channels, triad.quantity: Channels(triad.columns, triad.unit)}
+            sensors[triad.point] = MappedSensor(channels)
+    columns = ColumnMap(sides[0] if sides else "left", sensors, time, rate, layout)
+    return Guess(columns, triads, tuple(_questions(table, columns, triads, sides)))
+
+
+def _questions(
+    table: NumberColumns, columns: ColumnMap, triads: Sequence[Triad], sides: Sequence[Hand]
+) -> Iterator[Message]:
+    if columns.time is None:
+        yield Message("import.guess_no_time", {}, "warning")
+    if not columns.sensors:
+        names = ", ".join(table.names[:MOST_NAMED]) or f"0 to {table.values.shape[1] - 1}"
+        known = ", ".join(SEGMENTS[:3])
+        yield Message("import.guess_no_sensors", {"segments": known, "columns": names}, "warning")
+    for triad in (t for t in triads if t.point is None):
+        values = {
+            "columns": ", ".join(map(str, triad.columns)),
+            "quantity": triad.quantity,
+            "unit": triad.unit,
+        }
+        yield Message("import.guess_which_segment", values, "warning")
     if len(sides) != 1:
-        what = "both hands are named" if sides else "the hand is not said"
-        open_questions.append(f"{what}: left is a guess")
-    return ColumnMap(sides[0] if sides else "left", sensors, time, rate, layout), open_questions
+        code = "import.guess_both_hands" if sides else "import.guess_no_hand"
+        yield Message(code, {}, "warning")
 
 
 def _guess_layout(path: Path) -> TableLayout:
@@ -138,56 +156,3 @@ def _guess_time(
             if 20 <= 1 / (step * size) <= 2500 and not (unit == "s" and step == 1):
                 return (table.names[k] if table.names else k, unit), None
     return None, 100.0
-
-
-def _named_channels(
-    table: NumberColumns, stem: str, other_sides: Sequence[str]
-) -> Iterator[tuple[str, str, tuple[str, ...]]]:
-    """Segment, quantity and the columns of its components that their names tell; the file's name tells the segment where
-    columns do not. Columns that name another side are left out."""
-    found: dict[tuple[str, str], dict[str, str]] = {}
-    of_file = _segment_in(stem)
-    for name in table.names:
-        if any(side in name.lower() for side in other_sides):
-            continue
-        point = _segment_in(name) or of_file
-        kind = next((k for k, words in KINDS.items() if words.search(name)), None)
-        axis = (QUATERNION if kind == ORIENTATION else AXIS).search(name)
-        if point and kind and axis:
-            found.setdefault((point, kind), {})[(axis[1] or axis[2]).lower()] = name
-    for (point, kind), axes in found.items():
-        if set(axes) == set(COMPONENTS[kind]):
-            yield point, kind, tuple(axes[c] for c in COMPONENTS[kind])
-
-
-def _segment_in(text: str) -> str | None:
-    plain = re.sub(r"[^a-z0-9]+", "_", text.lower())
-    return next((s for s in sorted(SEGMENTS, key=len, reverse=True) if s in plain), None)
-
-
-def _guess_unit(table: NumberColumns, kind: str, columns: tuple[str, ...]) -> str:
-    """As the header says, else by size."""
-    if kind == ORIENTATION:
-        return "1"
-    for words, of in UNITS:
-        if of == kind and words in columns[0].lower():
-            return SPELT.get(words, words)
-    values = np.column_stack([table.column(c) for c in columns])
-    values = values[np.isfinite(values).all(axis=1)]
-    if not len(values):
-        return next(iter(FACTORS[kind]))
-    size = float(np.median(np.linalg.norm(values, axis=1)))
-    if kind == ACC:
-        return _nearest({"m/s^2": GRAVITY, "g": 1.0, "mg": 1000.0}, size)
-    if kind == MAG:
-        return _nearest({"uT": 45.0, "T": 45e-6, "mG": 450.0}, size)
-    return "deg/s" if _largest(values) > np.radians(3000) else "rad/s"
-
-
-def _largest(values: Array) -> float:
-    return float(np.abs(values).max())
-
-
-def _nearest(sizes: dict[str, float], size: float) -> str:
-    assert set(sizes) <= set(FACTORS[ACC]) | set(FACTORS[MAG])
-    return min(sizes, key=lambda unit: abs(np.log(max(size, 1e-12) / sizes[unit])))

@@ -1,6 +1,7 @@
 """Tables of other loggers: mapped, checked and processed as the recording that they were made from."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,12 @@ from handscope.estimators.pipeline.process import process
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings
 from handscope.sessions.motion_bids.writer import events_table
+from handscope.sessions.table_import.column_map import Channels, ColumnMap, MappedSensor
+from handscope.sessions.table_import.examine import examine
+from handscope.sessions.table_import.guess import guess
 from tests.simulated import DEG
+
+Change = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
 @pytest.fixture(scope="module")
@@ -246,3 +252,69 @@ def exported_orientations(recording: LoadedRecording, known: Calibration) -> Blo
     _, rest = fusion.finish(params, state)
     q = np.concatenate([part.q_GS, rest.q_GS])
     return Block(replace(block.stream, quantities=(ORIENTATION,)), block.t, q)
+
+
+def test_columns_that_no_program_knows_are_found_by_their_numbers(
+    german: Path, original: LoadedRecording
+) -> None:
+    found = guess(german / "log.csv")
+    triads = {t.columns: (t.quantity, t.unit, t.point) for t in found.triads}
+    sensors = len(original.samples["imu"].stream.sensors)
+    expected = {tuple(f"a{k}{c}" for c in "uvw"): ("gyr", "deg/s", None) for k in range(sensors)}
+    expected |= {tuple(f"b{k}{c}" for c in "uvw"): ("acc", "g", None) for k in range(sensors)}
+    assert triads == expected
+    codes = [q.code for q in found.questions]
+    assert codes.count("import.guess_which_segment") == 2 * sensors
+
+
+def test_columns_without_names_are_taken_as_they_stand_side_by_side(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    q = rng.normal(size=(100, 4))
+    parts = [
+        q / np.linalg.norm(q, axis=1, keepdims=True),
+        [0, 0, 9.81] + 0.1 * rng.normal(size=(100, 3)),
+    ]
+    rows = np.hstack([np.arange(100)[:, None] * 10.0, *parts, 90 * rng.normal(size=(100, 3))])
+    (tmp_path / "a.csv").write_text("\n".join(",".join(map(str, r)) for r in rows))
+    found = guess(tmp_path / "a.csv")
+    assert found.columns.time == (0, "ms")
+    assert [(t.quantity, t.unit, t.columns) for t in found.triads] == [
+        ("orientation", "1", (1, 2, 3, 4)),
+        ("acc", "m/s^2", (5, 6, 7)),
+        ("gyr", "deg/s", (8, 9, 10)),
+    ]
+
+
+def test_an_import_says_what_it_took_the_numbers_for(
+    german: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert imported(german, tmp_path / "r.mcap") == 0
+    words = capsys.readouterr().out
+    assert "accelerometers read 1.00 at rest: taken as g" in words
+    assert "at rest, the longest from" in words or "at rest from" in words
+    assert "warning" not in words
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        (lambda t, gyr, acc: (t, gyr[:, [1, 2, 0]], acc), "import.seen_disagreement"),
+        (lambda t, gyr, acc: (t, gyr / 57.3, acc), "import.seen_rates_small"),
+        (lambda t, gyr, acc: (t, gyr, 1.1 * acc), "import.seen_gravity_off"),
+        (lambda t, gyr, acc: (t + 0.5 * (t > 6), gyr, acc), "import.seen_gaps"),
+        (lambda t, gyr, acc: (t + 0.004 * (np.arange(len(t)) % 2), gyr, acc), "import.seen_uneven"),
+        (lambda t, gyr, acc: (t, gyr + 0.3, acc), "import.seen_no_rest"),
+    ],
+)
+def test_what_does_not_fit_together_is_warned_of(
+    original: LoadedRecording, change: Change, code: str
+) -> None:
+    block = original.samples["imu"]
+    point = block.stream.sensors.index("index_distal")
+    t, gyr, acc = change(block.t - block.t[0], block.of(GYR)[:, point], block.of(ACC)[:, point])
+    stream = replace(block.stream, sensors=("index_distal",), quantities=(GYR, ACC))
+    one = Block(stream, t, np.concatenate([gyr, acc], axis=1)[:, None])
+    units = {GYR: Channels(("a", "b", "c"), "rad/s"), ACC: Channels(("d", "e", "f"), "m/s^2")}
+    columns = ColumnMap("left", {"index_distal": MappedSensor(units)})
+    found = [m.code for m in examine([one], columns).messages if m.severity == "warning"]
+    assert found == [code]
