@@ -33,6 +33,7 @@ from handscope.app.api import (
 from handscope.app.api.hand_photographs import routes as photograph_routes
 from handscope.app.api.live import streams
 from handscope.app.api.login import login_routes, oidc_routes, second_factors
+from handscope.app.api.uploads import tables
 from handscope.app.api.wards import emergency_routes, ward_routes
 from handscope.app.auth.gate import Gate
 from handscope.app.auth.incoming_text import PlainAddresses
@@ -119,6 +120,7 @@ def create_app(settings: Settings) -> FastAPI:
         patients,
         progress,
         sessions,
+        tables,
         results,
         references,
         self_calibrations,

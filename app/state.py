@@ -18,6 +18,7 @@ from handscope.app.live.outputs.permits import Permits
 from handscope.app.live.replay import Replay
 from handscope.app.live.stations import AnyStation, Stations
 from handscope.app.settings import Settings
+from handscope.app.workers.pending_tables import PendingTables
 from handscope.app.workers.session_repair import SessionRepair
 from handscope.app.workers.storage_mover import StorageMover
 from handscope.app.workers.upload_reader import UploadReader
@@ -40,6 +41,7 @@ class Parts:
     storage_mover: StorageMover | None  # where there is an object storage
     broadcasts: Broadcasts = field(default_factory=Broadcasts)
     pending_logins: PendingLogins = field(default_factory=PendingLogins)
+    pending_tables: PendingTables = field(default_factory=PendingTables)
     permits: Permits = field(default_factory=Permits)  # of streams that other programs read
 
 

@@ -187,3 +187,46 @@ class StationRow(TypedDict):
 
     station: str
     kind: str
+
+
+class TableTriad(TypedDict):
+    """Columns of one quantity in the order of its components."""
+
+    quantity: str  # gyr, acc, mag, orientation
+    columns: list[str | int]
+    unit: str
+    point: str | None  # segment, where something says it
+
+
+class TableAnswer(TypedDict):
+    """A table that is being mapped: its first rows and a guess of its columns."""
+
+    name: str
+    is_text: bool  # its layout can be changed
+    layout: dict[str, Any]  # as MAP.json has it, as is `map`
+    names: list[str]  # empty where there is no header
+    columns: int
+    count: int  # rows
+    rows: list[list[str]]  # the first ones
+    map: dict[str, Any] | None
+    triads: list[TableTriad]
+    questions: list[str]  # what the guess leaves open
+    problem: str | None  # why it cannot be read by this layout
+    choices: dict[str, Any]  # units by quantity, units of time, segments
+    stored: dict[str, Any] | None  # the map last used for this header, and when
+
+
+class TableFinding(TypedDict):
+    """Something that the numbers of a mapped table say."""
+
+    severity: str  # info, warning
+    text: str
+
+
+class TableFindings(TypedDict):
+    """What the numbers of a mapped table say; s and Hz."""
+
+    duration: float
+    rate: float
+    rests: list[list[float]]  # onset and end, the longest first
+    findings: list[TableFinding]

@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, BinaryIO
 
 from anyio import to_thread
 from fastapi import APIRouter, Form, UploadFile
@@ -190,9 +190,7 @@ async def upload_recording(
     handle, place = tempfile.mkstemp(suffix=suffix, dir=parts.store.incoming)
     try:
         with os.fdopen(handle, "wb") as target:
-            async for chunk in _chunks(file, parts.settings.largest_upload):
-                parts.store.require_room(len(chunk) + 2**20)
-                target.write(chunk)
+            await receive(file, parts, target)
         upload = await parts.upload_reader.read(
             Path(place), name, records.hand_of(hand) if hand else None
         )
@@ -477,6 +475,13 @@ def _solution_store(
             self_calibrations.decide(db, file.session, self_calibrations.ALL, made.id)
 
     return store
+
+
+async def receive(file: UploadFile, parts: Parts, target: BinaryIO) -> None:
+    """Write what is uploaded; InputError where it is too large or the disk is full."""
+    async for chunk in _chunks(file, parts.settings.largest_upload):
+        parts.store.require_room(len(chunk) + 2**20)
+        target.write(chunk)
 
 
 async def _chunks(file: UploadFile, most: int) -> AsyncIterator[bytes]:

@@ -21,7 +21,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 SMALL = 1 << 20  # bytes of a body that is no upload: the largest form of the pages has some 20 kB
 FORM = 1 << 16  # bytes that a form with a file has besides the file
-UPLOADS = re.compile(r"/api/patients/\d+/(recordings|photographs|photographs/landmarks)")
+UPLOADS = re.compile(r"/api/patients/\d+/(recordings|tables|photographs|photographs/landmarks)")
 PATIENCE = 10.0  # s that may pass without a byte
 SLOWEST = 16_000.0  # bytes/s on average after PATIENCE: GPRS
 MOST_AT_ONCE = 64  # requests of one address whose answers are not finished

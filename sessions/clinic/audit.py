@@ -36,6 +36,7 @@ from handscope.sessions.db.tables import (
     Reuse,
     SecondFactor,
     SelfCalibration,
+    StoredColumnMap,
     Ward,
     now,
 )
@@ -59,6 +60,7 @@ KINDS: Mapping[type[Base], str] = {
     Account: "account",
     SecondFactor: "second_factor",
     Ward: "ward",
+    StoredColumnMap: "column_map",
 }
 BY_ITSELF: Mapping[
     type[Base], frozenset[str]

@@ -434,6 +434,17 @@ class AuditLine(Base):
     hash: Mapped[str] = mapped_column(String(64))
 
 
+class StoredColumnMap(Base):
+    """Which columns of other loggers' tables are what, by the tables' headers (sessions/table_import/stored_maps.py)."""
+
+    __tablename__ = "column_map"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    key: Mapped[str] = mapped_column(String(64), unique=True)  # sha256 of the header
+    data: Mapped[dict[str, Any]] = mapped_column(default=dict)  # MAP.json without hand and lengths
+    changed: Mapped[datetime] = mapped_column(default=now)
+
+
 class ErasedFile(Base):
     """A file that must go: its rows are gone, or it is an upload whose rows are not there yet; the next start finishes what a power cut interrupted."""
 

@@ -17,13 +17,18 @@ from handscope.sessions.motion_bids.tables import MISSING, rows
 def read_events(path: Path) -> tuple[Event, ...]:
     """Events of one events.tsv in order of onset; InputError with its line where a row is none."""
     try:
-        text = path.read_bytes()
+        data = path.read_bytes()
     except OSError as problem:
         raise InputError(
             "file.cannot_read", name=str(path), problem=str(problem.strerror)
         ) from None
-    found = rows(text, path.name, ("onset", "duration", "trial_type")).items()
-    events = (_event(row, path.name, number) for number, row in found)
+    return parse_events(data, path.name)
+
+
+def parse_events(data: bytes, name: str) -> tuple[Event, ...]:
+    """Events of the content of an events.tsv in order of onset; InputError with its line where a row is none."""
+    found = rows(data, name, ("onset", "duration", "trial_type")).items()
+    events = (_event(row, name, number) for number, row in found)
     return tuple(sorted(events, key=lambda e: e.onset))
 
 

@@ -97,7 +97,7 @@ def parse_map(value: Any, name: str, of_stream: bool = False) -> ColumnMap:
         {point: _sensor(point, sensor, name) for point, sensor in sensors.items()},
         time,
         rate,
-        _layout(value.get("table") or {}, name),
+        parse_layout(value.get("table") or {}, name),
         geometry,
     )
 
@@ -130,7 +130,8 @@ def _only(value: Any, known: set[str], where: str) -> None:
         )
 
 
-def _layout(value: Any, name: str) -> TableLayout:
+def parse_layout(value: Any, name: str) -> TableLayout:
+    """How the text is laid out, as plain data; InputError names what is wrong."""
     where = f"{name}: table"
     _only(value, {"delimiter", "decimal", "header", "skip"}, where)
     layout = TableLayout(**value)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from handscope.estimators.data.samples import ACC, GYR, ORIENTATION, Block
-from handscope.estimators.messages import Message
+from handscope.estimators.messages import Message, Value
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
@@ -82,13 +82,13 @@ def _gravity(
     units = {p: columns.sensors[p].channels[ACC].unit for p in sizes}
     for unit in dict.fromkeys(units.values()):
         size = float(np.median([s for p, s in sizes.items() if units[p] == unit]))
-        values = {"reading": size / FACTORS[ACC][unit], "unit": unit}
+        values: dict[str, Value] = {"reading": size / FACTORS[ACC][unit], "unit": unit}
         code = "import.seen_gravity" if rests else "import.seen_gravity_moving"
         yield Message(code, values, "info")
     for point, size in sizes.items():
         if abs(size / GRAVITY - 1) > GRAVITY_OFF:
-            values = {"point": point, "share": 100 * abs(size / GRAVITY - 1)}
-            yield Message("import.seen_gravity_off", values, "warning")
+            off: dict[str, Value] = {"point": point, "share": 100 * abs(size / GRAVITY - 1)}
+            yield Message("import.seen_gravity_off", off, "warning")
 
 
 def _turning(blocks: Sequence[Block]) -> Iterator[Message]:
@@ -158,7 +158,7 @@ def _speeds(block: Block) -> Iterator[Array]:
 
 def _filled(values: Array) -> Array:
     """The values (rows, components) with the last one known in place of missing ones."""
-    rows = np.isfinite(values).all(axis=1)
+    rows = np.asarray(np.isfinite(values).all(axis=1))
     last = np.maximum.accumulate(np.where(rows, np.arange(len(rows)), -1))
     first = int(np.argmax(rows))
     return np.asarray(values[np.where(last < 0, first, last)])

@@ -87,7 +87,7 @@ def find_triads(
             and not NO_READING.search(n)
             and not any(side in n.lower() for side in other_sides)
         ]
-        groups = list(_similar_names(free))
+        groups: list[tuple[Column, ...]] = list(_similar_names(free))
     else:
         groups = list(_adjacent(table, [k for k in range(table.values.shape[1]) if k != time]))
     by_numbers = (_by_numbers(table, columns) for columns in groups)
