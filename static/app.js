@@ -8,6 +8,7 @@ import { t } from "./words/words.js";
 const PAGES = [
   [/^\/$/, () => import("./pages/patients.js")],
   [/^\/patients\/(\d+)$/, () => import("./pages/patient.js")],
+  [/^\/patients\/(\d+\/tables\/\w+)$/, () => import("./pages/table.js")],
   [/^\/sessions\/(\d+)$/, () => import("./pages/session.js")],
   [/^\/stations\/([^/]+)$/, () => import("./pages/station.js")],
   [/^\/help$/, () => import("./pages/help.js")],

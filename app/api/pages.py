@@ -16,7 +16,16 @@ from handscope.estimators.errors import InputError
 router = APIRouter(include_in_schema=False, dependencies=[requires_role(*EVERY_ACCOUNT)])
 STATIC = Path(static.__file__).parent
 OPENING = 30.0  # s that a viewer waits for a scene whose process begins
-PAGES = ("/", "/patients/{id}", "/sessions/{id}", "/stations/{id}", "/help", "/account", "/audit")
+PAGES = (
+    "/",
+    "/patients/{id}",
+    "/patients/{id}/tables/{table}",
+    "/sessions/{id}",
+    "/stations/{id}",
+    "/help",
+    "/account",
+    "/audit",
+)
 
 
 def _page() -> FileResponse:

@@ -4,13 +4,14 @@ import { choices, errorBox, field, onSubmit, select } from "../forms.js";
 import { progressBar } from "../progress_bar.js";
 import { t } from "../words/words.js";
 
-const KINDS = /\.(zip|mcap)$/i;
+const RECORDINGS = /\.(zip|mcap)$/i;
+const TABLES = /\.(csv|tsv|txt|xlsx|parquet|mat|xdf|mvnx|bvh|h5|hdf5)$/i; // their columns are mapped on a page of its own
 
 export function mount(root, api, { record, go }) {
   const box = errorBox();
   const input = h("input", {
     type: "file",
-    accept: ".zip,.mcap",
+    accept: ".zip,.mcap,.csv,.tsv,.txt,.xlsx,.parquet,.mat,.xdf,.mvnx,.bvh,.h5,.hdf5",
     class: "visually-hidden",
     tabindex: "-1",
     "aria-label": t("upload.file"),
@@ -28,15 +29,17 @@ export function mount(root, api, { record, go }) {
   let gone = false;
   bar.element.hidden = true;
 
-  const ready = () => (send.disabled = !(file && asked));
+  const isTable = () => TABLES.test(file?.name ?? "");
+  const ready = () => (send.disabled = !(file && (asked || isTable())));
 
   function take(given) {
     box.clear();
     if (!given) return;
-    file = KINDS.test(given.name) ? given : null;
+    file = RECORDINGS.test(given.name) || TABLES.test(given.name) ? given : null;
     name.textContent = given.name;
     ready();
-    more.hidden = !file;
+    more.hidden = !file || isTable();
+    send.textContent = t(isTable() ? "upload.map" : "upload.send");
     pick.textContent = t("upload.another");
     if (!file) box.show(new Error(t("upload.wrong_kind", { name: given.name })));
   }
@@ -75,14 +78,15 @@ export function mount(root, api, { record, go }) {
   onSubmit(form, box, async () => {
     const data = new FormData();
     data.append("file", file);
-    if (form.elements.method.value) data.append("method", form.elements.method.value);
-    if (form.elements.upload_hand.value) data.append("hand", form.elements.upload_hand.value);
+    if (!isTable() && form.elements.method.value) data.append("method", form.elements.method.value);
+    if (!isTable() && form.elements.upload_hand.value) data.append("hand", form.elements.upload_hand.value);
     bar.element.hidden = false;
     try {
-      const kept = await api.upload(`/api/patients/${record.now.id}/recordings`, data, (share) =>
+      const address = `/patients/${record.now.id}/${isTable() ? "tables" : "recordings"}`;
+      const kept = await api.upload(`/api${address}`, data, (share) =>
         bar.set(share, t(share < 1 ? "upload.sending" : "upload.checking")),
       );
-      go(`/sessions/${kept.session}`);
+      go(kept.table ? `${address}/${kept.table}` : `/sessions/${kept.session}`);
     } finally {
       bar.element.hidden = true;
     }

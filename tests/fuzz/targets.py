@@ -35,9 +35,9 @@ from handscope.sessions.motion_bids.orientation_channels import orientation_colu
 from handscope.sessions.store import backup
 from handscope.sessions.store.store import open_store
 from handscope.sessions.table_import.column_map import read_map
-from handscope.sessions.table_import.convert import blocks_of, write_native
 from handscope.sessions.table_import.guess import guess_map
-from handscope.sessions.table_import.tables import read_table as read_columns
+from handscope.sessions.table_import.importing import check_table, import_table, read_once
+from handscope.sessions.table_import.preview import preview
 from handscope.sessions.wire.assembly import Assembler
 from tests.app.devices.sources import slime_trackers as slime
 from tests.bids import dataset
@@ -131,11 +131,12 @@ def qualisys(data: bytes, folder: Path) -> None:
 
 
 def table(data: bytes, folder: Path) -> None:
+    read_once.cache_clear()
     (folder / "t.csv").write_bytes(data)
-    columns, _ = guess_map(folder / "t.csv")
-    if columns.sensors:
-        blocks = blocks_of(read_columns(folder / "t.csv", columns.table), columns)
-        write_native(blocks, columns, (), folder / "r.mcap", {})
+    seen = preview(folder / "t.csv")
+    if seen.guess is not None and seen.guess.columns.sensors:
+        check_table(folder / "t.csv", seen.guess.columns)
+        import_table(folder / "t.csv", seen.guess.columns, (), folder / "r.mcap", {})
 
 
 def mvnx(data: bytes, folder: Path) -> None:

@@ -47,6 +47,7 @@ router = APIRouter(
     dependencies=[requires_role(CLINICIAN)],
 )
 MOST_EVENTS = 500
+SHOWN_OTHERWISE = {"import.guess_which_segment", "import.guess_no_sensors"}  # by the triads
 
 
 class TableMapping(Incoming):
@@ -213,9 +214,7 @@ def _answer(
         ]
         if guess
         else [],
-        "questions": [
-            language.render(q) for q in guess.questions if q.code != "import.guess_which_segment"
-        ]
+        "questions": [language.render(q) for q in guess.questions if q.code not in SHOWN_OTHERWISE]
         if guess
         else [],
         "problem": _words(seen.problem, language),

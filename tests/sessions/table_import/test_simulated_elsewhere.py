@@ -1,0 +1,147 @@
+"""A recording simulated by a program that shares nothing with this one comes in as a table and gives the angles of its native recording."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from handscope.app.cli import main
+from handscope.estimators.data.samples import ACC, GYR, Block
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.orientation import fusion
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.formats import recordings
+from handscope.sessions.motion_bids.writer import events_table
+from handscope.validation.independent.simulator import recording_files
+from handscope.validation.independent.simulator.force_sensors import (
+    Cuffs,
+    draw_sensor,
+    simulate_readings,
+)
+from handscope.validation.independent.simulator.hand import measured
+from handscope.validation.independent.simulator.pinch import Held, pinched
+from tests.simulated import DEG, calibrated
+
+Angles = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def native(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Something is lifted between thumb and index finger, by sensors with errors, as Motion-BIDS."""
+    folder = tmp_path_factory.mktemp("elsewhere") / "recording"
+    rng = np.random.default_rng(4)
+    done, cuffs = pinched(Held(mass=0.3), "left", rng), Cuffs()
+    sensors = [draw_sensor(cuffs, rng) for _ in recording_files.FINGERS]
+    forces = simulate_readings(done, cuffs, sensors, rng)
+    recording_files.written(folder, done, measured(done.hand, rng), forces, {})
+    return folder
+
+
+def processed(recording: Path, out: Path) -> Angles:
+    """Joint angles, deg, by name, and the times, as the command line writes them."""
+    assert main(["process", str(recording), "--method", "m2", "--out", str(out)]) == 0
+    (table,) = out.rglob("*_desc-m2_motion.tsv")
+    channels = table.with_name(table.name.replace("_motion.tsv", "_channels.tsv"))
+    rows = [line.split("\t") for line in channels.read_text().splitlines()]
+    values = np.genfromtxt(table, delimiter="\t")
+    kind, unit = rows[0].index("type"), rows[0].index("units")
+    found = {}
+    for k, row in enumerate(rows[1:]):
+        if row[kind] in ("JNTANG", "LATENCY"):
+            name = row[0] if row[kind] == "JNTANG" else "t"
+            found[name] = values[:, k] / (DEG if row[unit] == "rad" else 1.0)
+    return found
+
+
+def largest_difference(a: Angles, b: Angles, since: float = 0.0) -> float:
+    """Over all angles, deg, where both know them, from a time of the first on, s."""
+    (t_a, t_b), names = (x["t"] for x in (a, b)), sorted(set(a) & set(b) - {"t"})
+    assert len(names) >= 6
+    count = min(len(t_a), len(t_b))
+    assert abs(len(t_a) - len(t_b)) < 2 and np.ptp(t_a[:count] - t_b[:count]) < 1e-3
+    rows = np.flatnonzero(t_a[:count] >= since)
+    differences = [np.abs(a[n][rows] - b[n][rows]) for n in names]
+    known = [float(np.nanmax(d)) for d in differences if np.isfinite(d).any()]
+    assert len(known) >= 9  # of thumb and index finger
+    return max(known)
+
+
+def imported(folder: Path, recording: LoadedRecording, segments: dict[str, str]) -> Path:
+    """Guess the map of log.csv, choose segments by the letters of columns as a person would, import."""
+    assert main(["import", str(folder / "log.csv"), "--guess", str(folder / "map.json")]) == 0
+    column_map = json.loads((folder / "map.json").read_text())
+    names = (folder / "log.csv").read_text().splitlines()[0].split(";")
+    column_map |= {"hand": recording.hand, "sensors": {}}
+    for letter, point in segments.items():
+        sensor = {"mounting": [float(x) for x in recording.mounting.get(point, (1, 0, 0, 0))]}
+        for sign, quantity, unit in (
+            ("1", "gyr", "deg/s"),
+            ("2", "acc", "g"),
+            ("3", "orientation", "1"),
+        ):
+            columns = sorted(n for n in names if n.startswith(f"{letter}{sign}"))
+            if columns:
+                sensor[quantity] = {"columns": columns, "unit": unit}  # type: ignore[assignment]
+        column_map["sensors"][point] = sensor
+    (folder / "map.json").write_text(json.dumps(column_map))
+    begin = float(recording.samples["imu"].t[0])
+    events = tuple(replace(e, onset=e.onset - begin) for e in recording.events)
+    (folder / "events.tsv").write_bytes(events_table(events))
+    words = ["import", str(folder / "log.csv"), "--map", str(folder / "map.json")]
+    out = folder / "r.mcap"
+    assert main([*words, "--events", str(folder / "events.tsv"), "--out", str(out)]) == 0
+    return out
+
+
+def log(path: Path, columns: dict[str, np.ndarray]) -> None:
+    """Semicolons, decimal commas, columns in any order."""
+    names = list(np.random.default_rng(5).permutation(list(columns)))
+    rows = np.column_stack([columns[n] for n in names])
+    lines = [";".join(f"{v:.7f}" for v in row).replace(".", ",") for row in rows]
+    path.write_text("\n".join([";".join(names), *lines]) + "\n")
+
+
+def _block(recording: LoadedRecording) -> tuple[Block, dict[str, str]]:
+    block = recording.samples["imu"]
+    return block, dict(zip("klmnopq", block.stream.sensors))
+
+
+def test_a_german_table_gives_the_angles_of_the_native_recording(
+    native: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = recordings.load(native)
+    block, segments = _block(recording)
+    columns = {"zeit": 1e3 * (block.t - block.t[0])}
+    for k, letter in enumerate(segments):
+        for sign, quantity, unit in (("1", GYR, DEG), ("2", ACC, GRAVITY)):
+            values = (block.of(quantity)[:, k] / unit).T
+            columns |= {f"{letter}{sign}{c}": v for c, v in zip("uvw", values)}
+    log(tmp_path / "log.csv", columns)
+    out = imported(tmp_path, recording, segments)
+    words = capsys.readouterr().out
+    assert "look like gyr in deg/s: say which segment" in words and "taken as g" in words
+    ours, theirs = processed(out, tmp_path / "a"), processed(native, tmp_path / "b")
+    assert largest_difference(theirs, ours) < 0.2
+
+
+def test_orientations_alone_give_the_angles_of_the_native_recording(
+    native: Path, tmp_path: Path
+) -> None:
+    """Of a device that knows its gyroscopes' biases; from the pose on."""
+    recording = recordings.load(native)
+    block, segments = _block(recording)
+    known = calibrated(replace(recording, samples={"imu": block}))  # type: ignore[arg-type]
+    state = fusion.start(block.stream, {}, known.gyr_bias)
+    state, part = fusion.step(fusion.FusionParams(), state, block)
+    _, rest = fusion.finish(fusion.FusionParams(), state)
+    q = np.concatenate([part.q_GS, rest.q_GS])
+    columns = {"zeit": 1e3 * (block.t - block.t[0])}
+    for k, letter in enumerate(segments):
+        columns |= {f"{letter}3{c}": v for c, v in zip("abcd", q[:, k].T)}
+    log(tmp_path / "log.csv", columns)
+    out = imported(tmp_path, recording, segments)
+    ours, theirs = processed(out, tmp_path / "a"), processed(native, tmp_path / "b")
+    end = recording.events[0].end
+    assert largest_difference(theirs, ours, end) < 1.0
