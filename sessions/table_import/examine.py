@@ -26,6 +26,7 @@ UNEVEN = 0.1  # of a step, standard deviation of the steps
 GRAVITY_OFF = 0.05  # share by which a sensor's gravity may differ without a word
 CALM = 0.05  # share by which accelerations may differ from gravity where directions are compared
 TURNING = 0.5  # rad that gravity must turn in all before a gyroscope is judged by it
+FACTOR = 5.0  # between both rates, from which a unit is wrong
 AGREEING = 0.3  # correlation of both rates of turn, below which axes or sensors are exchanged
 
 
@@ -59,8 +60,9 @@ def _timing(t: Array, rate: float) -> Iterator[Message]:
     gaps = np.flatnonzero(steps > GAP)
     if len(gaps):
         k = int(gaps[np.argmax(steps[gaps])])
-        longest = {"longest": float(t[k + 1] - t[k]), "onset": float(t[k])}
-        yield Message("import.seen_gaps", {"count": len(gaps), **longest}, "warning")
+        longest, onset = float(t[k + 1] - t[k]), float(t[k])
+        gaps_seen = {"count": len(gaps), "longest": longest, "onset": onset}
+        yield Message("import.seen_gaps", gaps_seen, "warning")
     even = steps[steps <= GAP]
     if len(even) and float(np.std(even)) > UNEVEN:
         spread = {"share": 100 * float(np.std(even))}
@@ -83,8 +85,10 @@ def _gravity(
     for unit in dict.fromkeys(units.values()):
         size = float(np.median([s for p, s in sizes.items() if units[p] == unit]))
         values: dict[str, Value] = {"reading": size / FACTORS[ACC][unit], "unit": unit}
-        code = "import.seen_gravity" if rests else "import.seen_gravity_moving"
-        yield Message(code, values, "info")
+        if rests:
+            yield Message("import.seen_gravity", values, "info")
+        else:
+            yield Message("import.seen_gravity_moving", values, "info")
     for point, size in sizes.items():
         if abs(size / GRAVITY - 1) > GRAVITY_OFF:
             off: dict[str, Value] = {"point": point, "share": 100 * abs(size / GRAVITY - 1)}
@@ -106,9 +110,12 @@ def _turning(blocks: Sequence[Block]) -> Iterator[Message]:
                 continue
             if correlation < AGREEING:
                 yield Message("import.seen_disagreement", {"point": point}, "warning")
-            elif not 0.2 < slope < 5:
-                code = "import.seen_rates_small" if slope > 1 else "import.seen_rates_large"
-                yield Message(code, {"point": point, "factor": max(slope, 1 / slope)}, "warning")
+            elif slope >= FACTOR:
+                small: dict[str, Value] = {"point": point, "factor": slope}
+                yield Message("import.seen_rates_small", small, "warning")
+            elif slope <= 1 / FACTOR:
+                large: dict[str, Value] = {"point": point, "factor": 1 / slope}
+                yield Message("import.seen_rates_large", large, "warning")
 
 
 def _compare_turning(t: Array, gyr: Array, acc: Array, wide: int) -> tuple[float, float]:

@@ -95,8 +95,10 @@ def _questions(
         }
         yield Message("import.guess_which_segment", values, "warning")
     if len(sides) != 1:
-        code = "import.guess_both_hands" if sides else "import.guess_no_hand"
-        yield Message(code, {}, "warning")
+        if sides:
+            yield Message("import.guess_both_hands", {}, "warning")
+        else:
+            yield Message("import.guess_no_hand", {}, "warning")
 
 
 def _guess_layout(path: Path) -> TableLayout:
