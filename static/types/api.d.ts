@@ -120,6 +120,14 @@ export interface NewEmergencyAccess {
   reason: string;
 }
 
+/** A pose or a task of the recording, s from the first row. */
+export interface NewEvent {
+  trial_type: "initial_pose" | "flat_hand" | "task";
+  onset: number;
+  duration: number;
+  task?: string;
+}
+
 /** A second factor to be added, with its name. */
 export interface NewFactor {
   password: string;
@@ -150,7 +158,7 @@ export interface NewPatient {
 
 /** A recording processed anew: by which method, with which options. */
 export interface NewResult {
-  method?: string;
+  method?: string | null;
   options?: Record<string, any>;
 }
 
@@ -173,6 +181,15 @@ export interface NewSession {
 /** A live stream of poses to be opened. */
 export interface NewStream {
   rate?: number;
+}
+
+/** A map, and what the patient did when. */
+export interface NewTableRecording {
+  map: Record<string, any>;
+  events?: NewEvent[];
+  events_tsv?: string;
+  started?: string | null;
+  method?: string | null;
 }
 
 /** A note's new text, or that it is removed. */
@@ -376,6 +393,50 @@ export interface StationRow {
 export interface StationView {
   side?: "own" | "front" | "back" | "thumb" | "little" | "palm" | "fit";
   mirrored?: boolean | null;
+}
+
+/** A table that is being mapped: its first rows and a guess of its columns. */
+export interface TableAnswer {
+  name: string;
+  is_text: boolean;
+  layout: Record<string, any>;
+  names: string[];
+  columns: number;
+  count: number;
+  rows: string[][];
+  map: Record<string, any> | null;
+  triads: TableTriad[];
+  questions: string[];
+  problem: string | null;
+  choices: Record<string, any>;
+  stored: Record<string, any> | null;
+}
+
+/** Something that the numbers of a mapped table say. */
+export interface TableFinding {
+  severity: string;
+  text: string;
+}
+
+/** What the numbers of a mapped table say; s and Hz. */
+export interface TableFindings {
+  duration: number;
+  rate: number;
+  rests: number[][];
+  findings: TableFinding[];
+}
+
+/** A map of the columns, as MAP.json has it (docs/devices.md). */
+export interface TableMapping {
+  map: Record<string, any>;
+}
+
+/** Columns of one quantity in the order of its components. */
+export interface TableTriad {
+  quantity: string;
+  columns: (string | number)[];
+  unit: string;
+  point: string | null;
 }
 
 /** A login that waits for its second factor. */
