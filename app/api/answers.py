@@ -114,6 +114,7 @@ class SessionRow(TypedDict):
     source: str  # live, upload
     duration: float | None
     tasks: list[str]
+    empty: bool  # holds no trial: may be deleted
 
 
 class Visit(SessionRow):

@@ -48,7 +48,13 @@ from handscope.sessions.db.plain_text import require_plain
 from handscope.sessions.db.tables import Correction, PatientSession, RecordingFile, Result, now
 from handscope.sessions.files import native
 from handscope.sessions.sealing.stored import is_sealed, open_stored
-from handscope.sessions.store import crash_repair, records, stored_files, visit_facts
+from handscope.sessions.store import (
+    crash_repair,
+    erasure,
+    records,
+    stored_files,
+    visit_facts,
+)
 from handscope.sessions.store.archive_entries import pieces_of
 from handscope.sessions.store.visit_facts import TrunkHeight
 
@@ -139,6 +145,7 @@ def begin_session(db: Db, parts: PartsDep, patient_id: int, new: NewSession) -> 
         raise InputError(UNDECIDED)
     settings = parts.settings
     ports.require_allowed(new.port, (*settings.allowed_ports, *settings.demo_ports))
+    ports.require_hand(settings.demo_ports.get(new.port, ""), hand)
     choice.require_allowed(new.outlets, settings.allowed_outlets)
     parts.stations.require_free(new.port)
     make_setup = live_setup(new.method, new.options, parts.store.folder)
@@ -262,6 +269,12 @@ def read_session(
     }
 
 
+@router.delete("/sessions/{session_id}", status_code=204)
+def delete_session(db: Db, parts: PartsDep, session_id: int) -> None:
+    """Delete a session that holds no trial, with its recording; any other is refused."""
+    erasure.erase_empty_session(db, parts.store, session_id)
+
+
 @router.patch("/sessions/{session_id}", responses=answers(SessionRow))
 def change_session(
     db: Db, parts: PartsDep, session_id: int, change: SessionChange
@@ -351,12 +364,8 @@ def session_row(s: PatientSession) -> SessionRow:
         "notes": s.notes,
         "source": "live" if dates.is_measured_here(s) else "upload",
         "duration": next((f.summary.get("duration") for f in s.recordings if f.summary), None),
-        "tasks": [
-            e["task"]
-            for f in s.recordings
-            for e in f.summary.get("events", [])
-            if e["trial_type"] == "task"
-        ],
+        "tasks": records.tasks_of(s),
+        "empty": erasure.is_empty(s),
     }
 
 

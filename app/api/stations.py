@@ -70,6 +70,7 @@ def list_gloves(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
     return [
         {
             **port,
+            "hand": ports.named_hand(str(port["description"])),
             "description": language.translate(str(port["description"])),
             "in_use": parts.stations.uses(str(port["path"])),
         }

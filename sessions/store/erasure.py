@@ -18,7 +18,7 @@ from handscope.sessions.db.tables import (
     Result,
 )
 from handscope.sessions.files import object_storage
-from handscope.sessions.store import stored_files
+from handscope.sessions.store import records, stored_files
 from handscope.sessions.store.store import Store, remove_erased
 
 
@@ -55,6 +55,31 @@ def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, i
     db.commit()
     remove_erased(db, store, files)
     return counts
+
+
+def is_empty(session: PatientSession) -> bool:
+    """Whether a finished session that was measured here holds no trial, and nothing is computed of it."""
+    measured_here = all(f.format == "native" and not f.original_name for f in session.recordings)
+    running = any(r.state in ("queued", "running") for f in session.recordings for r in f.results)
+    finished = session.state != "open" and not running
+    return finished and measured_here and not records.tasks_of(session)
+
+
+def erase_empty_session(db: Session, store: Store, session_id: int) -> None:
+    """Erase a session without trials, with its recording; InputError, and nothing is erased, where it holds any."""
+    session = records.get(db, session_id)
+    if not is_empty(session):
+        raise InputError("store.session_not_empty", day=f"{session.started:%Y-%m-%d}")
+    files = {f.file for f in session.recordings} | {
+        name
+        for f in session.recordings
+        for r in f.results
+        for name in stored_files.files_of_result(store, r.id)
+    }
+    db.add_all([ErasedFile(file=file) for file in sorted(files)])
+    db.delete(session)
+    db.commit()
+    remove_erased(db, store, files)
 
 
 def erasures(db: Session, within: ColumnElement[bool] | None = None) -> list[AuditLine]:

@@ -39,6 +39,12 @@ class Upload:
     summary: Mapping[str, Any]
 
 
+def tasks_of(session: PatientSession) -> list[str]:
+    """Names of the tasks in a session's recordings, one for each trial."""
+    events = (e for f in session.recordings for e in f.summary.get("events", []))
+    return [e["task"] for e in events if e["trial_type"] == "task"]
+
+
 def begin(
     db: Session,
     store: Store,

@@ -5,7 +5,7 @@ import * as emergency from "../patient/emergency.js";
 import * as erasures from "../patient/erasures.js";
 import * as newPatient from "../patient/new_patient.js";
 import * as notFinished from "../patient/unfinished.js";
-import { counted, day, t, whole } from "../words/words.js";
+import { counted, dayAndTime, t, whole } from "../words/words.js";
 
 const PAGE = 50;
 
@@ -106,7 +106,7 @@ function table(patients) {
       {},
       h("th", { scope: "row" }, h("a", { href: `/patients/${p.id}` }, p.pseudonym)),
       h("td", {}, p.sessions ? counted("sessions", p.sessions) : t("patients.none_yet")),
-      h("td", {}, p.last_session ? day(p.last_session) : "–"),
+      h("td", {}, p.last_session ? dayAndTime(p.last_session) : "–"),
       h("td", {}, p.affected_hand ? t(`hand.${p.affected_hand}`) : "–"),
     ),
   );

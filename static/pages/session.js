@@ -6,6 +6,7 @@ import * as reprocess from "../session/reprocess.js";
 import * as changes from "../session/changes.js";
 import * as compare from "../session/compare.js";
 import * as dating from "../session/dating.js";
+import * as empty from "../session/empty.js";
 import * as downloads from "../session/downloads.js";
 import * as headlines from "../session/headlines.js";
 import * as measures from "../session/measures.js";
@@ -85,8 +86,9 @@ function draw(root, api, about) {
   ];
   const tasks = done ? [trials, compare].map((part) => [part, place()]) : [];
   const kept = [recordings, reprocess].map((part) => [part, place()]);
+  const hollow = treats && session.empty ? [[empty, place()]] : [];
   const closed = session.recordings.some((recording) => recording.sha256);
-  const main = [...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
+  const main = [...hollow, ...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
   const typed = treats ? [notes, dating, closed && trunkHeight.worn(session) && trunkHeight] : [];
   const aside = [done && quality, done && references, closed && selfCalibration, ...typed].filter(Boolean).map((part) => [part, place()]);
   const head = done ? [[downloads, place("")]] : [];

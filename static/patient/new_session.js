@@ -38,12 +38,14 @@ export function mount(root, api, { record, kept, go }) {
   );
   let gone = false;
 
+  let known = []; // gloves that were found
   const chosen = (name) => form.querySelector(`input[name=${name}]:checked`)?.value;
   const toggle = () => (other.hidden = chosen("glove") !== OTHER);
 
   async function look() {
     const found = await api.get("/api/gloves");
     if (gone) return;
+    known = found;
     const options = found.map((g) => ({
       value: g.path,
       label: capital(g.description),
@@ -101,6 +103,8 @@ export function mount(root, api, { record, kept, go }) {
     if (!chosen("hand")) throw new Error(t("new_session.which_hand"));
     const path = chosen("glove") === OTHER ? port.value.trim() : chosen("glove");
     if (!path) throw new Error(t("new_session.which_glove"));
+    const fits = known.find((glove) => glove.path === path)?.hand ?? chosen("hand");
+    if (fits !== chosen("hand")) throw new Error(t("new_session.other_hand", { glove: t(`hand.${fits}`), hand: t(`hand.${chosen("hand")}`) }));
     const begun = await api.post(`/api/patients/${record.now.id}/sessions`, {
       hand: chosen("hand"),
       port: path,

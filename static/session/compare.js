@@ -3,7 +3,7 @@ import { h } from "../dom.js";
 import { errorBox, once, select } from "../forms.js";
 import { chooseCurve } from "../plots/curve_sets.js";
 import { progressBar } from "../progress_bar.js";
-import { day, t } from "../words/words.js";
+import { dayAndTime, t } from "../words/words.js";
 import * as compared from "./compared.js";
 import { trialsOf } from "./trials.js";
 
@@ -100,7 +100,7 @@ export function mount(root, api, { session, result, go }) {
 /** Other methods of this recording, then the same tasks of the other hand and of other sessions. */
 function choiceOfOther(methods, course, session, result, onchange) {
   const sessions = Object.entries(course.sessions).flatMap(([hand, all]) => all.map((one) => ({ ...one, hand })));
-  const words = (one) => t("compare.session", { day: day(one.started), hand: t(`hand.${one.hand}.title`) });
+  const words = (one) => t("compare.session", { day: dayAndTime(one.started), hand: t(`hand.${one.hand}.title`) });
   const those = (wanted) => sessions.filter(wanted).map((one) => [`session:${one.result}`, words(one)]);
   const groups = [
     ["compare.method", methods.filter((m) => m.name !== result.method).map((m) => [`method:${m.name}`, `${m.name}: ${m.title}`])],

@@ -6,7 +6,7 @@ import * as chapterList from "./replay_chapters.js";
 import * as controls from "./replay_controls.js";
 import * as curves from "./replay_curves.js";
 import { makeFocus } from "./replay_focus.js";
-import { day, t } from "../words/words.js";
+import { dayAndTime, t } from "../words/words.js";
 
 export function mount(root, api, { station, session, strip }) {
   const box = errorBox();
@@ -73,6 +73,6 @@ async function namesOf(api, { session, result, beside, hand }) {
   const sides = [hand, beside.hand];
   const alone = results[0].recording === results[1].recording;
   const words = (k) =>
-    alone ? t("replay.by_method", results[k]) : t("compare.session", { day: day(sessions[k].started), hand: t(`hand.${sides[k]}.title`) });
+    alone ? t("replay.by_method", results[k]) : t("compare.session", { day: dayAndTime(sessions[k].started), hand: t(`hand.${sides[k]}.title`) });
   return ["left", "right"].map((place, k) => h("span", {}, h("strong", {}, t(`replay.on_the_${place}`)), " ", words(k)));
 }

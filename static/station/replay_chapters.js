@@ -24,8 +24,10 @@ export function mount(root, api, { station, focus, chapters }) {
   const { start } = station.latest.replay;
   const box = errorBox();
   const rows = chapters.map(row);
+  const whole = h("button", { hidden: true, onclick: () => focus.look(null) }, t("chapters.whole"));
   root.append(
     h("h2", {}, t("chapters.title")),
+    whole,
     h("ol", {}, rows.length ? rows.map((one) => one.element) : h("li", { class: "soft" }, t("chapters.none"))),
     box.element,
   );
@@ -33,7 +35,7 @@ export function mount(root, api, { station, focus, chapters }) {
   function row(chapter) {
     const jump = h(
       "button",
-      { class: "jump", onclick: () => once(jump, box, () => station.act("seek", { value: chapter.start })) },
+      { class: "jump", onclick: () => once(jump, box, () => go(chapter)) },
       h("span", {}, chapter.words, chapter.excluded && h("small", { class: "soft" }, " ", t("chapters.excluded"))),
       h("span", { class: "soft" }, clock(chapter.start - start)),
     );
@@ -42,6 +44,12 @@ export function mount(root, api, { station, focus, chapters }) {
     const repeat = h("button", { class: "repeat", "aria-pressed": "false", ...named }, icon("repeat"));
     repeat.addEventListener("click", () => once(repeat, box, () => turn(chapter)));
     return { chapter, jump, repeat, element: h("li", { class: chapter.calibration && "calibration" }, jump, repeat) };
+  }
+
+  /** Seen from close by: curves and time line show this chapter alone. */
+  function go(chapter) {
+    focus.look(chapter);
+    return station.act("seek", { value: chapter.start });
   }
 
   async function turn(chapter) {
@@ -53,6 +61,7 @@ export function mount(root, api, { station, focus, chapters }) {
   }
 
   const stops = [
+    focus.on(() => (whole.hidden = !focus.near)),
     focus.on((wanted) => rows.forEach(({ chapter, repeat }) => repeat.setAttribute("aria-pressed", String(chapter === wanted)))),
     station.on("pulse", ({ t: now }) =>
       rows.forEach(({ chapter, jump }) => {

@@ -1,13 +1,14 @@
 /** The time line: play and pause, where it stands, what happens when, how fast; by mouse, touch and keyboard. */
 import { h, whenChanged } from "../dom.js";
 import { errorBox, once, select } from "../forms.js";
+import { around } from "./replay_focus.js";
 import { t } from "../words/words.js";
 
 const SPEEDS = ["0.1", "0.25", "0.5", "1", "2", "4"];
 const JUMP = 1; // s that an arrow key goes
 const LEAP = 5; // s that a button goes, and an arrow key with Shift
 
-export function mount(root, api, { station, result, chapters }) {
+export function mount(root, api, { station, result, focus, chapters }) {
   const { start, stop, speed } = station.latest.replay;
   const box = errorBox();
   const play = h("button", { class: "primary large play", title: t("replay.keys"), onclick: toggle });
@@ -27,20 +28,12 @@ export function mount(root, api, { station, result, chapters }) {
     leap(-LEAP, `« ${LEAP} s`, t("replay.back_by", { seconds: LEAP })),
     leap(LEAP, `${LEAP} s »`, t("replay.on_by", { seconds: LEAP })),
   ];
-  const share = (moment) => `${(100 * (moment - start)) / Math.max(stop - start, 1e-6)}%`;
-  const marks = chapters.map((chapter) => {
-    const mark = h("span", { class: chapter.calibration ? "calibration" : chapter.excluded ? "excluded" : "", title: chapter.words });
-    Object.assign(mark.style, { left: share(chapter.start), width: share(start + chapter.stop - chapter.start) });
-    return mark;
-  });
+  const kindOf = (chapter) => (chapter.calibration ? "calibration" : chapter.excluded ? "excluded" : "");
   const repetitions = Object.values(result.content.repetitions ?? {}).flat();
-  marks.push(
-    ...repetitions.map((one) => {
-      const mark = h("span", { class: one.out ? "repetition excluded" : "repetition" });
-      Object.assign(mark.style, { left: share(one.start), width: share(start + one.stop - one.start) });
-      return mark;
-    }),
-  );
+  const marks = [
+    ...chapters.map((chapter) => [chapter, h("span", { class: kindOf(chapter), title: chapter.words })]),
+    ...repetitions.map((one) => [one, h("span", { class: one.out ? "repetition excluded" : "repetition" })]),
+  ];
   const where = h("output", { class: "where" });
   const pace = select(
     SPEEDS.map((value) => [value, t("replay.speed", { value })]),
@@ -53,11 +46,20 @@ export function mount(root, api, { station, result, chapters }) {
   root.append(
     play,
     ...leaps,
-    h("div", { class: "timeline" }, h("div", { class: "marks", "aria-hidden": "true" }, marks), slider),
+    h("div", { class: "timeline" }, h("div", { class: "marks", "aria-hidden": "true" }, marks.map(([, mark]) => mark)), slider),
     where,
     pace,
     box.element,
   );
+
+  /** The slider goes as far as the curves are seen. */
+  function span() {
+    const seen = { start, stop, ...around(focus.near) };
+    const share = (seconds) => `${(100 * seconds) / Math.max(seen.stop - seen.start, 1e-6)}%`;
+    marks.forEach(([one, mark]) => Object.assign(mark.style, { left: share(one.start - seen.start), width: share(one.stop - one.start) }));
+    [slider.min, slider.max] = [seen.start, seen.stop];
+    slider.value = at;
+  }
 
   const drawPlay = whenChanged(
     (pulse) => pulse.playing,
@@ -112,9 +114,12 @@ export function mount(root, api, { station, result, chapters }) {
   }
 
   document.addEventListener("keydown", pressed);
+  const unfocus = focus.on(span);
+  span();
   const leave = station.on("pulse", take);
   return () => {
     leave();
+    unfocus();
     document.removeEventListener("keydown", pressed);
   };
 }

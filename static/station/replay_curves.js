@@ -3,11 +3,10 @@ import { h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import { LINES, SETS, chooseSet, curvesAddress } from "../plots/curve_sets.js";
 import { legend } from "../plots/legend.js";
+import { around } from "./replay_focus.js";
 import { makePlot } from "../plots/plot.js";
 import { curveWords, distinctWords, valueWords } from "../words/clinical.js";
 import { clock } from "../words/words.js";
-
-const MARGIN = 0.5; // s seen before and after a chapter
 
 export function mount(root, api, { station, result, focus }) {
   const { start } = station.latest.replay;
@@ -22,16 +21,11 @@ export function mount(root, api, { station, result, focus }) {
   let at = start;
   root.append(h("div", { class: "curves-head" }, choice, names), place, box.element);
 
-  /** A chapter that is repeated is seen from close by. */
-  function span() {
-    return focus.chapter ? { start: focus.chapter.start - MARGIN, stop: focus.chapter.stop + MARGIN } : {};
-  }
-
   async function draw() {
     const mine = (asked += 1);
     const shown = SETS[choice.value];
     try {
-      const payload = await api.get(curvesAddress(result.id, shown, span()));
+      const payload = await api.get(curvesAddress(result.id, shown, around(focus.near) ?? {}));
       if (mine !== asked) return;
       box.clear();
       plot?.destroy();

@@ -1,10 +1,18 @@
-/** Which chapter of a replay is looked at closely and repeated, if any; parts of the page hear of it. */
+/** Which chapter of a replay is looked at closely, and whether it is repeated; parts of the page follow it. */
 import { errorBox } from "../forms.js";
+
+const MARGIN = 0.5; // s seen before and after a chapter
+
+/** What is seen of a recording around a chapter, { start, stop } in s; null where there is none. */
+export function around(chapter) {
+  return chapter && { start: chapter.start - MARGIN, stop: chapter.stop + MARGIN };
+}
 
 export function makeFocus(station) {
   const box = errorBox();
   const listeners = new Set();
-  let chapter = null;
+  let chapter = null; // that is repeated
+  let near = null; // that is looked at
   let turning = false;
 
   const stop = station.on("pulse", async (pulse) => {
@@ -25,9 +33,19 @@ export function makeFocus(station) {
     get chapter() {
       return chapter;
     },
+    /** The chapter that curves and time line show; null shows the whole recording. */
+    get near() {
+      return chapter ?? near;
+    },
+    /** Look at { start, stop } closely without repeating it. */
+    look(wanted) {
+      chapter = null;
+      near = wanted;
+      listeners.forEach((listener) => listener(chapter));
+    },
     /** Repeat { start, stop } from now on; null goes through the recording as it is. */
     set(wanted) {
-      chapter = wanted;
+      chapter = near = wanted;
       listeners.forEach((listener) => listener(chapter));
     },
     on(listener) {

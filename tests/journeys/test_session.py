@@ -15,6 +15,7 @@ from tests.journeys.house import (
     end_session,
     figure,
     keep_picture,
+    name_port,
     new_patient,
     scene_drawn,
     shown,
@@ -207,17 +208,31 @@ def test_a_second_enter_ends_nothing(page_without_scene: Page, server: Server) -
     assert station in [s["station"] for s in api(page, "/api/stations")]
 
 
-def test_the_wrong_glove_is_said_in_red_and_the_session_can_be_ended(
-    page_without_scene: Page, server: Server
+def test_the_wrong_glove_is_refused_or_said_in_red_and_the_empty_session_is_deleted(
+    page_without_scene: Page, server: Server, tmp_path: Path
 ) -> None:
     page = page_without_scene
-    page.goto(f"{server.base}/patients/{new_patient(page)}")
-    begin_session(page, "left", glove="right")
+    patient = f"{server.base}/patients/{new_patient(page)}"
+    page.goto(patient)
+    page.locator('input[name="hand"][value="left"]').check()
+    page.get_by_role("radio", name="Virtual right glove").check()
+    page.get_by_role("button", name="Start session").click()
+    shown(page.get_by_text("This glove is for the right hand"))
+    assert api(page, patient.replace(server.base, "/api"))["sessions"] == []
+    unnamed = tmp_path / "glove"  # whose hand nobody knows before it is connected
+    unnamed.symlink_to(server.data / "gloves" / "virtual-right-glove")
+    name_port(page, patient, unnamed)
+    page.get_by_role("button", name="Start session").click()
+    page.wait_for_url("**/stations/*")
     alert = shown(page.get_by_role("alert").filter(has_text="Wrong glove"))
     expect(alert).to_contain_text("This is a right glove, the session is of the left hand")
     expect(act(page, "continue")).to_have_count(0)
     keep_picture(page, "station-wrong-glove")
     end_session(page)
+    shown(page.get_by_role("button", name="Delete this session")).click()
+    page.get_by_role("button", name="Delete for good").click()
+    page.wait_for_url("**/patients/*")
+    assert api(page, patient.replace(server.base, "/api"))["sessions"] == []
 
 
 def test_a_port_without_a_glove_says_so(

@@ -155,3 +155,32 @@ def test_an_upload_that_a_power_cut_left_without_a_session_is_removed_by_the_nex
     assert [p.name for p in (store.folder / "recordings").iterdir()] == [
         Path(f.file).name for f in whole.recordings
     ]
+
+
+def session_of(store: Store, patient: int, tasks: list[str], state: str = "processed") -> int:
+    """Another session of a patient, measured here, with one trial for each task; its number."""
+    with store.database() as db:
+        session = PatientSession(patient_id=patient, hand="left", state=state)
+        events = [{"trial_type": "task", "task": name} for name in tasks]
+        file = f"recordings/{patient}-{len(tasks)}.mcap"
+        summary = {"events": [{"trial_type": "initial_pose"}, *events]}
+        db.add(RecordingFile(session=session, format="native", file=file, summary=summary))
+        db.commit()
+        (store.folder / file).write_bytes(b"samples")
+        return session.id
+
+
+def test_an_empty_session_can_be_deleted_and_one_with_a_trial_cannot(store: Store) -> None:
+    patient = kept(store, "P-1", "Plum")
+    empty, full = session_of(store, patient, []), session_of(store, patient, ["tapping"])
+    still_open = session_of(store, patient, [], state="open")
+    with store.database() as db:
+        erasure.erase_empty_session(db, store, empty)
+        assert db.get(PatientSession, empty) is None
+        for number in (full, still_open):
+            with pytest.raises(InputError, match="only an empty session"):
+                erasure.erase_empty_session(db, store, number)
+        assert db.scalar(select(func.count()).select_from(ErasedFile)) == 0
+    names = [p.name for p in (store.folder / "recordings").iterdir()]
+    assert f"{patient}-0.mcap" not in names
+    assert f"{patient}-1.mcap" in names
