@@ -104,7 +104,8 @@ export function mount(root, api, { record, kept, go }) {
     const path = chosen("glove") === OTHER ? port.value.trim() : chosen("glove");
     if (!path) throw new Error(t("new_session.which_glove"));
     const fits = known.find((glove) => glove.path === path)?.hand ?? chosen("hand");
-    if (fits !== chosen("hand")) throw new Error(t("new_session.other_hand", { glove: t(`hand.${fits}`), hand: t(`hand.${chosen("hand")}`) }));
+    const other = { glove: t(`hand.${fits}`), hand: t(`hand.${chosen("hand")}`) };
+    if (fits !== chosen("hand")) throw new Error(t("new_session.other_hand", other));
     const begun = await api.post(`/api/patients/${record.now.id}/sessions`, {
       hand: chosen("hand"),
       port: path,

@@ -11,6 +11,7 @@ export function mount(root, api, { session, go }) {
   };
   const sure = h("button", { class: "danger", hidden: true, onclick: () => once(sure, box, erase) }, t("empty_session.sure"));
   const ask = h("button", { onclick: () => ((sure.hidden = false), (ask.hidden = true)) }, t("empty_session.delete"));
-  root.append(h("h2", {}, t("empty_session.title")), h("p", {}, t("empty_session.text")), h("div", { class: "buttons" }, ask, sure), box.element);
+  const buttons = h("div", { class: "buttons" }, ask, sure);
+  root.append(h("h2", {}, t("empty_session.title")), h("p", {}, t("empty_session.text")), buttons, box.element);
   return () => {};
 }

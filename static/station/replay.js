@@ -73,6 +73,8 @@ async function namesOf(api, { session, result, beside, hand }) {
   const sides = [hand, beside.hand];
   const alone = results[0].recording === results[1].recording;
   const words = (k) =>
-    alone ? t("replay.by_method", results[k]) : t("compare.session", { day: dayAndTime(sessions[k].started), hand: t(`hand.${sides[k]}.title`) });
+    alone
+      ? t("replay.by_method", results[k])
+      : t("compare.session", { day: dayAndTime(sessions[k].started), hand: t(`hand.${sides[k]}.title`) });
   return ["left", "right"].map((place, k) => h("span", {}, h("strong", {}, t(`replay.on_the_${place}`)), " ", words(k)));
 }

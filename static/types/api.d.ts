@@ -339,6 +339,7 @@ export interface SessionAnswer {
   source: string;
   duration: number | null;
   tasks: string[];
+  empty: boolean;
   geometry: Record<string, any>;
   station: string | null;
   recordings: RecordingRow[];
@@ -372,6 +373,7 @@ export interface SessionRow {
   source: string;
   duration: number | null;
   tasks: string[];
+  empty: boolean;
 }
 
 /** What a person does at a station, with the details of that action. */
@@ -462,6 +464,7 @@ export interface Visit {
   source: string;
   duration: number | null;
   tasks: string[];
+  empty: boolean;
   calibration: Record<string, any> | null;
   warnings: number;
   doubts: string[];
