@@ -13,6 +13,8 @@ from handscope.estimators.errors import InputError
 VERBS = {
     "demo": "serve with a virtual glove and a demonstration patient",
     "serve": "serve pages, API and 3-D scene",
+    "open": "open the pages in a browser, logged in; start a server where none runs",
+    "desktop-entry": "an icon in the menu of a Linux desktop that opens the pages",
     "account": "who may log in, and as what",
     "ward": "parts of the hospital that patients and accounts belong to",
     "audit": "who saw, changed, exported and erased what; verify that nobody changed the trail",

@@ -62,7 +62,7 @@ OFFICE = {"numba", "numpy", "sqlalchemy"}  # of verbs of a data folder: results 
 OFFLINE = {"mcap", "numba", "numpy", "scipy.interpolate", "scipy.ndimage", "scipy.special", "vqf"}
 FIGURES = OFFLINE | {"babel", "scipy.signal", "scipy.spatial"}
 SIMULATED = {"numba", "numpy", "scipy.interpolate", "scipy.optimize", "scipy.special"}
-SERVERS = {"demo", "serve"}  # they import nearly everything
+SERVERS = {"demo", "open", "serve"}  # they import nearly everything
 MAY = {  # what each other verb may import; nothing heavy where it is not here
     **dict.fromkeys(("account", "ward", "audit", "login", "backup", "restore"), OFFICE),
     "data-key": OFFICE | {"mcap"},
