@@ -1,5 +1,5 @@
 /** A table of another logger: what its columns are, what its numbers say of that, and then into the patient's sessions. */
-import { h, whenChanged } from "../dom.js";
+import { h, icon, whenChanged } from "../dom.js";
 import { choices, errorBox, onSubmit } from "../forms.js";
 import * as columns from "../table/columns.js";
 import * as events from "../table/events.js";
@@ -96,7 +96,7 @@ function trail(patient) {
   const links = [
     ["/", "patients.title"],
     [`/patients/${patient}`, "table.patient"],
-  ].map(([href, words]) => [h("a", { href }, t(words)), "›"]);
+  ].map(([href, words]) => [h("a", { href }, t(words)), icon("chevron-right")]);
   return h("p", { class: "trail" }, links);
 }
 
