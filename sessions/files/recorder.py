@@ -11,7 +11,7 @@ import json
 import os
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -51,6 +51,17 @@ CHANNELS = {
 }
 
 
+@dataclass(frozen=True)
+class Continuation:
+    """Where a recording that lacks its end goes on."""
+
+    file: IO[bytes]  # at its end
+    number: int  # of the next message
+    began: float  # s of the monotonic clock, of the first message
+    utc: datetime  # at that moment
+    newest: float  # s of the monotonic clock, of the last message
+
+
 class Recorder:
     """A recording being written: a context manager; leaving it finishes the file."""
 
@@ -79,6 +90,15 @@ class Recorder:
         self.metadata(
             {"format_version": FORMAT_VERSION, "start_utc": self._utc.isoformat(), **metadata}, now
         )
+
+    @classmethod
+    def go_on(cls, at: Continuation) -> "Recorder":
+        """A recorder that goes on with a file."""
+        recorder = cls.__new__(cls)
+        recorder._file, recorder._began, recorder._utc = at.file, at.began, at.utc
+        recorder._synced = recorder._newest = at.newest
+        recorder._number, recorder._together, recorder.bytes_written = at.number, False, 0
+        return recorder
 
     def __enter__(self) -> "Recorder":
         return self

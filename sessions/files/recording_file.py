@@ -43,6 +43,7 @@ class Findings:
     finished: bool = False  # and closed it
     damaged: int = 0  # messages missing within it
     unread: int = 0  # bytes behind the last good record
+    end: int = 0  # bytes up to the end of the newest message
 
 
 def read_messages(
@@ -101,6 +102,8 @@ def _records(
                 unpacked=unpacked / 2**20,
                 packed=size / 2**20,
             )
+        if inside and end is not None:
+            found.end = end
         yield inside
         if inside is None:
             after = _next_chunk(file, at + 1)
