@@ -31,7 +31,7 @@ from handscope.app.api import (
     stations,
 )
 from handscope.app.api.hand_photographs import routes as photograph_routes
-from handscope.app.api.live import streams
+from handscope.app.api.live import relays, streams
 from handscope.app.api.login import login_routes, oidc_routes, second_factors
 from handscope.app.api.uploads import tables
 from handscope.app.api.wards import emergency_routes, ward_routes
@@ -40,6 +40,7 @@ from handscope.app.auth.incoming_text import PlainAddresses
 from handscope.app.auth.request_limits import RequestLimits
 from handscope.app.auth.roles import EVERY_ACCOUNT, RoleRequirement
 from handscope.app.job_queue import Jobs
+from handscope.app.live.relays import Relays, relay_account
 from handscope.app.live.station import Station
 from handscope.app.live.stations import Stations
 from handscope.app.settings import Settings
@@ -81,11 +82,12 @@ def create_app(settings: Settings) -> FastAPI:
             UploadReader() as upload_reader,
             Jobs(store) as jobs,
             Stations(lambda station: _store_finished(app.state.parts, station)) as open_stations,
+            Relays(open_stations, lambda session: app.state.repair.add(session)) as open_relays,
         ):
             app.state.parts = Parts(
-                settings, store, jobs, open_stations, upload_reader, storage_mover
+                settings, store, jobs, open_stations, upload_reader, storage_mover, open_relays
             )
-            left = await anyio.to_thread.run_sync(_list_left_open, store)
+            left = await anyio.to_thread.run_sync(_list_left_open, store, open_relays)
             finish = partial(_process_closed, app)
             with (
                 SessionRepair(store, *left, finish) as app.state.repair,
@@ -127,6 +129,7 @@ def create_app(settings: Settings) -> FastAPI:
         photograph_routes,
         stations,
         streams,
+        relays,
         methods,
         login_routes,
         ward_routes,
@@ -172,14 +175,26 @@ def _serve_metrics(parts: Parts) -> Iterator[None]:
 def _store_finished(parts: Parts, station: Station) -> None:
     """Close the recording of a live session that ended, and process it."""
     parts.permits.withdraw(station.name)
+    setup, relay = station.setup, station.glove.relay
+    if relay is not None and relay.next_number and not relay.is_complete:
+        parts.relays.await_rest(setup.session, setup.about["relay_account"], setup.recording)
+        return
     _close(parts, station.setup.session, station.setup.method_name, {})
 
 
-def _list_left_open(store: Store) -> tuple[list[int], list[int]]:
-    """Sessions that the last server left open, and those whose recordings it did not read whole."""
+def _list_left_open(store: Store, relays: Relays) -> tuple[list[int], list[int]]:
+    """Sessions that the last server left open, and those whose recordings it did not read whole; a session of which a browser
+    still keeps something is awaited instead."""
     with store.database() as db:
-        listed = records.list_abandoned(db), crash_repair.list_unread(db)
-        return [s.id for s in listed[0]], [s.id for s in listed[1]]
+        unread = [s.id for s in crash_repair.list_unread(db)]
+        files = {s.id: [f.file for f in s.recordings] for s in records.list_abandoned(db)}
+    for session in list(files):
+        recording = store.path_of(files[session][0]) if files[session] else None
+        account = None if recording is None else relay_account(recording)
+        if recording is not None and account is not None:
+            relays.await_rest(session, account, recording)
+            del files[session]
+    return list(files), unread
 
 
 def _process_closed(app: FastAPI, session_id: int) -> None:

@@ -15,6 +15,7 @@ from handscope.app.auth.roles import Requester, on_behalf_of, requester
 from handscope.app.job_queue import Jobs
 from handscope.app.language import Language
 from handscope.app.live.outputs.permits import Permits
+from handscope.app.live.relays import Relays
 from handscope.app.live.replay import Replay
 from handscope.app.live.stations import AnyStation, Stations
 from handscope.app.settings import Settings
@@ -39,6 +40,7 @@ class Parts:
     stations: Stations
     upload_reader: UploadReader
     storage_mover: StorageMover | None  # where there is an object storage
+    relays: Relays  # of gloves at the ports of clinicians' browsers
     broadcasts: Broadcasts = field(default_factory=Broadcasts)
     pending_logins: PendingLogins = field(default_factory=PendingLogins)
     pending_tables: PendingTables = field(default_factory=PendingTables)

@@ -27,6 +27,7 @@ from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, require
 from handscope.app.devices import ports
 from handscope.app.live.outputs import choice
 from handscope.app.live.readouts.trial_review import EarlierFigures
+from handscope.app.live.relays import relay_port
 from handscope.app.live.stations import live_setup
 from handscope.app.options import with_options
 from handscope.app.state import Db, Parts, PartsDep, RepairDep
@@ -138,7 +139,9 @@ class NewResult(Incoming):
 
 
 @router.post("/patients/{patient_id}/sessions", status_code=201)
-def begin_session(db: Db, parts: PartsDep, patient_id: int, new: NewSession) -> dict[str, Any]:
+def begin_session(
+    db: Db, parts: PartsDep, requester: RequesterDep, patient_id: int, new: NewSession
+) -> dict[str, Any]:
     """Begin a live session: the glove's recording starts, the station's wizard waits."""
     patient, hand = patients.get(db, patient_id), records.hand_of(new.hand)
     if new.reuse is None and self_calibrations.of_hand(patient, hand):
@@ -153,10 +156,17 @@ def begin_session(db: Db, parts: PartsDep, patient_id: int, new: NewSession) -> 
         db, parts.store, patient, hand, patient.hand_measures.get(hand, {}), new.examiner
     )
     try:
-        setup = make_setup(session, parts.store.path_of(file.file), new.port, patient.pseudonym)
+        port = relay_port(session.id) if new.port == ports.RELAY else new.port
+        setup = make_setup(session, parts.store.path_of(file.file), port, patient.pseudonym)
+        about = (
+            {**setup.about, "relay_account": requester.account}
+            if ports.is_relay(port)
+            else setup.about
+        )
         station = parts.stations.open_live(
             replace(
                 setup,
+                about=about,
                 outlets=tuple(new.outlets),
                 earlier=_earlier_figures(db, patient.id, hand, new.method),
                 store_solution=_solution_store(db, parts, file.id),
@@ -241,6 +251,8 @@ def close_session(db: Db, parts: PartsDep, repair: RepairDep, session_id: int) -
     session = records.get(db, session_id)
     if station := parts.stations.of_session(session_id):
         parts.stations.close(station.name)
+    elif parts.relays.is_awaited(session_id):
+        parts.relays.give_up(session_id)
     elif session.state == "open" and records.close(db, parts.store, session_id).state == "recorded":
         _queue(db, parts, session, None, {})
 

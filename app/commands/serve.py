@@ -32,6 +32,7 @@ from handscope.sessions.store.logins import TOKEN_LIFE, new_token
 DEFAULT_PORT = 8420
 IDLE, LONGEST = 4.0, 24.0  # h of a login
 CACHE = 20.0  # GB
+LARGEST_MESSAGE = 2**20  # bytes of a web socket message, before anybody looks at it
 SWITCH = 5e-4  # s that a thread which has something to do waits for another: Python's 5 ms add up over a pose's way to its viewers
 
 
@@ -277,6 +278,7 @@ def serve(
         log_level="warning",
         access_log=False,
         ws="websockets-sansio",
+        ws_max_size=LARGEST_MESSAGE,
         timeout_graceful_shutdown=5,
         server_header=False,
         proxy_headers=False,

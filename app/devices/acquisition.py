@@ -12,11 +12,12 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
 from handscope.app.devices.pipes import Kind, read_frame, write_frame
-from handscope.app.devices.ports import is_network, open_port
+from handscope.app.devices.ports import is_network, is_relay, open_port
 from handscope.app.devices.sources.addresses import is_source
 from handscope.estimators.data.events import Event
 from handscope.estimators.errors import InputError
@@ -25,7 +26,18 @@ from handscope.sessions.files.recorder import Recorder
 FORWARD = 4096  # chunks that wait for a slow server, about 16 MB; then the oldest go
 TOGETHER = 1024  # chunks that go to the disk in one write where it is slow
 RETRY = 0.5  # s between two tries to open a port that went away
+KEEP_EVERY = 0.5  # s between two syncs to the disk that a browser's relay is told of
 SILENCE = 5.0  # s without a byte after which a network connection counts as lost: a cable that was cut says nothing
+
+
+@dataclass
+class RelayedCount:
+    """Messages of a relay."""
+
+    written: int = 0
+    kept: int = 0  # on the disk
+    synced: float = 0.0  # s, monotonic
+    is_broken: bool = False  # one could not be written: none behind it may be
 
 
 class Acquisition:
@@ -38,6 +50,8 @@ class Acquisition:
         self._forward: queue.Queue[tuple[Kind, float, bytes]] = queue.Queue(FORWARD)
         self._stop = threading.Event()
         self._failed = False
+        self._is_relayed = is_relay(port)
+        self._relayed = RelayedCount()
         self.dropped = 0
 
     def run(self, commands: IO[bytes]) -> None:
@@ -50,9 +64,11 @@ class Acquisition:
             try:
                 self._record([self._read.get(timeout=0.1), *self._take_waiting()])
             except queue.Empty:
-                continue
+                pass
+            self._acknowledge(time.monotonic())
         self._stop.set()
         self._recorder.close()
+        self._say_kept()
         self._say(state="finished", bytes_written=self._recorder.bytes_written)
         self._forward.put((Kind.END, 0.0, b""))
         threads[1].join(timeout=2.0)
@@ -79,7 +95,7 @@ class Acquisition:
         """One that fails takes none of the others with it."""
         try:
             if what == "wire":
-                self._recorder.write(value, at)
+                self._keep_wire(value, at)
             elif what == "command":
                 self._recorder.command(value, at)
             elif what == "event":
@@ -90,13 +106,42 @@ class Acquisition:
         except (OSError, ValueError) as problem:
             self._say_failed(getattr(problem, "strerror", None) or str(problem))
 
+    def _keep_wire(self, value: bytes, at: float) -> None:
+        """Of a relay nothing behind a message that failed: the browser still has it and sends it later."""
+        if self._relayed.is_broken:
+            return
+        self._relayed.is_broken = self._is_relayed
+        self._recorder.write(value, at)
+        self._relayed.is_broken = False
+        self._relayed.written += 1
+
+    def _acknowledge(self, now: float) -> None:
+        """Bring a relay's messages to the disk and say how many are there."""
+        r = self._relayed
+        if self._is_relayed and r.written > r.kept and now - r.synced >= KEEP_EVERY:
+            r.synced = now
+            try:
+                self._recorder.sync()
+            except OSError as problem:
+                self._say_failed(problem.strerror or str(problem))
+            else:
+                self._say_kept()
+
+    def _say_kept(self) -> None:
+        if self._is_relayed:
+            self._relayed.kept = self._relayed.written
+            kept = json.dumps({"kept": self._relayed.kept}).encode()
+            self._pass_on(Kind.KEPT, time.monotonic(), kept)
+
     def _say_failed(self, reason: str) -> None:
         if not self._failed:
             self._failed = True
             self._say(state="recording_failed", reason=reason)
 
     def _reader(self) -> None:
-        """Read the port; when it goes away, say so and try to open it again."""
+        """Read the port; when it goes away, say so and try to open it again. A browser's port comes with the commands."""
+        if self._is_relayed:
+            return
         while not self._stop.is_set():
             try:
                 self._port = open_port(self._path)
@@ -138,6 +183,11 @@ class Acquisition:
                 break
             if kind is Kind.SEND:
                 self._send(data)
+            elif kind is Kind.RELAYED:
+                self._read.put(("wire", data, at))
+            elif kind is Kind.RELAY_LINE:
+                is_open = json.loads(data)["is_open"]
+                self._say(state="opened" if is_open else "port_lost", port=self._path)
             else:
                 self._read.put((kind.name.lower(), json.loads(data), at))
         time.sleep(0.05)  # what is on its way from the port still belongs to the recording
@@ -145,6 +195,9 @@ class Acquisition:
 
     def _send(self, data: bytes) -> None:
         port = self._port
+        if self._is_relayed:
+            self._pass_on(Kind.TO_PORT, time.monotonic(), data)
+            self._read.put(("command", data, time.monotonic_ns() * 1e-9))
         if port is None:
             return
         try:

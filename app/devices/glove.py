@@ -18,6 +18,8 @@ from types import TracebackType
 from typing import Any, cast
 
 from handscope.app.devices.pipes import Kind, frames_that_wait, write_frame
+from handscope.app.devices.ports import is_relay
+from handscope.app.devices.relay.live_relay import LiveRelay
 from handscope.estimators.data.samples import Block, Event
 from handscope.sessions.tables_io import force_calibrations
 from handscope.sessions.wire import messages as wire
@@ -66,6 +68,7 @@ class Glove:
         )
         self._encoder = Encoder()
         self._sending = threading.Lock()
+        self.relay = LiveRelay(self._record_relayed, self._set_line) if is_relay(port) else None
         self._changed = threading.Condition()
 
     def __enter__(self) -> "Glove":
@@ -98,6 +101,8 @@ class Glove:
         trace: TracebackType | None,
     ) -> None:
         self.send(wire.Stop())
+        if self.relay is not None:
+            self.relay.end()
         self._tell(Kind.QUIT)
         try:
             self._process.wait(CLOSE_WAIT)
@@ -153,10 +158,16 @@ class Glove:
         with self._changed:
             return self._changed.wait_for(lambda: condition(self), timeout)
 
-    def _tell(self, kind: Kind, data: bytes = b"") -> None:
+    def _record_relayed(self, at: float, data: bytes) -> None:
+        self._tell(Kind.RELAYED, data, at)
+
+    def _set_line(self, is_open: bool) -> None:
+        self._tell(Kind.RELAY_LINE, json.dumps({"is_open": is_open}).encode())
+
+    def _tell(self, kind: Kind, data: bytes = b"", at: float | None = None) -> None:
         assert self._process.stdin is not None
         try:
-            write_frame(self._process.stdin, kind, time.monotonic(), data)
+            write_frame(self._process.stdin, kind, time.monotonic() if at is None else at, data)
         except (OSError, ValueError):
             self._set_state(
                 GloveState("recording_failed", "the recording process ended", self.state.dropped)
@@ -168,8 +179,8 @@ class Glove:
                 if is_wire:
                     self._take_chunks([(at, data) for _, at, data in some])
                 else:
-                    for _, _, data in some:
-                        self._take_state(json.loads(data))
+                    for kind, _, data in some:
+                        self._take_word(kind, data)
             with self._changed:
                 self._changed.notify_all()
         if self.state.state != "finished":
@@ -180,6 +191,15 @@ class Glove:
                     self.state.dropped,
                 )
             )
+
+    def _take_word(self, kind: Kind, data: bytes) -> None:
+        """A frame of the recording process that holds no samples."""
+        if kind is Kind.STATE:
+            self._take_state(json.loads(data))
+        elif self.relay is not None and kind is Kind.KEPT:
+            self.relay.acknowledge(json.loads(data)["kept"])
+        elif self.relay is not None and kind is Kind.TO_PORT:
+            self.relay.command(data)
 
     def _take_state(self, message: dict[str, Any]) -> None:
         self._set_state(

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 BAUD = 115200  # ignored by USB; a value that every driver takes
 READ_WAIT = 0.1  # s that a read waits for the first byte
 CONNECT_WAIT = 3.0  # s until a host that does not answer is given up, for this try
+RELAY = "relay://"  # the port of the browser that begins the session; then the session's number
 NETWORK = {
     "socket": "the wire protocol over TCP",
     "rfc2217": "the wire protocol over a serial port that another machine serves (RFC 2217)",
@@ -61,6 +62,11 @@ def require_hand(description: str, hand: Hand) -> None:
         raise InputError("device.glove_of_other_hand", glove=glove, hand=hand)
 
 
+def is_relay(port: str) -> bool:
+    """Whether a port is one of a clinician's own browser."""
+    return port.startswith(RELAY)
+
+
 def is_network(port: str) -> bool:
     """Whether a port is an address, not a serial port of this machine."""
     return "://" in port
@@ -74,7 +80,7 @@ def require_allowed(port: str, patterns: Sequence[str]) -> None:
     """
     if port.startswith("\\\\") and not port.startswith("\\\\.\\"):
         raise InputError("device.not_a_local_port", port=port)
-    if not is_network(port):
+    if not is_network(port) or port == RELAY:
         return
     require_address(port)
     if not any(fnmatchcase(port, pattern) for pattern in patterns):
@@ -105,6 +111,8 @@ def open_port(path: str) -> "serialx.BaseSerial | TranslatedPort":
     """Open a port or an address for us alone; InputError says why it cannot be opened."""
     if is_source(path):
         return open_source(path)
+    if is_relay(path):
+        raise InputError("device.relay_without_page")
     return _open_address(path) if is_network(path) else _open_serial(path)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from handscope.app.devices.glove import GloveState
+from handscope.app.devices.ports import is_relay
 from handscope.app.live.readouts.angle_rows import angle_rows
 from handscope.app.live.setup import Setup
 from handscope.app.live.wizard import machine as wz
@@ -90,6 +91,7 @@ def station_snapshot(view: StationView) -> dict[str, Any]:
         "station": view.name,
         "session": view.setup.session,
         "hand": view.setup.hand,
+        "relayed": is_relay(view.setup.port),
         "wizard": wizard_snapshot(wizard, view.status),
         "glove": _glove(view.glove, view.status),
         "calibration": _calibration(view.calibration, view.joints),

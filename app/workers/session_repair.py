@@ -37,19 +37,25 @@ class SessionRepair:
         self._open = _Waiting(left_open)
         self._unread = _Waiting(unread)
         self._leaving = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="repair", daemon=True)
+        self._starting = threading.Lock()
+        self._is_running = False
+        self._thread: threading.Thread | None = None
 
     def __enter__(self) -> "SessionRepair":
-        if self._open.first() is not None or self._unread.first() is not None:
-            self._thread.start()
+        self._start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._leaving.set()
         self._process.kill()
-        if self._thread.ident is not None:
+        if self._thread is not None:
             self._thread.join()
         self._process.__exit__()
+
+    def add(self, session: int) -> None:
+        """Another session is to be closed."""
+        self._open.add(session)
+        self._start()
 
     def progress(self, session: int) -> tuple[int, int] | None:
         """Which of how many is being repaired, where this session is among those that are not yet; else None."""
@@ -59,7 +65,29 @@ class SessionRepair:
         """Which of how many is being read whole, where this session is among those that are not yet; else None."""
         return self._unread.progress(session)
 
+    def _start(self) -> None:
+        """Begin to work where there is work and nobody does it."""
+        with self._starting:
+            if not self._is_running and self._has_work():
+                self._is_running = True
+                self._thread = threading.Thread(target=self._run, name="repair", daemon=True)
+                self._thread.start()
+
+    def _has_work(self) -> bool:
+        waiting = (self._open.first(), self._unread.first())
+        return waiting != (None, None) and not self._leaving.is_set()
+
+    def _goes_on(self) -> bool:
+        """Whether there is work; who adds some later starts anew."""
+        with self._starting:
+            self._is_running = self._has_work()
+            return self._is_running
+
     def _run(self) -> None:
+        while self._goes_on():
+            self._work_through()
+
+    def _work_through(self) -> None:
         for session in self._open.each(self._leaving):
             state = self._do(_close, session)
             if state == UNREAD:

@@ -14,7 +14,7 @@ from typing import Any
 from mcap.records import Message
 
 from handscope.estimators.errors import InputError
-from handscope.sessions.files.recorder import BUFFER, Continuation, Recorder
+from handscope.sessions.files.recorder import BUFFER, CHECKPOINT, Continuation, Recorder
 from handscope.sessions.files.recording_file import Findings, read_messages
 
 
@@ -24,13 +24,17 @@ class ContinuedRecording:
     def __init__(self, path: Path) -> None:
         """InputError where the file is no recording."""
         self.written = 0  # messages of the port, those before included
-        first, last = None, None
+        first, last, number = None, None, 0
         file = path.open("r+b", buffering=BUFFER)
         try:
             found = Findings()
+            facts: dict[str, Any] = {}
+            events: dict[str, Any] = {}
             for topic, message in read_messages(file, found):
                 first, last = first or message, message
+                number = message.sequence + (topic != CHECKPOINT)  # these take none
                 self.written += topic == "wire"
+                _collect(topic, message, facts, events)
             if first is None or last is None:
                 raise InputError("recording.nothing_to_continue", name=path.name)
             file.seek(found.end)
@@ -38,7 +42,7 @@ class ContinuedRecording:
         except BaseException:
             file.close()
             raise
-        self._recorder = Recorder.go_on(_continuation(file, first, last))
+        self._recorder = Recorder.go_on(_continuation(file, first, last, number, facts, events))
         self.newest = last.publish_time * 1e-9
 
     def write(self, chunk: bytes, arrival: float) -> None:
@@ -65,7 +69,27 @@ def first_metadata(path: Path) -> Mapping[str, Any]:
     return {}
 
 
-def _continuation(file: Any, first: Message, last: Message) -> Continuation:
+def _collect(
+    topic: str, message: Message, facts: dict[str, Any], events: dict[str, Any]
+) -> None:
+    """What stands so far, as the recorder repeats it from time to time."""
+    if topic == "metadata":
+        facts |= json.loads(message.data)
+    elif topic == "event":
+        value = json.loads(message.data)
+        events.pop(value["id"], None)
+        if not value.get("retracted"):
+            events[value["id"]] = value
+
+
+def _continuation(
+    file: Any,
+    first: Message,
+    last: Message,
+    number: int,
+    facts: Mapping[str, Any],
+    events: Mapping[str, Any],
+) -> Continuation:
     utc = datetime.fromtimestamp(0, UTC) + timedelta(microseconds=first.log_time / 1e3)
     began, newest = first.publish_time * 1e-9, last.publish_time * 1e-9
-    return Continuation(file, (last.sequence + 1) % 2**32, began, utc, newest)
+    return Continuation(file, number % 2**32, began, utc, newest, facts, events)

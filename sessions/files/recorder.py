@@ -60,6 +60,8 @@ class Continuation:
     began: float  # s of the monotonic clock, of the first message
     utc: datetime  # at that moment
     newest: float  # s of the monotonic clock, of the last message
+    facts: Mapping[str, Any]  # metadata that stand
+    events: Mapping[str, Any]  # by id, those that stand
 
 
 class Recorder:
@@ -96,7 +98,8 @@ class Recorder:
         """A recorder that goes on with a file."""
         recorder = cls.__new__(cls)
         recorder._file, recorder._began, recorder._utc = at.file, at.began, at.utc
-        recorder._synced = recorder._newest = at.newest
+        recorder._synced = recorder._newest = recorder._checkpointed = at.newest
+        recorder._facts, recorder._events = dict(at.facts), dict(at.events)
         recorder._number, recorder._together, recorder.bytes_written = at.number, False, 0
         return recorder
 
