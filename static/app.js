@@ -116,4 +116,5 @@ document.addEventListener("click", followed);
 addEventListener("popstate", show);
 addEventListener("pageshow", (event) => (away &&= !event.persisted)); // who comes back to a page that the browser kept is not away
 offer();
+if (localStorage.getItem("handscope-relay")) import("./relay/relay.js").then((relay) => relay.resume());
 show();

@@ -2,6 +2,7 @@
 import { assemble, h, icon } from "../dom.js";
 import { errorBox } from "../forms.js";
 import { makeRecord } from "../patient/record.js";
+import * as relay from "../relay/notice.js";
 import * as reprocess from "../session/reprocess.js";
 import * as changes from "../session/changes.js";
 import * as compare from "../session/compare.js";
@@ -28,7 +29,9 @@ export function mount(root, api, { id, go, title, roles }) {
   const draft = {}; // notes and a date that are being typed while the session is processed and drawn anew
   let leave = () => {};
   let gone = false;
+  const relayed = h("div", { hidden: true });
   root.append(box.element);
+  const stop = relay.mount(relayed, Number(id));
 
   async function load() {
     try {
@@ -37,7 +40,7 @@ export function mount(root, api, { id, go, title, roles }) {
       const result = chosen && (await api.get(`/api/results/${chosen.id}?${wanted()}`));
       if (gone) return;
       leave();
-      root.replaceChildren(box.element);
+      root.replaceChildren(box.element, relayed);
       const record = makeRecord(api, session, "sessions");
       const name = ({ started }) => title(t("session.title", { day: day(started), patient: session.patient.pseudonym }));
       record.watch(name);
@@ -52,6 +55,7 @@ export function mount(root, api, { id, go, title, roles }) {
   load();
   return () => {
     gone = true;
+    stop();
     leave();
   };
 }

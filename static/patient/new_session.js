@@ -2,9 +2,11 @@
 import { h } from "../dom.js";
 import { choices, errorBox, field, onSubmit } from "../forms.js";
 import { dayAndTime, t } from "../words/words.js";
+import * as relay from "../relay/relay.js";
 import * as reuse from "./reuse.js";
 
 const OTHER = "?";
+const RELAY = "relay://"; // the port of this browser
 const CLOCKS = 5 * 60_000; // ms that the clocks of browser and server may differ
 
 export function mount(root, api, { record, kept, go }) {
@@ -56,7 +58,7 @@ export function mount(root, api, { record, kept, go }) {
       choices(
         t("new_session.glove"),
         "glove",
-        [...options, { value: OTHER, label: t("new_session.other"), note: t("new_session.other.note") }],
+        [...options, ownPort(), { value: OTHER, label: t("new_session.other"), note: t("new_session.other.note") }],
         "several",
       ),
     );
@@ -106,6 +108,8 @@ export function mount(root, api, { record, kept, go }) {
     const fits = known.find((glove) => glove.path === path)?.hand ?? chosen("hand");
     const other = { glove: t(`hand.${fits}`), hand: t(`hand.${chosen("hand")}`) };
     if (fits !== chosen("hand")) throw new Error(t("new_session.other_hand", other));
+    const which = path === RELAY ? await relay.choose() : undefined;
+    if (which === null) throw new Error(t("relay.none_chosen"));
     const begun = await api.post(`/api/patients/${record.now.id}/sessions`, {
       hand: chosen("hand"),
       port: path,
@@ -113,6 +117,7 @@ export function mount(root, api, { record, kept, go }) {
       reuse: await taken.decision(),
       outlets: [...outlets.querySelectorAll("input:checked")].map((input) => input.value),
     });
+    if (which) relay.begin(begun.session, which);
     go(`/stations/${begun.station}`);
   });
   root.append(h("h2", {}, t("new_session.title")), h("p", { class: "soft" }, t("new_session.lead")), ...clockWarnings(patient), form);
@@ -124,6 +129,12 @@ export function mount(root, api, { record, kept, go }) {
     gone = true;
     stop();
   };
+}
+
+/** The glove may be at the computer that shows this page, where its browser can read a port. */
+function ownPort() {
+  const reason = relay.reason();
+  return { value: RELAY, label: t("relay.port"), note: t(reason ? `relay.${reason}` : "relay.port.note"), disabled: Boolean(reason) };
 }
 
 /** What speaks against the clock that dates the session. */

@@ -3,6 +3,7 @@ import { assemble, h, whenChanged } from "../dom.js";
 import * as actions from "./actions.js";
 import * as angles from "./angles.js";
 import * as banner from "./banner.js";
+import * as relayed from "./relayed.js";
 import * as check from "./check.js";
 import * as countdown from "./countdown.js";
 import * as curve from "./live_curve.js";
@@ -41,6 +42,7 @@ const PARTS = [
   [quantity, "quantity", "over"],
   [curve, "curve", "strip"],
   [numbers, "numbers", "strip"],
+  [relayed, "relayed", "div"],
   [steps, "steps", "div"],
   [guidance, "guidance", "div"],
   [check, "sensors", "div"],
