@@ -15,6 +15,7 @@ from handscope.app.devices import ports
 from handscope.app.language import Language
 from handscope.app.live.readouts.trial_review import localised_review
 from handscope.app.live.replay import Replay
+from handscope.app.live.station import Station
 from handscope.app.live.stations import AnyStation
 from handscope.app.scene.camera.sides import Side
 from handscope.app.state import (
@@ -29,6 +30,7 @@ from handscope.app.state import (
 )
 from handscope.estimators.errors import InputError
 from handscope.sessions.store import records
+from handscope.sessions.tables_io import tracker_places
 
 router = APIRouter(tags=["stations"], dependencies=[requires_role(CLINICIAN)])
 WATCHERS = requires_role(CLINICIAN, SCIENTIST)  # of replays, scientists too
@@ -50,6 +52,12 @@ class StationView(Incoming):
 
     side: Literal[Side, "fit"] = "fit"
     mirrored: bool | None = None
+
+
+class TrackerPlaces(Incoming):
+    """Segments of trackers."""
+
+    places: dict[str, str] = Field(max_length=64)
 
 
 @router.get("/gloves")
@@ -121,6 +129,19 @@ def replay_trial(station: StationDep) -> None:
     """Show the trial under review once more in the scene."""
     if not isinstance(station, Replay):
         station.replay_trial()
+
+
+@router.put("/stations/{name}/trackers")
+def place_trackers(
+    parts: PartsDep, station: StationDep, language: LanguageDep, new: TrackerPlaces
+) -> dict[str, Any]:
+    """Which tracker sits on which segment, by the trackers' names (empty: not worn); kept, and offered again with the next session of this hand."""
+    if not isinstance(station, Station):
+        raise InputError("live.no_trackers")
+    tracker_places.require_places(new.places)
+    places = station.place_trackers(new.places)
+    tracker_places.store_places(parts.store.folder, station.setup.hand, places)
+    return localised_state(station, language)
 
 
 @router.delete("/stations/{name}", status_code=204, dependencies=[WATCHERS])

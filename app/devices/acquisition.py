@@ -11,7 +11,7 @@ import queue
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -27,6 +27,8 @@ FORWARD = 4096  # chunks that wait for a slow server, about 16 MB; then the olde
 TOGETHER = 1024  # chunks that go to the disk in one write where it is slow
 RETRY = 0.5  # s between two tries to open a port that went away
 KEEP_EVERY = 0.5  # s between two syncs to the disk that a browser's relay is told of
+SHOW_EVERY = 0.3  # s between two pictures of a source's sensors
+PLACES = "tracker_places"  # name of this metadata
 SILENCE = 5.0  # s without a byte after which a network connection counts as lost: a cable that was cut says nothing
 
 
@@ -52,6 +54,8 @@ class Acquisition:
         self._failed = False
         self._is_relayed = is_relay(port)
         self._relayed = RelayedCount()
+        self._places: dict[str, str] = {}  # segments by sensor of a source
+        self._shown = 0.0  # s, newest rows of a source's sensors
         self.dropped = 0
 
     def run(self, commands: IO[bytes]) -> None:
@@ -145,6 +149,7 @@ class Acquisition:
         while not self._stop.is_set():
             try:
                 self._port = open_port(self._path)
+                self._place_sensors(self._places)
                 self._say(state="opened", port=self._path)
                 self._read_all()
             except InputError as problem:
@@ -159,11 +164,28 @@ class Acquisition:
         newest = time.monotonic()
         while not self._stop.is_set():
             chunk, now = self._port.read(65536), time.monotonic_ns() * 1e-9
+            self._show_sensors(now)
             if chunk:
                 newest = now
                 self._read.put(("wire", bytes(chunk), now))
             elif now - newest > SILENCE and is_network(self._path) and not is_source(self._path):
                 raise OSError(f"nothing came for {SILENCE:g} s")
+
+    def place(self, places: Mapping[str, str]) -> None:
+        """Where sensors of a source sit, kept for every time that it is opened."""
+        self._places = dict(places)
+        self._place_sensors(self._places)
+
+    def _place_sensors(self, places: Mapping[str, str]) -> None:
+        port = self._port
+        if port is not None and is_source(self._path):
+            port.place(places)
+
+    def _show_sensors(self, now: float) -> None:
+        """A source's sensors with where they sit, from time to time."""
+        if is_source(self._path) and now - self._shown >= SHOW_EVERY:
+            self._shown = now
+            self._pass_on(Kind.TRACKERS, now, json.dumps(self._port.trackers()).encode())
 
     def _close_port(self) -> None:
         port, self._port = self._port, None
@@ -183,6 +205,9 @@ class Acquisition:
                 break
             if kind is Kind.SEND:
                 self._send(data)
+            elif kind is Kind.PLACES:
+                self.place(json.loads(data))
+                self._read.put(("metadata", {PLACES: self._places}, at))
             elif kind is Kind.RELAYED:
                 self._read.put(("wire", data, at))
             elif kind is Kind.RELAY_LINE:
@@ -255,7 +280,9 @@ def main() -> int:
             json.dumps({"state": "recording_failed", "reason": reason, "dropped": 0}).encode(),
         )
         return 1
-    Acquisition(order["port"], recorder, out).run(commands)
+    acquisition = Acquisition(order["port"], recorder, out)
+    acquisition.place(order["metadata"].get(PLACES) or {})
+    acquisition.run(commands)
     return 0
 
 

@@ -61,6 +61,7 @@ class Glove:
         )
         self.assembler = Assembler(stored_forces=force_calibrations.of_recording(metadata))
         self.state = GloveState()
+        self.trackers: list[dict[str, Any]] = []  # sensors of a source, a row each
         self.decoding_failures = 0
         self.received = 0  # bytes, of a glove or of anything else
         self._worn_on: Mapping[str, str] | None = (
@@ -144,6 +145,10 @@ class Glove:
         self._begin, self._worn_on = begin, dict(worn_on)
         self.keep_metadata({"exchanged_strips": dict(worn_on)})
 
+    def place_trackers(self, places: Mapping[str, str]) -> None:
+        """Sensors of a source sit on these segments, by the sensors' names; the recording says it, too."""
+        self._tell(Kind.PLACES, json.dumps(dict(places)).encode())
+
     def now(self) -> float | None:
         """The recording's time at this moment; None before the first sample."""
         return self.assembler.recording_time(time.monotonic())
@@ -196,6 +201,8 @@ class Glove:
         """A frame of the recording process that holds no samples."""
         if kind is Kind.STATE:
             self._take_state(json.loads(data))
+        elif kind is Kind.TRACKERS:
+            self.trackers = json.loads(data)
         elif self.relay is not None and kind is Kind.KEPT:
             self.relay.acknowledge(json.loads(data)["kept"])
         elif self.relay is not None and kind is Kind.TO_PORT:

@@ -16,11 +16,13 @@ class Kind(IntEnum):
     METADATA = 3  # server: JSON to keep
     QUIT = 4  # server: finish
     RELAYED = 5  # server: bytes that a browser read from its port, with their arrival
+    PLACES = 7  # server: JSON of which sensor of a source sits on which segment
     RELAY_LINE = 6  # server: JSON with whether the browser's port is open
     CHUNK = 10  # recorder: bytes from the glove, already recorded
     STATE = 11  # recorder: JSON with what became of port and file
     END = 12  # recorder, inside: nothing more to pass on
     KEPT = 13  # recorder: JSON with how many RELAYED are on the disk
+    TRACKERS = 15  # recorder: JSON of a source's sensors, a row each
     TO_PORT = 14  # recorder: bytes for the browser's port, already recorded
 
 

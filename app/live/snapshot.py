@@ -81,6 +81,7 @@ class StationView:
     task_number: Mapping[str, Any] | None  # estimated for a task of UNCOUNTED
     sensor_faults: Sequence[str]
     findings: Sequence[Suspicion]  # of the checks over what has come so far
+    trackers: Sequence[Mapping[str, Any]]  # sensors of a source, a row each
     ended: bool
 
 
@@ -91,6 +92,7 @@ def station_snapshot(view: StationView) -> dict[str, Any]:
         "station": view.name,
         "session": view.setup.session,
         "hand": view.setup.hand,
+        "trackers": list(view.trackers),
         "relayed": is_relay(view.setup.port),
         "wizard": wizard_snapshot(wizard, view.status),
         "glove": _glove(view.glove, view.status),

@@ -55,6 +55,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import ANGLES, FINGERS
 from handscope.estimators.hand.geometry import table_of
 from handscope.estimators.simulation.movements.task_performance import POSE_THUMB
+from handscope.sessions.tables_io import tracker_places
 from handscope.sessions.wire.messages import Cue
 
 log = logging.getLogger(__name__)
@@ -118,6 +119,7 @@ class Station:
                 setup.outlets, setup.hand, str(setup.session), setup.method_name, self.glove.now
             )
         )
+        self._tracker_places: Mapping[str, str] = setup.about.get(tracker_places.PLACES, {})
         self._marked = (State.CONNECT, "")  # state and task of the newest marker
         self.steps = CalibrationMovements(self.glove, self.tracking, self._next_number)
         self.free = FreeMovement(self.glove, self.tracking, self._next_number, setup.store_solution)
@@ -197,6 +199,22 @@ class Station:
         if self.trial.rows is not None:
             self._drawing.replay(self.trial.rows)
 
+    def place_trackers(self, changed: Mapping[str, str]) -> Mapping[str, str]:
+        """Trackers sit on these segments, by their names; gives where all sit: who was on one of them before is not worn any more.
+
+        InputError once the hand was calibrated with others.
+        """
+        if self._wizard.state is not State.CONNECT:
+            raise InputError("live.trackers_calibrated")
+        with self._lock:
+            self._tracker_places = tracker_places.with_changed(
+                self._tracker_places,
+                {r["sensor"]: r["place"] for r in self.glove.trackers},
+                changed,
+            )
+            self.glove.place_trackers(self._tracker_places)
+            return self._tracker_places
+
     def snapshot(self) -> dict[str, Any]:
         """The state of the session, for a page."""
         with self._lock:
@@ -267,6 +285,7 @@ class Station:
             task_number=self._task_number(),
             sensor_faults=self.sensor_faults,
             findings=self.checks.found,
+            trackers=self.glove.trackers,
             ended=self.ended,
         )
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Set
 from pathlib import Path
 from typing import Any
 
+from handscope.app.devices.sources.addresses import is_source
 from handscope.app.live.replay import Replay, SecondMovement
 from handscope.app.live.setup import Setup
 from handscope.app.live.station import Station
@@ -17,6 +18,7 @@ from handscope.app.results.curves import matching_tasks
 from handscope.app.results.make import load_replay
 from handscope.estimators.alignment.functional_movements import FunctionalParams
 from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.hand.geometry import HandGeometry, measures_from, sized
 from handscope.estimators.methods import METHODS
 from handscope.estimators.numerics.jit import load_kernels
@@ -24,7 +26,7 @@ from handscope.sessions.clinic.self_calibrations import USED_BY
 from handscope.sessions.db.tables import PatientSession, Result
 from handscope.sessions.store import records
 from handscope.sessions.store.store import Store
-from handscope.sessions.tables_io import force_calibrations
+from handscope.sessions.tables_io import force_calibrations, tracker_places
 
 log = logging.getLogger(__name__)
 CLOSE_WAIT = 30.0  # s to wait for a session that another thread is closing
@@ -184,10 +186,21 @@ def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup
             faults=tuple(faults),
             steps=steps,
             free=free,
-            about={"session": session.id, "pseudonym": pseudonym, **force_files},
+            about={
+                "session": session.id,
+                "pseudonym": pseudonym,
+                **force_files,
+                **_tracker_places(data, hand, port),
+            },
         )
 
     return make
+
+
+def _tracker_places(data: Path, hand: Hand, port: str) -> dict[str, Any]:
+    """Where the trackers of a source sat on this hand the last time."""
+    places = tracker_places.read_places(data, hand) if is_source(port) else {}
+    return {tracker_places.PLACES: places} if places else {}
 
 
 def _geometry(result: Result) -> HandGeometry:

@@ -69,9 +69,7 @@ def first_metadata(path: Path) -> Mapping[str, Any]:
     return {}
 
 
-def _collect(
-    topic: str, message: Message, facts: dict[str, Any], events: dict[str, Any]
-) -> None:
+def _collect(topic: str, message: Message, facts: dict[str, Any], events: dict[str, Any]) -> None:
     """What stands so far, as the recorder repeats it from time to time."""
     if topic == "metadata":
         facts |= json.loads(message.data)

@@ -4,7 +4,6 @@ import { decimal, t } from "../words/words.js";
 import { choose, begin, watch } from "./relay.js";
 
 const LONG = 3000; // ms that something may wait before it is a word worth
-const FINE = { class: "small soft" };
 
 /** `session` is the session's number; `elsewhere` says that it has a glove at some browser's port. */
 export function mount(root, session, elsewhere = false) {
@@ -12,7 +11,8 @@ export function mount(root, session, elsewhere = false) {
     (report) => words(report?.session === session ? report : null, elsewhere),
     (found) => {
       root.hidden = !found;
-      root.replaceChildren(...(found ? [h("p", { ...(found.fine ? FINE : { class: "warning" }), role: "status" }, found.text), action(found)] : []).filter(Boolean));
+      const text = found && h("p", { class: found.fine ? "small soft" : "warning", role: "status" }, found.text);
+      root.replaceChildren(...[text, found && action(found)].filter(Boolean));
     },
   );
   const action = ({ choosing }) => choosing && h("button", { onclick: again }, t("relay.choose"));

@@ -1,6 +1,7 @@
 /** What the port gave and the server does not have yet, in the browser's own file system: it outlives reloads. For workers only.
  *
- * Two files in turn, each a row of records: number u64, time f64 (ms), size u32, bytes. The newest record grows with every read, its size is OPEN until it is sealed. */
+ * Two files in turn, each a row of records: number u64, time f64 (ms), size u32, bytes.
+ * The newest record grows with every read; its size is OPEN until it is sealed. */
 const HEAD = 20;
 const OPEN = 0xffffffff;
 const LONGEST = 32768; // bytes of a record from which it is sealed

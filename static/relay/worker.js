@@ -1,25 +1,22 @@
-/** Reads the glove at this browser's port and sends what it gives to the server; what the server does not have on its disk is kept here. */
+/** Reads the glove at this browser's port and sends it to the server; what the server does not have on its disk is kept here. */
 import { openStore } from "./store.js";
 import { readPort } from "./port.js";
+import { makeSender, now, pause } from "./sender.js";
 
 const BEAT = 50; // ms of bytes in one message
 const TELL = 500; // ms between two reports to the page
 const AGAIN = 500; // ms until a lost connection is tried again, and more each time up to
 const SELDOM = 5000;
-const AHEAD = 4 << 20; // bytes on their way and not on the server's disk
-const LAST = 300; // ms that the glove has for its last bytes when the session ends
 const GONE = 30_000; // ms of being told that there is no such session until that is believed
 const COMPLETE = 1000;
 
-const now = () => performance.timeOrigin + performance.now();
-const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 const state = { port: "away", line: false, login: true, ending: false, done: "", kept: 0, since: null };
 
 onmessage = ({ data }) => begin(data).catch((error) => report({ done: "failed", why: String(error) }));
 
 async function begin({ session, which }) {
   const store = await opened(session);
-  const sender = makeSender(store);
+  const sender = makeSender(store, state);
   const port = readPort(which, {
     take: (bytes) => store.put(bytes, now()),
     full: () => store.full,
@@ -79,77 +76,6 @@ async function talk(session, sender) {
     await pause(wait);
     wait = Math.min(2 * wait, SELDOM);
   }
-}
-
-function makeSender(store) {
-  let socket = null;
-  let sent = 0; // number of the next message to send
-  let stored = 0; // messages on the server's disk
-  let ready = false;
-  let finishing = false;
-
-  function sayPort() {
-    if (ready) socket.send(JSON.stringify({ is_open: state.port === "open" }));
-  }
-
-  function pump() {
-    if (!ready) return;
-    let ahead = store.waiting.reduce((sum, { number, size }) => sum + (number < sent ? size : 0), 0);
-    for (const record of store.waiting) {
-      if (record.number < sent) continue;
-      if (ahead > AHEAD || socket.bufferedAmount > AHEAD) return;
-      socket.send(store.message(record));
-      sent = record.number + 1;
-      ahead += record.size;
-    }
-    if (finishing) socket.send(JSON.stringify({ total: store.next }));
-    finishing = false;
-  }
-
-  async function finish(port) {
-    if (state.ending) return;
-    state.ending = true;
-    await pause(LAST);
-    await port.stop();
-    store.seal();
-    finishing = true;
-    pump();
-  }
-
-  const self = {
-    port: null,
-    served: false,
-    pump,
-    sayPort,
-    /** Gives the code with which the connection ended. */
-    connect: (token) =>
-      new Promise((resolve) => {
-        self.served = ready = false;
-        socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/api/relay`);
-        socket.binaryType = "arraybuffer";
-        socket.onopen = () => socket.send(JSON.stringify({ token, now: now() }));
-        socket.onmessage = ({ data }) => (typeof data === "string" ? hear(JSON.parse(data)) : self.port.write(new Uint8Array(data)));
-        socket.onclose = ({ code }) => {
-          ready = state.line = false;
-          resolve(code);
-        };
-      }),
-  };
-
-  function hear(words) {
-    if (words.number !== undefined) {
-      self.served = ready = state.line = true;
-      sent = stored = words.number;
-      store.forget(stored);
-      finishing = state.ending;
-      sayPort();
-    }
-    if (words.on_disk > stored) store.forget((stored = words.on_disk));
-    if (words.ending) finish(self.port);
-    pump();
-  }
-
-  return self;
 }
 
 function report(more = {}) {

@@ -29,6 +29,7 @@ import * as streams from "./streams.js";
 import * as steps from "./steps.js";
 import * as tasks from "./tasks.js";
 import * as trial from "./trial.js";
+import * as trackers from "./trackers.js";
 import * as handPosition from "./hand_position.js";
 import { t } from "../words/words.js";
 
@@ -45,6 +46,7 @@ const PARTS = [
   [relayed, "relayed", "div"],
   [steps, "steps", "div"],
   [guidance, "guidance", "div"],
+  [trackers, "trackers", "section"],
   [check, "sensors", "div"],
   [findings, "findings", "div"],
   [stillness, "stillness", "div"],

@@ -446,6 +446,11 @@ export interface Ticket {
   ticket: string;
 }
 
+/** Segments of trackers. */
+export interface TrackerPlaces {
+  places: Record<string, string>;
+}
+
 /** A session among those of its patient. */
 export interface Visit {
   id: number;

@@ -54,6 +54,8 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         "socket://127.0.0.1:*",
         "--allow-outlet",
         f"osc://127.0.0.1:{poses.getsockname()[1]}",
+        "--allow-port",
+        "slimevr://127.0.0.1:*",
     ]
     log = data / "errors.log"
     with (

@@ -89,7 +89,7 @@ class _Connection:
 
     async def _write(self, reader: "asyncio.Future[None]") -> None:
         """Acknowledgements and commands, as they come."""
-        said: Words = {}
+        newest: Words = {}
         while not reader.done():
             self._news.clear()
             if not self._end.is_attached(self._notify):
@@ -98,8 +98,8 @@ class _Connection:
             for command in self._end.commands():
                 await self._websocket.send_bytes(command)
             news = {"on_disk": self._end.on_disk, "ending": self._end.is_ending}
-            if news != said:
-                said = news
+            if news != newest:
+                newest = news
                 await self._websocket.send_json(news)
             if self._total is not None and news["on_disk"] >= self._total:
                 await self._websocket.close(COMPLETE, "all is on the disk")

@@ -138,7 +138,10 @@ class Inlet:
         self._newest = int(at[-1])
         for channels, columns in self._sets:
             values = samples[:, columns] * channels.factors
-            yield Measured((channels.point,), channels.quantities, at, values[:, None], self._rate)
+            sensor = f"{self._name}/{channels.point}"
+            yield Measured(
+                (channels.point,), channels.quantities, at, values[:, None], self._rate, sensor
+            )
 
     def _events(self) -> Iterator[Occurred]:
         for k, inlet in enumerate(self._markers, start=1):

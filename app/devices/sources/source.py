@@ -21,6 +21,9 @@ class Measured:
     t: Indices  # (n,) ns of the host's monotonic clock, increasing
     values: Array  # (n, points, width) SI, in the sensors' frames, NaN where missing
     rate: float | None = None  # Hz, where the device states it
+    sensor: str = (
+        ""  # its name, DEVICE or DEVICE/NUMBER; then points may be empty: nobody says where it sits
+    )
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,15 @@ class Battery:
 
 
 @dataclass(frozen=True)
+class Level:
+    """How one of several devices is."""
+
+    device: str  # the beginning of its sensors' names
+    battery: int | None = None  # %
+    signal: int | None = None  # dBm
+
+
+@dataclass(frozen=True)
 class About:
     """Who the device is."""
 
@@ -52,7 +64,7 @@ class About:
     mounting: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # q_BS by tracked point
 
 
-Arrived = Measured | Occurred | Battery
+Arrived = Measured | Occurred | Battery | Level
 
 
 class Source(Protocol):

@@ -8,11 +8,14 @@ Limits  of a device that states no rate the first samples wait until RATE_FROM s
 import secrets
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import count
+from typing import Any
 
 import numpy as np
 
-from handscope.app.devices.sources.source import Battery, Measured, Occurred, Source
+from handscope.app.devices.sources.source import Battery, Level, Measured, Occurred, Source
+from handscope.app.devices.sources.tracker_table import TrackerTable
 from handscope.sessions.wire import messages as wire
 from handscope.sessions.wire.bursts import bursts_of
 from handscope.sessions.wire.framing import Decoder, Encoder
@@ -20,7 +23,7 @@ from handscope.sessions.wire.framing import Decoder, Encoder
 READ_WAIT = 0.1  # s that a read waits for the first sample
 RATE_FROM = 1.0  # s of samples from which a rate is measured
 ANNOUNCED = 1.0  # s between two descriptions of all that is known
-MOST_STREAMS = 100
+MOST_STREAMS = 250  # of a recording: a sensor that is moved to another segment begins a new one
 Key = tuple[tuple[str, ...], tuple[str, ...]]  # points, quantities
 
 
@@ -43,19 +46,26 @@ class TranslatedPort:
         self._boot = secrets.randbits(32)
         self._slots: dict[tuple[str, ...], int] = {}
         self._streams: dict[Key, _Stream] = {}
+        self._numbers = count()  # of slots
+        self._stream_numbers = count()
+        self._table = TrackerTable()
+        self._places: Mapping[str, str] | None = None  # to be taken over by the next read
         self._answers: list[wire.Message] = []
         self._announced = -np.inf
 
     def read(self, most: int) -> bytes:
         """Frames of what came; empty where nothing did. OSError where the device went away."""
         del most
+        found = self._replace_strips()
         arrived = self._source.receive(READ_WAIT)
-        found: list[wire.Message] = []
         for one in arrived:
             match one:
                 case Measured():
                     found += self._take(one)
+                case Level():
+                    self._table.note_level(one)
                 case Occurred():
+                    self._table.note_tap(one.details.get("tracker", ""), time.monotonic())
                     mark = wire.Mark(one.t, one.duration, one.trial_type, dict(one.details))
                     found.append(mark)
                 case Battery():
@@ -71,6 +81,14 @@ class TranslatedPort:
             elif isinstance(message, wire.Ping):
                 self._answers.append(wire.Pong(message.token, time.monotonic_ns()))
         return len(data)
+
+    def place(self, places: Mapping[str, str]) -> None:
+        """Where a person says that sensors sit, by their names (empty: not worn); from any thread."""
+        self._places = dict(places)
+
+    def trackers(self) -> list[dict[str, Any]]:
+        """A row a sensor, for pages."""
+        return self._table.rows(time.monotonic())
 
     def counts(self) -> Mapping[str, int | float]:
         """What the source counted."""
@@ -102,22 +120,45 @@ class TranslatedPort:
 
     def _strip(self, points: tuple[str, ...], slot: int) -> wire.Strip:
         mounting = self._source.about.mounting
-        turned = tuple(x for p in points for x in mounting.get(p, (1.0, 0.0, 0.0, 0.0)))
+        own = [self._table.own_place(p) for p in points]
+        turned = tuple(x for p in own for x in mounting.get(p, (1.0, 0.0, 0.0, 0.0)))
         return wire.Strip(slot, True, slot + 1, points, turned)
+
+    def _replace_strips(self) -> list[wire.Message]:
+        """Take over a person's places: strips of segments with another sensor are pulled, the next samples plug them in anew."""
+        places, self._places = self._places, None
+        if places is None:
+            return []
+        changed = self._table.place(places)
+        pulled = {points: slot for points, slot in self._slots.items() if changed & set(points)}
+        found = [replace(self._strip(p, slot), attached=False) for p, slot in pulled.items()]
+        for points in pulled:
+            del self._slots[points]
+        self._streams = {k: s for k, s in self._streams.items() if not changed & set(k[0])}
+        return list(found)
 
     def _take(self, measured: Measured) -> list[wire.Message]:
         """The messages that samples make; none while the stream's rate is not known."""
-        key = measured.points, measured.quantities
-        if key not in self._streams and len(self._streams) >= MOST_STREAMS:
+        placed = self._table.placed(measured)
+        if placed is None:
             return []
-        stream = self._streams.setdefault(key, _Stream(len(self._streams)))
+        measured = placed
+        key = measured.points, measured.quantities
+        if key not in self._streams:
+            number = next(self._stream_numbers)
+            if number >= MOST_STREAMS:
+                return []
+            self._streams[key] = _Stream(number)
+        stream = self._streams[key]
         if stream.info is not None:
             return self._bursts(stream, measured)
         stream.waiting.append(measured)
         rate = measured.rate or _measured_rate(stream.waiting)
         if rate is None:
             return []
-        slot = self._slots.setdefault(measured.points, len(self._slots))
+        if measured.points not in self._slots:
+            self._slots[measured.points] = next(self._numbers)
+        slot = self._slots[measured.points]
         n = len(measured.quantities)
         stream.info = wire.StreamInfo(
             stream.number,

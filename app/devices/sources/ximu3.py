@@ -16,7 +16,7 @@ import numpy as np
 
 from handscope.app.devices.sources.addresses import SourceAddress
 from handscope.app.devices.sources.channel_labels import ChannelSet, channel_sets
-from handscope.app.devices.sources.source import About, Arrived, Battery, Measured
+from handscope.app.devices.sources.source import About, Arrived, Battery, Level, Measured
 from handscope.estimators.data.samples import ACC, GYR
 from handscope.estimators.errors import InputError
 from handscope.sessions.table_import.column_map import ColumnMap
@@ -133,7 +133,8 @@ class Devices:
 
     def _take(self, name: str, kind: str, message: Any, now: int) -> Sequence[Arrived]:
         if kind == "battery":
-            return [Battery(now, round(min(max(message.percentage, 0.0), 100.0)))]
+            percent = round(min(max(message.percentage, 0.0), 100.0))
+            return [Battery(now, percent), Level(name, battery=percent)]
         clock = self._clocks[name]
         clock.update(message.timestamp * US, now * 1e-9)
         t = round(clock.local(message.timestamp * US) * 1e9)
@@ -147,7 +148,13 @@ class Devices:
                 numbers = np.array([values[label] for label in labels]) * channels.factors
                 at = np.array([t], np.int64)
                 found.append(
-                    Measured((channels.point,), channels.quantities, at, numbers[None, None])
+                    Measured(
+                        (channels.point,),
+                        channels.quantities,
+                        at,
+                        numbers[None, None],
+                        sensor=name,
+                    )
                 )
         return found
 

@@ -57,6 +57,7 @@ def refused(server: TestClient, address: Address) -> set[int]:
         return {server.request(method, address.path).status_code for method in address.methods}
     try:
         with server.websocket_connect(SOCKETS + address.path, headers=ORIGIN) as socket:
+            socket.send_text("{}")  # a relay waits for a first message
             socket.receive()  # of a station that is not there
             return {4404}
     except WebSocketDisconnect as closed:
@@ -72,7 +73,7 @@ def test_every_route_says_who_may_use_it(server: TestClient) -> None:
         "/static/app.js",
         "/api/openapi.json",
     } <= {a.path for a in served}
-    assert {"/scene/1", "/api/stations/1/live", "/api/stream"} == {
+    assert {"/scene/1", "/api/stations/1/live", "/api/stream", "/api/relay"} == {
         a.path for a in served if not a.methods
     }
     assert [a.path for a in served if a.requirement is None] == []

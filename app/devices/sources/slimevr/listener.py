@@ -14,13 +14,14 @@ import socket
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from handscope.app.devices.sources.channel_labels import ChannelSet, channel_sets
 from handscope.app.devices.sources.slimevr import packets
 from handscope.app.devices.sources.slimevr.positions import PLACES
-from handscope.app.devices.sources.source import About, Arrived, Battery, Measured, Occurred
+from handscope.app.devices.sources.source import About, Arrived, Battery, Level, Measured, Occurred
 from handscope.estimators.data.samples import ORIENTATION
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
@@ -138,9 +139,11 @@ class Listener:
             case packets.BatteryLevel():
                 if math.isfinite(packet.share):
                     self._levels[mac] = round(100 * min(max(packet.share, 0.0), 1.0))
+                    yield Level(mac, battery=self._levels[mac])
                     yield Battery(now, min(self._levels.values()))
             case packets.Signal():
                 self._counts[f"signal_dbm {mac}"] = packet.dbm
+                yield Level(mac, signal=packet.dbm)
 
     def _place(self, sensor: str, position: int | None) -> None:
         """Where the firmware says that a sensor sits, unless the map says otherwise."""
@@ -154,9 +157,12 @@ class Listener:
             if all(n in values for n in names):
                 numbers = np.array([values[n] for n in names]) * channels.factors
                 t = np.array([now], np.int64)
-                yield Measured((channels.point,), channels.quantities, t, numbers[None, None])
+                yield Measured(
+                    (channels.point,), channels.quantities, t, numbers[None, None], sensor=sensor
+                )
         if not self._channels(sensor):
             self._counts["samples_of_sensors_without_a_place"] += 1
+            yield from _orientation(sensor, values, now)
 
     def _channels(self, sensor: str) -> Sequence[ChannelSet]:
         if self._sets is not None:
@@ -178,6 +184,14 @@ class Listener:
             self._socket.sendto(data, address)
         except OSError:
             self._counts["answers_not_sent"] += 1  # the tracker asks again
+
+
+def _orientation(sensor: str, values: Mapping[str, float], now: int) -> Iterator[Measured]:
+    """The orientation of a sensor of which nobody says where it sits."""
+    if "qw" in values:
+        numbers = np.array([values[n] for n in ("qw", "qx", "qy", "qz")])
+        t = np.array([now], np.int64)
+        yield Measured((), (ORIENTATION,), t, numbers[None, None], sensor=sensor)
 
 
 def hash_of(sets: Mapping[str, Sequence[ChannelSet]] | None) -> int:
@@ -222,12 +236,12 @@ def _joined(arrived: Sequence[Arrived]) -> list[Arrived]:
     rest: list[Arrived] = []
     for one in arrived:
         if isinstance(one, Measured):
-            together.setdefault((one.points, one.quantities), []).append(one)
+            together.setdefault((one.sensor, one.points, one.quantities), []).append(one)
         else:
             rest.append(one)
     for parts in together.values():
         t = np.concatenate([p.t for p in parts])
         t = np.maximum.accumulate(t - np.arange(len(t))) + np.arange(len(t))
         values = np.concatenate([p.values for p in parts])
-        rest.append(Measured(parts[0].points, parts[0].quantities, t, values))
+        rest.append(replace(parts[0], t=t, values=values))
     return rest

@@ -16,6 +16,7 @@ from playwright.sync_api import Browser, Page
 from handscope.sessions.files.recording_file import Findings, read_messages
 from handscope.sessions.formats import recordings as formats_recordings
 from tests.journeys.conftest import SIZE
+from tests.journeys.devices.serial_bridge import Bridge, Line, bridged
 from tests.journeys.house import (
     LONG,
     ROOT,
@@ -27,11 +28,11 @@ from tests.journeys.house import (
     new_patient,
     shown,
 )
-from tests.journeys.serial_bridge import Bridge, Line, bridged
 
 pytestmark = [pytest.mark.browser, pytest.mark.process]
 HANDSCOPE = [sys.executable, "-P", "-m", "handscope.app.cli"]
 CUT, SECONDS = 20, 60  # s, of the slow journey
+SENT = "() => localStorage.getItem('handscope-relay') === null"
 NO_SCENE = "<!doctype html><title>Hand</title>"
 
 
@@ -76,10 +77,9 @@ def require_every_byte(bridge: Bridge, data: Path) -> None:
     newest = max(data.rglob("*.mcap"), key=lambda path: path.stat().st_mtime)
     with newest.open("rb") as file:
         wire = b"".join(m.data for topic, m in read_messages(file, Findings()) if topic == "wire")
-    assert wire == bytes(bridge.sent[: len(wire)])
-    assert len(wire) >= bridge.taken
+    end = bridge.require_all_of(wire)
+    assert end >= bridge.taken
     recording = formats_recordings.load(newest)
-    assert not recording.warnings
     assert not any(recording.losses.values())
     assert (
         sum(len(stream.sensors) for stream in recording.streams if "mag" not in stream.name) == 17
@@ -107,8 +107,9 @@ def test_no_byte_is_lost_where_the_line_is_cut_twice_and_the_page_reloaded(
         shown(page.get_by_text("This browser reads the glove."))
         wait_for_recorded(page, station, 6.0)
         end_session(page)
+        page.wait_for_function(SENT)  # a browser that is closed sooner sends the rest later
         page.context.close()
-        assert bridge.opened == 2
+        assert len(bridge.openings) == 2
         require_every_byte(bridge, server.data)
 
 
@@ -156,12 +157,12 @@ def test_a_minute_behind_the_proxy_with_cuts_a_reload_and_a_killed_server_is_who
         taken = bridge.taken
         with printing(serve, "/login?token="):
             page.wait_for_url(f"**/sessions/{session}*")
-            page.wait_for_function("() => localStorage.getItem('handscope-relay') === null")
+            page.wait_for_function(SENT)
             while api(page, f"/api/sessions/{session}")["state"] == "open":
                 page.wait_for_timeout(500)
         page.context.close()
     assert bridge.taken > taken  # the browser read on while the server was away
-    assert bridge.opened == 2
+    assert len(bridge.openings) == 2
     require_every_byte(bridge, data)
     newest = next(data.rglob("*.mcap"))
     seconds = {len(b.t) / 200 for b in formats_recordings.load(newest).samples.values()}

@@ -19,6 +19,7 @@ from playwright.sync_api import BrowserContext, Error, Route
 from websockets.sync.server import ServerConnection, serve
 
 PIECE = 16384  # bytes
+SAME = 200  # bytes by which a place in the glove's bytes is found again
 DEVICE = "{ usbVendorId: 0x1209, usbProductId: 0x0001 }"
 IN_PAGE = f"""
 Object.defineProperty(navigator, "serial", {{ value: {{
@@ -66,7 +67,7 @@ class Bridge:
     url: str = ""
     sent: bytearray = field(default_factory=bytearray)
     taken: int = 0  # bytes that the browser has
-    opened: int = 0  # times
+    openings: list[int] = field(default_factory=list)  # where each browser went on, bytes
     _changed: threading.Condition = field(default_factory=threading.Condition)
     _stop: threading.Event = field(default_factory=threading.Event)
 
@@ -80,7 +81,7 @@ class Bridge:
 
     def serve(self, browser: ServerConnection) -> None:
         """One browser that has the port open."""
-        self.opened += 1
+        self.openings.append(self.taken)
         left = threading.Event()
         sender = threading.Thread(target=self._send, args=(browser, left), daemon=True)
         sender.start()
@@ -106,6 +107,26 @@ class Bridge:
 
     def stop(self) -> None:
         self._stop.set()
+
+    def require_all_of(self, wire: bytes) -> int:
+        """Fail unless these bytes are all that the glove sent, up to the position that is given back.
+
+        What a page had taken when it ended may come a second time: the word that it had it was on its way. Nothing may be missing.
+        """
+        sent, end = bytes(self.sent), 0
+        for again in [*self.openings[1:], None]:
+            pairs = enumerate(zip(wire, sent[end:]))
+            same = next((k for k, (one, other) in pairs if one != other), len(wire))
+            if same == len(wire):
+                return end + same
+            assert again is not None, f"byte {end + same} is missing or another"
+            rest = (
+                k for k in range(same, 0, -1) if wire[k : k + SAME] == sent[again : again + SAME]
+            )
+            k = next(rest, None)
+            assert k is not None and end + k >= again, f"bytes behind {end + same} are missing"
+            wire, end = wire[k:], again
+        raise AssertionError
 
     def into(self, context: BrowserContext) -> None:
         """Replace `navigator.serial` in the pages of a browser and in the worker that reads the port."""
