@@ -200,18 +200,12 @@ class Station:
             self._drawing.replay(self.trial.rows)
 
     def place_trackers(self, changed: Mapping[str, str]) -> Mapping[str, str]:
-        """Trackers sit on these segments, by their names; gives where all sit: who was on one of them before is not worn any more.
-
-        InputError once the hand was calibrated with others.
-        """
+        """Trackers sit on these segments; gives where all sit. InputError once the hand was calibrated."""
         if self._wizard.state is not State.CONNECT:
             raise InputError("live.trackers_calibrated")
         with self._lock:
-            self._tracker_places = tracker_places.with_changed(
-                self._tracker_places,
-                {r["sensor"]: r["place"] for r in self.glove.trackers},
-                changed,
-            )
+            before, shown = self._tracker_places, self.glove.trackers
+            self._tracker_places = tracker_places.with_changed(before, shown, changed)
             self.glove.place_trackers(self._tracker_places)
             return self._tracker_places
 

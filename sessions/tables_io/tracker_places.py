@@ -5,8 +5,9 @@ A file, `tracker_places.json`: {"left": {"A4:CF:12:00:00:07/0": "index_proximal"
 
 import contextlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENT, Hand
@@ -38,9 +39,10 @@ def require_places(places: Mapping[str, str]) -> None:
 
 
 def with_changed(
-    by_person: Mapping[str, str], shown: Mapping[str, str], changed: Mapping[str, str]
+    by_person: Mapping[str, str], rows: Sequence[Mapping[str, Any]], changed: Mapping[str, str]
 ) -> dict[str, str]:
-    """Where trackers sit by a person's word after a change; a tracker that was `shown` on one of the new segments is not worn any more."""
+    """Where trackers sit by a person's word after a change; one that `rows` show on one of the new segments is not worn any more."""
+    shown = {row["sensor"]: row["place"] for row in rows}
     taken = set(changed.values()) - {""}
     displaced = {s: "" for s, p in {**shown, **by_person}.items() if p in taken}
     return {**by_person, **displaced, **changed}

@@ -29,7 +29,10 @@ def test_a_segment_that_another_tracker_takes_is_no_longer_that_of_the_one_befor
 
 
 def test_who_is_displaced_is_not_worn_any_more_even_where_the_page_does_not_know_it_yet() -> None:
-    shown = {"A/0": "hand", "B/0": ""}  # A by its firmware; B was put on a segment a moment ago
+    shown = [
+        {"sensor": "A/0", "place": "hand"},
+        {"sensor": "B/0", "place": ""},
+    ]  # A by its firmware; B was put on a segment a moment ago
     changed = with_changed({"B/0": "index_middle"}, shown, {"C/0": "hand"})
     assert changed == {"A/0": "", "B/0": "index_middle", "C/0": "hand"}
     assert with_changed(changed, shown, {"A/0": "index_middle"})["B/0"] == ""
