@@ -17,6 +17,7 @@ from handscope.app.live.readouts.trial_review import localised_review
 from handscope.app.live.replay import Replay
 from handscope.app.live.station import Station
 from handscope.app.live.stations import AnyStation
+from handscope.app.live.wizard.machine import State
 from handscope.app.scene.camera.sides import Side
 from handscope.app.state import (
     Db,
@@ -139,7 +140,9 @@ def place_trackers(
     if not isinstance(station, Station):
         raise InputError("live.no_trackers")
     tracker_places.require_places(new.places)
-    places = station.place_trackers(new.places)
+    if station.snapshot()["wizard"]["state"] != State.CONNECT:
+        raise InputError("live.trackers_calibrated")
+    places = station.glove.place_trackers(new.places)
     tracker_places.store_places(parts.store.folder, station.setup.hand, places)
     return localised_state(station, language)
 

@@ -22,6 +22,7 @@ from handscope.app.devices.ports import is_relay
 from handscope.app.devices.relay.live_relay import LiveRelay
 from handscope.estimators.data.samples import Block, Event
 from handscope.sessions.tables_io import force_calibrations
+from handscope.sessions.tables_io.tracker_places import PLACES, with_changed
 from handscope.sessions.wire import messages as wire
 from handscope.sessions.wire.assembly import Assembler
 from handscope.sessions.wire.framing import Encoder
@@ -61,6 +62,7 @@ class Glove:
         )
         self.assembler = Assembler(stored_forces=force_calibrations.of_recording(metadata))
         self.state = GloveState()
+        self._places: dict[str, str] = dict(metadata.get(PLACES) or {})
         self.trackers: list[dict[str, Any]] = []  # sensors of a source, a row each
         self.decoding_failures = 0
         self.received = 0  # bytes, of a glove or of anything else
@@ -145,9 +147,12 @@ class Glove:
         self._begin, self._worn_on = begin, dict(worn_on)
         self.keep_metadata({"exchanged_strips": dict(worn_on)})
 
-    def place_trackers(self, places: Mapping[str, str]) -> None:
-        """Sensors of a source sit on these segments, by the sensors' names; the recording says it, too."""
-        self._tell(Kind.PLACES, json.dumps(dict(places)).encode())
+    def place_trackers(self, changed: Mapping[str, str]) -> Mapping[str, str]:
+        """Sensors of a source sit on these segments, by the sensors' names; gives where all sit, as the recording says it, too."""
+        with self._sending:
+            self._places = with_changed(self._places, self.trackers, changed)
+            self._tell(Kind.PLACES, json.dumps(self._places).encode())
+            return self._places
 
     def now(self) -> float | None:
         """The recording's time at this moment; None before the first sample."""

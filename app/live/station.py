@@ -55,7 +55,6 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import ANGLES, FINGERS
 from handscope.estimators.hand.geometry import table_of
 from handscope.estimators.simulation.movements.task_performance import POSE_THUMB
-from handscope.sessions.tables_io import tracker_places
 from handscope.sessions.wire.messages import Cue
 
 log = logging.getLogger(__name__)
@@ -119,7 +118,6 @@ class Station:
                 setup.outlets, setup.hand, str(setup.session), setup.method_name, self.glove.now
             )
         )
-        self._tracker_places: Mapping[str, str] = setup.about.get(tracker_places.PLACES, {})
         self._marked = (State.CONNECT, "")  # state and task of the newest marker
         self.steps = CalibrationMovements(self.glove, self.tracking, self._next_number)
         self.free = FreeMovement(self.glove, self.tracking, self._next_number, setup.store_solution)
@@ -198,16 +196,6 @@ class Station:
         """Show the trial under review once more in the scene; nothing where there is none."""
         if self.trial.rows is not None:
             self._drawing.replay(self.trial.rows)
-
-    def place_trackers(self, changed: Mapping[str, str]) -> Mapping[str, str]:
-        """Trackers sit on these segments; gives where all sit. InputError once the hand was calibrated."""
-        if self._wizard.state is not State.CONNECT:
-            raise InputError("live.trackers_calibrated")
-        with self._lock:
-            before, shown = self._tracker_places, self.glove.trackers
-            self._tracker_places = tracker_places.with_changed(before, shown, changed)
-            self.glove.place_trackers(self._tracker_places)
-            return self._tracker_places
 
     def snapshot(self) -> dict[str, Any]:
         """The state of the session, for a page."""
