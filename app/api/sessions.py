@@ -25,6 +25,7 @@ from handscope.app.api.pseudonymisation import for_reader
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.devices import ports
+from handscope.app.devices.named_hand import require_hand
 from handscope.app.live.outputs import choice
 from handscope.app.live.readouts.trial_review import EarlierFigures
 from handscope.app.live.relays import relay_port
@@ -148,7 +149,7 @@ def begin_session(
         raise InputError(UNDECIDED)
     settings = parts.settings
     ports.require_allowed(new.port, (*settings.allowed_ports, *settings.demo_ports))
-    ports.require_hand(settings.demo_ports.get(new.port, ""), hand)
+    require_hand(settings.demo_ports.get(new.port, ""), hand)
     choice.require_allowed(new.outlets, settings.allowed_outlets)
     parts.stations.require_free(new.port)
     make_setup = live_setup(new.method, new.options, parts.store.folder)

@@ -12,6 +12,7 @@ from handscope.app.api.broadcast import localised_snapshot, time_to_next_pulse
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.devices import ports
+from handscope.app.devices.named_hand import named_hand
 from handscope.app.language import Language
 from handscope.app.live.readouts.trial_review import localised_review
 from handscope.app.live.replay import Replay
@@ -79,7 +80,7 @@ def list_gloves(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
     return [
         {
             **port,
-            "hand": ports.named_hand(str(port["description"])),
+            "hand": named_hand(str(port["description"])),
             "description": language.translate(str(port["description"])),
             "in_use": parts.stations.uses(str(port["path"])),
         }

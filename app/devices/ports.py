@@ -18,7 +18,6 @@ from handscope.app.devices.sources.addresses import (
     parse_source,
 )
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import HANDS, Hand
 
 if TYPE_CHECKING:
     from handscope.app.devices.sources.translated import TranslatedPort
@@ -48,18 +47,6 @@ def available() -> list[PortInfo]:
         words = [str(w) for w in (port.manufacturer, port.product, port.serial_number) if w]
         found.append(PortInfo(str(port.device), " ".join(words) or "serial port"))
     return found
-
-
-def named_hand(description: str) -> Hand | None:
-    """The hand that a port's description names; None where it names none or both."""
-    named = [hand for hand in HANDS if hand in description.split()]
-    return named[0] if len(named) == 1 else None
-
-
-def require_hand(description: str, hand: Hand) -> None:
-    """Refuse a glove that is known to be of the other hand before anything of it is recorded. Raises InputError."""
-    if (glove := named_hand(description)) not in (None, hand):
-        raise InputError("device.glove_of_other_hand", glove=glove, hand=hand)
 
 
 def is_relay(port: str) -> bool:

@@ -7,9 +7,10 @@ from typing import Any
 
 from handscope.app.live.readouts.trial_review import EarlierFigures
 from handscope.app.protocols import Protocol
+from handscope.app.version import software_version
 from handscope.estimators.data.calibration import PriorCalibration
 from handscope.estimators.hand.anatomy import Hand
-from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.hand.geometry import HandGeometry, table_of
 from handscope.estimators.pipeline.method import Method
 from handscope.sessions.clinic.self_calibrations import FoundCalibration
 
@@ -48,3 +49,14 @@ class Setup:
     def trunk_details(self) -> Mapping[str, float]:
         """How the trunk's sensor is worn, for the event of a reach."""
         return {} if self.trunk_height is None else {"trunk_height": self.trunk_height}
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """What the recording holds of the session."""
+        return {
+            "hand": self.hand,
+            "geometry": table_of(self.geometry),
+            "software": software_version(),
+            "port": self.port,
+            **self.about,
+        }

@@ -44,7 +44,6 @@ from handscope.app.live.wizard.machine import (
 from handscope.app.results.quantity_curve import Curve
 from handscope.app.scene.camera.sides import Side
 from handscope.app.scene.scene_process import SceneProcess
-from handscope.app.version import software_version
 from handscope.estimators.alignment import quality as alignment_quality
 from handscope.estimators.alignment.initial_pose import THERAPIST, Pose, pose_of
 from handscope.estimators.alignment.quality import JointQuality
@@ -53,7 +52,6 @@ from handscope.estimators.data.samples import Block, Event
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import ANGLES, FINGERS
-from handscope.estimators.hand.geometry import table_of
 from handscope.estimators.simulation.movements.task_performance import POSE_THUMB
 from handscope.sessions.wire.messages import Cue
 
@@ -90,13 +88,6 @@ class Station:
         self.exchanged: dict[str, str] = {}  # finger of a strip -> finger that wears it
         self._wiggled_at = -np.inf  # s, host's clock, newest request to a virtual patient
         self._status = worn_glove.UNKNOWN  # of the last tick
-        about = {
-            "hand": setup.hand,
-            "geometry": table_of(setup.geometry),
-            "software": software_version(),
-            "port": setup.port,
-            **setup.about,
-        }
         self.tracking = Tracking(
             setup.method,
             setup.params,
@@ -112,7 +103,7 @@ class Station:
         self.hand_position = HandPositionReadout()
         self.trial = TrialReview(self.tracking, setup.geometry, setup.earlier)
         self.grasp = GraspEstimator(self.tracking)
-        self.glove = Glove(setup.port, setup.recording, about, self._feed, stored=True)
+        self.glove = Glove(setup.port, setup.recording, setup.metadata, self._feed, stored=True)
         self.outlets = Outlets(
             open_outlets(
                 setup.outlets, setup.hand, str(setup.session), setup.method_name, self.glove.now

@@ -131,10 +131,8 @@ function trail(session) {
   return h(
     "p",
     { class: "trail" },
-    h("a", { href: "/" }, t("patients.title")),
-    icon("chevron-right"),
-    h("a", { href: `/patients/${session.patient.id}` }, session.patient.pseudonym),
-    icon("chevron-right"),
+    [h("a", { href: "/" }, t("patients.title")), icon("chevron-right")],
+    [h("a", { href: `/patients/${session.patient.id}` }, session.patient.pseudonym), icon("chevron-right")],
   );
 }
 

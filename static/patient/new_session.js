@@ -6,7 +6,6 @@ import * as relay from "../relay/relay.js";
 import * as reuse from "./reuse.js";
 
 const OTHER = "?";
-const RELAY = "relay://"; // the port of this browser
 const CLOCKS = 5 * 60_000; // ms that the clocks of browser and server may differ
 
 export function mount(root, api, { record, kept, go }) {
@@ -58,7 +57,7 @@ export function mount(root, api, { record, kept, go }) {
       choices(
         t("new_session.glove"),
         "glove",
-        [...options, ownPort(), { value: OTHER, label: t("new_session.other"), note: t("new_session.other.note") }],
+        [...options, relay.option(), { value: OTHER, label: t("new_session.other"), note: t("new_session.other.note") }],
         "several",
       ),
     );
@@ -108,7 +107,7 @@ export function mount(root, api, { record, kept, go }) {
     const fits = known.find((glove) => glove.path === path)?.hand ?? chosen("hand");
     const other = { glove: t(`hand.${fits}`), hand: t(`hand.${chosen("hand")}`) };
     if (fits !== chosen("hand")) throw new Error(t("new_session.other_hand", other));
-    const which = path === RELAY ? await relay.choose() : undefined;
+    const which = path === relay.PORT ? await relay.choose() : undefined;
     if (which === null) throw new Error(t("relay.none_chosen"));
     const begun = await api.post(`/api/patients/${record.now.id}/sessions`, {
       hand: chosen("hand"),
@@ -129,12 +128,6 @@ export function mount(root, api, { record, kept, go }) {
     gone = true;
     stop();
   };
-}
-
-/** The glove may be at the computer that shows this page, where its browser can read a port. */
-function ownPort() {
-  const reason = relay.reason();
-  return { value: RELAY, label: t("relay.port"), note: t(reason ? `relay.${reason}` : "relay.port.note"), disabled: Boolean(reason) };
 }
 
 /** What speaks against the clock that dates the session. */

@@ -1,4 +1,7 @@
 /** The glove at this browser's own port: chosen by a person, read by a worker that goes on from page to page and after a reload. */
+import { t } from "../words/words.js";
+
+export const PORT = "relay://"; // of this browser
 const KEY = "handscope-relay"; // session and device, until the server has everything
 const serial = () => /** @type {any} */ (navigator).serial;
 const listeners = new Set();
@@ -7,6 +10,12 @@ let latest = null;
 
 /** Why this browser cannot read a port: "insecure", "missing", or "" where it can. */
 export const reason = () => (!isSecureContext ? "insecure" : serial() ? "" : "missing");
+
+/** As one of the gloves to choose from: it may be at the computer that shows this page. */
+export function option() {
+  const why = reason();
+  return { value: PORT, label: t("relay.port"), note: t(why ? `relay.${why}` : "relay.port.note"), disabled: Boolean(why) };
+}
 
 /** Have a person choose a port; only within a click. Null where none was chosen. */
 export async function choose() {
