@@ -38,13 +38,13 @@ class DataKey:
         nonce = os.urandom(NONCE)
         return self.name + nonce + bytes(cipher(self.secret).encrypt(nonce, file_key, about))
 
-    def unwrap(self, wrapped: bytes, about: bytes) -> bytes:
-        """The file's key; InputError where it was changed."""
+    def unwrap(self, wrapped: bytes, about: bytes, what: str) -> bytes:
+        """The file's key; InputError that names `what` where it was changed."""
         nonce, sealed = wrapped[NAME : NAME + NONCE], wrapped[NAME + NONCE :]
         try:
             return bytes(cipher(self.secret).decrypt(nonce, sealed, about))
         except Exception as problem:  # InvalidTag, of an optional package
-            raise InputError("sealing.header_damaged") from problem
+            raise InputError("sealing.header_damaged", file=what) from problem
 
 
 def make_key(file: Path) -> None:
@@ -102,7 +102,7 @@ def unwrap_by_any(
     for key in keys:
         for slot in slots:
             if slot[:NAME] == key.name:
-                return key.unwrap(slot, about)
+                return key.unwrap(slot, about, what)
     raise InputError("sealing.no_key_fits", what=what, variable=VARIABLE)
 
 

@@ -49,7 +49,7 @@ def slots_of(header: bytes) -> list[bytes]:
 def key_of(header: bytes, keys: Sequence[DataKey], what: str) -> bytes:
     """The file's own key; InputError where no key fits."""
     if len(header) < HEADER or header[: len(MAGIC)] != MAGIC:
-        raise InputError("sealing.header_damaged")
+        raise InputError("sealing.header_damaged", file=what)
     return unwrap_by_any(keys, slots_of(header), header[:ABOUT], what)
 
 
