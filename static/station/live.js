@@ -8,11 +8,8 @@ import * as check from "./check.js";
 import * as countdown from "./countdown.js";
 import * as curve from "./live_curve.js";
 import * as ending from "./ending.js";
-<<<<<<< HEAD
 import * as following from "./following.js";
-=======
 import * as findings from "./findings.js";
->>>>>>> baf9ff68 (live: check what has come so far, and offer a correction kept as an event)
 import * as freeMovement from "./free_movement.js";
 import * as glove from "./glove.js";
 import * as guidance from "./guidance.js";
