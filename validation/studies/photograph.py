@@ -83,7 +83,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]
     count = sum(not found["taken"] for _, found in results)
     setting = (
         "Rendered photographs of hands on the printed sheet (A4 and Letter, both hands): perspective of a phone, tilt uniform up to what is given, a lens of another "
-        "distortion model than the program's, blur, noise, shadow, light from one side; people of other lengths, thickness of fingers (7 %), tissue at the tips. The "
+        "distortion model than the program's, blur, noise, shadow, light from one side; people of other lengths, thickness of fingers (12 %, without a source), tissue at the tips. The "
         "hand lies 4 mm and 3 deg beside the outline, its fingers are spread by 4 deg, its wrist turned by 6 deg.",
         "Landmarks are marked where they are seen, with the scatter that is given (thumb's CMC joint three times that). NEES: mean normalised error squared.",
     )

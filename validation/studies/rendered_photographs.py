@@ -30,7 +30,7 @@ TEXTURE = 8.0  # pixels a mm of the printed sheet
 SPREAD, WRIST = np.radians(4.0), np.radians(6.0)  # standard deviations of the pose
 # radius of wrist, MCP, PIP, DIP, tip, as shares of the hand's length, and how much people differ
 RADIUS = {"wrist": 0.100, "root": 0.070, "second": 0.048, "third": 0.038, "tip": 0.032}
-RADIUS_SD = 0.07
+RADIUS_SD = 0.12
 
 
 @dataclass(frozen=True)
