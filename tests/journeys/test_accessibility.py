@@ -97,7 +97,7 @@ def test_patient_page(page: Page, server: Server, processed: int, recording: Pat
     shown(page.get_by_role("radio", name="Virtual left glove"))
     shown(page.get_by_role("link", name="2026"))
     page.get_by_text("Hand measures").click()
-    page.get_by_text("Lengths of the fingers").click()
+    page.get_by_text("Lengths of the fingers", exact=True).click()
     page.get_by_text("Erase this patient for good…").click()
     page.get_by_role("button", name="Change").first.click()
     page.get_by_label("Recording file").set_input_files(recording)

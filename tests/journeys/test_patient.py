@@ -23,7 +23,7 @@ def test_hand_measures_are_millimetres_on_the_page_and_metres_in_the_api(
     )
     length.fill("181,5")
     palm.fill("ten")
-    page.get_by_text("Lengths of the fingers").click()
+    page.get_by_text("Lengths of the fingers", exact=True).click()
     page.get_by_role("group", name="Index (mm)").get_by_label("Right hand").fill("92")
     page.get_by_role("group", name="Trunk sensor above the hips (mm)").get_by_label("Height").fill(
         "415"

@@ -102,7 +102,7 @@ def test_bad_files_get_a_sentence_and_leave_no_session(
     page.get_by_label("Recording file").set_input_files(
         {"name": "letter.pdf", "mimeType": "application/pdf", "buffer": b"x"}
     )
-    expect(page.get_by_text("letter.pdf is neither a .zip nor a .mcap file")).to_be_visible()
+    expect(page.get_by_text("letter.pdf is no recording and no table")).to_be_visible()
     expect(page.get_by_role("button", name="Upload and process")).to_be_disabled()
     assert api(page, f"/api/patients/{patient}")["sessions"] == []
     page.reload()

@@ -78,7 +78,7 @@ MAY = {  # what each other verb may import; nothing heavy where it is not here
     "photograph": {"numba", "numpy", "scipy.optimize", "scipy.special"},
     "locate": OFFLINE | {"scipy.optimize"},
     "learn-magnet": OFFLINE,
-    "import": {"mcap", "numba", "numpy", "vqf"},
+    "import": {"mcap", "numba", "numpy", "scipy.ndimage", "vqf"},
     "bench": {"numpy"},
     "reproduce": OFFLINE | {"scipy.optimize"},
 }
