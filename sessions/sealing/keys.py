@@ -49,7 +49,11 @@ class DataKey:
 
 def make_key(file: Path) -> None:
     """A new key in a file that is its owner's alone."""
-    line = FORM + base64.b64encode(os.urandom(SIZE)).decode()
+    write_new_key(file, FORM + base64.b64encode(os.urandom(SIZE)).decode() + "\n")
+
+
+def write_new_key(file: Path, text: str) -> None:
+    """A key's file that only its owner reads; InputError where there is one, or it cannot be written."""
     try:
         handle = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:
@@ -59,7 +63,7 @@ def make_key(file: Path) -> None:
             "table.file_not_writable", file=str(file), problem=str(problem.strerror)
         ) from None
     with os.fdopen(handle, "w") as out:
-        out.write(line + "\n")
+        out.write(text)
 
 
 @lru_cache(maxsize=16)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from handscope.estimators.errors import InputError
+from handscope.sessions.sealing.keys import write_new_key
 from handscope.sessions.sealing.stored import create_stored, open_stored
 
 MAGIC = b"age-encryption.org/"
@@ -77,16 +78,7 @@ def make_key(file: Path) -> str:
     """A new key in a file that is its owner's alone; gives its recipient."""
     identity = _library().x25519.Identity.generate()
     recipient = str(identity.to_public())
-    try:
-        handle = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    except FileExistsError:
-        raise InputError("sealed.key_exists", file=str(file)) from None
-    except OSError as problem:
-        raise InputError(
-            "table.file_not_writable", file=str(file), problem=str(problem.strerror)
-        ) from None
-    with os.fdopen(handle, "w") as out:
-        out.write(f"# recipient: {recipient}\n{identity}\n")
+    write_new_key(file, f"# recipient: {recipient}\n{identity}\n")
     return recipient
 
 
