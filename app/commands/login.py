@@ -21,9 +21,21 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
-    try:
-        base = (arguments.data / "address").read_text().strip()
-    except OSError:
-        raise InputError("command.no_server_yet", data=arguments.data) from None
-    say(f"{base}/login?token={new_token(arguments.data)}")
+    base = running_server(arguments.data)
+    if base is None:
+        raise InputError("command.no_server_yet", data=arguments.data)
+    say(one_time_address(base, arguments.data))
     return 0
+
+
+def running_server(data: Path) -> str | None:
+    """The address of the server that serves the folder, as it wrote it; None where it wrote none."""
+    try:
+        return (data / "address").read_text().strip()
+    except OSError:
+        return None
+
+
+def one_time_address(base: str, data: Path) -> str:
+    """An address of the server that logs in once."""
+    return f"{base}/login?token={new_token(data)}"

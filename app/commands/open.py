@@ -2,13 +2,12 @@
 
 import argparse
 import webbrowser
-from pathlib import Path
 
 from handscope.app.commands import serve
+from handscope.app.commands.login import one_time_address, running_server
 from handscope.app.commands.words import say
 from handscope.estimators.errors import InputError
 from handscope.sessions.store.folder_lock import hold_folder
-from handscope.sessions.store.logins import new_token
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -22,17 +21,9 @@ def run(arguments: argparse.Namespace) -> int:
         with hold_folder(arguments.data, arguments.database):
             serve.serve(arguments, {}, browser=True, printed=False)
     except InputError:
-        address = _running_server(arguments.data)
-        if address is None:
+        address = running_server(arguments.data)
+        if not address:
             raise
-        webbrowser.open(f"{address}/login?token={new_token(arguments.data)}")
+        webbrowser.open(one_time_address(address, arguments.data))
         say(f"Handscope runs already at {address}; the browser was opened")
     return 0
-
-
-def _running_server(data: Path) -> str | None:
-    """The address of the server that holds the folder; None where it wrote none."""
-    try:
-        return (data / "address").read_text().strip() or None
-    except OSError:
-        return None
