@@ -493,7 +493,9 @@ class Station:
         """Of the pose that is taken now."""
         thumb = dict(zip(THUMB_COLUMNS, POSE_THUMB))
         held_by = {"held_by": THERAPIST} if self._wizard.passive else {}
-        return {**thumb, **self._measured_pose, **held_by}
+        repetition = self._wizard.repetition
+        again = {"repetition": repetition} if repetition > 1 else {}
+        return {**thumb, **self._measured_pose, **held_by, **again}
 
     def _pose(self, onset: float = 0.0, length: float = 0.0) -> Pose:
         """The pose that is taken now."""

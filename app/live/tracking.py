@@ -23,6 +23,7 @@ from handscope.estimators.alignment import (
     functional_movements,
     initial_pose,
     mounting_checks,
+    repeated_pose,
 )
 from handscope.estimators.alignment.functional_movements import CalibrationMovement
 from handscope.estimators.alignment.initial_pose import Pose
@@ -102,6 +103,7 @@ class Tracking:
         self._segment_flags = np.zeros(len(SEGMENTS), np.uint8)  # until the next calibration
         self._previous: _PreviousCalibration | None = None
         self._on_pose, self._on_samples = on_pose, on_samples
+        self._row: list[Calibration] = []  # poses taken one after the other
         self._queue: deque[Block] = deque()
         self._wake = threading.Condition()
         self._stop = False
@@ -137,9 +139,11 @@ class Tracking:
         """Start the method from the pose that just ended, and catch up; InputError for an unusable pose."""
         window = self.samples(-np.inf)
         require_rates([b.stream for b in window])
-        calibration = initial_pose.calibrate(
+        once = initial_pose.calibrate(
             self.params, self.hand, self.geometry, self.mounting, window, pose
         )
+        self._row = [*self._row, once] if pose.repetition > 1 else [once]
+        calibration = repeated_pose.average(self._row)
         if self.movements:
             calibration = functional_calibration.combine(
                 self.params, self.movements, calibration, self.mounting
@@ -169,6 +173,7 @@ class Tracking:
     def restore_previous(self) -> Calibration | None:
         """Go back to the calibration before the newest, and to the method's state of that time."""
         before, self._previous = self._previous, None
+        self._row = self._row[:-1]
         with self._lock:
             if before is None or before.calibration is None:
                 self.calibration, self._state = None, None

@@ -105,6 +105,7 @@ class Pose:
     sd: Mapping[str, Angles] = field(
         default_factory=dict
     )  # rad, by joint, of what was measured; NaN: as well as a person takes the pose
+    repetition: int = 1  # from 2 on: the pose before taken again, the hand lifted between
 
     @property
     def end(self) -> float:
@@ -122,7 +123,19 @@ def pose_of(event: Event) -> Pose:
         event.details.get("held_by") == THERAPIST,
         {name: a for name, a in known.items() if a != NEUTRAL and name != "thumb_cmc"},
         {name: a for name, a in sd.items() if not np.isnan(a).all()},
+        _repetition(event),
     )
+
+
+def _repetition(event: Event) -> int:
+    given = event.details.get("repetition")
+    try:
+        value = 1 if given is None else int(given)
+    except (TypeError, ValueError):
+        value = 0
+    if value < 1:
+        raise InputError("calibration.pose_repetition", at=event.onset, what=str(given))
+    return value
 
 
 def _known_angles(event: Event, joint: str, unit: str, otherwise: float) -> Angles:

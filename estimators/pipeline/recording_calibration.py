@@ -7,13 +7,14 @@ from handscope.estimators.alignment import (
     functional_calibration,
     functional_movements,
     initial_pose,
+    repeated_pose,
 )
 from handscope.estimators.alignment.functional_movements import (
     STEPS,
     CalibrationMovement,
     FunctionalParams,
 )
-from handscope.estimators.alignment.initial_pose import PoseParams
+from handscope.estimators.alignment.initial_pose import Pose, PoseParams
 from handscope.estimators.data.calibration import Calibration, CalibrationSource, PriorCalibration
 from handscope.estimators.data.samples import MAG, ORIENTATION, Block, Event, Recording, join
 from handscope.estimators.errors import InputError
@@ -58,11 +59,16 @@ def calibrate(
     recording's; a bad pose beside a good one is a warning."""
     found: list[Calibration] = []
     refused: list[str] = []
+    row: list[Calibration] = []
     for event in initial_poses(recording.events):
         try:
-            found.append(_from_pose(params, recording, event))
+            pose = initial_pose.pose_of(event)
+            once = _from_pose(params, recording, pose)
         except InputError as problem:
             refused.append(str(problem))
+        else:
+            row = [*row, once] if pose.repetition > 1 else [once]
+            found.append(repeated_pose.average(row))
     if found and other is None:
         pieces, spoilt = functional_pieces(params, recording, found)
         return _functional(params, recording, pieces, found), [
@@ -178,8 +184,7 @@ def initial_poses(events: Sequence[Event]) -> list[Event]:
     ]
 
 
-def _from_pose(params: PoseParams, recording: Recording, event: Event) -> Calibration:
-    pose = initial_pose.pose_of(event)
+def _from_pose(params: PoseParams, recording: Recording, pose: Pose) -> Calibration:
     window = _window(recording, pose.onset, pose.end)
     return initial_pose.calibrate(
         params, recording.hand, recording.geometry, recording.mounting, window, pose

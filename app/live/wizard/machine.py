@@ -27,6 +27,7 @@ from handscope.app.live.wizard.transition_table import COUNTING as COUNTING
 from handscope.app.live.wizard.transition_table import MOVING_FREELY as MOVING_FREELY
 from handscope.app.live.wizard.transition_table import OUTCOMES as OUTCOMES
 from handscope.app.live.wizard.transition_table import PASSING as PASSING
+from handscope.app.live.wizard.transition_table import POSING as POSING
 from handscope.app.live.wizard.transition_table import RUNNING as RUNNING
 from handscope.app.live.wizard.transition_table import STEPPING as STEPPING
 from handscope.app.live.wizard.transition_table import TRANSITIONS as TRANSITIONS
@@ -286,6 +287,10 @@ def _enter(
         effects.append(Effect("guess"))
     if before is State.POSE_REVIEW and what not in (Action.REDO, Action.EXCHANGE):
         wizard = replace(wizard, closing=False, calibrated=True)
+    if what is Action.REPEAT:
+        wizard = replace(wizard, repetition=wizard.repetition + 1)
+    elif after not in POSING or what is Action.EXCHANGE:
+        wizard = replace(wizard, repetition=1)
     if before is State.POSE_REVIEW and what is Action.REDO:
         wizard = replace(wizard, poor=0)
         effects.append(Effect("drop_pose"))

@@ -16,6 +16,7 @@ from handscope.estimators.alignment.functional_movements import BENT
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS
 
 ROUTINE = "routine"  # the group of the usual assessment
+MOST_POSES = 3  # in a row
 PATIENT = 15.0  # s of a restless pose until something else is proposed
 
 
@@ -95,6 +96,9 @@ class Wizard:
     used: frozenset[str] = (
         frozenset()
     )  # steps that are in force, or will be from the next initial pose on
+    repetition: int = (
+        1  # of the pose that is taken: from 2 on the hand was lifted since the one before
+    )
     closing: bool = False  # the next initial pose brings the steps into force
     rested_since: float = -inf  # host's clock when the newest trial ended
     message: str = ""  # the last thing that went wrong, for the person
@@ -119,6 +123,7 @@ class Wizard:
             Action.WITHOUT: self.calibrated or not ready(status),
             Action.STOP: self.state is State.POSE_READY and not self.calibrated,
             Action.AGAIN: not self._trials_left(),
+            Action.REPEAT: self.repetition >= MOST_POSES,
             Action.RESUME: self.protocol is None or self.protocol.resumes is None,
             Action.CALIBRATE: not self.steps_offered(status),
             Action.NEXT: self.state is not State.CHECK and self.next_step(status) is None,

@@ -31,6 +31,10 @@ CLOSING = (
     "Initial pose again",
     "Lay the hand flat once more as the blue hand shows. With this pose what the movements told comes into force.",
 )
+REPEATED = (
+    "The same pose once more",
+    "Lift the hand, move the fingers, and lay it flat again as before. The mean of the poses counts, and how they scatter.",
+)
 STEPS = (("connect", "Connect"), ("pose", "Initial pose"), ("tasks", "Tasks"), ("finish", "Finish"))
 STEP_OF = {
     State.CONNECT: "connect",
@@ -110,6 +114,8 @@ def title_and_sentence(w: Wizard, status: StationStatus) -> tuple[str, str]:
         )
     if w.state is State.POSE_READY and w.closing:
         return CLOSING
+    if w.state is State.POSE_READY and w.repetition > 1:
+        return REPEATED
     if w.state is State.POSE_READY and w.passive:
         return PASSIVE
     if w.state is State.TASK_PAUSED and w.protocol and w.protocol.resumes:

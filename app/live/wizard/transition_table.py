@@ -50,6 +50,7 @@ class Action(StrEnum):
     RESUME = "resume"  # the trial goes on after a pause, which does not count
     GROUP = "group"  # of tasks to choose from
     CHOOSE = "choose"
+    REPEAT = "repeat"  # keep this pose, lift the hand and take it once more: the mean counts
     AGAIN = "again"  # keep this trial, and on to the next of the same task
     CALIBRATE = "calibrate"  # by movements
     FREE = "free"  # calibrate by free movement
@@ -95,6 +96,7 @@ TRANSITIONS: Mapping[State, Mapping[Action, State]] = {
     S.POSE_REVIEW: {
         A.ACCEPT: S.TASKS,
         A.REDO: S.POSE_READY,
+        A.REPEAT: S.POSE_READY,
         A.CALIBRATE: S.STEP_READY,
         A.FREE: S.FREE_READY,
         A.EXCHANGE: S.POSE_READY,
@@ -150,6 +152,7 @@ TRANSITIONS: Mapping[State, Mapping[Action, State]] = {
 }
 COUNTING = (S.COUNTDOWN, S.RESUME_COUNTDOWN, S.STEP_COUNTDOWN, S.FREE_COUNTDOWN)
 RUNNING = (S.TASK_RUN, S.STEP_RUN, S.FREE_RUN)
+POSING = (S.POSE_READY, S.POSE_HOLD, S.POSE_WORK, S.POSE_REVIEW)
 STEPPING = (S.STEP_READY, S.STEP_COUNTDOWN, S.STEP_RUN, S.STEP_REVIEW)
 MOVING_FREELY = (S.FREE_READY, S.FREE_COUNTDOWN, S.FREE_RUN, S.FREE_WORK, S.FREE_REVIEW)
 PASSING = ("redone", "paused")  # outcomes after which the task is still to be done

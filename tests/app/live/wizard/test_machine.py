@@ -521,3 +521,17 @@ def test_strips_that_movement_shows_on_each_others_finger_can_be_exchanged_at_on
     after, effects = wizard_machine.act(w, Action.EXCHANGE, READY)
     assert dict(effects[0].worn_on) == {"index": "ring", "ring": "index"}
     assert after.state is State.CONNECT and after.swapped is None
+
+
+def test_a_pose_is_repeated_at_most_twice_and_a_task_ends_the_row() -> None:
+    w = at(State.POSE_REVIEW)
+    for number in (2, 3):
+        w, effects = wizard_machine.act(w, Action.REPEAT, READY)
+        assert (w.state, w.repetition) == (State.POSE_READY, number)
+        assert kinds(effects) == [("cue", "initial_pose")]  # the pose before stays
+        w, _ = wizard_machine.act(replace(w, state=State.POSE_REVIEW), Action.REDO, READY)
+        assert w.repetition == number  # this one is taken again
+        w = replace(w, state=State.POSE_REVIEW)
+    assert Action.REPEAT not in w.allowed(READY)
+    w, _ = wizard_machine.act(w, Action.ACCEPT, READY)
+    assert (w.state, w.repetition) == (State.TASKS, 1)
