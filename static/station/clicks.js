@@ -1,25 +1,29 @@
-/** The metronome's sound: short clicks at exact moments. A browser gives sound only after somebody has pressed something on the page. */
+/** Sound at exact moments: clicks of the metronome, tones of a countdown. A browser gives sound only after a press on the page. */
 
 const HIGH = 1760; // Hz, where a movement begins
 const LOW = 1175;
 const LENGTH = 0.06; // s
 const LOUD = 0.5;
 const KEY = "handscope-metronome";
+const chosen = new Map(); // by key, on this page: also where the browser keeps nothing
 
-/** `changed` hears of every change of `state`: "on", "off" (by choice) or "blocked" (by the browser). */
-export function makeClicks(changed) {
+/**
+ * `changed` hears of every change of `state`: "on", "off" (by choice) or "blocked" (by the browser).
+ * All sounds with the same `key` have one switch, which is `usual` before anybody used it.
+ */
+export function makeClicks(changed, key = KEY, usual = true) {
   let audio = null;
-  let wanted = recalled();
+  const recalled = () => chosen.get(key) ?? kept(key) ?? usual;
   let ahead = []; // clicks that may not have sounded yet
   let needed = false; // a task with a metronome is open, or was
 
   function state() {
-    return wanted ? (audio?.state === "running" ? "on" : "blocked") : "off";
+    return recalled() ? (audio?.state === "running" ? "on" : "blocked") : "off";
   }
 
   /** Sound made ready; in what a press calls, the browser allows it. */
   function open() {
-    if (!wanted || !needed || !("AudioContext" in window)) return;
+    if (!recalled() || !needed || !("AudioContext" in window)) return;
     audio ??= listened(new AudioContext({ latencyHint: "interactive" }));
     if (audio.state !== "running") audio.resume().catch(() => {}); // still blocked: `state` says so
   }
@@ -30,22 +34,25 @@ export function makeClicks(changed) {
   }
 
   /** A click in `wait` s. */
-  function click(wait, high) {
+  const click = (wait, high) => tone(wait, high ? HIGH : LOW, LENGTH);
+
+  /** A tone of `hertz` in `wait` s, which fades away in `length` s. */
+  function tone(wait, hertz, length) {
     if (state() !== "on") return;
     const at = audio.currentTime + Math.max(0, wait - (audio.outputLatency || 0));
-    const [tone, gain] = [audio.createOscillator(), audio.createGain()];
-    tone.frequency.value = high ? HIGH : LOW;
+    const [made, gain] = [audio.createOscillator(), audio.createGain()];
+    made.frequency.value = hertz;
     gain.gain.setValueAtTime(LOUD, at);
-    gain.gain.exponentialRampToValueAtTime(0.001, at + LENGTH);
-    tone.connect(gain).connect(audio.destination);
-    tone.start(at);
-    tone.stop(at + LENGTH);
-    ahead = [...ahead.filter((one) => one.at > audio.currentTime), { tone, at }];
+    gain.gain.exponentialRampToValueAtTime(0.001, at + length);
+    made.connect(gain).connect(audio.destination);
+    made.start(at);
+    made.stop(at + length);
+    ahead = [...ahead.filter((one) => one.at > audio.currentTime), { made, at }];
   }
 
   /** Take back what has not sounded yet. */
   function silence() {
-    ahead.filter((one) => one.at > audio.currentTime).forEach((one) => one.tone.stop());
+    ahead.filter((one) => one.at > audio.currentTime).forEach((one) => one.made.stop());
     ahead = [];
   }
 
@@ -57,11 +64,11 @@ export function makeClicks(changed) {
       open();
     },
     click,
+    tone,
     silence,
     set(on) {
       if (!on) silence();
-      wanted = on;
-      remember(on);
+      remember(key, on);
       open();
       changed();
     },
@@ -72,17 +79,19 @@ export function makeClicks(changed) {
   };
 }
 
-function recalled() {
+function kept(key) {
   try {
-    return localStorage.getItem(KEY) !== "off";
+    const word = localStorage.getItem(key);
+    return word === null ? null : word !== "off";
   } catch {
-    return true; // a browser that keeps nothing
+    return null; // a browser that keeps nothing
   }
 }
 
-function remember(on) {
+function remember(key, on) {
+  chosen.set(key, on);
   try {
-    localStorage.setItem(KEY, on ? "on" : "off");
+    localStorage.setItem(key, on ? "on" : "off");
   } catch {
     // it holds until the page is left
   }
