@@ -33,6 +33,7 @@ from handscope.app.api import (
 from handscope.app.api.hand_photographs import routes as photograph_routes
 from handscope.app.api.live import relays, streams
 from handscope.app.api.login import login_routes, oidc_routes, second_factors
+from handscope.app.api.patient_view import invitation_routes, screen_routes
 from handscope.app.api.uploads import tables
 from handscope.app.api.wards import emergency_routes, ward_routes
 from handscope.app.auth.gate import Gate
@@ -129,6 +130,7 @@ def create_app(settings: Settings) -> FastAPI:
         photograph_routes,
         stations,
         streams,
+        invitation_routes,
         relays,
         methods,
         login_routes,
@@ -141,6 +143,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(login_routes.pages)
     app.include_router(oidc_routes.router)
     app.include_router(languages.router)
+    app.include_router(screen_routes.router)
     app.include_router(pages.router)
     app.mount("/static", Files(directory=pages.STATIC), name="static")
     return app
@@ -175,6 +178,7 @@ def _serve_metrics(parts: Parts) -> Iterator[None]:
 def _store_finished(parts: Parts, station: Station) -> None:
     """Close the recording of a live session that ended, and process it."""
     parts.permits.withdraw(station.name)
+    parts.screens.withdraw(station.name)
     setup, relay = station.setup, station.glove.relay
     if relay is not None and relay.next_number and not relay.is_complete:
         parts.relays.await_rest(setup.session, setup.about["relay_account"], setup.recording)

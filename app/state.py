@@ -15,6 +15,7 @@ from handscope.app.auth.roles import Requester, on_behalf_of, requester
 from handscope.app.job_queue import Jobs
 from handscope.app.language import Language
 from handscope.app.live.outputs.permits import Permits
+from handscope.app.live.patient_view.invitations import Invitations
 from handscope.app.live.relays import Relays
 from handscope.app.live.replay import Replay
 from handscope.app.live.stations import AnyStation, Stations
@@ -45,6 +46,7 @@ class Parts:
     pending_logins: PendingLogins = field(default_factory=PendingLogins)
     pending_tables: PendingTables = field(default_factory=PendingTables)
     permits: Permits = field(default_factory=Permits)  # of streams that other programs read
+    screens: Invitations = field(default_factory=Invitations)  # of patients
 
 
 def parts(connection: HTTPConnection) -> Parts:

@@ -39,6 +39,11 @@ for address in PAGES:
 @router.get("/scene/{name}/", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
 def scene_page(request: Request, _: StationDep) -> Response:
     """viser's client; it comes back for its web socket under the same address without the last slash."""
+    return scene_answer(request)
+
+
+def scene_answer(request: Request) -> Response:
+    """viser's client with its policy."""
     packed = "gzip" in request.headers.get("accept-encoding", "")
     headers = {
         "Content-Security-Policy": bridge.policy(request.headers["host"]),

@@ -28,6 +28,7 @@ __all__ = ["COOKIE", "Gate", "cookie_name", "cookie_of", "new_token"]
 COOKIE = "handscope"
 OPEN_FOLDERS = (
     "/static/login/",
+    "/static/patient_view/",
     "/static/vendor/inter/",
     "/static/vendor/lucide/",
     "/static/words/",
@@ -40,6 +41,10 @@ OPEN_FILES = (
     "/static/theme.js",
     "/static/dom.js",
     "/static/forms.js",
+    "/static/progress_bar.js",
+    "/static/station/metronome_time.js",  # of the patient's screen, as those below
+    "/static/station/clicks.js",
+    "/static/station/cue_tones.js",
 )
 SAFE = ("GET", "HEAD", "OPTIONS")
 STRANGER = "not logged in; open the address that the server printed, or print a new one with: handscope login"
@@ -52,9 +57,9 @@ FOR_ENROLLING = ("/account", "/api/me", "/api/login", "/api/health", "/login")
 CHECK_EVERY = 15.0  # s between two checks of a web socket's login
 
 
-def cookie_name(scope: Scope) -> str:
+def cookie_name(scope: Scope, name: str = COOKIE) -> str:
     """Behind TLS the browser guarantees that the cookie was set by this host over TLS (RFC 6265bis, 4.1.3.2)."""
-    return f"__Host-{COOKIE}" if secure(scope) else COOKIE
+    return f"__Host-{name}" if secure(scope) else name
 
 
 def cookie_of(connection: HTTPConnection) -> str | None:

@@ -77,6 +77,7 @@ class StationView:
     replaying: bool  # whether the drawn hand repeats the trial under review
     trial: int  # number of the review that can be read, 0: none
     measured: str  # quantity of the task that is drawn on the hand; empty where there is none
+    target: tuple[float, float] | None  # rad, band of it that the task asks for
     pose_fit: Sequence[Mapping[str, Any]]  # by palm and finger, while a pose is taken
     task_number: Mapping[str, Any] | None  # estimated for a task of UNCOUNTED
     sensor_faults: Sequence[str]
@@ -114,6 +115,7 @@ def station_snapshot(view: StationView) -> dict[str, Any]:
         "replaying": view.replaying,
         "trial": view.trial,
         "measured": view.measured,
+        "target": None if view.target is None else np.degrees(view.target).round().tolist(),
         "pose_fit": list(view.pose_fit),
         "ended": view.ended,
     }

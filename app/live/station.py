@@ -250,6 +250,7 @@ class Station:
             replaying=self._drawing.replaying,
             trial=self.trial.number,
             measured=self._drawing.measured,
+            target=self._drawing.target,
             pose_fit=pose_fit.fit_rows(
                 self.tracking, self.glove.assembler.mounting, self._drawing.pose
             )

@@ -64,6 +64,7 @@ class StationScene:
         self._protocol: Protocol | None = None  # whose measure is drawn
         self._framed: list[Array] = []  # its postures
         self.mirrored, self.measured = False, ""
+        self.target: tuple[float, float] | None = None  # rad, band of what is measured
         self._again: Trajectory | None = None  # rows that are drawn once more
         self._again_since = 0.0  # s, host's clock
         self._shown: Trajectory | None = None  # row that was drawn last
@@ -122,12 +123,13 @@ class StationScene:
             return
         self._protocol = protocol
         if protocol is None:
-            self.measured = ""
+            self.measured, self.target = "", None
             self._process.measure(None)
             return
         self.measured = curve = protocol.curve_of(status.measured)
         self._framed = [ghost.angles_of(p) for p in protocol.ghost]
-        self._process.measure(Measured(curve, ghost.target(protocol, curve)))
+        self.target = ghost.target(protocol, curve)
+        self._process.measure(Measured(curve, self.target))
         self.look(side_of(curve))
 
     def _draw_hand(self) -> None:

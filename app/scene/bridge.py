@@ -12,8 +12,10 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
+import msgspec
 import viser
 from starlette.websockets import WebSocket, WebSocketDisconnect
+from viser import _messages as wire
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Origin, Subprotocol
@@ -22,6 +24,7 @@ from handscope.app.scene import viser_csp_hash
 from handscope.app.scene.loopback_server import HOST
 
 PROTOCOL = Subprotocol(f"viser-v{viser.__version__}")
+CAMERA = wire.ViewerCameraMessage.__name__
 LARGEST_FROM_BROWSER = 1 << 20  # bytes: the camera and clicks take some hundred
 GONE, WRONG_PROTOCOL, NOT_BINARY, TOO_LARGE = 1001, 1002, 1003, 1009  # close codes, RFC 6455 7.4.1
 _HEAD = """<title>Hand</title><style>
@@ -102,10 +105,10 @@ def policy(host: str) -> str:
     return "; ".join(f"{name} {value}" for name, value in rules.items())
 
 
-async def bridge(websocket: WebSocket, port: int, secret: str) -> None:
+async def bridge(websocket: WebSocket, port: int, secret: str, only_looks: bool = False) -> None:
     """Carry messages between a browser and the scene at `port` until either side leaves. Login and Origin are checked before this is called.
 
-    Nothing is kept here: each pump waits until the other side took a message, so a slow browser slows only its own connection.
+    Of a browser that `only_looks`, its camera alone is passed on, which nobody else sees. Nothing is kept here: each pump waits until the other side took a message, so a slow browser slows only its own connection.
     """
     if PROTOCOL not in websocket.scope.get("subprotocols", ()):
         await websocket.close(WRONG_PROTOCOL, "reload the page")
@@ -124,7 +127,7 @@ async def bridge(websocket: WebSocket, port: int, secret: str) -> None:
             close_timeout=1,
         ) as scene:
             await websocket.accept(subprotocol=PROTOCOL)
-            code = await _pump(websocket, scene)
+            code = await _pump(websocket, scene, only_looks)
     except (OSError, TimeoutError, InvalidHandshake):
         pass  # the scene is closed: the page tries again until ours takes it away
     finally:
@@ -132,10 +135,10 @@ async def bridge(websocket: WebSocket, port: int, secret: str) -> None:
             await websocket.close(code)
 
 
-async def _pump(websocket: WebSocket, scene: ClientConnection) -> int:
+async def _pump(websocket: WebSocket, scene: ClientConnection, only_looks: bool) -> int:
     """Both directions until the first ends; the code to close the browser's side with."""
     pumps = {
-        asyncio.create_task(_to_scene(websocket, scene)),
+        asyncio.create_task(_to_scene(websocket, scene, only_looks)),
         asyncio.create_task(_to_browser(websocket, scene)),
     }
     try:
@@ -147,7 +150,7 @@ async def _pump(websocket: WebSocket, scene: ClientConnection) -> int:
         await asyncio.gather(*pumps, return_exceptions=True)
 
 
-async def _to_scene(websocket: WebSocket, scene: ClientConnection) -> int:
+async def _to_scene(websocket: WebSocket, scene: ClientConnection, only_looks: bool) -> int:
     while True:
         message = await websocket.receive()
         data = message.get("bytes")
@@ -157,10 +160,21 @@ async def _to_scene(websocket: WebSocket, scene: ClientConnection) -> int:
             return NOT_BINARY
         if len(data) > LARGEST_FROM_BROWSER:
             return TOO_LARGE
+        if only_looks and not is_camera(data):
+            continue
         try:
             await scene.send(data)
         except ConnectionClosed:
             return GONE
+
+
+def is_camera(data: bytes) -> bool:
+    """Whether a browser's message says from where it looks, and nothing else."""
+    try:
+        message = msgspec.msgpack.decode(data)
+    except msgspec.DecodeError:
+        return False
+    return isinstance(message, dict) and message.get("type") == CAMERA
 
 
 async def _to_browser(websocket: WebSocket, scene: ClientConnection) -> int:

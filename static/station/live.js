@@ -6,6 +6,7 @@ import * as banner from "./banner.js";
 import * as relayed from "./relayed.js";
 import * as check from "./check.js";
 import * as countdown from "./countdown.js";
+import * as cues from "./cues.js";
 import * as curve from "./live_curve.js";
 import * as ending from "./ending.js";
 import * as following from "./following.js";
@@ -19,6 +20,7 @@ import * as metronome from "./metronome.js";
 import * as numbers from "./numbers.js";
 import * as poseFit from "./pose_fit.js";
 import * as quantity from "./quantity.js";
+import * as screens from "./screens.js";
 import * as recording from "./recording.js";
 import * as score from "./score.js";
 import * as stillness from "./stillness.js";
@@ -34,6 +36,7 @@ import { t } from "../words/words.js";
 const PARTS = [
   [banner, "banner", "over"],
   [metronome, "metronome", "over"],
+  [cues, "cues", "over"],
   [countdown, "countdown", "over"],
   [recording, "recording", "scene"],
   [following, "following", "over"],
@@ -59,6 +62,7 @@ const PARTS = [
   [joints, "joints", "section"],
   [angles, "angles", "section"],
   [glove, "glove", "section"],
+  [screens, "screens", "section"],
   [streams, "streams", "section"],
 ];
 

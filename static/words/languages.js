@@ -4,15 +4,21 @@ import LANGUAGES from "/languages/names.js";
 
 export { LANGUAGES };
 const KEPT = "handscope-language";
+const PATIENTS = "/patient-view"; // its language is the patient's, whoever used this browser before
 
-/** The code of the language in use: what was chosen here, else the first of the browser's languages that there is, else English. */
-export const language = [kept(), ...navigator.languages.map((tag) => tag.split("-")[0])].find((code) => code in LANGUAGES) ?? "en";
+/** The language in use: on the patient's screen that of the invitation, elsewhere the chosen one, else the browser's, else English. */
+const wanted = [asked(), kept(), ...navigator.languages.map((tag) => tag.split("-")[0])];
+export const language = wanted.find((code) => code in LANGUAGES) ?? "en";
 document.documentElement.lang = language;
 
 /** Keep the choice in this browser and load the page anew in it. */
 export function choose(code) {
   localStorage.setItem(KEPT, code);
   location.reload();
+}
+
+function asked() {
+  return location.pathname === PATIENTS ? new URLSearchParams(location.search).get("language") : null;
 }
 
 function kept() {

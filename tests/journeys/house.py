@@ -152,3 +152,17 @@ def keep_picture(page: Page, name: str) -> None:
             )
         if before:
             page.set_viewport_size(before)
+
+
+def keep_screen(page: Page, name: str) -> None:
+    """Screenshots of what fills the window: a wide screen, a tablet and a phone, light and dark, where they are wanted."""
+    if folder := shots():
+        before = page.viewport_size
+        for width, height in ((1440, 900), (1024, 768), (390, 844)):
+            page.set_viewport_size({"width": width, "height": height})
+            for scheme in ("light", "dark"):
+                page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+                page.screenshot(path=Path(folder) / f"{name}-{width}-{scheme}.png")
+        page.emulate_media(color_scheme="light")
+        if before:
+            page.set_viewport_size(before)

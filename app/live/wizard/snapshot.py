@@ -38,6 +38,7 @@ def wizard_snapshot(w: Wizard, status: StationStatus) -> dict[str, Any]:
         "check": _check(w, status),
         "mend": _mend(w),
         "passive": w.passive,
+        "mode": protocol.mode if in_task and protocol else "active",
         "actions": w.allowed(status),
         "progress": round(wz.progress_share(w, status), 3),
         "remaining": None if (left := wz.remaining_time(w, status)) is None else round(left, 2),

@@ -73,8 +73,13 @@ def test_every_route_says_who_may_use_it(server: TestClient) -> None:
         "/static/app.js",
         "/api/openapi.json",
     } <= {a.path for a in served}
-    assert {"/scene/1", "/api/stations/1/live", "/api/stream", "/api/relay"} == {
-        a.path for a in served if not a.methods
+    assert {a.path for a in served if not a.methods} == {
+        "/scene/1",
+        "/api/stations/1/live",
+        "/api/stream",
+        "/api/relay",
+        "/patient-view/scene",
+        "/api/patient-view/live",
     }
     assert [a.path for a in served if a.requirement is None] == []
     anybody = {a.path for a in served if a.requirement and ANYBODY in a.requirement.roles}
@@ -88,6 +93,11 @@ def test_every_route_says_who_may_use_it(server: TestClient) -> None:
         "/api/login/second-factors",
         "/api/health",
         "/api/stream",  # for whoever holds a token of a stream
+        "/patient-view",  # for whoever holds a code of a session
+        "/api/patient-view",
+        "/patient-view/scene/",
+        "/patient-view/scene",
+        "/api/patient-view/live",
         "/languages/names.js",
         "/languages/1.js",
     }

@@ -16,7 +16,11 @@ MODULES = sorted(p for p in ROOT.rglob("*.js") if "vendor" not in p.parts)
 STYLES = sorted(p for p in ROOT.rglob("*.css") if "vendor" not in p.parts)
 DOCUMENTS = sorted(ROOT.rglob("*.html"))
 GAP = re.compile(r"\{(\w+)\}")
-PARTS = [p for p in MODULES if p.parent.name in ("pages", "patient", "session", "station", "login")]
+PARTS = [
+    p
+    for p in MODULES
+    if p.parent.name in ("pages", "patient", "session", "station", "login", "patient_view")
+]
 NOT_MOUNTED = {
     "replay_focus.js",
     "repetitions.js",
@@ -37,6 +41,9 @@ NOT_MOUNTED = {
     "words.js",
     "metronome_time.js",
     "clicks.js",
+    "cue_tones.js",
+    "following.js",
+    "patient_view.js",
     "joint_rows.js",
 }  # values that parts share
 SVG = "http://www.w3.org/2000/svg"  # the name of its namespace; nothing is loaded from there
@@ -103,17 +110,18 @@ def test_modules_make_no_markup_from_text_and_load_nothing_from_elsewhere(path: 
     assert "http://" not in text.replace(SVG, "") and "https://" not in text
 
 
-def test_the_login_page_needs_only_what_is_served_without_a_login() -> None:
+@pytest.mark.parametrize("folder", ["login", "patient_view"])
+def test_a_page_without_a_login_needs_only_what_is_served_without_one(folder: str) -> None:
     from handscope.app.auth.gate import OPEN_FILES, OPEN_FOLDERS
 
-    page = ROOT / "login"
+    page = ROOT / folder
     needed = re.findall(r"(?:src|href)=\"([^\"]+)\"", (page / "index.html").read_text("utf-8"))
-    modules, k = [page / "login.js"], 0
+    modules, k = [page / f"{folder}.js"], 0
     while k < len(modules):  # and what they import in their turn
         text = modules[k].read_text("utf-8")
         found = [
             (modules[k].parent / n).resolve()
-            for n in re.findall(r"(?:from|import\() ?\"(\.[^\"]+)\"", text)
+            for n in re.findall(r"(?:from|import\(|import) ?\"(\.[^\"]+)\"", text)
         ]
         modules, k = [*modules, *(m for m in found if m not in modules)], k + 1
     needed += [f"/static/{m.relative_to(ROOT).as_posix()}" for m in modules]

@@ -1,0 +1,1 @@
+"""What the patient sees of a live session on a screen of their own."""

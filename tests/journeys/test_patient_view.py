@@ -1,0 +1,92 @@
+"""The patient's own screen: opened by a code without a login, in the patient's language, led by what the therapist does, ended by the therapist."""
+
+import re
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser import UNDRAWN
+from tests.journeys.conftest import SELDOM
+from tests.journeys.house import (
+    Server,
+    act,
+    api,
+    begin_session,
+    keep_screen,
+    new_patient,
+    shots,
+    shown,
+)
+
+pytestmark = pytest.mark.browser
+
+
+def test_the_patient_is_led_on_a_screen_of_their_own(
+    page_without_scene: Page, newcomer: Page, server: Server
+) -> None:
+    page, tablet = page_without_scene, newcomer
+    tablet.add_init_script(SELDOM if shots() else SELDOM + UNDRAWN)
+    patient = new_patient(page)
+    page.goto(f"/patients/{patient}")
+    begin_session(page, "left")
+    code = _invited(page)
+
+    tablet.goto(f"{server.base}/patient-view")
+    keep_screen(tablet, "patient-view-code")
+    tablet.get_by_label("Code from your therapist").fill(code.lower().replace("-", " "))
+    tablet.get_by_role("button", name="Open").click()
+    shown(tablet.get_by_role("heading", name="Einen Moment bitte"))
+    assert tablet.evaluate("document.documentElement.lang") == "de"
+    keep_screen(tablet, "patient-view-wait")
+
+    shown(act(page, "continue")).click()
+    shown(tablet.get_by_role("heading", name="Legen Sie die Hand flach hin"))
+    keep_screen(tablet, "patient-view-pose")
+    shown(act(page, "start")).click()
+    shown(tablet.get_by_role("heading", name="Nicht bewegen"))
+    shown(act(page, "accept")).click()
+
+    shown(page.locator('[data-task="rom_fist"]')).click()
+    shown(tablet.get_by_role("heading", name="Faust und Strecken"))
+    shown(tablet.get_by_text("Achten Sie auf die blaue Hand"))
+    keep_screen(tablet, "patient-view-watch")
+    shown(act(page, "start")).click()
+    shown(tablet.get_by_text("Gleich geht es los"))
+    expect(tablet.locator(".countdown .digits")).to_have_text(re.compile("[123]"))
+    shown(tablet.get_by_text("Jetzt", exact=True))
+    shown(tablet.locator(".reached .fill"))
+    expect(tablet.locator(".extent .number")).to_have_text(re.compile(r"\d+°"))
+    expect(tablet.locator(".extent.there")).to_have_count(
+        1
+    )  # the band of the demonstration is reached
+    if shots():
+        tablet.screenshot(path=f"{shots()}/patient-view-run.png")
+    shown(act(page, "accept"))
+    shown(tablet.get_by_role("heading", name="Danke, das ist aufgezeichnet"))
+    shown(tablet.get_by_text(re.compile(r"Sie haben \d Bewegungen gemacht")))
+    keep_screen(tablet, "patient-view-rest")
+
+    text = tablet.content()
+    pseudonym = api(page, f"/api/patients/{patient}")["pseudonym"]
+    assert pseudonym not in text and "handscope" not in tablet.evaluate("document.cookie")
+    assert tablet.request.get(f"{server.base}/api/patients/{patient}").status == 401
+    tablet.reload()  # the cookie of the screen leads on
+    shown(tablet.get_by_role("heading", name="Danke, das ist aufgezeichnet"))
+
+    page.get_by_role("button", name="End", exact=True).click()
+    shown(tablet.get_by_text("Die Sitzung ist vorbei, oder dieser Bildschirm wurde beendet"))
+    tablet.goto(f"{server.base}/patient-view?language=de#{code}")
+    shown(tablet.get_by_text("Dieser Code öffnet nichts"))
+
+
+def _invited(page: Page) -> str:
+    """A code, from the therapist's panel, for a patient who reads German."""
+    page.locator("summary").filter(has_text="Patient's screen").click()
+    page.get_by_label("Language of the patient").select_option("de")
+    page.locator("[data-invite]").click()
+    code = shown(page.locator("[data-code]")).inner_text()
+    expect(
+        page.get_by_text(re.compile("This server answers on this computer only"))
+    ).to_be_visible()
+    keep_screen(page, "station-screens")
+    return code
