@@ -66,7 +66,7 @@ class Protocol:
 
     name: Word  # of the file too, and the task_name in the recording's events
     title: Line  # what the clinician reads in the list
-    instruction: Line  # one or two sentences for the patient
+    instruction: Line  # two sentences for the patient
     group: Word  # tasks that are offered together
     order: int  # where it stands in the list
     routine: bool = False  # part of the usual assessment, which is offered first

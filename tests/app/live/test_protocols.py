@@ -1,6 +1,7 @@
 """Tasks as data: those of the folder are good and are what the papers ask for, a faulty file is named with its field and what is allowed."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,17 @@ from handscope.app.devices.virtual_glove.wearer import BRIDGE, UNDERSTOOD, Simul
 from handscope.app.language import Language, languages
 from handscope.app.live.ghost import angles_of
 from handscope.app.live.snapshot import LEAST
-from handscope.app.protocols import TURN, Protocol, groups, load_all, offered, protocol_of, read
+from handscope.app.protocols import (
+    TURN,
+    Protocol,
+    groups,
+    load_all,
+    load_free,
+    load_steps,
+    offered,
+    protocol_of,
+    read,
+)
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
 from handscope.estimators.errors import InputError
@@ -343,6 +354,15 @@ def test_a_held_contact_is_the_distance_that_the_protocol_keeps_for_the_measures
             (a, b) = (tuple(end.split("_")) for end in contact.split("-"))
             apart = np.linalg.norm(contact_offset(x, Hold(a, b, 0.0), geometry), axis=1)
             np.testing.assert_allclose(1e3 * apart, float(distance), atol=0.1)
+
+
+@pytest.mark.parametrize("one", languages().values(), ids=lambda one: one.code)
+def test_every_task_and_step_is_demonstrated_and_explained_in_two_sentences(one: Language) -> None:
+    every = [*ALL.values(), *load_steps().values(), load_free()]
+    assert [p.name for p in every if not p.ghost] == []
+    words = {p.name: one.translate(p.instruction) for p in every}
+    ends = {name: len(re.findall(r"[.!?](?=\s|$)", text)) for name, text in words.items()}
+    assert {name: count for name, count in ends.items() if count != 2} == {}
 
 
 @pytest.mark.parametrize(
