@@ -1,7 +1,6 @@
 """Permissions for the patient's own screen to show a live session: a short code, valid once, becomes the screen's token.
 
-Codes and tokens are kept as their sha256, in memory alone: a restart of the server ends every screen. A screen follows
-the session to the other hand, and ends with it.
+Codes and tokens are kept as their sha256, in memory alone: a restart of the server ends every screen, and a session ends its own.
 """
 
 import hashlib
@@ -78,12 +77,6 @@ class Invitations:
     def list_of(self, station: str) -> list[Screen]:
         with self._lock:
             return self._of(station)
-
-    def hand_over(self, station: str, following: str) -> None:
-        """Let the screens of a station show the one that follows it."""
-        with self._lock:
-            for screen in self._of(station):
-                screen.station = following
 
     def withdraw(self, station: str, name: str = "") -> None:
         """End one screen of a station, or all of them."""

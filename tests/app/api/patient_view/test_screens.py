@@ -97,7 +97,6 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 @pytest.fixture
 def served(running: Served, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
     monkeypatch.setattr(screen_access, "LOOK", 0.01)
-    monkeypatch.setattr(screen_access, "HANDING_OVER", 0.0)
     yield running
     running.parts.screens.withdraw("test")
     running.tablet.cookies.clear()
