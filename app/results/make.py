@@ -39,7 +39,7 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import Processed, process
 from handscope.estimators.recording_checks.check import check_processed
 from handscope.sessions.clinic import corrections, references, self_calibrations, trunk_height
-from handscope.sessions.clinic.results import UNFINISHED, begin, fail
+from handscope.sessions.clinic.results import begin, fail
 from handscope.sessions.db.full_disk import FULL, is_full
 from handscope.sessions.db.tables import Result
 from handscope.sessions.files.recording import LoadedRecording
@@ -65,20 +65,18 @@ def make(store: Store, result_id: int) -> None:
     A result that is stopped or erased meanwhile leaves no files.
     """
     with store.database() as db:
-        result = db.get(Result, result_id)
-        if result is None or result.state not in UNFINISHED:
-            return
         try:
-            _make_or_fail(db, store, result)
+            _make_or_fail(db, store, result_id)
         except StaleDataError:
             db.rollback()
             for file in (replay_file(result_id), report_file(result_id)):
                 store.path_of(file).unlink(missing_ok=True)
 
 
-def _make_or_fail(db: Session, store: Store, result: Result) -> None:
+def _make_or_fail(db: Session, store: Store, result_id: int) -> None:
     try:
-        _make(db, store, result)
+        if (result := begin(db, result_id)) is not None:
+            _make(db, store, result)
     except StoppedError:
         db.rollback()
     except (InputError, OSError, DBAPIError) as problem:
@@ -86,11 +84,10 @@ def _make_or_fail(db: Session, store: Store, result: Result) -> None:
         full = is_full(problem) or is_full(problem.__context__)
         if not full and not isinstance(problem, InputError):
             raise
-        fail(db, result.id, FULL if full else str(problem))
+        fail(db, result_id, FULL if full else str(problem))
 
 
 def _make(db: Session, store: Store, result: Result) -> None:
-    begin(db, result)
     on_progress = deadline.limit_time(
         deadline.LIMIT, _progress_writer(db, result.id), from_command_line=False
     )

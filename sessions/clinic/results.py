@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
 from handscope.estimators.errors import InputError
@@ -99,11 +99,17 @@ def current(file: RecordingFile) -> list[Result]:
     return list(newest.values())
 
 
-def begin(db: Session, result: Result) -> None:
-    """Its computation begins."""
-    result.state, result.progress, result.error = "running", 0.0, ""
-    result.attempts += 1
+def begin(db: Session, result_id: int) -> Result | None:
+    """Its computation begins; None where it is erased or settled, perhaps this moment by a worker that outlived its server."""
+    begun = (
+        update(Result)
+        .where(Result.id == result_id, Result.state.in_(UNFINISHED))
+        .values(state="running", progress=0.0, error="", attempts=Result.attempts + 1)
+    )
+    found = db.scalars(begun.returning(Result), execution_options={"populate_existing": True})
+    result = found.one_or_none()
     db.commit()
+    return result
 
 
 def fail(db: Session, result_id: int, why: str = ENDED) -> None:

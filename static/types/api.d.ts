@@ -162,6 +162,11 @@ export interface NewResult {
   options?: Record<string, any>;
 }
 
+/** A screen to be invited, and the language that its patient reads. */
+export interface NewScreen {
+  language?: string;
+}
+
 /** The result whose self-calibration is to be stored. */
 export interface NewSelfCalibration {
   result: number;
@@ -307,6 +312,11 @@ export interface ResultRow {
   corrections: number;
   reused: Record<string, any>;
   current: boolean;
+}
+
+/** The code that opens a screen. */
+export interface ScreenCode {
+  code: string;
 }
 
 /** The second factor of a login: a code or a passkey's answer. */

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import delete
+from sqlalchemy import delete, update
 
 from handscope.app import job_queue
 from handscope.app.job_queue import Jobs
 from handscope.app.results import make as results_make
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import patients
-from handscope.sessions.clinic.results import ATTEMPTS, ENDED, STOPPED, stop
+from handscope.sessions.clinic.results import ATTEMPTS, ENDED, STOPPED, begin, stop
 from handscope.sessions.db.tables import PatientSession, RecordingFile, Result
 from handscope.sessions.store.store import Store, open_store
 
@@ -195,3 +195,16 @@ def test_what_was_erased_while_it_was_computed_leaves_nothing(
     results_make.make(store, only)
     assert not replay.exists()
     results_make.make(store, only)  # it waited in the queue when it was erased
+
+
+def test_result_settled_by_a_worker_that_outlived_its_server_stays_settled(
+    store: Store,
+) -> None:
+    (only,) = queued(store, "m2", state="running")
+    with store.database() as late, store.database() as outlived:
+        read = late.get(Result, only)
+        outlived.execute(update(Result).values(state="done", progress=1.0))
+        outlived.commit()
+        assert begin(late, only) is None
+        late.refresh(read)
+        assert (read.state, read.progress, read.attempts) == ("done", 1.0, 0)

@@ -45,7 +45,7 @@ PAUSE = 0.05  # s between two states that are sent
 MOST_TRIES = 20  # codes from one address that wait for nothing
 
 
-class Code(Incoming):
+class ScreenCode(Incoming):
     """The code that opens a screen."""
 
     code: str = Field(max_length=40)
@@ -59,7 +59,7 @@ def page() -> FileResponse:
 
 @router.post("/api/patient-view", responses={200: {"description": "the screen's language"}})
 def open_screen(
-    all_parts: PartsDep, request: Request, response: Response, given: Code
+    all_parts: PartsDep, request: Request, response: Response, given: ScreenCode
 ) -> dict[str, str]:
     """Show a live session on this screen; sets its cookie."""
     address = address_of(request)
