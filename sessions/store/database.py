@@ -18,6 +18,7 @@ from handscope.sessions.clinic import audit, repeatability
 from handscope.sessions.db import visible_rows
 from handscope.sessions.db.tables import Login
 from handscope.sessions.store.folder_privacy import keep_private
+from handscope.sessions.wards import access_deadlines
 
 FILE = "handscope.sqlite"
 AUDIT_COPY = "HANDSCOPE_AUDIT_COPY"  # environment: where lines of the audit trail go besides
@@ -48,6 +49,7 @@ def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]
         ) from None
     database = sessionmaker(engine, expire_on_commit=False)
     visible_rows.enable(database)
+    access_deadlines.enable(database)
     repeatability.enable(database)
     audit.enable(database, os.environ.get(AUDIT_COPY, ""))
     return database

@@ -1,5 +1,6 @@
 """Emergency access ("break the glass"): a clinician opens a patient of another ward by the code, with a reason, for some hours.
 
+Its end does not hang on the time of day alone, which may be set back: access_deadlines.py.
 The reason lies with the patient, and is erased with the patient. The audit trail, which holds no text, has who opened
 which patient until when, and the reason's SHA-256: a reason that was changed afterwards is found.
 """
@@ -16,6 +17,7 @@ from handscope.sessions.clinic import audit
 from handscope.sessions.db.plain_text import require_plain
 from handscope.sessions.db.tables import EmergencyAccess, Patient, now
 from handscope.sessions.db.visible_rows import Visibility, unrestricted
+from handscope.sessions.wards.access_deadlines import deadlines_of
 
 LASTS = timedelta(hours=4)
 SHORTEST, LONGEST = 10, 1000  # characters of a reason
@@ -46,6 +48,7 @@ def open_patient(
     event = audit.AuditEvent("created", KIND, str(access.id), found.id, counts)
     audit.record(db, event)
     db.commit()
+    deadlines_of(db).lasts(access)  # its count begins
     return access
 
 
@@ -56,6 +59,7 @@ def end(db: Session, access_id: int, account_id: int) -> None:
         if access is None or access.account_id != account_id:
             raise InputError("wards.no_such_access", number=access_id)
         access.ends = min(access.ends, now())
+        deadlines_of(db).end(access)
         event = audit.AuditEvent(
             "changed", KIND, str(access.id), access.patient_id, {"fields": ["ends"]}
         )
@@ -65,11 +69,8 @@ def end(db: Session, access_id: int, account_id: int) -> None:
 
 def patients_open_to(db: Session, account_id: int) -> frozenset[int]:
     """Patients whom the account sees at present through an emergency access."""
-    query = select(EmergencyAccess.patient_id).where(
-        EmergencyAccess.account_id == account_id, EmergencyAccess.ends > now()
-    )
     with unrestricted(db):
-        return frozenset(db.scalars(query))
+        return frozenset(access.patient_id for access in list_own(db, account_id))
 
 
 def list_for_heads(
@@ -90,7 +91,8 @@ def list_own(db: Session, account_id: int) -> Sequence[EmergencyAccess]:
     query = select(EmergencyAccess).where(
         EmergencyAccess.account_id == account_id, EmergencyAccess.ends > now()
     )
-    return db.scalars(query.order_by(EmergencyAccess.id.desc())).all()
+    found = db.scalars(query.order_by(EmergencyAccess.id.desc())).all()
+    return [access for access in found if deadlines_of(db).lasts(access)]
 
 
 def sum_of(reason: str) -> str:

@@ -9,6 +9,7 @@ from handscope.app.auth.roles import ADMINISTRATOR, CLINICIAN, RequesterDep, req
 from handscope.app.state import Db
 from handscope.sessions.db.tables import EmergencyAccess, now
 from handscope.sessions.wards import emergency_access
+from handscope.sessions.wards.access_deadlines import lasts
 
 router = APIRouter(
     prefix="/emergency-accesses", tags=["wards"], dependencies=[requires_role(CLINICIAN)]
@@ -69,5 +70,5 @@ def emergency_row(access: EmergencyAccess) -> EmergencyRow:
         "reason": access.reason,
         "begun": access.begun,
         "ends": access.ends,
-        "lasts": access.ends > now(),
+        "lasts": lasts(access),
     }
