@@ -10,7 +10,13 @@ UNDRAWN = """
   for (const drawing of ["drawArrays", "drawArraysInstanced", "drawElements", "drawElementsInstanced", "drawRangeElements"])
     WebGL2RenderingContext.prototype[drawing] = () => {};
 """  # for pages whose scene nobody looks at: without a graphics card its light takes ten seconds of a core and each picture half a second
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+NAMES = (
+    "chromium-headless-shell",
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+)  # the first has no window to draw: a journey costs half the processor time
 
 
 def chromium() -> str | None:
@@ -34,14 +40,18 @@ def install() -> None:
     """Debian's package as root where there is one, else the test tool's own."""
     if shutil.which("apt-get") and hasattr(os, "geteuid") and os.geteuid() == 0:
         subprocess.run(["apt-get", "update", "-qq"], check=False)
-        done = subprocess.run(
-            ["apt-get", "install", "-y", "-qq", "--no-install-recommends", "chromium"],
-            check=False,
-            env={**os.environ, "DEBIAN_FRONTEND": "noninteractive"},
-        )
-        if done.returncode == 0:
+        if any(_from_debian(package) for package in NAMES[:2]):
             return
     subprocess.run([sys.executable, "-m", "playwright", "install", "chromium"], check=True)
+
+
+def _from_debian(package: str) -> bool:
+    done = subprocess.run(
+        ["apt-get", "install", "-y", "-qq", "--no-install-recommends", package],
+        check=False,
+        env={**os.environ, "DEBIAN_FRONTEND": "noninteractive"},
+    )
+    return done.returncode == 0
 
 
 if __name__ == "__main__":
