@@ -55,16 +55,17 @@ def gaps(text: Text) -> set[str]:
     return {gap[1] for form in forms for gap in GAP.finditer(form)}
 
 
-SITES = [(where, call, code) for where, call in sites() if (code := code_of(call))]
+def coded_sites() -> list[tuple[str, ast.Call, str]]:
+    return [(where, call, code) for where, call in sites() if (code := code_of(call))]
 
 
 def test_every_code_that_is_raised_has_words_and_every_code_is_raised() -> None:
-    assert {code for _, _, code in SITES} == english_texts().keys()
+    assert {code for _, _, code in coded_sites()} == english_texts().keys()
 
 
 def test_no_sentence_is_raised_where_it_is_written() -> None:
     """What is raised by a name is a Message, a code, or one of the sentences that have none yet."""
-    sentences = [where for where, _, code in SITES if not CODE.fullmatch(code)]
+    sentences = [where for where, _, code in coded_sites() if not CODE.fullmatch(code)]
     assert sentences == [], (
         "give each a code in estimators/messages/en.json and app/language/de.json"
     )
@@ -83,7 +84,7 @@ def test_a_site_fills_in_every_value_of_its_english_words_and_no_other() -> None
 
     assert [
         where
-        for where, call, code in SITES
+        for where, call, code in coded_sites()
         if (given := names(call)) is not None and given != gaps(english_texts()[code])
     ] == []
 
