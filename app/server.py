@@ -34,6 +34,7 @@ from handscope.app.api.hand_photographs import routes as photograph_routes
 from handscope.app.api.live import relays, streams
 from handscope.app.api.login import login_routes, oidc_routes, second_factors
 from handscope.app.api.patient_view import invitation_routes, screen_routes
+from handscope.app.api.treatment import routes as treatment_routes
 from handscope.app.api.uploads import tables
 from handscope.app.api.wards import emergency_routes, ward_routes
 from handscope.app.auth.gate import Gate
@@ -128,6 +129,7 @@ def create_app(settings: Settings) -> FastAPI:
         references,
         self_calibrations,
         photograph_routes,
+        treatment_routes,
         stations,
         streams,
         invitation_routes,

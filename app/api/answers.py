@@ -4,7 +4,7 @@
 `WITHHELD` (pseudonymisation.py) in place of some values.
 """
 
-from datetime import datetime
+from datetime import date, datetime
 from typing import Any, NotRequired
 
 from typing_extensions import TypedDict
@@ -69,6 +69,26 @@ class NoteRow(TypedDict):
     written: datetime
     removed: datetime | None
     version: int
+
+
+class TreatmentEventRow(TypedDict):
+    """What was done to a hand on a day."""
+
+    id: int
+    kind: str  # injury, operation, botulinum_toxin, splint, therapy, other
+    hand: str  # left, right, both
+    day: date
+    comment: str
+
+
+class GoalRow(TypedDict):
+    """The range that a figure is to reach."""
+
+    id: int
+    unit: str
+    low: float
+    high: float
+    changed: datetime
 
 
 class PatientRow(TypedDict):

@@ -1,17 +1,25 @@
 """/api/patients/{id}/progress: a patient's figures over the sessions"""
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
 from fastapi import APIRouter
 
-from handscope.app.auth.roles import CLINICIAN, SCIENTIST, requires_role
+from handscope.app.api.pseudonymisation import for_reader
+from handscope.app.api.treatment.routes import event_row, goal_row
+from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.language import Language
 from handscope.app.protocols import offered
 from handscope.app.report.changes import Judge
-from handscope.app.report.progress import Course, Progress, Series, progress
+from handscope.app.report.progress.series import Course, Progress, Series, progress
 from handscope.app.state import Db, LanguageDep, PartsDep
+from handscope.estimators.hand.anatomy import HANDS
 from handscope.sessions.clinic import patients, repeatability
+from handscope.sessions.db.tables import Goal
+from handscope.sessions.treatment import goals
+
+Aims = Mapping[tuple[str, goals.Key], Goal]
 
 router = APIRouter(
     prefix="/patients", tags=["patients"], dependencies=[requires_role(CLINICIAN, SCIENTIST)]
@@ -20,22 +28,23 @@ router = APIRouter(
 
 @router.get("/{patient_id}/progress")
 def read_progress(
-    db: Db, parts: PartsDep, language: LanguageDep, patient_id: int
+    db: Db, parts: PartsDep, language: LanguageDep, requester: RequesterDep, patient_id: int
 ) -> dict[str, Any]:
-    """Sessions by hand, and of every figure its values in their order; what a change must exceed, and whether it does."""
+    """Sessions by hand, and of every figure its values in their order; what a change must exceed, and whether it does; treatment and goals."""
     patient = patients.get(db, patient_id)
     history = progress(repeatability.history(db, patient_id), offered(parts.store.folder)[0])
     return {
         "affected": patient.affected_hand,
+        "treatment_events": [for_reader(requester, event_row(e)) for e in patient.treatment_events],
         **(
-            _progress_payload(history, language)
+            _progress_payload(history, goals.of_patient(patient), language)
             if history
             else {"method": "", "judges": [], "sessions": {}, "series": []}
         ),
     }
 
 
-def _progress_payload(history: Progress, language: Language) -> dict[str, Any]:
+def _progress_payload(history: Progress, aims: Aims, language: Language) -> dict[str, Any]:
     judges = list(dict.fromkeys(c.judge for s in history.series for c in s.hands.values()))
     return {
         "judges": [
@@ -50,26 +59,42 @@ def _progress_payload(history: Progress, language: Language) -> dict[str, Any]:
             for hand, occasions in history.sessions.items()
         },
         "series": [
-            {**_series(s, judges), "label": language.known(f"figure.{s.name}", "")}
+            {**_series(s, judges, aims), "label": language.known(f"figure.{s.name}", "")}
             for s in history.series
         ],
     }
 
 
-def _series(s: Series, judges: list[Judge]) -> dict[str, Any]:
+def _series(s: Series, judges: list[Judge], aims: Aims) -> dict[str, Any]:
     reference = (
         {"value": s.reference.degrees, "source": s.reference.source.name, "note": s.reference.note}
         if s.reference
         else None
     )
+    key = (s.measure, s.task, s.name)
     facts = {
         name: getattr(s, name)
-        for name in ("measure", "task", "name", "unit", "joint", "angle", "end")
+        for name in (
+            "measure",
+            "task",
+            "name",
+            "unit",
+            "finger",
+            "important",
+            "joint",
+            "angle",
+            "end",
+        )
     }
     return {
         **facts,
         "reference": reference,
         "hands": {hand: _course(c, judges) for hand, c in s.hands.items()},
+        "goals": {
+            hand: goal_row(aims[hand, key])
+            for hand in HANDS
+            if (hand, key) in aims and aims[hand, key].unit == s.unit
+        },
     }
 
 

@@ -24,7 +24,7 @@ OTHER_WARD = (
 OF_PATIENTS = frozenset(
     {
         *("patient", "note", "session", "recording", "correction", "self_calibration"),
-        *("photograph", "result"),
+        *("photograph", "result", "treatment_event", "goal"),
     }
 )
 OF_NOBODY = frozenset({"account", "ward", "factor", "access"})  # their routes ask whose it is

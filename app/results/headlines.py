@@ -11,6 +11,7 @@ from handscope.app.report.change_words import level_words
 from handscope.app.report.changes import Changes
 from handscope.app.report.content import Task
 from handscope.app.report.norms import norm_of
+from handscope.app.report.progress.importance import HEADLINES
 from handscope.app.report.references import Edition, newest
 from handscope.app.report.sections.other_measures import share_words
 from handscope.app.report.sections.range_comparison import reference_of
@@ -22,19 +23,6 @@ from handscope.estimators.measures.range_of_motion import Range
 from handscope.sessions.clinic.references import Compared
 from handscope.sessions.clinic.repeatability import Key, values
 
-CYCLES = ("rate", "amplitude_mean", "decrement_ratio")
-HEADLINES: Mapping[str, tuple[str, ...]] = {  # figures of a measure that come first
-    "tapping": tuple(f"tapping_{name}" for name in CYCLES),
-    "open_close": tuple(f"open_close_{name}" for name in CYCLES),
-    "pronation_supination": tuple(f"pronation_supination_{name}" for name in CYCLES),
-    "finger_spread": ("whole_spread",),
-    "thumb_abduction": ("palmar_abduction", "radial_abduction"),
-    "forearm_rotation": ("pronation", "supination"),
-    "kapandji": ("kapandji_score",),
-    "reach": ("reach_distance", "reach_trunk_forward"),
-    "lift": ("lift_grip_hold", "lift_load_hold"),
-    "squeeze": ("squeeze_force", "squeeze_depth"),
-}
 FOLDED = 8  # rows of a measure from which its table is folded below its headline
 LARGE = 2.0  # MDCs
 Level = Literal["none", "small", "large"]

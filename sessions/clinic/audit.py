@@ -27,6 +27,7 @@ from handscope.sessions.db.tables import (
     Base,
     Correction,
     EmergencyAccess,
+    Goal,
     HandPhotograph,
     Note,
     Patient,
@@ -37,6 +38,7 @@ from handscope.sessions.db.tables import (
     SecondFactor,
     SelfCalibration,
     StoredColumnMap,
+    TreatmentEvent,
     Ward,
     now,
 )
@@ -55,6 +57,8 @@ KINDS: Mapping[type[Base], str] = {
     Correction: "correction",
     SelfCalibration: "self_calibration",
     HandPhotograph: "photograph",
+    TreatmentEvent: "treatment_event",
+    Goal: "goal",
     Reuse: "reuse",
     Result: "result",
     Account: "account",
@@ -67,6 +71,7 @@ BY_ITSELF: Mapping[
 ] = {  # what changes as the work goes on, without anybody's wish
     Patient: frozenset({"version"}),
     Note: frozenset({"version"}),
+    Goal: frozenset({"changed"}),
     PatientSession: frozenset({"state", "finished", "version"}),
     RecordingFile: frozenset({"sha256", "bytes", "summary"}),
     Result: frozenset(column.key for column in Result.__table__.columns),
@@ -229,6 +234,8 @@ def patient_of(db: Session, kind: str, number: int) -> int | None:
         .join(Correction)
         .where(Correction.id == number),
         "photograph": select(HandPhotograph.patient_id).where(HandPhotograph.id == number),
+        "treatment_event": select(TreatmentEvent.patient_id).where(TreatmentEvent.id == number),
+        "goal": select(Goal.patient_id).where(Goal.id == number),
         "self_calibration": select(SelfCalibration.patient_id).where(SelfCalibration.id == number),
         "reuse": of_session.join(Reuse).where(Reuse.id == number),
         "result": of_session.join(RecordingFile).join(Result).where(Result.id == number),

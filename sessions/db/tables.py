@@ -3,58 +3,18 @@
 NEVER_AGAIN  the number of a row that was erased is not given again: a page that still shows the old one, or a file left behind, must not meet another patient
 """
 
-from datetime import UTC, datetime
+from datetime import date, datetime
 from typing import Any
 
-from sqlalchemy import (
-    JSON,
-    Connection,
-    DateTime,
-    ForeignKey,
-    String,
-    Text,
-    TypeDecorator,
-    UniqueConstraint,
-    event,
-    inspect,
-)
-from sqlalchemy.engine import Dialect
-from sqlalchemy.orm import DeclarativeBase, Mapped, Mapper, mapped_column, relationship
+from sqlalchemy import Date, ForeignKey, String, Text, UniqueConstraint
+from sqlalchemy.orm import Mapped, mapped_column, relationship
 
-from handscope.sessions.db.plain_text import replaced
+from handscope.sessions.db.columns import Base as Base
+from handscope.sessions.db.columns import UtcDateTime as UtcDateTime
+from handscope.sessions.db.columns import now as now
 
-TEXTS = (str, dict, list)
 NEVER_AGAIN = {"sqlite_autoincrement": True}
 HOUSE = 1  # number of the ward that everybody belongs to: all accounts see its patients, its accounts see all patients
-
-
-class UtcDateTime(TypeDecorator[datetime]):
-    """Times with a zone on every database: SQLite forgets the zone, so UTC is stored and given back."""
-
-    impl = DateTime
-    cache_ok = True
-
-    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
-        return None if value is None else value.astimezone(UTC).replace(tzinfo=None)
-
-    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
-        return None if value is None else value.replace(tzinfo=UTC)
-
-
-class Base(DeclarativeBase):
-    """Base of all tables."""
-
-    type_annotation_map = {  # noqa: RUF012
-        datetime: UtcDateTime,
-        dict[str, Any]: JSON,
-        list[Any]: JSON,
-        str: String,
-    }
-
-
-def now() -> datetime:
-    """The present instant in UTC."""
-    return datetime.now(UTC)
 
 
 class Ward(Base):
@@ -124,6 +84,10 @@ class Patient(Base):
     photographs: Mapped[list["HandPhotograph"]] = relationship(
         cascade="all, delete-orphan", order_by="HandPhotograph.id.desc()"
     )
+    treatment_events: Mapped[list["TreatmentEvent"]] = relationship(
+        cascade="all, delete-orphan", order_by="TreatmentEvent.day"
+    )
+    goals: Mapped[list["Goal"]] = relationship(cascade="all, delete-orphan", order_by="Goal.id")
 
     __mapper_args__ = {"version_id_col": version}  # noqa: RUF012  SQLAlchemy's form
 
@@ -285,6 +249,45 @@ class HandPhotograph(Base):
     picture: Mapped[str | None] = mapped_column(
         Text, deferred=True
     )  # JPEG in base64; None: not kept
+
+
+class TreatmentEvent(Base):
+    """What was done to a hand on a day: progress is read with it (sessions/treatment/events.py)."""
+
+    __tablename__ = "treatment_event"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    patient_id: Mapped[int] = mapped_column(
+        ForeignKey("patient.id", ondelete="CASCADE"), index=True
+    )
+    kind: Mapped[str] = mapped_column(String(32))
+    hand: Mapped[str] = mapped_column(String(5))  # left, right, both
+    day: Mapped[date] = mapped_column(Date)
+    comment: Mapped[str] = mapped_column(default="")
+
+
+class Goal(Base):
+    """The range that a figure of a hand is to reach, as a therapist set it (sessions/treatment/goals.py)."""
+
+    __tablename__ = "goal"
+    __table_args__ = (
+        UniqueConstraint("patient_id", "hand", "measure", "task", "figure"),
+        NEVER_AGAIN,
+    )
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    patient_id: Mapped[int] = mapped_column(
+        ForeignKey("patient.id", ondelete="CASCADE"), index=True
+    )
+    hand: Mapped[str] = mapped_column(String(5))
+    measure: Mapped[str] = mapped_column(String(60))
+    task: Mapped[str] = mapped_column(String(60))
+    figure: Mapped[str] = mapped_column(String(100))
+    unit: Mapped[str] = mapped_column(String(16))  # of low and high: the one that people read
+    low: Mapped[float]
+    high: Mapped[float]
+    changed: Mapped[datetime] = mapped_column(default=now, onupdate=now)
 
 
 class Reuse(Base):
@@ -547,15 +550,3 @@ class Attempt(Base):
         String(64), index=True
     )  # hash of the account's name or of the address
     at: Mapped[datetime] = mapped_column(default=now)
-
-
-@event.listens_for(Base, "before_insert", propagate=True)
-@event.listens_for(Base, "before_update", propagate=True)
-def _replace_unstorable(mapper: Mapper[Any], connection: Connection, row: Base) -> None:
-    """What devices and files say is stored without control characters; requests with such are refused before (app/auth/incoming_text.py)."""
-    state = inspect(row)
-    for column in mapper.column_attrs:
-        if column.key in state.dict and isinstance(value := state.dict[column.key], TEXTS):
-            plain = replaced(value)
-            if plain != value:
-                setattr(row, column.key, plain)

@@ -17,6 +17,7 @@ from handscope.sessions.db.tables import (
     Base,
     Correction,
     EmergencyAccess,
+    Goal,
     HandPhotograph,
     Note,
     Patient,
@@ -27,6 +28,7 @@ from handscope.sessions.db.tables import (
     ResultReferences,
     Reuse,
     SelfCalibration,
+    TreatmentEvent,
 )
 
 VISIBLE = "visible"  # the key in Session.info
@@ -99,7 +101,10 @@ def criteria_by_class(visibility: Visibility) -> dict[type[Base], ColumnElement[
         ),
         ResultReferences: ResultReferences.result_id.in_(results),
     }
-    for of_patient in (Note, PatientSession, SelfCalibration, HandPhotograph, EmergencyAccess):
+    for of_patient in (
+        *(Note, PatientSession, SelfCalibration, HandPhotograph, EmergencyAccess),
+        *(TreatmentEvent, Goal),
+    ):
         narrowed[of_patient] = of_patient.patient_id.in_(patients)
     for of_session in (RecordingFile, Reuse):
         narrowed[of_session] = of_session.session_id.in_(sessions)

@@ -11,7 +11,7 @@ import json
 import time
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
-from datetime import datetime
+from datetime import date
 from pathlib import Path
 from typing import IO, Any
 
@@ -31,7 +31,8 @@ from handscope.sessions.tables_io.number_table import pieces
 PIECE = 2**20
 README = """Everything that Handscope kept about one patient.
 
-patient.json     facts, notes, self-calibrations, what photographs told; SI units, times in UTC
+patient.json     facts, notes, self-calibrations, what photographs told, treatment,
+                 goals (in the unit that each names); SI units, times in UTC
 photographs/     pictures of the hands that were kept
 sessions/        a folder a session: session.json, the recordings as they were kept (and as Motion-BIDS), the results
 manifest.json    every file with its size and SHA-256; check with: sha256sum -c SHA256SUMS
@@ -78,6 +79,8 @@ def write(db: Session, store: Store, patient_id: int, software: str, out: IO[byt
                 "photographs": [
                     {**_row(p), "picture": p.picture is not None} for p in patient.photographs
                 ],
+                "treatment_events": [_row(e) for e in patient.treatment_events],
+                "goals": [_row(g) for g in patient.goals],
             }
         ),
     )
@@ -165,7 +168,7 @@ def _row(row: Base) -> dict[str, Any]:
 
 def _json(value: Mapping[str, Any]) -> list[bytes]:
     def plain(other: object) -> str:
-        return other.isoformat() if isinstance(other, datetime) else str(other)
+        return other.isoformat() if isinstance(other, date) else str(other)
 
     return [json.dumps(value, indent=1, ensure_ascii=False, default=plain).encode()]
 

@@ -74,6 +74,15 @@ export interface Erasure {
   pseudonym: string;
 }
 
+/** The range that a figure is to reach. */
+export interface GoalRow {
+  id: number;
+  unit: string;
+  low: number;
+  high: number;
+  changed: string;
+}
+
 /** A passkey as the browser made it. */
 export interface MadePasskey {
   ticket: string;
@@ -132,6 +141,17 @@ export interface NewEvent {
 export interface NewFactor {
   password: string;
   name: string;
+}
+
+/** The range that a figure is to reach, in the unit in which progress shows it. */
+export interface NewGoal {
+  hand: "left" | "right";
+  measure: string;
+  task: string;
+  name: string;
+  unit: string;
+  low: number;
+  high: number;
 }
 
 /** The text of a new note. */
@@ -195,6 +215,14 @@ export interface NewTableRecording {
   events_tsv?: string;
   started?: string | null;
   method?: string | null;
+}
+
+/** What was done to a hand on a day. */
+export interface NewTreatmentEvent {
+  kind: "injury" | "operation" | "botulinum_toxin" | "splint" | "therapy" | "other";
+  hand: "left" | "right" | "both";
+  day: string;
+  comment?: string;
 }
 
 /** A note's new text, or that it is removed. */
@@ -459,6 +487,15 @@ export interface Ticket {
 /** Segments of trackers. */
 export interface TrackerPlaces {
   places: Record<string, string>;
+}
+
+/** What was done to a hand on a day. */
+export interface TreatmentEventRow {
+  id: number;
+  kind: string;
+  hand: string;
+  day: string;
+  comment: string;
 }
 
 /** A session among those of its patient. */

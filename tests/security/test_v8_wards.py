@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import date
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,11 +21,13 @@ from handscope.app.settings import Settings
 from handscope.sessions.clinic import accounts, patients
 from handscope.sessions.db.tables import (
     Correction,
+    Goal,
     HandPhotograph,
     PatientSession,
     RecordingFile,
     Result,
     SelfCalibration,
+    TreatmentEvent,
 )
 from handscope.sessions.wards import wards
 
@@ -96,7 +99,14 @@ def _patient(db: Any, code: str, ward: int) -> dict[str, Any]:
         patient_id=patient.id, recording=file, hand="left", onset=0.0, end=1.0, version="1"
     )
     photograph = HandPhotograph(patient_id=patient.id, hand="left", version="1")
-    db.add_all([found, photograph])
+    event = TreatmentEvent(
+        patient_id=patient.id, kind="splint", hand="left", day=date(2026, 5, 1), comment="x"
+    )
+    goal = Goal(
+        patient_id=patient.id, hand="left", measure="tapping", task="tapping", figure="rate",
+        unit="1/s", low=3.0, high=4.0,
+    )  # fmt: skip
+    db.add_all([found, photograph, event, goal])
     db.commit()
     rows = {
         "patient": patient,
@@ -106,6 +116,8 @@ def _patient(db: Any, code: str, ward: int) -> dict[str, Any]:
         "correction": correction,
         "self_calibration": found,
         "photograph": photograph,
+        "treatment_event": event,
+        "goal": goal,
         "result": result,
     }
     assert set(rows) == OF_PATIENTS

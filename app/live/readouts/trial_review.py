@@ -16,9 +16,9 @@ from handscope.app.language import Language
 from handscope.app.live.tracking import Tracking
 from handscope.app.live.wizard.machine import State, Wizard
 from handscope.app.protocols import CURVES, Protocol
+from handscope.app.report.progress.importance import HEADLINES
 from handscope.app.report.units import places_of, reading, with_unit
 from handscope.app.report.words import named
-from handscope.app.results.headlines import HEADLINES
 from handscope.app.results.quantity_curve import value_of
 from handscope.estimators.data.samples import Block, Event
 from handscope.estimators.data.trajectory import Trajectory

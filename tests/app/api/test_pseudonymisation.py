@@ -86,6 +86,8 @@ def planted(client: TestClient) -> dict[str, int]:
         "results"
     ][0]["now"]
     assert finished(client, corrected)["state"] == "done"
+    event = {"kind": "other", "hand": "left", "day": "2026-05-01", "comment": SECRET}
+    assert client.post(f"/api/patients/{patient}/treatment-events", json=event).status_code == 201
     note = client.get(f"/api/patients/{patient}").json()["notes"][0]["id"]
     return {
         "patient_id": patient,

@@ -1,12 +1,13 @@
 """Progress over sessions: what is beyond the minimal detectable change since the first and since the one before, on which hand, by which way."""
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
 
 from handscope.app.protocols import load_all
-from handscope.app.report.progress import Progress, Series, progress
+from handscope.app.report.progress.series import Progress, Series, progress
 from handscope.app.report.units import DEG
 from handscope.sessions.clinic.repeatability import Key, Occasion, ProcessedSession
 from handscope.sessions.db.tables import Repeatability
@@ -100,3 +101,16 @@ def test_what_a_task_did_not_ask_for_is_not_followed() -> None:
     extent: Key = ("range_of_motion", "rom_fist", "index_pip_flexion_range")
     assert told(visit(0, 5, key=wrist), visit(9, 9, key=extent)).series == ()
     assert progress([], load_all()) is None
+
+
+def test_what_a_clinician_decides_by_comes_first_and_a_finger_keeps_its_figures() -> None:
+    tam: Key = ("total_active_motion", "rom_fist", "ring_tam")
+    share: Key = ("total_active_motion", "rom_fist", "ring_tam_share")
+    first, other = (
+        replace(v, values=dict.fromkeys((PIP, share, AMPLITUDE, tam), (1.0, "rad")))
+        for v in (visit(0, 60), visit(9, 70))
+    )
+    found = told(first, other).series
+    assert [s.name for s in found] == [tam[2], AMPLITUDE[2], PIP[2], share[2]]
+    assert [s.important for s in found] == [True, True, False, False]
+    assert [s.finger for s in found] == ["ring", "", "index", "ring"]

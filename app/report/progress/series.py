@@ -13,6 +13,7 @@ from typing import Literal
 from handscope.app.protocols import Protocol
 from handscope.app.report.changes import Judge, judged_by, read_as
 from handscope.app.report.content import asked
+from handscope.app.report.progress.importance import finger_of, rank
 from handscope.app.report.references import Reference, references
 from handscope.estimators.hand.anatomy import ANGLES, HANDS, Hand
 from handscope.sessions.clinic.repeatability import Key, Occasion, ProcessedSession
@@ -48,6 +49,8 @@ class Series:
     task: str
     name: str
     unit: str
+    finger: str  # "" where the figure is of no single finger
+    important: bool  # comes first where there are many
     joint: str  # "" where the figure is of no single joint
     angle: str
     end: Literal["largest", "smallest", ""]
@@ -67,7 +70,7 @@ class Progress:
 def progress(
     visits: Sequence[ProcessedSession], protocols: Mapping[str, Protocol]
 ) -> Progress | None:
-    """The course of every figure that a task asked for, by the way in which most sessions were processed; None without a session."""
+    """The course of every figure that a task asked for, the important ones first, by the way in which most sessions were processed; None without a session."""
     if not visits:
         return None
     processing = _most_used(visits)
@@ -76,7 +79,12 @@ def progress(
         hand: [v for v in selected if v.occasion.hand == hand] for hand in HANDS
     }
     every = dict.fromkeys(key for v in selected for key in v.values)
-    keys = [key for key in every if not key[2].endswith("_range") and _is_asked(key, protocols)]
+    asked_for = [
+        key for key in every if not key[2].endswith("_range") and _is_asked(key, protocols)
+    ]
+    ranks = {key: place for key in asked_for if (place := rank(key)) is not None}
+    first = sorted(ranks, key=ranks.__getitem__)  # of one rank in the order of measuring
+    keys = [*first, *(key for key in asked_for if key not in first)]
     return Progress(
         processing[0],
         {hand: tuple(v.occasion for v in found) for hand, found in by_hand.items() if found},
@@ -116,7 +124,8 @@ def _series(key: Key, by_hand: Mapping[Hand, Sequence[ProcessedSession]]) -> Ser
     reference = next(
         (r for r in references() if (r.joint, r.angle, r.end) == (joint, angle, end)), None
     )
-    return Series(*key, unit, joint, angle, end, courses, reference)
+    finger, important = finger_of(key[2]), rank(key) is not None
+    return Series(*key, unit, finger, important, joint, angle, end, courses, reference)
 
 
 def _course(key: Key, visits: Sequence[ProcessedSession]) -> Course:
