@@ -1,6 +1,9 @@
 """The one exception for a user's mistake."""
 
-from handscope.estimators.messages import Message, Value, english_texts, render_english
+from dataclasses import replace
+
+from handscope.estimators.messages import Message, Value, english_texts
+from handscope.estimators.messages.sentence import Sentence
 
 
 class InputError(Exception):
@@ -14,11 +17,16 @@ class InputError(Exception):
 
     def __init__(self, what: str | Message, /, **values: Value) -> None:
         super().__init__(what)
-        if isinstance(what, str):
-            coded = what in english_texts()
-            self.message = Message(what, values, "fault") if coded else None
-        else:
-            self.message = what if isinstance(what, Message) else None
+        match what:
+            case Message():
+                self.message = what
+            case Sentence(messages=[one]):
+                self.message = replace(one, severity="fault")
+            case Sentence():
+                self.message = None
+            case _:
+                coded = what in english_texts()
+                self.message = Message(what, values, "fault") if coded else None
 
     def __str__(self) -> str:
-        return super().__str__() if self.message is None else render_english(self.message)
+        return super().__str__() if self.message is None else Sentence(self.message)

@@ -25,6 +25,7 @@ from babel.numbers import format_decimal
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENTS
 from handscope.estimators.messages import GAP, Message, Text, english_texts, fill
+from handscope.estimators.messages.sentence import BETWEEN, PLAIN, Sentence
 
 DEFAULT = "en"
 NAME = re.compile(r"\{(\w+)\}")
@@ -106,7 +107,9 @@ class Language:
         )
 
     def translate(self, sentence: str) -> str:
-        """What was written in English elsewhere: in this language where it is known, else as it is; segments by their names."""
+        """What was written in English elsewhere, by its codes; a text without codes in this language where it is known, else as it is, segments by their names."""
+        if isinstance(sentence, Sentence):
+            return BETWEEN.join(map(self.render, sentence.messages))
         if (known := self.sentences.get(sentence)) is not None:
             return known
         if len(sentence) <= MOST_SENTENCES:
@@ -257,6 +260,7 @@ def _by_original(messages: Mapping[str, Text]) -> dict[str, str]:
     return {
         GAP.sub(r"{\1}", original): GAP.sub(r"{\1}", own)
         for code, text in messages.items()
+        if code != PLAIN
         for original, own in _pairs(english_texts().get(code, {}), text)
     }
 

@@ -1,46 +1,51 @@
-"""What to do about figures of reaching, lifting and squeezing that cannot be trusted, by what their reasons say."""
+"""What to do about figures of reaching, lifting and squeezing that cannot be trusted, by the codes of their reasons."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from handscope.app.language import Language
-from handscope.estimators.data.trajectory import FORCE_WORDS, PLACE_WORDS, ForceFlag, PlaceFlag
+from handscope.app.language.recognition import codes_in
 
-ADVICE = (  # a piece of a reason as the measure says it, and what is to be done; a magnet that is out of reach where readings contradict is none
-    ("nothing was held", "not_held"),
-    ("nothing was lifted", "not_lifted"),
-    ("nothing was squeezed", "not_squeezed"),
-    (FORCE_WORDS[ForceFlag.MISSING], "force_missing"),
-    (FORCE_WORDS[ForceFlag.SATURATED], "force_limit"),
-    ("force and distance do not go together", "not_a_spring"),
-    ("is not linear", "not_linear"),
-    (FORCE_WORDS[ForceFlag.DRIFT], "force_drift"),
-    (FORCE_WORDS[ForceFlag.UNORIENTED], "pose_again"),
-    (FORCE_WORDS[ForceFlag.SLIP], "slip"),
-    (FORCE_WORDS[ForceFlag.UNBALANCED], "fingers_alone"),
-    (FORCE_WORDS[ForceFlag.SHARED], "fingers_alone"),
-    ("something not measured carries", "fingers_alone"),
-    ("something not measured may carry", "fingers_alone"),
-    ("while the object was held up: something", "same_load"),
-    ("bends further than it may in the model", "joint_bent"),
-    ("not explained by the measured force alone", "squeeze_alone"),
-    ("energy came out of what should be passive", "squeeze_alone"),
-    ("the force did not change fast enough", "squeeze_faster"),
-    ("what is held is rigid", "rigid"),
-    (PLACE_WORDS[PlaceFlag.DOUBTFUL], "magnets_away"),
-    (PLACE_WORDS[PlaceFlag.OUT_OF_REACH], "nearer"),
-    (PLACE_WORDS[PlaceFlag.SATURATED], "farther"),
-    (PLACE_WORDS[PlaceFlag.MISSING], "trunk_plugs"),
-    (PLACE_WORDS[PlaceFlag.LOST], "trunk_plugs"),
-    ("no place of the hand in reach of the magnetometers", "nearer"),
-    ("the hand's place hardly changed", "reach_again"),
-    ("no reach found", "reach_again"),
-)
+ADVICE: Mapping[str, str] = {  # the code of a reason, and what is to be done, in this order
+    "lift.nothing_held": "not_held",
+    "lift.nothing_lifted": "not_lifted",
+    "squeeze.nothing_squeezed": "not_squeezed",
+    "force_flag.missing": "force_missing",
+    "force_flag.saturated": "force_limit",
+    "squeeze.not_a_spring": "not_a_spring",
+    "squeeze.not_linear": "not_linear",
+    "force_flag.drift": "force_drift",
+    "force_flag.unoriented": "pose_again",
+    "force_flag.slip": "slip",
+    "force_flag.unbalanced": "fingers_alone",
+    "force_flag.shared": "fingers_alone",
+    "lift.carried": "fingers_alone",
+    "lift.maybe_carried": "fingers_alone",
+    "lift.weightless": "fingers_alone",
+    "lift.load_changed": "same_load",
+    "lift.load_maybe_changed": "same_load",
+    "squeeze.joint_at_limit": "joint_bent",
+    "squeeze.other_force": "squeeze_alone",
+    "squeeze.not_passive": "squeeze_alone",
+    "squeeze.force_too_slow": "squeeze_faster",
+    "squeeze.rigid": "rigid",
+    "place_flag.doubtful": "magnets_away",
+    "place_flag.out_of_reach": "nearer",
+    "place_flag.saturated": "farther",
+    "place_flag.missing": "trunk_plugs",
+    "place_flag.lost": "trunk_plugs",
+    "measure.place_out_of_reach": "nearer",
+    "measure.place_unchanged": "reach_again",
+    "measure.hand_hardly_moved": "reach_again",
+}
 
 
 def advice(reasons: Iterable[str], language: Language) -> list[str]:
-    """A sentence for each thing to do, once; none where the reasons name nothing that a person could mend."""
-    joined = "; ".join(reasons)
-    found = dict.fromkeys(what for piece, what in ADVICE if piece in joined)
+    """A sentence for each thing to do, once; none where the reasons name nothing that a person could mend.
+
+    A magnet that is out of reach where readings contradict is none.
+    """
+    codes = frozenset().union(*map(codes_in, reasons))
+    found = dict.fromkeys(what for code, what in ADVICE.items() if code in codes)
     return [
         language.say(f"advice.{what}")
         for what in found

@@ -23,6 +23,7 @@ from handscope.estimators.measures.assessment import TaskResult
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.range_of_motion import Range
 from handscope.estimators.measures.tapping import Tapping
+from handscope.estimators.messages.sentence import Sentence, from_plain, to_plain
 
 TREE = "tree"
 STORED_TYPES: Mapping[str, type] = {
@@ -106,6 +107,8 @@ def _without_unread_details(task: content.Task) -> content.Task:
 
 def _to_json(value: Any, arrays: dict[str, np.ndarray]) -> Any:
     """As JSON takes it: what it does not know is {kind: value}."""
+    if isinstance(value, Sentence):
+        return {"sentence": to_plain(value)}
     if isinstance(value, np.ndarray):
         arrays[name := f"a{len(arrays)}"] = value
         return {"array": name}
@@ -145,4 +148,5 @@ KINDS: Mapping[str, Callable[[Any, Mapping[str, np.ndarray]], Any]] = {
     "moment": lambda text, _: datetime.fromisoformat(text),
     "tuple": lambda each, arrays: tuple(_from_json(v, arrays) for v in each),
     "set": lambda each, _: frozenset(each),
+    "sentence": lambda data, _: from_plain(data),
 }

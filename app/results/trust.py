@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from handscope.app.language import Language
+from handscope.app.language.recognition import codes_in
 from handscope.app.report.advice import advice
 from handscope.app.report.norms import norm_of
 from handscope.app.report.references import Edition
@@ -21,15 +22,15 @@ from handscope.estimators.measures.figure import Figure
 MOST_POOR = 0.5  # share of the figures
 BEYOND = 3.0  # standard deviations over healthy people
 NAMED = 4  # reasons at most
-TODO: Mapping[str, str] = {  # a piece of a figure's reason, and what to do about it
-    FLAG_WORDS[Flag.UNCALIBRATED]: "calibrate",
-    FLAG_WORDS[Flag.HEADING_LOST]: "calibrate",
-    FLAG_WORDS[Flag.MISSING]: "plugs",
-    FLAG_WORDS[Flag.LOST]: "plugs",
-    FLAG_WORDS[Flag.SATURATED]: "slower",
-    FLAG_WORDS[Flag.MAGNETIC]: "iron",
-    FLAG_WORDS[Flag.FAULTY]: "strip",
-    FLAG_WORDS[Flag.DOUBTFUL]: "strip",
+TODO: Mapping[str, str] = {  # the code of a figure's reason, and what to do about it
+    "flag.uncalibrated": "calibrate",
+    "flag.heading_lost": "calibrate",
+    "flag.missing": "plugs",
+    "flag.lost": "plugs",
+    "flag.saturated": "slower",
+    "flag.magnetic": "iron",
+    "flag.faulty": "strip",
+    "flag.doubtful": "strip",
 }
 Answer = Literal["yes", "mostly", "no"]
 
@@ -39,7 +40,7 @@ class Doubt:
     """Why some figures of a task cannot be trusted."""
 
     task: str  # its name, "" for the whole recording
-    reason: str  # in English, as the measure gave it
+    reason: str  # in English, as the measure gave it, with its codes
     count: int  # figures concerned
     figure: Figure | None = None  # the one that is larger than healthy people reach
 
@@ -99,7 +100,8 @@ def trust_payload(
 
 
 def _todo(doubts: Sequence[Doubt]) -> list[str]:
-    found = [what for d in doubts for piece, what in TODO.items() if piece in d.reason]
+    codes = [codes_in(d.reason) for d in doubts]
+    found = [what for each in codes for code, what in TODO.items() if code in each]
     found += ["look"] if any(d.figure for d in doubts) else []
     return list(dict.fromkeys(found))
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handscope.estimators.hand.anatomy import FINGERS, JOINTS, SEGMENTS, Hand
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array, Indices
 
 
@@ -29,14 +30,14 @@ class Flag(IntFlag):
 
 
 FLAG_WORDS = {
-    Flag.HEADING_LOST: "heading lost after a gap",
-    Flag.MISSING: "samples missing and bridged",
-    Flag.SATURATED: "sensor at its limit",
-    Flag.UNCALIBRATED: "no calibration",
-    Flag.MAGNETIC: "magnetic disturbance",
-    Flag.FAULTY: "faulty sensor",
-    Flag.DOUBTFUL: "doubtful sensor",
-    Flag.LOST: "samples lost on their way",
+    Flag.HEADING_LOST: phrase("flag.heading_lost"),
+    Flag.MISSING: phrase("flag.missing"),
+    Flag.SATURATED: phrase("flag.saturated"),
+    Flag.UNCALIBRATED: phrase("flag.uncalibrated"),
+    Flag.MAGNETIC: phrase("flag.magnetic"),
+    Flag.FAULTY: phrase("flag.faulty"),
+    Flag.DOUBTFUL: phrase("flag.doubtful"),
+    Flag.LOST: phrase("flag.lost"),
 }
 
 
@@ -55,13 +56,13 @@ class ForceFlag(IntFlag):
 
 
 FORCE_WORDS = {
-    ForceFlag.MISSING: "force samples missing and bridged",
-    ForceFlag.SATURATED: "force sensor at its limit",
-    ForceFlag.DRIFT: "force sensor drifts",
-    ForceFlag.UNBALANCED: "forces do not balance: something not measured touches the object, or a force sensor is wrong",
-    ForceFlag.SLIP: "the object slipped",
-    ForceFlag.UNORIENTED: "orientation of the fingertip not known",
-    ForceFlag.SHARED: "the fingers do not quite push against each other: another finger or something else may carry part of the load",
+    ForceFlag.MISSING: phrase("force_flag.missing"),
+    ForceFlag.SATURATED: phrase("force_flag.saturated"),
+    ForceFlag.DRIFT: phrase("force_flag.drift"),
+    ForceFlag.UNBALANCED: phrase("force_flag.unbalanced"),
+    ForceFlag.SLIP: phrase("force_flag.slip"),
+    ForceFlag.UNORIENTED: phrase("force_flag.unoriented"),
+    ForceFlag.SHARED: phrase("force_flag.shared"),
 }
 
 
@@ -77,11 +78,11 @@ class PlaceFlag(IntFlag):
 
 
 PLACE_WORDS = {
-    PlaceFlag.DOUBTFUL: "the readings contradict what was told: another magnet or iron near, magnetometers that were never calibrated, or places that are not as told",
-    PlaceFlag.OUT_OF_REACH: "magnet out of reach",
-    PlaceFlag.SATURATED: "magnetometer at its limit: the magnet was too near",
-    PlaceFlag.MISSING: "samples of trunk or magnetometers missing",
-    PlaceFlag.LOST: "samples of hand, trunk or magnetometers lost on their way",
+    PlaceFlag.DOUBTFUL: phrase("place_flag.doubtful"),
+    PlaceFlag.OUT_OF_REACH: phrase("place_flag.out_of_reach"),
+    PlaceFlag.SATURATED: phrase("place_flag.saturated"),
+    PlaceFlag.MISSING: phrase("place_flag.missing"),
+    PlaceFlag.LOST: phrase("place_flag.lost"),
 }
 
 

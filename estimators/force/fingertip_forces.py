@@ -32,12 +32,13 @@ from handscope.estimators.force.sensor import is_repeated, is_stuck
 from handscope.estimators.force.tip_orientation import TipParams, Tips
 from handscope.estimators.force.zero import Zero, ZeroParams
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array, Bools
 
 DEG = np.pi / 180
 IMPOSSIBLE = 500.0  # N: no fingertip does that; ours, five times the strongest pinch
-UNUSED = "torques without forces of the same fingertip are not used"
+UNUSED = phrase("force.torques_without_forces")
 LEAST = 8  # force samples of a sensor that is used
 SETTLED, BEHIND = 0.3, 1.0  # s behind a grasp until fingers have let go, and then looked at
 LOST = 1.0  # s without a force sample, beyond which a force counts as unknown
@@ -98,9 +99,9 @@ def attach_forces(
     """The trajectory with the forces of its fingertips, and sentences of what is to be known; as it was where there are none."""
     sensors = _sensors(blocks)
     if not sensors or not len(trajectory):
-        return trajectory, [f"{', '.join(untold)}: {UNUSED}"] if len(trajectory) and (
-            untold := _torque_blocks(blocks)
-        ) else []
+        return trajectory, [
+            phrase("force.fingers_flagged", fingers=", ".join(untold), what=UNUSED)
+        ] if len(trajectory) and (untold := _torque_blocks(blocks)) else []
     fingers = [s.finger for s in sensors]
     rows = [FINGERS.index(f) for f in fingers]
     read = [_read(params, s.block, trajectory.t) for s in sensors]
@@ -268,7 +269,9 @@ def _with_torques(
                     torque.sd,
                 )
     if torque_blocks:
-        doubts.append(f"{', '.join(torque_blocks)}: {UNUSED}")
+        doubts.append(
+            phrase("force.fingers_flagged", fingers=", ".join(torque_blocks), what=UNUSED)
+        )
     if not np.isfinite(values).any():
         return felt, doubts
     in_global = quat.rotate(q_GF, values)
@@ -489,5 +492,7 @@ def _describe_doubts(
             f for s, f in enumerate(fingers) if held.any() and ((flags[held, s] & flag) != 0).any()
         ]
         if concerned:
-            sentences.append(f"{', '.join(concerned)}: {words}")
+            sentences.append(
+                phrase("force.fingers_flagged", fingers=", ".join(concerned), what=words)
+            )
     return sentences

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import csd
 
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array, Bools
 
 EXCITED = 0.02  # of the largest power of the force: frequencies with more are excited
@@ -68,11 +69,11 @@ class Conditions:
     def reasons(self) -> tuple[str, ...]:
         """What is not borne out, in words."""
         reasons_by_condition = (
-            (self.independent, "the movement is not explained by the measured force alone"),
-            (self.wide, "the force did not change fast enough to show how the object answers"),
+            (self.independent, phrase("squeeze.other_force")),
+            (self.wide, phrase("squeeze.force_too_slow")),
             (
                 self.passive,
-                "energy came out of what should be passive: something else moved it, or the forces are told later than the movement",
+                phrase("squeeze.not_passive"),
             ),
         )
         return tuple(words for held, words in reasons_by_condition if held is False)

@@ -19,6 +19,7 @@ from handscope.estimators.force import contact, fingertip_torques, load_exchange
 from handscope.estimators.force.contact import ContactParams
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.messages.sentence import join
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array, Bools
@@ -104,7 +105,7 @@ class GraspPhase:
             if within.any()
             else 0
         )
-        return "; ".join(words for flag, words in FORCE_WORDS.items() if present & flag)
+        return join(words for flag, words in FORCE_WORDS.items() if present & flag)
 
 
 UNREAD = ForceFlag.MISSING | ForceFlag.SATURATED  # forces that nobody read

@@ -21,6 +21,7 @@ import numpy as np
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENTS, Hand, side_sign
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 MEAN_HAND_LENGTH, MEAN_HAND_BREADTH = 0.187, 0.085
@@ -230,7 +231,7 @@ def check(m: HandMeasures) -> None:
         f"finger_length {finger}": (value, "finger") for finger, value in m.finger_length.items()
     }
     given |= {
-        f"length of {s}": (value, "forearm" if s == "forearm" else "segment")
+        phrase("hand.length_of", segment=s): (value, "forearm" if s == "forearm" else "segment")
         for s, value in m.segment_length.items()
     }
     given |= {f"tip_tissue {finger}": (value, "tissue") for finger, value in m.tip_tissue.items()}

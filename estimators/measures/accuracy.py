@@ -17,14 +17,14 @@ from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.deviations import widen_faulty
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINTS, SEGMENT, SEGMENTS, Joint
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
 ANGLE, ANGLE_UNPOSED = 1.84 * DEG, 6.99 * DEG  # m2 and b
 CMC = 3.2 * DEG
 TIP, TIP_UNPOSED = 7.0e-3, 20.7e-3  # m, the same
-OWN = "the method's own standard deviation"
-TABLE = "RMS error of method {method} in docs/validation/table6.md"
+OWN = phrase("measure.sd_of_method")
 
 
 @dataclass(frozen=True)
@@ -33,15 +33,15 @@ class Accuracy:
 
     angle: float = ANGLE  # rad
     tip: float = TIP  # m
-    source: str = TABLE.format(method="m2")
+    source: str = phrase("measure.rms_of_method", method="m2")
     tilt: Mapping[str, float] = field(default_factory=dict)  # rad, by segment
 
 
 DEFAULT = Accuracy()
 METHODS = {
-    "m1": Accuracy(1.89 * DEG, 7.0e-3, TABLE.format(method="m1")),
+    "m1": Accuracy(1.89 * DEG, 7.0e-3, phrase("measure.rms_of_method", method="m1")),
     "m2": DEFAULT,
-    "b": Accuracy(ANGLE_UNPOSED, TIP_UNPOSED, TABLE.format(method="b")),
+    "b": Accuracy(ANGLE_UNPOSED, TIP_UNPOSED, phrase("measure.rms_of_method", method="b")),
 }
 
 

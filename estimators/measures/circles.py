@@ -20,9 +20,10 @@ from handscope.estimators.measures.plot_data import Curve, PlotData
 from handscope.estimators.measures.signals import resample_even
 from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
 from handscope.estimators.measures.time_window import task_samples
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
-TITLE = "Circles with the index finger"
+TITLE = phrase("measure_title.circles")
 SOURCE = "task: Kortier, thesis Table 3.1; definition ours: ellipse of the covariance"
 KINDS = kinds(
     Kind("circles_count", "1", "whole turns about the middle of the movement", SOURCE),
@@ -87,7 +88,7 @@ def measure(
     part = task_samples(trajectory, onset, end)
     angles = part.angles[:, JOINT[PART]]
     if len(part) < 3 or np.isfinite(angles[:, [FLEXION, DEVIATION]]).all(axis=1).sum() < 3:
-        return _nothing("the index finger was not measured")
+        return _nothing(phrase("measure.index_not_measured"))
     sd = (
         None
         if part.angles_sd is None
@@ -125,7 +126,7 @@ def of_angles(
             np.nan,
             sd,
             "poor",
-            "no circle: the finger moved along a line, or hardly",
+            phrase("measure.no_circle"),
             curves,
         )
     unit = axes.T @ xy / np.array([[short], [long]])  # on the mean ellipse of length 1

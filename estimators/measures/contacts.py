@@ -18,6 +18,7 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Grade
 from handscope.estimators.measures.task_request import TaskRequest
 from handscope.estimators.measures.time_window import grade_window
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 SALCHOW = "Salchow-Hoemmen 2019, (30), (31) and Table 5"
@@ -92,7 +93,7 @@ def contact_distance(
             None,
             geometry is not None,
             "poor",
-            f"{' or '.join(fingers)} not measured",
+            phrase("measure.points_not_measured", fingers=" or ".join(fingers)),
         )
     return ContactDistance(
         contact, part.t, distance, sd, geometry is not None, *grade_window(part, segments)

@@ -12,6 +12,7 @@ import numpy as np
 
 from handscope.estimators.measures.cycles import ISLAM, RETAP, Cycles, Params, Stops
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 SLOPE = "Ling 2012 (Brain 135:1141), Djuric-Jovicic 2016 (J Clin Neurosci 30:49)"
@@ -19,7 +20,7 @@ FATIGUE = "mhealthtools (Sage Bionetworks), fatigue10, 25, 50"
 HALVES = "Islam 2023 (npj Digit Med 6:156)"
 FIRST = "ours: the ten movements that MDS-UPDRS items 3.4 to 3.6 ask for"
 SPEED = "ours: largest slope in either part of a cycle"
-FEW = "too few taps for a decrement"
+FEW = phrase("measure.too_few_taps")
 FATIGUE_SHARES = (10, 25, 50)  # per cent at either end
 Graded = tuple[Grade, str]
 
@@ -282,7 +283,7 @@ def _few(params: Params, c: Cycles) -> str:
 
 
 def _few_first(params: Params, c: Cycles) -> str:
-    return f"fewer than {params.first}" if c.count < params.first else ""
+    return phrase("measure.fewer_than", count=params.first) if c.count < params.first else ""
 
 
 def _scaled(known: tuple[float, float | None], scale: float | None) -> tuple[float, float | None]:

@@ -15,6 +15,7 @@ from handscope.estimators.measures.cycle_figures import size_kinds, stop_kinds, 
 from handscope.estimators.measures.cycles import Cycles, Params, Stops
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
 from handscope.estimators.measures.plot_data import Curve, PlotData
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 STILL = (
@@ -67,10 +68,10 @@ def measure_cycles(
 ) -> CycleResult:
     """Cycles within [onset, end] of an angle (n,) in rad."""
     if np.isfinite(angle).sum() < 3:
-        return CycleResult(params, None, (), None, "poor", "not measured")
+        return CycleResult(params, None, (), None, "poor", phrase("measure.not_measured"))
     c = cycles.find_cycles(params, t, angle, params.smallest_turn, within)
     if not c.count:
-        return CycleResult(params, c, (), sd, "poor", "no complete movement found")
+        return CycleResult(params, c, (), sd, "poor", phrase("measure.no_movement"))
     moving = (float(c.closings[0]), min(within[1], float(c.t[-1])))
     stops = tuple(cycles.find_stops(params, t, angle, moving, share) for share in STILL)
     return CycleResult(params, c, stops, sd, *cycles.grade_cycles(c, graded))

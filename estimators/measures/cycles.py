@@ -16,6 +16,7 @@ from handscope.estimators.data.options import option
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures.figure import Grade, worse
 from handscope.estimators.measures.signals import Even, check_signal, resample_even, stretches
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
@@ -166,7 +167,7 @@ def grade_cycles(c: Cycles, graded: tuple[Grade, str]) -> tuple[Grade, str]:
     if c.count and c.smaller > OVERLOOKED * c.count:
         return worse(
             graded,
-            ("fair", f"{c.smaller} movements of less than a quarter of the range are not counted"),
+            ("fair", phrase("measure.small_movements", count=c.smaller)),
         )
     return graded
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handscope.estimators.data.trajectory import FLAG_WORDS, Flag
+from handscope.estimators.messages.sentence import join, phrase
 
 Grade = Literal["good", "fair", "poor"]
 GRADES: tuple[Grade, ...] = ("good", "fair", "poor")
@@ -88,7 +89,7 @@ def kinds(*each: Kind) -> Mapping[str, Kind]:
 def grade_of(flags: NDArray[np.uint8]) -> tuple[Grade, str]:
     """Grade and reason from the flags (n, segments used) of the samples that a figure rests on."""
     if not flags.size:
-        return "poor", "no samples"
+        return "poor", phrase("measure.no_samples")
     found = []
     for flag, words in FLAG_WORDS.items():
         share = float(((flags & flag) != 0).any(axis=1).mean())
@@ -97,13 +98,11 @@ def grade_of(flags: NDArray[np.uint8]) -> tuple[Grade, str]:
     if not found:
         return "good", ""
     share, words = max(found)
-    reason = f"{words} in {100 * share:.0f} % of the samples"
+    reason = phrase("measure.share_of_samples", what=words, share=100 * share)
     trusted = share <= TRUSTED and not (flags & WRONG).any()
     return ("good" if trusted else "fair" if share <= USABLE else "poor"), reason
 
 
 def worse(*graded: tuple[Grade, str]) -> tuple[Grade, str]:
     """The worst grade, with all reasons."""
-    return max((g for g, _ in graded), key=GRADES.index), "; ".join(
-        dict.fromkeys(r for _, r in graded if r)
-    )
+    return max((g for g, _ in graded), key=GRADES.index), join(r for _, r in graded)

@@ -22,9 +22,10 @@ from handscope.estimators.measures.plot_data import Curve, PlotData
 from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
 from handscope.estimators.measures.time_window import task_samples
 from handscope.estimators.measures.total_active_motion import TAM_JOINTS
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
-TITLE = "Finger independence"
+TITLE = phrase("measure_title.finger_independence")
 DEG = np.pi / 180
 NOORT = "van den Noort 2016 (PLoS ONE 0168636)"
 KINDS = kinds(
@@ -163,7 +164,7 @@ def of_sums(
             np.nan,
             sd,
             "poor",
-            f"the finger bent by less than {params.smallest / DEG:.0f} deg",
+            phrase("measure.bent_too_little", size=params.smallest / DEG),
             curves,
         )
     slopes, errors = np.array([_slope(own, kept[f]) for f in others]).T

@@ -38,20 +38,19 @@ from handscope.estimators.measures.time_window import (
     usable_samples,
     window_length,
 )
+from handscope.estimators.messages.sentence import join, phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-TITLE = "Opposition of the thumb (Kapandji)"
+TITLE = phrase("measure_title.kapandji")
 KAPANDJI = "Kapandji 1986 (Ann Chir Main 5:67)"
 PLACES = 10
 CREASE = (
     0.012,
     0.010,
 )  # m, skin below the MCP joint's centre; distal palmar crease nearer to the wrist than that: ours
-ESTIMATED = "estimated from fingertip distances: confirm by eye"
-CRAWLING = (
-    "none of the places 1 to 3 was reached: a thumb that crawls through the palm is no opposition"
-)
+ESTIMATED = phrase("measure.estimated_from_distances")
+CRAWLING = phrase("measure.thumb_crawls")
 KINDS = kinds(
     Kind(
         "kapandji_score", "1", "the highest of Kapandji's places that the thumb reached", KAPANDJI
@@ -128,7 +127,9 @@ def measure(
     """The places reached; each is looked for where it was called, if it was."""
     part = task_samples(trajectory, onset, end)
     if geometry is None or len(part) < 3:
-        return _nothing("the hand's geometry is not known" if len(part) else "no samples")
+        return _nothing(
+            phrase("measure.geometry_unknown") if len(part) else phrase("measure.no_samples")
+        )
     window = window_length(part.t, params.hold)
     gaps, needed = (
         distances(part.angles, geometry),
@@ -146,11 +147,11 @@ def measure(
         if kept is not None:
             found[k] = float(np.nanmin(kept))
     if not found:
-        return _nothing("the thumb, or the fingers it is to reach, were not measured")
+        return _nothing(phrase("measure.thumb_or_fingers_not_measured"))
     grade, reason = grade_window(part, needed)
     score, crawling = score_of(found, params.tolerance)
     bounds = [score_of(found, share * params.tolerance)[0] for share in (0.8, 1.2)]
-    reasons = "; ".join(filter(None, [reason, ESTIMATED, CRAWLING if crawling else ""]))
+    reasons = join([reason, ESTIMATED, CRAWLING if crawling else ""])
     cmc = part.angles[:, JOINT["thumb_cmc"]]
     turned = [running_median(cmc[:, a], usable, window) for a in (FLEXION, PRONATION)]
     abduction, pronation = (float(np.nanmax(v)) if v is not None else np.nan for v in turned)

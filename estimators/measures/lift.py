@@ -23,10 +23,11 @@ from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds, wor
 from handscope.estimators.measures.plot_data import Curve, PlotData
 from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
 from handscope.estimators.measures.time_window import task_samples
+from handscope.estimators.messages.sentence import join, phrase
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array, Bools
 
-TITLE = "Lift"
+TITLE = phrase("measure_title.lift")
 KORTIER = "Kortier, thesis ch. 6"
 PHASES = "phases of grasp and transport: PMC3305822, Fig. 1"
 HEIGHT_ERROR = (
@@ -34,7 +35,7 @@ HEIGHT_ERROR = (
 )
 WEIGHS = 2.0  # standard deviations above nothing that are asked of a mass: what is held off the table has one
 QUIET = 1e-3  # N: less than any sensor's noise, so that what is left over tells it
-NONE = "no force was measured; the glove has no force sensors on the fingertips"
+NONE = phrase("lift.no_force")
 KINDS = kinds(
     Kind("lift_count", "1", "times that something was lifted", "ours"),
     Kind("lift_mass", "kg", "estimated mass of what was lifted, from the sum of the fingertips' forces against gravity and acceleration, taken that nothing else carries it; tells how well forces are measured, no clinical value", f"{KORTIER}, (6.5)"),
@@ -150,7 +151,11 @@ def measure(
     lifts = [made for h in found if (made := _measure_lift(params, h)) is not None]
     if not lifts:
         return Lift(
-            True, (), len(found), "poor", "nothing was lifted" if found else "nothing was held"
+            True,
+            (),
+            len(found),
+            "poor",
+            phrase("lift.nothing_lifted") if found else phrase("lift.nothing_held"),
         )
     grades = [
         ("good" if not one.reason else "fair" if np.isfinite(one.mass) else "poor", one.reason)
@@ -176,41 +181,29 @@ def _measure_lift(params: Params, h: GraspPhase) -> LiftedObject | None:
             np.nan,
             np.nan,
             np.empty(0),
-            h.flagged(off) or "the force was not known while the object was held up",
+            h.flagged(off) or phrase("lift.force_unknown"),
         )
     weighed = estimate_mass(params, h, sure)
     slips = _find_slips(params, h, sure, weighed.weight)
-    reasons = [h.flagged(sure)] + (["the object slipped"] if len(slips) else [])
+    reasons = [h.flagged(sure)] + ([phrase("force_flag.slip")] if len(slips) else [])
     doubtful = bool(
         h.flags[sure].any() and (np.bitwise_or.reduce(h.flags[sure], axis=None) & UNSURE)
     )
     if weighed.supported > params.constant:
-        reasons.append(
-            "part of the load does not change with the acceleration: something not measured carries the object"
-        )
+        reasons.append(phrase("lift.carried"))
         doubtful = True
     elif weighed.supported > params.perhaps:
-        reasons.append(
-            "part of the load hardly changes with the acceleration: something not measured may carry part of the object"
-        )
+        reasons.append(phrase("lift.maybe_carried"))
     if weighed.changed > params.constant:
-        reasons.append(
-            "the load changed while the object was held up: something was added to it or taken away, something else carries it, or a force sensor drifts"
-        )
+        reasons.append(phrase("lift.load_changed"))
         doubtful = True
     elif weighed.changed > params.perhaps:
-        reasons.append(
-            "the load hardly stayed the same while the object was held up: something may have been added to it or taken away"
-        )
+        reasons.append(phrase("lift.load_maybe_changed"))
     if weighed.mass < WEIGHS * weighed.sd:
-        reasons.append(
-            "what was held up hardly weighs anything: something not measured carries it, or a force sensor is wrong"
-        )
+        reasons.append(phrase("lift.weightless"))
         doubtful = True
     mass, running = (np.nan, None) if doubtful else (weighed.mass, weighed.running)
-    return LiftedObject(
-        h, off, mass, weighed.sd, slips, "; ".join(r for r in reasons if r), running
-    )
+    return LiftedObject(h, off, mass, weighed.sd, slips, join(reasons), running)
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,9 @@ from handscope.estimators.measures.time_window import (
     usable_samples,
     window_length,
 )
+from handscope.estimators.messages.sentence import phrase
 
-TITLE = "Pinch"
+TITLE = phrase("measure_title.pinch")
 KORTIER = "Kortier, thesis 2.3.2"
 TIP_TO_TIP = Contact(("thumb", "distal"), ("index", "distal"))
 KINDS = kinds(

@@ -23,8 +23,9 @@ from handscope.estimators.measures.time_window import (
     usable_samples,
     window_length,
 )
+from handscope.estimators.messages.sentence import phrase
 
-TITLE = "Range of motion"
+TITLE = phrase("measure_title.range_of_motion")
 SOURCE = "ours after VA worksheet DVBCHTF1: extremes of the running median"
 WORDS = {
     "max": "the largest {} held",

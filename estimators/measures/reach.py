@@ -26,12 +26,13 @@ from handscope.estimators.measures.smoothness import log_dimensionless_jerk, spa
 from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
 from handscope.estimators.measures.time_window import task_samples
 from handscope.estimators.measures.trunk_displacement import declared_height
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
-TITLE = "Reach"
+TITLE = phrase("measure_title.reach")
 DRINKING = "drinking task (JNER 2021, 10.1186/s12984-021-00895-3); of the hand's angular speed"
 BALASUBRAMANIAN = "Balasubramanian, siva82kb/SPARC @3650934; of the hand's angular speed"
-FINGERTIPS = "found in the fingertips' speed against the wrist, as the hand hardly turned"
+FINGERTIPS = phrase("measure.from_fingertip_speed")
 VALEVICIUS = "Valevicius 2018 (PLoS ONE 0199549)"
 OWN = kinds(
     Kind("reach_count", "1", "reaches that were measured", "ours"),
@@ -155,7 +156,7 @@ def measure(
     part, none = task_samples(trajectory, onset, end), np.empty(0)
     q = part.q_GS[:, SEGMENT["hand"]]
     if len(part) < 3 or np.isfinite(q).all(axis=1).sum() < 3:
-        return Reach((), 0.0, None, True, "poor", "the hand was not measured", none, none)
+        return Reach((), 0.0, None, True, "poor", phrase("measure.hand_not_measured"), none, none)
     signal = resample_even(
         part.t, np.linalg.norm(angular_rates(part.t, q), axis=1), lowpass=params.lowpass
     )
@@ -182,7 +183,7 @@ def measure(
             .mean(axis=-1)
         )
         sd = float(np.nanmean(both)) if np.isfinite(both).any() else None
-    graded: tuple[Grade, str] = ("poor", "no reach found: the hand hardly moved")
+    graded: tuple[Grade, str] = ("poor", phrase("measure.hand_hardly_moved"))
     if reaches:
         graded = grade_of(part.flags[:, [SEGMENT["hand"]]])
         graded = graded if turned else worse(graded, ("fair", FINGERTIPS))

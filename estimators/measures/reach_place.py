@@ -21,6 +21,7 @@ from handscope.estimators.measures.figure import TRUSTED, USABLE, Figure, Grade,
 from handscope.estimators.measures.signals import resample_even
 from handscope.estimators.measures.smoothness import movement_units
 from handscope.estimators.measures.trunk_displacement import TrunkParams, displacement
+from handscope.estimators.messages.sentence import join, phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
@@ -29,8 +30,8 @@ DRINKING = (
     "drinking task (JNER 2021, 10.1186/s12984-021-00895-3); of the hand's speed against the trunk"
 )
 OF_PLACE = "Balasubramanian, siva82kb/SPARC @3650934; of the hand's speed against the trunk"
-NO_MAGNET = "the hand's place is not known: that takes magnetometers on the trunk and a magnet on the hand (where they are worn, the warnings say what is wrong)"
-NO_HEIGHT = "the height of the trunk's sensor above the hips (trunk_height of the task) is not one between 0.1 and 0.7 m; give it in m"
+NO_MAGNET = phrase("measure.place_unknown")
+NO_HEIGHT = phrase("measure.trunk_height_range")
 UNKNOWN = np.uint8(PlaceFlag.MISSING | PlaceFlag.OUT_OF_REACH | PlaceFlag.DOUBTFUL)
 FEWEST = 8  # samples of a way
 
@@ -146,7 +147,7 @@ def measure_places(
             (),
             {},
             "poor",
-            reason or "no place of the hand in reach of the magnetometers",
+            reason or phrase("measure.place_out_of_reach"),
             part.t,
             distance,
             forward,
@@ -183,11 +184,7 @@ def figures(where: ReachPlaces | None) -> list[Figure]:
             each = np.array([w.values[what] for w in where.ways if np.isfinite(w.values[what])])
             own = [w.own_sd[what] for w in where.ways if what in w.own_sd]
             grade, reason = _grade(where, bool(len(each)))
-            reason = "; ".join(
-                r
-                for r in (reason, where.height if what == "trunk_forward" and len(each) else "")
-                if r
-            )
+            reason = join([reason, where.height if what == "trunk_forward" and len(each) else ""])
             made.append(
                 kind.of(float(each.mean()) if len(each) else np.nan, _sd(each, own), grade, reason)
             )
@@ -200,15 +197,15 @@ def figures(where: ReachPlaces | None) -> list[Figure]:
 def _describe_height(params: PlaceMeasure, height: float | None) -> str:
     """With which height the trunk's displacement was reckoned."""
     if height is None:
-        return f"the height of the trunk's sensor above the hips was not measured: {1e3 * params.trunk_height:.0f} mm were taken"
-    return f"reckoned with the trunk's sensor {1e3 * height:.0f} mm above the hips, as measured"
+        return phrase("measure.trunk_height_assumed", height=1e3 * params.trunk_height)
+    return phrase("measure.trunk_height_used", height=1e3 * height)
 
 
 def _grade(where: ReachPlaces, known: bool) -> tuple[Grade, str]:
     return (
         (where.grade, where.reason)
         if known or where.reason
-        else ("poor", "no reach found: the hand's place hardly changed")
+        else ("poor", phrase("measure.place_unchanged"))
     )
 
 
@@ -233,7 +230,7 @@ def _grade_places(part: Trajectory) -> tuple[Grade, str]:
             grades.append(
                 (
                     "good" if share <= TRUSTED else "fair" if share <= USABLE else "poor",
-                    f"{words} in {100 * share:.0f} % of the samples",
+                    phrase("measure.share_of_samples", what=words, share=100 * share),
                 )
             )
     return worse(*grades)

@@ -30,6 +30,7 @@ from handscope.estimators.measures.plot_data import PlotData
 from handscope.estimators.measures.sustained_angle_measures import INCLINATION, palm_turn
 from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
 from handscope.estimators.measures.time_window import task_samples
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 MARGIN = 0.5  # s looked at before and after the trial
@@ -112,7 +113,7 @@ def _hand_opening(part: Trajectory) -> MovementAngle | str:
         f for f, v in flexions.items() if len(part) and np.isfinite(v).all(axis=1).mean() > 0.5
     ]
     if not measured:
-        return "no finger measured"
+        return phrase("measure.no_finger")
     flexion = np.mean([flexions[f].sum(axis=1) for f in measured], axis=0)
     sd = None
     if part.angles_sd is not None:
@@ -126,18 +127,18 @@ def _hand_opening(part: Trajectory) -> MovementAngle | str:
 
 def _palm_direction(part: Trajectory) -> MovementAngle | str:
     if not len(part):
-        return "no samples"
+        return phrase("measure.no_samples")
     return MovementAngle(palm_turn(part), INCLINATION, [SEGMENT["hand"]])
 
 
 OPEN_CLOSE = Movement(
-    "Opening and closing the hand",
+    phrase("measure_title.open_close"),
     Words("open_close", "opening", "summed flexion of the fingers, mean of those measured,"),
     frozenset({"open", "close"}),
     _hand_opening,
 )
 PRONATION_SUPINATION = Movement(
-    "Turning the palm up and down",
+    phrase("measure_title.pronation_supination"),
     Words("pronation_supination", "turn", "angle by which the palm faces up"),
     frozenset({"pronation", "supination"}),
     _palm_direction,

@@ -24,9 +24,10 @@ from handscope.estimators.measures.figure import Figure, Kind, kinds
 from handscope.estimators.measures.plot_data import Curve, PlotData
 from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
 from handscope.estimators.measures.time_window import task_samples
+from handscope.estimators.messages.sentence import join, phrase
 
-TITLE = "Accuracy self-check"
-UNDECLARED = "the task does not say which points are how far apart"
+TITLE = phrase("measure_title.self_check")
+UNDECLARED = phrase("measure.distance_undeclared")
 REACTION = (1.0, 0.5)  # s after a word to close, and before the next, that are not judged: ours
 HELD = {  # Table 5; the bottoms of the block are ours (estimators/simulation/movements/static_hold.py)
     "p1": (Contact(("thumb", "bottom"), ("index", "bottom"), 0.030),),
@@ -94,13 +95,7 @@ def figures(found: list[ContactDistance]) -> list[Figure]:
         off = error_statistics(r.distance, r.contact.distance)
         graded = (
             r.grade,
-            r.reason
-            if r.on_skin
-            else "; ".join(
-                filter(
-                    None, [r.reason, "between the ends of the bones: the hand's size is not known"]
-                )
-            ),
+            r.reason if r.on_skin else join([r.reason, phrase("measure.between_bone_ends")]),
         )
         for what in ("mean", "sd", "rmse"):
             made.append(KINDS[f"contact_error_{what}"].of(off[what], r.sd, *graded, r.contact.part))

@@ -15,6 +15,7 @@ from handscope.estimators.force.frequency_response import Conditions, Response
 from handscope.estimators.force.grasp_phases import UNSURE, GraspPhase
 from handscope.estimators.force.identification import Fit, RunningEstimate
 from handscope.estimators.measures.squeeze_options import Params
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 NOISE = 0.1  # N
@@ -36,7 +37,7 @@ def identify_spring(
     reasons = [r for r in [h.flagged(inside)] if r]
     doubtful = bool(np.bitwise_or.reduce(h.flags[inside], axis=None) & UNSURE)
     if np.ptp(p) < params.least_depth:
-        return None, None, [*reasons, "the fingertips came no nearer: what is held is rigid"]
+        return None, None, [*reasons, phrase("squeeze.rigid")]
     checked = frequency_response.check_conditions(answer)
     fit = identification.fit_least_squares(x[:, None], _spring_rows(t, p), np.full(len(t), NOISE))
     explained = 1 - float((fit.residuals**2).sum() / ((x - x.mean()) ** 2).sum())
@@ -47,7 +48,7 @@ def identify_spring(
             [
                 *reasons,
                 *checked.reasons,
-                "force and distance do not go together as those of a spring do",
+                phrase("squeeze.not_a_spring"),
             ],
         )
     return (None if doubtful else fit), checked, [*reasons, *checked.reasons]

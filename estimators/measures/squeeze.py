@@ -37,24 +37,21 @@ from handscope.estimators.measures.spring_identification import (
 from handscope.estimators.measures.squeeze_options import Params as Params
 from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
 from handscope.estimators.measures.time_window import task_samples
+from handscope.estimators.messages.sentence import join, phrase
 from handscope.estimators.numerics.typing import Array
 
-TITLE = "Squeeze"
+TITLE = phrase("measure_title.squeeze")
 BAND = 1.96  # standard deviations to either side: 95 %
 HOLDS, FAILS, OPEN, UNKNOWN_WORD = (
-    "holds",
-    "fails",
-    "nothing speaks against it",
-    "cannot be told",
+    phrase("squeeze.condition_holds"),
+    phrase("squeeze.condition_fails"),
+    phrase("squeeze.condition_open"),
+    phrase("squeeze.condition_unknown"),
 )  # of the conditions of 6.5.1
 AT = 1e-3  # rad from an end of its range: a joint is held there by the model
-FURTHER = (
-    "a joint bends further than it may in the model: how far the fingertips move is not well known"
-)
-TOO_SHORT = (
-    "squeezed for too short a time to tell how the object answers; squeeze for 10 s and more"
-)
-BENT = "the force does not grow evenly with the distance: what is held, or a force sensor, is not linear"
+FURTHER = phrase("squeeze.joint_at_limit")
+TOO_SHORT = phrase("squeeze.too_short")
+BENT = phrase("squeeze.not_linear")
 KINDS = kinds(
     Kind("squeeze_count", "1", "times that the object was squeezed", "ours: peaks of the force"),
     Kind("squeeze_force", "N", "mean of the largest force of each squeeze, of the fingers against the thumb", KORTIER),
@@ -130,7 +127,7 @@ def measure(
             False,
             (),
             "poor",
-            "squeezing needs force sensors on the thumb and another finger",
+            phrase("squeeze.sensors_missing"),
         )
     held = grasp_phases.find_grasp_phases(params, part, geometry)
     params = with_calibrated_scale(params, held[0]) if held else params
@@ -138,7 +135,7 @@ def measure(
     params = replace(params, gain_sd=max(params.gain_sd, params.further)) if further else params
     found = [made for h in held if (made := _measure_grasp(params, h)) is not None]
     if not found:
-        return Squeeze(params, True, (), "poor", "nothing was squeezed")
+        return Squeeze(params, True, (), "poor", phrase("squeeze.nothing_squeezed"))
     grades = [
         ("good" if not one.reason else "fair" if one.fit else "poor", one.reason) for one in found
     ]
@@ -209,7 +206,7 @@ def _measure_grasp(params: Params, h: GraspPhase) -> SqueezeGrasp | None:
         works,
         fit,
         conditions,
-        "; ".join(reasons),
+        join(reasons),
         estimates,
         unobserved,
         bends,

@@ -32,6 +32,7 @@ from handscope.estimators.measures import sustained_angles
 from handscope.estimators.measures.figure import Kind, kinds
 from handscope.estimators.measures.sustained_angles import Angle, SustainedAngle, joint_angle
 from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
@@ -131,7 +132,7 @@ def _forearm_angles(moved: Trajectory) -> list[Angle]:
 
 
 THUMB_ABDUCTION = SustainedAngleMeasure(
-    "Thumb abduction",
+    phrase("measure_title.thumb_abduction"),
     kinds(
         Kind(
             "palmar_abduction",
@@ -156,7 +157,7 @@ THUMB_ABDUCTION = SustainedAngleMeasure(
     _thumb_angles,
 )
 FINGER_SPREAD = SustainedAngleMeasure(
-    "Finger spread",
+    phrase("measure_title.finger_spread"),
     kinds(
         Kind(
             "spread",
@@ -175,7 +176,7 @@ FINGER_SPREAD = SustainedAngleMeasure(
     _spread_angles,
 )
 FOREARM_ROTATION = SustainedAngleMeasure(
-    "Turning the forearm",
+    phrase("measure_title.forearm_rotation"),
     kinds(
         Kind(
             "supination",

@@ -22,6 +22,7 @@ from handscope.estimators.measures.time_window import (
     usable_samples,
     window_length,
 )
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 SEGMENTS_OF = {j.name: [SEGMENT[j.parent], SEGMENT[j.child]] for j in JOINTS}
@@ -102,7 +103,13 @@ def largest_sustained(
             if np.isfinite(part.q_GS[:, a.segments]).any():
                 found.append(
                     SustainedAngle(
-                        a.kind, a.part, np.nan, np.nan, None, "poor", "no usable samples"
+                        a.kind,
+                        a.part,
+                        np.nan,
+                        np.nan,
+                        None,
+                        "poor",
+                        phrase("measure.no_usable_samples"),
                     )
                 )
             continue

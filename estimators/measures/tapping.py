@@ -31,10 +31,11 @@ from handscope.estimators.measures.figure import Figure, Grade, grade_of, kinds
 from handscope.estimators.measures.plot_data import Curve, PlotData
 from handscope.estimators.measures.signals import Even, angular_rates, resample_even
 from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest
+from handscope.estimators.messages.sentence import join, phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-TITLE = "Finger tapping"
+TITLE = phrase("measure_title.tapping")
 MARGIN = 0.5  # s looked at before and after the trial, so that a closing at its edge is seen as one
 PREFIX, ANGLE = "tapping", "tapping_angle"
 TIMES = time_kinds(PREFIX, "tap")
@@ -48,7 +49,7 @@ STILL = (
     1.2,
 )  # of the speed that counts as hardly any movement: itself, and how far the counts hang on it
 LONGEST, WIDEST = 0.4, 2 * np.pi  # m and rad that no hand opens by
-NOT_MEASURED, NO_TAP = "thumb or index finger not measured", "no complete tap found"
+NOT_MEASURED, NO_TAP = phrase("measure.thumb_or_index_not_measured"), phrase("measure.no_tap")
 
 __all__ = [
     "Params",
@@ -281,7 +282,10 @@ def _measure_signal(
     grade: tuple[Grade, str] = (
         ("good", "")
         if not lost
-        else ("fair" if lost <= 0.2 else "poor", f"{100 * lost:.0f} % of the time without samples")
+        else (
+            "fair" if lost <= 0.2 else "poor",
+            phrase("measure.time_without_samples", share=100 * lost),
+        )
     )
     tapped = (float(c.closings[0]), float(c.closings[-1])) if c.count else (0.0, 0.0)
     stops = (
@@ -289,7 +293,7 @@ def _measure_signal(
         if distance
         else tuple(cycles.find_stops(params, t, values, tapped, share) for share in STILL)
     )
-    grade = ("poor", "; ".join(filter(None, [NO_TAP, grade[1]]))) if not c.count else grade
+    grade = ("poor", join([NO_TAP, grade[1]])) if not c.count else grade
     samples = np.asarray(t, float)
     drawn = np.asarray(values, float) if distance else np.full(len(samples), np.nan)
     return _make_trial(

@@ -34,8 +34,9 @@ from handscope.estimators.measures.time_window import (
     usable_samples,
     window_length,
 )
+from handscope.estimators.messages.sentence import phrase
 
-TITLE = "Total active motion"
+TITLE = phrase("measure_title.total_active_motion")
 DEG = np.pi / 180
 ASSH = "HandLab Clinical Pearl 18 (2012), after the ASSH"
 EATONHAND = "eatonhand.com clf217, tendon injury result grading"

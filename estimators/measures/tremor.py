@@ -23,15 +23,16 @@ from handscope.estimators.measures.plot_data import Curve, PlotData
 from handscope.estimators.measures.signals import angular_rates, resample_even
 from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
 from handscope.estimators.measures.time_window import task_samples
+from handscope.estimators.messages.sentence import join, phrase
 from handscope.estimators.numerics.typing import Array
 
-TITLE = "Tremor"
+TITLE = phrase("measure_title.tremor")
 DEG = np.pi / 180
 WELCH = "Welch's periodogram of angular rates, windows of 3 s (PMC6806079)"
 PARTS = {"hand": "hand"} | {
     f: CHAINS[f][-1] for f in FINGERS
 }  # and the segment whose turning is meant
-NO_PEAK = "no peak stands out: no tremor seen"
+NO_PEAK = phrase("measure.no_peak")
 KINDS = kinds(
     Kind(
         "tremor_frequency",
@@ -203,10 +204,10 @@ def _measure_segment(
             part, f"sampled at {1 / period:.0f} Hz: too slow for tremor up to {params.highest:g} Hz"
         )
     if n < size:
-        return _nothing(part, f"shorter than a window of {params.window:g} s")
+        return _nothing(part, phrase("measure.shorter_than_window", length=params.window))
     lost = 1.0 - float(np.mean([a.known.mean() for a in axes]))
     if lost > 0.2:
-        return _nothing(part, f"{100 * lost:.0f} % of the time without samples")
+        return _nothing(part, phrase("measure.time_without_samples", share=100 * lost))
     values = np.array([a.values for a in axes])
     f, each = _window_spectra(values, period, size)
     density = each.mean(axis=0)
@@ -225,7 +226,7 @@ def _measure_segment(
     relative = 0.5 / np.sqrt(max(count * 0.6, 1.0))  # half that of a power; windows overlap by half
     grade, reason = graded
     if not out:
-        reason, unseen = "; ".join(filter(None, [reason, NO_PEAK])), np.nan
+        reason, unseen = join([reason, NO_PEAK]), np.nan
         return Tremor(
             part,
             f,

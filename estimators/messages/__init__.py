@@ -49,7 +49,7 @@ def fill(
 
 
 def _in_words(value: Value, quoted: str | None, form: str | None, point: str) -> str:
-    if form:
+    if form and not isinstance(value, str):
         return format(value, form).replace(".", point)
     return repr(value) if quoted else str(value)
 

@@ -8,6 +8,7 @@ from handscope.estimators.data.calibration import Calibration, CalibrationSource
 from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.trajectory import FLAG_WORDS, Flag, Trajectory
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.messages.sentence import phrase
 
 SMALLEST_SHARE = 0.0005  # share of flagged samples that prints as 0.1 %
 
@@ -78,8 +79,9 @@ def flag_warnings(movement: Trajectory) -> list[str]:
         for segment, share in zip(SEGMENTS, shares):
             if share >= SMALLEST_SHARE:
                 segments_by_warning.setdefault(
-                    f"{what} in {100 * share:.1f} % of the samples", []
+                    phrase("processing.share_of_samples", what=what, share=100 * share), []
                 ).append(segment)
     return [
-        f"{', '.join(segments)}: {warning}" for warning, segments in segments_by_warning.items()
+        phrase("processing.segments_flagged", segments=", ".join(segments), what=warning)
+        for warning, segments in segments_by_warning.items()
     ]

@@ -3,10 +3,11 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import JSON, Connection, DateTime, String, TypeDecorator, event, inspect
+from sqlalchemy import Connection, DateTime, String, TypeDecorator, event, inspect
 from sqlalchemy.engine import Dialect
 from sqlalchemy.orm import DeclarativeBase, Mapper
 
+from handscope.sessions.db.json_data import JsonData
 from handscope.sessions.db.plain_text import replaced
 
 TEXTS = (str, dict, list)
@@ -30,8 +31,8 @@ class Base(DeclarativeBase):
 
     type_annotation_map = {  # noqa: RUF012
         datetime: UtcDateTime,
-        dict[str, Any]: JSON,
-        list[Any]: JSON,
+        dict[str, Any]: JsonData,
+        list[Any]: JsonData,
         str: String,
     }
 

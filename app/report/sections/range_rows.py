@@ -16,6 +16,7 @@ from handscope.app.report.words import (
 from handscope.estimators.hand.anatomy import ANGLES, JOINTS
 from handscope.estimators.measures.figure import Grade
 from handscope.estimators.measures.range_of_motion import Range
+from handscope.estimators.messages.sentence import join
 
 GRADES: tuple[Grade, ...] = ("good", "fair", "poor")
 
@@ -105,7 +106,7 @@ def _furthest(ranges: Sequence[Range]) -> Range:
         high.t_largest,
         low.t_smallest,
         grade,
-        "; ".join(reasons),
+        join(reasons),
     )
 
 

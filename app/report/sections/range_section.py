@@ -235,15 +235,11 @@ def _reasons(rows: Sequence[RangeRow], language: Language) -> list[str]:
             "ranges.because",
             grade=grade_words(grade, language),
             joints=", ".join(joints),
-            reason=_translate_reasons(reason, language),
+            reason=language.translate(reason),
         )
         for (grade, reason), joints in found.items()
     )
     return [s[0].upper() + s[1:] for s in sentences]
-
-
-def _translate_reasons(reasons: str, language: Language) -> str:
-    return "; ".join(language.translate(reason) for reason in reasons.split("; "))
 
 
 def _without(ranges: Sequence[Range], measured: Sequence[str], language: Language) -> list[str]:

@@ -27,6 +27,7 @@ from handscope.estimators.magnet.tracker import tracker as magnet_tracker
 from handscope.estimators.magnet.tracker.initialisation import Setup
 from handscope.estimators.magnet.tracker.options import MagnetParams
 from handscope.estimators.magnet.tracker.tracker import Readings, Track
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
@@ -237,7 +238,7 @@ def describe_places(places: Places) -> list[str]:
     """One sentence for each kind of flag, and for magnetometers that are late."""
     shares = {flag: float(((places.flags & flag) != 0).mean()) for flag in PLACE_WORDS}
     return describe_latency(places) + [
-        f"the hand's place: {words} in {100 * shares[flag]:.1f} % of the samples"
+        phrase("magnet.place_share", what=words, share=100 * shares[flag])
         for flag, words in PLACE_WORDS.items()
         if shares[flag] >= REPORTED_SHARE
     ]
@@ -255,13 +256,13 @@ def describe_latency(places: Places) -> list[str]:
         bool(places.flags[-1] & PlaceFlag.DOUBTFUL),
     )
     if doubtful and tau > 0:
-        message = f"the magnetometers' readings are {by} ms later than their time stamps say (standard deviation {known} ms); what is told of the hand's place is doubtful"
+        message = phrase("magnet.late_doubtful", late=by, sd=known)
     elif doubtful:
-        message = f"the magnetometers' readings are {by} ms earlier than their time stamps say (standard deviation {known} ms); what is told of the hand's place is doubtful"
+        message = phrase("magnet.early_doubtful", late=by, sd=known)
     elif tau > 0:
-        message = f"the magnetometers' readings are {by} ms later than their time stamps say (standard deviation {known} ms); it is accounted for"
+        message = phrase("magnet.late_corrected", late=by, sd=known)
     else:
-        message = f"the magnetometers' readings are {by} ms earlier than their time stamps say (standard deviation {known} ms); it is accounted for"
+        message = phrase("magnet.early_corrected", late=by, sd=known)
     return [message]
 
 
