@@ -1,6 +1,7 @@
 """Every word a person reads, in every language that has a file beside this: en.json, de.json; one more file, one more language.
 
 pages      the pages' own words by key, served to the browser as a module (app/api/languages.py)
+counts     of pages and words have a key a plural form of the CLDR: sessions.one, sessions.few, sessions.other; English has one and other
 words      what the server writes into pages and reports, by key. In both, {names} are filled in, and a key that a language lacks is said in English
 messages   errors and warnings by their code, with numbers' formats in the text ({seconds:.1f}) and plural forms ({"one": ..., "other": ...}); the English ones are in estimators/messages/en.json
 sentences  written elsewhere in English (reasons, warnings, titles of tasks), by their original; {names} stand for what differs
@@ -74,8 +75,9 @@ class Language:
         return self.words.get(key, otherwise)
 
     def counted(self, key: str, count: int) -> str:
-        """ "1 session", "3 sessions": the words `key.one` or `key.many`."""
-        return self.say(f"{key}.{'one' if count == 1 else 'many'}", count=self.number(count))
+        """ "1 session", "3 sessions": the words `key.one`, `key.few`, ... by the locale's plural rules; `key.other` where one is not there."""
+        form = f"{key}.{self.locale.plural_form(count)}"
+        return self.say(form if form in self.words else f"{key}.other", count=self.number(count))
 
     def number(self, value: float, decimals: int = 0) -> str:
         form = f"#,##0.{'0' * decimals}" if decimals else "#,##0"

@@ -42,10 +42,15 @@ def fill(
 ) -> str:
     """A text with its values.
 
-    `plural` gives the plural form of a count after the Unicode CLDR ("one", "other"); `point` is the decimal point.
+    `plural` gives the plural form of a count after the Unicode CLDR ("one", "few", "other"); a form that is not there is `other`.
+    `point` is the decimal point.
     """
-    chosen = text if isinstance(text, str) else text[plural(float(values["count"]))]
+    chosen = text if isinstance(text, str) else _form_of(text, plural(float(values["count"])))
     return GAP.sub(lambda gap: _in_words(values[gap[1]], gap[2], gap[3], point), chosen)
+
+
+def _form_of(text: Mapping[str, str], form: str) -> str:
+    return text.get(form, text["other"])
 
 
 def _in_words(value: Value, quoted: str | None, form: str | None, point: str) -> str:

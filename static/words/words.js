@@ -14,12 +14,15 @@ export function known(key, otherwise) {
   return words[key] ?? otherwise;
 }
 
-/** "1 session", "3 sessions": the words `key.one` or `key.many`. */
+const locale = words["locale"];
+const plurals = new Intl.PluralRules(locale);
+
+/** "1 session", "3 sessions": the words `key.one`, `key.few`, ... by the locale's plural rules; `key.other` where one is not there. */
 export function counted(key, count) {
-  return t(count === 1 ? `${key}.one` : `${key}.many`, { count });
+  const form = `${key}.${plurals.select(count)}`;
+  return t(form in words ? form : `${key}.other`, { count });
 }
 
-const locale = words["locale"];
 const POINT = (1.5).toLocaleString(locale).charAt(1);
 const dayForm = new Intl.DateTimeFormat(locale, { day: "numeric", month: "long", year: "numeric" });
 const timeForm = new Intl.DateTimeFormat(locale, { hour: "2-digit", minute: "2-digit" });

@@ -7,10 +7,13 @@ from importlib.resources import files
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import Browser
 from starlette.testclient import TestClient
 
 from handscope.app import language as every
 from handscope.app.report.words import figure_words
+from handscope.estimators.messages import GAP, Message, english_texts
+from tests.app.pages.test_metronome_in_browser import SITE, serve
 
 ESPERANTO = {
     "name": "Esperanto",
@@ -20,7 +23,25 @@ ESPERANTO = {
     "messages": {"clinic.patient_unknown": "ne estas paciento {number}"},
     "sentences": {},
 }
+POLISH = {
+    "name": "Polski",
+    "locale": "pl_PL",
+    "pages": {
+        "sessions.one": "{count} sesja",
+        "sessions.few": "{count} sesje",
+        "sessions.many": "{count} sesji",
+        "sessions.other": "{count} sesji",
+    },
+    "words": {
+        "trust.figures.one": "1 liczba",
+        "trust.figures.few": "{count} liczby",
+        "trust.figures.many": "{count} liczb",
+        "trust.figures.other": "{count} liczby",
+    },
+    "sentences": {},
+}  # a language of four forms, of which only counts are translated
 PUT_IN = {
+    "pl.json": json.dumps(POLISH),
     "eo.json": json.dumps(ESPERANTO),
     "fr.json": '{"name": "Français", "locale": "fr_FR", "pages": {',
     "es.json": json.dumps({**ESPERANTO, "locale": "es_NOWHERE_AT_ALL"}),
@@ -55,13 +76,41 @@ def module(client: TestClient, name: str) -> dict[str, str]:
 def test_one_file_is_one_more_language_for_pages_reports_and_refusals(
     folder: Path, client: TestClient
 ) -> None:
-    assert module(client, "names") == {"en": "English", "de": "Deutsch", "eo": "Esperanto"}
+    assert module(client, "names") == {
+        "en": "English",
+        "de": "Deutsch",
+        "eo": "Esperanto",
+        "pl": "Polski",
+    }
     pages = module(client, "eo")
     assert (pages["locale"], pages["save"], pages["cancel"]) == ("eo", "Konservi", "Cancel")
     assert every.language("eo").words["finger.thumb"] == "Dikfingro"
     assert figure_words("rate", every.language("eo")) == figure_words("rate", every.ENGLISH)
     refused = client.get("/api/patients/4711", headers={"Accept-Language": "eo"})
     assert refused.json()["error"] == "ne estas paciento 4711"
+
+
+def test_counts_have_the_plural_forms_of_the_locale(folder: Path) -> None:
+    polish = every.language("pl")
+    said = [polish.counted("trust.figures", count) for count in (1, 2, 5, 22, 112)]
+    assert said == ["1 liczba", "2 liczby", "5 liczb", "22 liczby", "112 liczb"]
+    counted = next(c for c, text in english_texts().items() if not isinstance(text, str))
+    gaps = {name: 3.0 for name, *_ in GAP.findall(str(english_texts()[counted]))}
+    message = Message(counted, {**gaps, "count": 3.0})
+    assert polish.render(message) == every.ENGLISH.render(message)  # English has no "few"
+
+
+@pytest.mark.browser
+def test_pages_count_by_the_plural_forms_of_the_locale(folder: Path, browser: Browser) -> None:
+    page = browser.new_context(locale="pl-PL").new_page()
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    counted = """async (counts) => {
+      const { counted } = await import("/static/words/words.js");
+      return counts.map((count) => counted("sessions", count));
+    }"""
+    assert page.evaluate(counted, [0, 1, 3, 5]) == ["0 sesji", "1 sesja", "3 sesje", "5 sesji"]
+    page.context.close()
 
 
 def test_a_file_with_a_fault_is_named_and_takes_nothing_from_the_others(folder: Path) -> None:

@@ -147,7 +147,7 @@ def _used() -> Iterator[tuple[str, str]]:
         for key in re.findall(r"\b(?:t|known)\(\s*(?:\"([\w.]+)\"|`([^`]+)`)", text):
             yield name(path), _pattern(key[0] or key[1])
         for key in re.findall(r"counted\(\"(\w+)\"", text):
-            yield from ((name(path), re.escape(f"{key}.{end}")) for end in ("one", "many"))
+            yield from ((name(path), re.escape(f"{key}.{end}")) for end in ("one", "other"))
         for key in re.findall(r"[\"`]([a-z_]+(?:\.[\w${}]+)+)[\"`]", text):
             yield name(path), _pattern(key)
 
