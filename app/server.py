@@ -31,7 +31,7 @@ from handscope.app.api import (
     stations,
 )
 from handscope.app.api.hand_photographs import routes as photograph_routes
-from handscope.app.api.live import relays, streams
+from handscope.app.api.live import relays, session_start, streams
 from handscope.app.api.login import login_routes, oidc_routes, second_factors
 from handscope.app.api.patient_view import invitation_routes, screen_routes
 from handscope.app.api.treatment import routes as treatment_routes
@@ -124,6 +124,7 @@ def create_app(settings: Settings) -> FastAPI:
         patients,
         progress,
         sessions,
+        session_start,
         tables,
         results,
         references,

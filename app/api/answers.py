@@ -121,6 +121,7 @@ class SessionRow(TypedDict):
     id: int
     patient: Any  # its number; id and pseudonym where one session is read
     hand: str
+    continues: int | None  # session of the other hand in the same visit, that it follows
     state: str
     started: datetime
     recorded_as: datetime | None
@@ -200,6 +201,7 @@ class SessionAnswer(SessionRow):
 
     geometry: dict[str, Any]
     station: str | None
+    other_hand: dict[str, Any] | None  # session and hand, of the same visit
     recordings: list[RecordingRow]
 
 

@@ -5,7 +5,8 @@ from typing import Any
 from fastapi import APIRouter
 from pydantic import Field
 
-from handscope.app.api.sessions import Decision, recomputed
+from handscope.app.api.live.session_start import Decision
+from handscope.app.api.sessions import recomputed
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, requires_role
 from handscope.app.language import Language

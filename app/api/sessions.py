@@ -2,8 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import AsyncIterator, Callable, Sequence
-from dataclasses import replace
+from collections.abc import AsyncIterator, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO
@@ -11,7 +10,7 @@ from typing import Annotated, Any, BinaryIO
 from anyio import to_thread
 from fastapi import APIRouter, Form, UploadFile
 from pydantic import Field
-from sqlalchemy.orm import Session
+from sqlalchemy import select
 from starlette.responses import FileResponse, Response, StreamingResponse
 
 from handscope.app.api.answers import (
@@ -24,28 +23,18 @@ from handscope.app.api.answers import (
 from handscope.app.api.pseudonymisation import for_reader
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
-from handscope.app.devices import ports
-from handscope.app.devices.named_hand import require_hand
-from handscope.app.live.outputs import choice
-from handscope.app.live.readouts.trial_review import EarlierFigures
-from handscope.app.live.relays import relay_port
-from handscope.app.live.stations import live_setup
 from handscope.app.options import with_options
 from handscope.app.state import Db, Parts, PartsDep, RepairDep
 from handscope.app.version import software_version
 from handscope.estimators.data.options import describe
 from handscope.estimators.errors import InputError
-from handscope.estimators.methods import ALL_METHODS, DEFAULT
+from handscope.estimators.methods import ALL_METHODS
 from handscope.sessions.clinic import (
-    audit,
     corrections,
     dates,
     patients,
-    repeatability,
     results,
-    self_calibrations,
 )
-from handscope.sessions.clinic.self_calibrations import FoundCalibration
 from handscope.sessions.db.plain_text import require_plain
 from handscope.sessions.db.tables import Correction, PatientSession, RecordingFile, Result, now
 from handscope.sessions.files import native
@@ -63,38 +52,6 @@ from handscope.sessions.store.visit_facts import TrunkHeight
 router = APIRouter(tags=["sessions"], dependencies=[requires_role(CLINICIAN)])
 CHUNK = 2**20
 REPAIRED = "the session is being repaired after the server was stopped; it is finished by itself, wait a moment"
-UNDECIDED = "a self-calibration of this hand is kept; say what the session takes over of it (reuse), also where that is nothing"
-
-
-class Decision(Incoming):
-    """What a session takes over of a stored self-calibration."""
-
-    parts: str = Field(
-        description=f"one of {', '.join(self_calibrations.PARTS)}; seats only where the glove was not taken off since"
-    )
-    self_calibration: int | None = None
-
-
-class NewSession(Incoming):
-    """A session to be started: hand, port, method with options, examiner."""
-
-    hand: str
-    port: str = Field(
-        max_length=400,
-        description="serial port of the glove, or an address that the administrator allowed",
-    )
-    method: str = DEFAULT
-    options: dict[str, Any] = Field(default_factory=dict)
-    examiner: str = Field("", max_length=200)
-    outlets: list[str] = Field(
-        default_factory=list,
-        max_length=4,
-        description="other programs that the session sends to: lsl, osc://HOST:PORT; only what the administrator allowed",
-    )
-    reuse: Decision | None = Field(
-        None,
-        description="what is taken over of an earlier self-calibration; needed where one of the hand is kept",
-    )
 
 
 class SessionChange(Incoming):
@@ -137,56 +94,6 @@ class NewResult(Incoming):
 
     method: str | None = Field(None, description="without it what suits the recording's sensors")
     options: dict[str, Any] = Field(default_factory=dict)
-
-
-@router.post("/patients/{patient_id}/sessions", status_code=201)
-def begin_session(
-    db: Db, parts: PartsDep, requester: RequesterDep, patient_id: int, new: NewSession
-) -> dict[str, Any]:
-    """Begin a live session: the glove's recording starts, the station's wizard waits."""
-    patient, hand = patients.get(db, patient_id), records.hand_of(new.hand)
-    if new.reuse is None and self_calibrations.of_hand(patient, hand):
-        raise InputError(UNDECIDED)
-    settings = parts.settings
-    ports.require_allowed(new.port, (*settings.allowed_ports, *settings.demo_ports))
-    require_hand(settings.demo_ports.get(new.port, ""), hand)
-    choice.require_allowed(new.outlets, settings.allowed_outlets)
-    parts.stations.require_free(new.port)
-    make_setup = live_setup(new.method, new.options, parts.store.folder)
-    session, file = records.begin(
-        db, parts.store, patient, hand, patient.hand_measures.get(hand, {}), new.examiner
-    )
-    try:
-        port = relay_port(session.id) if new.port == ports.RELAY else new.port
-        setup = make_setup(session, parts.store.path_of(file.file), port, patient.pseudonym)
-        about = (
-            {**setup.about, "relay_account": requester.account}
-            if ports.is_relay(port)
-            else setup.about
-        )
-        station = parts.stations.open_live(
-            replace(
-                setup,
-                about=about,
-                outlets=tuple(new.outlets),
-                earlier=_earlier_figures(db, patient.id, hand, new.method),
-                store_solution=_solution_store(db, parts, file.id),
-                **_prior_options(db, session, new.reuse),
-            )
-        )
-    except BaseException:
-        db.delete(session)
-        db.commit()
-        raise
-    return {"session": session.id, "station": station.name}
-
-
-def _earlier_figures(db: Session, patient: int, hand: str, method: str) -> EarlierFigures:
-    """What the newest sessions of this hand and of the other one gave with this method."""
-    every = [p for p in repeatability.history(db, patient) if p.occasion.method == method]
-    last = next((p for p in reversed(every) if p.occasion.hand == hand), None)
-    other = next((p for p in reversed(every) if p.occasion.hand != hand), None)
-    return EarlierFigures(last.values if last else {}, other.values if other else {})
 
 
 @router.post("/patients/{patient_id}/recordings", status_code=201)
@@ -274,6 +181,7 @@ def read_session(
         "geometry": session.geometry,
         "patient": {"id": session.patient.id, "pseudonym": session.patient.pseudonym},
         "station": station.name if station else None,
+        "other_hand": _other_hand(db, session),
         "recordings": [
             for_reader(requester, recording_row(f))
             | {"corrections": [for_reader(requester, correction_row(c)) for c in f.corrections]}
@@ -365,6 +273,7 @@ def session_row(s: PatientSession) -> SessionRow:
         "id": s.id,
         "patient": s.patient_id,
         "hand": s.hand,
+        "continues": s.continues_id,
         "state": s.state,
         "started": s.started,
         "recorded_as": s.recorded_as,
@@ -425,6 +334,16 @@ def correction_row(c: Correction) -> CorrectionRow:
     }
 
 
+def _other_hand(db: Db, s: PatientSession) -> dict[str, Any] | None:
+    """The session of the other hand in the same visit."""
+    other = (
+        db.get(PatientSession, s.continues_id)
+        if s.continues_id
+        else db.scalar(select(PatientSession).where(PatientSession.continues_id == s.id))
+    )
+    return {"session": other.id, "hand": other.hand} if other else None
+
+
 def _closed(db: Db, recording_id: int) -> RecordingFile:
     file = db.get(RecordingFile, recording_id)
     if file is None or file.sha256 is None:
@@ -465,38 +384,6 @@ def _queue(
     if result.state == "queued":
         parts.jobs.process(result.id)
     return result
-
-
-def _prior_options(db: Db, session: PatientSession, decision: Decision | None) -> dict[str, Any]:
-    """Options of a live session from its decision about an earlier self-calibration."""
-    if decision is None:
-        return {}
-    made = self_calibrations.decide(db, session, decision.parts, decision.self_calibration)
-    chosen = made.self_calibration
-    return (
-        {
-            "prior": self_calibrations.select_parts(chosen.found, made.parts),
-            "prior_glove": chosen.glove,
-        }
-        if chosen
-        else {}
-    )
-
-
-def _solution_store(
-    begun: Db, parts: Parts, recording_id: int
-) -> Callable[[FoundCalibration, str], None]:
-    """A function that stores an accepted solution with the patient, decided for this session, in the name of its examiner."""
-    on_behalf = dict(begun.info)
-
-    def store(solution: FoundCalibration, glove: str) -> None:
-        with parts.store.database() as db:
-            audit.set_actor(db, on_behalf["who"], on_behalf["address"])
-            file = db.get_one(RecordingFile, recording_id)
-            made = self_calibrations.store(db, file, solution, software_version(), glove)
-            self_calibrations.decide(db, file.session, self_calibrations.ALL, made.id)
-
-    return store
 
 
 async def receive(file: UploadFile, parts: Parts, target: BinaryIO) -> None:

@@ -20,6 +20,7 @@ class Setup:
     """One glove, one session, one method."""
 
     session: int
+    continues: int | None = None  # session of the other hand in the same visit, that it follows
     hand: Hand
     geometry: HandGeometry
     trunk_height: float | None = (

@@ -93,6 +93,7 @@ def station_snapshot(view: StationView) -> dict[str, Any]:
         "station": view.name,
         "session": view.setup.session,
         "hand": view.setup.hand,
+        "continues": view.setup.continues,
         "trackers": list(view.trackers),
         "relayed": is_relay(view.setup.port),
         "wizard": wizard_snapshot(wizard, view.status),

@@ -135,6 +135,9 @@ class PatientSession(Base):
     geometry: Mapped[dict[str, Any]] = mapped_column(
         default=dict
     )  # hand measures of this session, as HandGeometry
+    continues_id: Mapped[int | None] = mapped_column(
+        ForeignKey("session.id", ondelete="SET NULL"), index=True
+    )  # of the other hand, measured just before in the same visit
     trunk_height: Mapped[float | None]  # m, the patient's when the session began
     trunk_corrected: Mapped[
         float | None

@@ -52,8 +52,9 @@ def begin(
     hand: Hand,
     geometry: Mapping[str, Any],
     examiner: str = "",
+    continues: int | None = None,
 ) -> tuple[PatientSession, RecordingFile]:
-    """A session about to be recorded, with the place of its recording."""
+    """A session about to be recorded, with the place of its recording; it may continue one of the other hand."""
     measures_from(geometry)
     session = PatientSession(
         patient=patient,
@@ -61,6 +62,7 @@ def begin(
         geometry=dict(geometry),
         trunk_height=patient.trunk_height,
         examiner=examiner,
+        continues_id=continues,
     )
     file = RecordingFile(session=session, format="native", file=store.new_recording(native.SUFFIX))
     db.add_all([session, file])

@@ -95,11 +95,11 @@ function draw(root, api, about) {
   const main = [...hollow, ...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
   const typed = treats ? [notes, dating, closed && trunkHeight.worn(session) && trunkHeight] : [];
   const aside = [done && quality, done && references, closed && selfCalibration, ...typed].filter(Boolean).map((part) => [part, place()]);
-  const head = done ? [[downloads, place("")]] : [];
-  const choice = [[results, place("")]];
-  const name = h("h1", {});
-  const lead = h("p", { class: "soft" });
-  const heading = h("div", {}, trail(session), name, lead);
+  const [head, choice] = [done ? [[downloads, place("")]] : [], [[results, place("")]]];
+  const [name, lead] = [h("h1", {}), h("p", { class: "soft" })];
+  const other = session.other_hand;
+  const beside = other && h("a", { href: `/sessions/${other.session}` }, t(`session.other_hand.${other.hand}`));
+  const heading = h("div", {}, trail(session), name, lead, beside);
   const tell = (now) => {
     name.textContent = t("session.heading", { day: day(now.started) });
     lead.textContent = facts(now);

@@ -69,6 +69,17 @@ export function follow(name, api) {
     async act(action, more = {}) {
       take(await api.post(`/api/stations/${name}/actions`, { action, ...more }));
     },
+    /** Do `work`, which ends the station and leads on by itself; where it fails, an end that came meanwhile is told. */
+    async endFor(work) {
+      left = true;
+      try {
+        return await work();
+      } catch (error) {
+        left = false;
+        if (socket?.readyState === WebSocket.CLOSED) reconnect();
+        throw error;
+      }
+    },
     end: () => api.remove(`/api/stations/${name}`),
     leave() {
       left = true;

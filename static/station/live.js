@@ -22,6 +22,7 @@ import * as poseFit from "./pose_fit.js";
 import * as quantity from "./quantity.js";
 import * as screens from "./screens.js";
 import * as recording from "./recording.js";
+import * as otherHand from "./other_hand.js";
 import * as score from "./score.js";
 import * as stillness from "./stillness.js";
 import * as streams from "./streams.js";
@@ -56,6 +57,7 @@ const PARTS = [
   [actions, "actions", "div"],
   [measuredPose, "measured-pose", "div"],
   [freeMovement, "free", "div"],
+  [otherHand, "other-hand", "div"],
   [ending, "ending", "div"],
   [tasks, "tasks", "section"],
   [handPosition, "hand-position", "section"],

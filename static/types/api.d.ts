@@ -241,6 +241,12 @@ export interface NoteRow {
   version: number;
 }
 
+/** How the other hand is measured; all else is as in the session that it follows. */
+export interface OtherHand {
+  port?: string;
+  reuse?: Decision | null;
+}
+
 /** A patient with notes and sessions. */
 export interface PatientAnswer {
   id: number;
@@ -364,6 +370,7 @@ export interface SessionAnswer {
   id: number;
   patient: any;
   hand: string;
+  continues: number | null;
   state: string;
   started: string;
   recorded_as: string | null;
@@ -380,6 +387,7 @@ export interface SessionAnswer {
   empty: boolean;
   geometry: Record<string, any>;
   station: string | null;
+  other_hand: Record<string, any> | null;
   recordings: RecordingRow[];
 }
 
@@ -398,6 +406,7 @@ export interface SessionRow {
   id: number;
   patient: any;
   hand: string;
+  continues: number | null;
   state: string;
   started: string;
   recorded_as: string | null;
@@ -503,6 +512,7 @@ export interface Visit {
   id: number;
   patient: any;
   hand: string;
+  continues: number | null;
   state: string;
   started: string;
   recorded_as: string | null;

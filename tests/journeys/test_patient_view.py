@@ -12,6 +12,7 @@ from tests.journeys.house import (
     act,
     api,
     begin_session,
+    end_session,
     keep_screen,
     new_patient,
     shots,
@@ -77,6 +78,54 @@ def test_the_patient_is_led_on_a_screen_of_their_own(
     shown(tablet.get_by_text("Die Sitzung ist vorbei, oder dieser Bildschirm wurde beendet"))
     tablet.goto(f"{server.base}/patient-view?language=de#{code}")
     shown(tablet.get_by_text("Dieser Code öffnet nichts"))
+
+
+def test_both_hands_are_measured_in_one_visit_one_after_the_other(
+    page_without_scene: Page, newcomer: Page, server: Server
+) -> None:
+    page, tablet = page_without_scene, newcomer
+    tablet.add_init_script(SELDOM if shots() else SELDOM + UNDRAWN)
+    patient = new_patient(page)
+    page.goto(f"/patients/{patient}")
+    first = begin_session(page, "left")
+    tablet.goto(f"{server.base}/patient-view?language=de#{_invited(page)}")
+    _measure_fist(page)
+    shown(tablet.get_by_role("heading", name="Einen Moment bitte"))
+
+    page.locator("[data-other-hand]").click()
+    expect(page.get_by_label("Glove of the other hand").locator("option:checked")).to_have_text(
+        "virtual right glove"
+    )
+    expect(page.locator("[data-back]")).to_be_focused()
+    keep_screen(page, "station-other-hand")
+    page.get_by_role("button", name="Go on with the right hand").click()
+    page.wait_for_url(lambda url: "/stations/" in url and first not in url)
+    shown(page.get_by_role("heading", name="Right hand of"))
+    shown(page.get_by_text("The second hand of this visit"))
+    keep_screen(page, "station-second-hand")
+    shown(tablet.get_by_role("heading", name="Jetzt die andere Hand"))
+    assert "Rechte Hand" in (tablet.locator("iframe").get_attribute("title") or "")
+    keep_screen(tablet, "patient-view-other-hand")
+
+    _measure_fist(page)
+    expect(page.locator("[data-other-hand]")).to_be_hidden()  # both hands are measured
+    end_session(page)
+    shown(tablet.get_by_text("Die Sitzung ist vorbei, oder dieser Bildschirm wurde beendet"))
+    right, left = api(page, f"/api/patients/{patient}")["sessions"]
+    assert (right["hand"], right["continues"]) == ("right", left["id"])
+    shown(page.get_by_role("link", name="Left hand, same visit")).click()
+    shown(page.get_by_role("link", name="Right hand, same visit"))
+    assert page.url.endswith(f"/sessions/{left['id']}")
+
+
+def _measure_fist(page: Page) -> None:
+    """Pose and one trial of fist and straight."""
+    for step in ("continue", "start", "accept"):
+        shown(act(page, step)).click()
+    shown(page.locator('[data-task="rom_fist"]')).click()
+    for step in ("start", "accept"):
+        shown(act(page, step)).click()
+    shown(page.locator("[data-other-hand], [data-act=finish]"))
 
 
 def _invited(page: Page) -> str:

@@ -19,6 +19,7 @@ from handscope.estimators.errors import InputError
 
 COOKIE = "handscope-screen"
 LOOK = 0.25  # s between two looks whether a screen was ended
+HANDING_OVER = 60.0  # s that a screen waits for the station of the other hand
 
 
 def screen_of(connection: HTTPConnection) -> Screen | None:
@@ -34,6 +35,20 @@ def station_of(all_parts: Parts, screen: Screen) -> Station | None:
     except InputError:
         return None
     return station if isinstance(station, Station) else None
+
+
+async def await_station(all_parts: Parts, screen: Screen, other_than: str = "") -> Station | None:
+    """The station that the screen shows next; None where the visit is over."""
+    loop = asyncio.get_running_loop()
+    until = loop.time() + HANDING_OVER
+    while not screen.withdrawn.is_set():
+        station = station_of(all_parts, screen)
+        if station is not None and station.name != other_than and not station.ended:
+            return station
+        if loop.time() >= until:
+            break
+        await asyncio.sleep(LOOK)
+    return None
 
 
 async def serve_while_shown(
@@ -53,7 +68,7 @@ async def serve_while_shown(
 
 
 def is_granted(all_parts: Parts, screen: Screen) -> bool:
-    """Whether the account that invited the screen sees the session now."""
+    """Whether the account that invited the screen sees the session now; while it is handed over nothing is shown."""
     station = station_of(all_parts, screen)
     if station is None:
         return True

@@ -21,6 +21,7 @@ from handscope.app.api.broadcast import TRANSLATED_KEYS
 from handscope.app.api.pages import OPENING, STATIC, scene_answer
 from handscope.app.api.patient_view.screen_access import (
     COOKIE,
+    await_station,
     is_granted,
     screen_of,
     serve_while_shown,
@@ -144,12 +145,15 @@ async def _pass_scene(websocket: WebSocket, station: Station) -> None:
 
 
 async def _send_states(websocket: WebSocket, all_parts: Parts, screen: Screen) -> None:
-    """Send the state until the session is over."""
+    """Send the state until the visit is over; it goes on with the other hand's station."""
     reader = asyncio.ensure_future(_read_until_gone(websocket))
-    station = station_of(all_parts, screen)
+    name = ""
     try:
-        if station is not None:
+        while station := await await_station(all_parts, screen, name):
+            name = station.name
             await _follow(websocket, station, screen, reader)
+            if reader.done():
+                return
     except (WebSocketDisconnect, RuntimeError):
         pass  # the screen's page was closed
     finally:
@@ -159,7 +163,7 @@ async def _send_states(websocket: WebSocket, all_parts: Parts, screen: Screen) -
 async def _follow(
     websocket: WebSocket, station: Station, screen: Screen, reader: "asyncio.Future[None]"
 ) -> None:
-    """Send the station's states, each in the screen's language, until it ends."""
+    """Send the states of one station, each in the screen's language, until it ends."""
     loop, news, language = (
         asyncio.get_running_loop(),
         asyncio.Event(),

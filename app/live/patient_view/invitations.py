@@ -1,6 +1,7 @@
 """Permissions for the patient's own screen to show a live session: a short code, valid once, becomes the screen's token.
 
-Codes and tokens are kept as their sha256, in memory alone: a restart of the server ends every screen, and a session ends its own.
+Codes and tokens are kept as their sha256, in memory alone: a restart of the server ends every screen. A screen follows
+the visit to the other hand, and ends with it.
 """
 
 import hashlib
@@ -77,6 +78,12 @@ class Invitations:
     def list_of(self, station: str) -> list[Screen]:
         with self._lock:
             return self._of(station)
+
+    def hand_over(self, station: str, following: str) -> None:
+        """Let the screens of a station show the one that follows it."""
+        with self._lock:
+            for screen in self._of(station):
+                screen.station = following
 
     def withdraw(self, station: str, name: str = "") -> None:
         """End one screen of a station, or all of them."""

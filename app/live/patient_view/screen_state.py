@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from handscope.app.live.wizard.machine import State
 
-Stage = Literal["wait", "pose", "hold", "watch", "count", "run", "pause", "rest", "end"]
+Stage = Literal["wait", "change", "pose", "hold", "watch", "count", "run", "pause", "rest", "end"]
 STAGES: Mapping[State, Stage] = {
     State.POSE_READY: "pose",
     State.POSE_HOLD: "hold",
@@ -37,7 +37,7 @@ def screen_state(snapshot: Mapping[str, Any], points: Sequence[Sequence[float]])
     """The state of the screen; `points` are the newest of the curve (s, value)."""
     wizard = snapshot["wizard"]
     passive = wizard["mode"] == "passive"  # the therapist moves the hand in this task
-    stage = STAGES.get(State(wizard["state"]), "wait")
+    stage = STAGES.get(State(wizard["state"]), _before_pose(snapshot))
     has_words, runs = stage in WITH_WORDS, stage == "run"
     return {
         "stage": stage,
@@ -56,6 +56,12 @@ def screen_state(snapshot: Mapping[str, Any], points: Sequence[Sequence[float]])
         "unit": snapshot["curve"]["unit"] if runs else "",
         "value": round(points[-1][1], 1) if runs and points else None,
     }
+
+
+def _before_pose(snapshot: Mapping[str, Any]) -> Stage:
+    """The patient waits; at the beginning of the second hand the glove is changed."""
+    is_second = snapshot["continues"] is not None
+    return "change" if is_second and snapshot["wizard"]["state"] == State.CONNECT else "wait"
 
 
 def _done(numbers: Sequence[Mapping[str, Any]]) -> int:

@@ -97,6 +97,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 @pytest.fixture
 def served(running: Served, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
     monkeypatch.setattr(screen_access, "LOOK", 0.01)
+    monkeypatch.setattr(screen_access, "HANDING_OVER", 0.0)
     yield running
     running.parts.screens.withdraw("test")
     running.tablet.cookies.clear()
@@ -194,6 +195,15 @@ def test_where_the_therapist_moves_the_hand_the_patient_is_not_told_to(served: S
     served.station._wizard = replace(w, state=State.TASK_READY, task="prom_fist", calibrated=True)
     state = screen_state(served.station.snapshot(), [])
     assert (state["passive"], state["instruction"]) == (True, "")
+
+
+def test_at_the_second_hand_the_patient_is_told_that_it_is_the_other_one(served: Served) -> None:
+    snapshot = {**served.station.snapshot(), "continues": 1}
+    snapshot["wizard"] = {**snapshot["wizard"], "state": State.CONNECT}
+    assert screen_state(snapshot, [])["stage"] == "change"
+    assert screen_state({**snapshot, "continues": None}, [])["stage"] == "wait"
+    snapshot["wizard"]["state"] = State.TASKS
+    assert screen_state(snapshot, [])["stage"] == "wait"
 
 
 def test_registries_of_two_servers_share_nothing() -> None:

@@ -72,6 +72,15 @@ def test_ending_a_screen_or_its_session_ends_it_for_good() -> None:
     assert screens.screen_of(other) is not None
 
 
+def test_a_screen_follows_the_session_to_the_other_hand() -> None:
+    screens = Invitations()
+    token = opened(screens)
+    screens.hand_over("one", "two")
+    screens.withdraw("one")
+    screen = screens.screen_of(token)
+    assert screen is not None and screen.station == "two"
+
+
 def test_a_session_has_a_few_screens_and_no_more() -> None:
     screens = Invitations()
     for _ in range(MOST_SCREENS):
