@@ -12,12 +12,15 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from handscope.estimators.data.findings import whole_streams
 from handscope.estimators.data.samples import ACC, GYR, Block
+from handscope.estimators.fault_detection.neighbours.window_kernels import (
+    evaluate_spline,
+    fill_windows,
+    spline_slopes,
+)
 from handscope.estimators.hand.anatomy import SEGMENTS
-from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.missing_samples import is_complete
 
@@ -181,10 +184,13 @@ def _splined(at: Array, values: Array, t: Array) -> tuple[Array, Array, NDArray[
         nothing = np.zeros((len(t), *values.shape[1:]))
         return nothing, nothing[..., :3], np.zeros(len(t), bool)
     inside = np.clip(t, at[0], at[-1])
-    spline = CubicSpline(at, values)
     after = np.clip(np.searchsorted(at, t), 1, len(at) - 1)
+    flat = np.ascontiguousarray(values.reshape(len(at), -1))
+    at = np.ascontiguousarray(at)
+    both, change = evaluate_spline(at, flat, spline_slopes(at, flat), inside, after)
     near = (at[after] - at[after - 1] < LONGEST_GAP) & (t >= at[0]) & (t <= at[-1])
-    return spline(inside), spline(inside, 1)[..., :3], near
+    shape = (len(t), *values.shape[1:])
+    return both.reshape(shape), change.reshape(shape)[..., :3], near
 
 
 def _resting_rates(gyr: Array, whole: NDArray[np.bool_]) -> Array:
@@ -206,37 +212,16 @@ def _resting_rates(gyr: Array, whole: NDArray[np.bool_]) -> Array:
 
 def cut(series: Series, sensors: Sequence[str], around: int = 0, later: int = 0) -> list[Windows]:
     """Cut sensors' series into windows, each as many averaged instants longer at either end, and as many samples later."""
-    m, columns = round(LENGTH * RATE), [series.sensors.index(s) for s in sensors]
-    first, more = series.chosen * m, around * AVERAGED
-    rows = first[:, None] + np.arange(-more, m + more) + later
-    inside = (rows >= 0) & (rows < len(series.t))
-    at = np.ix_(columns, np.clip(rows, 0, len(series.t) - 1).ravel())
-    gyr, change, acc = (
-        np.swapaxes(v, 0, 1)[at].reshape(len(columns), *rows.shape, 3)
-        for v in (series.gyr, series.change, series.acc)
-    )  # (S, K, m, 3)
-    there = series.whole.T[at].reshape(len(columns), *rows.shape) & inside
-    R = quat.matrix(_integrated(gyr))
-    tensor = quat.skew(change) + _outer(gyr) - (gyr**2).sum(axis=-1)[..., None, None] * np.eye(3)
-    force, arm = _averaged((R @ acc[..., None])[..., 0]), _averaged(R @ tensor)
-    t, rate = series.t[np.minimum(first, len(series.t) - 1)], _averaged(gyr)
-    middle, share = R[:, :, AVERAGED // 2 :: AVERAGED], _averaged(there.astype(float))
-    return [Windows(t, force[s], arm[s], middle[s], rate[s], share[s]) for s in range(len(columns))]
-
-
-def _outer(v: Array) -> Array:
-    return v[..., :, None] * v[..., None, :]
-
-
-def _integrated(gyr: Array) -> Array:
-    """Orientation (S, K, m, 4) of sensors in their frames at the first instant, rates (S, K, m, 3)."""
-    steps = np.moveaxis(quat.exp(0.5 * (gyr[..., 1:, :] + gyr[..., :-1, :]) / RATE), -2, 0)
-    q = np.tile(quat.IDENTITY, (steps.shape[0] + 1, *gyr.shape[:2], 1))
-    for k, step in enumerate(np.ascontiguousarray(steps)):
-        q[k + 1] = quat.multiply(q[k], step)
-    return np.moveaxis(q, 0, -2)
-
-
-def _averaged(values: Array) -> Array:
-    S, K, m = values.shape[:3]
-    return np.asarray(values.reshape(S, K, m // AVERAGED, AVERAGED, *values.shape[3:]).mean(axis=3))
+    columns = np.array([series.sensors.index(s) for s in sensors])
+    first = series.chosen * round(LENGTH * RATE)
+    shape = (len(columns), len(first), round(LENGTH * RATE) // AVERAGED + 2 * around)
+    force, rate, share = np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape)
+    arm, turned = np.zeros((*shape, 3, 3)), np.zeros((*shape, 3, 3))
+    readings = (
+        np.ascontiguousarray(v) for v in (series.gyr, series.change, series.acc, series.whole)
+    )
+    begin = first - around * AVERAGED + later
+    filled = force, arm, turned, rate, share
+    fill_windows(*readings, begin, columns, 1.0 / RATE, AVERAGED, *filled)
+    t = series.t[np.minimum(first, len(series.t) - 1)]
+    return [Windows(t, *(part[s] for part in filled)) for s in range(len(columns))]

@@ -7,11 +7,13 @@ Limits  a gap up to GAP is bridged by a straight line, a longer one leaves its c
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handscope.estimators.data.samples import ACC, GYR, Block
+from handscope.estimators.fault_detection.single_sensors.sample_kernels import integrals_at
 from handscope.estimators.numerics.typing import Array
 
 CELL = 0.02  # s: a hand turns by less than 0.4 rad meanwhile
@@ -19,6 +21,8 @@ BEYOND, OFTEN = (
     1.1,
     1e-3,
 )  # of full scale, share of readings: a full scale that readings pass is not theirs
+CHAIN, WINDOW, HOP = 250, 50, 25  # cells: 5 s in one frame, averaged over 1 s, every 0.5 s
+KNOTS = (CHAIN - WINDOW) // HOP + 1
 GAP = 0.065  # s bridged by a straight line: six samples at 100 Hz
 
 
@@ -32,12 +36,32 @@ class Cells:
     acc: Array  # (n, sensors, 3) m/s^2
     valid: NDArray[np.bool_]  # (n, sensors)
 
+    @cached_property
+    def unbroken(self) -> NDArray[np.bool_]:
+        """Which windows (G, S, KNOTS) belong to the longest run of their chain without missing cells."""
+        valid = self.valid[begins(len(self.valid))[:, None] + np.arange(CHAIN)]  # (G, CHAIN, S)
+        missing = np.concatenate(
+            [np.zeros_like(valid[:, :1], int), np.cumsum(~valid, axis=1)], axis=1
+        )
+        first = np.arange(KNOTS) * HOP
+        begin, end = missing[:, first], missing[:, first + WINDOW]
+        whole = begin == end
+        run = whole[:, :, None] & whole[:, None] & (begin[:, :, None] == begin[:, None])
+        best = np.argmax(run.sum(axis=1), axis=1)
+        return np.moveaxis(np.take_along_axis(run, best[:, None, None], axis=1)[:, 0], 1, 2)
+
     def of(self, columns: NDArray[np.intp]) -> "Cells":
         """Of some sensors only."""
         names = tuple(self.sensors[k] for k in columns)
         return Cells(
             names, self.start, self.gyr[:, columns], self.acc[:, columns], self.valid[:, columns]
         )
+
+
+def begins(n: int) -> NDArray[np.intp]:
+    """First cells (G,) of as many chains as n cells hold; a last one that lacks a tenth begins a little earlier."""
+    count = (n + CHAIN // 10) // CHAIN
+    return np.minimum(np.arange(count) * CHAIN, n - CHAIN) if n >= CHAIN else np.zeros(0, np.intp)
 
 
 def cells_of(blocks: Sequence[Block]) -> Cells:
@@ -105,13 +129,12 @@ def _at_limit(block: Block, quantity: str) -> NDArray[np.bool_]:
 def _cell_means(t: Array, values: Array, edges: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Means between edges of values (n, ...) joined by straight lines, and whether samples lie close enough."""
     steps = np.diff(t)
-    area = np.zeros_like(values)
-    np.cumsum(0.5 * (values[1:] + values[:-1]) * steps[:, None, None], axis=0, out=area[1:])
     before = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 2)
-    share = (edges - t[before]) / steps[before]
-    at_edges = area[before] + share[:, None, None] * (area[before + 1] - area[before])
+    flat = np.ascontiguousarray(values.reshape(len(t), -1))
+    at_edges = integrals_at(np.ascontiguousarray(t), flat, edges, before)
     bridged = np.cumsum(np.concatenate([[0], steps > max(GAP, 2.5 * float(np.median(steps)))]))
     inside = (edges >= t[0] - CELL) & (edges <= t[-1] + CELL)
     close = (steps[before] <= max(GAP, 2.5 * float(np.median(steps)))) & inside
     valid = close[1:] & close[:-1] & (bridged[before[1:]] == bridged[before[:-1]])
-    return np.diff(at_edges, axis=0) / np.diff(edges)[:, None, None], valid
+    means = np.diff(at_edges, axis=0) / np.diff(edges)[:, None]
+    return means.reshape(-1, *values.shape[1:]), valid

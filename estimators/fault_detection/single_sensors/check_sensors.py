@@ -17,7 +17,13 @@ from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.fault_detection.single_sensors.accelerometer_check import (
     accelerometer_sizes,
 )
-from handscope.estimators.fault_detection.single_sensors.cells import CELL, Cells, cells_of
+from handscope.estimators.fault_detection.single_sensors.cells import (
+    CELL,
+    CHAIN,
+    Cells,
+    begins,
+    cells_of,
+)
 from handscope.estimators.fault_detection.single_sensors.common_fault import (
     LEAST,
     CommonRate,
@@ -28,7 +34,6 @@ from handscope.estimators.fault_detection.single_sensors.frozen_rows import (
     backward_times,
     frozen_stretches,
 )
-from handscope.estimators.fault_detection.single_sensors.gravity_windows import CHAIN, begins
 from handscope.estimators.fault_detection.single_sensors.gyroscope_check import (
     Judged,
     Verdict,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.fault_detection.single_sensors.cells import Cells
+from handscope.estimators.fault_detection.single_sensors.cells import Cells, begins
 from handscope.estimators.fault_detection.single_sensors.gravity_fit import (
     fit,
     information_of,
@@ -18,7 +18,6 @@ from handscope.estimators.fault_detection.single_sensors.gravity_fit import (
 )
 from handscope.estimators.fault_detection.single_sensors.gravity_windows import (
     MATRIX,
-    begins,
     windows_of,
 )
 from handscope.estimators.fault_detection.single_sensors.gyroscope_check import (

@@ -12,10 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from handscope.estimators.fault_detection.single_sensors.cells import Cells
+from handscope.estimators.fault_detection.single_sensors.fit_kernels import fit_chains
 from handscope.estimators.fault_detection.single_sensors.gravity_windows import (
     MATRIX,
     PARAMETERS,
     Windows,
+    windows_of,
 )
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
@@ -132,29 +135,16 @@ def fit(information: Information, prior: Array = SAME) -> Fit:
     Fit
         Corrections in the order of gravity_windows.py.
     """
-    N, n, P = information.N, information.n, PARAMETERS
+    N, n = information.N, information.n
     prior = np.where(
         information.path.max(axis=0, initial=0.0)[:, None, None] * SAME_SD > STRAIGHT,
         _narrowed(prior, information),
         prior,
     )
-    precision = np.linalg.inv(prior)
-    x = np.zeros((n.shape[1], P))
-    for _ in range(ROUNDS):
-        weight = (FREEDOM + n) / _spread(information, x) * (n > 0)
-        H = np.einsum("gs,gspq->spq", weight, N)
-        x = -np.linalg.solve(H[:, :P, :P] + precision, H[:, :P, P:])[..., 0]
-    cov = np.linalg.inv(H[:, :P, :P] + precision)
-    likelihood = (
-        -0.5
-        * (FREEDOM + n)
-        * np.log(_spread(information, x) / ((FREEDOM + n) * FLOOR**2))
-        * (n > 0)
+    x, cov, spread, cost, share = fit_chains(
+        *(np.ascontiguousarray(a) for a in (N, n, information.floor)), prior, FREEDOM, ROUNDS
     )
-    cost = -0.5 * np.einsum("sp,spq,sq->s", x, precision, x) + 0.5 * (
-        np.linalg.slogdet(cov)[1] - np.linalg.slogdet(prior)[1]
-    )
-    share = np.einsum("gs,gspq,sqp->gs", weight, N[..., :9, :9], cov[:, :9, :9])
+    likelihood = -0.5 * (FREEDOM + n) * np.log(spread / ((FREEDOM + n) * FLOOR**2)) * (n > 0)
     repeats = 1.0 + REPEATED * share.sum(axis=0) ** 2 / np.maximum((share**2).sum(axis=0), 1e-12)
     return Fit(x, cov * repeats[:, None, None], likelihood, cost, repeats)
 
@@ -186,6 +176,14 @@ def likelihood_of(windows: Windows) -> Array:
     )
 
 
+def likelihoods_of(cells: Cells, matrices: Array) -> Array:
+    """That of all sensors (H, G, S) with each of several matrices (H, 3, 3)."""
+    H, S = len(matrices), len(cells.sensors)
+    M, columns = np.repeat(matrices, S, axis=0), np.tile(np.arange(S), H)
+    found = likelihood_of(windows_of(cells, M, False, columns=columns))
+    return np.moveaxis(found.reshape(-1, H, S), 1, 0)
+
+
 def _wrong_size(windows: Windows) -> Array:
     """Square (G, S) by which the chains' mean force differs from gravity's size: a frame that turns wrong averages it away."""
     count = np.maximum(windows.valid.sum(axis=-1), 1)[..., None]
@@ -198,10 +196,3 @@ def _wrong_size(windows: Windows) -> Array:
 def _expected(windows: Windows) -> Array:
     """Mean square (G, S) that a right matrix leaves without any acceleration."""
     return np.asarray(FLOOR**2 + (DRIFT * GRAVITY * np.minimum(windows.path, LONGEST)) ** 2)
-
-
-def _spread(information: Information, x: Array) -> Array:
-    """Sums of squares (G, S) of the residuals, with the floor's."""
-    z = np.concatenate([x, np.ones((len(x), 1))], axis=1)
-    squares = np.einsum("sp,gsp->gs", z, np.einsum("gspq,sq->gsp", information.N, z))
-    return np.asarray(np.maximum(squares, 0.0) + information.floor)

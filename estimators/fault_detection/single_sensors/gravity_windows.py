@@ -13,14 +13,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators.fault_detection.single_sensors.cells import CELL, Cells
+from handscope.estimators.fault_detection.single_sensors.cells import (
+    CELL,
+    HOP,
+    KNOTS,
+    WINDOW,
+    Cells,
+    begins,
+)
 from handscope.estimators.numerics.jit import loops
 from handscope.estimators.numerics.typing import Array
 
-CHAIN, WINDOW, HOP = 250, 50, 25  # cells: 5 s in one frame, averaged over 1 s, every 0.5 s
-KNOTS = (CHAIN - WINDOW) // HOP + 1
 MATRIX, GYR_BIAS, ACC_BIAS, ARM, DELAY = slice(0, 9), slice(9, 12), slice(12, 15), slice(15, 18), 18
 PARAMETERS = 19
+SERIES = 0.1  # rad^2, of half a cell's turn: below it four terms are exact to 1e-12
 PHASE = 2 * np.pi * (np.arange(WINDOW) + 0.5) / WINDOW
 WEIGHT = (1 - np.cos(PHASE)) / WINDOW
 SECOND = (
@@ -39,7 +45,13 @@ class Windows:
     valid: NDArray[np.bool_]  # (G, S, K)
 
 
-def windows_of(cells: Cells, M: Array, with_slope: bool = True) -> Windows:
+def windows_of(
+    cells: Cells,
+    M: Array,
+    with_slope: bool = True,
+    chains: slice = slice(None),
+    columns: NDArray[np.intp] | None = None,
+) -> Windows:
     """Average the specific force over windows in the frame that a gyroscope read as M y carries along.
 
     Parameters
@@ -50,34 +62,89 @@ def windows_of(cells: Cells, M: Array, with_slope: bool = True) -> Windows:
         (S, 3, 3) or (3, 3), takes readings to rates about the accelerometer's axes.
     with_slope : bool
         Whether the derivatives are computed.
-
-    Returns
-    -------
-    Windows
-        Of as many chains as the cells hold.
+    chains : slice
+        Of the chains that the cells hold those that are wanted.
+    columns : Array, optional
+        (S,) sensors whose readings are taken, where one is wanted with several matrices; else each once.
     """
-    first, S = begins(len(cells.valid)), cells.valid.shape[1]
+    columns = np.arange(cells.valid.shape[1]) if columns is None else columns
+    first, S = begins(len(cells.valid))[chains], len(columns)
     force = np.zeros((len(first), S, KNOTS, 3))
     slope = np.zeros((len(first), S, KNOTS, 3, PARAMETERS if with_slope else 0))
     path = np.zeros(force.shape[:2])
     M = np.ascontiguousarray(np.broadcast_to(M, (S, 3, 3)), dtype=float)
-    _average(cells.gyr, cells.acc, M, first, WEIGHT, SECOND, CELL, HOP, force, slope, path)
+    readings = cells.gyr, cells.acc, columns
+    if with_slope:
+        _average(*readings, M, first, WEIGHT, SECOND, CELL, HOP, force, slope, path)
+    else:
+        _average_force(*readings, M, first, WEIGHT, CELL, HOP, force, path)
     t = np.asarray(
         cells.start + CELL * (first[:, None] + HOP * np.arange(KNOTS) + 0.5 * WINDOW), float
     )
-    return Windows(t, force, slope, path, _unbroken(cells.valid[first[:, None] + np.arange(CHAIN)]))
+    return Windows(t, force, slope, path, cells.unbroken[chains][:, columns])
 
 
-def begins(n: int) -> NDArray[np.intp]:
-    """First cells (G,) of as many chains as n cells hold; a last one that lacks a tenth begins a little earlier."""
-    count = (n + CHAIN // 10) // CHAIN
-    return np.minimum(np.arange(count) * CHAIN, n - CHAIN) if n >= CHAIN else np.zeros(0, np.intp)
+@loops
+def _average_force(
+    gyr: Array,
+    acc: Array,
+    columns: NDArray[np.intp],
+    M: Array,
+    first: NDArray[np.intp],
+    weight: Array,
+    dt: float,
+    hop: int,
+    force: Array,
+    path: Array,
+) -> None:
+    """Fill force alone, the frame as a quaternion: faults are first compared without slopes."""
+    G, S, K = force.shape[:3]
+    length = len(weight)
+    for g in range(G):
+        for s in range(S):
+            w, x, y, z = 1.0, 0.0, 0.0, 0.0
+            for b in range((K - 1) * hop + length):
+                row, c = first[g] + b, columns[s]
+                g0, g1, g2 = gyr[row, c, 0], gyr[row, c, 1], gyr[row, c, 2]
+                a0, a1, a2 = acc[row, c, 0], acc[row, c, 1], acc[row, c, 2]
+                path[g, s] += dt * math.sqrt(g0 * g0 + g1 * g1 + g2 * g2)
+                e0 = 0.25 * dt * (M[s, 0, 0] * g0 + M[s, 0, 1] * g1 + M[s, 0, 2] * g2)
+                e1 = 0.25 * dt * (M[s, 1, 0] * g0 + M[s, 1, 1] * g1 + M[s, 1, 2] * g2)
+                e2 = 0.25 * dt * (M[s, 2, 0] * g0 + M[s, 2, 1] * g1 + M[s, 2, 2] * g2)
+                size = e0 * e0 + e1 * e1 + e2 * e2  # of half the turn, as quaternions have it
+                if size < SERIES:
+                    sine = 1 - size / 6 * (1 - size / 20 * (1 - size / 42 * (1 - size / 72)))
+                    cosine = 1 - size / 2 * (
+                        1 - size / 12 * (1 - size / 30 * (1 - size / 56 * (1 - size / 90)))
+                    )
+                else:
+                    angle = math.sqrt(size)
+                    sine, cosine = math.sin(angle) / angle, math.cos(angle)
+                e0, e1, e2 = sine * e0, sine * e1, sine * e2
+                p = w * cosine - x * e0 - y * e1 - z * e2  # in the middle of the cell
+                q = w * e0 + x * cosine + y * e2 - z * e1
+                r = w * e1 - x * e2 + y * cosine + z * e0
+                t = w * e2 + x * e1 - y * e0 + z * cosine
+                c0, c1, c2 = 2 * (r * a2 - t * a1), 2 * (t * a0 - q * a2), 2 * (q * a1 - r * a0)
+                u0 = a0 + p * c0 + r * c2 - t * c1
+                u1 = a1 + p * c1 + t * c0 - q * c2
+                u2 = a2 + p * c2 + q * c1 - r * c0
+                w = p * cosine - q * e0 - r * e1 - t * e2
+                x = p * e0 + q * cosine + r * e2 - t * e1
+                y = p * e1 - q * e2 + r * cosine + t * e0
+                z = p * e2 + q * e1 - r * e0 + t * cosine
+                for k in range(max(0, (b - length + hop) // hop), min(K - 1, b // hop) + 1):
+                    share = weight[b - k * hop]
+                    force[g, s, k, 0] += share * u0
+                    force[g, s, k, 1] += share * u1
+                    force[g, s, k, 2] += share * u2
 
 
 @loops
 def _average(
     gyr: Array,
     acc: Array,
+    columns: NDArray[np.intp],
     M: Array,
     first: NDArray[np.intp],
     weight: Array,
@@ -90,7 +157,7 @@ def _average(
 ) -> None:
     """Fill force and slope: a wrong rate dw turns all that follows by the integral of R dw."""
     G, S, K = force.shape[:3]
-    with_slope, length = slope.shape[4] > 0, len(weight)
+    length = len(weight)
     R, E, mid, after = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     turned, here, u = np.empty((3, 13)), np.empty((3, 13)), np.empty(3)
     for g in range(G):
@@ -99,15 +166,18 @@ def _average(
             R[0, 0] = R[1, 1] = R[2, 2] = 1.0
             turned[:] = 0.0
             for b in range((K - 1) * hop + length):
-                y, a = gyr[first[g] + b, s], acc[first[g] + b, s]
+                y, a = gyr[first[g] + b, columns[s]], acc[first[g] + b, columns[s]]
                 x0 = 0.5 * dt * (M[s, 0, 0] * y[0] + M[s, 0, 1] * y[1] + M[s, 0, 2] * y[2])
                 x1 = 0.5 * dt * (M[s, 1, 0] * y[0] + M[s, 1, 1] * y[1] + M[s, 1, 2] * y[2])
                 x2 = 0.5 * dt * (M[s, 2, 0] * y[0] + M[s, 2, 1] * y[1] + M[s, 2, 2] * y[2])
                 size = x0 * x0 + x1 * x1 + x2 * x2
-                angle = math.sqrt(size)
                 path[g, s] += dt * math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
-                sine = math.sin(angle) / angle if angle > 1e-6 else 1.0
-                versed = (1.0 - math.cos(angle)) / size if angle > 1e-6 else 0.5
+                if size < SERIES:
+                    sine = 1 - size / 6 * (1 - size / 20 * (1 - size / 42 * (1 - size / 72)))
+                    versed = 0.5 - size / 24 * (1 - size / 30 * (1 - size / 56 * (1 - size / 90)))
+                else:
+                    angle = math.sqrt(size)
+                    sine, versed = math.sin(angle) / angle, (1.0 - math.cos(angle)) / size
                 E[0, 0], E[1, 1], E[2, 2] = (
                     1 - versed * (x1 * x1 + x2 * x2),
                     1 - versed * (x0 * x0 + x2 * x2),
@@ -126,42 +196,29 @@ def _average(
                             mid[i, 0] * E[0, j] + mid[i, 1] * E[1, j] + mid[i, 2] * E[2, j]
                         )
                 R[:] = after
-                if with_slope:
-                    for i in range(3):
-                        here[i, 12] = mid[i, 0] * y[0] + mid[i, 1] * y[1] + mid[i, 2] * y[2]
-                        for j in range(3):
-                            step = 0.5 * dt * mid[i, j]
-                            turned[i, 9 + j] += step
-                            here[i, 9 + j] = turned[i, 9 + j]
-                            turned[i, 9 + j] += step
-                            for k in range(3):
-                                turned[i, 3 * j + k] += step * y[k]
-                                here[i, 3 * j + k] = turned[i, 3 * j + k]
-                                turned[i, 3 * j + k] += step * y[k]
+                for i in range(3):
+                    here[i, 12] = mid[i, 0] * y[0] + mid[i, 1] * y[1] + mid[i, 2] * y[2]
+                    for j in range(3):
+                        step = 0.5 * dt * mid[i, j]
+                        turned[i, 9 + j] += step
+                        here[i, 9 + j] = turned[i, 9 + j]
+                        turned[i, 9 + j] += step
+                        for k in range(3):
+                            turned[i, 3 * j + k] += step * y[k]
+                            here[i, 3 * j + k] = turned[i, 3 * j + k]
+                            turned[i, 3 * j + k] += step * y[k]
                 for k in range(max(0, (b - length + hop) // hop), min(K - 1, b // hop) + 1):
                     w, w2 = weight[b - k * hop], second[b - k * hop]
                     into = force[g, s, k]
                     for i in range(3):
                         into[i] += w * u[i]
-                    if with_slope:
-                        by = slope[g, s, k]
-                        for p in range(13):
-                            c = p if p < 12 else 18
-                            by[0, c] += w * (here[1, p] * u[2] - here[2, p] * u[1])
-                            by[1, c] += w * (here[2, p] * u[0] - here[0, p] * u[2])
-                            by[2, c] += w * (here[0, p] * u[1] - here[1, p] * u[0])
-                        for i in range(3):
-                            for j in range(3):
-                                by[i, 12 + j] -= w * mid[i, j]
-                                by[i, 15 + j] -= w2 * mid[i, j]
-
-
-def _unbroken(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which windows (G, S, K) belong to the longest run of a chain without missing cells (G, B, S)."""
-    missing = np.concatenate([np.zeros_like(valid[:, :1], int), np.cumsum(~valid, axis=1)], axis=1)
-    first = np.arange(KNOTS) * HOP
-    begin, end = missing[:, first], missing[:, first + WINDOW]
-    whole = begin == end
-    run = whole[:, :, None] & whole[:, None] & (begin[:, :, None] == begin[:, None])
-    best = np.argmax(run.sum(axis=1), axis=1)
-    return np.moveaxis(np.take_along_axis(run, best[:, None, None], axis=1)[:, 0], 1, 2)
+                    by = slope[g, s, k]
+                    for p in range(13):
+                        c = p if p < 12 else 18
+                        by[0, c] += w * (here[1, p] * u[2] - here[2, p] * u[1])
+                        by[1, c] += w * (here[2, p] * u[0] - here[0, p] * u[2])
+                        by[2, c] += w * (here[0, p] * u[1] - here[1, p] * u[0])
+                    for i in range(3):
+                        for j in range(3):
+                            by[i, 12 + j] -= w * mid[i, j]
+                            by[i, 15 + j] -= w2 * mid[i, j]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators.fault_detection.single_sensors.cells import Cells
+from handscope.estimators.fault_detection.single_sensors.cells import Cells, begins
 from handscope.estimators.fault_detection.single_sensors.gravity_fit import (
     REPEATED,
     Fit,
@@ -20,11 +20,11 @@ from handscope.estimators.fault_detection.single_sensors.gravity_fit import (
     fit,
     information_of,
     likelihood_of,
+    likelihoods_of,
     priors,
 )
 from handscope.estimators.fault_detection.single_sensors.gravity_windows import (
     DELAY,
-    begins,
     windows_of,
 )
 from handscope.estimators.fault_detection.single_sensors.gyroscope_faults import (
@@ -39,6 +39,7 @@ CANDIDATES = 4  # faults looked at closely, of the whole and of a stretch
 MOVED = 4.0  # log-likelihood that a chain has to lose for its gyroscope to be doubted
 SUSPECT = 3.0  # log-likelihood that using the gyroscope has to gain in such a chain
 USEFUL = 0.12  # share of what is lost without the gyroscope, that using it has to gain
+HOPEFUL = 3.0  # log-likelihood that a fault has to gain at least to be looked at closely: what is told gains four times as much
 LOST = 6.0  # log-likelihood, repetitions allowed for, that is lost in such chains
 GAINED = 3.0  # log-likelihood that free corrections gain by chance
 STARTS = (1.0, 0.25, 0.35, 0.5, 0.7, 1.4, 2.0, 2.8, 4.0)  # gains from which the best is looked for
@@ -108,16 +109,17 @@ def judge(cells: Cells, free: bool = True) -> list[Judged]:
     right = information_of(windows_of(cells, IDENTITY))
     without = likelihood_of(windows_of(cells, 0 * IDENTITY, False))
     as_it_is = fit(right).likelihood
-    closer = np.flatnonzero(_suspect(right, as_it_is, without))
+    odd, useless = _odd(right), _useless(as_it_is, without)
+    closer = np.flatnonzero(odd | useless)
     found = [Judged((), float(useful)) for useful in (as_it_is - without).sum(axis=0)]
     if len(closer):
         part = cells.of(closer)
-        quick = np.array(
-            [likelihood_of(windows_of(part, f.matrix, False)) for f in discrete_faults()]
-        )
+        quick = likelihoods_of(part, np.array([f.matrix for f in discrete_faults()]))
         common = np.argsort(-quick.sum(axis=(1, 2)))[:2]
-        gains = np.array([likelihood_of(windows_of(part, g * IDENTITY, False)) for g in STARTS])
+        gains = likelihoods_of(part, np.array([g * IDENTITY for g in STARTS]))
         for k, sensor in enumerate(closer):
+            if not odd[sensor] and _most_gained(quick[:, :, k], gains[:, :, k]) < HOPEFUL:
+                continue
             own, one = part.of(np.array([k])), right.part(slice(None), np.array([sensor]))
             all_of = list(_discrete(own, one, quick[:, :, k], common))
             all_of += _continuous(own, one, gains[:, :, k]) if free else ()
@@ -136,16 +138,27 @@ def stretches(chains: int) -> list[slice]:
     return [slice(a, b) for a, b in sorted(cuts) if b - a >= 2 or (a, b) == (0, chains)]
 
 
-def _suspect(right: Information, as_it_is: Array, without: Array) -> NDArray[np.bool_]:
-    """Sensors (S,) that a closer look may find at fault, of the likelihoods of their chains (G, S) with and without the gyroscope."""
-    bad = (as_it_is - without < np.maximum(SUSPECT, -USEFUL * without)) & (as_it_is < -MOVED)
-    suspect = -(as_it_is * bad).sum(axis=0) / (1.0 + REPEATED * bad.sum(axis=0)) > LOST
+def _odd(right: Information) -> NDArray[np.bool_]:
+    """Sensors (S,) whose readings small free corrections of the matrix, or a delay, explain better."""
+    odd = np.zeros(right.n.shape[1], bool)
     for stretch in stretches(len(right.n)):
         part = right.part(stretch)
         free, same = fit(part, priors(ANYHOW, delay=True)), fit(part)
         gained = (free.likelihood - same.likelihood).sum(axis=0)
-        suspect |= np.maximum(gained - GAINED, free.evidence - same.evidence) > free.repeats
-    return np.asarray(suspect)
+        most = np.maximum(gained - GAINED, free.evidence - same.evidence)
+        odd |= most > HOPEFUL * free.repeats
+    return odd
+
+
+def _useless(as_it_is: Array, without: Array) -> NDArray[np.bool_]:
+    """Sensors (S,) whose gyroscope explains little, of the likelihoods of their chains (G, S) with and without it: a large fault, or a hand that accelerates hard."""
+    bad = (as_it_is - without < np.maximum(SUSPECT, -USEFUL * without)) & (as_it_is < -MOVED)
+    return np.asarray(-(as_it_is * bad).sum(axis=0) / (1.0 + REPEATED * bad.sum(axis=0)) > LOST)
+
+
+def _most_gained(quick: Array, gains: Array) -> float:
+    """Log-likelihood that any sign, order, unit or gain gains in any stretch of chains (H, G); the readings as they are come first."""
+    return max(best_stretch(each - quick[0])[0] for each in (*quick[1:], *gains[1:]))
 
 
 def _discrete(
@@ -163,35 +176,37 @@ def _discrete(
         wrong = information_of(windows_of(own, faults[k].matrix))
         _, first, last = best_stretch((fit(wrong).likelihood - fit(right).likelihood)[:, 0])
         if last > first:
-            yield _against(faults[k], wrong, right, slice(first, last))
+            stretch = slice(first, last)
+            yield _against(faults[k], wrong.part(stretch), right, stretch)
 
 
 def _continuous(own: Cells, right: Information, gains: Array) -> Iterator[Verdict]:
     """Gains, cross-axis shares and delays, of one sensor, in every stretch; `gains` (starts, G) are likelihoods of the gains of STARTS."""
     for stretch in stretches(len(right.n)):
-        none, begin = (
-            fit(right.part(stretch)).evidence[0],
+        as_it_is, begin = (
+            right.part(stretch),
             STARTS[int(np.argmax(gains[:, stretch].sum(axis=1)))],
         )
+        none = fit(as_it_is).evidence[0]
         for code, values, prior in FAMILIES:
-            free = fit(right.part(stretch), prior)
+            free = fit(as_it_is, prior)
             far = code == "gyroscope_gain" and begin != 1.0
             if free.evidence[0] <= none and not far:
                 continue
             if code == "gyroscope_delay":
                 late = _against(
                     Fault(code, (("delay", float(free.x[0, DELAY])),), IDENTITY),
-                    right,
+                    as_it_is,
                     right,
                     stretch,
                     free,
                 )
                 yield replace(late, evidence=float((free.evidence[0] - none) / free.repeats[0]))
                 continue
-            M, information = begin * IDENTITY if far else IDENTITY + free.matrix[0], right
+            M, information = begin * IDENTITY if far else IDENTITY + free.matrix[0], as_it_is
             for _ in range(ROUNDS):
-                information = information_of(windows_of(own, M))
-                step = fit(information.part(stretch), prior).matrix[0]
+                information = information_of(windows_of(own, M, chains=stretch))
+                step = fit(information, prior).matrix[0]
                 if np.abs(step).max() < SMALL:
                     break
                 M = M + step
@@ -227,8 +242,8 @@ def _corrected(code: str, values: tuple[tuple[str, float | str], ...], M: Array)
 def _against(
     fault: Fault, wrong: Information, right: Information, stretch: slice, free: Fit | None = None
 ) -> Verdict:
-    """How much better a fault explains a stretch than none; `free` is what its corrections cost."""
-    a, b, G = fit(wrong.part(stretch)), fit(right.part(stretch)), len(right.n)
+    """How much better a fault explains a stretch than none, `wrong` of the stretch alone; `free` is what its corrections cost."""
+    a, b, G = fit(wrong), fit(right.part(stretch)), len(right.n)
     cost = a.cost if free is None else free.cost
     evidence = float(
         (a.likelihood.sum(axis=0) + cost - b.evidence)[0] / max(a.repeats[0], b.repeats[0])

@@ -14,12 +14,18 @@ from numpy.typing import NDArray
 
 from handscope.estimators.data.samples import ACC, GYR, Block
 from handscope.estimators.fault_detection.finding import Message, Suspicion
+from handscope.estimators.fault_detection.single_sensors.sample_kernels import (
+    AROUND,
+    ROWS,
+    add_log_ratio,
+    squared_steps,
+)
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 SENSORS = 3  # at least
-AROUND, FURTHEST = (-12, -8, -5, 5, 8, 12), 12  # rows from a jump whose steps it is measured by
+FURTHEST = max(AROUND)  # rows from a jump whose steps it is measured by
 NEAR = 0.25  # s between peaks that are told apart
 LEAVE, TAIL = 4, 30  # largest peaks that may be losses, and peaks that tell the tail
 BESIDE = 0.4  # s before and behind a jump in which gravity is averaged
@@ -89,33 +95,14 @@ def losses_of(block: Block) -> list[Loss]:
 def _jumps(block: Block) -> Array:
     """How far beyond its usual steps the median sensor steps behind each row (n,), logarithm; -inf where rows are missing anyhow."""
     out, dt = np.full(len(block.t), -np.inf), np.diff(block.t)
-    total = np.zeros((len(block.t) - 5, len(block.stream.sensors)))
+    total = np.zeros((len(block.t) - ROWS + 1, len(block.stream.sensors)))
     for quantity in (GYR, ACC):
-        y = block.of(quantity)
-        before, behind = _middle(y[:-5], y[1:-4], y[2:-3]), _middle(y[3:-2], y[4:-1], y[5:])
-        slope = (y[2:-3] - y[:-5] + y[5:] - y[3:-2]) / 4
-        step = ((behind - before - 3 * slope) ** 2).sum(axis=-1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            total += np.log(step / _usual(step))
+        add_log_ratio(squared_steps(np.ascontiguousarray(block.of(quantity))), total)
     total = np.where(np.isfinite(total), total, -np.inf)
     jump = np.sort(total, axis=1)[:, (total.shape[1] - 1) // 2]
     regular = np.lib.stride_tricks.sliding_window_view(dt, 5).max(axis=1) < 1.5 * np.median(dt)
     out[2:-3] = np.where(regular, jump, -np.inf)
     return out
-
-
-def _middle(a: Array, b: Array, c: Array) -> Array:
-    """The middle one of three."""
-    return np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
-
-
-def _usual(step: Array) -> Array:
-    """Mean of the middle two of six steps (n, S) around each, its own neighbourhood left out; what is missing is left out, too."""
-    padded = np.pad(
-        np.where(np.isfinite(step), step, np.inf), ((FURTHEST, FURTHEST), (0, 0)), mode="reflect"
-    )
-    around = np.sort([padded[FURTHEST + k : FURTHEST + k + len(step)] for k in AROUND], axis=0)
-    return np.asarray(0.5 * (around[2] + around[3])) + 1e-12
 
 
 def _peaks(jump: Array, spacing: int) -> NDArray[np.intp]:

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
-from handscope.estimators.fault_detection.single_sensors.cells import Cells, cells_of
+from handscope.estimators.fault_detection.single_sensors.cells import CHAIN, Cells, cells_of
 from handscope.estimators.fault_detection.single_sensors.gravity_fit import (
     fit,
     information_of,
@@ -12,7 +12,6 @@ from handscope.estimators.fault_detection.single_sensors.gravity_fit import (
 )
 from handscope.estimators.fault_detection.single_sensors.gravity_windows import (
     ARM,
-    CHAIN,
     DELAY,
     MATRIX,
     windows_of,
