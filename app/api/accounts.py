@@ -22,7 +22,7 @@ from handscope.sessions.clinic import accounts, audit, second_factors
 from handscope.sessions.clinic.accounts import LOCAL
 from handscope.sessions.db.tables import HOUSE, Account, AuditLine
 from handscope.sessions.store import logins
-from handscope.sessions.wards import wards
+from handscope.sessions.wards import account_changes, wards
 
 UNGUARDED = "the triggers that refuse changes of the trail are gone"
 router = APIRouter(tags=["accounts"], dependencies=[requires_role(ADMINISTRATOR)])
@@ -41,8 +41,11 @@ class NewAccount(Incoming):
 
 
 class AccountChange(Incoming):
-    """What an administrator may change of an account."""
+    """What an administrator may change of an account; `version` is that which was read."""
 
+    version: int = Field(
+        description="the version that was seen; somebody else's change meanwhile is refused"
+    )
     roles: list[str] | None = Field(None, max_length=len(accounts.ROLES))
     disabled: bool | None = None
     wards: list[int] | None = Field(None, max_length=MOST_WARDS, description=WARDS)
@@ -84,7 +87,7 @@ def add_account(db: Db, parts: PartsDep, who: RequesterDep, new: NewAccount) -> 
 
 @router.patch("/accounts/{account_id}", responses=answers(AccountRow))
 def change_account(db: Db, who: RequesterDep, account_id: int, change: AccountChange) -> Any:
-    """Other roles or wards, in or out of use; nobody locks himself out."""
+    """Other roles or wards, in or out of use; nobody locks himself out, and nobody overwrites another's change unseen (409)."""
     require_house(who)
     account = accounts.get(db, account_id)
     if account.id == who.account and (
@@ -93,14 +96,8 @@ def change_account(db: Db, who: RequesterDep, account_id: int, change: AccountCh
         or (change.wards is not None and HOUSE not in change.wards)
     ):
         raise InputError("api.own_account")
-    if change.wards is not None or change.heads is not None:
-        wards.assign(
-            db,
-            account,
-            wards.wards_of(account) if change.wards is None else change.wards,
-            wards.headed_by(account) if change.heads is None else change.heads,
-        )
-    accounts.change(db, account, change.roles, change.disabled)
+    facts = account_changes.AccountChange(**change.model_dump(exclude={"version"}))
+    account_changes.change(db, account, change.version, facts)
     if account.disabled:
         logins.end_all(db, account)
     return account_row(account)
@@ -196,6 +193,7 @@ def account_row(a: Account) -> AccountRow:
         "wards": [{"ward": m.ward_id, "name": m.ward.name, "head": m.head} for m in a.memberships],
         "proof": kind,
         "local": a.name == LOCAL,
+        "version": a.version,
     }
 
 

@@ -34,6 +34,7 @@ class AccountRow(TypedDict):
     wards: list[MembershipRow]
     proof: str  # code, single, password, none
     local: bool
+    version: int
     second: NotRequired[bool]  # it has a second factor
     code: NotRequired[str]  # of a new account
     lacks_second_factor: NotRequired[bool]  # the own account, where one is required

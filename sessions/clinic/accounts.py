@@ -96,7 +96,8 @@ def get_or_add_subject(db: Session, subject: str, name: str, roles: Sequence[str
         db.add(found)
     if found.disabled:
         raise InputError("clinic.account_disabled", name=found.name)
-    found.roles = _checked_roles(roles)
+    if set_facts(found, roles):
+        count_change(found)
     try:
         db.commit()
     except (
@@ -110,12 +111,27 @@ def get_or_add_subject(db: Session, subject: str, name: str, roles: Sequence[str
 def change(
     db: Session, account: Account, roles: Sequence[str] | None = None, disabled: bool | None = None
 ) -> None:
-    """Other roles, or in and out of use; they count from the next request on."""
+    """Other roles, or in and out of use, whoever changed it meanwhile; they count from the next request on."""
+    if set_facts(account, roles, disabled):
+        count_change(account)
+    db.commit()
+
+
+def set_facts(
+    account: Account, roles: Sequence[str] | None = None, disabled: bool | None = None
+) -> bool:
+    """The same without a commit and without a new version; whether something differs now."""
+    before = account.roles, account.disabled
     if roles is not None:
         account.roles = _checked_roles(roles)
     if disabled is not None:
         account.disabled = disabled
-    db.commit()
+    return before != (account.roles, account.disabled)
+
+
+def count_change(account: Account) -> None:
+    """Another version of what administrators change, from the next flush on."""
+    account.version = Account.version + 1
 
 
 def set_password(db: Session, account: Account, password: str) -> None:

@@ -76,6 +76,7 @@ BY_ITSELF: Mapping[
     RecordingFile: frozenset({"sha256", "bytes", "summary"}),
     Result: frozenset(column.key for column in Result.__table__.columns),
     SecondFactor: frozenset({"counter", "used"}),
+    Account: frozenset({"version"}),
 }
 
 

@@ -476,6 +476,9 @@ class Account(Base):
     )  # issuer and subject, of an account of single sign-on
     disabled: Mapped[bool] = mapped_column(default=False)
     created: Mapped[datetime] = mapped_column(default=now)
+    version: Mapped[int] = mapped_column(
+        default=1, server_default="1"
+    )  # counts what administrators changed: roles, wards, in and out of use
 
     logins: Mapped[list["Login"]] = relationship(
         back_populates="account", cascade="all, delete-orphan"

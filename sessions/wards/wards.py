@@ -75,6 +75,13 @@ def assign(
     db: Session, account: Account, wards: Collection[int], heads: Collection[int] = ()
 ) -> None:
     """Let an account belong to these wards and no others, and head some of them; it counts from the next request on."""
+    place(db, account, wards, heads)
+    accounts.count_change(account)
+    db.commit()
+
+
+def place(db: Session, account: Account, wards: Collection[int], heads: Collection[int]) -> None:
+    """The same without a commit, for a change of the account's version that was seen (account_changes.py)."""
     if account.name == LOCAL and HOUSE not in wards:
         raise InputError("wards.local_account")
     for ward_id in {*wards, *heads}:
@@ -85,7 +92,6 @@ def assign(
     numbers = [m.ward_id for m in account.memberships]
     counts = {"fields": ["wards"], "wards": numbers, "heads": sorted(heads)}
     audit.record(db, audit.AuditEvent("changed", "account", str(account.id), counts=counts))
-    db.commit()
 
 
 def wards_of(account: Account) -> frozenset[int]:

@@ -46,8 +46,8 @@ export function mount(root, api) {
     const act = (word, work) => h("button", { onclick: (event) => once(event.target, box, work) }, t(word));
     const code = act("accounts.code", async () => handOver(account.name, (await api.post(`/api/accounts/${account.id}/code`)).code));
     const use = act(account.disabled ? "accounts.enable" : "accounts.disable", async () => {
-      await api.patch(`/api/accounts/${account.id}`, { disabled: !account.disabled });
-      await draw();
+      const wish = { version: account.version, disabled: !account.disabled };
+      await api.patch(`/api/accounts/${account.id}`, wish).finally(draw); // refused: what another administrator made of it
     });
     const reset = act("accounts.reset", async () => {
       await api.remove(`/api/accounts/${account.id}/second-factors`);

@@ -19,7 +19,8 @@ export function wardBoxes(legend, wards, ticked) {
  */
 export function memberships(api, account, wards, changed) {
   const of = (number) => wards.find((ward) => ward.id === number)?.name;
-  const own = account.wards.map((m) => (m.head ? t("ward.headed", { ward: of(m.ward) }) : of(m.ward)));
+  const named = (m) => (m.head ? t("ward.headed", { ward: of(m.ward) ?? m.name }) : (of(m.ward) ?? m.name));
+  const names = (row) => row.wards.map(named).join(", ") || t("ward.none");
   const box = errorBox();
   const numbers = (of) => of.map((m) => m.ward);
   const parts = wards.filter((ward) => !ward.house);
@@ -33,9 +34,30 @@ export function memberships(api, account, wards, changed) {
     box.element,
     h("button", { class: "primary", type: "submit" }, t("save")),
   );
-  onSubmit(form, box, async () => {
-    await api.patch(`/api/accounts/${account.id}`, { wards: belongs.numbers(), heads: heads.numbers() });
+  let seen = account;
+  onSubmit(form, box, () => save());
+
+  /** Where another administrator was faster with something else, both changes are kept; with the wards, the person compares. */
+  async function save() {
+    const wish = { version: seen.version, wards: belongs.numbers(), heads: heads.numbers() };
+    try {
+      await api.patch(`/api/accounts/${account.id}`, wish);
+    } catch (error) {
+      const stored = error.status === 409 && (await newest());
+      if (!stored) throw error;
+      const before = names(seen);
+      seen = stored;
+      if (names(stored) === before) return save();
+      box.show(error, h("p", {}, t("ward.stored_now", { wards: names(stored) })));
+      return;
+    }
     await changed();
-  });
-  return h("details", {}, h("summary", {}, own.join(", ") || t("ward.none")), form);
+  }
+
+  async function newest() {
+    const all = await api.get("/api/accounts").catch(() => []);
+    return all.find((other) => other.id === account.id);
+  }
+
+  return h("details", {}, h("summary", {}, names(account)), form);
 }

@@ -1,7 +1,8 @@
 /** Values of the HTTP API, written by `make types` from its OpenAPI description. */
 
-/** What an administrator may change of an account. */
+/** What an administrator may change of an account; `version` is that which was read. */
 export interface AccountChange {
+  version: number;
   roles?: string[] | null;
   disabled?: boolean | null;
   wards?: number[] | null;
@@ -18,6 +19,7 @@ export interface AccountRow {
   wards: MembershipRow[];
   proof: string;
   local: boolean;
+  version: number;
   second?: boolean;
   code?: string;
   lacks_second_factor?: boolean;

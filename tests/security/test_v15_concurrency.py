@@ -1,4 +1,4 @@
-"""ASVS 5, 15.4.2: two therapists on one patient at once, in two browsers: nothing that either of them wrote is lost unseen."""
+"""ASVS 5, 15.4.2: two therapists on one patient, two administrators on one account, at once: nothing that either of them wrote is lost unseen."""
 
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -72,3 +72,33 @@ def test_a_refusal_says_what_happened_and_the_other_change_is_merged_on_what_is_
 def test_a_code_that_two_make_at_once_is_one_patients(editors: list[Victim]) -> None:
     answers = at_once(editors, "POST", "/api/patients", [{"pseudonym": "P-504"}] * EDITS)
     assert sorted(answers) == [201] + [422] * (EDITS - 1)
+
+
+def test_of_many_changes_to_an_account_one_is_stored_and_the_others_are_refused(
+    victim: Victim,
+) -> None:
+    made = victim.call("POST", "/api/accounts", {"name": "carla", "roles": ["clinician"]})
+    path, seen = f"/api/accounts/{made['id']}", {"version": made["version"]}
+    wishes: list[dict[str, Any]] = [
+        {"roles": ["scientist"]},
+        {"disabled": True},
+        {"roles": ["clinician", "scientist"]},
+        {"wards": []},
+    ]
+    answers = at_once([victim], "PATCH", path, [{**seen, **wish} for wish in wishes])
+    assert sorted(answers) == [200] + [409] * 3
+    stored = next(a for a in victim.call("GET", "/api/accounts") if a["name"] == "carla")
+    done = wishes[answers.index(200)]
+    before = {name: made[name] for name in ("roles", "disabled", "wards")}
+    assert {name: stored[name] for name in before} == {**before, **done}
+    late, words = answer_of(victim, "PATCH", path, {**seen, "disabled": True})
+    assert late == 409 and "account 'carla' was changed in another window" in words["error"]
+    assert answer_of(victim, "PATCH", path, {"disabled": True})[0] == 422, "a version is needed"
+
+
+def test_a_change_of_an_account_is_stored_whole_or_not_at_all(victim: Victim) -> None:
+    made = victim.call("POST", "/api/accounts", {"name": "dora", "roles": ["clinician"]})
+    wish = {"version": made["version"], "wards": [], "roles": ["king"]}
+    assert answer_of(victim, "PATCH", f"/api/accounts/{made['id']}", wish)[0] == 404
+    stored = next(a for a in victim.call("GET", "/api/accounts") if a["name"] == "dora")
+    assert (stored["wards"], stored["version"]) == (made["wards"], made["version"])

@@ -214,7 +214,7 @@ def test_an_administrator_of_a_ward_manages_no_accounts_and_no_wards(house: Hous
     assert [a["name"] for a in listed] == ["anna"]
     number = listed[0]["id"]
     tried = [
-        house.client.patch(f"/api/accounts/{number}", json={"wards": [1]}),
+        house.client.patch(f"/api/accounts/{number}", json={"version": 1, "wards": [1]}),
         house.client.post("/api/accounts", json={"name": "c", "roles": ["clinician"]}),
         house.client.post(f"/api/accounts/{number + 1}/code"),
         house.client.delete(f"/api/accounts/{number + 1}/second-factors"),

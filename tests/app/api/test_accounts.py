@@ -103,9 +103,11 @@ def test_an_account_out_of_use_is_out_at_once_and_nobody_locks_himself_out(
     number = client.get("/api/me").json()["id"]
     client = log_in_as(ADMINISTRATOR)
     me = client.get("/api/me").json()["id"]
-    assert client.patch(f"/api/accounts/{number}", json={"disabled": True}).json()["disabled"]
+    out = client.patch(f"/api/accounts/{number}", json={"version": 1, "disabled": True}).json()
+    assert (out["disabled"], out["version"]) == (True, 2)
     for change in ({"disabled": True}, {"roles": [CLINICIAN]}, {"roles": []}, {"roles": ["king"]}):
-        assert client.patch(f"/api/accounts/{me}", json=change).status_code == 422
+        given = client.patch(f"/api/accounts/{me}", json={"version": 1, **change})
+        assert given.status_code == 422
     assert client.post(f"/api/accounts/{number}/code").status_code == 422
     client.cookies.clear()
     client.cookies.set(COOKIE, gone)
@@ -116,7 +118,8 @@ def test_an_account_out_of_use_is_out_at_once_and_nobody_locks_himself_out(
         == 422
     )
     client = log_in_as(ADMINISTRATOR)
-    assert not client.patch(f"/api/accounts/{number}", json={"disabled": False}).json()["disabled"]
+    back = {"version": 2, "disabled": False}
+    assert not client.patch(f"/api/accounts/{number}", json=back).json()["disabled"]
 
 
 def test_looks_are_told_once_in_a_while_exports_each_time_and_whose_they_were(

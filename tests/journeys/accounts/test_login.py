@@ -170,5 +170,6 @@ def test_an_account_is_handed_over_by_a_code_and_then_logs_in_by_its_password(
     page.get_by_role("link", name="Audit trail").click()
     page.get_by_role("button", name="Verify").click()
     shown(page.get_by_text("lines hold"))
-    number = next(a["id"] for a in api(page, "/api/accounts") if a["name"] == "anna")
-    api(page, f"/api/accounts/{number}", "PATCH", data={"disabled": True})
+    anna = next(a for a in api(page, "/api/accounts") if a["name"] == "anna")
+    change = {"version": anna["version"], "disabled": True}
+    api(page, f"/api/accounts/{anna['id']}", "PATCH", data=change)

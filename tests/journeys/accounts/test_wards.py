@@ -26,7 +26,12 @@ def house(page: Page) -> dict[str, str]:
         account = {"name": name, "roles": ["clinician"], "wards": [number]}
         made = api(page, "/api/accounts", "POST", data=account)
         codes[name] = made["code"]
-        api(page, f"/api/accounts/{made['id']}", "PATCH", data={"heads": [number]})
+        api(
+            page,
+            f"/api/accounts/{made['id']}",
+            "PATCH",
+            data={"version": made["version"], "heads": [number]},
+        )
         patient = {"pseudonym": f"W-{ward[0]}1", "ward": number}
         codes[ward] = str(api(page, "/api/patients", "POST", data=patient)["id"])
     return codes
@@ -64,6 +69,41 @@ def test_a_patient_of_another_ward_is_opened_in_an_emergency_alone(
     wanda.get_by_role("button", name="Zugriff beenden").click()
     wanda.wait_for_url(f"{server.base}/")
     expect(wanda.get_by_role("link", name="W-N1")).to_have_count(0, timeout=LONG)
+
+
+def test_two_administrators_who_change_one_account_are_told_and_lose_nothing(
+    page: Page,
+) -> None:
+    ward = api(page, "/api/wards", "POST", data={"name": "Plastic surgery"})["id"]
+    new = {"name": "vera", "roles": ["clinician"], "wards": [ward]}
+    account = api(page, "/api/accounts", "POST", data=new)
+    address = f"/api/accounts/{account['id']}"
+    api(page, "/api/wards", "POST", data={"name": "Dialysis"})
+    page.goto("/account")
+    row = page.get_by_role("row", name="vera")
+    row.locator("summary").click()
+    api(page, address, "PATCH", data={"version": account["version"], "disabled": True})
+    row.get_by_role("checkbox", name="Dialysis").first.check()
+    row.get_by_role("button", name="Save").click()
+    expect(row.locator("summary")).to_have_text("Plastic surgery, Dialysis")
+    stored = next(a for a in api(page, "/api/accounts") if a["name"] == "vera")
+    assert stored["disabled"] and len(stored["wards"]) == 2, "what both of them did is kept"
+    row.locator("summary").click()
+    of_house = {"version": stored["version"], "wards": [1], "heads": []}
+    api(page, address, "PATCH", data=of_house)
+    row.get_by_role("button", name="Save").click()
+    refused = row.get_by_role("alert")
+    expect(refused).to_contain_text("changed in another window meanwhile")
+    expect(refused).to_contain_text("Stored now: Whole house")
+    expect(row.get_by_role("checkbox", name="Dialysis").first).to_be_checked()
+    keep_picture(page, "wards-two-administrators")
+    row.get_by_role("button", name="Save").click()
+    expect(row.locator("summary")).to_have_text("Plastic surgery, Dialysis")
+    newest = next(a for a in api(page, "/api/accounts") if a["name"] == "vera")["version"]
+    api(page, address, "PATCH", data={"version": newest, "disabled": False})
+    row.get_by_role("button", name="Take into use").click()
+    expect(page.get_by_text("account 'vera' was changed in another window")).to_be_visible()
+    expect(row.get_by_role("button", name="Take out of use")).to_be_visible()
 
 
 def _shown_to_the_head(walter: Page) -> None:

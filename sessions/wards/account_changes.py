@@ -1,0 +1,49 @@
+"""What an administrator changes of an account: roles, wards, in and out of use; all of it or nothing.
+
+Two administrators who change one account at once are told (ConflictError): the second one's change is not stored.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from sqlalchemy import update
+from sqlalchemy.orm import Session
+
+from handscope.sessions.clinic import accounts
+from handscope.sessions.db.conflicts import ConflictError
+from handscope.sessions.db.tables import Account
+from handscope.sessions.wards import wards
+
+
+@dataclass(frozen=True, kw_only=True)
+class AccountChange:
+    """None: stays as it is."""
+
+    roles: Collection[str] | None = None
+    disabled: bool | None = None
+    wards: Collection[int] | None = None
+    heads: Collection[int] | None = None  # wards among these that the account heads
+
+
+def change(db: Session, account: Account, version: int, to: AccountChange) -> None:
+    """Change an account as it stood at `version`; ConflictError where somebody else changed it meanwhile."""
+    name = account.name
+    seen = update(Account).where(Account.id == account.id, Account.version == version)
+    claimed = db.execute(
+        seen.values(version=version + 1)
+        .returning(Account.id)
+        .execution_options(synchronize_session=False)
+    ).first()
+    if claimed is None:
+        db.rollback()
+        raise ConflictError(f"account {name!r}")
+    db.refresh(account)
+    if to.wards is not None or to.heads is not None:
+        wards.place(
+            db,
+            account,
+            wards.wards_of(account) if to.wards is None else to.wards,
+            wards.headed_by(account) if to.heads is None else to.heads,
+        )
+    accounts.set_facts(account, None if to.roles is None else list(to.roles), to.disabled)
+    db.commit()
