@@ -40,6 +40,14 @@ def relay_account(recording: Path) -> int | None:
     return account if isinstance(account, int) else None
 
 
+@dataclass(frozen=True)
+class GrantedRelay:
+    """What a token lets in to."""
+
+    session: int
+    end: RelayEnd
+
+
 @dataclass
 class _Awaited:
     """A session whose browser still keeps something."""
@@ -80,17 +88,20 @@ class Relays:
             self._tokens[_digest(token)] = session, login, time.monotonic() + TOKEN_LIFE
         return token
 
-    def redeem(self, token: str, login: int) -> RelayEnd | None:
+    def redeem(self, token: str, login: int) -> GrantedRelay | None:
         """Where the messages of a token's holder go; the token is used up, whoever brings it. It may read a file."""
         with self._lock:
             session, owner, until = self._tokens.pop(_digest(token), (0, 0, 0.0))
         if owner != login or time.monotonic() > until:
             return None
         station = self._stations.of_session(session)
+        end: RelayEnd | None
         if station is not None:
-            return station.glove.relay
-        with self._lock:
-            return self._rest_of(session)
+            end = station.glove.relay
+        else:
+            with self._lock:
+                end = self._rest_of(session)
+        return None if end is None else GrantedRelay(session, end)
 
     def await_rest(self, session: int, account: int, recording: Path) -> None:
         """A session is over whose browser still keeps messages."""

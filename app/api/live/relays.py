@@ -12,9 +12,13 @@ from typing import Any
 
 import anyio.to_thread
 from fastapi import APIRouter, WebSocket
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.websockets import WebSocketDisconnect, WebSocketState
 
+from handscope.app.auth.gate import CHECK_EVERY
 from handscope.app.auth.roles import CLINICIAN, RequesterDep, requester, requires_role
+from handscope.app.auth.ward_access import sees_session
 from handscope.app.devices.relay.live_relay import RelayEnd
 from handscope.app.devices.relay.messages import (
     MOST_WAITING,
@@ -28,6 +32,7 @@ from handscope.app.state import PartsDep, parts
 
 router = APIRouter(tags=["relays"], dependencies=[requires_role(CLINICIAN)])
 REFUSED, MALFORMED, TOO_LARGE, REPLACED, COMPLETE = 4401, 4400, 1009, 4409, 1000
+OTHER_WARD = "the account does not see this session's patient"
 HELLO_WAIT = 10.0  # s for the first message
 LONGEST_WORDS = 1000  # characters of a JSON message
 Words = dict[str, Any]
@@ -47,17 +52,43 @@ async def relay(websocket: WebSocket) -> None:
         words = _words(await asyncio.wait_for(websocket.receive(), HELLO_WAIT))
         login, relays = requester(websocket).login, parts(websocket).relays
         token, sent = str(words.get("token", "")), float(words.get("now", 0.0)) * 1e-3
-        end = await anyio.to_thread.run_sync(relays.redeem, token, login)
-        if end is None:
+        granted = await anyio.to_thread.run_sync(relays.redeem, token, login)
+        if granted is None:
             await websocket.close(REFUSED, "no such relay, or its token was used")
             return
-        await _Connection(websocket, end, sent).serve()
+        if not await anyio.to_thread.run_sync(_is_visible, websocket, granted.session):
+            await websocket.close(REFUSED, OTHER_WARD)
+            return
+        connection = _Connection(websocket, granted.end, sent)
+        ending = asyncio.ensure_future(_refuse_when_hidden(websocket, connection, granted.session))
+        try:
+            await connection.serve()
+        finally:
+            ending.cancel()
     except TooLargeError:
         await _close(websocket, TOO_LARGE, "the message is too large")
     except (MalformedError, TimeoutError, ValueError, TypeError):
         await _close(websocket, MALFORMED, "this is no message of a relay")
     except (WebSocketDisconnect, RuntimeError):
         pass  # the browser left
+
+
+def _is_visible(websocket: WebSocket, session: int) -> bool:
+    """Whether the account sees the session's patient now; a database that is away takes nothing from whoever had it."""
+    try:
+        with parts(websocket).store.database() as db:
+            return sees_session(db, requester(websocket).name, session)
+    except (DBAPIError, PoolTimeout):
+        return True
+
+
+async def _refuse_when_hidden(
+    websocket: WebSocket, connection: "_Connection", session: int
+) -> None:
+    """End the connection once the patient is in a ward that the account does not see; the gate looks after login and role."""
+    while await anyio.to_thread.run_sync(_is_visible, websocket, session):
+        await asyncio.sleep(CHECK_EVERY)
+    connection.refuse()
 
 
 class _Connection:
@@ -71,6 +102,12 @@ class _Connection:
         self._notify = lambda: loop.call_soon_threadsafe(self._news.set)
         self._sizes: list[int] = []  # of the messages that are not on the disk yet
         self._total: int | None = None
+        self._is_refused = False
+
+    def refuse(self) -> None:
+        """The account may not send for this session any more."""
+        self._is_refused = True
+        self._news.set()
 
     async def serve(self) -> None:
         """Until the browser leaves, another takes its place, or all has come."""
@@ -94,6 +131,9 @@ class _Connection:
             self._news.clear()
             if not self._end.is_attached(self._notify):
                 await self._websocket.close(REPLACED, "another page of yours has the port")
+                return
+            if self._is_refused:
+                await self._websocket.close(REFUSED, OTHER_WARD)
                 return
             for command in self._end.commands():
                 await self._websocket.send_bytes(command)

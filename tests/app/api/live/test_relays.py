@@ -11,14 +11,19 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient, WebSocketTestSession
 
+from handscope.app.api.live import relays as relay_routes
 from handscope.app.api.live.relays import MALFORMED, REFUSED, TOO_LARGE
 from handscope.app.auth.gate import new_token
 from handscope.app.auth.roles import CLINICIAN
 from handscope.app.devices.relay.messages import LARGEST
+from handscope.app.live import relays as live_relays
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
+from handscope.sessions.clinic import accounts
+from handscope.sessions.db.tables import PatientSession
 from handscope.sessions.files import native
 from handscope.sessions.files.recorder import Recorder
+from handscope.sessions.wards import wards
 from tests.glove import frames, whole_session
 from tests.simulated import cut, in_strips
 
@@ -126,6 +131,49 @@ def test_another_account_gets_no_token_and_cannot_use_one(
     other = log_in_as(CLINICIAN)
     assert other.post(f"/api/sessions/{session}/relays").status_code == 404
     assert refusal(other, code) == REFUSED
+
+
+def test_another_login_of_the_same_account_cannot_use_a_token(
+    client: TestClient, session: int
+) -> None:
+    code, first = token(client, session), client.cookies
+    client.cookies.clear()
+    folder = client.app.state.parts.store.folder  # type: ignore[attr-defined]
+    assert client.post("/api/login", json={"token": new_token(folder)}).is_success
+    assert client.post(f"/api/sessions/{session}/relays").is_success, "the same account"
+    assert refusal(client, code) == REFUSED
+    client.cookies = first
+
+
+def test_a_token_that_is_too_old_lets_nobody_in(
+    client: TestClient, session: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_relays, "TOKEN_LIFE", 0.0)
+    code = token(client, session)
+    monkeypatch.undo()
+    assert refusal(client, code) == REFUSED
+
+
+def test_a_patient_who_went_to_another_ward_ends_the_relay_of_who_sees_it_no_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(relay_routes, "CHECK_EVERY", 0.05)
+    with served(tmp_path) as client:
+        database = client.app.state.parts.store.database  # type: ignore[attr-defined]
+        with database() as db:
+            own, other = (wards.add(db, name).id for name in ("Hand surgery", "Neurology"))
+            wards.assign(db, accounts.add(db, "anna", [CLINICIAN]), [own])
+        client.cookies.clear()
+        assert client.post("/api/login", json={"token": new_token(tmp_path, "anna")}).is_success
+        session, _ = begun(client)
+        code = token(client, session)
+        with connected(client, session) as (socket, _):
+            with database() as db:
+                db.get_one(PatientSession, session).patient.ward_id = other
+                db.commit()
+            assert closing(socket) == REFUSED
+        assert refusal(client, code) == REFUSED, "a token of before"
+        assert client.post(f"/api/sessions/{session}/relays").status_code == 403
 
 
 def test_a_session_without_a_browsers_port_has_no_relay(client: TestClient, patient: int) -> None:
