@@ -12,6 +12,7 @@ from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, require
 from handscope.app.language import Language
 from handscope.app.protocols import offered
 from handscope.app.report.changes import Judge
+from handscope.app.report.progress.labels import label
 from handscope.app.report.progress.series import Course, Progress, Series, progress
 from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.estimators.hand.anatomy import HANDS
@@ -59,8 +60,7 @@ def _progress_payload(history: Progress, aims: Aims, language: Language) -> dict
             for hand, occasions in history.sessions.items()
         },
         "series": [
-            {**_series(s, judges, aims), "label": language.known(f"figure.{s.name}", "")}
-            for s in history.series
+            {**_series(s, judges, aims), "label": label(s.name, language)} for s in history.series
         ],
     }
 

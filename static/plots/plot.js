@@ -7,6 +7,11 @@ import uPlot from "../vendor/uplot/uPlot.esm.js";
  * wanted.lines    [{ colour: "--curve-1", dash, bars, points, dots }]; points: their size in px, across gaps; dots: the same without a line
  * wanted.words    (value) => text of a y tick
  * wanted.xWords   (value) => text of an x tick
+ * wanted.xTicks   (values) => texts of all x ticks, in place of xWords
+ * wanted.steps, xSteps  distances that ticks may have
+ * wanted.space    least px between y ticks (34)
+ * wanted.also     x values that stay in sight
+ * wanted.top      px above the plot (10)
  * wanted.window   (newest x) => [from, to]; else all data
  * wanted.under    (plot) => anything drawn below the lines
  * wanted.drawn    (plot) => anything drawn on top
@@ -67,7 +72,7 @@ function optionsOf(wanted, root) {
   };
   return {
     ...sizeOf(root),
-    padding: [10, wanted.right ?? 14, 0, 0],
+    padding: [wanted.top ?? 10, wanted.right ?? 14, 0, 0],
     legend: { show: false },
     cursor: { show: false },
     scales: {
@@ -75,13 +80,21 @@ function optionsOf(wanted, root) {
       y: { range: (u, low, high) => yRange(wanted, low, high) },
     },
     axes: [
-      { ...axis, size: 30, values: (u, ticks) => ticks.map(wanted.xWords ?? String) },
-      { ...axis, size: wanted.axis ?? 76, space: 34, values: (u, ticks) => ticks.map(wanted.words) },
+      { ...axis, size: 30, ...incrs(wanted.xSteps), values: (u, ticks) => wanted.xTicks?.(ticks) ?? ticks.map(wanted.xWords ?? String) },
+      {
+        ...axis,
+        size: wanted.axis ?? 76,
+        space: wanted.space ?? 34,
+        ...incrs(wanted.steps),
+        values: (u, ticks) => ticks.map(wanted.words),
+      },
     ],
     series: [{}, ...wanted.lines.map(lineOf)],
     hooks: { drawAxes: wanted.under ? [wanted.under] : [], draw: wanted.drawn ? [wanted.drawn] : [] },
   };
 }
+
+const incrs = (steps) => (steps ? { incrs: steps } : {});
 
 function lineOf(line) {
   const stroke = colour(line.colour);
@@ -95,11 +108,13 @@ function lineOf(line) {
 /** @returns {[number, number]} */
 function xRange(wanted, low, high) {
   if (wanted.window) return wanted.window(high ?? 0);
-  return low === null || low === high
-    ? [(low ?? 0) - 1, (high ?? 0) + 1]
+  const also = wanted.also ?? [];
+  const [least, most] = low === null ? [low, high] : [Math.min(low, ...also), Math.max(high, ...also)];
+  return least === null || least === most
+    ? [(least ?? 0) - 1, (most ?? 0) + 1]
     : wanted.around
-      ? [low - wanted.around, high + wanted.around]
-      : [low, high];
+      ? [least - wanted.around, most + wanted.around]
+      : [least, most];
 }
 
 /**

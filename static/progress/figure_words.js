@@ -1,15 +1,16 @@
 /** A figure's course in words: what it is, its value, how it changed. */
 import { DECIMALS } from "../session/tapping.js";
 import { angleWords, directionWords, jointWords, unitWords } from "../words/clinical.js";
-import { decimal, known, t } from "../words/words.js";
+import { decimal, t } from "../words/words.js";
+
+export const PARTS = ["thumb", "index", "middle", "ring", "little", "wrist", "forearm", "all"];
 
 /** The finger or the wrist that a figure is of; "all" where it is of none. */
-export const partOf = (series) => series.joint.split("_")[0] || "all";
+export const partOf = (series) => series.finger || series.joint.split("_")[0] || "all";
 
 /** "Index PIP flexion", "Rate". */
 export function labelWords(series) {
-  const short = series.name.replace("tapping_", "");
-  if (!series.joint) return series.label || known(`tapping.${short}`, short.replaceAll("_", " "));
+  if (!series.joint) return series.label;
   const turned = series.angle !== "flexion" || series.joint === "thumb_cmc";
   const way = turned ? directionWords(series.joint, series.angle, series.end === "largest") : t(`course.way.${series.end}`);
   return t("course.figure", { ...jointWords(series.joint), way }).replace("  ", " ");
@@ -37,7 +38,22 @@ export function changeWords(series, chosen) {
   return t(`course.${series.joint ? "angle" : "level"}.${up ? "up" : "down"}`, { size });
 }
 
+/** Steps between an axis' ticks, so coarse that no two ticks read the same. */
+export function stepsOf(series) {
+  const least = -decimalsOf(series);
+  return Array.from({ length: 9 }, (_, k) => [1, 2, 5].map((n) => n * 10 ** (least + k))).flat();
+}
+
+/** A direction stands at every tick where values lie on either side of zero. */
+export function tickWords(series, tick) {
+  const plain = decimal(tick, decimalsOf(series)).replace(/[.,]0+$/, "").replace("-", "−"); // prettier-ignore
+  if (!series.joint) return series.unit === "deg" ? `${plain}°` : plain;
+  return series.end === "largest" && series.angle === "flexion" && tick >= 0 ? `${Math.round(tick)}°` : valueWords(series, tick);
+}
+
+const decimalsOf = (series) => (series.unit === "deg" ? 0 : null) ?? DECIMALS[series.name.replace("tapping_", "")] ?? 1;
+
 function withUnit(series, value) {
-  if (series.joint) return `${Math.round(value)}°`;
-  return `${decimal(value, DECIMALS[series.name.replace("tapping_", "")] ?? 1)} ${unitWords(series.unit)}`.trim();
+  if (series.joint || series.unit === "deg") return `${Math.round(value)}°`;
+  return `${decimal(value, decimalsOf(series))} ${unitWords(series.unit)}`.trim();
 }

@@ -2,22 +2,36 @@
 import { h } from "../dom.js";
 import { errorBox, select } from "../forms.js";
 import { known, t } from "../words/words.js";
+import { legend, sources } from "./legend.js";
 import { drawSmall } from "./small.js";
-import { changeWords, judged, labelWords, partOf } from "./figure_words.js";
+import { changeWords, judged, labelWords, partOf, PARTS } from "./figure_words.js";
+import { drawTreatment } from "./treatment.js";
 
-export function mount(root, api, { record }) {
+export function mount(root, api, { record, treats }) {
   const box = errorBox();
   const body = h("div", {}, h("p", { class: "soft" }, t("loading")));
   const [head, summary, plots, foot] = ["div", "div", "div", "div"].map((tag) => h(tag, {}));
+  const treated = h("section", { class: "treatment" });
+  const chosen = { hand: null, against: "first", view: null };
   let leave = [];
   let gone = false;
-  root.append(h("h2", {}, t("course.title")), body, box.element);
-  Promise.all([api.get(`/api/patients/${record.now.id}/progress`), api.titles().catch(() => new Map())]).then(
-    ([payload, titles]) => gone || begin(payload, titles),
-    (error) => gone || (body.replaceChildren(), box.show(error)),
-  );
+  root.append(h("h2", {}, t("course.title")), body, treated, box.element);
+  const address = `/api/patients/${record.now.id}/progress`;
+  const loaded = Promise.all([api.get(address), api.titles().catch(() => new Map())]);
+  loaded.then(([payload, titles]) => gone || begin(payload, titles), failed);
+
+  function failed(error) {
+    if (!gone) body.replaceChildren();
+    if (!gone) box.show(error);
+  }
+
+  async function again(titles) {
+    const payload = await api.get(address);
+    if (!gone) begin(payload, titles);
+  }
 
   function begin(payload, titles) {
+    drawTreatment(treated, api, { patient: record.now.id, events: payload.treatment_events, treats, reload: () => again(titles) });
     const repeated = (hand) => payload.series.some((series) => (series.hands[hand]?.points.length ?? 0) > 1);
     const hands = Object.keys(payload.sessions).filter(repeated);
     if (!hands.length) {
@@ -26,32 +40,30 @@ export function mount(root, api, { record }) {
     }
     const first = (hand) => (hand === payload.affected ? 1 : 0);
     hands.sort((a, b) => first(b) - first(a) || payload.sessions[b].length - payload.sessions[a].length);
-    const chosen = { hand: hands[0], against: "first", task: null, part: null };
+    chosen.hand ??= hands[0];
     const change = (more) => {
       Object.assign(chosen, more);
-      draw(payload, titles, chosen, change, hands);
+      draw(payload, titles, change, hands);
     };
     body.replaceChildren(head, summary, plots, foot);
     change({});
   }
 
-  function draw(payload, titles, chosen, change, hands) {
+  function draw(payload, titles, change, hands) {
     const all = payload.series.filter((series) => (series.hands[chosen.hand]?.points.length ?? 0) > 1);
     const beyond = all.filter((series) => judged(series, chosen).beyond);
-    const tasks = [...new Set(all.map((series) => series.task))];
-    if (!tasks.includes(chosen.task)) Object.assign(chosen, { task: beyond[0]?.task ?? tasks[0], part: null });
-    const ofTask = all.filter((series) => series.task === chosen.task);
-    const parts = [...new Set(ofTask.map(partOf))];
-    if (!parts.includes(chosen.part)) chosen.part = beyond.find((series) => series.task === chosen.task && partOf(series)) ?? null;
-    if (chosen.part?.task) chosen.part = partOf(chosen.part);
-    chosen.part ??= parts.includes("index") ? "index" : parts[0];
-    head.replaceChildren(choices(chosen, change, hands, tasks, parts, titles));
+    const views = viewsOf(all);
+    if (!views.includes(chosen.view)) chosen.view = views.includes(FIRST) || !beyond.length ? views[0] : partOf(beyond[0]);
+    const shown = all.filter((series) => isIn(series, chosen.view));
+    head.replaceChildren(choices(chosen, change, hands, views));
     summary.replaceChildren(...summed(all, beyond, chosen, change, titles));
     leave.forEach((unmount) => unmount());
     plots.className = "multiples";
     plots.replaceChildren();
-    leave = ofTask.filter((series) => partOf(series) === chosen.part).map((series) => drawSmall(plots, payload, series, chosen));
-    foot.replaceChildren(...legend(payload, chosen), ...sources(payload, ofTask, chosen));
+    const aim = treats && { api, patient: record.now.id, reload: () => again(titles) };
+    const titled = new Set(shown.map((series) => series.task)).size > 1;
+    leave = shown.map((series) => drawSmall(plots, payload, series, chosen, { aim, task: titled && (titles.get(series.task) ?? "") }));
+    foot.replaceChildren(...legend(payload, chosen, shown), ...sources(payload, shown, chosen));
   }
 
   return () => {
@@ -60,7 +72,16 @@ export function mount(root, api, { record }) {
   };
 }
 
-function choices(chosen, change, hands, tasks, parts, titles) {
+const FIRST = "important";
+const isIn = (series, view) => (view === FIRST ? series.important : partOf(series) === view);
+
+/** The important figures, then each finger's whole history over all tasks, then what is of no finger. */
+function viewsOf(all) {
+  const parts = [...new Set(all.map(partOf))].sort((a, b) => PARTS.indexOf(a) - PARTS.indexOf(b));
+  return [...(all.some((series) => series.important) ? [FIRST] : []), ...parts];
+}
+
+function choices(chosen, change, hands, views) {
   const one = (name, rows) => {
     const choice = select(rows, chosen[name], { "aria-label": t(`course.${name}`), onchange: () => change({ [name]: choice.value }) });
     return rows.length > 1 && choice;
@@ -69,8 +90,7 @@ function choices(chosen, change, hands, tasks, parts, titles) {
     "div",
     { class: "course-head" },
     one("hand", hands.map((hand) => [hand, t(`hand.${hand}.title`)])), // prettier-ignore
-    one("task", tasks.map((task) => [task, titles.get(task) ?? task.replaceAll("_", " ")])), // prettier-ignore
-    one("part", parts.map((part) => [part, known(`finger.${part}`, t("course.part.all"))])), // prettier-ignore
+    one("view", views.map((view) => [view, known(`course.view.${view}`, known(`finger.${view}`, view))])), // prettier-ignore
     one("against", ["first", "before"].map((way) => [way, t(`course.against.${way}`)])), // prettier-ignore
   );
 }
@@ -81,37 +101,11 @@ function summed(all, beyond, chosen, change, titles) {
   if (!beyond.length) return [h("p", { class: "verdict" }, t(count ? "course.none" : "course.unjudged", { count }))];
   const rows = beyond.map((series) => {
     const what = { task: titles.get(series.task) ?? series.task, figure: labelWords(series), change: changeWords(series, chosen) };
-    const show = () => change({ task: series.task, part: partOf(series) });
+    const show = () => change({ view: partOf(series) });
     return h("li", {}, h("button", { class: "plain", onclick: show }, t("course.beyond.row", what)));
   });
   return [
     h("p", { class: "verdict" }, t("course.beyond", { count: beyond.length, all: count })),
     h("ul", { class: "beyond-list" }, rows),
   ];
-}
-
-function legend(payload, chosen) {
-  const other = Object.keys(payload.sessions).find((hand) => hand !== chosen.hand);
-  const row = (kind, words) => h("li", {}, h("span", { class: `key key-${kind}`, "aria-hidden": "true" }), words);
-  return [
-    h(
-      "ul",
-      { class: "legend" },
-      row("own", t(`hand.${chosen.hand}.title`)),
-      other && row("other", t("course.other", { hand: t(`hand.${other}.title`) })),
-      row("band", t(`course.band.${chosen.against}`)),
-      row("beyond", t("course.beyond.mark")),
-      row("reference", t("course.reference")),
-    ),
-  ];
-}
-
-function sources(payload, shown, chosen) {
-  const sentences = shown.flatMap((series) => payload.judges[series.hands[chosen.hand].judge].sources);
-  const references = shown.filter((series) => series.reference).map((series) => series.reference.source);
-  const named = [...new Set(references)].join(", ");
-  return [
-    h("p", { class: "hint" }, [...new Set(sentences)].join(" "), " ", t("course.chance")),
-    named && h("p", { class: "hint" }, t("course.reference.source", { names: named })),
-  ].filter(Boolean);
 }

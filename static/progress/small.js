@@ -1,25 +1,36 @@
 /** One figure over the sessions: its newest value large, what to make of it in words, and the small plot. */
 import { h } from "../dom.js";
-import { colour, makePlot } from "../plots/plot.js";
-import { shortDay, t } from "../words/words.js";
-import { changeWords, judged, labelWords, valueWords } from "./figure_words.js";
+import { makePlot } from "../plots/plot.js";
+import { t } from "../words/words.js";
+import { dayNumber, dayOf, STEPS, tickDays } from "./days.js";
+import { changeWords, judged, labelWords, stepsOf, tickWords, valueWords } from "./figure_words.js";
+import { drawGoal, words as goalWords } from "./goal.js";
+import { marks, under } from "./small_marks.js";
 
-const DAY = 86_400_000; // ms
+const BEFORE = 60; // days before the first session in which treatment stands in the plot
+const UNKNOWN = [0.9, 1.1]; // parts of a value that its axis spans where no measurement error is known
 
-export function drawSmall(root, payload, series, chosen) {
+/** `aim`: { api, patient, reload } where goals may be set; `task`: its title where the view holds several. */
+export function drawSmall(root, payload, series, chosen, { aim, task }) {
   const { value, beyond } = judged(series, chosen);
   const course = series.hands[chosen.hand];
   const { mdc95 } = payload.judges[course.judge];
   const place = h("div", { class: "small-plot" });
   const verdict = beyond === null ? "unknown" : beyond ? "beyond" : "within";
+  const goal = series.goals[chosen.hand];
+  const aims = h("div", {});
+  if (aim) drawGoal(aims, series, chosen.hand, aim);
   root.append(
     h(
       "section",
       { class: `multiple ${verdict}` },
       h("h3", {}, labelWords(series)),
+      task && h("p", { class: "soft small" }, task),
       h("p", { class: "value" }, valueWords(series, value)),
       h("p", { class: "judgement" }, t(`course.verdict.${verdict}`, { change: changeWords(series, chosen) })),
+      goal && h("p", { class: "small" }, goalWords(series, goal)),
       place,
+      aims,
     ),
   );
   const [own, other] = [chosen.hand, ...Object.keys(series.hands).filter((hand) => hand !== chosen.hand)].map((hand) =>
@@ -30,7 +41,10 @@ export function drawSmall(root, payload, series, chosen) {
   const base = chosen.against === "first" ? own[0] : own.at(-2);
   const band = mdc95 === null ? null : { low: base.value - mdc95, high: base.value + mdc95, from: base.x };
   const reference = series.reference?.value;
-  const seen = [base.value, band?.low, band?.high, reference].filter((number) => number !== undefined && number !== null);
+  const events = eventsOf(payload, chosen.hand, moments);
+  const bounds = [band?.low, band?.high, reference, goal?.low, goal?.high];
+  const seen = [base.value, ...bounds.filter((number) => number !== undefined && number !== null)];
+  if (!band) seen.push(...UNKNOWN.map((part) => part * base.value));
   const plot = makePlot(place, {
     label: t("course.plot", { figure: labelWords(series), values: own.map((point) => valueWords(series, point.value)).join(", ") }),
     lines: [
@@ -38,64 +52,34 @@ export function drawSmall(root, payload, series, chosen) {
       { colour: "--curve-3", dash: [5, 5], points: 6 },
     ],
     words: (tick) => tickWords(series, tick),
-    xWords: (tick) => shortDay(tick * DAY),
+    xTicks: tickDays,
+    xSteps: STEPS,
+    steps: stepsOf(series),
+    also: events.map((event) => event.x),
+    top: events.length ? 22 : 10,
     axis: series.joint && (series.end === "smallest" || series.angle !== "flexion") ? 108 : 52,
     around: 1,
+    space: 26,
     right: 24,
     low: Math.min(...seen),
     high: Math.max(...seen),
-    under: (drawn) => under(drawn, band, reference),
+    under: (drawn) => under(drawn, { band, reference, goal, events }),
     drawn: (drawn) => marks(drawn, own, chosen),
   });
   plot.set([moments, valuesOf(own), valuesOf(other ?? [])]);
   return plot.destroy;
 }
 
-/** A direction stands at every tick where values lie on either side of zero. */
-function tickWords(series, tick) {
-  if (!series.joint) return String(Number(tick.toFixed(2)));
-  return series.end === "largest" && series.angle === "flexion" && tick >= 0 ? `${Math.round(tick)}°` : valueWords(series, tick);
-}
-
 /** A hand's points { x in days, value, first, before }. */
 function pointsOf(payload, series, hand) {
-  const started = new Map(payload.sessions[hand].map((s) => [s.session, new Date(s.started).getTime() / DAY]));
+  const started = new Map(payload.sessions[hand].map((s) => [s.session, dayOf(s.started)]));
   return (series.hands[hand]?.points ?? []).map(([session, value, first, before]) => ({ x: started.get(session), value, first, before }));
 }
 
-/** The band of measurement error, from its session on, and the reference. */
-function under(drawn, band, reference) {
-  const { ctx, bbox } = drawn;
-  const y = (value) => drawn.valToPos(value, "y", true);
-  ctx.save();
-  if (band) {
-    const from = Math.max(bbox.left, drawn.valToPos(band.from, "x", true) - 6 * devicePixelRatio);
-    ctx.fillStyle = colour("--surface-sunk");
-    ctx.fillRect(from, y(band.high), bbox.left + bbox.width - from, y(band.low) - y(band.high));
-  }
-  if (reference !== undefined) {
-    ctx.strokeStyle = colour("--ink-soft");
-    ctx.lineWidth = 1.5 * devicePixelRatio;
-    ctx.setLineDash([2 * devicePixelRatio, 4 * devicePixelRatio]);
-    ctx.beginPath();
-    ctx.moveTo(bbox.left, y(reference));
-    ctx.lineTo(bbox.left + bbox.width, y(reference));
-    ctx.stroke();
-  }
-  ctx.restore();
-}
-
-/** Diamonds on what is beyond the band, distinguished by shape and colour. */
-function marks(drawn, points, chosen) {
-  const { ctx } = drawn;
-  const size = 8 * devicePixelRatio;
-  ctx.fillStyle = colour("--curve-2");
-  points
-    .filter((point) => (chosen.against === "first" ? point.first : point === points.at(-1) && point.before))
-    .forEach((point) => {
-      const [x, y] = [drawn.valToPos(point.x, "x", true), drawn.valToPos(point.value, "y", true)];
-      ctx.beginPath();
-      [[0, -size], [size, 0], [0, size], [-size, 0]].forEach(([dx, dy]) => ctx.lineTo(x + dx, y + dy)); // prettier-ignore
-      ctx.fill();
-    });
+/** Treatment of a hand with its number in the list: what lies long before the first session stands in the list alone. */
+function eventsOf(payload, hand, moments) {
+  const from = moments[0] - Math.max(BEFORE, moments.at(-1) - moments[0]);
+  return payload.treatment_events
+    .map((event, k) => ({ x: dayNumber(event.day), number: k + 1, hand: event.hand }))
+    .filter((event) => (event.hand === hand || event.hand === "both") && event.x >= from);
 }

@@ -71,9 +71,27 @@ def test_progress_appears_with_the_second_session_and_says_that_nothing_changed(
     expect(
         page.locator(".multiple").filter(has_text="measurement error not known").first
     ).to_be_visible()
+    first = page.locator(".multiple h3").first
+    assert (first.inner_text(), page.get_by_label("Figures").input_value()) == ("Rate", "important")
     page.get_by_label("Compared with").select_option("before")
     shown(page.get_by_text("measurement error round the session before"))
     keep_picture(page, "patient-progress")
+    page.get_by_text("Note a treatment").click()
+    page.get_by_label("What", exact=True).select_option("botulinum_toxin")
+    page.get_by_label("Day", exact=True).fill("2026-05-20")
+    page.get_by_label("Comment", exact=True).fill("40 units")
+    page.get_by_role("button", name="Note it").click()
+    shown(page.get_by_text("Botulinum toxin (left hand), 20 May 2026."))
+    shown(page.get_by_text("treatment, numbered as in the list"))
+    rate.get_by_text("Set a goal").click()
+    rate.get_by_label("From", exact=True).fill("3")
+    rate.get_by_label("To", exact=True).fill("4.5")
+    shown(rate.get_by_text("Goal: 3.00 per s to 4.50 per s"))
+    rate.get_by_role("button", name="Save the goal").click()
+    shown(rate.get_by_text("Change the goal"))
+    page.reload()
+    shown(rate.get_by_text("Goal: 3.00 per s to 4.50 per s").first)
+    keep_picture(page, "patient-progress-goal")
 
 
 def test_a_replay_is_led_by_the_keyboard_and_repeats_a_task(
