@@ -30,6 +30,7 @@ from handscope.app.api import (
     sessions,
     stations,
 )
+from handscope.app.api.assessment_plans import routes as plan_routes
 from handscope.app.api.hand_photographs import routes as photograph_routes
 from handscope.app.api.live import relays, session_start, streams
 from handscope.app.api.login import login_routes, oidc_routes, second_factors
@@ -131,6 +132,7 @@ def create_app(settings: Settings) -> FastAPI:
         self_calibrations,
         photograph_routes,
         treatment_routes,
+        plan_routes,
         stations,
         streams,
         invitation_routes,

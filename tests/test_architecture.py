@@ -86,7 +86,7 @@ LEVELS = {  # a package imports packages of lower levels only
         "motion_bids table_import",
         "formats",
         "exports",
-        "clinic hand_photographs treatment",
+        "clinic hand_photographs treatment assessment_plans",
         "wards",
         "store",
     ),

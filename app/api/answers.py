@@ -116,6 +116,18 @@ class PatientListed(PatientRow):
     last_session: datetime | None
 
 
+class PlanRow(TypedDict):
+    """An assessment plan; `content` as its file holds it, Handscope's own in the reader's language."""
+
+    name: str
+    version: int
+    title: str
+    content: dict[str, Any]
+    own: bool  # the clinic's own version
+    author: str
+    stored: datetime | None
+
+
 class SessionRow(TypedDict):
     """A session; duration in s, trunk height in m."""
 
@@ -134,6 +146,7 @@ class SessionRow(TypedDict):
     examiner: str
     notes: str | None
     source: str  # live, upload
+    plan: dict[str, Any]  # name, version and title of its assessment plan; empty: none
     duration: float | None
     tasks: list[str]
     empty: bool  # holds no trial: may be deleted

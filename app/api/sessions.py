@@ -24,7 +24,7 @@ from handscope.app.api.pseudonymisation import for_reader
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.options import with_options
-from handscope.app.state import Db, Parts, PartsDep, RepairDep
+from handscope.app.state import Db, LanguageDep, Parts, PartsDep, RepairDep
 from handscope.app.version import software_version
 from handscope.estimators.data.options import describe
 from handscope.estimators.errors import InputError
@@ -171,13 +171,14 @@ def close_session(db: Db, parts: PartsDep, repair: RepairDep, session_id: int) -
     responses=answers(SessionAnswer),
 )
 def read_session(
-    db: Db, parts: PartsDep, requester: RequesterDep, session_id: int
+    db: Db, parts: PartsDep, requester: RequesterDep, language: LanguageDep, session_id: int
 ) -> dict[str, Any]:
     """A session with its recordings and results."""
     session = records.get(db, session_id)
     station = parts.stations.of_session(session_id)
     return {
         **for_reader(requester, session_row(session)),
+        "plan": language.translate_keys(session.plan, ("title",)),
         "geometry": session.geometry,
         "patient": {"id": session.patient.id, "pseudonym": session.patient.pseudonym},
         "station": station.name if station else None,
@@ -284,6 +285,7 @@ def session_row(s: PatientSession) -> SessionRow:
         "finished": s.finished,
         "examiner": s.examiner,
         "notes": s.notes,
+        "plan": s.plan,
         "source": "live" if dates.is_measured_here(s) else "upload",
         "duration": next((f.summary.get("duration") for f in s.recordings if f.summary), None),
         "tasks": records.tasks_of(s),

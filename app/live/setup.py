@@ -32,6 +32,7 @@ class Setup:
     method: Method[Any, Any]
     params: Any
     protocols: tuple[Protocol, ...]
+    plan_title: str = ""  # of the assessment plan whose tasks come first
     faults: tuple[str, ...] = ()  # of protocol files; their tasks are not offered
     steps: tuple[Protocol, ...] = ()  # of a functional calibration
     free: Protocol | None = None  # free movement to calibrate from

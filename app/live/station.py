@@ -75,7 +75,10 @@ class Station:
         self._measured_pose: dict[str, float] = {}
         self._on_finish = on_finish
         self._lock = threading.RLock()
-        self._wizard = Wizard(setup.protocols, setup.params.pose_duration, setup.steps, setup.free)
+        self._wizard = Wizard(
+            *(setup.protocols, setup.params.pose_duration, setup.steps, setup.free),
+            plan_title=setup.plan_title,
+        )
         self._calibration: Calibration | None = None
         self._viewers = Viewers()
         self._pose_readers = Viewers()  # other programs

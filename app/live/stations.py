@@ -14,6 +14,7 @@ from handscope.app.live.setup import Setup
 from handscope.app.live.station import Station
 from handscope.app.options import with_options
 from handscope.app.protocols import load_free, load_steps, offered
+from handscope.app.protocols.plans import Plan, applied, named
 from handscope.app.results.curves import matching_tasks
 from handscope.app.results.make import load_replay
 from handscope.estimators.alignment.functional_movements import FunctionalParams
@@ -156,7 +157,9 @@ class Stations:
             replay.__exit__(None, None, None)
 
 
-def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup:
+def live_setup(
+    method: str, options: Mapping[str, Any], data: Path, plan: Plan | None = None
+) -> MakeSetup:
     """Check method and options; returns a function that makes the setup once session and file exist.
 
     InputError for an unknown method or option.
@@ -166,6 +169,8 @@ def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup
     module = METHODS[method]
     params = with_options(module.Params, options)
     protocols, faults, force_files = *offered(data), force_calibrations.read_stored(data)
+    if plan:
+        protocols = applied(plan, protocols)
     functional = isinstance(params, FunctionalParams) and params.uses_movements
     steps = tuple(load_steps().values()) if functional else ()
     free = load_free() if method in USED_BY else None
@@ -183,12 +188,14 @@ def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup
             method=module,
             params=params,
             protocols=tuple(protocols.values()),
+            plan_title=plan.title if plan else "",
             faults=tuple(faults),
             steps=steps,
             free=free,
             about={
                 "session": session.id,
                 "pseudonym": pseudonym,
+                **({"plan": named(plan)} if plan else {}),
                 **force_files,
                 **_tracker_places(data, hand, port),
             },

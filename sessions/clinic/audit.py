@@ -23,6 +23,7 @@ from sqlalchemy.orm import Session, sessionmaker
 from handscope.sessions.clinic import audit_copy, audit_guards
 from handscope.sessions.db.tables import (
     Account,
+    AssessmentPlan,
     AuditLine,
     Base,
     Correction,
@@ -65,6 +66,7 @@ KINDS: Mapping[type[Base], str] = {
     SecondFactor: "second_factor",
     Ward: "ward",
     StoredColumnMap: "column_map",
+    AssessmentPlan: "assessment_plan",
 }
 BY_ITSELF: Mapping[
     type[Base], frozenset[str]

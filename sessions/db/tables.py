@@ -139,6 +139,9 @@ class PatientSession(Base):
         ForeignKey("session.id", ondelete="SET NULL"), index=True
     )  # of the other hand, measured just before in the same visit
     trunk_height: Mapped[float | None]  # m, the patient's when the session began
+    plan: Mapped[dict[str, Any]] = mapped_column(
+        default=dict, server_default="{}"
+    )  # name, version and title of the assessment plan that it had; empty: none
     trunk_corrected: Mapped[
         float | None
     ]  # m, told afterwards: counts in place of what the recording tells (sessions/clinic/trunk_height.py)
@@ -449,6 +452,21 @@ class StoredColumnMap(Base):
     key: Mapped[str] = mapped_column(String(64), unique=True)  # sha256 of the header
     data: Mapped[dict[str, Any]] = mapped_column(default=dict)  # MAP.json without hand and lengths
     changed: Mapped[datetime] = mapped_column(default=now)
+
+
+class AssessmentPlan(Base):
+    """A version of an assessment plan of the clinic's own (sessions/assessment_plans/stored.py)."""
+
+    __tablename__ = "assessment_plan"
+    __table_args__ = (UniqueConstraint("name", "version"), NEVER_AGAIN)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    name: Mapped[str] = mapped_column(String(60))
+    version: Mapped[int]
+    content: Mapped[dict[str, Any]] = mapped_column(default=dict)  # as the plan's file holds it
+    author: Mapped[str] = mapped_column(String(64), default="")  # an account's name
+    stored: Mapped[datetime] = mapped_column(default=now)
+    withdrawn: Mapped[datetime | None]  # it is not offered any more
 
 
 class ErasedFile(Base):

@@ -53,6 +53,7 @@ def begin(
     geometry: Mapping[str, Any],
     examiner: str = "",
     continues: int | None = None,
+    plan: Mapping[str, Any] | None = None,
 ) -> tuple[PatientSession, RecordingFile]:
     """A session about to be recorded, with the place of its recording; it may continue one of the other hand."""
     measures_from(geometry)
@@ -63,6 +64,7 @@ def begin(
         trunk_height=patient.trunk_height,
         examiner=examiner,
         continues_id=continues,
+        plan=dict(plan or {}),
     )
     file = RecordingFile(session=session, format="native", file=store.new_recording(native.SUFFIX))
     db.add_all([session, file])

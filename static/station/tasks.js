@@ -71,7 +71,7 @@ function stands({ outcome, trials, accepted }, current) {
   return [current ? t("outcome.now") : t("outcome.open")];
 }
 
-function groupWords({ name, title, tasks, done }) {
-  const words = { title: known(`group.${name}`, title), tasks, done };
+function groupWords({ name, title, planned, tasks, done }) {
+  const words = { title: planned ? title : known(`group.${name}`, title), tasks, done };
   return done ? t("tasks.group.done", words) : t("tasks.group.open", words);
 }

@@ -178,6 +178,12 @@ export interface NewPatient {
   confirmed?: boolean;
 }
 
+/** A plan's content as its file holds it; what it says of its version is not looked at. */
+export interface NewPlan {
+  content: Record<string, any>;
+  seen?: number;
+}
+
 /** A recording processed anew: by which method, with which options. */
 export interface NewResult {
   method?: string | null;
@@ -202,6 +208,7 @@ export interface NewSession {
   options?: Record<string, any>;
   examiner?: string;
   outlets?: string[];
+  plan?: string;
   reuse?: Decision | null;
 }
 
@@ -317,6 +324,17 @@ export interface PatientRow {
   version: number;
 }
 
+/** An assessment plan; `content` as its file holds it, Handscope's own in the reader's language. */
+export interface PlanRow {
+  name: string;
+  version: number;
+  title: string;
+  content: Record<string, any>;
+  own: boolean;
+  author: string;
+  stored: string | null;
+}
+
 /** What proves an account: a one-time token, or a name with its password. */
 export interface Proof {
   token?: string;
@@ -384,6 +402,7 @@ export interface SessionAnswer {
   examiner: string;
   notes: string | null;
   source: string;
+  plan: Record<string, any>;
   duration: number | null;
   tasks: string[];
   empty: boolean;
@@ -420,6 +439,7 @@ export interface SessionRow {
   examiner: string;
   notes: string | null;
   source: string;
+  plan: Record<string, any>;
   duration: number | null;
   tasks: string[];
   empty: boolean;
@@ -526,6 +546,7 @@ export interface Visit {
   examiner: string;
   notes: string | null;
   source: string;
+  plan: Record<string, any>;
   duration: number | null;
   tasks: string[];
   empty: boolean;

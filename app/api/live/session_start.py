@@ -9,6 +9,7 @@ from fastapi import APIRouter
 from pydantic import Field
 from sqlalchemy.orm import Session
 
+from handscope.app.api.assessment_plans.routes import find as find_plan
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, Requester, RequesterDep, requires_role
 from handscope.app.devices import ports
@@ -18,6 +19,7 @@ from handscope.app.live.readouts.trial_review import EarlierFigures
 from handscope.app.live.relays import relay_port
 from handscope.app.live.station import Station
 from handscope.app.live.stations import live_setup
+from handscope.app.protocols.plans import Plan, named
 from handscope.app.state import Db, Parts, PartsDep, StationDep
 from handscope.app.version import software_version
 from handscope.estimators.data.options import describe
@@ -58,6 +60,11 @@ class NewSession(Incoming):
         max_length=4,
         description="other programs that the session sends to: lsl, osc://HOST:PORT; only what the administrator allowed",
     )
+    plan: str = Field(
+        default="",
+        max_length=60,
+        description="name of the assessment plan; without it the usual tasks",
+    )
     reuse: Decision | None = Field(
         None,
         description="what is taken over of an earlier self-calibration; needed where one of the hand is kept",
@@ -82,6 +89,7 @@ class _Start:
     patient: Patient
     hand: Hand
     new: NewSession
+    plan: Plan | None
     continues: int | None = None  # session of the other hand that it follows
 
 
@@ -90,7 +98,8 @@ def begin_session(
     db: Db, parts: PartsDep, requester: RequesterDep, patient_id: int, new: NewSession
 ) -> dict[str, Any]:
     """Begin a live session: the glove's recording starts, the station's wizard waits."""
-    start = _Start(patients.get(db, patient_id), records.hand_of(new.hand), new)
+    plan = find_plan(db, new.plan)[0] if new.plan else None
+    start = _Start(patients.get(db, patient_id), records.hand_of(new.hand), new, plan)
     _require_possible(parts, start)
     parts.stations.require_free(new.port)
     return _open(db, parts, requester, start, secrets.token_hex(4))
@@ -137,7 +146,9 @@ def _of_other_hand(db: Db, parts: Parts, station: Station, other: OtherHand) -> 
         outlets=list(setup.outlets),
         reuse=other.reuse,
     )
-    return _Start(before.patient, hand, new, before.id)
+    had = before.plan
+    plan = find_plan(db, had["name"], had["version"])[0] if had else None
+    return _Start(before.patient, hand, new, plan, before.id)
 
 
 def _port_of_other_hand(parts: Parts, port: str, hand: Hand) -> str:
@@ -161,11 +172,12 @@ def _require_possible(parts: Parts, start: _Start) -> None:
 
 def _open(db: Db, parts: Parts, requester: Requester, start: _Start, name: str) -> dict[str, Any]:
     """Begin the recording and open the station."""
-    new, patient, hand = start.new, start.patient, start.hand
-    make_setup = live_setup(new.method, new.options, parts.store.folder)
-    measures = patient.hand_measures.get(hand, {})
+    new, patient, hand, plan = start.new, start.patient, start.hand, start.plan
+    make_setup = live_setup(new.method, new.options, parts.store.folder, plan)
     session, file = records.begin(
-        db, parts.store, patient, hand, measures, new.examiner, start.continues
+        *(db, parts.store, patient, hand, patient.hand_measures.get(hand, {}), new.examiner),
+        start.continues,
+        named(plan) if plan else None,
     )
     try:
         port = relay_port(session.id) if new.port == ports.RELAY else new.port

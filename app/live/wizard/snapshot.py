@@ -114,9 +114,11 @@ def _task(w: Wizard, p: Protocol) -> dict[str, Any]:
 
 
 def _group(w: Wizard, name: str, tasks: list[Protocol]) -> dict[str, Any]:
+    title = w.plan_title if name == wz.ROUTINE else ""
     return {
         "name": name,
-        "title": name.replace("_", " ").capitalize(),
+        "title": title or name.replace("_", " ").capitalize(),
+        "planned": bool(title),
         "tasks": len(tasks),
         "done": sum(bool(w.outcome(p.name)) for p in tasks),
     }

@@ -67,6 +67,7 @@ class Wizard:
     free: Protocol | None = (
         None  # the free movement that the hand is calibrated from; None where the method makes nothing of it
     )
+    plan_title: str = ""  # of the assessment plan whose tasks come first
     state: State = State.CONNECT
     since: float = 0.0  # host's clock when the state began
     group: str = ROUTINE  # of the tasks that are listed

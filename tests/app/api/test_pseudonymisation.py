@@ -106,7 +106,16 @@ def leaks(client: TestClient, ids: dict[str, int]) -> set[str]:
             path = (
                 str(route.path)
                 .replace("report.{form}", "report.json")
-                .format_map({**ids, "name": "none", "form": "json", "table": 1, "photograph_id": 1})
+                .format_map(
+                    {
+                        **ids,
+                        "name": "none",
+                        "form": "json",
+                        "table": 1,
+                        "photograph_id": 1,
+                        "plan": "crps",
+                    }
+                )
             )
             answer = client.get(
                 path, params={"what": "aperture", "other": ids["result_id"], "named": "true"}

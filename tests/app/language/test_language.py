@@ -10,6 +10,7 @@ import pytest
 from handscope.app.auth.audit_hooks import LISTS
 from handscope.app.language import ENGLISH, NAME, Language, language, languages, preferred
 from handscope.app.protocols import load_all, load_steps
+from handscope.app.protocols.plans import built_in
 from handscope.app.report.words import figure_words
 from handscope.estimators.data.trajectory import FLAG_WORDS
 from handscope.estimators.errors import InputError
@@ -127,13 +128,14 @@ def test_what_a_patients_page_refuses_is_said_in_german() -> None:
 @pytest.mark.parametrize("other", OTHERS, ids=code)
 def test_tasks_methods_and_measures_are_told_in_every_language(other: Language) -> None:
     protocols = [*load_all().values(), *load_steps().values()]
+    plans = [w for p in built_in().values() for w in (p.title, p.note, *p.sources) if w]
     said = [
         words
         for p in protocols
         for words in (p.title, p.instruction, *(phase.say for phase in p.cycle))
     ]
     said += [m.TITLE for m in (*METHODS.values(), *MEASURES.values())] + [*FLAG_WORDS.values()]
-    assert [words for words in said if words not in other.sentences] == []
+    assert [words for words in (*said, *plans) if words not in other.sentences] == []
 
 
 def test_every_figure_of_every_measure_has_a_name_in_words() -> None:

@@ -1,0 +1,1 @@
+"""Assessment plans over the API."""
