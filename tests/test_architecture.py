@@ -95,7 +95,7 @@ LEVELS = {  # a package imports packages of lower levels only
         "report photograph",
         "workers",
         "scene results",
-        "exporting replay_file",
+        "exporting replay_file example_patients",
         "analysis",
         "live",
         "auth",

@@ -1,4 +1,4 @@
-"""`handscope demo`: serve with virtual gloves and a demonstration patient; nothing but a browser is needed."""
+"""`handscope demo`: serve with virtual gloves, a demonstration patient and simulated ones with months of sessions; nothing but a browser is needed."""
 
 import argparse
 import os
@@ -7,9 +7,11 @@ import subprocess
 import sys
 import time
 from contextlib import ExitStack
+from functools import partial
 
 from handscope.app.commands import serve
 from handscope.app.commands.words import say
+from handscope.app.example_patients import patients as example_patients
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import patients
 from handscope.sessions.db.tables import Patient
@@ -17,6 +19,7 @@ from handscope.sessions.store.folder_lock import hold_folder
 from handscope.sessions.store.store import open_store
 
 GLOVES = ("left", "right")
+EXAMPLES = "handscope.app.example_patients.sessions"  # a program that imports numerics
 FOLDER = "handscope-demo"  # in the user's home: nobody's real patients are there
 
 
@@ -29,20 +32,25 @@ def add(parser: argparse.ArgumentParser) -> None:
         metavar="NAMES",
         help="of the virtual gloves, as `handscope glove` has them: all,trunk",
     )
+    parser.add_argument(
+        "--no-examples",
+        action="store_true",
+        help="a new data folder gets no simulated patients",
+    )
     parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     with hold_folder(arguments.data, arguments.database):
-        _add_patient(arguments)
+        _add_patients(arguments)
         _serve(arguments)
     say("stopped")
     return 0
 
 
-def _add_patient(arguments: argparse.Namespace) -> None:
-    store = open_store(arguments.data, arguments.database)
+def _add_patients(arguments: argparse.Namespace) -> None:
+    store, is_new = open_store(arguments.data, arguments.database), False
     with store.database() as db:
         if db.query(Patient).count() == 0:
             patients.create(
@@ -54,6 +62,9 @@ def _add_patient(arguments: argparse.Namespace) -> None:
                 year_of_birth=1960,
                 note="A simulated person with a virtual glove on either hand.",
             )
+            is_new = True
+    if is_new and not arguments.no_examples:
+        example_patients.add_patients(store)
     store.close()
 
 
@@ -64,7 +75,25 @@ def _serve(arguments: argparse.Namespace) -> None:
     with ExitStack() as gloves:
         put_up = _terminals if hasattr(os, "openpty") else _addresses
         ports = zip(put_up(arguments, gloves), (f"virtual {hand} glove" for hand in GLOVES))
-        serve.serve(arguments, dict(ports), browser=not arguments.no_browser, printed=True)
+        examples = partial(_make_examples, arguments, gloves)
+        serve.serve(
+            arguments,
+            dict(ports),
+            browser=not arguments.no_browser,
+            printed=True,
+            on_ready=examples,
+        )
+
+
+def _make_examples(arguments: argparse.Namespace, processes: ExitStack) -> None:
+    """The simulated patients' sessions, where some are to be made, in a process of low priority beside the server: one by one they appear on the pages."""
+    if not example_patients.are_unfinished(arguments.data):
+        return
+    program = [sys.executable, "-P", "-m", EXAMPLES, str(arguments.data)]
+    database = ["--database", arguments.database] if arguments.database else []
+    process = subprocess.Popen([*program, *database], stdin=subprocess.DEVNULL)
+    processes.callback(process.wait)
+    processes.callback(process.terminate)
 
 
 def _terminals(arguments: argparse.Namespace, gloves: ExitStack) -> tuple[str, ...]:

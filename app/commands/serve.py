@@ -9,7 +9,6 @@ import socket
 import sys
 import webbrowser
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
 from types import FrameType
 
@@ -231,9 +230,13 @@ def _gigabytes(word: str) -> float:
 
 
 def serve(
-    arguments: argparse.Namespace, demo_ports: Mapping[str, str], browser: bool, printed: bool
+    arguments: argparse.Namespace,
+    demo_ports: Mapping[str, str],
+    browser: bool,
+    printed: bool,
+    on_ready: Callable[[], None] = lambda: None,
 ) -> None:
-    """Listen, print the address, `printed` with a one-time token, serve until stopped."""
+    """Listen, print the address, `printed` with a one-time token, call `on_ready`, serve until stopped."""
     keep_private()
     begin_logging()
     settings = Settings(
@@ -269,7 +272,10 @@ def serve(
     )
     base = f"http://{name}:{listener.getsockname()[1]}"
     (arguments.data / "address").write_text(base + "\n")
-    announce = partial(_announce, base, arguments.data, printed, browser)
+
+    def announce() -> None:
+        _announce(base, arguments.data, printed, browser)
+        on_ready()
 
     config = uvicorn.Config(
         app,

@@ -46,6 +46,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         "handscope.app.cli",
         "demo",
         "--no-browser",
+        "--no-examples",
         "--port",
         "0",
         "--data",

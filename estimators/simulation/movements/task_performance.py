@@ -146,9 +146,11 @@ def range_of_motion(geometry: HandGeometry, repetitions: int = 3) -> Performance
     )
 
 
-def fist_and_stretch(geometry: HandGeometry, repetitions: int = 3) -> Performance:
-    """A full fist, then all fingers stretched."""
-    return _back_and_forth("rom_fist", _fist_pair(), repetitions)
+def fist_and_stretch(
+    geometry: HandGeometry, repetitions: int = 3, ends: tuple[Array, Array] | None = None
+) -> Performance:
+    """A full fist, then all fingers stretched; `ends`: how far this hand closes and opens instead."""
+    return _back_and_forth("rom_fist", [ends] if ends else _fist_pair(), repetitions)
 
 
 def spread_and_close(geometry: HandGeometry, repetitions: int = 3) -> Performance:
@@ -161,9 +163,9 @@ def thumb_across_and_away(geometry: HandGeometry, repetitions: int = 3) -> Perfo
     return _back_and_forth("rom_thumb", _thumb_pair(), repetitions)
 
 
-def wrist_all_ways(geometry: HandGeometry, repetitions: int = 3) -> Performance:
-    """The wrist down and up, then to either side."""
-    return _back_and_forth("rom_wrist", _wrist_pairs(), repetitions)
+def wrist_all_ways(geometry: HandGeometry, repetitions: int = 3, share: float = 1.0) -> Performance:
+    """The wrist down and up, then to either side; `share` of the range of a healthy wrist."""
+    return _back_and_forth("rom_wrist", _wrist_pairs(share), repetitions)
 
 
 def tapping(
@@ -197,10 +199,12 @@ def open_close(
     rate: float = 1.0,
     lead: float = 1.0,
     task: str = "open_close",
+    ends: tuple[Array, Array] | None = None,
 ) -> Performance:
-    """Opening and closing the hand."""
+    """Opening and closing the hand; `ends`: how far this hand opens and closes instead of fully."""
+    opened, closed = ends or (stretched(), fist())
     return _over_and_over(
-        task, stretched(), fist(), 0.5 / rate, 0.5 / rate, int(duration * rate + 1e-9), lead
+        task, opened, closed, 0.5 / rate, 0.5 / rate, int(duration * rate + 1e-9), lead
     )
 
 
@@ -404,10 +408,10 @@ def _thumb_pair() -> list[tuple[Array, Array]]:
     return [(_across(), _away())]
 
 
-def _wrist_pairs() -> list[tuple[Array, Array]]:
+def _wrist_pairs(share: float = 1.0) -> list[tuple[Array, Array]]:
     return [
-        (_wrist(flexion=50.0), _wrist(flexion=-45.0)),
-        (_wrist(deviation=25.0), _wrist(deviation=-15.0)),
+        (_wrist(flexion=50.0 * share), _wrist(flexion=-45.0 * share)),
+        (_wrist(deviation=25.0 * share), _wrist(deviation=-15.0 * share)),
     ]
 
 

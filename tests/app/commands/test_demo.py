@@ -17,7 +17,7 @@ WAIT = 120.0  # s until a test gives up
 
 
 def words(folder: Path) -> list[str]:
-    return ["demo", "--no-browser", "--port", "0", "--data", str(folder)]
+    return ["demo", "--no-browser", "--no-examples", "--port", "0", "--data", str(folder)]
 
 
 def gloves_of(folder: Path) -> list[Path]:

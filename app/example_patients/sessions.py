@@ -1,0 +1,97 @@
+"""The simulated patients' sessions put into a data folder in the order of time, each processed at once.
+
+What is made lies in the folder like anything measured: recordings, results, reports, replays. A session that is there is not made again.
+"""
+
+import argparse
+import os
+import tempfile
+from collections.abc import Iterator
+from datetime import datetime, timedelta
+from pathlib import Path
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from handscope.app.example_patients.patients import UNFINISHED
+from handscope.app.example_patients.recordings import write
+from handscope.app.example_patients.stories import STORIES, Story, between
+from handscope.app.results.make import make
+from handscope.app.version import software_version
+from handscope.estimators.hand.anatomy import Hand
+from handscope.estimators.methods import DEFAULT
+from handscope.sessions.clinic import results
+from handscope.sessions.db.tables import Patient, RecordingFile, now
+from handscope.sessions.store import records
+from handscope.sessions.store.store import Store, store_at
+
+EXAMINER = "simulated"
+OTHER_HAND_AFTER = timedelta(minutes=12)
+NICE = 19  # whoever measures meanwhile comes first
+
+
+def add_sessions(store: Store) -> None:
+    """Add the sessions of every patient that is there; what was made before stays."""
+    with store.database() as db, tempfile.TemporaryDirectory() as folder:
+        for k, story in enumerate(STORIES):
+            patient = db.scalar(select(Patient).where(Patient.pseudonym == story.code))
+            if patient is not None:
+                _add_course(db, store, patient, (k, story), Path(folder))
+    (store.folder / UNFINISHED).unlink(missing_ok=True)
+
+
+def _add_course(
+    db: Session, store: Store, patient: Patient, numbered: tuple[int, Story], folder: Path
+) -> None:
+    number, story = numbered
+    made = {f.original_name: s for s in patient.sessions for f in s.recordings}
+    morning = now().replace(hour=8, minute=20, second=0, microsecond=0)
+    for k, (hand, weeks, share) in enumerate(_sessions(story)):
+        name = f"{story.code.split()[0].lower()}-{k + 1}.zip"
+        if name in made:
+            continue
+        started = morning - timedelta(days=round(7 * weeks), minutes=-40 * number)
+        able, follows = between(story.begin, story.end, share), hand != story.hand
+        if follows:
+            able, started = type(able)(), started + OTHER_HAND_AFTER
+        write(able, story.tasks, hand, (number, k), started, folder / name)
+        session = records.add_upload(db, store, patient, folder / name, name, hand)
+        session.examiner, session.started = EXAMINER, started
+        session.continues_id = _measured_before(patient, started) if follows else None
+        db.commit()
+        _process(db, store, session.recordings[0])
+
+
+def _sessions(story: Story) -> Iterator[tuple[Hand, float, float]]:
+    """Hand, weeks before today, share of the way."""
+    other: Hand = "left" if story.hand == "right" else "right"
+    for k, (weeks, share) in enumerate(story.course):
+        yield story.hand, weeks, share
+        if k in story.both:
+            yield other, weeks, share
+
+
+def _measured_before(patient: Patient, started: datetime) -> int | None:
+    """The session that began at the visit's first moment."""
+    first = started - OTHER_HAND_AFTER
+    return next((s.id for s in patient.sessions if s.started == first), None)
+
+
+def _process(db: Session, store: Store, file: RecordingFile) -> None:
+    result = results.find_matching(db, file, DEFAULT, {}, software_version())
+    make(store, result.id)
+
+
+def main() -> None:
+    """In a process of its own, beside the server that holds the folder: add the sessions."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--database")
+    arguments = parser.parse_args()
+    if hasattr(os, "nice"):
+        os.nice(NICE)
+    add_sessions(store_at(arguments.folder, arguments.database))
+
+
+if __name__ == "__main__":
+    main()

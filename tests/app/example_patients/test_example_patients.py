@@ -1,0 +1,100 @@
+"""The demonstration's simulated patients: what their hands can do is what is measured of them, and everything says that nobody was measured."""
+
+from argparse import Namespace
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from sqlalchemy import select
+
+from handscope.app.commands import demo
+from handscope.app.example_patients import patients, sessions
+from handscope.app.example_patients.recordings import PERFORMED
+from handscope.app.example_patients.stories import STORIES, Ability, between
+from handscope.app.protocols import load_all
+from handscope.sessions.clinic import pseudonyms
+from handscope.sessions.clinic.repeatability import values
+from handscope.sessions.db.tables import Patient, PatientSession
+from handscope.sessions.store.store import Store, open_store
+
+TENDON = next(s for s in STORIES if "tendon" in s.code)
+PIP = ("range_of_motion", "rom_fist", "index_pip_flexion_max")
+
+
+@pytest.fixture
+def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
+    """With one patient of two sessions, the other hand after the first."""
+    story = replace(TENDON, course=((8.0, 0.0), (1.0, 1.0)), both=(0,), tasks=("rom_fist",))
+    for module in (patients, sessions):
+        monkeypatch.setattr(module, "STORIES", (story,))
+    made = open_store(tmp_path)
+    patients.add_patients(made)
+    yield made
+    made.close()
+
+
+def test_what_is_measured_follows_the_story(store: Store) -> None:
+    sessions.add_sessions(store)
+    with store.database() as db:
+        last, other, first = db.scalars(select(PatientSession).order_by(-PatientSession.id))
+        (patient,) = db.scalars(select(Patient))
+        assert (first.hand, other.hand, last.hand) == ("left", "right", "left")
+        assert (other.continues_id, first.continues_id) == (first.id, None)
+        assert first.started < other.started < last.started
+        bends = [values(s.recordings[0].results[0].figures)[PIP][0] for s in (first, last, other)]
+        assert bends[0] < 0.65 * bends[2] < 0.8 * bends[1]  # shares of the fist: 0.5, 0.92, 1
+        assert {s.examiner for s in (first, last)} == {sessions.EXAMINER}
+        assert "nobody was measured" in patient.notes[0].text
+        assert [g.figure for g in patient.goals] == ["index_pip_flexion_max"]
+        assert {e.kind for e in patient.treatment_events} == {"splint", "operation"}
+    assert not patients.are_unfinished(store.folder)
+
+
+def test_what_was_made_before_an_interruption_is_not_made_again(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writing, made = sessions.write, []
+
+    def until_the_second(*told: object) -> None:
+        if len(made) == 1:
+            raise KeyboardInterrupt
+        made.append(told[2])
+        writing(*told)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(sessions, "write", until_the_second)
+    with pytest.raises(KeyboardInterrupt):
+        sessions.add_sessions(store)
+    assert patients.are_unfinished(store.folder)
+    monkeypatch.setattr(sessions, "write", writing)
+    sessions.add_sessions(store)
+    with store.database() as db:
+        assert [s.hand for s in db.scalars(select(PatientSession))] == ["left", "right", "left"]
+
+
+def test_a_folder_with_patients_gets_no_examples(tmp_path: Path) -> None:
+    told = Namespace(data=tmp_path, database=None, no_examples=True)
+    demo._add_patients(told)
+    demo._add_patients(Namespace(data=tmp_path, database=None, no_examples=False))
+    assert not patients.are_unfinished(tmp_path)
+    store = open_store(tmp_path)
+    with store.database() as db:
+        assert [p.pseudonym for p in db.scalars(select(Patient))] == ["Demo patient"]
+    store.close()
+
+
+def test_stories_can_be_performed_and_tell_no_name() -> None:
+    protocols = load_all()
+    assert len(STORIES) == 6
+    for story in STORIES:
+        assert set(story.tasks) <= PERFORMED.keys() & protocols.keys()
+        assert all(a[0] > b[0] for a, b in pairwise(story.course)), "oldest first"
+        assert pseudonyms.find_doubts(story.code) == () and story.code.startswith("SIM-")
+        assert "nobody was measured" in story.note
+        assert all(k < len(story.course) for k in story.both)
+
+
+def test_abilities_are_mixed_with_those_of_a_hand_without_complaint() -> None:
+    half = between(Ability(fist={"index_pip": 0.5}, lag={"index_pip": 20.0}), Ability(), 0.5)
+    assert (half.fist, half.lag) == ({"index_pip": 0.75}, {"index_pip": 10.0})
