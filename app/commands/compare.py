@@ -17,11 +17,17 @@ from handscope.app.commands.words import (
 )
 from handscope.app.options import help_text
 from handscope.app.results.comparison import PLOTS, Compared, Side, Tips, as_csv, as_json, as_text
+from handscope.app.results.movement_agreement import (
+    Movement,
+    find_lag,
+    given_lag,
+    measure_agreement,
+)
 from handscope.estimators.data.samples import Event
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import ANGLES, HANDS, Hand
-from handscope.estimators.measures import clock_drift, comparison, synchronisation, tip_errors
+from handscope.estimators.measures import comparison, synchronisation, tip_errors
 from handscope.estimators.measures.comparison import WHOLE, Pair
 from handscope.estimators.measures.synchronisation import Lag
 from handscope.estimators.measures.tip_errors import Frame
@@ -141,17 +147,13 @@ def run(arguments: argparse.Namespace) -> int:
     a, b = _both(arguments)
     lag, how = _lag(a, b, arguments)
     centres = _wrists(a, b, arguments)
-    b = _on_clock(b, lag)
-    pairs = comparison.pair_quantities(a.trajectory, b.trajectory, 0.0)
-    span = (float(a.trajectory.t[0]), float(a.trajectory.t[-1]))
-    parts = comparison.list_stretches(a.events, b.events, 0.0, span)
-    found = comparison.agreements(pairs, parts)
-    if not found:
-        raise InputError("command.no_common_sample")
-    compared = Compared(a.side, b.side, lag, how, tuple(found), _tips(a, b, centres, parts))
+    agreed = measure_agreement(_movement(a), _movement(b), lag)
+    b = replace(b, trajectory=agreed.b.trajectory, events=agreed.b.events)
+    found = agreed.agreements
+    compared = Compared(a.side, b.side, lag, how, found, _tips(a, b, centres, agreed.stretches))
     plots = _plots(
         compared,
-        pairs,
+        agreed.pairs,
         {"svg" if arguments.out else "", arguments.plot.suffix[1:] if arguments.plot else ""}
         - {""},
     )
@@ -179,17 +181,8 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _on_clock(b: ComparedMovement, lag: Lag) -> ComparedMovement:
-    """B by A's clock."""
-    onset, end = (
-        lag.on_a(np.array([getattr(e, end) for e in b.events], dtype=float))
-        for end in ("onset", "end")
-    )
-    events = tuple(
-        replace(e, onset=float(first), duration=float(last - first))
-        for e, first, last in zip(b.events, onset, end)
-    )
-    return replace(b, trajectory=replace(b.trajectory, t=lag.on_a(b.trajectory.t)), events=events)
+def _movement(compared: ComparedMovement) -> Movement:
+    return Movement(compared.side.name, compared.trajectory, compared.events)
 
 
 def _wrists(
@@ -452,11 +445,9 @@ def _stretch(words: str, name: str, option: str) -> tuple[float, float]:
 def _lag(
     a: ComparedMovement, b: ComparedMovement, arguments: argparse.Namespace
 ) -> tuple[Lag, str]:
-    names, on_a, on_b = comparison.shared_names(a.trajectory, b.trajectory)
-    if not names:
-        raise InputError("command.no_common_joint", name=a.side.name, name2=b.side.name)
+    moved = _movement(a), _movement(b)
     if arguments.lag is not None:
-        return synchronisation.fit_at(on_a, on_b, arguments.lag), "given"
+        return given_lag(*moved, arguments.lag), "given"
     if a.checksum and a.checksum == b.checksum:
-        return synchronisation.fit_at(on_a, on_b, 0.0), "one recording, one clock"
-    return clock_drift.synchronised_clocks(on_a, on_b, arguments.max_lag), "cross-correlation"
+        return given_lag(*moved, 0.0), "one recording, one clock"
+    return find_lag(*moved, arguments.max_lag), "cross-correlation"
