@@ -159,9 +159,12 @@ def _local_lag(part: Signal, b: Signal, near: float, reach: float) -> tuple[floa
     steps = near + np.arange(-np.ceil(reach / STEP), np.ceil(reach / STEP) + 1) * STEP
     best = steps[int(np.argmin([misfit(float(s)) for s in steps]))]
     found = minimize_scalar(
-        misfit, bounds=(best - STEP, best + STEP), method="bounded", options={"xatol": 1e-6}
+        lambda s: misfit(float(best + s)),
+        bounds=(-STEP, STEP),  # about the best: scipy's tolerance grows with the argument
+        method="bounded",
+        options={"xatol": 1e-6},
     )
-    return float(found.x), -float(found.fun)
+    return float(best + found.x), -float(found.fun)
 
 
 def _fit_line(t: Array, lags: Array, weights: Array) -> tuple[float, float, float]:

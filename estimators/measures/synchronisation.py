@@ -258,13 +258,13 @@ def _refine(a: Signal, b: Signal, lag: float, step: float) -> Lag:
     soft_a, soft_b = smooth_both(Signal(a.t, a.values[:, moving]), Signal(b.t, b.values[:, moving]))
     thin = max(1, round(rate_of(a) * step))
     at, x = soft_a.t[::thin], soft_a.values[::thin]
-    found = minimize_scalar(
-        lambda s: -pooled_correlation(x, interpolate(soft_b, at - s)),
-        bounds=(lag - step, lag + step),
+    found = minimize_scalar(  # about the lag: scipy's tolerance grows with the argument
+        lambda s: -pooled_correlation(x, interpolate(soft_b, at - (lag + s))),
+        bounds=(-step, step),
         method="bounded",
         options={"xatol": 1e-6},
     )
-    s = float(found.x)
+    s = lag + float(found.x)
     return Lag(s, pooled_correlation(a.values, interpolate(b, a.t - s)), np.nan)
 
 

@@ -148,3 +148,9 @@ def test_noise_does_not_draw_the_lag_to_half_a_sample(clock: float) -> None:
     a, b = sampled(move, 0.0, 40.0, 100.0), sampled(move, 0.0, 40.0, 100.0, clock)
     a, b = (Signal(s.t, s.values + rng.normal(scale=1 * DEG, size=s.values.shape)) for s in (a, b))
     assert synchronise(a, b).seconds == pytest.approx(clock, abs=4e-4)
+
+
+def test_the_lag_of_a_clock_that_counts_from_1970_is_as_exact() -> None:
+    move = movement(1)
+    a, b = sampled(move, 0.0, 40.0, 100.0), sampled(move, 2.0, 45.0, 60.0, -1.7e9)
+    assert synchronise(a, b).seconds == pytest.approx(-1.7e9, rel=0, abs=1e-4)
