@@ -36,7 +36,7 @@ from handscope.app.api.live import relays, session_start, streams
 from handscope.app.api.login import login_routes, oidc_routes, second_factors
 from handscope.app.api.patient_view import invitation_routes, screen_routes
 from handscope.app.api.treatment import routes as treatment_routes
-from handscope.app.api.uploads import tables
+from handscope.app.api.uploads import landmark_comparisons, tables
 from handscope.app.api.wards import emergency_routes, ward_routes
 from handscope.app.auth.gate import Gate
 from handscope.app.auth.incoming_text import PlainAddresses
@@ -128,6 +128,7 @@ def create_app(settings: Settings) -> FastAPI:
         session_start,
         tables,
         results,
+        landmark_comparisons,
         references,
         self_calibrations,
         photograph_routes,

@@ -267,3 +267,57 @@ class TableFindings(TypedDict):
     rate: float
     rests: list[list[float]]  # onset and end, the longest first
     findings: list[TableFinding]
+
+
+class ClockLag(TypedDict):
+    """How a camera's clock stands against the recording's: the recording's time is the camera's plus `seconds`."""
+
+    seconds: float
+    correlation: float
+    overlap: float  # s that both show
+    rival: float | None  # s, another lag that fits as well
+    ppm: float | None  # how much faster the camera's clock runs, where that was corrected
+
+
+class AngleAgreement(TypedDict):
+    """How far a camera's angle is from the result's, deg: a difference is camera less result."""
+
+    what: str
+    drms: float
+    offset: float
+    drms_minus_offset: float
+    rom_a: float  # of the result
+    rom_b: float  # of the camera
+    drom: float
+    correlation: float | None
+    unit: str
+
+
+class StretchAgreement(TypedDict):
+    """All angles in one stretch."""
+
+    event: int | None  # a task of the recording; null: all of it
+    onset: float
+    end: float
+    angles: list[AngleAgreement]
+
+
+class AngleCurve(TypedDict):
+    """An angle of both, deg, on the recording's clock; null where unknown."""
+
+    what: str
+    t: list[float | None]
+    a: list[float | None]
+    b: list[float | None]
+    difference: list[float | None]
+
+
+class LandmarkAnswer(TypedDict):
+    """A result beside a camera's hand landmarks."""
+
+    name: str
+    frames: int
+    seen: float  # share of the frames that show a hand
+    lag: ClockLag
+    stretches: list[StretchAgreement]
+    curves: list[AngleCurve]

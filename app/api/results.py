@@ -128,7 +128,10 @@ def read_curves(
     t, by_quantity = load_curves(
         parts.store, results.require_done(results.get(db, result_id)), what, start, stop, points
     )
-    return {"t": _numbers(t), "curves": {w: _numbers(values) for w, values in by_quantity.items()}}
+    return {
+        "t": rounded_numbers(t),
+        "curves": {w: rounded_numbers(values) for w, values in by_quantity.items()},
+    }
 
 
 @router.get("/{result_id}/comparison")
@@ -158,12 +161,12 @@ def compare(
         points,
     )
     return {
-        "t": _numbers(comparison.t),
-        "a": _numbers(comparison.a),
-        "b": _numbers(comparison.b),
-        "difference": _numbers(comparison.difference) if comparison.agreement else None,
+        "t": rounded_numbers(comparison.t),
+        "a": rounded_numbers(comparison.a),
+        "b": rounded_numbers(comparison.b),
+        "difference": rounded_numbers(comparison.difference) if comparison.agreement else None,
         "offsets": comparison.offsets,
-        "agreement": _agreement(comparison.agreement),
+        "agreement": agreement_payload(comparison.agreement),
     }
 
 
@@ -291,7 +294,7 @@ def _of_one_patient(result: Result, other: Result) -> Result:
     return other
 
 
-def _agreement(agreement: Agreement | None) -> dict[str, Any] | None:
+def agreement_payload(agreement: Agreement | None) -> dict[str, Any] | None:
     """In the unit a person reads."""
     if agreement is None:
         return None
@@ -309,7 +312,7 @@ def _agreement(agreement: Agreement | None) -> dict[str, Any] | None:
     }
 
 
-def _numbers(values: Any) -> list[float | None]:
+def rounded_numbers(values: Any) -> list[float | None]:
     """Rounded, null for NaN."""
     rounded = np.round(np.asarray(values, float), 2).tolist()
     return [v if v == v else None for v in rounded]

@@ -20,8 +20,10 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 SMALL = 1 << 20  # bytes of a body that is no upload: the largest form of the pages has some 20 kB
+LANDMARKS = 64 << 20  # bytes of a camera's landmarks: some 20 minutes at 30 Hz
 FORM = 1 << 16  # bytes that a form with a file has besides the file
 UPLOADS = re.compile(r"/api/patients/\d+/(recordings|tables|photographs|photographs/landmarks)")
+LANDMARK_UPLOADS = re.compile(r"/api/results/\d+/landmark-comparisons")
 PATIENCE = 10.0  # s that may pass without a byte
 SLOWEST = 16_000.0  # bytes/s on average after PATIENCE: GPRS
 MOST_AT_ONCE = 64  # requests of one address whose answers are not finished
@@ -78,6 +80,8 @@ class RequestLimits:
             await self._app(scope, _bounded(receive, limit, counted.begin), send)
 
     def _limit(self, scope: Scope) -> int:
+        if LANDMARK_UPLOADS.fullmatch(scope["path"]):
+            return min(self._largest_upload, LANDMARKS) + FORM
         return self._largest_upload + FORM if UPLOADS.fullmatch(scope["path"]) else SMALL
 
     def _allowance(self, address: str) -> _Allowance:

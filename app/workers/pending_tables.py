@@ -19,6 +19,13 @@ LONGEST = 120  # characters of a name
 UNSAFE = re.compile(r"[^\w .()+-]+")
 
 
+def safe_name(name: str) -> str:
+    """The last part of a name without what a file system may not take; its ending stays."""
+    path = Path(UNSAFE.sub("_", re.split(r"[/\\]", name)[-1]))
+    stem = path.stem.lstrip(".")[:LONGEST] or "table"
+    return stem + path.suffix[:16]
+
+
 @dataclass(frozen=True)
 class PendingTable:
     """A table that is being mapped."""
@@ -41,7 +48,7 @@ class PendingTables:
         """A place for a table in a new folder within `folder`; those that are too old or too many make room."""
         number = uuid.uuid4().hex
         (folder / number).mkdir(mode=0o700)
-        table = PendingTable(number, patient, login, folder / number / _safe(name))
+        table = PendingTable(number, patient, login, folder / number / safe_name(name))
         with self._lock:
             old = [t for t in self._tables.values() if time.monotonic() - t.since > LIFETIME]
             own = [t for t in self._tables.values() if t.login == login and t not in old]
@@ -66,10 +73,3 @@ class PendingTables:
     def _remove(self, table: PendingTable) -> None:
         self._tables.pop(table.number, None)
         shutil.rmtree(table.path.parent, ignore_errors=True)
-
-
-def _safe(name: str) -> str:
-    """The last part of a name without what a file system may not take; its ending stays."""
-    path = Path(UNSAFE.sub("_", re.split(r"[/\\]", name)[-1]))
-    stem = path.stem.lstrip(".")[:LONGEST] or "table"
-    return stem + path.suffix[:16]

@@ -24,6 +24,8 @@ from handscope.estimators.pipeline.landmark_trajectory import COUNT, WRIST, Land
 
 SUFFIXES = (".json", ".csv")
 MOST_BYTES = 2**28  # an hour at 60 Hz is about 0.2 GB of JSON
+SHORTEST_FRAME, LONGEST_FRAME = 1e-3, 1.0  # s from frame to frame; others are times in another unit
+LONGEST = 4 * 3600.0  # s of a file
 LARGEST = 1e5  # of a coordinate, in whatever unit
 AT_WRIST = 1e-5  # of |z| at the wrist, below which points are shares of a picture
 NAMES = (
@@ -70,7 +72,7 @@ def read_landmarks(path: Path) -> Landmarks:
         raise InputError("landmarks.not_utf8", name=path.name) from None
     read = _read_csv if path.suffix.lower() == ".csv" else _read_json
     content = read(text, path.name)
-    _require_increasing(content.t, path.name)
+    _require_times(content.t, path.name)
     return Landmarks(content.t, _scale(content, path.name), content.hand)
 
 
@@ -233,9 +235,14 @@ def _landmark_of(column: str) -> tuple[int, str] | None:
     return (NAMES.index(rest), axes[0]) if rest in NAMES else None
 
 
-def _require_increasing(t: Array, name: str) -> None:
+def _require_times(t: Array, name: str) -> None:
     if not np.isfinite(t).all() or not (np.diff(t) > 0).all():
         raise InputError("landmarks.time_not_increasing", name=name)
+    interval = float(np.median(np.diff(t)))
+    if not SHORTEST_FRAME <= interval <= LONGEST_FRAME:
+        raise InputError("landmarks.frame_interval", name=name, seconds=interval)
+    if t[-1] - t[0] > LONGEST:
+        raise InputError("landmarks.too_long", name=name, hours=LONGEST / 3600)
 
 
 def _scale(content: FileContent, name: str) -> Array:

@@ -4,6 +4,7 @@ import { errorBox } from "../forms.js";
 import { makeRecord } from "../patient/record.js";
 import * as relay from "../relay/notice.js";
 import * as reprocess from "../session/reprocess.js";
+import * as camera from "../session/camera.js";
 import * as changes from "../session/changes.js";
 import * as compare from "../session/compare.js";
 import * as dating from "../session/dating.js";
@@ -88,7 +89,7 @@ function draw(root, api, about) {
     [tapping, place("stack")],
     [measures, place("stack")],
   ];
-  const tasks = done ? [trials, compare].map((part) => [part, place()]) : [];
+  const tasks = done ? [trials, compare, camera].map((part) => [part, place()]) : [];
   const kept = [recordings, reprocess].map((part) => [part, place()]);
   const hollow = treats && session.empty ? [[empty, place()]] : [];
   const closed = session.recordings.some((recording) => recording.sha256);
@@ -117,11 +118,7 @@ function draw(root, api, about) {
         { class: "stack" },
         main.map(([, place]) => place),
       ),
-      h(
-        "div",
-        { class: "stack" },
-        aside.map(([, place]) => place),
-      ),
+      h("div", { class: "stack" }, ...aside.map(([, place]) => place)),
     ),
   );
   return assemble(api, about, [...head, ...choice, ...main, ...aside]);

@@ -37,7 +37,7 @@ export function mount(root, api, { payload, what, names }) {
 const unitOf = (payload) => (payload.unit === "deg" ? "°" : ` ${payload.unit}`);
 
 /** A direction in words, never a bare minus. */
-function apartWords(value, unit) {
+export function apartWords(value, unit) {
   const size = `${decimal(Math.abs(value), 1).replace(/\D0$/, "")}${unit}`;
   return value ? t(value > 0 ? "compare.above" : "compare.below", { size }) : size;
 }

@@ -25,6 +25,28 @@ export interface AccountRow {
   lacks_second_factor?: boolean;
 }
 
+/** How far a camera's angle is from the result's, deg: a difference is camera less result. */
+export interface AngleAgreement {
+  what: string;
+  drms: number;
+  offset: number;
+  drms_minus_offset: number;
+  rom_a: number;
+  rom_b: number;
+  drom: number;
+  correlation: number | null;
+  unit: string;
+}
+
+/** An angle of both, deg, on the recording's clock; null where unknown. */
+export interface AngleCurve {
+  what: string;
+  t: (number | null)[];
+  a: (number | null)[];
+  b: (number | null)[];
+  difference: (number | null)[];
+}
+
 /** The first code of an authenticator app. */
 export interface AppCode {
   code: string;
@@ -34,6 +56,15 @@ export interface AppCode {
 export interface Choice {
   before?: number | null;
   other?: number | null;
+}
+
+/** How a camera's clock stands against the recording's: the recording's time is the camera's plus `seconds`. */
+export interface ClockLag {
+  seconds: number;
+  correlation: number;
+  overlap: number;
+  rival: number | null;
+  ppm: number | null;
 }
 
 /** The password again, before second factors change. */
@@ -83,6 +114,16 @@ export interface GoalRow {
   low: number;
   high: number;
   changed: string;
+}
+
+/** A result beside a camera's hand landmarks. */
+export interface LandmarkAnswer {
+  name: string;
+  frames: number;
+  seen: number;
+  lag: ClockLag;
+  stretches: StretchAgreement[];
+  curves: AngleCurve[];
 }
 
 /** A passkey as the browser made it. */
@@ -464,6 +505,14 @@ export interface StationRow {
 export interface StationView {
   side?: "own" | "front" | "back" | "thumb" | "little" | "palm" | "fit";
   mirrored?: boolean | null;
+}
+
+/** All angles in one stretch. */
+export interface StretchAgreement {
+  event: number | null;
+  onset: number;
+  end: number;
+  angles: AngleAgreement[];
 }
 
 /** A table that is being mapped: its first rows and a guess of its columns. */

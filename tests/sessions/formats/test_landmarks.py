@@ -40,14 +40,20 @@ def drawn(hand: Hand, n: int = 60, seed: int = 1) -> tuple[Array, Array, Array]:
     angles = movement(seed, 3 * len(JOINTS))(t).reshape(n, len(JOINTS), 3) * IS_DOF
     angles[:, [k for k in range(len(JOINTS)) if k > 0], FLEXION] += 40 * DEG
     angles[:, JOINT["wrist"]] = 0.0
-    geometry = sized(hand)
-    chains = forward_kinematics.joint_places(joint_angles.compose(angles), geometry)
+    return t, angles, seen(angles, hand)
+
+
+def seen(angles: Array, hand: Hand) -> Array:
+    """The 21 places (n, 21, 3) m of a hand with joint angles (n, joints, 3), as a camera that stands anywhere sees them."""
+    n, geometry = len(angles), sized(hand)
+    q_pc = joint_angles.compose(np.where(IS_DOF, angles, 0.0))
+    chains = forward_kinematics.joint_places(q_pc, geometry)
     roots = np.broadcast_to(geometry.roots()[:, None], (n, 5, 1, 3))
     places = np.concatenate(
         [np.zeros((n, 1, 3)), np.concatenate([roots, chains], axis=2).reshape(n, 20, 3)], axis=1
     )
     q_CG = quat.normalize(np.array([0.4, -0.3, 0.8, 0.2]))
-    return t, angles, quat.rotate(q_CG, places) + [0.02, -0.03, 0.01]
+    return np.asarray(quat.rotate(q_CG, places) + [0.02, -0.03, 0.01])
 
 
 @pytest.mark.parametrize("hand", ["left", "right"])
