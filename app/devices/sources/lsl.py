@@ -43,7 +43,15 @@ def open_source(address: SourceAddress) -> "Inlet":
         inlet.open_stream(FIND_WAIT)
     except Exception:  # pylsl's TimeoutError and LostError
         raise InputError("device.lsl_stream_silent", name=address.what) from None
-    return Inlet(inlet, [lsl.StreamInlet(m) for m in markers], columns, lsl.local_clock)
+    return Inlet(inlet, _opened([lsl.StreamInlet(m) for m in markers]), columns, lsl.local_clock)
+
+
+def _opened(markers: list[Any]) -> list[Any]:
+    """Streams of markers, opened: what is sent before the first pull would be lost otherwise."""
+    for inlet in markers:
+        with contextlib.suppress(Exception):  # a stream that has just gone; it is pulled in vain
+            inlet.open_stream(MARKERS_WAIT)
+    return markers
 
 
 def _library() -> Any:

@@ -14,58 +14,13 @@ from handscope.estimators.orientation import fusion
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings
 from handscope.sessions.motion_bids.writer import events_table
-from handscope.validation.independent.simulator import recording_files
-from handscope.validation.independent.simulator.force_sensors import (
-    Cuffs,
-    draw_sensor,
-    simulate_readings,
-)
-from handscope.validation.independent.simulator.hand import measured
-from handscope.validation.independent.simulator.pinch import Held, pinched
+from tests.sessions.table_import.elsewhere import largest_difference, lift, processed
 from tests.simulated import DEG, calibrated
-
-Angles = dict[str, np.ndarray]
 
 
 @pytest.fixture(scope="module")
 def native(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Something is lifted between thumb and index finger, by sensors with errors, as Motion-BIDS."""
-    folder = tmp_path_factory.mktemp("elsewhere") / "recording"
-    rng = np.random.default_rng(4)
-    done, cuffs = pinched(Held(mass=0.3), "left", rng), Cuffs()
-    sensors = [draw_sensor(cuffs, rng) for _ in recording_files.FINGERS]
-    forces = simulate_readings(done, cuffs, sensors, rng)
-    recording_files.written(folder, done, measured(done.hand, rng), forces, {})
-    return folder
-
-
-def processed(recording: Path, out: Path) -> Angles:
-    """Joint angles, deg, by name, and the times, as the command line writes them."""
-    assert main(["process", str(recording), "--method", "m2", "--out", str(out)]) == 0
-    (table,) = out.rglob("*_desc-m2_motion.tsv")
-    channels = table.with_name(table.name.replace("_motion.tsv", "_channels.tsv"))
-    rows = [line.split("\t") for line in channels.read_text().splitlines()]
-    values = np.genfromtxt(table, delimiter="\t")
-    kind, unit = rows[0].index("type"), rows[0].index("units")
-    found = {}
-    for k, row in enumerate(rows[1:]):
-        if row[kind] in ("JNTANG", "LATENCY"):
-            name = row[0] if row[kind] == "JNTANG" else "t"
-            found[name] = values[:, k] / (DEG if row[unit] == "rad" else 1.0)
-    return found
-
-
-def largest_difference(a: Angles, b: Angles, since: float = 0.0) -> float:
-    """Over all angles, deg, where both know them, from a time of the first on, s."""
-    (t_a, t_b), names = (x["t"] for x in (a, b)), sorted(set(a) & set(b) - {"t"})
-    assert len(names) >= 6
-    count = min(len(t_a), len(t_b))
-    assert abs(len(t_a) - len(t_b)) < 2 and np.ptp(t_a[:count] - t_b[:count]) < 1e-3
-    rows = np.flatnonzero(t_a[:count] >= since)
-    differences = [np.abs(a[n][rows] - b[n][rows]) for n in names]
-    known = [float(np.nanmax(d)) for d in differences if np.isfinite(d).any()]
-    assert len(known) >= 9  # of thumb and index finger
-    return max(known)
+    return lift(tmp_path_factory.mktemp("elsewhere") / "recording")
 
 
 def imported(folder: Path, recording: LoadedRecording, segments: dict[str, str]) -> Path:

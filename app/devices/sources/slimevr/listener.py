@@ -13,7 +13,7 @@ import select
 import socket
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,7 +37,14 @@ DATAGRAM = 1472  # bytes, what an Ethernet packet holds
 class Listener:
     """An open socket; the trackers that have shaken hands."""
 
-    def __init__(self, host: str, port: int, columns: ColumnMap | None) -> None:
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        columns: ColumnMap | None,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._clock = clock  # ns, of the samples' times
         self._socket = _bound(host, port)
         self._trackers: dict[Address, str] = {}  # MAC by address
         self._numbers: dict[Address, int] = {}  # newest packet
@@ -73,7 +80,7 @@ class Listener:
                 break
             except ConnectionError:
                 continue  # a tracker that we answered is gone
-            found += self._take(datagram, address[:2], time.monotonic_ns())
+            found += self._take(datagram, address[:2], self._clock())
         return _joined(found)
 
     def counts(self) -> Mapping[str, int | float]:
