@@ -12,6 +12,10 @@ from sqlalchemy.orm import Mapped, mapped_column, relationship
 from handscope.sessions.db.columns import Base as Base
 from handscope.sessions.db.columns import UtcDateTime as UtcDateTime
 from handscope.sessions.db.columns import now as now
+from handscope.sessions.db.patientless_tables import Attempt as Attempt
+from handscope.sessions.db.patientless_tables import AuditLine as AuditLine
+from handscope.sessions.db.patientless_tables import ErasedFile as ErasedFile
+from handscope.sessions.db.patientless_tables import StoredColumnMap as StoredColumnMap
 
 NEVER_AGAIN = {"sqlite_autoincrement": True}
 HOUSE = 1  # number of the ward that everybody belongs to: all accounts see its patients, its accounts see all patients
@@ -417,43 +421,6 @@ class Repeatability(Base):
     computed: Mapped[datetime] = mapped_column(default=now)
 
 
-class AuditLine(Base):
-    """Who did what, when; each line is chained to the one before (sessions/clinic/audit.py)."""
-
-    __tablename__ = "audit"
-
-    id: Mapped[int] = mapped_column(
-        primary_key=True, autoincrement=False
-    )  # from 1 on, without a gap
-    at: Mapped[datetime]
-    who: Mapped[str] = mapped_column(String(64), index=True)  # an account's name
-    address: Mapped[str] = mapped_column(String(64))  # where the request came from
-    what: Mapped[str] = mapped_column(
-        String(64)
-    )  # viewed, created, changed, exported, erased, logged in, refused
-    kind: Mapped[str] = mapped_column(String(32))  # patient, session, result, account, ...
-    ref: Mapped[str] = mapped_column(String(64))  # its number
-    patient: Mapped[int | None] = mapped_column(
-        index=True
-    )  # whose it is: a number that no other patient gets
-    counts: Mapped[dict[str, Any]] = mapped_column(
-        default=dict
-    )  # names of fields; of an erased patient sessions, recordings, results, notes, bytes
-    previous: Mapped[str] = mapped_column(String(64))
-    hash: Mapped[str] = mapped_column(String(64))
-
-
-class StoredColumnMap(Base):
-    """Which columns of other loggers' tables are what, by the tables' headers (sessions/table_import/stored_maps.py)."""
-
-    __tablename__ = "column_map"
-
-    id: Mapped[int] = mapped_column(primary_key=True)
-    key: Mapped[str] = mapped_column(String(64), unique=True)  # sha256 of the header
-    data: Mapped[dict[str, Any]] = mapped_column(default=dict)  # MAP.json without hand and lengths
-    changed: Mapped[datetime] = mapped_column(default=now)
-
-
 class AssessmentPlan(Base):
     """A version of an assessment plan of the clinic's own (sessions/assessment_plans/stored.py)."""
 
@@ -467,14 +434,6 @@ class AssessmentPlan(Base):
     author: Mapped[str] = mapped_column(String(64), default="")  # an account's name
     stored: Mapped[datetime] = mapped_column(default=now)
     withdrawn: Mapped[datetime | None]  # it is not offered any more
-
-
-class ErasedFile(Base):
-    """A file that must go: its rows are gone, or it is an upload whose rows are not there yet; the next start finishes what a power cut interrupted."""
-
-    __tablename__ = "erased_file"
-
-    file: Mapped[str] = mapped_column(primary_key=True)  # relative to the data folder
 
 
 class Account(Base):
@@ -562,15 +521,3 @@ class SecondFactor(Base):
     confirmed: Mapped[bool] = mapped_column(default=False)
     created: Mapped[datetime] = mapped_column(default=now)
     used: Mapped[datetime | None]
-
-
-class Attempt(Base):
-    """A try of a password, counted before it was checked (sessions/store/logins.py)."""
-
-    __tablename__ = "attempt"
-
-    id: Mapped[int] = mapped_column(primary_key=True)
-    key: Mapped[str] = mapped_column(
-        String(64), index=True
-    )  # hash of the account's name or of the address
-    at: Mapped[datetime] = mapped_column(default=now)

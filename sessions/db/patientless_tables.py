@@ -1,0 +1,66 @@
+"""Tables whose rows belong to no patient and to no account's row: the audit trail, files to remove, maps of columns, counted tries."""
+
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import String
+from sqlalchemy.orm import Mapped, mapped_column
+
+from handscope.sessions.db.columns import Base, now
+
+
+class AuditLine(Base):
+    """Who did what, when; each line is chained to the one before (sessions/clinic/audit.py)."""
+
+    __tablename__ = "audit"
+
+    id: Mapped[int] = mapped_column(
+        primary_key=True, autoincrement=False
+    )  # from 1 on, without a gap
+    at: Mapped[datetime]
+    who: Mapped[str] = mapped_column(String(64), index=True)  # an account's name
+    address: Mapped[str] = mapped_column(String(64))  # where the request came from
+    what: Mapped[str] = mapped_column(
+        String(64)
+    )  # viewed, created, changed, exported, erased, logged in, refused
+    kind: Mapped[str] = mapped_column(String(32))  # patient, session, result, account, ...
+    ref: Mapped[str] = mapped_column(String(64))  # its number
+    patient: Mapped[int | None] = mapped_column(
+        index=True
+    )  # whose it is: a number that no other patient gets
+    counts: Mapped[dict[str, Any]] = mapped_column(
+        default=dict
+    )  # names of fields; of an erased patient sessions, recordings, results, notes, bytes
+    previous: Mapped[str] = mapped_column(String(64))
+    hash: Mapped[str] = mapped_column(String(64))
+
+
+class StoredColumnMap(Base):
+    """Which columns of other loggers' tables are what, by the tables' headers (sessions/table_import/stored_maps.py)."""
+
+    __tablename__ = "column_map"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    key: Mapped[str] = mapped_column(String(64), unique=True)  # sha256 of the header
+    data: Mapped[dict[str, Any]] = mapped_column(default=dict)  # MAP.json without hand and lengths
+    changed: Mapped[datetime] = mapped_column(default=now)
+
+
+class ErasedFile(Base):
+    """A file that must go: its rows are gone, or it is an upload whose rows are not there yet; the next start finishes what a power cut interrupted."""
+
+    __tablename__ = "erased_file"
+
+    file: Mapped[str] = mapped_column(primary_key=True)  # relative to the data folder
+
+
+class Attempt(Base):
+    """A try of a password, counted before it was checked (sessions/store/logins.py)."""
+
+    __tablename__ = "attempt"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    key: Mapped[str] = mapped_column(
+        String(64), index=True
+    )  # hash of the account's name or of the address
+    at: Mapped[datetime] = mapped_column(default=now)
