@@ -13,7 +13,7 @@ Limits  a pose that is not the one asked for becomes an offset of every angle; a
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -212,6 +212,7 @@ def calibrate(
         warnings,
         north,
         rates,
+        nominal=_nominal(still, mounting) if params.alignment != "heading" else {},
         pose_sd=pose.sd,
         q_ES=mean_orientations([b.between(start, end) for b in blocks]),
     )
@@ -226,11 +227,7 @@ def uncalibrated(
 ) -> Calibration:
     """What is known without any pose: the nominal mounting; headings come from magnetometers or are
     guesses."""
-    nominal = {
-        s: quat.normalize(np.asarray(mounting.get(s, quat.IDENTITY), dtype=float))
-        for s in sensors
-        if s in SEGMENTS
-    }
+    nominal = _nominal([s for s in sensors if s in SEGMENTS], mounting)
     return Calibration(hand, geometry, t, t, {}, nominal, {}, CalibrationSource.NONE)
 
 
@@ -438,10 +435,7 @@ def _orient(
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Sensor orientations with gravity's inclination and the pose's heading, and the
     sensor-to-segment rotations."""
-    nominal = {
-        name: quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), dtype=float))
-        for name in still
-    }
+    nominal = _nominal(still, mounting)
     on_hand, q_GS, q_BS = segments_in_pose(pose), {}, {}
     agreeing = (
         [name for name in still if name != "forearm"] if params.alignment == "common" else ["hand"]
@@ -454,6 +448,13 @@ def _orient(
             quat.relative(q_GB, q_GS[name]) if params.alignment != "heading" else nominal[name]
         )
     return q_GS, q_BS
+
+
+def _nominal(sensors: Iterable[str], mounting: Mapping[str, Array]) -> dict[str, Array]:
+    """Sensor-to-segment rotations (4,) that the glove declares."""
+    return {
+        s: quat.normalize(np.asarray(mounting.get(s, quat.IDENTITY), dtype=float)) for s in sensors
+    }
 
 
 def _up_in_hand(

@@ -104,6 +104,8 @@ class Calibration:
     p_BS_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) m
     gyr_bias_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) rad/s
     acc_bias_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) m/s^2
+    # (4,) sensor-to-segment rotations as the glove declares them, where the pose has replaced them
+    nominal: Mapping[str, Array] = field(default_factory=dict)
     # rad, by joint, of the pose's angles that were measured; NaN and absent: not measured
     pose_sd: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     # (4,) as the sensors' device gave them at t, in its own frames: whose fusion was not ours

@@ -57,6 +57,12 @@ class SensorToSegmentParams:
         "ours: how careful a person is is not known; any standard deviation from 1.5 to 2.5 deg counted as likely",
         least=1e-3,
     )
+    pose_inference: bool = option(
+        True,
+        "",
+        "correct the pose by what gravity in all sensors tells of it; a strip that is missing then changes the other fingers a little",
+        "ours: docs/decisions/0014-pose-from-gravity.md",
+    )
     angle_sd: float = option(
         0.3,
         "deg",
@@ -70,9 +76,9 @@ class SensorToSegmentParams:
 class SensorToSegmentPrior:
     """Prior knowledge of the mounting of F chains."""
 
-    # (F, 12, 12) rad^2, of the four sensors' misalignments about the segments' axes
+    # (F, 21, 21) rad^2, of the four sensors' misalignments about the segments' axes and of the three
+    # joints' angles in the pose
     covariance: Array
-    pose_sd: Array  # (F, 3, 3) rad, of each joint's angles in the pose
     # (F, 4) the pose has rotated the sensor's frame until gravity agrees with the chain's first
     aligned: Bools
 
@@ -82,14 +88,15 @@ def covariance_after_pose(
 ) -> Array:
     """Covariance (F, 43, 43) of the error states after the pose has given q_pc (F, 3, 4); acc (F, 4, 3) points up in it.
 
-    The pose gives the true joints up to the person's pose error, and gravity in every sensor, but no turns about the vertical. The errors are a matrix times independent ones: 12 of the mounting, gravity in each sensor, each joint's pose error, soft-tissue gains.
+    The pose gives the true joints up to the person's pose error, and gravity in every sensor, but no turns about the vertical. The errors are a matrix times independent ones: 21 of the mounting and the pose, gravity in each sensor, soft-tissue gains.
     """
     chains = len(q_pc)
     L = np.zeros((chains, SIZE, 42))
     gravity_error = np.radians(params.angle_sd)
     # the first joint has that of both sensors
     gain_sd = np.radians(params.skin) / (np.pi / 2) / np.sqrt(3) * np.array([np.sqrt(2), 1.0, 1.0])
-    L[:, 21:33, 0:12] = _root(prior.covariance)
+    root = _root(prior.covariance)
+    L[:, 21:33, 0:21] = root[:, :12]
     L[:, range(33, 42), range(33, 42)] = np.repeat(gain_sd, 3)
     R_cp = quat.matrix(quat.conjugate(q_pc))
     angles = joint_angles.decompose(q_pc)
@@ -98,11 +105,11 @@ def covariance_after_pose(
     for j in range(3):
         up = _upwards(acc[:, j + 1])
         about = up[:, :, None] * up[:, None, :]
-        level, place, gravity = np.eye(3) - about, slice(24 + 3 * j, 27 + 3 * j), 12 + 3 * j
+        level, place, gravity = np.eye(3) - about, slice(24 + 3 * j, 27 + 3 * j), 21 + 3 * j
         pose, tilt = np.zeros((chains, 3, 42)), np.zeros((chains, 3, 42))
-        pose[:, :, 24 + 3 * j : 27 + 3 * j] = (prior.pose_sd[:, j] * free[:, j])[
-            :, None
-        ] * joint_angles.axes(angles[:, j])
+        pose[:, :, :21] = joint_angles.axes(angles[:, j]) @ (
+            free[:, j, :, None] * root[:, 12 + 3 * j : 15 + 3 * j]
+        )
         tilt[:, :, gravity : gravity + 3], tilt[:, :, gravity + 3 : gravity + 6] = (
             -gravity_error * level @ R_cp[:, j],
             gravity_error * level,

@@ -22,14 +22,14 @@ from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.data.trajectory import Flag, Trajectory, empty, join
 from handscope.estimators.finger_ekf import filter as finger_ekf_filter
-from handscope.estimators.finger_ekf import output_covariance, sample_alignment
+from handscope.estimators.finger_ekf import output_covariance, pose_inference, sample_alignment
 from handscope.estimators.finger_ekf.filter import FilterParams
 from handscope.estimators.finger_ekf.output_covariance import JOINTS_OF
 from handscope.estimators.finger_ekf.sample_alignment import SENSORS
 from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentPrior
 from handscope.estimators.hand import joint_angles, length_covariance
 from handscope.estimators.hand import pose as hand_pose
-from handscope.estimators.hand.anatomy import FINGERS, JOINTS, SEGMENT, SEGMENTS
+from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINTS, SEGMENT, SEGMENTS
 from handscope.estimators.hand.forward_kinematics import CHAIN_SEGMENTS
 from handscope.estimators.hand.pose import Pose
 from handscope.estimators.numerics import quaternions as quat
@@ -95,6 +95,7 @@ class State:
 
 def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...]) -> State:
     """Begin at the calibration's moment."""
+    calibration, prior = _sensor_to_segment_prior(params, calibration)
     q_SB = np.tile(quat.IDENTITY, (len(SEGMENTS), 1))
     for name, q_BS in calibration.q_BS.items():
         q_SB[SEGMENT[name]] = quat.conjugate(q_BS)
@@ -110,7 +111,7 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
     )
     chains = finger_ekf_filter.start(
         _bias_sd(params, calibration)[SENSORS],
-        _sensor_to_segment_prior(params, calibration),
+        prior,
         field_difference_sd=field_difference_sd,
     )
     uncertainty = OutputUncertainty(
@@ -146,27 +147,34 @@ def _bias_sd(params: Params, calibration: Calibration) -> Array:
     return np.asarray(np.hypot(np.radians(params.bias_sd), scatter))
 
 
-def _sensor_to_segment_prior(params: Params, calibration: Calibration) -> SensorToSegmentPrior:
-    """Prior of the mounting: from a functional calibration, else the option's misalignment."""
+def _sensor_to_segment_prior(
+    params: Params, calibration: Calibration
+) -> tuple[Calibration, SensorToSegmentPrior]:
+    """The calibration with what gravity tells of pose and mounting, and how well both are known: from a functional calibration, else by the options."""
     calibrated = [SEGMENT[s] for s in calibration.q_BS_sd]
-    covariance = _misalignment_sd(params, calibration) ** 2 * np.eye(3 * len(SEGMENTS))
+    sd, pose_sd = _misalignment_sd(params, calibration), _pose_sd(params, calibration)
+    covariance = np.diag(np.concatenate([np.full(3 * len(SEGMENTS), sd**2), pose_sd.ravel() ** 2]))
     places = (3 * np.array(calibrated, int)[:, None] + np.arange(3)).ravel()
     covariance[np.ix_(places, places)] = calibration.mounting_covariance()
-    chains = (3 * SENSORS[..., None] + np.arange(3)).reshape(len(SENSORS), 12)
+    if params.pose_inference and pose_inference.can_infer(calibration):
+        calibration, covariance = pose_inference.infer(
+            calibration, math.radians(params.misalignment), pose_sd, math.radians(params.angle_sd)
+        )
+    mountings = (3 * SENSORS[..., None] + np.arange(3)).reshape(len(SENSORS), 12)
+    joints = (3 * JOINTS_OF.astype(int)[..., None] + np.arange(3)).reshape(len(SENSORS), 9)
+    chains = np.concatenate([mountings, pose_inference.MOUNTINGS + joints], axis=1)
     aligned = np.array(
         [params.alignment != "heading" and k not in calibrated for k in range(len(SEGMENTS))]
     )
-    return SensorToSegmentPrior(
-        covariance[chains[:, :, None], chains[:, None, :]],
-        _pose_sd(params, calibration)[JOINTS_OF.astype(int)],
-        aligned[SENSORS],
+    return calibration, SensorToSegmentPrior(
+        covariance[chains[:, :, None], chains[:, None, :]], aligned[SENSORS]
     )
 
 
 def _pose_sd(params: Params, calibration: Calibration) -> Array:
     """Standard deviations (joints, 3) of the pose's angles, rad: as they were measured, else as a person takes the pose."""
     sd = np.array([calibration.pose_sd.get(j.name, (np.nan,) * 3) for j in JOINTS])
-    return np.where(np.isnan(sd), np.radians(params.pose_sd), sd)
+    return np.asarray(np.where(np.isnan(sd), np.radians(params.pose_sd), sd) * IS_DOF)
 
 
 def _misalignment_sd(params: Params, calibration: Calibration) -> float:

@@ -144,11 +144,8 @@ def _index(params: FilterParams, trials: int = 1) -> State:
 
 def _prior(params: FilterParams, trials: int = 1) -> SensorToSegmentPrior:
     """Sensors put on somehow, their frames aligned by the pose."""
-    return SensorToSegmentPrior(
-        np.tile((params.misalignment * DEG) ** 2 * np.eye(12), (trials, 1, 1)),
-        np.full((trials, 3, 3), params.pose_sd * DEG),
-        np.ones((trials, 4), bool),
-    )
+    sd = DEG * np.repeat([params.misalignment, params.pose_sd], [12, 9])
+    return SensorToSegmentPrior(np.tile(np.diag(sd**2), (trials, 1, 1)), np.ones((trials, 4), bool))
 
 
 def _finger_trials(

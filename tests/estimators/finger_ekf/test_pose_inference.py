@@ -1,0 +1,127 @@
+"""What gravity in all sensors tells of a pose that was missed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from handscope.estimators.alignment.initial_pose import palm_down
+from handscope.estimators.data.calibration import Calibration, CalibrationSource
+from handscope.estimators.finger_ekf import pose_inference
+from handscope.estimators.hand import forward_kinematics, joint_angles
+from handscope.estimators.hand.anatomy import FLEXION, IS_DOF, JOINT, JOINTS, SEGMENT, SEGMENTS
+from handscope.estimators.hand.geometry import sized
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.typing import Array
+from handscope.estimators.orientation.fusion import make_upright
+from tests.simulated import DEG
+
+MOUNTING_SD, GRAVITY_SD = 4.5 * DEG, 0.3 * DEG
+POSE_SD = 2.5 * DEG * IS_DOF
+FLEXIONS = [j for j in range(len(JOINTS)) if not JOINTS[j].name.startswith("thumb")]
+
+
+def taken(
+    rng: np.random.Generator, mounting_sd: float = MOUNTING_SD, pose_sd: Array = POSE_SD
+) -> tuple[Calibration, Array, Array]:
+    """A calibration that takes a missed pose for a straight hand, and the truth: angles (joints, 3), sensor-to-segment rotations (segments, 4)."""
+    angles = pose_sd * rng.normal(size=(len(JOINTS), 3))
+    tilt = quat.exp(10 * DEG * rng.normal(size=3))
+    q_GH = quat.multiply(palm_down("left"), tilt)
+    q_GB = forward_kinematics.segments_on(q_GH, joint_angles.compose(angles))
+    nominal = quat.normalize(rng.normal(size=(len(SEGMENTS), 4)))  # any way a glove declares
+    q_BS = quat.multiply(quat.exp(mounting_sd * rng.normal(size=(len(SEGMENTS), 3))), nominal)
+    up = quat.rotate(quat.conjugate(quat.multiply(q_GB, q_BS)), pose_inference.VERTICAL)
+    up += GRAVITY_SD * rng.normal(size=up.shape)
+    hand = SEGMENT["hand"]
+    assumed = make_upright(palm_down("left"), quat.rotate(nominal[hand], up[hand]))
+    q_GS = [make_upright(quat.multiply(assumed, n), u) for n, u in zip(nominal, up)]
+    found = [quat.relative(assumed, q) for q in q_GS]
+    calibration = Calibration(
+        "left",
+        sized("left"),
+        0.0,
+        3.0,
+        dict(zip(SEGMENTS, q_GS)),
+        dict(zip(SEGMENTS, found)),
+        {},
+        CalibrationSource.POSE,
+        nominal=dict(zip(SEGMENTS, nominal)),
+    )
+    return calibration, angles, q_BS
+
+
+def angles_of(calibration: Calibration) -> Array:
+    """Joint angles (joints, 3) that a calibration takes the hand to have in the pose."""
+    q_GB = np.array(
+        [quat.multiply(calibration.q_GS[s], quat.conjugate(calibration.q_BS[s])) for s in SEGMENTS]
+    )
+    return joint_angles.of_segments(q_GB)
+
+
+def test_flexion_is_closer_to_the_truth_and_its_standard_deviation_is_honest(
+    rng: np.random.Generator,
+) -> None:
+    before, after, normalised = [], [], []
+    for _ in range(60):
+        calibration, truth, _ = taken(rng)
+        inferred, P = pose_inference.infer(calibration, MOUNTING_SD, POSE_SD, GRAVITY_SD)
+        sd = np.sqrt(np.diag(P)[pose_inference.MOUNTINGS :]).reshape(-1, 3)
+        off = (angles_of(inferred) - truth)[FLEXIONS, FLEXION]
+        before.append(truth[FLEXIONS, FLEXION])
+        after.append(off)
+        normalised.append((off / sd[FLEXIONS, FLEXION]) ** 2)
+    assert np.sqrt(np.mean(np.square(after))) < 0.92 * np.sqrt(np.mean(np.square(before)))
+    assert 0.85 < np.mean(normalised) < 1.15
+
+
+def test_of_sensors_that_sit_as_declared_the_missed_pose_is_found(
+    rng: np.random.Generator,
+) -> None:
+    calibration, truth, _ = taken(rng, 0.0)
+    inferred, _ = pose_inference.infer(calibration, MOUNTING_SD, POSE_SD, 0.01 * DEG)
+    off = (angles_of(inferred) - truth)[FLEXIONS, FLEXION]
+    assert np.abs(off).max() < 0.5 * np.abs(truth[FLEXIONS, FLEXION]).max()
+
+
+def test_a_pose_that_was_measured_is_left_as_it_is(rng: np.random.Generator) -> None:
+    calibration, _, _ = taken(rng)
+    known = POSE_SD.copy()
+    known[JOINT["index_pip"], FLEXION] = 0.01 * DEG
+    inferred, _ = pose_inference.infer(calibration, MOUNTING_SD, known, GRAVITY_SD)
+    change = np.abs(angles_of(inferred) - angles_of(calibration))[:, FLEXION] / DEG
+    assert change[JOINT["index_pip"]] < 0.001 < 0.1 < change[JOINT["index_dip"]]
+
+
+def test_sensors_still_see_gravity_and_sit_closer_to_how_they_do(rng: np.random.Generator) -> None:
+    errors = []
+    for _ in range(20):
+        calibration, _, q_BS = taken(rng)
+        inferred, _ = pose_inference.infer(calibration, MOUNTING_SD, POSE_SD, GRAVITY_SD)
+        for s in SEGMENTS:
+            up = [
+                quat.rotate(quat.conjugate(c.q_GS[s]), pose_inference.VERTICAL)
+                for c in (calibration, inferred)
+            ]
+            np.testing.assert_allclose(up[1], up[0], atol=1e-12)
+        errors.append(
+            [
+                quat.angle(quat.relative(c.q_BS["hand"], q_BS[SEGMENT["hand"]]))
+                for c in (calibration, inferred)
+            ]
+        )
+    before, after = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert after < 0.9 * before
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"nominal": {}}, {"is_functional": True}, {"from_prior": "seats and lengths"}],
+    ids=["no nominal mounting", "movements told it", "known from before"],
+)
+def test_a_mounting_that_was_found_otherwise_is_left_alone(
+    change: dict[str, object], rng: np.random.Generator
+) -> None:
+    calibration, _, _ = taken(rng)
+    assert pose_inference.can_infer(calibration)
+    assert not pose_inference.can_infer(replace(calibration, **change))
