@@ -62,11 +62,11 @@ def guess_columns(table: NumberColumns, stem: str, layout: TableLayout) -> Guess
     """What the columns of a table probably are; `stem` is the file's name without its ending."""
     maker = maker_of(table.names)
     time, rate = _guess_time(table, maker)
-    words = " ".join(table.names).lower() + " " + stem.lower()
-    sides = [h for h in HANDS if h in words]
+    named = {h: re.compile(maker.sides.get(h, h) if maker else h, re.IGNORECASE) for h in HANDS}
+    sides = [h for h in HANDS if any(named[h].search(n) for n in (*table.names, stem))]
     triads = tuple(
         replace(t, unit=maker.units.get(t.quantity, t.unit)) if maker else t
-        for t in find_triads(table, stem, sides[1:], time[0] if time else None)
+        for t in find_triads(table, stem, [named[h] for h in sides[1:]], time[0] if time else None)
     )
     sensors: dict[str, MappedSensor] = {}
     for triad in triads:
@@ -118,7 +118,8 @@ def _guess_layout(path: Path) -> TableLayout:
         ]
         score = float(width > 1) * sum(map(sum, numeric))
         if score > best_score:
-            first = next((k for k, row in enumerate(numeric) if row and all(row[:2])), 0)
+            most = max(map(sum, numeric))
+            first = next((k for k, row in enumerate(numeric) if 2 * sum(row) > most), 0)
             header = first > 0 and len(rows[first - 1]) == width
             if header and first > 1 and len(rows[first - 2]) == width:
                 first -= 1  # names, then units

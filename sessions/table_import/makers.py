@@ -1,16 +1,16 @@
-"""Makers whose exported tables have names of their own: units and times that the names do not say (makers.json)."""
+"""Makers whose exported tables have names of their own: units, times and sides that the names do not say (makers.json)."""
 
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
 
 @dataclass(frozen=True)
 class Maker:
-    """What a maker's documentation says of its tables."""
+    """What a maker's documentation, or who reads its tables, says of them."""
 
     name: str
     header: tuple[str, ...]  # patterns, each of which a column's name matches
@@ -18,6 +18,7 @@ class Maker:
     time_unit: str
     units: Mapping[str, str]  # by quantity
     source: str
+    sides: Mapping[str, str] = field(default_factory=dict)  # pattern of each hand, if not its word
 
     def is_time(self, name: str) -> bool:
         """Whether a column of this name holds the times."""

@@ -67,7 +67,7 @@ class Triad:
 
 
 def find_triads(
-    table: NumberColumns, stem: str, other_sides: Sequence[str], time: Column | None
+    table: NumberColumns, stem: str, other_sides: Sequence[re.Pattern[str]], time: Column | None
 ) -> tuple[Triad, ...]:
     """Triads that names say whole first, then those of the other columns; `stem` is the file's name without its ending.
 
@@ -85,7 +85,7 @@ def find_triads(
             if n not in taken
             and table.names.count(n) == 1
             and not NO_READING.search(n)
-            and not any(side in n.lower() for side in other_sides)
+            and not any(side.search(n) for side in other_sides)
         ]
         groups: list[tuple[Column, ...]] = list(_similar_names(free))
     else:
@@ -130,14 +130,14 @@ def _unit_in(kind: str, columns: Sequence[Column]) -> str | None:
 
 
 def _named_channels(
-    table: NumberColumns, stem: str, other_sides: Sequence[str]
+    table: NumberColumns, stem: str, other_sides: Sequence[re.Pattern[str]]
 ) -> Iterator[tuple[str, str, tuple[str, ...]]]:
     """Segment, quantity and the columns of its components that their names say; the file's name says the segment where
     columns do not."""
     found: dict[tuple[str, str], dict[str, str]] = {}
     of_file = segment_in(stem)
     for name in table.names:
-        if any(side in name.lower() for side in other_sides):
+        if any(side.search(name) for side in other_sides):
             continue
         point = segment_in(name) or of_file
         kind = next((k for k, words in KINDS.items() if words.search(name)), None)

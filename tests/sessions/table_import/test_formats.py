@@ -54,6 +54,47 @@ def test_shimmer_has_units_below_the_names(tmp_path: Path) -> None:
     np.testing.assert_allclose(_blocks(path)["hand"][0, 0], [np.pi / 4, 0, 0, 0, 0, G])
 
 
+@pytest.mark.parametrize(
+    ("delimiter", "decimal", "name"),
+    [
+        (",", ".", "Noraxon MyoMotion-Segments-{segment} LT-{signal}-{axis} ({unit})"),
+        (";", ",", "LT {segment} {short} Sensor {axis} ({unit})"),
+    ],
+)
+def test_myomotion_has_sides_and_units_of_its_own(
+    tmp_path: Path, delimiter: str, decimal: str, name: str
+) -> None:
+    """As public programs read it: lines above the header, columns of words, both hands."""
+    signals = (("Acceleration", "Accel", "mG"), ("Gyroscope", "Gyro", "deg/s"))
+    columns = [
+        name.format(segment=segment, signal=signal, short=short, axis=axis, unit=unit)
+        for segment in ("Hand", "Forearm")
+        for signal, short, unit in signals
+        for axis in ("xyz" if "Segments" in name else "XYZ")
+    ]
+    others = [c.replace("LT", "RT") for c in columns]
+    reading = (0.5, 0, 1000.5, 30, 0, 0)
+    rows = [
+        [f"{k / 200:.4f}", "walk", "", *(f"{v:g}".replace(".", decimal) for v in reading * 4)]
+        for k in range(ROWS)
+    ]
+    for row in rows:
+        row[0] = row[0].replace(".", decimal)
+    lines = [delimiter.join(r) for r in (["time", "Activity", "Marker", *others, *columns], *rows)]
+    path = tmp_path / "export.csv"
+    path.write_text("\n".join(["Recording", "1.1.2026", "", *lines]) + "\n")
+    found, questions = guess_map(path)
+    assert found.time == ("time", "s")
+    assert len(questions) == 1 and "both hands" in questions[0]
+    assert found.hand == "left"
+    assert found.sensors["hand"].channels[ACC].columns == tuple(columns[:3])
+    blocks = _blocks(path)
+    assert set(blocks) == {"hand", "forearm"}
+    np.testing.assert_allclose(
+        blocks["hand"][0, 0], [np.pi / 6, 0, 0, 0.5e-3 * G, 0, 1.0005 * G], rtol=1e-5
+    )
+
+
 def _mvnx(path: Path, fingers: bool) -> dict[str, np.ndarray]:
     """A file with three segments, the right hand's fingers too; orientations by segment."""
     rng = np.random.default_rng(4)
