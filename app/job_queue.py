@@ -18,6 +18,7 @@ from handscope.app.private_log import describe_error
 from handscope.app.report import Paper
 from handscope.app.workers.process import DiedError, WorkerProcess
 from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import Hand
 from handscope.sessions.clinic import results
 from handscope.sessions.clinic.results import ENDED
 from handscope.sessions.store.store import Store, store_at
@@ -144,6 +145,17 @@ def make_report(
             report(store, results.get(db, result_id), references), grading or DEFAULT
         )
         return FORMS[form](content, Style(languages()[language], paper))
+
+
+def make_progress_report(
+    store: Store, patient_id: int, hand: Hand, language: str = "en", paper: Paper = "a4"
+) -> bytes:
+    """In the worker process: a patient's progress as pdf; InputError where nothing of the hand was measured twice."""
+    from handscope.app.language import languages
+    from handscope.app.report.progress.stored import progress_report
+
+    with store.database() as db:
+        return progress_report(db, store, patient_id, hand, languages()[language], paper)
 
 
 def make_replay_file(store: Store, result_id: int, named: bool, language: str = "en") -> bytes:

@@ -11,6 +11,7 @@ const PAGES = [
   [/^\/patients\/(\d+\/tables\/\w+)$/, () => import("./pages/table.js")],
   [/^\/sessions\/(\d+)$/, () => import("./pages/session.js")],
   [/^\/stations\/([^/]+)$/, () => import("./pages/station.js")],
+  [/^\/protocols$/, () => import("./pages/protocols.js")],
   [/^\/help$/, () => import("./pages/help.js")],
   [/^\/account$/, () => import("./pages/account.js")],
   [/^\/audit$/, () => import("./pages/audit.js")],

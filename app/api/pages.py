@@ -22,6 +22,7 @@ PAGES = (
     "/patients/{id}/tables/{table}",
     "/sessions/{id}",
     "/stations/{id}",
+    "/protocols",
     "/help",
     "/account",
     "/audit",

@@ -22,11 +22,16 @@ ESCAPED = re.compile(r"\\u\{([0-9a-f]+)\}")
 
 def pdf(content: Content, language: Language, paper: str = "a4") -> bytes:
     """The report; a character that the fonts lack is printed by its number, as [U+4E2D]."""
-    page, missing = words_of(content, language), set[str]()
     moment = int(content.date.timestamp()) if content.date else 0
+    return pdf_of(words_of(content, language), LAYOUT, paper, moment)
+
+
+def pdf_of(page: Any, layout: Path, paper: str, moment: int) -> bytes:
+    """A page's words and figures in their layout, dated `moment` (s since 1970, UTC)."""
+    missing = set[str]()
     while True:
         try:
-            return _compile(_spell(page, missing), paper, moment)
+            return _compile(_spell(page, missing), layout, paper, moment)
         except typst.TypstError as problem:
             found = _unprintable(problem)
             if found is None or found in missing:
@@ -34,11 +39,10 @@ def pdf(content: Content, language: Language, paper: str = "a4") -> bytes:
             missing.add(found)
 
 
-def _compile(page: Any, paper: str, moment: int) -> bytes:
-    """PDF of a page dated `moment` (s since 1970, UTC)."""
+def _compile(page: Any, layout: Path, paper: str, moment: int) -> bytes:
     compiler = typst.Compiler(
-        LAYOUT,
-        root=LAYOUT.parent,
+        layout,
+        root=layout.parent,
         font_paths=typst.Fonts(include_system_fonts=False),
         sys_inputs={"page": json.dumps(page), "paper": paper},
     )

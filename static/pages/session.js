@@ -139,7 +139,7 @@ function facts(session) {
     time(session.started),
     session.duration && t("session.length", { clock: clock(session.duration) }),
     session.examiner && t("session.examiner", { name: session.examiner }),
-    t(`visits.source.${session.source}`),
+    ...[t(`visits.source.${session.source}`), session.plan.name && t("session.plan", session.plan)],
   ]
     .filter(Boolean)
     .join(" · ");

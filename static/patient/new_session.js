@@ -3,6 +3,7 @@ import { h } from "../dom.js";
 import { choices, errorBox, field, onSubmit } from "../forms.js";
 import { dayAndTime, t } from "../words/words.js";
 import * as relay from "../relay/relay.js";
+import * as planChoice from "./plan_choice.js";
 import * as reuse from "./reuse.js";
 
 const OTHER = "?";
@@ -25,6 +26,8 @@ export function mount(root, api, { record, kept, go }) {
   const taken = reuse.mount(earlier, api, { kept });
   const examiner = h("input", { name: "examiner", maxlength: 200, autocomplete: "off" });
   const outlets = h("div", {});
+  const planned = h("div", {});
+  const plan = planChoice.mount(planned, api, { patient });
   const form = h(
     "form",
     { novalidate: true },
@@ -33,13 +36,12 @@ export function mount(root, api, { record, kept, go }) {
     other,
     earlier,
     outlets,
+    planned,
     field(t("new_session.examiner"), examiner, t("new_session.examiner.hint")),
     box.element,
     h("button", { class: "primary large", type: "submit" }, t("new_session.start")),
   );
-  let gone = false;
-
-  let known = []; // gloves that were found
+  let [gone, known] = [false, []]; // gloves that were found
   const chosen = (name) => form.querySelector(`input[name=${name}]:checked`)?.value;
   const toggle = () => (other.hidden = chosen("glove") !== OTHER);
 
@@ -113,6 +115,7 @@ export function mount(root, api, { record, kept, go }) {
       hand: chosen("hand"),
       port: path,
       examiner: examiner.value.trim(),
+      plan: plan.chosen(),
       reuse: await taken.decision(),
       outlets: [...outlets.querySelectorAll("input:checked")].map((input) => input.value),
     });
@@ -123,9 +126,11 @@ export function mount(root, api, { record, kept, go }) {
   askEarlier();
   const stop = kept.watch(askEarlier);
   look().catch((error) => gone || box.show(error));
+  plan.load().catch((error) => gone || box.show(error));
   offerOutlets().catch((error) => gone || box.show(error));
   return () => {
     gone = true;
+    plan.unmount();
     stop();
   };
 }

@@ -1,6 +1,7 @@
 /** How a patient's figures went over the sessions: small plots with the band of measurement error, the other hand beside them. */
 import { h } from "../dom.js";
 import { errorBox, select } from "../forms.js";
+import { language } from "../words/languages.js";
 import { known, t } from "../words/words.js";
 import { legend, sources } from "./legend.js";
 import { drawSmall } from "./small.js";
@@ -55,7 +56,7 @@ export function mount(root, api, { record, treats }) {
     const views = viewsOf(all);
     if (!views.includes(chosen.view)) chosen.view = views.includes(FIRST) || !beyond.length ? views[0] : partOf(beyond[0]);
     const shown = all.filter((series) => isIn(series, chosen.view));
-    head.replaceChildren(choices(chosen, change, hands, views));
+    head.replaceChildren(choices(chosen, change, hands, views), ...(treats ? [printed(record.now.id, chosen.hand)] : []));
     summary.replaceChildren(...summed(all, beyond, chosen, change, titles));
     leave.forEach((unmount) => unmount());
     plots.className = "multiples";
@@ -70,6 +71,12 @@ export function mount(root, api, { record, treats }) {
     gone = true;
     leave.forEach((unmount) => unmount());
   };
+}
+
+/** The report to be printed opens beside the page. */
+function printed(patient, hand) {
+  const href = `/api/patients/${patient}/progress.pdf?hand=${hand}&language=${language}`;
+  return h("p", {}, h("a", { href, target: "_blank", rel: "noopener" }, t("course.report")));
 }
 
 const FIRST = "important";

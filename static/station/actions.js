@@ -10,7 +10,7 @@ import { known, t } from "../words/words.js";
 const ELSEWHERE = ["choose", "group"]; // the list of tasks has these
 const ASKED = ["skip", "unable", "without", "finish", "enough"]; // actions that may ask something back first
 
-const SCORED = ["accept", "again"]; // the clinician's own score goes with these
+const SCORED = ["accept", "again", "onward", "close"]; // the clinician's own score goes with these
 
 export function mount(root, api, { station, given }) {
   const box = errorBox();
@@ -109,7 +109,8 @@ function label({ wizard, self_calibration }, act) {
   if (act === "correct") return mendWords(wizard.mend);
   if (act === "exchange") return exchangeWords(wizard.check.exchange);
   if (act === "assist") return t(wizard.passive ? "act.assist.back" : "act.assist");
-  if (act === "accept" && actions.includes("again")) return t("act.accept.leave");
+  if (act === "onward") return t("act.onward", { task: wizard.following.title });
+  if (act === "accept" && ["again", "onward"].some((other) => actions.includes(other))) return t("act.accept.leave");
   if (state === "task_run" && act === "stop" && remaining === null) return t("act.done"); // nothing else ends it
   return known(`act.${state}.${act}`, null) ?? t(`act.${act}`);
 }

@@ -13,7 +13,7 @@ const PRIMARY = {
   free_review: "use",
   tasks: "choose",
 };
-const ONWARD = ["continue", "start", "accept", "choose", "next", "resume", "use", "again", "enough"];
+const ONWARD = ["continue", "start", "accept", "choose", "next", "resume", "use", "again", "onward", "enough"];
 
 /** `primary` is the action that leads on; gives it where it goes on, else null: then no button has the focus until one does. */
 export function goingOn({ wizard }, primary) {
@@ -30,6 +30,7 @@ export function leading({ wizard, self_calibration }) {
   if (wizard.proposal) return wizard.proposal;
   if (wizard.state === "checked") return can("exchange") ? "exchange" : faultless(wizard.check) ? "continue" : "check";
   if (can("again")) return "again";
+  if (can("onward")) return "onward";
   if (wizard.state === "free_run") return self_calibration?.enough ? "enough" : null;
   if (wizard.state === "task_paused") return can("resume") ? "resume" : "start";
   if (wizard.state !== "step_review") return PRIMARY[wizard.state];

@@ -67,8 +67,8 @@ def test_from_a_new_patient_to_a_report(page: Page, server: Server, tmp_path: Pa
     shown(act(page, "accept"))
     expect(page.get_by_text("Not followed yet")).to_be_hidden()
     keep_picture(page, "station-review")
-    expect(act(page, "accept")).to_be_focused()
-    page.keyboard.press("Enter")
+    expect(act(page, "onward")).to_be_focused()
+    act(page, "accept").click()
 
     shown(page.get_by_role("button", name="Next: Fist and stretch"))
     keep_picture(page, "station-tasks")

@@ -39,6 +39,7 @@ LATE = (
 )
 CALM = 0.3  # rad/s, no finger bends below: between two fingers of the check
 SETTLE = 1.2  # s after a request until calm counts: movement is averaged over a second
+SCORED = (Action.ACCEPT, Action.AGAIN, Action.ONWARD, Action.CLOSE)
 STILL_RATE = 0.07  # rad/s (4 deg/s) of every sensor within a second: the pose is held below
 
 
@@ -77,6 +78,8 @@ def act(
         raise NotNowError(f"{what} is not possible now ({wizard.state})")
     if score is not None:
         _require_score(wizard, what, score)
+    if what in (Action.ONWARD, Action.CLOSE):
+        return _accept_and_leave(wizard, what, status, score)
     if what is Action.CHOOSE:
         stepping = wizard.state in STEPPING
         if task not in {
@@ -211,10 +214,23 @@ def _advance_hold(wizard: Wizard, status: StationStatus) -> tuple[Wizard, Sequen
     return _enter(held, Action.HELD, status)
 
 
+def _accept_and_leave(
+    wizard: Wizard, what: Action, status: StationStatus, score: float | None
+) -> tuple[Wizard, Sequence[Effect]]:
+    """Accept what is under review, and on to the next task, or finish."""
+    following = wizard.following(status)
+    accepted, effects = _enter(wizard, Action.ACCEPT, status, score=score)
+    if what is Action.CLOSE or following is None:
+        after, more = _enter(accepted, Action.FINISH, status)
+    else:
+        after, more = _enter(replace(accepted, task=following.name), Action.CHOOSE, status)
+    return after, [*effects, *more]
+
+
 def _require_score(wizard: Wizard, what: Action, score: float) -> None:
     """NotNowError for a score that the task does not ask for, or one outside its range."""
     asked = wizard.protocol.score if wizard.protocol else None
-    if asked is None or what not in (Action.ACCEPT, Action.AGAIN):
+    if asked is None or what not in SCORED:
         raise NotNowError(
             "a score is given with a trial that is accepted, of a task that asks for one"
         )

@@ -45,6 +45,9 @@ def wizard_snapshot(w: Wizard, status: StationStatus) -> dict[str, Any]:
         "still": status.angular_rate_peak <= wz.STILL_RATE,
         "fastest_segment": status.fastest_segment,
         "task": w.task,
+        "following": {"name": following.name, "title": following.title}
+        if w.state in (State.POSE_REVIEW, State.TASK_REVIEW) and (following := w.following(status))
+        else None,
         "tasks": [_task(w, p) for p in w.listed(status)],
         "group": w.group,
         "groups": [_group(w, name, tasks) for name, tasks in w.groups(status).items()],

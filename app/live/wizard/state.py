@@ -124,6 +124,8 @@ class Wizard:
             Action.WITHOUT: self.calibrated or not ready(status),
             Action.STOP: self.state is State.POSE_READY and not self.calibrated,
             Action.AGAIN: not self._trials_left(),
+            Action.ONWARD: self._trials_left() or self.following(status) is None,
+            Action.CLOSE: self._trials_left() or self.following(status) is not None,
             Action.REPEAT: self.repetition >= MOST_POSES,
             Action.RESUME: self.protocol is None or self.protocol.resumes is None,
             Action.CALIBRATE: not self.steps_offered(status),
@@ -203,6 +205,12 @@ class Wizard:
         """Tasks of the group; all that can be done where the group has none."""
         return self.groups(status).get(self.group) or self.offered(status)
 
+    def following(self, status: StationStatus) -> Protocol | None:
+        """The task that is open after the one under review, in the order of the list."""
+        reviewed = self.task if self.state is State.TASK_REVIEW else None
+        rest = [p for p in self.listed(status) if p.name != reviewed]
+        return next((p for p in rest if not self.outcome(p.name)), None)
+
     def accepted(self, task: str) -> int:
         """Trials of a task that were accepted."""
         return sum(a.task == task and a.outcome == "accepted" for a in self.attempts)
@@ -232,7 +240,8 @@ class Wizard:
     def _trials_left(self) -> bool:
         """Whether another trial of the task follows the one under review."""
         return (
-            self.protocol is not None
+            self.state is State.TASK_REVIEW
+            and self.protocol is not None
             and self.accepted(self.protocol.name) + 1 < self.protocol.trials
         )
 

@@ -51,6 +51,8 @@ class Action(StrEnum):
     GROUP = "group"  # of tasks to choose from
     CHOOSE = "choose"
     REPEAT = "repeat"  # keep this pose, lift the hand and take it once more: the mean counts
+    ONWARD = "onward"  # keep this pose or trial, and on to the next task that is open
+    CLOSE = "close"  # keep this trial, which was the last, and finish
     AGAIN = "again"  # keep this trial, and on to the next of the same task
     CALIBRATE = "calibrate"  # by movements
     FREE = "free"  # calibrate by free movement
@@ -94,6 +96,7 @@ TRANSITIONS: Mapping[State, Mapping[Action, State]] = {
     },
     S.POSE_WORK: {A.POSED: S.POSE_REVIEW},
     S.POSE_REVIEW: {
+        A.ONWARD: S.TASK_READY,
         A.ACCEPT: S.TASKS,
         A.REDO: S.POSE_READY,
         A.REPEAT: S.POSE_READY,
@@ -122,7 +125,9 @@ TRANSITIONS: Mapping[State, Mapping[Action, State]] = {
     },
     S.TASK_REVIEW: {
         A.AGAIN: S.TASK_READY,
+        A.ONWARD: S.TASK_READY,
         A.ACCEPT: S.TASKS,
+        A.CLOSE: S.FINISHED,
         A.REDO: S.TASK_READY,
         A.SKIP: S.TASKS,
         A.UNABLE: S.TASKS,

@@ -535,3 +535,28 @@ def test_a_pose_is_repeated_at_most_twice_and_a_task_ends_the_row() -> None:
     assert Action.REPEAT not in w.allowed(READY)
     w, _ = wizard_machine.act(w, Action.ACCEPT, READY)
     assert (w.state, w.repetition) == (State.TASKS, 1)
+
+
+def test_a_press_keeps_the_trial_and_goes_on_to_the_next_open_task() -> None:
+    plan = tuple(p for p in PROTOCOLS if p.name in ("rom_fist", "rom_spread", "rom_thumb"))
+    w = replace(at(State.POSE_REVIEW), protocols=plan)
+    w, _ = wizard_machine.act(w, Action.ONWARD, READY)
+    assert (w.state, w.task, w.calibrated) == (State.TASK_READY, "rom_fist", True)
+    skipped = replace(w, state=State.TASK_READY, task="rom_spread")
+    w, _ = wizard_machine.act(skipped, Action.SKIP, READY, reason="pain")
+    review = replace(w, state=State.TASK_REVIEW, task="rom_fist", onset=50.0, end=65.0)
+    assert Action.CLOSE not in review.allowed(READY)
+    w, effects = wizard_machine.act(review, Action.ONWARD, READY)
+    assert (w.state, w.task, w.outcome("rom_fist")) == (State.TASK_READY, "rom_thumb", "accepted")
+    assert kinds(effects)[0] == ("keep_attempt", "rom_fist")
+    last = replace(w, state=State.TASK_REVIEW, onset=50.0, end=65.0)
+    assert Action.ONWARD not in last.allowed(READY)
+    w, effects = wizard_machine.act(last, Action.CLOSE, READY)
+    assert w.state is State.FINISHED
+    assert [e.kind for e in effects] == ["keep_attempt", "finish"]
+
+
+def test_while_trials_are_left_no_other_task_is_gone_on_to() -> None:
+    w = at(State.TASK_REVIEW, task="tapping", onset=50.0, end=65.0)
+    assert {Action.ONWARD, Action.CLOSE}.isdisjoint(w.allowed(READY))
+    assert Action.AGAIN in w.allowed(READY)

@@ -1,0 +1,166 @@
+"""The progress report in words and figures: the first page in charts, then every figure in a table; the layout (progress.typ) places them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, date, datetime
+from math import pi
+from typing import Any
+
+from handscope.app.language import Language
+from handscope.app.protocols import Protocol
+from handscope.app.report.change_words import amount
+from handscope.app.report.progress.chart import Shown, course_chart
+from handscope.app.report.progress.labels import label
+from handscope.app.report.progress.series import Course, Point, Progress, Series
+from handscope.app.report.units import DEG
+from handscope.app.report.words import extension_words, flexion_words
+from handscope.estimators.hand.anatomy import Hand
+
+CHARTS = 9  # on the first page
+HEADINGS = (
+    *("progress.treatment", "progress.every", "figure", "progress.first", "progress.newest"),
+    *("progress.change", "progress.mdc", "progress.goal"),
+)
+
+
+@dataclass(frozen=True)
+class Treated:
+    """What was done to a hand on a day."""
+
+    kind: str
+    hand: str
+    day: date
+    comment: str
+
+
+@dataclass(frozen=True)
+class Patient:
+    """Whose progress it is, what was done, and what figures are to reach by hand and figure."""
+
+    pseudonym: str
+    treatment: Sequence[Treated]
+    goals: Mapping[tuple[str, tuple[str, str, str]], tuple[float, float]]
+    protocols: Mapping[str, Protocol]
+
+
+def progress_page(
+    history: Progress, hand: Hand, patient: Patient, language: Language
+) -> dict[str, Any] | None:
+    """What the layout places; None where no figure of this hand was measured twice."""
+    say = language.say
+    repeated = [s for s in history.series if hand in s.hands and len(s.hands[hand].points) > 1]
+    if not repeated:
+        return None
+    beyond = [s for s in repeated if s.hands[hand].points[-1].since_first]
+    important = [s for s in repeated if s.important]
+    moved = [s for s in beyond if not s.important]
+    charts = [_chart(s, hand, patient, language) for s in (*important, *moved)[:CHARTS]]
+    sessions = history.sessions[hand]
+    judges = [s.hands[hand].judge for s in repeated]
+    sources = dict.fromkeys(language.translate(w) for j in judges for w in j.sources)
+    return {
+        "language": language.code,
+        "title": say("progress.title", patient=patient.pseudonym),
+        "facts": say(
+            "progress.span",
+            hand=_capital(say(f"treatment.side.{hand}")),
+            count=len(sessions),
+            first=language.day(sessions[0].started),
+            last=language.day(sessions[-1].started),
+        ),
+        "verdict": say("progress.verdict", beyond=len(beyond), count=len(repeated)),
+        "charts": charts,
+        "caption": say("progress.caption"),
+        "sources": " ".join(sources),
+        "treatment": [
+            [
+                f"{number}",
+                say(f"treatment.{t.kind}"),
+                say(f"treatment.side.{t.hand}"),
+                language.day(datetime(t.day.year, t.day.month, t.day.day, 12, tzinfo=UTC)),
+                t.comment,
+            ]
+            for number, t in enumerate(patient.treatment, 1)
+        ],
+        "rows": [_row(s, hand, patient, language) for s in repeated],
+        "words": {key.replace(".", "_"): say(key) for key in HEADINGS},
+        "tag": say("notice.short"),
+    }
+
+
+def _chart(s: Series, hand: Hand, patient: Patient, language: Language) -> dict[str, str]:
+    course = s.hands[hand]
+    others = [c for other, c in s.hands.items() if other != hand]
+    shown = Shown(
+        _points(course),
+        _points(others[0]) if others else (),
+        course.judge.mdc95,
+        patient.goals.get((hand, (s.measure, s.task, s.name))),
+        {n: t.day for n, t in enumerate(patient.treatment, 1) if t.hand in (hand, "both")},
+    )
+    first, newest = course.points[0], course.points[-1]
+    words = {"first": _value(s, first, language), "last": _value(s, newest, language)}
+    return {
+        "title": label(s.name, language),
+        "task": _task(s, patient, language),
+        "value": words["last"],
+        "verdict": _verdict(newest.since_first, language),
+        "chart": course_chart(shown, language),
+        "alt": language.say("trends.alt", count=len(course.points), **words),
+    }
+
+
+def _row(s: Series, hand: Hand, patient: Patient, language: Language) -> list[str]:
+    course = s.hands[hand]
+    mdc, goal = course.judge.mdc95, patient.goals.get((hand, (s.measure, s.task, s.name)))
+    return [
+        f"{label(s.name, language)} ({_task(s, patient, language)})",
+        _value(s, course.points[0], language),
+        _value(s, course.points[-1], language),
+        _verdict(course.points[-1].since_first, language),
+        _size(s, mdc, language) if mdc is not None else "",
+        language.say(
+            "progress.range",
+            low=_worded(s, goal[0], language),
+            high=_worded(s, goal[1], language),
+        )
+        if goal
+        else "",
+    ]
+
+
+def _points(course: Course) -> list[tuple[Any, float]]:
+    return [(p.started, p.value) for p in course.points]
+
+
+def _task(s: Series, patient: Patient, language: Language) -> str:
+    protocol = patient.protocols.get(s.task)
+    return language.translate(protocol.title) if protocol else s.task.replace("_", " ")
+
+
+def _verdict(since_first: bool | None, language: Language) -> str:
+    word = "unknown" if since_first is None else "beyond" if since_first else "within"
+    return language.say(f"progress.{word}")
+
+
+def _value(s: Series, point: Point, language: Language) -> str:
+    return _worded(s, point.value, language)
+
+
+def _worded(s: Series, value: float, language: Language) -> str:
+    """A value without a bare sign."""
+    if s.joint and s.angle == "flexion":
+        rad = value / DEG
+        if s.end == "smallest":
+            return extension_words(s.joint, rad, pi, language)
+        return flexion_words(rad, language)
+    size = _size(s, abs(value), language)
+    return language.say("progress.below_zero", size=size) if value < 0 and not s.joint else size
+
+
+def _size(s: Series, value: float, language: Language) -> str:
+    return f"{value:.0f}°" if s.unit == "deg" else amount(value, s.name, s.unit, language)
+
+
+def _capital(words: str) -> str:
+    return words[:1].upper() + words[1:]
