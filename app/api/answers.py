@@ -145,6 +145,9 @@ class SessionRow(TypedDict):
     finished: datetime | None
     examiner: str
     notes: str | None
+    conclusion: str | None
+    pain_rest: int | None  # numerical rating scale, 0 to 10
+    pain_movement: int | None
     source: str  # live, upload
     plan: dict[str, Any]  # name, version and title of its assessment plan; empty: none
     duration: float | None

@@ -1,7 +1,7 @@
 """Data withheld from scientists: whatever may identify a patient in spite of the code.
 
 Shown: the code, hands, hand measures, days of sessions, movement, figures. Withheld: the year of birth, and all free
-text, since it may contain anything: notes, the examiner's name, reasons, comments, a file's name; and doubts about dates, which
+text, since it may contain anything: notes, the conclusion, the examiner's name, reasons, comments, a file's name; and doubts about dates, which
 reveal the year.
 """
 
@@ -13,6 +13,7 @@ from handscope.app.auth.roles import Requester
 WITHHELD: Mapping[str, Any] = {
     "year_of_birth": None,
     "notes": None,
+    "conclusion": "",
     "examiner": "",
     "name": "",
     "reason": "",

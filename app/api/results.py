@@ -14,10 +14,11 @@ from handscope.app.job_queue import make_derivative, make_export, make_replay_fi
 from handscope.app.protocols import offered
 from handscope.app.report import Paper
 from handscope.app.report.gradings import DEFAULT, uninjured
+from handscope.app.report.page import goal_row
 from handscope.app.report.sections import self_calibration
 from handscope.app.report.units import READABLE
 from handscope.app.results.curves import APERTURE, compare_results, load_curves
-from handscope.app.results.report import comparisons_of
+from handscope.app.results.report import comparisons_of, goal_readings
 from handscope.app.results.result_view import readings
 from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.estimators.errors import InputError
@@ -98,6 +99,7 @@ def read_result(
         "readings": read,
         "references": references_payload(db, r, found.stored) if found else None,
         "reused": r.reused,
+        "goals": [goal_row(goal, language) for goal in goal_readings(r)] if found else [],
         "self_calibration": self_calibration.describe(stored["table"], stored["told"], language)
         if (stored := r.content.get("self_calibration"))
         else None,

@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import AsyncIterator, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Any, BinaryIO
+from typing import Annotated, Any, BinaryIO, Literal
 
 from anyio import to_thread
 from fastapi import APIRouter, Form, UploadFile
@@ -47,10 +47,11 @@ from handscope.sessions.store import (
     visit_facts,
 )
 from handscope.sessions.store.archive_entries import pieces_of
-from handscope.sessions.store.visit_facts import TrunkHeight
+from handscope.sessions.store.visit_facts import TrunkHeight, Written
 
 router = APIRouter(tags=["sessions"], dependencies=[requires_role(CLINICIAN)])
 CHUNK = 2**20
+PAIN_FIELDS: tuple[Literal["pain_rest", "pain_movement"], ...] = ("pain_rest", "pain_movement")
 REPAIRED = "the session is being repaired after the server was stopped; it is finished by itself, wait a moment"
 
 
@@ -62,6 +63,11 @@ class SessionChange(Incoming):
     )
     notes: str | None = Field(None, max_length=visit_facts.LONGEST)
     examiner: str | None = Field(None, max_length=200)
+    conclusion: str | None = Field(None, max_length=visit_facts.LONGEST)
+    pain_rest: int | None = Field(
+        None, description="numerical rating scale, 0 to 10; null: none given"
+    )
+    pain_movement: int | None = Field(None, description="the same, on movement")
     started: datetime | None = Field(
         None, description="the true date, where the clock was wrong; what the clock said is kept"
     )
@@ -201,11 +207,17 @@ def delete_session(db: Db, parts: PartsDep, session_id: int) -> None:
 def change_session(
     db: Db, parts: PartsDep, session_id: int, change: SessionChange
 ) -> dict[str, Any]:
-    """Notes, examiner, date, height of the trunk's sensor; refused with 409 where somebody else changed the session meanwhile.
+    """Notes, conclusion, pain, examiner, date, height of the trunk's sensor; refused with 409 where somebody else changed the session meanwhile.
 
     With another height what was computed is computed anew, and kept.
     """
-    facts = change.model_dump(exclude_unset=True, exclude_none=True, exclude={"trunk_height"})
+    facts = change.model_dump(include={"version", "started", "date_reason"}, exclude_none=True)
+    facts["written"] = Written(
+        change.notes,
+        change.examiner,
+        change.conclusion,
+        {name: getattr(change, name) for name in PAIN_FIELDS if name in change.model_fields_set},
+    )
     if "trunk_height" not in change.model_fields_set:
         return {**session_row(visit_facts.change(db, session_id, **facts))}
     before = [(f, results.current(f)) for f in records.get(db, session_id).recordings if f.sha256]
@@ -285,6 +297,9 @@ def session_row(s: PatientSession) -> SessionRow:
         "finished": s.finished,
         "examiner": s.examiner,
         "notes": s.notes,
+        "conclusion": s.conclusion,
+        "pain_rest": s.pain_rest,
+        "pain_movement": s.pain_movement,
         "plan": s.plan,
         "source": "live" if dates.is_measured_here(s) else "upload",
         "duration": next((f.summary.get("duration") for f in s.recordings if f.summary), None),

@@ -4,7 +4,7 @@ A page, a table or another language is a function of a Content; nothing downstre
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, Literal
 
@@ -48,6 +48,19 @@ class Visit:
     dominant: Hand | None = None
     affected: Literal["left", "right", "both"] | None = None
     notes: str = ""
+    conclusion: str = ""
+    pain: Mapping[Literal["rest", "movement"], int] = field(default_factory=dict)  # 0 to 10
+
+
+@dataclass(frozen=True)
+class GoalReading:
+    """A figure beside the range that it is to reach, in the unit that people read."""
+
+    name: str  # of the figure
+    value: float
+    unit: str
+    low: float
+    high: float
 
 
 @dataclass(frozen=True)
@@ -214,6 +227,7 @@ class Content:
         None  # what the method found of hand and sensors (self_calibration.kept_of)
     )
     compared: ComparedWith | None = None
+    goals: tuple[GoalReading, ...] = ()
 
     @property
     def edition(self) -> Edition:

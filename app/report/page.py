@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 
 from handscope.app.language import Language
-from handscope.app.report.content import CalibrationFacts, Content, LeftOut, StreamFacts, Task
+from handscope.app.report.content import (
+    CalibrationFacts,
+    Content,
+    GoalReading,
+    LeftOut,
+    StreamFacts,
+    Task,
+)
 from handscope.app.report.sections.measure_plots import draw_panels
 from handscope.app.report.sections.other_measures import other_measures
 from handscope.app.report.sections.range_rows import asks_full_range, by_task
@@ -20,7 +27,8 @@ from handscope.app.report.sections.tapping_section import TRIALS, tapping_sectio
 from handscope.app.report.sections.trend_section import trend_section
 from handscope.app.report.summary import outcome_words, summary
 from handscope.app.report.tables import data_checksum
-from handscope.app.report.units import DEG, unit_words
+from handscope.app.report.units import DEG, places_of, unit_words, with_unit
+from handscope.app.report.words import figure_words
 from handscope.estimators.data.calibration import SensorQuality
 from handscope.estimators.data.samples import FORCE
 
@@ -29,7 +37,7 @@ Page = dict[str, Any]
 WARNINGS = 8  # of them on the page
 HEADINGS = (  # words that the layout places
     "report.title", "summary", "further", "quality", "provenance", "warnings",
-    "notes", "examiner", "signature", "date", "joint", "signal", "figure", "unit", "norm", "reason", "quality.over_all",
+    "notes", "conclusion", "goals.title", "examiner", "signature", "date", "joint", "signal", "figure", "unit", "norm", "reason", "quality.over_all",
     "quality.median", "quality.largest", "quality.worst", "not_done", "scores", "left_out", "advice.title", "technical", "notes.none", "checksums",
 )  # fmt: skip
 
@@ -86,6 +94,8 @@ def words_of(content: Content, language: Language) -> Page:
         ],
         "warnings": _warnings(content, language),
         "notes": content.visit.notes.splitlines(),
+        "conclusion": content.visit.conclusion.splitlines(),
+        "goals": [goal_row(goal, language) for goal in content.goals],
         "footer": " · ".join(
             [
                 named,
@@ -94,6 +104,19 @@ def words_of(content: Content, language: Language) -> Page:
             ]
         ),
     }
+
+
+def goal_row(goal: GoalReading, language: Language) -> list[str]:
+    """Figure, value, range and whether the value lies within, in words."""
+    places = places_of(goal.value, goal.unit)
+    value, low, high = (language.number(n, places) for n in (goal.value, goal.low, goal.high))
+    place = "not_reached" if goal.value < goal.low else "beyond"
+    return [
+        figure_words(goal.name, language),
+        with_unit(value, goal.unit, language),
+        language.say("goals.range", low=low, high=with_unit(high, goal.unit, language)),
+        language.say("goals.reached" if goal.low <= goal.value <= goal.high else f"goals.{place}"),
+    ]
 
 
 def _chosen(content: Content) -> tuple[list[Task], list[list[Task]]]:

@@ -49,8 +49,14 @@ def summary(content: Content, language: Language) -> list[str]:
         *_held(content, language),
         *([_changes(content.changes, language)] if content.changes else []),
         _signal(content, language),
+        *_pain(content, language),
     ]
     return [sentence for sentence in sentences if sentence]
+
+
+def _pain(content: Content, language: Language) -> list[str]:
+    scores = [language.say(f"pain.{when}", score=n) for when, n in content.visit.pain.items()]
+    return [language.say("summary.pain", scores=language.all_of(scores))] if scores else []
 
 
 def _tasks(content: Content, language: Language) -> str:

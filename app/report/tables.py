@@ -98,6 +98,9 @@ def _session(content: Content) -> dict[str, Any]:
         "recorded_as": visit.recorded_as.isoformat() if visit.recorded_as else None,
         "date_reason": visit.date_reason,
         "notes": visit.notes,
+        "conclusion": visit.conclusion,
+        "pain_rest": visit.pain.get("rest"),
+        "pain_movement": visit.pain.get("movement"),
         "software": content.software,
     }
 
@@ -122,7 +125,11 @@ def _preamble(content: Content) -> list[str]:
     changed = ", ".join(f"{c.option.name}={c.value}" for c in content.method.changed)
     return [
         TAG,
-        *(f"{name}: {value}" for name, value in session.items() if value and name != "notes"),
+        *(
+            f"{name}: {value}"
+            for name, value in session.items()
+            if value not in (None, "") and name not in ("notes", "conclusion")
+        ),
         f"recording sha256: {content.recording.checksum or 'not known'}",
         f"method: {content.method.name} ({content.method.title}); options: {changed or 'defaults'}",
         *SIGNS,

@@ -5,15 +5,17 @@ from typing import Literal, cast
 
 from sqlalchemy.orm import object_session
 
-from handscope.app.report.changes import Changes, changes
-from handscope.app.report.content import ComparedWith, Content, Visit
+from handscope.app.report.changes import Changes, changes, read_as
+from handscope.app.report.content import ComparedWith, Content, GoalReading, Visit
 from handscope.app.report.references import edition_of, newest
 from handscope.app.results.make import load_report
 from handscope.sessions.clinic import references
 from handscope.sessions.clinic.references import Course, References
-from handscope.sessions.db.tables import Result
+from handscope.sessions.clinic.repeatability import values
+from handscope.sessions.db.tables import PatientSession, Result
 from handscope.sessions.store import records
 from handscope.sessions.store.store import Store
+from handscope.sessions.treatment import goals
 
 Affected = Literal["left", "right", "both"] | None
 
@@ -63,6 +65,8 @@ def report(store: Store, result: Result, number: int | None = None) -> Content:
         dominant=records.hand_of(patient.dominant_hand) if patient.dominant_hand else None,
         affected=cast(Affected, patient.affected_hand),
         notes=session.notes,
+        conclusion=session.conclusion,
+        pain=_pain(session),
     )
     found = comparisons_of(result, number)
     return replace(
@@ -72,4 +76,30 @@ def report(store: Store, result: Result, number: int | None = None) -> Content:
         changes=found.changes,
         course=found.course,
         compared=found.compared,
+        goals=goal_readings(result),
     )
+
+
+def goal_readings(result: Result) -> tuple[GoalReading, ...]:
+    """The goals of the hand that the result measured, as they are set now."""
+    session, measured = result.recording.session, values(result.figures)
+    return tuple(
+        GoalReading(
+            goal.figure,
+            read_as(key, measured[key][0], measured[key][1])[0],
+            goal.unit,
+            goal.low,
+            goal.high,
+        )
+        for (hand, key), goal in goals.of_patient(session.patient).items()
+        if hand == session.hand and key in measured
+    )
+
+
+def _pain(session: PatientSession) -> dict[Literal["rest", "movement"], int]:
+    pain: dict[Literal["rest", "movement"], int] = {}
+    if session.pain_rest is not None:
+        pain["rest"] = session.pain_rest
+    if session.pain_movement is not None:
+        pain["movement"] = session.pain_movement
+    return pain

@@ -136,6 +136,9 @@ class PatientSession(Base):
     finished: Mapped[datetime | None]
     examiner: Mapped[str] = mapped_column(default="")
     notes: Mapped[str] = mapped_column(default="")
+    conclusion: Mapped[str] = mapped_column(default="", server_default="")  # the therapist's
+    pain_rest: Mapped[int | None]  # numerical rating scale, 0 to 10; None: not asked
+    pain_movement: Mapped[int | None]
     geometry: Mapped[dict[str, Any]] = mapped_column(
         default=dict
     )  # hand measures of this session, as HandGeometry

@@ -1,11 +1,13 @@
-"""What people write on a session: notes, who examined, its true date where the computer's clock was wrong, how high the trunk's sensor was worn.
+"""What people write on a session: notes, the conclusion, pain, who examined, its true date where the computer's clock was wrong, how high the trunk's sensor was worn.
 
 Two people who write at once are told (ConflictError); a session that is measured or processed meanwhile disturbs nobody. What the clock said
 is kept with the reason, and putting it back is a correction like any other.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from typing import Literal
 
 from sqlalchemy import update
 from sqlalchemy.orm import Session
@@ -18,6 +20,17 @@ from handscope.sessions.db.tables import PatientSession, now
 from handscope.sessions.store import records
 
 LONGEST = 20_000  # characters of notes
+PAIN = range(11)  # numerical rating scale: none to the worst imaginable
+
+
+@dataclass(frozen=True)
+class Written:
+    """What is written on a session; None leaves a text as it is, pain that is not named, too."""
+
+    notes: str | None = None
+    examiner: str | None = None
+    conclusion: str | None = None
+    pain: Mapping[Literal["pain_rest", "pain_movement"], int | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -31,14 +44,15 @@ def change(
     db: Session,
     session_id: int,
     version: int,
-    notes: str | None = None,
-    examiner: str | None = None,
+    written: Written = Written(),
     started: datetime | None = None,
     date_reason: str = "",
     trunk: TrunkHeight | None = None,
 ) -> PatientSession:
     """Change a session as it stood at `version`; ConflictError where somebody else changed it meanwhile. A new date, `started`, needs a reason."""
     session = records.get(db, session_id)
+    if any(score is not None and score not in PAIN for score in written.pain.values()):
+        raise InputError("store.pain_outside", most=PAIN[-1])
     if trunk is not None:
         trunk_height.require_worn(session)
         if trunk.height is not None:
@@ -58,8 +72,11 @@ def change(
         db.rollback()
         raise ConflictError("the session")
     db.refresh(session)
-    session.notes = session.notes if notes is None else notes
-    session.examiner = session.examiner if examiner is None else examiner
+    for name in ("notes", "examiner", "conclusion"):
+        if (text := getattr(written, name)) is not None:
+            setattr(session, name, text)
+    for name, score in written.pain.items():
+        setattr(session, name, score)
     if started is not None:
         _date(session, started, date_reason.strip())
     if trunk is not None:

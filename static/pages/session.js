@@ -10,6 +10,7 @@ import * as compare from "../session/compare.js";
 import * as dating from "../session/dating.js";
 import * as empty from "../session/empty.js";
 import * as downloads from "../session/downloads.js";
+import * as goals from "../session/goals.js";
 import * as headlines from "../session/headlines.js";
 import * as measures from "../session/measures.js";
 import * as notes from "../session/notes.js";
@@ -95,7 +96,8 @@ function draw(root, api, about) {
   const closed = session.recordings.some((recording) => recording.sha256);
   const main = [...hollow, ...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
   const typed = treats ? [notes, dating, closed && trunkHeight.worn(session) && trunkHeight] : [];
-  const aside = [done && quality, done && references, closed && selfCalibration, ...typed].filter(Boolean).map((part) => [part, place()]);
+  const read = done ? [quality, goals, references] : [];
+  const aside = [...read, closed && selfCalibration, ...typed].filter(Boolean).map((part) => [part, place()]);
   const [head, choice] = [done ? [[downloads, place("")]] : [], [[results, place("")]]];
   const [name, lead] = [h("h1", {}), h("p", { class: "soft" })];
   const other = session.other_hand;

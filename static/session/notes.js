@@ -1,8 +1,10 @@
-/** Notes of the session, and who examined; saved when asked, printed in the report. What is typed stays when the page draws itself anew. */
+/** Conclusion, pain, notes and examiner of the session; printed in the report. What is typed stays when the page draws itself anew. */
 import { h } from "../dom.js";
-import { errorBox, field, onSubmit, once } from "../forms.js";
+import { errorBox, field, onSubmit, once, select } from "../forms.js";
 import { sendChange } from "../patient/record.js";
 import { t } from "../words/words.js";
+
+const SCORES = [...Array(11).keys()].map((score) => [String(score), String(score)]); // numerical rating scale
 
 export function mount(root, api, { record, draft }) {
   const box = errorBox();
@@ -15,10 +17,16 @@ export function mount(root, api, { record, draft }) {
     say(t("notes.unsaved"));
   };
   const text = h("textarea", { maxlength: 20000, name: "notes", "aria-label": t("notes.session"), oninput: typed });
+  const conclusion = h("textarea", { maxlength: 20000, name: "conclusion", oninput: typed });
+  const [rest, movement] = ["pain_rest", "pain_movement"].map((name) =>
+    select([["", t("pain.not_asked")], ...SCORES], "", { name, oninput: typed }),
+  );
   const examiner = h("input", { maxlength: 200, name: "examiner", autocomplete: "off", oninput: typed });
   const form = h(
     "form",
     { novalidate: true },
+    field(t("conclusion"), conclusion, t("conclusion.hint")),
+    h("div", { class: "pair" }, field(t("pain.rest"), rest), field(t("pain.movement"), movement)),
     h("div", { class: "field" }, text, h("p", { class: "hint" }, t("notes.session.hint"))),
     field(t("new_session.examiner"), examiner),
     h("div", { class: "buttons" }, h("button", { type: "submit" }, t("notes.save")), undo, status),
@@ -28,10 +36,18 @@ export function mount(root, api, { record, draft }) {
   if (draft.typed) say(t("notes.unsaved"));
   if (draft.held) form.elements[draft.held].focus();
 
-  const values = () => ({ notes: text.value, examiner: examiner.value.trim() });
+  const score = ({ value }) => (value === "" ? null : Number(value));
+  const values = () => ({
+    notes: text.value,
+    examiner: examiner.value.trim(),
+    conclusion: conclusion.value,
+    pain_rest: score(rest),
+    pain_movement: score(movement),
+  });
 
-  function fill({ notes, examiner: who }) {
-    [text.value, examiner.value] = [notes, who];
+  function fill(facts) {
+    [text.value, examiner.value, conclusion.value] = [facts.notes, facts.examiner, facts.conclusion];
+    [rest.value, movement.value] = [facts.pain_rest ?? "", facts.pain_movement ?? ""];
   }
 
   function say(words, back = null) {

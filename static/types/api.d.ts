@@ -442,6 +442,9 @@ export interface SessionAnswer {
   finished: string | null;
   examiner: string;
   notes: string | null;
+  conclusion: string | null;
+  pain_rest: number | null;
+  pain_movement: number | null;
   source: string;
   plan: Record<string, any>;
   duration: number | null;
@@ -458,6 +461,9 @@ export interface SessionChange {
   version: number;
   notes?: string | null;
   examiner?: string | null;
+  conclusion?: string | null;
+  pain_rest?: number | null;
+  pain_movement?: number | null;
   started?: string | null;
   date_reason?: string;
   trunk_height?: number | null;
@@ -479,6 +485,9 @@ export interface SessionRow {
   finished: string | null;
   examiner: string;
   notes: string | null;
+  conclusion: string | null;
+  pain_rest: number | null;
+  pain_movement: number | null;
   source: string;
   plan: Record<string, any>;
   duration: number | null;
@@ -594,6 +603,9 @@ export interface Visit {
   finished: string | null;
   examiner: string;
   notes: string | null;
+  conclusion: string | null;
+  pain_rest: number | null;
+  pain_movement: number | null;
   source: string;
   plan: Record<string, any>;
   duration: number | null;

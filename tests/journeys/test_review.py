@@ -150,6 +150,8 @@ def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
     for window in (mine, other):
         shown(window.get_by_label("Notes on this session"))
     mine.get_by_label("Notes on this session").fill("calm")
+    mine.get_by_label("Conclusion").fill("Stiffer than in May.")
+    mine.get_by_label("Pain on movement (0–10)").select_option("7")
     mine.get_by_role("button", name="Save notes").click()
     shown(mine.get_by_text("Saved."))
     other.get_by_label("Examiner").fill("A. B.")  # apart from the notes: kept of both
@@ -171,6 +173,8 @@ def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
     expect(mine.get_by_label("Notes on this session")).to_have_value("calm")
     session = api(mine, f"/api/sessions/{processed}")
     assert (session["notes"], session["examiner"]) == ("calm", "A. B.")
+    assert (session["conclusion"], session["pain_movement"]) == ("Stiffer than in May.", 7)
+    assert session["pain_rest"] is None
 
     mine.get_by_role("button", name="Correct the date").click()
     expect(mine.locator(".error")).to_have_text(

@@ -75,6 +75,7 @@ def planted(client: TestClient) -> dict[str, int]:
     typed_now = {
         "version": version,
         "notes": SECRET,
+        "conclusion": SECRET,
         "examiner": f"Dr {SECRET}",
         "started": "2026-11-01T10:00:00Z",
         "date_reason": SECRET,

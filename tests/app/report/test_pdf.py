@@ -11,7 +11,8 @@ from pypdf import PdfReader
 
 from handscope.app.language import ENGLISH, Language, languages
 from handscope.app.report import FORMS, Style
-from handscope.app.report.content import Content
+from handscope.app.report.content import Content, GoalReading
+from handscope.app.report.html import html
 from handscope.app.report.page import Page, words_of
 from handscope.app.report.pdf import pdf
 from handscope.estimators.data.samples import Event
@@ -283,6 +284,20 @@ def test_long_notes_go_on_and_nothing_is_lost() -> None:
     last = PdfReader(BytesIO(made)).pages[-1].extract_text()
     assert "Signature" in last
     assert "Checksums" in last  # it never stands on a page of its own
+
+
+def test_conclusion_pain_and_goals_stand_on_the_first_page_where_there_are_any() -> None:
+    visit = replace(VISIT, conclusion="Stiffer than\nin May.", pain={"rest": 0, "movement": 7})
+    goal = GoalReading("index_pip_flexion_max", 78.4, "deg", 80.0, 105.0)
+    made = replace(report(visit=visit), goals=(goal,))
+    first = " ".join(PdfReader(BytesIO(pdf(made, ENGLISH))).pages[0].extract_text().split())
+    assert "Conclusion Stiffer than in May." in first
+    assert "Pain on the numerical rating scale (0 to 10): at rest 0 and on movement 7." in first
+    assert "78° 80 to 105° not reached" in first
+    words = html(made, ENGLISH).decode()
+    assert "Stiffer than\nin May." in words and "not reached" in words
+    without = html(report(), ENGLISH).decode()
+    assert "Conclusion" not in without and "numerical rating scale" not in without
 
 
 def test_options_that_were_changed_and_facts_that_are_unknown_are_said() -> None:

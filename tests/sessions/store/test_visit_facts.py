@@ -13,6 +13,7 @@ from handscope.sessions.db.conflicts import ConflictError
 from handscope.sessions.db.tables import PatientSession, now
 from handscope.sessions.store import visit_facts
 from handscope.sessions.store.store import open_store
+from handscope.sessions.store.visit_facts import Written
 
 WRONG, RIGHT = datetime(2019, 1, 1, 0, 4, tzinfo=UTC), datetime(2026, 5, 12, 9, 30, tzinfo=UTC)
 
@@ -27,11 +28,21 @@ def db(tmp_path: Path) -> Iterator[Session]:
 
 
 def test_the_second_of_two_writers_is_told_and_nothing_is_overwritten(db: Session) -> None:
-    first = visit_facts.change(db, 1, 1, notes="calm")
+    first = visit_facts.change(db, 1, 1, written=Written(notes="calm"))
     assert (first.notes, first.examiner, first.version) == ("calm", "", 2)
     with pytest.raises(ConflictError, match="the session was changed in another window meanwhile"):
-        visit_facts.change(db, 1, 1, notes="tired")
+        visit_facts.change(db, 1, 1, written=Written(notes="tired"))
     assert (first.notes, first.version) == ("calm", 2)
+
+
+def test_pain_is_kept_by_whole_numbers_and_taken_back(db: Session) -> None:
+    told = Written(conclusion="stiff", pain={"pain_rest": 0, "pain_movement": 7})
+    first = visit_facts.change(db, 1, 1, written=told)
+    assert (first.conclusion, first.pain_rest, first.pain_movement) == ("stiff", 0, 7)
+    second = visit_facts.change(db, 1, 2, written=Written(pain={"pain_rest": None}))
+    assert (second.conclusion, second.pain_rest, second.pain_movement) == ("stiff", None, 7)
+    with pytest.raises(InputError, match=r"from 0 .* to 10"):
+        visit_facts.change(db, 1, 3, written=Written(pain={"pain_movement": 11}))
 
 
 def test_a_session_that_is_processed_meanwhile_disturbs_nobody_who_writes(db: Session) -> None:
@@ -39,7 +50,7 @@ def test_a_session_that_is_processed_meanwhile_disturbs_nobody_who_writes(db: Se
     assert session is not None
     session.state = "recorded"
     db.commit()
-    assert visit_facts.change(db, 1, 1, notes="calm").notes == "calm"
+    assert visit_facts.change(db, 1, 1, written=Written(notes="calm")).notes == "calm"
 
 
 def test_a_corrected_date_keeps_what_the_clock_said_and_can_be_put_back(db: Session) -> None:
