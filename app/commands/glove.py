@@ -23,7 +23,7 @@ from handscope.app.devices.virtual_glove.wearer import Playback, SimulatedPerson
 from handscope.estimators.data.samples import GYR
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.setup import ForceSetup, parse_setups
-from handscope.estimators.hand.anatomy import FINGERS, HANDS, Hand
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, HANDS, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.sensors import saturation
 from handscope.estimators.simulation.movements import task_performance
@@ -126,9 +126,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     faults.add_argument(
         "--exchange",
         nargs=2,
-        choices=FINGERS,
+        choices=(*FINGERS, *SEGMENTS),
         metavar="FINGER",
-        help="two strips are on each other's finger",
+        help="two strips are on each other's finger, or two sensors such as index_middle on each other's segment",
     )
     faults.add_argument(
         "--negate",
@@ -246,9 +246,14 @@ def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
     person = SimulatedPerson(hand, sized(hand), streams, rng, errors)
     if arguments.exchange:
         one, other = arguments.exchange
-        if missing := {one, other} - {s.name for s in streams}:
+        worn = {s.name for s in streams} | {n for s in streams for n in s.sensors}
+        if missing := {one, other} - worn:
             raise InputError("command.exchange_of_unknown_strip", missing=missing.pop())
-        person.worn_on = {one: other, other: one}
+        person.worn_on = {
+            segment: on
+            for a, b in ((one, other), (other, one))
+            for segment, on in zip(CHAINS.get(a, (a,)), CHAINS.get(b, (b,)))
+        }
     for text in arguments.negate:
         sensor, _, axis = text.partition(":")
         if axis not in ("x", "y", "z") or sensor not in {n for s in streams for n in s.sensors}:

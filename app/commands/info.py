@@ -1,23 +1,37 @@
-"""`handscope info`: what a recording holds and what was cut."""
+"""`handscope info`: what a recording holds, what was cut, and what the checks find; without estimating."""
 
 import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 from handscope.app.commands.methods import add_recording
 from handscope.app.commands.shortfalls import shortfalls
-from handscope.app.commands.words import say
+from handscope.app.commands.words import require_file, say
+from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.recording_checks.check import suspicions_of
+from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings as formats_recordings
+from handscope.sessions.formats.derivative import finding_table
+from handscope.sessions.tables_io.writing import save_file
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     add_recording(parser)
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="write it there, too; findings by their codes"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
+    if arguments.json:
+        require_file(arguments.json)
     recording = formats_recordings.load(arguments.recording, arguments.hand)
+    suspicions, cut = suspicions_of(recording), list(shortfalls(recording))
     say(
         f"{recording.hand} hand, {recording.duration:.3f} s, {recording.source.get('format', '')} {recording.source.get('device', '')}".rstrip()
     )
@@ -32,9 +46,46 @@ def run(arguments: argparse.Namespace) -> int:
         say(
             f"  {event.onset:9.3f} s  {event.duration:7.3f} s  {event.trial_type} {details}".rstrip()
         )
-    for shortfall in shortfalls(recording):
+    for shortfall in cut:
         say(f"warning: {shortfall}")
-    for suspicion in suspicions_of(recording):
+    for suspicion in suspicions:
         say(f"{suspicion.message.severity}: {sentence(suspicion.message)}")
     say(f"sha256 {recording.checksum}")
+    if arguments.json:
+        table = _table(recording, cut, suspicions)
+        save_file((json.dumps(table, indent=1) + "\n").encode(), arguments.json)
     return 0
+
+
+def _table(
+    recording: LoadedRecording, cut: Sequence[str], suspicions: Sequence[Suspicion]
+) -> dict[str, Any]:
+    streams = [
+        {
+            "name": name,
+            "samples": len(block.t),
+            "sensors": list(block.stream.sensors),
+            "quantities": list(block.stream.quantities),
+            "rate": block.stream.rate,
+            "lost": recording.losses.get(name),
+        }
+        for name, block in recording.samples.items()
+    ]
+    events = [
+        {
+            "onset": e.onset,
+            "duration": e.duration,
+            "trial_type": e.trial_type,
+            "details": dict(e.details),
+        }
+        for e in recording.events
+    ]
+    return {
+        "hand": recording.hand,
+        "duration": recording.duration,
+        "streams": streams,
+        "events": events,
+        "warnings": list(cut),
+        "findings": [{**finding_table(s), "sentence": sentence(s.message)} for s in suspicions],
+        "sha256": recording.checksum,
+    }

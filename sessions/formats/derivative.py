@@ -105,11 +105,11 @@ def _sidecar(
         "input_checksum": recording.checksum,
         "calibration_quality": {s: asdict(q) for s, q in processed.calibrations[0].quality.items()},
         "warnings": list(processed.warnings),
-        "findings": [_finding(s) for s in processed.suspicions],
+        "findings": [finding_table(s) for s in processed.suspicions],
     }
 
 
-def _finding(suspicion: Suspicion) -> Mapping[str, Any]:
+def finding_table(suspicion: Suspicion) -> Mapping[str, Any]:
     """A finding of the checks by its code; a span without an end is null there."""
     return {
         "code": suspicion.message.code,

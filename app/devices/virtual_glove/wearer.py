@@ -20,7 +20,7 @@ from handscope.estimators.data.samples import (
     Stream,
 )
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT, SEGMENTS, Hand
+from handscope.estimators.hand.anatomy import FINGERS, SEGMENT, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
@@ -101,7 +101,7 @@ class SimulatedPerson:
     repeat: str | None = None  # a task that is begun again whenever nothing else is going on
     worn_on: Mapping[str, str] = field(
         default_factory=dict
-    )  # by the finger that a strip says it is for, the one that it is on
+    )  # by the segment that a sensor says it is for, the one that it is on
     negated: Mapping[str, int] = field(default_factory=dict)  # axis of a sensor's gyroscope
 
     def __post_init__(self) -> None:
@@ -138,8 +138,8 @@ class SimulatedPerson:
         if set(stream.sensors) <= {TRUNK, *TRUNK_MAGNETOMETERS}:
             return self._on_trunk(stream, start, stop)
         t, readings = self._readings(stream.rate, start, stop)
-        on = {s: other for f, g in self.worn_on.items() for s, other in zip(CHAINS[f], CHAINS[g])}
-        rows = [self._sensors.segments.index(on.get(s, s)) for s in stream.sensors]
+        on = [self.worn_on.get(s, s) for s in stream.sensors]
+        rows = [self._sensors.segments.index(s) for s in on]
         values = readings[:, rows]
         for sensor, axis in self.negated.items():
             if sensor in stream.sensors and stream.inertial:
