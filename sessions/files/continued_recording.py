@@ -1,6 +1,6 @@
 """Append to a recording whose end is missing: what a browser kept while its server was away.
 
-In      a recorder's file that no session has closed yet, finished or cut
+In      a recorder's file that no session has closed yet, finished or cut, plain or sealed
 Out     the same file; its closing records are taken off, and written again by `close`
 """
 
@@ -16,6 +16,7 @@ from mcap.records import Message
 from handscope.estimators.errors import InputError
 from handscope.sessions.files.recorder import BUFFER, CHECKPOINT, Continuation, Recorder
 from handscope.sessions.files.recording_file import Findings, read_messages
+from handscope.sessions.sealing.stored import continue_stored, open_stored
 
 
 class ContinuedRecording:
@@ -25,23 +26,18 @@ class ContinuedRecording:
         """InputError where the file is no recording."""
         self.written = 0  # messages of the port, those before included
         first, last, number = None, None, 0
-        file = path.open("r+b", buffering=BUFFER)
-        try:
-            found = Findings()
-            facts: dict[str, Any] = {}
-            events: dict[str, Any] = {}
-            for topic, message in read_messages(file, found):
+        found = Findings()
+        facts: dict[str, Any] = {}
+        events: dict[str, Any] = {}
+        with open_stored(path) as before:
+            for topic, message in read_messages(before, found):
                 first, last = first or message, message
                 number = message.sequence + (topic != CHECKPOINT)  # these take none
                 self.written += topic == "wire"
                 _collect(topic, message, facts, events)
-            if first is None or last is None:
-                raise InputError("recording.nothing_to_continue", name=path.name)
-            file.seek(found.end)
-            file.truncate()
-        except BaseException:
-            file.close()
-            raise
+        if first is None or last is None:
+            raise InputError("recording.nothing_to_continue", name=path.name)
+        file = continue_stored(path, found.end, BUFFER)
         self._recorder = Recorder.go_on(_continuation(file, first, last, number, facts, events))
         self.newest = last.publish_time * 1e-9
 
@@ -61,7 +57,7 @@ class ContinuedRecording:
 
 def first_metadata(path: Path) -> Mapping[str, Any]:
     """What a recording says of itself at its beginning; empty where it says nothing."""
-    with contextlib.suppress(OSError, InputError, ValueError), path.open("rb") as file:
+    with contextlib.suppress(OSError, InputError, ValueError), open_stored(path) as file:
         for topic, message in read_messages(file, Findings()):
             if topic == "metadata":
                 value = json.loads(message.data)

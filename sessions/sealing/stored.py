@@ -66,6 +66,33 @@ def create_stored(path: Path, buffer: int) -> BinaryIO:
     return cast(BinaryIO, io.BufferedWriter(SealedWriter(raw, keys[0]), buffer))
 
 
+def continue_stored(path: Path, end: int, buffer: int) -> BinaryIO:
+    """A stored file to append to behind `end` bytes of its content, the rest of which goes; InputError where no key fits.
+
+    A sealed one is sealed anew up to there beside it and takes its place at once: a record of it cannot be cut.
+    """
+    if not is_sealed(path):
+        file = path.open("r+b", buffering=buffer)
+        file.seek(end)
+        file.truncate()
+        return file
+    partial = path.with_name(f".{path.name}.partial")
+    partial.unlink(missing_ok=True)
+    try:
+        with open_stored(path) as whole:
+            target = create_stored(partial, buffer)
+            left = end
+            while piece := whole.read(min(COPIED, left)):
+                target.write(piece)
+                left -= len(piece)
+        target.flush()
+        os.fsync(target.fileno())
+        os.replace(partial, path)
+        return target
+    finally:
+        partial.unlink(missing_ok=True)
+
+
 def write_stored(data: bytes, path: Path) -> None:
     """Write one file whole or not at all."""
     partial = path.with_name(f".{path.name}.partial")

@@ -23,6 +23,8 @@ from handscope.sessions.clinic import accounts
 from handscope.sessions.db.tables import PatientSession
 from handscope.sessions.files import native
 from handscope.sessions.files.recorder import Recorder
+from handscope.sessions.sealing.keys import VARIABLE, make_key
+from handscope.sessions.sealing.stored import is_sealed
 from handscope.sessions.wards import wards
 from tests.glove import frames, whole_session
 from tests.simulated import cut, in_strips
@@ -91,25 +93,32 @@ def until(condition: Callable[[], Any]) -> Any:
     return value
 
 
+@pytest.mark.parametrize("sealed", [False, True])
 def test_nothing_is_lost_where_the_server_ends_between_two_messages(
-    pieces: list[bytes], tmp_path: Path
+    pieces: list[bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sealed: bool
 ) -> None:
+    if sealed:
+        make_key(tmp_path / "key")
+        monkeypatch.setenv(VARIABLE, str(tmp_path / "key"))
     half = len(pieces) // 2
-    with served(tmp_path) as client:
+    data = tmp_path / "data"
+    with served(data) as client:
         session, _ = begun(client)
         with connected(client, session) as (socket, number):
             assert number == 0
             socket.send_json({"is_open": True})
             send(socket, pieces, 0, half)
             news(socket, lambda word: word.get("on_disk") == half)
-    with served(tmp_path) as client:
+    with served(data) as client:
         with connected(client, session) as (socket, number):
             assert number == half
             send(socket, pieces, half - 3, len(pieces))  # some of them a second time
             socket.send_json({"total": len(pieces)})
             news(socket, lambda word: word.get("on_disk") == len(pieces))
         until(lambda: client.get(f"/api/sessions/{session}").json()["state"] != "open")
-    recording = native.load(next(tmp_path.rglob("*.mcap")))
+    (path,) = data.rglob("*.mcap")
+    assert is_sealed(path) == sealed
+    recording = native.load(path)
     whole = native.load(written_at_once(pieces, tmp_path / "whole.mcap"))
     assert not recording.warnings
     assert {n: len(b.t) for n, b in recording.samples.items()} == {
