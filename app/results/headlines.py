@@ -65,22 +65,34 @@ def joint_deficits(
     other: Compared | None,
     edition: Edition | None,
 ) -> list[dict[str, Any]]:
-    """Of every joint of the fingers how far its flexion stays behind, in words and as a level."""
+    """Of every joint how far its flexion stays behind, in words and as a level; for its bar the range in degrees, the other hand's, the reference."""
     chosen, found = edition or newest(), []
     for r in over_tasks(tasks):
         against = _against(r, other, chosen)
         if r.angle != "flexion" or against is None:
             continue
         short = max(0.0, against - r.largest * DEG)
+        name = " ".join(joint_words(r.joint, language)).strip()
         words = language.say(
             "deficit.behind" if round(short) else "deficit.none",
-            joint=" ".join(joint_words(r.joint, language)).strip(),
+            joint=name,
             value=flexion_words(r.largest, language),
             against=f"{against:.0f}°",
             size=f"{short:.0f}°",
         )
         level = _level(short, chosen.smallest_change.value)
-        found.append({"joint": r.joint, "words": words, "level": level})
+        reference = reference_of(r, "largest", chosen)
+        found.append(
+            {
+                "joint": r.joint,
+                "name": name,
+                "words": words,
+                "level": level,
+                "range": [round(r.smallest * DEG), round(r.largest * DEG)],
+                "other": _other_range(r, other),
+                "reference": round(reference.degrees) if reference else None,
+            }
+        )
     return found
 
 
@@ -96,6 +108,21 @@ def _against(r: Range, other: Compared | None, edition: Edition) -> float | None
         return max(theirs) * DEG
     reference = reference_of(r, "largest", edition)
     return reference.degrees if reference else None
+
+
+def _other_range(r: Range, other: Compared | None) -> list[int] | None:
+    """Smallest and largest flexion of the other hand's joint, degrees; None where either was not measured."""
+    ends = []
+    for end, choose in (("min", min), ("max", max)):
+        found = [
+            value
+            for (_, _, name), (value, _) in (other.values.items() if other else ())
+            if name == f"{r.joint}_flexion_{end}"
+        ]
+        if not found:
+            return None
+        ends.append(round(choose(found) * DEG))
+    return ends
 
 
 def _tile(

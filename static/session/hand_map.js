@@ -15,12 +15,12 @@ const MIRRORED = "translate(240 0) scale(-1 1)"; // the drawing is of a right ha
 const WRIST = [120, 246];
 
 /** The back of a left or right hand. */
-export function handMap(joints, hand) {
+export function handMap(joints, hand, choose) {
   const fingers = Object.entries(JOINTS).map(([finger, at]) => {
     const points = [...Object.values(at), TIPS[finger]].map((point) => point.join(" "));
     return s("polyline", { points: points.join(" "), class: "bone" });
   });
-  const dots = joints.filter(({ joint }) => placeOf(joint)).map(({ joint, words, level }) => dot(placeOf(joint), words, level));
+  const dots = joints.filter(({ joint }) => placeOf(joint)).map((joint) => dot(placeOf(joint.joint), joint, choose));
   const transform = hand === "left" ? MIRRORED : "";
   const parts = s("g", { transform }, s("path", { d: PALM, class: "palm" }), fingers, dots);
   const drawing = s("svg", { viewBox: BOX, role: "img" }, parts);
@@ -34,8 +34,13 @@ function placeOf(joint) {
 }
 
 /** Large is a square and small a diamond: the colour is not all that tells them apart. */
-function dot([x, y], words, level) {
-  const title = s("title", {}, words);
+function dot([x, y], { joint, words, level }, choose) {
+  const shape = shapeOf(x, y, level, s("title", {}, words));
+  shape.addEventListener("click", () => choose(joint));
+  return shape;
+}
+
+function shapeOf(x, y, level, title) {
   if (level === "none") return s("circle", { cx: x, cy: y, r: 7, class: `level-${level}` }, title);
   const turn = level === "small" ? ` rotate(45 ${x} ${y})` : "";
   return s("rect", { x: x - 7, y: y - 7, width: 14, height: 14, transform: turn.trim(), class: `level-${level}` }, title);

@@ -2,6 +2,8 @@
 import { h } from "../dom.js";
 import { t } from "../words/words.js";
 import { handMap } from "./hand_map.js";
+import * as jointCurve from "./joint_curve.js";
+import * as rangeBars from "./range_bars.js";
 
 const BEHIND = ["small", "large"];
 const MDC = 12; // degrees, as the server judges (app/results/headlines.py)
@@ -11,16 +13,20 @@ export function mount(root, api, { session, result }) {
   if (!headlines.length && !joints.length) return () => {};
   const tiles = (task) => h("div", { class: "tiles" }, task.tiles.map(tile));
   const tasks = headlines.map((task) => h("div", {}, h("h3", {}, task.title), tiles(task)));
-  const drawn = joints.length > 0 && drawing(joints, session.hand);
+  const bars = h("div", {});
+  const below = h("div", {});
+  const curve = jointCurve.mount(below, api, { result });
+  const drawn = joints.length > 0 && drawing(joints, session.hand, curve.show);
+  if (joints.length) rangeBars.mount(bars, { joints, hand: session.hand, choose: curve.show });
   root.append(
     h(
       "div",
       { class: "card" },
       h("h2", {}, t("headlines.title")),
-      h("div", { class: joints.length ? "glance" : "" }, drawn, h("div", { class: "stack" }, tasks)),
+      h("div", { class: joints.length ? "glance" : "" }, drawn, h("div", { class: "stack" }, tasks, bars, below)),
     ),
   );
-  return () => {};
+  return curve.unmount;
 }
 
 function tile({ label, value, against, change, beyond }) {
@@ -34,7 +40,7 @@ function tile({ label, value, against, change, beyond }) {
   );
 }
 
-function drawing(joints, hand) {
+function drawing(joints, hand, choose) {
   const behind = joints.filter((joint) => BEHIND.includes(joint.level)).map((joint) => joint.words);
   const key = ["none", "small", "large"].map((level) =>
     h("li", {}, h("span", { class: `key-dot level-${level}` }), t(`headlines.level.${level}`, { size: MDC })),
@@ -42,7 +48,7 @@ function drawing(joints, hand) {
   return h(
     "figure",
     { class: "hand-map" },
-    handMap(joints, hand),
+    handMap(joints, hand, choose),
     h("figcaption", { class: "small" }, h("p", {}, t("headlines.joints")), h("ul", { class: "legend" }, key)),
     behind.length
       ? [h("p", { class: "small" }, t("headlines.behind")), h("ul", { class: "small" }, behind.map((words) => h("li", {}, words)))]

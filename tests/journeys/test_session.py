@@ -141,6 +141,8 @@ def _read_results(page: Page, folder: Path) -> None:
         abs(int(bent) - 95) <= 5 and 0 < float(sure.removesuffix("°")) < 5
     )  # what the virtual patient bends it to
     assert abs(int(figure(page, "Taps")) - 37) <= 4  # 2.5 a second in 15 s
+    page.locator(".bars").get_by_role("button", name="Index PIP").click()
+    shown(page.get_by_role("heading", name="Index PIP: flexion and extension over the recording"))
     keep_picture(page, "session")
     with (
         page.expect_popup() as opened,

@@ -62,3 +62,19 @@ def test_the_other_hand_comes_before_the_reference() -> None:
     (joint,) = joint_deficits([Task(result, "Fist", "", None)], DE, theirs, None)
     assert joint["level"] == "large"
     assert joint["words"] == "Zeigefinger PIP: Beugung 90°, 40° hinter 130°"
+
+
+def test_a_bar_has_both_hands_ranges_and_the_reference() -> None:
+    bent = Range("index_pip", "flexion", 90 * DEG, 4 * DEG, 1.0, 2.0, "good", "")
+    result = TaskResult("rom_fist", "range_of_motion", 0.0, 9.0, [bent], ())
+    ends = {"max": 98 * DEG, "min": 1 * DEG}
+    key = "range_of_motion", "rom_fist"
+    theirs = Compared(
+        1, 1, "right", MOMENT, "1",
+        {(*key, f"index_pip_flexion_{end}"): (value, "rad") for end, value in ends.items()},
+    )  # fmt: skip
+    (both,) = joint_deficits([Task(result, "Fist", "", None)], EN, theirs, None)
+    (alone,) = joint_deficits([Task(result, "Fist", "", None)], EN, None, None)
+    assert (both["other"], alone["other"]) == ([1, 98], None)
+    assert alone["reference"] == 100 and alone["name"] == "Index PIP"
+    assert sorted(alone["range"]) == [4, 90]
