@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from sqlalchemy.orm import Session
 
 from handscope.app.commands.audit import open_audited
-from handscope.app.commands.words import add_store, say
+from handscope.app.commands.words import add_actions, say
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit, second_factors
 from handscope.sessions.clinic.accounts import LOCAL, ROLES
@@ -30,12 +30,7 @@ ACTIONS = {
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
-    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    for action, meaning in ACTIONS.items():
-        sub = actions.add_parser(action, help=meaning, description=meaning)
-        add_store(sub)
-        if action != "list":
-            sub.add_argument("name", metavar="NAME")
+    for action, sub in add_actions(parser, ACTIONS):
         if action in ("add", "role"):
             sub.add_argument(
                 "--role",

@@ -3,7 +3,7 @@
 import argparse
 
 from handscope.app.commands.audit import open_audited
-from handscope.app.commands.words import add_store, say
+from handscope.app.commands.words import add_actions, say
 from handscope.sessions.db.tables import HOUSE
 from handscope.sessions.wards import wards
 
@@ -17,12 +17,7 @@ ACTIONS = {
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
-    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    for action, meaning in ACTIONS.items():
-        sub = actions.add_parser(action, help=meaning, description=meaning)
-        add_store(sub)
-        if action != "list":
-            sub.add_argument("name", metavar="NAME")
+    for action, sub in add_actions(parser, ACTIONS):
         if action == "rename":
             sub.add_argument("other", metavar="NEW_NAME")
 

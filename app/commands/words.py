@@ -4,7 +4,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -121,3 +121,16 @@ def require_file(path: Path, made: Path | None = None) -> None:
         raise InputError("command.folder_missing", parent=str(path.parent), name=path.name)
     if not os.access(folder, os.W_OK):
         raise InputError("command.no_permission_file", path=str(path), parent=str(path.parent))
+
+
+def add_actions(
+    parser: argparse.ArgumentParser, actions: Mapping[str, str]
+) -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """Declare what a verb does to named things of a server's data; each action but `list` takes a name."""
+    subparsers = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    for action, meaning in actions.items():
+        sub = subparsers.add_parser(action, help=meaning, description=meaning)
+        add_store(sub)
+        if action != "list":
+            sub.add_argument("name", metavar="NAME")
+        yield action, sub
