@@ -12,6 +12,7 @@ import numpy as np
 
 from handscope import estimators
 from handscope.estimators import methods
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.magnet.model import setup as magnet_setup
 from handscope.estimators.magnet.tracker import smoother as magnet_smoother
 from handscope.estimators.magnet.tracker import tracker as magnet_tracker
@@ -23,6 +24,7 @@ from handscope.estimators.pipeline.process import process
 from handscope.estimators.recording_checks.check import check_processed
 from handscope.estimators.simulation import artificial_finger, magnet
 from handscope.estimators.simulation.magnetic_field import EARTH, homogeneous
+from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.sessions.wire import stuffing
 
@@ -36,8 +38,16 @@ def compile_all() -> None:
     map_method = methods.BATCH["map"]
     trial = artificial_finger.record_trial(np.random.default_rng(0), SensorErrors(), duration=10.0)
     check_processed(process(map_method, map_method.Params(), trial), trial)
+    ekf = methods.METHODS["ekf"]
+    process(ekf, ekf.Params(), _simulate_pose())
     setup, readings = _simulate_magnet()
     magnet_smoother.smooth(MagnetParams(), magnet_tracker.start(setup), readings)
+
+
+def _simulate_pose() -> Simulated:
+    """The initial pose, for some seconds."""
+    rng = np.random.default_rng(0)
+    return simulate(["initial_pose"], "left", sized("left"), rng, SensorErrors())
 
 
 def _simulate_magnet() -> tuple[Setup, Readings]:

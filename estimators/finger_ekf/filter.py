@@ -7,6 +7,7 @@ Source  Kortier, thesis ch. 2: state (2.3), (2.5); errors (2.15)-(2.22); his q^{
 Limits  time-correlated noise is modelled as larger white noise; every chain estimates the hand's sensor for itself
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -20,6 +21,7 @@ from handscope.estimators.finger_ekf import (
     sensor_to_segment,
 )
 from handscope.estimators.finger_ekf import measurements as finger_ekf_measurements
+from handscope.estimators.finger_ekf.chain_state import ChainState, Joints, Window
 from handscope.estimators.finger_ekf.magnetic_heading import MagnetometerParams
 from handscope.estimators.finger_ekf.measurements import IS_FREE, LIMITS, UpdateParams
 from handscope.estimators.finger_ekf.sensor_to_segment import (
@@ -29,19 +31,13 @@ from handscope.estimators.finger_ekf.sensor_to_segment import (
     SensorToSegmentPrior,
 )
 from handscope.estimators.finger_ekf.update_kernels import (
-    extend_window,
+    extend_windows,
     find_window_end,
     joint_covariance,
-    update_chain,
+    update_chains,
 )
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array, Bools, Indices
-
-UPDATED = (  # fields of a state that an update changes, in the order of its kernel
-    *("q_pc", "bias", "q_SB", "soft_tissue_gain", "field_difference", "P", "up", "rest_time"),
-    *("rest_rotation", "previous_rest_rate", "rest_rate_scatter", "mean_square_rate"),
-    *("initial_vertical", "current_vertical", "compliance_stats"),
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,48 +236,49 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
 
 def _accumulate(state: State, samples: Samples, first: int, last: int) -> tuple[State, Array]:
     """Add rows first..last to the open window; return the joints after each row (rows, F, 3, 4)."""
-    turn, bias_time, rotation_variance = (
-        x[first:last].swapaxes(0, 1)
-        for x in (samples.turn, samples.bias_time, samples.rotation_variance)
-    )
-    window = state.delta_q, state.J_bias, state.bias_time, state.rotation_variance
-    q_joint, *grown = extend_window(
-        turn,
-        bias_time,
-        rotation_variance,
+    rows = slice(first, last)
+    window = Window(*_copies(state, Window))
+    q_joint = np.empty((last - first, *state.q_pc.shape))
+    extend_windows(
+        *(
+            np.ascontiguousarray(x[rows])
+            for x in (samples.turn, samples.bias_time, samples.rotation_variance)
+        ),
         state.bias,
-        *window,
         state.q_pc,
         state.q_SB,
         state.soft_tissue_gain,
+        window,
+        q_joint,
     )
-    ended = dict(zip(("delta_q", "J_bias", "bias_time", "rotation_variance"), grown))
-    return replace(state, newest=float(samples.t[last - 1]), **ended), q_joint.swapaxes(0, 1)
+    return replace(state, newest=float(samples.t[last - 1]), **window._asdict()), q_joint
 
 
 def _close_window(
     kernel_params: Array, state: State, acc: Array, mag: Array
 ) -> tuple[State, Array, Array]:
     """Propagate to the window's end, update (2.15) and open a new window. Returns the joints (F, 3, 4) and the covariance (F, 9, 9) of their errors."""
-    window = (
-        _span(state),
-        state.delta_q,
-        state.J_bias,
-        state.bias_time,
-        state.rotation_variance,
-        acc,
-        mag,
-    )
-    *found, q_joint, P_joints = update_chain(
+    chains = ChainState(*_copies(state, ChainState))
+    q_joint, P_joints = np.empty(state.q_pc.shape), np.empty((len(state.q_pc), 9, 9))
+    update_chains(
         kernel_params,
-        *window,
-        state.known,
-        state.free,
-        state.limits,
-        *(getattr(state, name) for name in UPDATED),
-        np.zeros(9),
+        _span(state),
+        Window(*_copies(state, Window)),
+        np.ascontiguousarray(acc),
+        np.ascontiguousarray(mag),
+        Joints(*_copies(state, Joints)),
+        chains,
+        q_joint,
+        P_joints,
     )
-    return replace(state, **_open_window(state), **dict(zip(UPDATED, found))), q_joint, P_joints
+    return replace(state, **_open_window(state), **chains._asdict()), q_joint, P_joints
+
+
+def _copies(
+    state: State, record: type[ChainState] | type[Joints] | type[Window]
+) -> Iterator[Array]:
+    """The state's arrays that a record has, as numbers that a kernel may change."""
+    return (np.array(getattr(state, name), float, order="C") for name in record._fields)
 
 
 def _span(state: State) -> float:

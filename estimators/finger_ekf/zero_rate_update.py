@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from handscope.estimators.finger_ekf.chain_state import ChainState
 from handscope.estimators.finger_ekf.measurements import CREEPING, REST_RATE
 from handscope.estimators.finger_ekf.sensor_to_segment import SIZE, inject_error
 from handscope.estimators.numerics import quaternions as quat
@@ -24,21 +25,18 @@ UNLIKELY = 9.0  # squared sd beyond which a rate is downweighted
 
 @inlined
 def zero_rate_update_row(
-    p: Array, delta_q: Array, bias_time: Array, span: float, rates: Array,
-    q: Array, bias: Array, q_SB: Array, soft_tissue_gain: Array, field_difference: Array, P: Array, rest_time: Array, rest_rotation: Array, previous_rest_rate: Array, rest_rate_scatter: Array,
-) -> None:  # fmt: skip
-    """The mean rate over REST seconds measures the bias; rate differences between rests give its noise.
-
-    `rest_rotation` (4, 3) rad in `rest_time` (4,) s, bias included; `previous_rest_rate` (4, 3) rad/s, NaN without; `rest_rate_scatter` (2,): half the sum of squared differences, their number.
-    """
+    p: Array, delta_q: Array, bias_time: Array, span: float, rates: Array, chain: ChainState
+) -> None:
+    """The mean rate over REST seconds measures the bias; rate differences between rests give its noise."""
     due, some, turn = np.zeros(4), False, np.empty(3)
+    rest_time, rest_rotation = chain.rest_time, chain.rest_rotation
     for s in range(4):
         still = bias_time[s] > 0 and rates[s] < p[REST_RATE]
         quat.log_row(delta_q[s], turn, turn)
         rest_time[s] = rest_time[s] + span if still else 0.0
         for a in range(3):
             rest_rotation[s, a] = (
-                rest_rotation[s, a] + turn[a] + bias[s, a] * bias_time[s] if still else 0.0
+                rest_rotation[s, a] + turn[a] + chain.bias[s, a] * bias_time[s] if still else 0.0
             )
         if rest_time[s] >= REST - 1e-9:
             due[s], some = 1.0, True
@@ -50,13 +48,24 @@ def zero_rate_update_row(
             np.empty(SIZE),
         )
         update_rest_scatter_row(
-            rest_rotation, rest_time, due, previous_rest_rate, rest_rate_scatter
+            rest_rotation, rest_time, due, chain.previous_rest_rate, chain.rest_rate_scatter
         )
         zero_rate_rows(
-            p, rest_rotation, rest_time, due, bias, P, rest_rate_scatter, innovation, H, noise
+            p,
+            rest_rotation,
+            rest_time,
+            due,
+            chain.bias,
+            chain.P,
+            chain.rest_rate_scatter,
+            innovation,
+            H,
+            noise,
         )
-        correct(P, innovation, H, noise, dx)
-        inject_error(q, bias, q_SB, soft_tissue_gain, field_difference, dx)
+        correct(chain.P, innovation, H, noise, dx)
+        inject_error(
+            chain.q_pc, chain.bias, chain.q_SB, chain.soft_tissue_gain, chain.field_difference, dx
+        )
         for s in range(4):
             if due[s] > 0:
                 rest_time[s] = 0.0

@@ -65,10 +65,10 @@ def rowwise_bool(layout: str) -> Callable[[Callable[..., None]], RowPredicate]:
 
 
 def looped(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """A loop over samples of which each needs the one before: translated when it is first called on
-    a machine, and kept."""
+    """A loop over samples or chains, whose arguments may be records of arrays: translated when it is
+    first called on a machine, and kept. Other threads work meanwhile."""
     _name_by_calls(kernel)
-    compiled: Callable[..., Any] = njit(error_model="numpy", cache=True)(kernel)
+    compiled: Callable[..., Any] = njit(error_model="numpy", cache=True, nogil=True)(kernel)
     return compiled
 
 
