@@ -145,10 +145,17 @@ def _taken(answer: Any, url: str) -> int:
     body = _body(answer)
     if answer.status_code != 200 or body.get("type") != "transaction-response":
         raise _refused(answer, url)
-    statuses = [str(e.get("response", {}).get("status", "")) for e in body.get("entry", [])]
+    entries = body.get("entry")
+    statuses = [_status(e) for e in entries] if isinstance(entries, list) else []
     if refused := [s for s in statuses if not s.startswith("2")]:
         raise InputError("export.fhir_stored_in_part", url=url, status=refused[0])
     return len(statuses)
+
+
+def _status(entry: Any) -> str:
+    """Of an entry of a transaction's answer; "" where it has none."""
+    response = entry.get("response") if isinstance(entry, dict) else None
+    return str(response.get("status", "")) if isinstance(response, dict) else ""
 
 
 def _body(answer: Any) -> Mapping[str, Any]:
@@ -161,8 +168,11 @@ def _body(answer: Any) -> Mapping[str, Any]:
 
 def _refused(answer: Any, url: str) -> InputError:
     """With the first words of its OperationOutcome."""
-    issues = _body(answer).get("issue") or [{}]
-    first = issues[0] if isinstance(issues, list) and isinstance(issues[0], dict) else {}
-    words = first.get("diagnostics") or (first.get("details") or {}).get("text") or ""
+    issues = _body(answer).get("issue")
+    first = issues[0] if isinstance(issues, list) and issues else None
+    issue = first if isinstance(first, dict) else {}
+    details = issue.get("details")
+    text = details.get("text") if isinstance(details, dict) else None
+    words = issue.get("diagnostics") or text or ""
     answered = f"{answer.status_code} {' '.join(str(words).split())[:300]}".strip()
     return InputError("export.fhir_refused", url=url, answer=answered)

@@ -24,6 +24,7 @@ FOCAL, FOCAL_SD = 0.75, 0.12  # of the larger side: phones' main cameras, 24 to 
 GIVEN_FOCAL_SD = 0.04  # share, of a focal length that the picture tells: it is rounded to 1 mm
 CENTRE_SD = 0.015  # of the larger side: where the lens's axis meets the picture
 RADIAL_SD = 0.10  # of both coefficients: phones draw within a few per cent of a pinhole
+MOST_STEPS = 200  # of a search: rendered photographs take 23 at most, a damaged picture went on for 20 s; it misses the sheet then
 CORNER_SD = 0.4  # pixels, of a marker's corner at least
 
 
@@ -95,10 +96,11 @@ def locate(sheet: Array, pixels: Array, size: tuple[int, int], focal: float | No
         off = (camera.project(sheet) - pixels) / sd
         return np.concatenate([off.ravel(), d[:5] / prior_sd])
 
-    found = least_squares(partial(residuals, sd=CORNER_SD), np.zeros(11), x_scale="jac")
+    search = partial(least_squares, x_scale="jac", max_nfev=MOST_STEPS)
+    found = search(partial(residuals, sd=CORNER_SD), np.zeros(11))
     off = residuals(found.x, 1.0)[: 2 * len(sheet)]
     sd = max(CORNER_SD, float(np.sqrt((off**2).sum() / max(1, 2 * len(sheet) - 6))))
-    found = least_squares(partial(residuals, sd=sd), found.x, x_scale="jac")
+    found = search(partial(residuals, sd=sd), found.x)
     camera, jacobian = start.perturb(found.x), np.asarray(found.jac)
     on_sheet = camera.place_at(pixels, np.zeros(len(pixels))) - sheet[:, :2]
     return replace(

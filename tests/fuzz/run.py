@@ -17,10 +17,14 @@ FOUND = Path(__file__).parent / "found"
 INSTRUMENTED = [
     "handscope.sessions",
     "handscope.app.protocols",
+    "handscope.app.devices.relay",
+    "handscope.app.exporting.fhir_server",
     "handscope.sessions.formats.qualisys",
     "c3d",
     "cobs",
     "mcap",
+    "openpyxl",
+    "pyxdf",
     "zipfile",
     "json",
 ]

@@ -41,6 +41,7 @@ from handscope.sessions.table_import.preview import preview
 from handscope.sessions.wire.assembly import Assembler
 from tests.app.devices.sources import slime_trackers as slime
 from tests.bids import dataset
+from tests.fuzz import binary_tables, web_input
 from tests.glove import frames, whole_session
 from tests.simulated import cut, in_strips
 
@@ -334,6 +335,13 @@ TARGETS = {
     "landmarks": Target(landmarks, _seen),
     "protocol": Target(protocol, _tasks, refuses=False),
     "backup": Target(restored, _backed_up),
+    "xlsx": Target(binary_tables.reader(".xlsx"), binary_tables.spreadsheets),
+    "parquet": Target(binary_tables.reader(".parquet"), binary_tables.parquets),
+    "matlab": Target(binary_tables.reader(".mat"), binary_tables.matlabs),
+    "xdf": Target(binary_tables.reader(".xdf"), binary_tables.xdfs),
+    "relay": Target(web_input.relay, web_input.relay_seeds, refuses=False),
+    "photograph": Target(web_input.photograph, web_input.photograph_seeds),
+    "fhir_answer": Target(web_input.fhir_answer, web_input.fhir_seeds),
 }
 
 

@@ -6,8 +6,8 @@ on the server's disk, {"ending": true} when the session is over, and bytes for i
 """
 
 import asyncio
-import json
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import anyio.to_thread
@@ -27,6 +27,8 @@ from handscope.app.devices.relay.messages import (
     Pace,
     TooLargeError,
     parse_chunk,
+    parse_hello,
+    parse_words,
 )
 from handscope.app.state import PartsDep, parts
 
@@ -34,8 +36,7 @@ router = APIRouter(tags=["relays"], dependencies=[requires_role(CLINICIAN)])
 REFUSED, MALFORMED, TOO_LARGE, REPLACED, COMPLETE = 4401, 4400, 1009, 4409, 1000
 OTHER_WARD = "the account does not see this session's patient"
 HELLO_WAIT = 10.0  # s for the first message
-LONGEST_WORDS = 1000  # characters of a JSON message
-Words = dict[str, Any]
+Words = Mapping[str, Any]
 
 
 @router.post("/sessions/{session_id}/relays", status_code=201)
@@ -49,17 +50,16 @@ async def relay(websocket: WebSocket) -> None:
     """The bytes of a browser's port, numbered; acknowledged once they are on the server's disk."""
     await websocket.accept()
     try:
-        words = _words(await asyncio.wait_for(websocket.receive(), HELLO_WAIT))
+        hello = parse_hello(_words(await asyncio.wait_for(websocket.receive(), HELLO_WAIT)))
         login, relays = requester(websocket).login, parts(websocket).relays
-        token, sent = str(words.get("token", "")), float(words.get("now", 0.0)) * 1e-3
-        granted = await anyio.to_thread.run_sync(relays.redeem, token, login)
+        granted = await anyio.to_thread.run_sync(relays.redeem, hello.token, login)
         if granted is None:
             await websocket.close(REFUSED, "no such relay, or its token was used")
             return
         if not await anyio.to_thread.run_sync(_is_visible, websocket, granted.session):
             await websocket.close(REFUSED, OTHER_WARD)
             return
-        connection = _Connection(websocket, granted.end, sent)
+        connection = _Connection(websocket, granted.end, hello.now)
         ending = asyncio.ensure_future(_refuse_when_hidden(websocket, connection, granted.session))
         try:
             await connection.serve()
@@ -67,7 +67,7 @@ async def relay(websocket: WebSocket) -> None:
             ending.cancel()
     except TooLargeError:
         await _close(websocket, TOO_LARGE, "the message is too large")
-    except (MalformedError, TimeoutError, ValueError, TypeError):
+    except (MalformedError, TimeoutError):
         await _close(websocket, MALFORMED, "this is no message of a relay")
     except (WebSocketDisconnect, RuntimeError):
         pass  # the browser left
@@ -189,13 +189,7 @@ def _words(message: Any) -> Words:
     """A JSON object; MalformedError where the message is none."""
     if message["type"] == "websocket.disconnect":
         raise WebSocketDisconnect
-    text = message.get("text")
-    if text is None or len(text) > LONGEST_WORDS:
-        raise MalformedError
-    value = json.loads(text)
-    if not isinstance(value, dict):
-        raise MalformedError
-    return value
+    return parse_words(message.get("text"))
 
 
 async def _close(websocket: WebSocket, code: int, reason: str) -> None:

@@ -4,14 +4,18 @@ In      binary web socket messages: number u64, time f64 (ms since 1970 by the b
 Out     values; arrival times on this machine's monotonic clock
 """
 
+import json
 import math
 import struct
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 HEAD = struct.Struct("<Qd")
 LARGEST = 65536  # bytes of the port in one message
+LONGEST_WORDS = 1000  # characters of a JSON message
+LATEST = 1e15  # ms since 1970 that a clock may say, before or after
 MOST_WAITING = 8 * 2**20  # bytes taken and not yet on the disk; then nothing more is read
 BYTES_PER_S, MOST_BYTES = 4e6, 16e6  # on average, and at once: a glove sends 0.5 MB/s at most
 MESSAGES_PER_S, MOST_MESSAGES = 500.0, 4000.0
@@ -23,6 +27,14 @@ class MalformedError(Exception):
 
 class TooLargeError(Exception):
     """A message with more bytes than one may have."""
+
+
+@dataclass(frozen=True)
+class Hello:
+    """A browser's first message."""
+
+    token: str
+    now: float  # s since 1970, browser's clock
 
 
 @dataclass(frozen=True)
@@ -41,9 +53,33 @@ def parse_chunk(message: bytes) -> Chunk:
     if len(message) <= HEAD.size:
         raise MalformedError
     number, ms = HEAD.unpack_from(message)
-    if not math.isfinite(ms):
+    if not abs(ms) <= LATEST:
         raise MalformedError
     return Chunk(number, ms * 1e-3, message[HEAD.size :])
+
+
+def parse_words(text: str | None) -> Mapping[str, Any]:
+    """A JSON message, an object; MalformedError."""
+    if text is None or len(text) > LONGEST_WORDS:
+        raise MalformedError
+    try:
+        words = json.loads(text)
+    except (ValueError, RecursionError):
+        raise MalformedError from None
+    if not isinstance(words, dict):
+        raise MalformedError
+    return words
+
+
+def parse_hello(words: Mapping[str, Any]) -> Hello:
+    """The first message; MalformedError where its clock is no number."""
+    try:
+        ms = float(words.get("now", 0.0))
+    except (ValueError, TypeError, OverflowError):
+        raise MalformedError from None
+    if not abs(ms) <= LATEST:
+        raise MalformedError
+    return Hello(str(words.get("token", "")), ms * 1e-3)
 
 
 class BrowserClock:

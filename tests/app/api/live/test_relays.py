@@ -227,6 +227,15 @@ def session(client: TestClient, sessions_of: dict[str, int]) -> int:
     return sessions_of["one"]
 
 
+@pytest.mark.parametrize("now", ["Infinity", "NaN", "1" + 400 * "0", '"noon"', "[]"])
+def test_a_clock_that_is_no_number_closes_the_relay(
+    client: TestClient, session: int, now: str
+) -> None:
+    with client.websocket_connect(f"{SOCKETS}/api/relay", headers=ORIGIN) as socket:
+        socket.send_text(f'{{"token": "{token(client, session)}", "now": {now}}}')
+        assert closing(socket) == MALFORMED
+
+
 def refusal(client: TestClient, code: str) -> int:
     with client.websocket_connect(f"{SOCKETS}/api/relay", headers=ORIGIN) as socket:
         socket.send_text(json.dumps({"token": code, "now": 0.0}))
