@@ -1,0 +1,42 @@
+"""ASVS 5, 15.2.5: a file that ends the process which reads it ends nothing else, and is refused in words."""
+
+import asyncio
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from handscope.app.workers.upload_reader import UploadReader
+from handscope.estimators.errors import InputError
+from handscope.sessions.table_import.column_map import TableLayout
+from handscope.sessions.table_import.tables import read_table
+from tests.fuzz.binary_tables import ROWS, matlabs
+
+AT, BAD = 705, 7  # the type of a part of the second column, as `make fuzz` damaged it
+
+
+@pytest.fixture
+def damaged(tmp_path: Path) -> Path:
+    """A MATLAB file with one byte changed."""
+    content = bytearray(matlabs()[0])
+    content[AT] = BAD
+    path = tmp_path / "damaged.mat"
+    path.write_bytes(content)
+    return path
+
+
+def test_a_damaged_matlab_file_ends_the_reading_process_alone(damaged: Path) -> None:
+    good = damaged.with_name("good.mat")
+    good.write_bytes(matlabs()[0])
+    with UploadReader() as reader:
+        with pytest.raises(InputError, match="the process that read it ended"):
+            asyncio.run(reader.call(read_table, damaged, TableLayout()))
+        found = asyncio.run(reader.call(read_table, good, TableLayout()))
+    assert len(found.values) == ROWS
+
+
+def test_it_is_the_file_that_ends_its_reader(damaged: Path) -> None:
+    read = "import sys; from scipy.io import loadmat; loadmat(sys.argv[1], simplify_cells=True)"
+    ended = subprocess.run([sys.executable, "-c", read, damaged], capture_output=True)
+    assert ended.returncode < 0, "SciPy refuses it now: read MATLAB files in the fuzz targets, too"
