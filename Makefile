@@ -136,7 +136,7 @@ lock: $(VENV)/installed
 	$(LOCK) pyproject.toml $(VENV)/build.in --constraint requirements-dev.lock -o requirements.lock
 	printf 'uv\n' | $(LOCK) - -o requirements-uv.lock
 
-# A hundred kills of the server at work; bad input for MINUTES a reader; two hours of a glove at 17 x 200 Hz
+# A hundred kills of the server at work with plain files, a hundred with sealed ones; bad input for MINUTES a reader; two hours of a glove at 17 x 200 Hz
 faults: $(VENV)/runs $(VENV)/develops
 	HANDSCOPE_KILLS=100 $(BIN)/pytest tests/faults -s
 

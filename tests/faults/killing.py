@@ -17,9 +17,11 @@ from sqlalchemy import create_engine, text
 from handscope.sessions.files import native
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.motion_bids import writer
+from handscope.sessions.sealing.keys import VARIABLE
+from handscope.sessions.sealing.stored import is_sealed
 from handscope.sessions.store.database import FILE, upgrade
 from tests.app.devices.virtual import virtual_glove
-from tests.faults.victim import Victim, wait_for
+from tests.faults.victim import ProgramVictim, Victim, wait_for
 from tests.simulated import pose_and_wiggle
 
 LOST = 1.0  # s at the end of a recording that a kill may cost
@@ -27,11 +29,16 @@ ENDED = ("done", "failed")
 
 
 class Clinic:
-    """What was done so far; `kill_during` does one more thing and kills the server in the middle of it."""
+    """What was done so far; `kill_during` does one more thing and kills the server in the middle of it.
 
-    def __init__(self, folder: Path, port: Path, rng: random.Random) -> None:
-        self.data, self._port, self._rng = folder / "data", port, rng
-        self.server = Victim(self.data).start()
+    With a data `key` the servers seal what they store; this process opens it by the same key, in the environment.
+    """
+
+    def __init__(self, folder: Path, port: Path, rng: random.Random, key: Path | None) -> None:
+        self.data, self._port, self._rng, self._key = folder / "data", port, rng, key
+        began = time.monotonic()
+        self.server = self._server_on(self.data).start()
+        self._starts_within = time.monotonic() - began  # s
         self.patient = int(self.server.call("POST", "/api/patients", {"pseudonym": "P-1"})["id"])
         self._zip, self._migrated = _zipped(), 0
         self._done = self.server.upload(self.patient, self._zip)["result"]
@@ -71,6 +78,7 @@ class Clinic:
                 continue
             path = self.data / name
             assert native.file_checksum(path) == sha256, f"{name} changed after it was closed"
+            assert is_sealed(path) == (self._key is not None), f"{name} lies there open"
             if session in self._recorded:
                 recording = native.load(path)
                 assert recording.duration > seen - LOST, (
@@ -128,14 +136,18 @@ class Clinic:
         data = self.data.parent / f"old-{self._migrated}"
         data.mkdir()
         _first_schema(data / FILE)
-        old = Victim(data).start(wait=False)
-        time.sleep(self._rng.uniform(0.0, 0.7))
+        old = self._server_on(data).start(wait=False)
+        time.sleep(self._rng.uniform(0.0, self._starts_within))
         old.kill()
         old.start()
         old.kill()
         with sqlite3.connect(data / FILE) as db:
             assert db.execute("SELECT text FROM note").fetchall() == [("old note",)]
             assert db.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+
+    def _server_on(self, data: Path) -> Victim:
+        """A program of its own where there is a key: processes that are forked have the environment of their fork server."""
+        return ProgramVictim(data, {VARIABLE: str(self._key)}) if self._key else Victim(data)
 
     def _begin(self) -> tuple[str, int]:
         wait_for(lambda: not any(g["in_use"] for g in self.server.call("GET", "/api/gloves")))
@@ -188,10 +200,10 @@ STAGES = ("recording", "processing", "upload", "migration", "calibration", "repo
 
 
 @contextmanager
-def clinic(folder: Path, seed: int) -> Iterator[Clinic]:
+def clinic(folder: Path, seed: int, key: Path | None = None) -> Iterator[Clinic]:
     """A clinic with a glove; every result must be there in the end."""
     with virtual_glove(folder / "glove", "--strips", "index") as port:
-        found = Clinic(folder, port, random.Random(seed))
+        found = Clinic(folder, port, random.Random(seed), key)
         try:
             yield found
             found.require_results()

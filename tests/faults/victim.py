@@ -117,6 +117,7 @@ class ProgramVictim(Victim):
 
     def start(self, wait: bool = True) -> "ProgramVictim":
         self.data.mkdir(parents=True, exist_ok=True)
+        (self.data / "address").unlink(missing_ok=True)
         words = [sys.executable, "-m", "handscope.app.cli", "serve", "--port", "0", "--data"]
         with (self.data.parent / "log").open("ab") as log:
             self._program = subprocess.Popen(
