@@ -32,7 +32,7 @@ from handscope.app.api import (
 )
 from handscope.app.api.assessment_plans import routes as plan_routes
 from handscope.app.api.hand_photographs import routes as photograph_routes
-from handscope.app.api.live import relays, session_start, streams
+from handscope.app.api.live import device_routes, relays, session_start, streams
 from handscope.app.api.login import login_routes, oidc_routes, second_factors
 from handscope.app.api.patient_view import invitation_routes, screen_routes
 from handscope.app.api.treatment import routes as treatment_routes
@@ -135,6 +135,7 @@ def create_app(settings: Settings) -> FastAPI:
         treatment_routes,
         plan_routes,
         stations,
+        device_routes,
         streams,
         invitation_routes,
         relays,

@@ -12,6 +12,7 @@ const PAGES = [
   [/^\/sessions\/(\d+)$/, () => import("./pages/session.js")],
   [/^\/stations\/([^/]+)$/, () => import("./pages/station.js")],
   [/^\/protocols$/, () => import("./pages/protocols.js")],
+  [/^\/devices$/, () => import("./pages/devices.js")],
   [/^\/help$/, () => import("./pages/help.js")],
   [/^\/account$/, () => import("./pages/account.js")],
   [/^\/audit$/, () => import("./pages/audit.js")],

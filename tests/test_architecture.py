@@ -87,7 +87,7 @@ LEVELS = {  # a package imports packages of lower levels only
         "formats",
         "exports",
         "clinic hand_photographs treatment assessment_plans",
-        "wards",
+        "wards gloves",
         "store",
     ),
     "handscope.app": (

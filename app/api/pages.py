@@ -23,6 +23,7 @@ PAGES = (
     "/sessions/{id}",
     "/stations/{id}",
     "/protocols",
+    "/devices",
     "/help",
     "/account",
     "/audit",

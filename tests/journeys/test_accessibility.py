@@ -8,7 +8,19 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, TimeoutError, expect
 
-from tests.journeys.house import SIZES, Server, act, api, end_session, keep_picture, shown
+from tests.browser import UNDRAWN
+from tests.journeys.conftest import SELDOM
+from tests.journeys.house import (
+    SIZES,
+    Server,
+    act,
+    api,
+    begin_session,
+    end_session,
+    keep_picture,
+    new_patient,
+    shown,
+)
 
 pytestmark = pytest.mark.browser
 PHONE = (390, 844)
@@ -87,6 +99,9 @@ def test_list_and_help_pages(page: Page, server: Server) -> None:
     page.get_by_role("link", name="Audit trail").click()
     shown(page.get_by_role("columnheader", name="Who"))
     looked_at(page, "audit")
+    page.goto(f"{server.base}/devices")
+    shown(page.get_by_role("heading", name="Virtual left glove"))
+    looked_at(page, "devices")
     page.goto(f"{server.base}/stations/none")
     shown(page.get_by_role("heading", name="This session view is closed"))
     looked_at(page, "missing")
@@ -140,6 +155,26 @@ def test_station_and_replay(page: Page, server: Server, processed: int) -> None:
     looked_at(page, "pose")
     walk_on_from_the_pose(page)
     end_session(page)
+
+
+def test_patients_own_screen(page: Page, newcomer: Page, server: Server) -> None:
+    context = newcomer.context.browser.new_context(bypass_csp=True)  # type: ignore[union-attr]
+    tablet = context.new_page()
+    tablet.add_init_script(SELDOM + UNDRAWN)
+    tablet.goto(f"{server.base}/patient-view")
+    shown(tablet.get_by_label("Code from your therapist"))
+    looked_at(tablet, "screen-code")
+    page.goto(f"{server.base}/patients/{new_patient(page)}")
+    station = begin_session(page, "right")
+    invited = api(page, f"/api/stations/{station}/screens", "POST", data={"language": "en"})
+    tablet.goto(server.base + invited["path"])
+    shown(tablet.get_by_role("heading", name="One moment, please"))
+    looked_at(tablet, "screen-wait")
+    shown(act(page, "continue")).click()
+    shown(tablet.get_by_role("heading", name="Lay your hand flat"))
+    looked_at(tablet, "screen-pose")
+    end_session(page)
+    context.close()
 
 
 def walk_on_from_the_pose(page: Page) -> None:

@@ -201,7 +201,7 @@ def under_way(server: Server, processed: int) -> Iterator[int]:
         result = results.find_matching(
             db, db.get_one(PatientSession, processed).recordings[0], "map", {}, software_version()
         )
-        results.begin(db, result)
+        results.begin(db, result.id)
         db.commit()
         made = result.id
     yield made

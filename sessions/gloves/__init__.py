@@ -1,0 +1,1 @@
+"""Gloves by what their recordings tell."""
