@@ -3,14 +3,13 @@
 In      slimevr://[HOST:]PORT[?map=FILE.json]; labels of channels are MAC/SENSOR/qw, qx, qy, qz and gx to gz, ax to az, mx to mz
 Out     orientations at the time they came, raw samples where the map asks for them, taps as annotations, the weakest battery
 Source  packets.py
-Limits  the trackers state no times of their own: what waits in the radio is late. Packets from addresses that have not shaken hands, or
+Limits  the trackers state no times of their own: what waits in the radio is late, what waits in this machine is not. Packets from addresses that have not shaken hands, or
         that are not of this network, are dropped and counted
 """
 
 import ipaddress
 import math
 import select
-import socket
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from handscope.app.devices.sources.channel_labels import ChannelSet, channel_sets
-from handscope.app.devices.sources.slimevr import packets
+from handscope.app.devices.sources.slimevr import datagrams, packets
 from handscope.app.devices.sources.slimevr.positions import PLACES
 from handscope.app.devices.sources.source import About, Arrived, Battery, Level, Measured, Occurred
 from handscope.estimators.data.samples import ORIENTATION
@@ -31,7 +30,6 @@ Address = tuple[str, int]
 KEEP_ALIVE = 0.5  # s between two heartbeats to each tracker
 MOST_TRACKERS = 64  # that may be connected
 MOST_AT_ONCE = 500  # datagrams read in one go
-DATAGRAM = 1472  # bytes, what an Ethernet packet holds
 
 
 class Listener:
@@ -42,10 +40,10 @@ class Listener:
         host: str,
         port: int,
         columns: ColumnMap | None,
-        clock: Callable[[], int] = time.monotonic_ns,
+        came: Callable[[int], int] = lambda waited: time.monotonic_ns() - waited,
     ) -> None:
-        self._clock = clock  # ns, of the samples' times
-        self._socket = _bound(host, port)
+        self._came = came  # ns, when a datagram came that has waited so many ns
+        self._socket = datagrams.listen(host, port)
         self._trackers: dict[Address, str] = {}  # MAC by address
         self._numbers: dict[Address, int] = {}  # newest packet
         self._places: dict[str, str] = {}  # tracked point by MAC/SENSOR, as the firmware says
@@ -75,12 +73,12 @@ class Listener:
         found: list[Arrived] = []
         for _ in range(MOST_AT_ONCE):
             try:
-                datagram, address = self._socket.recvfrom(DATAGRAM)
+                datagram, address, waited = datagrams.receive(self._socket)
             except BlockingIOError:
                 break
             except ConnectionError:
                 continue  # a tracker that we answered is gone
-            found += self._take(datagram, address[:2], self._clock())
+            found += self._take(datagram, address, self._came(waited))
         return _joined(found)
 
     def counts(self) -> Mapping[str, int | float]:
@@ -204,20 +202,6 @@ def _orientation(sensor: str, values: Mapping[str, float], now: int) -> Iterator
 def hash_of(sets: Mapping[str, Sequence[ChannelSet]] | None) -> int:
     """A number that is the same for the same sensors."""
     return int.from_bytes("".join(sorted(sets or ())).encode()) % 2**40
-
-
-def _bound(host: str, port: int) -> socket.socket:
-    """A UDP socket at an address; InputError where it is taken."""
-    found = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    try:
-        found.bind((host, port))
-    except OSError as problem:
-        found.close()
-        raise InputError(
-            "device.udp_port_cannot_open", port=port, problem=str(problem.strerror or problem)
-        ) from None
-    found.setblocking(False)
-    return found
 
 
 def _by_sensor(columns: ColumnMap | None) -> dict[str, list[ChannelSet]] | None:

@@ -82,7 +82,7 @@ def test_inspection_packets_of_slimevr_trackers_give_the_angles_of_the_native_re
     values = np.stack([readings(block, k) for k in range(len(labels))], axis=1)
     columns = parse_map(column_map(recording, labels), "map", True)
     path = tmp_path / "slime.mcap"
-    listener = Listener("127.0.0.1", 0, columns, lambda: now[0])
+    listener = Listener("127.0.0.1", 0, columns, lambda waited: now[0])
     events = [replace(e, onset=e.onset - float(block.t[0])) for e in recording.events]
     with closing(TranslatedPort(listener)) as port, Recorder(path, {}, 0.0) as recorder:
         with closing(slime.tracker_socket()) as tracker:

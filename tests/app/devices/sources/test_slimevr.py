@@ -2,6 +2,8 @@
 
 import json
 import struct
+import sys
+import threading
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -84,6 +86,26 @@ def test_bundles_hold_several_packets(listener: Listener, bundled: object) -> No
     np.testing.assert_allclose(second.values, first.values, atol=1e-4)
     (tap,) = (o for o in found if isinstance(o, Occurred))
     assert tap.details == {"note": "tap", "tracker": f"{TRACKER}/0"}
+
+
+def test_datagrams_that_wait_for_a_busy_program_are_kept_with_the_times_at_which_they_came(
+    listener: Listener,
+) -> None:
+    """Three seconds of a glove's bundles at 100 Hz; half of them come 0.3 s before the others."""
+    parts = [(17, slime.rotation(k, Q)) for k in range(16)]
+    received(listener, slime.handshake(), slime.sensor_info(1, 0, 24))
+    with closing(slime.tracker_socket()) as tracker:
+        address = ("127.0.0.1", listener.port)
+        tracker.sendto(slime.handshake(), address)
+        for number in range(1, 301):
+            tracker.sendto(slime.bundle(number, parts), address)
+            if number == 150:
+                threading.Event().wait(0.3)
+    found = [m for m in listener.receive(1.0) if isinstance(m, Measured) and m.points]
+    t = np.concatenate([m.t for m in found])
+    assert len(t) == 300
+    if sys.platform == "linux":
+        assert t[150] - t[149] >= 0.29e9
 
 
 def test_battery_is_that_of_the_weakest_tracker(listener: Listener) -> None:
