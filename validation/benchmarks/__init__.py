@@ -25,6 +25,7 @@ class Metric:
 
 BENCHES = {
     "batch": "every method over recordings of 16 sensors at 100 Hz, ekf also at 200 Hz: times real time, memory",
+    "checks": "the checks of a minute of 16 sensors beside its estimate; their share of the tracker's processor time in a session",
     "cohort": "200 one-minute recordings by m2 on one process and on two: parallel efficiency",
     "live": "17 sensors at 200 Hz, one station, four viewers: latency from sample to web socket, CPU of the server",
     "load": "stations x viewers until the 99th percentile of latency is beyond 80 ms; how much of the machine and of the server's process is used",

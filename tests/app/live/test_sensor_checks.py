@@ -10,7 +10,7 @@ import pytest
 
 from handscope.app.live import sensor_checks
 from handscope.app.live.live_corrections import LiveCorrections
-from handscope.app.live.sensor_checks import MOVED, SHARE, SensorChecks
+from handscope.app.live.sensor_checks import MOVED, SHARE, USUAL_COST, SensorChecks
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard
 from handscope.estimators.data.samples import ACC, GYR, Block, Event, Stream
 from handscope.estimators.fault_detection.finding import Message, Suspicion
@@ -125,6 +125,14 @@ def test_after_the_first_step_a_check_runs_once_a_pose_or_task_and_only_if_it_is
     session.go_on(State.TASK_REVIEW, 5)
     assert len(session.looked) == 2
     assert session.checks.spent <= SHARE * session.tracking.spent
+
+
+def test_a_check_that_is_the_first_of_all_is_paid_for_like_any_other(session: Session) -> None:
+    session.go_on(State.POSE_REVIEW, 1)
+    assert session.looked == []
+    session.tracking.spent = 1.1 * USUAL_COST / SHARE
+    session.go_on(State.TASKS, 1)
+    assert len(session.looked) == 1
 
 
 def test_what_was_found_stays_until_it_is_found_anew_or_read_in_another_manner(
