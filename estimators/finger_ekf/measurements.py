@@ -73,7 +73,7 @@ class UpdateParams:
         0.05,
         "m/s^2",
         "bias of an accelerometer axis: what it does to the vertical of a sensor that lies another way than in the pose is part of the standard deviations",
-        "MPU-9250 specification, table 2, after a calibration of the strip; size ours, as angle_sd",
+        "MPU-9250 specification, table 2, after a calibration of the strip; size ours, as the error of gravity in the pose",
         least=0.0,
     )
     inclination_time: float = option(
@@ -96,13 +96,13 @@ class UpdateParams:
         0.5,
         "m/s^2",
         "accelerometers whose magnitudes differ by more are left out",
-        "Kortier thesis, (2.27): eps_a; size ours",
+        "Kortier thesis, (2.27); size ours",
     )
     rate_gate: float = option(
         2.0,
         "rad/s",
         "accelerometers of segments that turn faster are left out",
-        "Kortier thesis, (2.28): eps_b; size ours",
+        "Kortier thesis, (2.28); size ours",
         least=0.01,
     )
     lever: float = option(
@@ -142,7 +142,7 @@ class UpdateParams:
         0.1,
         "deg/s",
         "rate at which a sensor that seems to rest still turns, for 1.5 s alike",
-        "ours: as rest_turn; weighs as it does in VQF",
+        "ours: as for the fusion of a single sensor; weighs as it does in VQF",
         least=1e-3,
     )
 
