@@ -228,6 +228,7 @@ class Content:
     )
     compared: ComparedWith | None = None
     goals: tuple[GoalReading, ...] = ()
+    same_visit: bool = False  # the other hand of `course` was measured in the same visit
 
     @property
     def edition(self) -> Edition:

@@ -18,6 +18,7 @@ from handscope.app.report.content import (
     StreamFacts,
     Task,
 )
+from handscope.app.report.sections.both_hands import both_hands_section
 from handscope.app.report.sections.measure_plots import draw_panels
 from handscope.app.report.sections.other_measures import other_measures
 from handscope.app.report.sections.range_rows import asks_full_range, by_task
@@ -95,6 +96,7 @@ def words_of(content: Content, language: Language) -> Page:
         "warnings": _warnings(content, language),
         "notes": content.visit.notes.splitlines(),
         "conclusion": content.visit.conclusion.splitlines(),
+        "both_hands": both_hands_section(content, language),
         "goals": [goal_row(goal, language) for goal in content.goals],
         "footer": " · ".join(
             [

@@ -77,6 +77,18 @@ def report(store: Store, result: Result, number: int | None = None) -> Content:
         course=found.course,
         compared=found.compared,
         goals=goal_readings(result),
+        same_visit=_is_same_visit(session, found.stored),
+    )
+
+
+def _is_same_visit(session: PatientSession, stored: References) -> bool:
+    """Whether the other hand that the figures are compared with was measured just before or after this one."""
+    db = object_session(session)
+    if db is None or stored.other is None:
+        return False
+    other = db.get(PatientSession, stored.other.session)
+    return session.continues_id == stored.other.session or (
+        other is not None and other.continues_id == session.id
     )
 
 

@@ -14,6 +14,7 @@ from handscope.app.example_patients import patients, sessions
 from handscope.app.example_patients.recordings import PERFORMED
 from handscope.app.example_patients.stories import STORIES, Ability, between
 from handscope.app.protocols import load_all
+from handscope.app.results.report import report
 from handscope.sessions.clinic import pseudonyms
 from handscope.sessions.clinic.repeatability import values
 from handscope.sessions.db.tables import Patient, PatientSession
@@ -45,6 +46,8 @@ def test_what_is_measured_follows_the_story(store: Store) -> None:
         assert first.started < other.started < last.started
         bends = [values(s.recordings[0].results[0].figures)[PIP][0] for s in (first, last, other)]
         assert bends[0] < 0.65 * bends[2] < 0.8 * bends[1]  # shares of the fist: 0.5, 0.92, 1
+        reports = [report(store, s.recordings[0].results[0]) for s in (first, other, last)]
+        assert [r.same_visit for r in reports] == [False, True, False]
         assert {s.examiner for s in (first, last)} == {sessions.EXAMINER}
         assert "nobody was measured" in patient.notes[0].text
         assert [g.figure for g in patient.goals] == ["index_pip_flexion_max"]

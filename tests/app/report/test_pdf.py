@@ -3,6 +3,7 @@
 import re
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from datetime import UTC, datetime
 from io import BytesIO
 
 import numpy as np
@@ -19,6 +20,8 @@ from handscope.estimators.data.samples import Event
 from handscope.estimators.measures import tapping
 from handscope.estimators.measures.assessment import assess
 from handscope.estimators.methods import m2
+from handscope.sessions.clinic.references import Course
+from handscope.sessions.clinic.references import Visit as CourseVisit
 from tests.app.report.simulated_sessions import (
     CHECKSUM,
     NORMAL,
@@ -35,6 +38,7 @@ NASTY = (
 
 
 GERMAN = languages()["de"]
+MORNING = datetime(2026, 5, 12, 9, 30, tzinfo=UTC)
 TAG, NOTICE = ENGLISH.say("notice.short"), ENGLISH.say("notice")
 
 
@@ -298,6 +302,19 @@ def test_conclusion_pain_and_goals_stand_on_the_first_page_where_there_are_any()
     assert "Stiffer than\nin May." in words and "not reached" in words
     without = html(report(), ENGLISH).decode()
     assert "Conclusion" not in without and "numerical rating scale" not in without
+
+
+def test_both_hands_of_a_visit_stand_side_by_side_on_the_first_page() -> None:
+    key, alone = ("tapping", "tapping", "tapping_rate"), ("tapping", "tapping", "tapping_width")
+    own = {key: (2.0, "Hz"), alone: (1.0, "m")}
+    course = Course((CourseVisit(MORNING, own),), CourseVisit(MORNING, {key: (2.5, "Hz")}))
+    together = replace(report(), course=course, same_visit=True)
+    first = " ".join(PdfReader(BytesIO(pdf(together, ENGLISH))).pages[0].extract_text().split())
+    assert "Both hands The other hand was measured in the same visit, 12 May 2026, 09:30" in first
+    assert "2.00 per s 2.50 per s 80 %" in first
+    assert "2.50 per s" in html(together, ENGLISH).decode()
+    apart = html(replace(together, same_visit=False), ENGLISH).decode()
+    assert "Both hands" not in apart
 
 
 def test_options_that_were_changed_and_facts_that_are_unknown_are_said() -> None:

@@ -1,0 +1,60 @@
+"""Both hands of one visit side by side: the figures that a clinician decides by, a table a task."""
+
+from typing import Any
+
+from handscope.app.language import Language
+from handscope.app.report.changes import read_as
+from handscope.app.report.content import Content
+from handscope.app.report.progress.importance import rank
+from handscope.app.report.units import places_of, with_unit
+from handscope.app.report.words import figure_words
+from handscope.sessions.clinic.repeatability import Key, Values
+
+SHARE_OF = 1e-9  # SI: a figure of the other hand below it has no share
+
+
+def both_hands_section(content: Content, language: Language) -> dict[str, Any] | None:
+    """As the layout places tables; None where the other hand was not measured in the same visit."""
+    course = content.course
+    if not content.same_visit or course is None or course.other is None:
+        return None
+    own, other = course.visits[-1].values, course.other.values
+    shared = sorted((k for k in own.keys() & other.keys() if rank(k)), key=lambda k: (rank(k), k))
+    if not shared:
+        return None
+    titles = {task.result.task: task.title for task in content.tasks}
+    tasks = dict.fromkeys(key[1] for key in shared)
+    hands = [content.hand, "right" if content.hand == "left" else "left"]
+    return {
+        "title": language.say("both.title"),
+        "summary": language.say(
+            "both.summary",
+            day=language.day(course.other.started),
+            hour=language.hour(course.other.started),
+        ),
+        "words": [],
+        "parts": [
+            {
+                "title": language.translate(titles.get(task, task)),
+                "columns": [
+                    language.say("figure"),
+                    *(language.say(f"hand.{h}") for h in hands),
+                    language.say("both.share"),
+                ],
+                "rows": [_row(key, own, other, language) for key in shared if key[1] == task],
+            }
+            for task in tasks
+        ],
+    }
+
+
+def _row(key: Key, own: Values, other: Values, language: Language) -> list[str]:
+    """Figure, this hand, the other one, and this hand's share of it."""
+    read = [read_as(key, *values[key]) for values in (own, other)]
+    words = [
+        with_unit(language.number(value, places_of(value, unit)), unit, language)
+        for value, unit in read
+    ]
+    (mine, _), (theirs, _) = read
+    share = f"{language.number(100 * mine / theirs)} %" if abs(theirs) > SHARE_OF else "–"
+    return [figure_words(key[2], language), *words, share]
