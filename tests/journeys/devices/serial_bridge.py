@@ -111,7 +111,8 @@ class Bridge:
     def require_all_of(self, wire: bytes) -> int:
         """Fail unless these bytes are all that the glove sent, up to the position that is given back.
 
-        What a page had taken when it ended may come a second time: the word that it had it was on its way. Nothing may be missing.
+        Of what a page had taken when it ended, the last piece may come a second time: the word that it had it was on its way. Nothing
+        may be missing, and nothing else may come again.
         """
         sent, end = bytes(self.sent), 0
         for again in [*self.openings[1:], None]:
@@ -125,6 +126,8 @@ class Bridge:
             )
             k = next(rest, None)
             assert k is not None and end + k >= again, f"bytes behind {end + same} are missing"
+            repeated = end + k - again
+            assert repeated <= PIECE, f"{repeated} bytes before {end + k} came a second time"
             wire, end = wire[k:], again
         raise AssertionError
 

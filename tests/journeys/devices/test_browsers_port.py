@@ -1,5 +1,6 @@
 """A glove at the port of the clinician's own browser: not a byte is lost where the line is cut, the page reloaded, the server killed."""
 
+import random
 import re
 import shutil
 import socket
@@ -16,7 +17,7 @@ from playwright.sync_api import Browser, Page
 from handscope.sessions.files.recording_file import Findings, read_messages
 from handscope.sessions.formats import recordings as formats_recordings
 from tests.journeys.conftest import SIZE
-from tests.journeys.devices.serial_bridge import Bridge, Line, bridged
+from tests.journeys.devices.serial_bridge import PIECE, Bridge, Line, bridged
 from tests.journeys.house import (
     LONG,
     ROOT,
@@ -33,6 +34,33 @@ pytestmark = [pytest.mark.browser, pytest.mark.process]
 HANDSCOPE = [sys.executable, "-P", "-m", "handscope.app.cli"]
 CUT, SECONDS = 20, 60  # s, of the slow journey
 SENT = "() => localStorage.getItem('handscope-relay') === null"
+# Fills a page's store whose files count their bytes and keep none; gives the bound, the bytes when it was full, and those after all was sent
+FILLED = """async () => {
+  const sizes = [];
+  const file = (k) => ({
+    getSize: () => sizes[k] ?? 0,
+    write: (bytes, { at }) => (sizes[k] = Math.max(sizes[k] ?? 0, at + bytes.byteLength)),
+    read: () => 0,
+    truncate: (size) => (sizes[k] = size),
+    flush: () => {},
+    close: () => {},
+  });
+  let opened = 0;
+  const handle = { createSyncAccessHandle: async () => file(opened++) };
+  navigator.storage.getDirectory = async () => ({ getFileHandle: async () => handle });
+  const { openStore } = await import("/static/relay/store.js");
+  const store = await openStore(1);
+  const piece = new Uint8Array(1 << 15);
+  const kept = () => sizes.reduce((sum, size) => sum + size, 0);
+  while (!store.full && kept() < 2 ** 31) store.put(piece, 0);
+  const full = kept();
+  store.forget(store.next);
+  store.put(piece, 0);
+  store.put(piece, 0);
+  store.forget(store.next);
+  store.put(piece, 0);
+  return [2 ** 30, full, store.full ? kept() : 0];
+}"""
 NO_SCENE = "<!doctype html><title>Hand</title>"
 
 
@@ -111,6 +139,27 @@ def test_no_byte_is_lost_where_the_line_is_cut_twice_and_the_page_reloaded(
         page.context.close()
         assert len(bridge.openings) == 2
         require_every_byte(bridge, server.data)
+
+
+def test_bytes_that_come_a_second_time_are_not_taken_for_all() -> None:
+    sent = random.Random(5).randbytes(8 * PIECE)
+    bridge = Bridge(None, sent=bytearray(sent), openings=[0, 4 * PIECE])
+    assert bridge.require_all_of(sent[: 5 * PIECE] + sent[4 * PIECE :]) == len(sent)
+    for wire in (
+        sent[: 7 * PIECE] + sent[4 * PIECE :],  # three pieces again
+        sent[:PIECE] + sent[:PIECE] + sent[PIECE:],  # where no page was opened
+        sent[: 3 * PIECE] + sent[4 * PIECE :],
+    ):
+        with pytest.raises(AssertionError, match=r"second time|missing"):
+            bridge.require_all_of(wire)
+
+
+def test_what_a_page_keeps_is_bounded_and_the_port_is_read_again_once_it_is_sent(
+    page: Page, server: Server
+) -> None:
+    page.goto(f"{server.base}/login")
+    most, when_full, after = page.evaluate(FILLED)
+    assert most <= when_full < most + 2**20 and after == 0
 
 
 def test_a_browser_that_cannot_read_a_port_says_which_one_can(
