@@ -48,6 +48,7 @@ def test_a_host_that_is_none_is_refused_with_words(victim: Victim, host: str) ->
 
 
 UPLOADS = [  # a file, and words of fixed form beside it
+    "Body_compare_with_landmarks_api_results__result_id__landmark_comparisons_post",
     "Body_measure_photograph_api_patients__patient_id__photographs_post",
     "Body_propose_landmarks_api_patients__patient_id__photographs_landmarks_post",
     "Body_upload_recording_api_patients__patient_id__recordings_post",
