@@ -65,6 +65,7 @@ LAG, LAG_RATE = (
     9.0 * DEG,
     60.0 * DEG,
 )  # rad of bending by which skin is behind, rad/s at which it is so almost wholly
+POSED, BEGUN = 4.0, 6.0  # s, until when an initial pose is held, from when the movement is free
 LATEST = 4e-3  # s, the largest scatter of a stamp
 
 
@@ -82,6 +83,8 @@ class Setup:
     skin: float = 1.0  # of TURN and SLIDE
     law: str = "proportion"  # of LAWS
     scatter: float = 0.0  # s, standard deviation of a sample's stamp
+    # rad, standard deviation of what every freedom misses an initial pose by; None: no pose
+    missed: float | None = None
 
     @property
     def side(self) -> float:
@@ -153,6 +156,8 @@ def written(setup: Setup, folder: Path) -> Truth:
     )
     (at / "sub-01_task-free_events.tsv").write_text(
         f"onset\tduration\ttrial_type\n0\t{setup.duration}\tfree_movement\n"
+        if setup.missed is None
+        else f"onset\tduration\ttrial_type\n0.5\t{POSED - 1}\tinitial_pose\n"
     )
     strips = [("imu", setup.rate, t, tuple(s for s in setup.segments if s != "forearm"))]
     if setup.forearm:
@@ -252,7 +257,7 @@ def _movement(setup: Setup) -> Movement:
         z, y, x = (reach * DEG * np.sin(wave(t)) for reach, wave in zip((55.0, 35.0, 55.0), turns))
         return _about(2, z) @ _about(1, y) @ _about(0, x)
 
-    return Movement(
+    free = Movement(
         {
             f: (lambda t, w=w, f=f: _thumb(w, t) if f == "thumb" else _finger(w, t))  # type: ignore[misc]
             for f, w in waves.items()
@@ -263,6 +268,35 @@ def _movement(setup: Setup) -> Movement:
         ),
         turned,
         lambda t: 0.09 * np.stack([np.sin(wave(t)) for wave in wanders], axis=1),
+    )
+    return free if setup.missed is None else _after_pose(setup, setup.missed, free)
+
+
+def _after_pose(setup: Setup, missed: float, free: Movement) -> Movement:
+    """The movement that begins from a flat hand, palm down, held as exactly as somebody does."""
+    rng, freedoms = _rng(setup, 5), {"thumb": np.array([[1, 1, 1], [1, 0, 0], [1, 0, 0]])}
+    other = np.array([[1, 1, 0], [1, 0, 0], [1, 0, 0]])
+    held = {f: missed * rng.normal(size=(3, 3)) * freedoms.get(f, other) for f in CHAINS}
+    wrist = missed * rng.normal(size=3) * [1, 1, 0]
+    palm_down = np.column_stack([(0, 0, setup.side), (0, setup.side, 0), (-1, 0, 0)])
+
+    def share(t: Array) -> Array:
+        x = np.clip((t - POSED) / (BEGUN - POSED), 0.0, 1.0)[:, None]
+        return np.asarray(x**4 * (35 - 84 * x + 70 * x**2 - 20 * x**3))
+
+    def turned(t: Array) -> Array:
+        away = Rotation.from_matrix(free.turns(t)).as_rotvec()
+        return np.asarray(Rotation.from_rotvec(share(t) * away).as_matrix() @ palm_down)
+
+    def angles(t: Array, f: str) -> Array:
+        s = share(t)[..., None]
+        return np.asarray(s * free.angles[f](t) + (1 - s) * held[f])
+
+    return Movement(
+        {f: (lambda t, f=f: angles(t, f)) for f in CHAINS},  # type: ignore[misc]
+        lambda t: share(t) * free.wrist(t) + (1 - share(t)) * wrist,
+        turned,
+        lambda t: share(t) * free.wanders(t),
     )
 
 

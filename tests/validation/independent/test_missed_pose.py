@@ -1,0 +1,35 @@
+"""The pose that a simulator of its own lets people miss."""
+
+import numpy as np
+
+from handscope.validation.independent import missed_pose
+from handscope.validation.independent.missed_pose import Trial
+from handscope.validation.independent.simulator import free_movement
+from handscope.validation.independent.simulator.free_movement import BEGUN, DEG, POSED, Setup
+from handscope.validation.reproduce import Wanted
+
+
+def test_the_pose_is_held_palm_down_and_missed_and_then_the_movement_is_the_free_one() -> None:
+    free, posed = (
+        free_movement._movement(Setup(3, fingers=("index", "thumb"), missed=missed))
+        for missed in (None, 2.5 * DEG)
+    )
+    held, moving = np.array([0.5, POSED - 0.1]), np.array([BEGUN + 1.0, 20.0])
+    at = posed.angles["index"](held)
+    np.testing.assert_array_equal(at[0], at[1])
+    assert 0.5 * DEG < np.abs(at[0]).max() < 10 * DEG and not at[:, 1:, 1:].any()
+    dorsal = posed.turns(held)[:, :, 0]
+    np.testing.assert_allclose(dorsal, np.tile([0.0, 0.0, 1.0], (2, 1)), atol=1e-12)
+    for finger in ("index", "thumb"):
+        np.testing.assert_allclose(
+            posed.angles[finger](moving), free.angles[finger](moving), atol=1e-12
+        )
+
+
+def test_what_is_inferred_of_the_pose_helps_people_of_another_simulator() -> None:
+    measured = missed_pose.measure(Trial(2.5, 0))
+    for what in ("angles, deg", "tips, cm"):
+        assert measured[f"ekf: {what}"] < measured[f"ekf, pose taken as held: {what}"]
+    assert 0.3 < measured["ekf: NEES angles"] < 2.5
+    table = missed_pose.finding(Wanted(seeds=1), [(Trial(2.5, 0), measured)]).tables[0]
+    assert [row.name for row in table.rows[:3]] == [f"2.5 deg, {c}" for c in missed_pose.CASES]

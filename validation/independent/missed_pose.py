@@ -1,0 +1,119 @@
+"""What a missed initial pose costs, by a simulator that shares no line with the estimators: `m2`, and `ekf` with and without what it infers of the pose."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT
+from handscope.estimators.methods import METHODS
+from handscope.estimators.numerics.typing import Array
+from handscope.estimators.pipeline.process import process
+from handscope.sessions.formats import recordings as formats_recordings
+from handscope.validation.independent.simulator.free_movement import (
+    BEGUN,
+    DEG,
+    Setup,
+    Truth,
+    written,
+)
+from handscope.validation.reproduce import Wanted
+from handscope.validation.reproduce.accuracy import angle_difference, nees, rms
+from handscope.validation.reproduce.finding import Finding, Row, Table, spread
+
+POSES = (2.5, 1.5)  # deg, standard deviation of every freedom's error
+CASES: Mapping[str, tuple[str, Mapping[str, Any]]] = {
+    "m2": ("m2", {}),
+    "ekf, pose taken as held": ("ekf", {"pose_inference": False}),
+    "ekf": ("ekf", {}),
+}
+DURATION, PACE = 45.0, 0.6  # s, Hz
+COLUMNS = ("tips, cm", "angles, deg", "NEES angles", "NEES tips")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One person and one size of the pose's errors."""
+
+    pose: float  # deg
+    seed: int
+
+
+def trials(wanted: Wanted) -> Sequence[Trial]:
+    """Every size with as many people as seeds."""
+    return [Trial(pose, seed) for pose, seed in product(POSES, range(wanted.seeds))]
+
+
+def measure(trial: Trial) -> Mapping[str, float]:
+    """Errors by case and column, over the movement behind the pose."""
+    with TemporaryDirectory() as folder:
+        setup = Setup(
+            trial.seed,
+            fingers=FINGERS,
+            forearm=True,
+            duration=DURATION,
+            pace=PACE,
+            missed=trial.pose * DEG,
+        )
+        true = written(setup, Path(folder) / "recording")
+        recording = formats_recordings.load(Path(folder) / "recording")
+    found: dict[str, float] = {}
+    for case, (name, options) in CASES.items():
+        method = METHODS[name]
+        moved = process(method, method.Params(**options), recording).trajectory
+        found |= {f"{case}: {what}": error for what, error in _errors(moved, true).items()}
+    return found
+
+
+def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]) -> Finding:
+    """One row a size and case."""
+    rows = []
+    for pose, case in product(POSES, CASES):
+        of_pose = [found for trial, found in results if trial.pose == pose]
+        told = [c for c in COLUMNS if of_pose and f"{case}: {c}" in of_pose[0]]
+        rows.append(
+            Row(
+                f"{pose:g} deg, {case}",
+                {c: spread(found[f"{case}: {c}"] for found in of_pose) for c in told},
+            )
+        )
+    table = Table("Pose missed by, method", COLUMNS, tuple(rows), over="people")
+    setting = (
+        f"{wanted.seeds} people a row, simulated by validation/independent/simulator/free_movement.py, which shares no line with estimators/. Whole left hand with forearm, {DURATION:g} s, "
+        f"every joint and the hand itself move at up to {PACE:g} Hz after a flat hand of which every freedom is missed by a normal error of that standard deviation. "
+        "Sensors askew by 5 deg about each axis, skin 2 deg and 1 mm in 90 deg. All 23 freedoms and five tips; NEES: mean normalised error squared, 1 is honest.",
+    )
+    return Finding(
+        "independent-pose", "What an inexact pose costs in another simulator", setting, (table,)
+    )
+
+
+def _errors(moved: Trajectory, true: Truth) -> dict[str, float]:
+    rows = np.flatnonzero((moved.t > BEGUN) & (moved.t < DURATION - 0.1))
+    t, joints = moved.t[rows], list(true.angles)
+    angles = _at(t, true.t, np.stack([true.angles[j] for j in joints], axis=1))
+    tips = _at(t, true.t, np.stack([true.tips[f] for f in FINGERS], axis=1))
+    k = [JOINT[j] for j in joints]
+    off = angle_difference(moved.angles[rows][:, k], angles)
+    off = np.where(IS_DOF[k], off, np.nan)
+    missed = moved.tips[rows] - tips
+    found = {
+        "tips, cm": 100 * rms(np.linalg.norm(missed, axis=-1)),
+        "angles, deg": float(np.degrees(rms(off[np.isfinite(off)]))),
+    }
+    if moved.angles_sd is not None and moved.tips_sd is not None:
+        found["NEES angles"] = nees(off, moved.angles_sd[rows][:, k])
+        found["NEES tips"] = nees(missed, moved.tips_sd[rows])
+    return found
+
+
+def _at(t: Array, known: Array, values: Array) -> Array:
+    """Values (n, k, 3) interpolated to the instants t."""
+    flat = values.reshape(len(known), -1)
+    found = np.stack([np.interp(t, known, x) for x in flat.T], axis=1)
+    return found.reshape(len(t), *values.shape[1:])
