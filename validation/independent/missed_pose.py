@@ -75,11 +75,11 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]
     rows = []
     for pose, case in product(POSES, CASES):
         of_pose = [found for trial, found in results if trial.pose == pose]
-        told = [c for c in COLUMNS if of_pose and f"{case}: {c}" in of_pose[0]]
+        given = [c for c in COLUMNS if of_pose and f"{case}: {c}" in of_pose[0]]
         rows.append(
             Row(
                 f"{pose:g} deg, {case}",
-                {c: spread(found[f"{case}: {c}"] for found in of_pose) for c in told},
+                {c: spread(found[f"{case}: {c}"] for found in of_pose) for c in given},
             )
         )
     table = Table("Pose missed by, method", COLUMNS, tuple(rows), over="people")
