@@ -18,13 +18,14 @@ from handscope.app.auth.roles import (
 )
 from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import accounts, audit, second_factors
 from handscope.sessions.clinic.accounts import LOCAL
 from handscope.sessions.db.tables import HOUSE, Account, AuditLine
 from handscope.sessions.store import logins
 from handscope.sessions.wards import account_changes, wards
 
-UNGUARDED = "the triggers that refuse changes of the trail are gone"
+UNGUARDED = phrase("audit.no_triggers")
 router = APIRouter(tags=["accounts"], dependencies=[requires_role(ADMINISTRATOR)])
 own = APIRouter(tags=["accounts"], dependencies=[requires_role(*EVERY_ACCOUNT)])
 MOST_WARDS = 200

@@ -12,12 +12,13 @@ from starlette.responses import JSONResponse
 from handscope.app.database_answers import NO_ROOM, answer_to_database, route_of
 from handscope.app.state import preferred
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic.pseudonyms import UnconfirmedError
 from handscope.sessions.db.conflicts import ConflictError
 from handscope.sessions.db.full_disk import FULL, is_full
 from handscope.sessions.store.throttle import ThrottledError
 
-TOO_LARGE = "there is no such number: it is larger than any that the database can hold"
+TOO_LARGE = phrase("server.number_too_large")
 FORBIDDEN = {"wards.members_only", "wards.house_administrators"}
 log = logging.getLogger(__name__)
 
@@ -62,7 +63,7 @@ def install(app: FastAPI) -> None:
         where = ".".join(
             str(part) for part in first["loc"] if part not in ("body", "query", "path")
         )
-        sentence = f"{where or 'request'}: {first['msg']}; nothing was changed"
+        sentence = phrase("server.not_understood", where=where or "request", what=first["msg"])
         return JSONResponse({"error": preferred(request).translate(sentence)}, 422)
 
     @app.exception_handler(HTTPException)
@@ -95,7 +96,5 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(Exception)
     async def bug(request: Request, error: Exception) -> JSONResponse:
         log.exception("%s %s", request.method, route_of(request), exc_info=error)
-        sentence = (
-            "something went wrong inside Handscope; the log has the details, nothing was changed"
-        )
+        sentence = phrase("server.bug")
         return JSONResponse({"error": preferred(request).translate(sentence)}, 500)

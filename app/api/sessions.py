@@ -28,6 +28,7 @@ from handscope.app.state import Db, LanguageDep, Parts, PartsDep, RepairDep
 from handscope.app.version import software_version
 from handscope.estimators.data.options import describe
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.methods import ALL_METHODS
 from handscope.sessions.clinic import (
     corrections,
@@ -52,7 +53,7 @@ from handscope.sessions.store.visit_facts import TrunkHeight, Written
 router = APIRouter(tags=["sessions"], dependencies=[requires_role(CLINICIAN)])
 CHUNK = 2**20
 PAIN_FIELDS: tuple[Literal["pain_rest", "pain_movement"], ...] = ("pain_rest", "pain_movement")
-REPAIRED = "the session is being repaired after the server was stopped; it is finished by itself, wait a moment"
+REPAIRED = phrase("live.being_repaired")
 
 
 class SessionChange(Incoming):

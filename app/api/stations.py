@@ -31,6 +31,7 @@ from handscope.app.state import (
     visible,
 )
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.store import records
 from handscope.sessions.tables_io import tracker_places
 
@@ -73,7 +74,7 @@ def list_gloves(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
         {"path": p.path, "description": p.description, "virtual": False} for p in ports.available()
     ]
     network = [
-        {"path": url, "description": "glove in the network", "virtual": False}
+        {"path": url, "description": phrase("device.network_glove"), "virtual": False}
         for url in parts.settings.allowed_ports
         if not set(url) & set("*?[")
     ]

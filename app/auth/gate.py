@@ -19,6 +19,7 @@ from handscope.app.auth.ward_access import OTHER_WARD, is_visible, subjects
 from handscope.app.database_answers import answer_to_database
 from handscope.app.settings import Settings
 from handscope.app.state import preferred
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic.second_factors import lacks_required
 from handscope.sessions.store.logins import find_login, new_token
 from handscope.sessions.store.store import Store
@@ -47,12 +48,10 @@ OPEN_FILES = (
     "/static/station/cue_tones.js",
 )
 SAFE = ("GET", "HEAD", "OPTIONS")
-STRANGER = "not logged in; open the address that the server printed, or print a new one with: handscope login"
-OTHER_SITE = "the request comes from another site's page"
-NOT_YOURS = "your account may not do this; ask an administrator"
-SECOND_FACTOR = (
-    "your role needs a second factor: make one on the page Account, then everything else opens"
-)
+STRANGER = phrase("gate.not_logged_in")
+OTHER_SITE = phrase("gate.other_site")
+NOT_YOURS = phrase("gate.not_allowed")
+SECOND_FACTOR = phrase("gate.second_factor_needed")
 FOR_ENROLLING = ("/account", "/api/me", "/api/login", "/api/health", "/login")
 CHECK_EVERY = 15.0  # s between two checks of a web socket's login
 
@@ -109,9 +108,7 @@ class Gate:
         host = connection.headers.get("host", "")
         if not self._is_own_host(host):
             return JSONResponse(
-                {
-                    "error": f"this server is not {host or 'without a name'}; open it under the address that it printed"
-                },
+                {"error": phrase("gate.other_host", host=host or phrase("gate.without_name"))},
                 421,
             )
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE
@@ -209,7 +206,9 @@ class Gate:
             await asyncio.wait({app, end})
         if over:
             with contextlib.suppress(RuntimeError):  # it has closed itself
-                await send({"type": "websocket.close", "code": 1008, "reason": "the login ended"})
+                await send(
+                    {"type": "websocket.close", "code": 1008, "reason": phrase("gate.login_ended")}
+                )
         else:
             app.result()
 

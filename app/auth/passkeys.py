@@ -14,11 +14,12 @@ from urllib.parse import urlsplit
 from starlette.requests import HTTPConnection
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic.second_factors import ISSUER, MISSING
 from handscope.sessions.db.tables import Account, SecondFactor
 
-REFUSED = "the passkey was not accepted; try again, or take another second factor"
-NO_NAME = "passkeys need a name in the address, not an IP address; open this server by its name"
+REFUSED = phrase("login.passkey_refused")
+NO_NAME = phrase("login.passkeys_need_name")
 FIRST_USE = 0
 
 

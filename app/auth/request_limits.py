@@ -19,6 +19,8 @@ from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from handscope.estimators.messages.sentence import phrase
+
 SMALL = 1 << 20  # bytes of a body that is no upload: the largest form of the pages has some 20 kB
 LANDMARKS = 64 << 20  # bytes of a camera's landmarks: some 20 minutes at 30 Hz
 FORM = 1 << 16  # bytes that a form with a file has besides the file
@@ -33,9 +35,8 @@ BURST, REFILL = (
 )  # requests in a row, and a second, of one address: a ward behind one address among them
 MOST_ADDRESSES = 4096  # whose requests are counted
 MOST_CONNECTIONS = 256  # of one address: browsers open six, and a web socket for every view
-TOO_LARGE = "the request is larger than {limit} MB; nothing was stored"
-TOO_SLOW = "the request stopped coming; send it again"
-TOO_MANY = "too many requests from this address; wait a moment"
+TOO_SLOW = phrase("gate.request_stopped")
+TOO_MANY = phrase("gate.too_many_requests")
 
 
 @dataclass
@@ -125,7 +126,7 @@ def _announced(scope: Scope) -> int:
 
 
 def _words(limit: int) -> str:
-    return TOO_LARGE.format(limit=f"{limit / 2**20:.0f}")
+    return phrase("gate.request_too_large", limit=limit / 2**20)
 
 
 def _bounded(receive: Receive, limit: int, when_whole: Callable[[], None]) -> Receive:

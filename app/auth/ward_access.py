@@ -13,14 +13,12 @@ from starlette.requests import HTTPConnection
 from handscope.app.auth.roles import Requester, RouteAccess
 from handscope.app.state import session_of
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic.audit import patient_of
 from handscope.sessions.db.tables import Account, Patient, PatientSession
 from handscope.sessions.wards import wards
 
-OTHER_WARD = (
-    "this belongs to a patient of another ward; in an emergency open the patient by the code, "
-    "with a reason, on the page Patients"
-)
+OTHER_WARD = phrase("wards.other_ward")
 OF_PATIENTS = frozenset(
     {
         *("patient", "note", "session", "recording", "correction", "self_calibration"),

@@ -21,6 +21,7 @@ from handscope.app.devices.pipes import Kind, frames_that_wait, write_frame
 from handscope.app.devices.ports import is_relay
 from handscope.app.devices.relay.live_relay import LiveRelay
 from handscope.estimators.data.samples import Block, Event
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.tables_io import force_calibrations
 from handscope.sessions.tables_io.tracker_places import PLACES, with_changed
 from handscope.sessions.wire import messages as wire
@@ -180,7 +181,7 @@ class Glove:
             write_frame(self._process.stdin, kind, time.monotonic() if at is None else at, data)
         except (OSError, ValueError):
             self._set_state(
-                GloveState("recording_failed", "the recording process ended", self.state.dropped)
+                GloveState("recording_failed", phrase("device.recording_ended"), self.state.dropped)
             )
 
     def _receive(self) -> None:
@@ -197,7 +198,7 @@ class Glove:
             self._set_state(
                 GloveState(
                     "recording_failed",
-                    self.state.reason or "the recording process ended",
+                    self.state.reason or phrase("device.recording_ended"),
                     self.state.dropped,
                 )
             )

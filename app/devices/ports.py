@@ -18,6 +18,7 @@ from handscope.app.devices.sources.addresses import (
     parse_source,
 )
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 
 if TYPE_CHECKING:
     from handscope.app.devices.sources.translated import TranslatedPort
@@ -45,7 +46,7 @@ def available() -> list[PortInfo]:
     found = []
     for port in serialx.list_serial_ports():
         words = [str(w) for w in (port.manufacturer, port.product, port.serial_number) if w]
-        found.append(PortInfo(str(port.device), " ".join(words) or "serial port"))
+        found.append(PortInfo(str(port.device), " ".join(words) or phrase("device.serial_port")))
     return found
 
 

@@ -112,7 +112,7 @@ class Language:
         """What was written in English elsewhere, by its codes; a text without codes in this language where it is known, else as it is, segments by their names."""
         if isinstance(sentence, Sentence):
             return BETWEEN.join(map(self.render, sentence.messages))
-        if (known := self.sentences.get(sentence)) is not None:
+        if (known := self.words.get(f"value.{sentence}", self.sentences.get(sentence))) is not None:
             return known
         if len(sentence) <= MOST_SENTENCES:
             if len(parts := sentence.split("; ")) > 1 and all(self._knows(part) for part in parts):

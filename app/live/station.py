@@ -52,6 +52,7 @@ from handscope.estimators.data.samples import Block, Event
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import ANGLES, FINGERS
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.simulation.movements.task_performance import POSE_THUMB
 from handscope.sessions.wire.messages import Cue
 
@@ -469,7 +470,7 @@ class Station:
             refusal = str(problem)
         except Exception:  # the wizard must not wait for ever
             log.exception("station %s", self.name)
-            refusal = "the calibration could not be computed; take the pose again"
+            refusal = phrase("calibration.not_computed")
         with self._lock:
             status = self._current_status()
             if self.ended:

@@ -7,6 +7,7 @@ from handscope.app.live.readouts.bending_finger import bending_finger
 from handscope.app.live.tracking import Tracking
 from handscope.app.live.wizard.machine import StationStatus
 from handscope.estimators.hand.anatomy import SEGMENT, Hand
+from handscope.estimators.messages.sentence import phrase
 
 SILENCE = 0.5  # s without a sample
 UNKNOWN = StationStatus(0.0, float("-inf"), False, 0.0, "", frozenset())  # before the first tick
@@ -44,14 +45,14 @@ def foreign_bytes_sentence(glove: Glove) -> str:
     """Whether something else than a glove is at the port; empty where not."""
     if not glove.is_foreign:
         return ""
-    return "What comes from this port is not a glove's. End the session and choose another port."
+    return phrase("live.no_glove")
 
 
 def wrong_hand_sentence(glove: Glove, hand: Hand) -> str:
     """Why the glove does not fit the session; empty where it does."""
     identity = glove.assembler.identity
     if identity is not None and identity.hand is not None and identity.hand != hand:
-        return f"This is a {identity.hand} glove, the session is of the {hand} hand. Connect the {hand} glove or end the session."
+        return phrase("live.wrong_hand", one=identity.hand, other=hand)
     return ""
 
 
@@ -59,4 +60,4 @@ def other_glove_sentence(glove: Glove, calibrated: int) -> str:
     """Whether another glove was plugged in since glove number `calibrated` was calibrated; empty where not."""
     if glove.assembler.replaced == calibrated:
         return ""
-    return "Another glove was plugged in. Take the initial pose again, or plug the first one in."
+    return phrase("live.other_glove")

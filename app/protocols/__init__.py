@@ -6,7 +6,7 @@ The fields are those of `Protocol` below. A file with a mistake is named with it
 """
 
 from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from itertools import accumulate
@@ -20,6 +20,8 @@ from handscope.app.protocols.lines import line_of
 from handscope.estimators.data.samples import TRACKED_POINTS
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, DOF_NAMES, FINGERS
+from handscope.estimators.messages import english_texts
+from handscope.estimators.messages.sentence import phrase
 
 Word = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$", max_length=60)]
 Line = Annotated[str, Field(min_length=1, max_length=300)]
@@ -233,7 +235,28 @@ def protocol_of(file: str, text: str) -> Protocol:
         raise _fault(file, text, _sentence(problem.errors())) from None
     for wrong in _mistakes(file, made):
         raise _fault(file, text, wrong)
-    return made
+    return _with_codes(made)
+
+
+def _with_codes(p: Protocol) -> Protocol:
+    """The words of our own tasks with their message codes; a task of the data folder has words of its own."""
+    phases = tuple(
+        replace(phase, say=with_code(f"task_phase.{p.name}_{k + 1}", phase.say))
+        for k, phase in enumerate(p.cycle)
+    )
+    score = p.score and replace(
+        p.score,
+        title=with_code(f"task_score.{p.name}", p.score.title),
+        hint=with_code(f"task_score_hint.{p.name}", p.score.hint),
+    )
+    title = with_code(f"task_title.{p.name}", p.title)
+    instruction = with_code(f"task_instruction.{p.name}", p.instruction)
+    return replace(p, title=title, instruction=instruction, cycle=phases, score=score)
+
+
+def with_code(code: str, text: str) -> str:
+    """A text of this folder with its message code; a text without one as it is."""
+    return phrase(code) if english_texts().get(code) == text else text
 
 
 def _fault(file: str, text: str, sentence: str) -> InputError:

@@ -12,12 +12,13 @@ from handscope.app.report.norms import change_of_name
 from handscope.app.report.references import Edition, newest
 from handscope.app.report.units import reading
 from handscope.estimators.measures.figure import Figure
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic.repeatability import ENOUGH, Comparison, Key, is_sufficient
 from handscope.sessions.db.tables import Repeatability
 
 Basis = Literal["own", "glove", "published", "none"]
-NEEDED = f"Published MDCs stand in until {ENOUGH + 1} sessions within a week (fewer give no reliable MDC) give the patient's own, or, of two people, the glove's."
-NOT_KNOWN = "Not judged: no MDC is published, and there are too few repeated sessions."
+NEEDED = phrase("change.published", sessions=ENOUGH + 1)
+NOT_KNOWN = phrase("change.not_judged")
 
 
 @dataclass(frozen=True)
@@ -94,20 +95,20 @@ def judged_by(
             return Judge(read_as(key, row.mdc95, unit)[0], basis, (_source(row),))
     if key[0] == "range_of_motion" and unit == "rad":
         default = edition.smallest_change
-        words = f"of a joint's angle: {default.value:g}°"
+        words = phrase("change.angle", size=default.value, source=default.source.name)
     elif key[2] == "tapping_rate":
         default = edition.smallest_change_of_rate
-        words = f"of the tapping rate: {default.value:g} per s"
+        words = phrase("change.tapping_rate", size=default.value, source=default.source.name)
     elif (published := change_of_name(key[2], edition)) is not None:
         size = f"{published.value:g} {published.unit}"
         return Judge(
             published.value,
             "published",
-            (f"MDC of {size} from trial to trial ({published.source.name}).", NEEDED),
+            (phrase("change.trial_to_trial", size=size, source=published.source.name), NEEDED),
         )
     else:
         return Judge(None, "none", (NOT_KNOWN,))
-    return Judge(default.value, "published", (f"MDC {words} ({default.source.name}).", NEEDED))
+    return Judge(default.value, "published", (words, NEEDED))
 
 
 def read_as(key: Key, value: float, unit: str) -> tuple[float, str]:
@@ -126,5 +127,5 @@ def _change(
 
 def _source(row: Repeatability) -> str:
     if row.patient_id is not None:
-        return f"The patient's own MDC: from {row.sessions} sessions repeated within a week."
-    return f"This glove's MDC: from {row.sessions} sessions of {row.people} people, repeated within a week."
+        return phrase("change.own", sessions=row.sessions)
+    return phrase("change.of_glove", sessions=row.sessions, people=row.people)

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 
 LIMIT = 1800.0  # s; the longest recording (an hour, 17 sensors) takes some minutes
 
@@ -19,11 +20,7 @@ def limit_time(
 
     def check_time(share: float) -> None:
         if now() > end:
-            more = (
-                "allow more with --time-limit SECONDS, or process less at once"
-                if from_command_line
-                else "process less at once, or by another method"
-            )
+            more = phrase("job.allow_more") if from_command_line else phrase("job.process_less")
             raise InputError("job.time_limit", seconds=seconds, more=more)
         on_progress(share)
 

@@ -11,13 +11,14 @@ from typing import Any
 
 from handscope.app.workers.process import DiedError, Send, WorkerProcess, no_context
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic.self_calibrations import FoundCalibration
 from handscope.sessions.files.recording import LoadedRecording
 
 log = logging.getLogger(__name__)
 LONGEST = 600.0  # s
-ENDED = "the self-calibration ended unexpectedly; move freely once more, or go on without it"
-TOO_LONG = "the self-calibration took longer than ten minutes and was ended; move freely once more, or go on without it"
+ENDED = phrase("self_calibration.ended")
+TOO_LONG = phrase("self_calibration.took_too_long")
 
 
 class SelfCalibrationSolver:

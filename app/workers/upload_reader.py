@@ -12,11 +12,12 @@ from typing import Any, TypeVar
 from handscope.app.workers.process import DiedError, WorkerProcess, no_context
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.store import records
 from handscope.sessions.store.records import Upload
 
 T = TypeVar("T")
-DIED = "the recording could not be opened: the process that read it ended, perhaps for want of memory; split the recording and try again"
+DIED = phrase("recording.reader_ended")
 
 
 class UploadReader:

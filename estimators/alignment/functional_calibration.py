@@ -26,6 +26,7 @@ from handscope.estimators.alignment.functional_movements import (
 from handscope.estimators.alignment.mounting_fit import GravitySighting
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, side_sign
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.fusion import make_upright
@@ -251,20 +252,16 @@ def _warnings(
 ) -> tuple[str, ...]:
     """Sensors without a complete calibration, and what is missing."""
     others = [s for s in pose.q_GS if s not in sd]
-    lacking = f"; steps not done: {', '.join(STEPS[s] for s in missing)}" if missing else ""
+    sensors, steps = ", ".join(others), ", ".join(STEPS[s] for s in missing)
     warnings = []
-    if others:
-        warnings.append(
-            f"{', '.join(others)}: no functional calibration, mounting from the initial pose alone{lacking}"
-        )
+    if others and missing:
+        warnings.append(phrase("functional.pose_alone_steps", sensors=sensors, steps=steps))
+    elif others:
+        warnings.append(phrase("functional.pose_alone", sensors=sensors))
     elif missing:
-        warnings.append(f"functional calibration{lacking}; what the others tell serves instead")
+        warnings.append(phrase("functional.steps_missing", steps=steps))
     if far:
-        warnings.append(
-            f"{', '.join(far)}: the steps of the functional calibration contradict each other; repeat them"
-        )
+        warnings.append(phrase("functional.contradiction", sensors=", ".join(far)))
     elif sd["hand"][0] > AXIS_SD:
-        warnings.append(
-            "hand: which way its sensor points on the back of the hand is taken from the nominal mounting; do the figure of eight"
-        )
+        warnings.append(phrase("functional.hand_from_nominal"))
     return tuple(warnings)

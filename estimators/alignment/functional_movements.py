@@ -20,6 +20,7 @@ from handscope.estimators.alignment.mounting_fit import Movement
 from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import GYR, Block
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENTS
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.axis_estimation import (
     Bending,
     CommonRotation,
@@ -33,12 +34,12 @@ DEG = np.pi / 180
 RATE = 100.0  # Hz, common time base of a movement
 PRESENT = 0.9  # share of a step's samples that a sensor must have
 STEPS: Mapping[str, str] = {
-    "flat_hand": "flat hand",
-    "thumb_flat": "flat thumb",
-    "flexion_thumb_ip": "flexion of the thumb's last joint",
-    "flexion_mcp": "MCP flexion",
-    "flexion_all": "flexion of all joints",
-    "figure_eight": "figure of eight",
+    "flat_hand": phrase("step.flat_hand"),
+    "thumb_flat": phrase("step.thumb_flat"),
+    "flexion_thumb_ip": phrase("step.flexion_thumb_ip"),
+    "flexion_mcp": phrase("step.flexion_mcp"),
+    "flexion_all": phrase("step.flexion_all"),
+    "figure_eight": phrase("step.figure_eight"),
 }
 BENT: Mapping[str, tuple[str, ...]] = {
     "flexion_thumb_ip": ("thumb_distal",),
@@ -48,9 +49,9 @@ BENT: Mapping[str, tuple[str, ...]] = {
     "flexion_all": (*(s for f in FINGERS[1:] for s in CHAINS[f]), "thumb_proximal", "thumb_distal"),
 }
 REST = {
-    "flexion_thumb_ip": "rest the hand and the thumb's other joints",
-    "flexion_mcp": "rest the other joints",
-    "flexion_all": "rest the hand and keep the fingers from spreading",
+    "flexion_thumb_ip": phrase("functional.rest_thumb"),
+    "flexion_mcp": phrase("functional.rest_joints"),
+    "flexion_all": phrase("functional.rest_fingers"),
 }
 
 
@@ -151,9 +152,7 @@ def measure(
     if len(movement.rate) < 2:
         return replace(
             piece,
-            problems=(
-                f"the {STEPS[step]} at {onset:.1f} s has no samples of two sensors: record it again",
-            ),
+            problems=(phrase("functional.no_two_sensors", step=STEPS[step], time=onset),),
         )
     return (
         _measure_turning(params, piece, movement)
@@ -171,7 +170,7 @@ def _measure_posture(
         return replace(
             piece,
             problems=(
-                f"the {STEPS[piece.step]} at {piece.onset:.1f} s has no samples of the hand's sensor: record it again",
+                phrase("functional.no_hand_samples", step=STEPS[piece.step], time=piece.onset),
             ),
         )
     counted = [n for n in found if n.startswith("thumb") or piece.step == "flat_hand"] or list(
@@ -186,11 +185,15 @@ def _measure_posture(
     quality = {"rate_wander": seen[restless].rate_wander, "tilt_change": seen[tilted].tilt_change}
     problems = []
     if quality["rate_wander"] > params.pose_rate * DEG:
-        problems.append(f"{restless} turned at {quality['rate_wander'] / DEG:.1f} deg/s")
+        problems.append(
+            phrase("functional.turned", what=restless, rate=quality["rate_wander"] / DEG)
+        )
     if quality["tilt_change"] > params.pose_tilt * DEG:
-        problems.append(f"{tilted} tilted by {quality['tilt_change'] / DEG:.1f} deg")
+        problems.append(
+            phrase("functional.tilted", what=tilted, angle=quality["tilt_change"] / DEG)
+        )
     descriptions = tuple(
-        f"the {STEPS[piece.step]} at {piece.onset:.1f} s was not still ({p}): lay it down and repeat it"
+        phrase("functional.not_still", step=STEPS[piece.step], time=piece.onset, what=p)
         for p in problems
     )
     return replace(piece, up=up, quality=quality, problems=descriptions)
@@ -211,10 +214,10 @@ def _measure_bending(
             for s, b in bent.items()
             if not s.startswith("thumb") or b.extent >= params.step_extent * DEG
         }
-    what = f"the {STEPS[piece.step]} at {piece.onset:.1f} s"
+    step, time = STEPS[piece.step], piece.onset
     if not bent:
         return replace(
-            piece, problems=(f"{what} has no samples of a sensor that bends: record it again",)
+            piece, problems=(phrase("functional.no_bending_samples", step=step, time=time),)
         )
     flat, irregular = (
         min(bent, key=lambda s: bent[s].planarity),
@@ -237,24 +240,44 @@ def _measure_bending(
         "repetitions": float(bent[few].repetitions),
         "hand_moved": hand_share,
     }
-    problems, again = [], f"{REST[piece.step]} and repeat it"
+    problems, again = [], REST[piece.step]
     if quality["extent"] < params.step_extent * DEG:
         problems.append(
-            f"{what} was small ({little}: {quality['extent'] / DEG:.0f} deg): bend further and repeat it"
+            phrase(
+                "functional.small",
+                step=step,
+                time=time,
+                finger=little,
+                extent=quality["extent"] / DEG,
+            )
         )
     elif quality["repetitions"] < 2:
-        problems.append(f"{what} was done once ({few}): bend and stretch three times")
+        problems.append(phrase("functional.done_once", step=step, time=time, finger=few))
     if hand_share > params.step_hand:
         problems.append(
-            f"the hand moved with {what} ({100 * hand_share:.0f} % of the fingers' rate): rest the hand and repeat it"
+            phrase("functional.hand_moved", step=step, time=time, share=100 * hand_share)
         )
     elif quality["planarity"] < params.step_planarity:
         problems.append(
-            f"{what} was not in one plane ({flat}: {100 * quality['planarity']:.0f} %): {again}"
+            phrase(
+                "functional.not_planar",
+                step=step,
+                time=time,
+                finger=flat,
+                share=100 * quality["planarity"],
+                again=again,
+            )
         )
     elif quality["repeatability"] > params.step_repeatability * DEG:
         problems.append(
-            f"{what} was not the same each time ({irregular}: {quality['repeatability'] / DEG:.0f} deg apart): {again}"
+            phrase(
+                "functional.irregular",
+                step=step,
+                time=time,
+                finger=irregular,
+                apart=quality["repeatability"] / DEG,
+                again=again,
+            )
         )
     return replace(piece, bent=bent, quality=quality, problems=tuple(problems))
 
@@ -263,11 +286,10 @@ def _measure_turning(
     params: FunctionalParams, piece: CalibrationMovement, movement: Movement
 ) -> CalibrationMovement:
     """How every sensor is turned against the hand's while all move as one body."""
-    what = f"the figure of eight at {piece.onset:.1f} s"
+    time = piece.onset
     if "hand" not in movement.rate:
-        return replace(
-            piece, problems=(f"{what} has no samples of the hand's sensor: record it again",)
-        )
+        missing = phrase("functional.no_hand_samples", step=STEPS["figure_eight"], time=time)
+        return replace(piece, problems=(missing,))
     together = {
         s: fit_common_rotation(movement.rate["hand"], rate) for s, rate in movement.rate.items()
     }
@@ -276,12 +298,15 @@ def _measure_turning(
     quality = {"spread": together["hand"].spread, "residual": together[loose].residual}
     problems = []
     if quality["spread"] < params.step_spread:
-        problems.append(
-            f"{what} was nearly about one axis ({100 * quality['spread']:.0f} % about a second): tilt and turn the hands in it and repeat it"
-        )
+        problems.append(phrase("functional.one_axis", time=time, share=100 * quality["spread"]))
     if quality["residual"] > params.step_residual:
         problems.append(
-            f"{loose} moved on the hand in {what} ({100 * quality['residual']:.0f} % of its rate): press the hands together and repeat it"
+            phrase(
+                "functional.finger_moved",
+                finger=loose,
+                time=time,
+                share=100 * quality["residual"],
+            )
         )
     rigid = {s: c for s, c in together.items() if c.residual <= params.step_residual}
     return replace(piece, together=rigid, quality=quality, problems=tuple(problems))

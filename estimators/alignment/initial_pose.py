@@ -25,6 +25,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import JOINTS, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
@@ -43,7 +44,7 @@ DEG = np.pi / 180
 THERAPIST = "therapist"  # what an event says of a pose that the patient did not take alone
 
 
-UNCALIBRATED = "nothing was calibrated: how the sensors sit and where they point is assumed, and every angle may be off by tens of degrees"
+UNCALIBRATED = phrase("calibration.uncalibrated")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -272,7 +273,7 @@ def rate_warnings(rates: Mapping[str, float], streams: Sequence[Stream]) -> tupl
     """A sentence for each stream whose samples come clearly faster or slower than it says."""
     named = {s.name: s.rate for s in streams}
     return tuple(
-        f"{name}: its samples come at {rate:.4g} Hz and not at {named[name]:.4g} as it says; they are counted as they come"
+        phrase("calibration.sample_rate", stream=name, rate=rate, named=named[name])
         for name, rate in rates.items()
         if abs(rate / named[name] - 1.0) > RATE_DOUBT
     )
@@ -407,9 +408,9 @@ def stillness(still: _Still) -> SensorQuality:
 
 def _refuse_movement(params: PoseParams, quality: Mapping[str, SensorQuality], pose: Pose) -> None:
     limits = {
-        "rate_wander": ("turned at", "deg/s", params.pose_rate),
-        "tilt_change": ("tilted by", "deg", params.pose_tilt),
-        "bias": ("turned steadily at", "deg/s", params.pose_bias),
+        "rate_wander": (phrase("calibration.turned_at"), "deg/s", params.pose_rate),
+        "tilt_change": (phrase("calibration.tilted_by"), "deg", params.pose_tilt),
+        "bias": (phrase("calibration.turned_steadily"), "deg/s", params.pose_bias),
     }
     for what, (verb, unit, limit) in limits.items():
         worst = max(quality, key=lambda name: getattr(quality[name], what))
@@ -497,7 +498,7 @@ def _warnings(
         g = float(np.linalg.norm(samples.mean[3:]))
         if abs(g - GRAVITY) > 1.0:
             warnings.append(
-                f"{name}: the resting accelerometer reads {g:.1f} m/s^2 instead of {GRAVITY:.1f}; check its calibration"
+                phrase("calibration.resting_gravity", sensor=name, g=g, expected=GRAVITY)
             )
     return tuple(warnings)
 

@@ -26,6 +26,7 @@ from handscope.estimators.alignment import initial_pose
 from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import ACC, GYR, Block, Event
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENTS
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
@@ -39,7 +40,6 @@ LEAST_BENT = 0.3  # s of bending
 PLANAR = 0.8  # share of the principal axis
 MOVES = 1.0  # rad/s, root mean square of a finger asked to move
 DIFFERENT = 0.5  # s between two fingers of a wiggle
-REMOUNT = "mount it as drawn"
 
 
 @dataclass(frozen=True)
@@ -136,17 +136,17 @@ def _check_thumb_exchange(worn: Mapping[str, _WornSensor], up: Array) -> list[Fi
             for part, o in ((thumb, strip), (strip, thumb))
         ]
         if min(own) > EXCHANGED and max(crossed) < FITS:
-            return _pair(
-                "thumb", finger, "in the initial pose each strip lies as the other should", worn
-            )
+            return _pair("thumb", finger, phrase("mounting.crossed_in_pose"), worn)
     return []
 
 
 def _pair(one: str, other: str, why: str, worn: Mapping[str, _WornSensor]) -> list[Finding]:
-    sentence = f"the strips of {one} and {other} finger seem to be exchanged: {why}".replace(
-        "thumb and", "the thumb and the"
+    sentence = (
+        phrase("mounting.exchanged_thumb", other=other, why=why)
+        if one == "thumb"
+        else phrase("mounting.exchanged_fingers", one=one, other=other, why=why)
     )
-    fix = f"exchange the strips of {one} and {other}, and record again"
+    fix = phrase("mounting.exchange", one=one, other=other)
     return [
         Finding(s, "swapped", sentence, fix, "fault")
         for f in (one, other)
@@ -203,16 +203,16 @@ def _check_wiggle(worn: Mapping[str, _WornSensor], event: Event) -> list[Finding
         return _pair(
             wrong[0],
             wrong[1],
-            "they bent in each other's turn when one finger after the other was to bend",
+            phrase("mounting.bent_in_turn"),
             worn,
         )
-    sentence = f"the fingers bent in the order {', '.join(came)} when they were to bend from the thumb to the little finger"
+    sentence = phrase("mounting.order", order=", ".join(came))
     return [
         Finding(
             s,
             "swapped",
             sentence,
-            "check which strip is on which finger, and record again",
+            phrase("mounting.check_strips"),
             "warning",
         )
         for f in wrong
@@ -257,7 +257,7 @@ def _check_one_finger(worn: Mapping[str, _WornSensor], event: Event, finger: str
     return _pair(
         finger,
         most,
-        f"in {_task(event)} the {most} finger's strip moved and the {finger} finger's did not",
+        phrase("mounting.other_finger_moved", task=_task(event), most=most, finger=finger),
         worn,
     )
 
@@ -294,16 +294,17 @@ def _check_turn(
         quat.normalize(quat.multiply(w.nominal, best)),
     )
     seen = (
-        "gravity in the pose and the first flexions say"
+        phrase("mounting.seen_in_pose_and_flexions")
         if axis is not None
-        else "gravity in the pose says"
+        else phrase("mounting.seen_in_pose")
     )
-    about = "" if axis is None else f" about {_axis_words(best)}"
-    sentence = f"it sits turned by about {angle} deg{about} against its nominal mounting, {seen}"
-    fix = f"{REMOUNT} and take the pose again" + (
-        "" if axis is None else f", or set its mounting to {[round(float(x), 3) + 0.0 for x in q]}"
-    )
-    return Finding(name, "turned", sentence, fix, "fault")
+    if axis is None:
+        sentence = phrase("mounting.turned", angle=angle, seen=seen)
+        return Finding(name, "turned", sentence, phrase("mounting.as_drawn"), "fault")
+    turned = phrase("mounting.turned_about", angle=angle, axis=_axis_words(best), seen=seen)
+    values = str([round(float(x), 3) + 0.0 for x in q])
+    fix = phrase("mounting.as_drawn_or_set", mounting=values)
+    return Finding(name, "turned", turned, fix, "fault")
 
 
 def _flexion_axis(name: str, worn: Mapping[str, _WornSensor]) -> Array | None:
@@ -363,11 +364,16 @@ def _right_angles() -> list[Array]:
 RIGHT_ANGLES = _right_angles()
 
 
+AXES = (  # and the opposite ones
+    (phrase("mounting.axis_x"), phrase("mounting.axis_minus_x")),
+    (phrase("mounting.axis_y"), phrase("mounting.axis_minus_y")),
+    (phrase("mounting.axis_z"), phrase("mounting.axis_minus_z")),
+)
+
+
 def _axis_words(q: Array) -> str:
     axis = q[1:] / np.linalg.norm(q[1:])
     k = int(np.argmax(np.abs(axis)))
-    return (
-        f"its {'-' if axis[k] * (1 if q[0] >= 0 else -1) < 0 else ''}{'xyz'[k]} axis"
-        if abs(axis[k]) > 0.9
-        else "a diagonal axis"
-    )
+    if abs(axis[k]) <= 0.9:
+        return phrase("mounting.diagonal_axis")
+    return AXES[k][1 if axis[k] * (1 if q[0] >= 0 else -1) < 0 else 0]

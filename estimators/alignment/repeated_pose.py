@@ -17,11 +17,12 @@ from handscope.estimators.alignment import functional_calibration
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import FINGER_JOINTS, JOINT, JOINTS
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 COMMON_SD = np.radians(1.0)  # of what every pose of a person misses alike
-NOT_LIFTED = "the hand was not lifted between the poses in a row: the last one counts alone"
+NOT_LIFTED = phrase("calibration.hand_not_lifted")
 LEAST_JOINTS = 3  # whose flexion must be seen to tell how poses scatter
 LARGEST_SD = np.radians(5.0)  # poses that scatter more were not the same
 SAME = np.radians(0.15)  # poses that scatter less are one: no hand comes back so exactly
@@ -42,9 +43,7 @@ def average(row: Sequence[Calibration]) -> Calibration:
     if scatter < SAME:
         return replace(last, warnings=(*last.warnings, NOT_LIFTED))
     if scatter > LARGEST_SD:
-        warning = (
-            f"the poses in a row differ by {np.degrees(scatter):.1f} deg: the last one counts alone"
-        )
+        warning = phrase("calibration.poses_differ", deg=np.degrees(scatter))
         return replace(last, warnings=(*last.warnings, warning))
     sd = _pose_sd(scatter, len(row))
     for joint, known in last.pose_sd.items():  # of what was measured in the last pose

@@ -9,6 +9,7 @@ import numpy as np
 
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 
@@ -30,6 +31,16 @@ class CalibrationSource(StrEnum):
             CalibrationSource.PASSIVE_POSE,
             CalibrationSource.POSE_AND_OTHER_RECORDING,
         )
+
+
+SOURCE_WORDS = {
+    CalibrationSource.POSE: phrase("calibration_source.pose"),
+    CalibrationSource.PASSIVE_POSE: phrase("calibration_source.passive_pose"),
+    CalibrationSource.POSE_AND_OTHER_RECORDING: phrase("calibration_source.pose_and_other"),
+    CalibrationSource.OTHER_RECORDING: phrase("calibration_source.other"),
+    CalibrationSource.SELF_CALIBRATION: phrase("calibration_source.self_calibration"),
+    CalibrationSource.NONE: phrase("calibration_source.none"),
+}
 
 
 @dataclass(frozen=True)
@@ -120,11 +131,15 @@ class Calibration:
     @property
     def description(self) -> str:
         """The source as it is written into files, with what is combined with it."""
-        combined = str(self.source)
+        combined = SOURCE_WORDS[self.source]
         if self.is_functional:
-            combined = f"{combined} and functional calibration"
+            combined = phrase("calibration_source.functional", pose=combined)
+        if not self.from_prior:
+            return combined
         return (
-            f"{combined}, {self.from_prior} from self-calibration" if self.from_prior else combined
+            phrase("calibration_source.with_lengths", pose=combined)
+            if self.from_prior == "lengths"
+            else phrase("calibration_source.with_seats", pose=combined)
         )
 
     @property

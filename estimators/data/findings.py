@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from handscope.estimators.data.samples import Block, join
+from handscope.estimators.messages.sentence import phrase
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,9 @@ class Finding:
 
     @property
     def message(self) -> str:
-        return f"{self.sensor}: {self.sentence}; {self.fix}" if self.fix else self.sentence
+        if not self.fix:
+            return self.sentence
+        return phrase("fault.with_fix", sensor=self.sensor, sentence=self.sentence, fix=self.fix)
 
 
 def whole_streams(blocks: Sequence[Block]) -> list[Block]:

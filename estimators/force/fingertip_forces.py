@@ -254,7 +254,11 @@ def _with_torques(
         if (block := torque_blocks.pop(sensor.finger, None)) is not None:
             if fingertip_torques.is_impossible(block):
                 doubts.append(
-                    f"{sensor.finger}: torques that no fingertip exerts were left out; check their unit"
+                    phrase(
+                        "force.fingers_flagged",
+                        fingers=sensor.finger,
+                        what=phrase("force.impossible_torques"),
+                    )
                 )
             raw = block.of(TORQUE)[:, 0]
             limited = block.at_limit(TORQUE)[:, 0] | is_stuck(raw / fingertip_torques.LEVER)

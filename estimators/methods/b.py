@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from handscope.estimators.data.options import option
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.methods import fusion_pipeline
 from handscope.estimators.methods.fusion_pipeline import State as State
 from handscope.estimators.methods.fusion_pipeline import finish as finish
@@ -21,7 +22,7 @@ from handscope.estimators.methods.fusion_pipeline import start as start
 from handscope.estimators.methods.fusion_pipeline import step as step
 from handscope.estimators.pipeline.method import Capabilities
 
-TITLE = "baseline: magnetometers, no pose, no constraints (Salchow-Hoemmen 2019; Valtin 2017)"
+TITLE = phrase("method_title.b")
 CAPABILITIES = Capabilities(needs_pose=False, needs_magnetometers=True, takes_orientations=True)
 
 

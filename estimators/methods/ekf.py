@@ -32,6 +32,7 @@ from handscope.estimators.hand import pose as hand_pose
 from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINTS, SEGMENT, SEGMENTS
 from handscope.estimators.hand.forward_kinematics import CHAIN_SEGMENTS
 from handscope.estimators.hand.pose import Pose
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import rowwise, rowwise_bool
 from handscope.estimators.numerics.typing import Array, Bools
@@ -40,7 +41,7 @@ from handscope.estimators.orientation import resampling
 from handscope.estimators.pipeline.method import Capabilities
 from handscope.estimators.sensors import magnetometer_resampling
 
-TITLE = "error-state Kalman filter a finger, one initial pose, standard deviations (Kortier 2018, ch. 2)"
+TITLE = phrase("method_title.ekf")
 CAPABILITIES = Capabilities(needs_pose=True, gives_covariance=True)
 LOST, _FOREARM, _HAND = np.uint8(Flag.HEADING_LOST), SEGMENT["forearm"], SEGMENT["hand"]
 

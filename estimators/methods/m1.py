@@ -11,6 +11,7 @@ Limits  as good as the magnetic field is homogeneous: near steel or devices the 
 from dataclasses import dataclass
 from typing import ClassVar
 
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.methods import fusion_pipeline
 from handscope.estimators.methods.fusion_pipeline import State as State
 from handscope.estimators.methods.fusion_pipeline import finish as finish
@@ -19,7 +20,7 @@ from handscope.estimators.methods.fusion_pipeline import start as start
 from handscope.estimators.methods.fusion_pipeline import step as step
 from handscope.estimators.pipeline.method import Capabilities
 
-TITLE = "magnetometers for the headings, one initial pose, joint constraints (Salchow-Hoemmen 2019)"
+TITLE = phrase("method_title.m1")
 CAPABILITIES = Capabilities(needs_pose=True, needs_magnetometers=True, takes_orientations=True)
 
 

@@ -8,6 +8,7 @@ Limits  headings drift with what is left of the gyroscopes' biases; joint constr
         heal, an error within the permitted range
 """
 
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.methods.fusion_pipeline import Params as Params
 from handscope.estimators.methods.fusion_pipeline import State as State
 from handscope.estimators.methods.fusion_pipeline import finish as finish
@@ -16,5 +17,5 @@ from handscope.estimators.methods.fusion_pipeline import start as start
 from handscope.estimators.methods.fusion_pipeline import step as step
 from handscope.estimators.pipeline.method import Capabilities
 
-TITLE = "magnetometer-free, one initial pose, joint constraints (Salchow-Hoemmen 2019)"
+TITLE = phrase("method_title.m2")
 CAPABILITIES = Capabilities(needs_pose=True, takes_orientations=True)

@@ -27,6 +27,7 @@ from handscope.estimators.hand.anatomy import (
     CHAINS,
 )
 from handscope.estimators.hand.geometry import with_finger_lengths
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.methods import m2
 from handscope.estimators.methods.map_options import Params as Params
 from handscope.estimators.methods.map_result import (
@@ -66,12 +67,9 @@ from handscope.estimators.self_calibration.uncertainty import monte_carlo, poste
 from handscope.estimators.self_calibration.uncertainty.monte_carlo import DRAWS
 from handscope.estimators.self_calibration.whole_hand import solver as whole_hand_solver
 
-TITLE = "self-calibration from free movement, no pose, no magnetometer (Kortier 2018, ch. 4)"
+TITLE = phrase("method_title.map")
 CAPABILITIES = Capabilities(needs_pose=False, batch_only=True, gives_covariance=True)
-ALONE = (
-    "hand and fingers as one problem did not come to an end: each finger is as it was found alone; skin under the hand's sensor was not counted,"
-    " first phalanges' lengths may be off by several of their standard deviations"
-)
+ALONE = phrase("map.fingers_alone")
 # begun where each finger has its minimum: the next step would gain a hundredth of that
 TOGETHER = Limits(iterations=25, least_gain=0.25)
 RIGID = 1e-3  # share of the soft-tissue artefact that is negligible
@@ -117,11 +115,7 @@ def solve(
     problems += dict.fromkeys(str(problem) for problem in alone if isinstance(problem, InputError))
     fingers = [finger for finger in alone if isinstance(finger, Finger)]
     if not any(f.name in CHAINS for f in fingers):
-        raise InputError(
-            problems[0]
-            if problems
-            else "no finger has a sensor on its first phalanx; self-calibration needs hand and phalanges"
-        )
+        raise InputError(problems[0] if problems else phrase("self_calibration.no_first_phalanx"))
     fingers, of_hand = _together(params, recording, fingers, progress)
     messages += [
         *problems,

@@ -24,6 +24,7 @@ from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand import pose as hand_pose
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINT, SEGMENT
 from handscope.estimators.hand.geometry import with_finger_lengths
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.methods import ekf
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -33,7 +34,7 @@ from handscope.estimators.self_calibration.sliding_window import limb as sliding
 from handscope.estimators.self_calibration.sliding_window import streaming_samples
 from handscope.estimators.self_calibration.sliding_window.limb import Finger, Setting
 
-TITLE = "experiment, not for patients: self-calibration in a sliding window, one initial pose (Kortier 2018, ch. 4)"
+TITLE = phrase("method_title.map_live")
 CAPABILITIES = Capabilities(needs_pose=True, gives_covariance=True)
 NODES, LEAST = 20, 3  # that a window takes at a time: 0.2 s; that it begins with
 LOST_SD = np.radians(60.0)  # of a heading that was lost

@@ -29,6 +29,7 @@ from handscope.estimators.hand.anatomy import (
     side_sign,
 )
 from handscope.estimators.hand.geometry import HandGeometry, root_joint, with_finger_lengths
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.methods.map_options import Params
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -38,7 +39,7 @@ from handscope.estimators.self_calibration.problem import (
 )
 from handscope.estimators.self_calibration.result import Finger
 
-TRIED = "self-calibration (map) was tried on simulated recordings only (docs/methods/map.md)"
+TRIED = phrase("map.simulated_only")
 
 
 # standard deviation of an angle of which nothing is known: what joints can do at all

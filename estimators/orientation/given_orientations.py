@@ -27,6 +27,7 @@ from handscope.estimators.data.samples import (
 )
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
@@ -233,11 +234,13 @@ def rate_orientations(
     sd = stated if stated is not None else _repeated_sd(calibrations)
     count = len(given)
     if stated is not None:
-        sentence = f"orientations of {count} sensors come from the device's own fusion; error bars rest on the stated {params.orientation_sd:g} deg"
+        sentence = phrase("orientation.stated_accuracy", count=count, size=params.orientation_sd)
     elif sd is not None:
-        sentence = f"orientations of {count} sensors come from the device's own fusion; error bars rest on {len(calibrations)} poses, which differ by {np.degrees(sd):.1f} deg a sensor"
+        sentence = phrase(
+            "orientation.from_poses", count=count, poses=len(calibrations), size=np.degrees(sd)
+        )
     else:
-        sentence = f"orientations of {count} sensors come from the device's own fusion; there are no error bars: state the device's accuracy (orientation_sd), or repeat the pose at the end"
+        sentence = phrase("orientation.no_accuracy", count=count)
     return [replace(c, orientation_sd=sd) for c in calibrations], [sentence]
 
 

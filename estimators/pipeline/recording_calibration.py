@@ -18,11 +18,12 @@ from handscope.estimators.alignment.initial_pose import Pose, PoseParams
 from handscope.estimators.data.calibration import Calibration, CalibrationSource, PriorCalibration
 from handscope.estimators.data.samples import MAG, ORIENTATION, Block, Event, Recording, join
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.orientation.given_orientations import mean_orientations
 from handscope.estimators.orientation.resampling import measure_rates
 from handscope.estimators.pipeline.method import Capabilities
 
-WITHOUT_POSE = "the recording has no initial_pose event"
+WITHOUT_POSE = phrase("processing.without_pose")
 
 
 BEGINNING = 3.0  # s of samples that tell a rate where there is no pose
@@ -79,11 +80,7 @@ def calibrate(
     if other is None and (defaults := _defaults(params, recording)):
         return [defaults], refused
     if other is None:
-        raise InputError(
-            refused[0]
-            if refused
-            else f"{WITHOUT_POSE}; record 3 s of it, or take one from another recording with --calibration"
-        )
+        raise InputError(refused[0] if refused else phrase("processing.no_pose"))
     if other.hand != recording.hand:
         raise InputError(
             "processing.calibration_recording_of_other_hand", one=other.hand, other=recording.hand
@@ -148,9 +145,7 @@ def _functional(
 
 def _flat_hand_warning(recording: Recording) -> list[str]:
     if all(e.trial_type == "flat_hand" for e in initial_poses(recording.events)):
-        return [
-            "the recording has no initial_pose event: its flat hand serves as that, the thumb aligned with the fingers where its angles are not told"
-        ]
+        return [phrase("processing.flat_hand_as_pose")]
     return []
 
 
@@ -233,9 +228,7 @@ def _borrow(recording: Recording, other: Calibration, own: list[Calibration]) ->
         initial_pose.reorient(other, [b.between(start, start + 0.5) for b in beginning]),
         measure_rates(beginning),
     )
-    warning = (
-        f"{WITHOUT_POSE}: headings assume that it begins in the pose of the calibration recording"
-    )
+    warning = phrase("processing.headings_assumed")
     return [
         replace(
             other,

@@ -12,6 +12,7 @@ import numpy as np
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import CHAINS, JOINT, JOINTS, LIMITS
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.self_calibration import mounting_shift, residuals, sensor_order
 from handscope.estimators.self_calibration import result as self_calibration_result
@@ -61,9 +62,7 @@ def describe_stretch(start: float, stop: float, whole: float) -> list[str]:
     """Which part of a longer recording, s, speaks."""
     messages: list[str] = []
     if stop - start < whole - LEFT_OUT:
-        messages.append(
-            f"calibrated from {start:.0f} s to {stop:.0f} s of the recording, the liveliest part without gaps: all else was tracked from there"
-        )
+        messages.append(phrase("self_calibration.found_stretch", start=start, stop=stop))
     return messages
 
 
@@ -81,10 +80,15 @@ def describe_silent_sensors(finger: str, silent: Sequence[str], clipped: bool) -
     without = ", ".join(silent)
     if clipped:
         return [
-            f"{finger}: the sensor of {silent[0]} was at its limit in more than half of its samples; it is calibrated without {without}, set a larger range, or move more slowly, and record again"
+            phrase(
+                "self_calibration.found_saturated",
+                finger=finger,
+                segment=silent[0],
+                segments=without,
+            )
         ]
     return [
-        f"{finger}: the sensor of {silent[0]} gave no samples; it is calibrated without {without}, find out why and record again"
+        phrase("self_calibration.found_silent", finger=finger, segment=silent[0], segments=without)
     ]
 
 
@@ -233,16 +237,11 @@ def describe_result(asked: Requirements, finger: Finger) -> list[str]:
         for segment in self_calibration_result.adjacent_segments(solution.problem.chain, joint)
     }
     if "wrist" in stiff:
-        messages.append(
-            f"the wrist hardly moved ({stiff['wrist']:.0f} deg): where it lies between the sensors of hand and forearm is not observable, its angles hold within their standard deviations; bend it more while the hand turns"
-        )
+        messages.append(phrase("self_calibration.found_stiff_wrist", extent=stiff["wrist"]))
     elif stiff:
         joints = ", ".join(f"{joint} ({extent:.0f} deg)" for joint, extent in stiff.items())
         given = ", ".join(s for s in CHAINS[finger.name] if s in beside_stiff)
-        messages.append(
-            f"{joints} hardly moved: where such a joint lies between its sensors, and about what it turns, is not observable; the lengths of {given} stay as given,"
-            " axes as the nominal mounting has them, angles hold within their standard deviations; a joint that can move should be bent more while the hand turns"
-        )
+        messages.append(phrase("self_calibration.found_stiff", joints=joints, segments=given))
     messages += _describe_wrong_priors(solution.problem) + _describe_reversed_sensors(finger)
     for segment in finger.segments.p_BS:
         if segment not in beside_stiff and not self_calibration_result.is_placed(
@@ -250,7 +249,12 @@ def describe_result(asked: Requirements, finger: Finger) -> list[str]:
         ):
             sd = float(np.linalg.norm(finger.sure.p_BS[segment]))
             messages.append(
-                f"where the sensor of {segment} sits for {finger.name} is not observable (give or take {1e3 * sd:.0f} mm) and is left out: angles do not need it; turn the hand in all directions while its joints bend"
+                phrase(
+                    "self_calibration.found_no_place",
+                    segment=segment,
+                    finger=finger.name,
+                    sd=1e3 * sd,
+                )
             )
     for segment, length in finger.segments.lengths.items():
         if segment not in beside_stiff and not self_calibration_result.is_length_known(
@@ -258,7 +262,12 @@ def describe_result(asked: Requirements, finger: Finger) -> list[str]:
         ):
             sd = finger.segments.lengths_sd[segment]
             messages.append(
-                f"the length of {segment} is not observable ({1e3 * length:.0f} mm, give or take {1e3 * sd:.0f}): that of the hand's measures is used"
+                phrase(
+                    "self_calibration.found_no_length",
+                    segment=segment,
+                    length=1e3 * length,
+                    sd=1e3 * sd,
+                )
             )
     return messages
 
@@ -269,8 +278,12 @@ def describe_misfit(finger: Finger, joint: int, misfit: float) -> list[str]:
         return []
     links = finger.solution.problem.chain
     return [
-        f"{finger.name}: its sensors do not move with its joints as is assumed, most at {links.joints[joint]} ({np.sqrt(misfit):.1f} times as far off as by chance):"
-        " skin comes late or a joint gives; lengths, places and biases are less sure than usual, of which their standard deviations have a part only; see that sensors sit tight and lie on bone"
+        phrase(
+            "self_calibration.found_misfit",
+            finger=finger.name,
+            joint=links.joints[joint],
+            times=np.sqrt(misfit),
+        )
     ]
 
 
@@ -285,9 +298,7 @@ def _describe_reversed_sensors(finger: Finger) -> list[str]:
         )
         tilt = float(np.degrees(np.arccos(np.clip(min(ways), -1.0, 1.0))))
         if tilt > ROUND:
-            messages.append(
-                f"the sensor of {name} sits {tilt:.0f} deg off its nominal mounting: was another one put on there, or turned round?"
-            )
+            messages.append(phrase("self_calibration.found_other_mounting", name=name, tilt=tilt))
     return messages
 
 
@@ -303,19 +314,26 @@ def describe_outliers(fingers: Sequence[Finger]) -> list[str]:
         at = _merge_moments(times)
         if kind == "gyr" and len(at) == 1:
             messages.append(
-                f"the gyroscope of {name} contradicts the accelerations once, at {at[0]:.1f} s: it was knocked or turned faster than it can tell; what it read there is left out"
+                phrase("self_calibration.found_gyroscope_impact", name=name, time=at[0])
             )
         elif kind == "gyr":
             messages.append(
-                f"the gyroscope of {name} contradicts the accelerations {len(at)} times, first at {at[0]:.1f} s: it was knocked or turned faster than it can tell; what it read there is left out"
+                phrase(
+                    "self_calibration.found_gyroscope_impacts", name=name, count=len(at), time=at[0]
+                )
             )
         elif len(at) == 1:
             messages.append(
-                f"the accelerometer of {name} contradicts the other sensors once, at {at[0]:.1f} s: it was knocked; what it read there is left out"
+                phrase("self_calibration.found_accelerometer_impact", name=name, time=at[0])
             )
         else:
             messages.append(
-                f"the accelerometer of {name} contradicts the other sensors {len(at)} times, first at {at[0]:.1f} s: it was knocked; what it read there is left out"
+                phrase(
+                    "self_calibration.found_accelerometer_impacts",
+                    name=name,
+                    count=len(at),
+                    time=at[0],
+                )
             )
     return messages + _describe_frequent_impacts(
         by, max((float(finger.t[-1] - finger.t[0]) for finger in fingers), default=0.0)
@@ -333,7 +351,12 @@ def _describe_frequent_impacts(
     for (name, _), at in by.items():
         counts[name] += len(at)
     return [
-        f"sensors were knocked {len(times)} times in {duration:.0f} s, that of {counts.most_common(1)[0][0]} most often: keep the hand from hitting anything, see whether that sensor is loose or a cable pulls at it, and record again"
+        phrase(
+            "self_calibration.found_many_impacts",
+            count=len(times),
+            seconds=duration,
+            name=counts.most_common(1)[0][0],
+        )
     ]
 
 
@@ -354,10 +377,17 @@ def _describe_wrong_priors(problem: Problem) -> list[str]:
     ):
         if length_sd > 1e-3 * problem.noise.length:
             messages.append(
-                f"the length of {name} is {1e3 * length:.0f} mm by the hand's measures, movement says otherwise by {1e3 * length_sd:.0f} mm: measure again; what movement says is used"
+                phrase(
+                    "self_calibration.found_other_length",
+                    name=name,
+                    length=1e3 * length,
+                    sd=1e3 * length_sd,
+                )
             )
         if mounting_sd > np.radians(problem.noise.mounting):
             messages.append(
-                f"the sensor of {name} sits {np.degrees(mounting_sd):.0f} deg off its nominal mounting: was another one put on there, or turned round?"
+                phrase(
+                    "self_calibration.found_other_mounting", name=name, tilt=np.degrees(mounting_sd)
+                )
             )
     return messages

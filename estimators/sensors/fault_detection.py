@@ -14,6 +14,7 @@ import numpy as np
 
 from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import ACC, GYR, MAG, SATURATION, Block, exceeds
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.intervals import find_runs
 from handscope.estimators.numerics.typing import Array
@@ -59,13 +60,15 @@ def _find_saturation(block: Block, quantity: str) -> list[Finding]:
             spans = tuple(
                 (float(block.t[a]), float(block.t[b - 1])) for a, b in find_runs(hit[:, k])
             )
-            sentence = f"its {WORDS[quantity]} was at its limit {len(spans)} times, first at {spans[0][0]:.1f} s"
+            sentence = phrase(
+                "fault.at_limit", what=WORDS[quantity], count=len(spans), time=spans[0][0]
+            )
             found.append(
                 Finding(
                     sensor,
                     "saturated",
                     sentence,
-                    "set a larger range, or repeat the movement more slowly",
+                    phrase("fault.larger_range"),
                     "warning",
                     spans,
                 )
@@ -90,12 +93,12 @@ def _check_gravity(sensor: str, mean: Array) -> Finding | None:
     g = float(np.linalg.norm(mean))
     if abs(g - GRAVITY) <= GRAVITY_DOUBT:
         return None
-    sentence = f"the resting accelerometer reads {g:.1f} m/s^2 instead of {GRAVITY:.1f}"
+    sentence = phrase("fault.gravity", g=g, expected=GRAVITY)
     return Finding(
         sensor,
         "gravity",
         sentence,
-        "check its calibration",
+        phrase("fault.check_calibration"),
         "fault" if abs(g - GRAVITY) > GRAVITY_FAULT else "warning",
     )
 
@@ -104,12 +107,12 @@ def _check_bias(sensor: str, mean: Array) -> Finding | None:
     rate = float(np.degrees(np.linalg.norm(mean)))
     if rate <= BIAS_DOUBT:
         return None
-    sentence = f"the resting gyroscope reads {rate:.0f} deg/s"
+    sentence = phrase("fault.bias", rate=rate)
     return Finding(
         sensor,
         "bias",
         sentence,
-        "let it warm up and calibrate its strip, or change it",
+        phrase("fault.warm_up"),
         "fault" if rate > BIAS_FAULT else "warning",
     )
 
@@ -118,12 +121,12 @@ def _check_field(sensor: str, mean: Array) -> Finding | None:
     size = float(np.linalg.norm(mean))
     if FIELD[0] <= size <= FIELD[1]:
         return None
-    sentence = f"its magnetometer reads {size * 1e6:.0f} uT, the Earth's field is 22 to 67"
+    sentence = phrase("fault.field", size=size * 1e6)
     return Finding(
         sensor,
         "magnetometer",
         sentence,
-        "go away from iron and magnets, or calibrate its strip",
+        phrase("fault.leave_iron"),
         "warning",
     )
 

@@ -20,6 +20,8 @@ import numpy as np
 
 from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import ACC, GYR, MAG, Block
+from handscope.estimators.messages import Value
+from handscope.estimators.messages.sentence import messages_of, phrase
 from handscope.estimators.numerics.intervals import find_runs
 from handscope.estimators.numerics.jit import Compiled, rowwise
 from handscope.estimators.numerics.typing import Array, Bools, Indices
@@ -34,8 +36,13 @@ STILL = {
 NOISELESS = 0.95  # share of all directions that stand still in some second
 OTHERS = 0.8  # share of the other sensors' directions that must change meanwhile
 MOVES = 0.2  # rad/s, root mean square of the angular rate in a second of movement
-WORDS = {GYR: "gyroscope", ACC: "accelerometer", MAG: "magnetometer"}
-CHECK = "check its plug and cable, or change the strip"
+WORDS = {
+    GYR: phrase("quantity.gyroscope"),
+    ACC: phrase("quantity.accelerometer"),
+    MAG: phrase("quantity.magnetometer"),
+}
+BOTH = phrase("quantity.gyroscope_and_accelerometer")
+CHECK = phrase("fault.check_plug")
 
 
 @dataclass(frozen=True)
@@ -195,25 +202,38 @@ def _standing_findings(
     if not stuck_seconds.any():
         return []
     spans = tuple((float(edges[a]), float(edges[b])) for a, b in find_runs(stuck_seconds))
-    when = f"for {sum(e - s for s, e in spans):.0f} s, from {spans[0][0]:.0f} s on"
+    length, start = sum(e - s for s, e in spans), spans[0][0]
     if len(axes) == 3:
-        kind, what = "stuck", f"its {WORDS[quantity]} gave one and the same reading {when}"
+        kind, what = "stuck", _stuck(WORDS[quantity], length, start)
     else:
-        named = f"the {' and '.join(axes)} {'axis' if len(axes) == 1 else 'axes'} of its {WORDS[quantity]}"
-        kind, what = "dead_axis", f"{named} did not change {when}"
+        kind = "dead_axis"
+        values = {"axes": " and ".join(axes), "what": WORDS[quantity]}
+        what = (
+            phrase("fault.dead_axis", **values, length=length, start=start)
+            if len(axes) == 1
+            else phrase("fault.dead_axes", **values, length=length, start=start)
+        )
     kind = "magnetometer" if quantity == MAG else kind
     return [Finding(sensor, kind, what, CHECK, "fault", spans)]
 
 
+def _stuck(what: str, length: float, start: float) -> str:
+    return phrase("fault.stuck", what=what, length=length, start=start)
+
+
+def _values(finding: Finding) -> Mapping[str, Value]:
+    return messages_of(finding.sentence)[0].values
+
+
 def _merge(found: list[Finding]) -> list[Finding]:
     """Gyroscope and accelerometer that stand still together are one finding."""
-    stuck = {(f.sensor, WORDS[GYR] in f.sentence): f for f in found if f.kind == "stuck"}
+    stuck = {(f.sensor, _values(f)["what"] == WORDS[GYR]): f for f in found if f.kind == "stuck"}
     both = {s for s, gyr in stuck if gyr and (s, False) in stuck}
     merged = [
         Finding(
             s,
             "stuck",
-            stuck[s, True].sentence.replace("gyroscope", "gyroscope and accelerometer"),
+            phrase("fault.stuck", **{**_values(stuck[s, True]), "what": BOTH}),
             CHECK,
             "fault",
             tuple(sorted({*stuck[s, True].spans, *stuck[s, False].spans})),

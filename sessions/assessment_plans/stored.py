@@ -7,6 +7,7 @@ from sqlalchemy import select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.db.conflicts import ConflictError
 from handscope.sessions.db.tables import AssessmentPlan, now
 
@@ -25,7 +26,7 @@ def store(db: Session, content: Mapping[str, Any], newest: int, author: str) -> 
         db.commit()
     except IntegrityError:
         db.rollback()
-        raise ConflictError("the protocol") from None
+        raise ConflictError(phrase("conflict.plan")) from None
     return row
 
 

@@ -20,6 +20,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, event, insert, inspect, select, text, update
 from sqlalchemy.orm import Session, sessionmaker
 
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import audit_copy, audit_guards
 from handscope.sessions.db.tables import (
     Account,
@@ -148,7 +149,7 @@ def list_lines(
 def verify(db: Session, against: Sequence[tuple[int, str]] = ()) -> Verdict:
     """Go along the chain until the first line that does not fit; `against` are numbers and hashes noted before."""
     if not audit_guards.has_trail(db):
-        return Verdict(0, NOTHING, "the table of the trail is gone")
+        return Verdict(0, NOTHING, phrase("audit.no_table"))
     missing = audit_guards.find_missing_triggers(db)
     return replace(_follow(db, against), unguarded=missing)
 
@@ -161,20 +162,20 @@ def _follow(db: Session, against: Sequence[tuple[int, str]]) -> Verdict:
     ).mappings():
         number += 1
         if line["id"] != number:
-            return Verdict(number - 1, last, f"line {number} is missing")
+            return Verdict(number - 1, last, phrase("audit.line_missing", number=number))
         if line["previous"] != last:
             return Verdict(
                 number - 1,
                 last,
-                f"line {number} does not follow line {number - 1}: one of them was exchanged",
+                phrase("audit.line_exchanged", number=number, before=number - 1),
             )
         if line["hash"] != hash_of(line):
-            return Verdict(number - 1, last, f"line {number} was changed")
+            return Verdict(number - 1, last, phrase("audit.line_changed", number=number))
         if noted.pop(number, line["hash"]) != line["hash"]:
             return Verdict(
                 number - 1,
                 last,
-                f"line {number} has another hash than was noted: the trail was written anew up to there",
+                phrase("audit.other_hash", number=number),
             )
         if before is not None and line["at"] < before and not back:
             back = number
@@ -183,14 +184,12 @@ def _follow(db: Session, against: Sequence[tuple[int, str]]) -> Verdict:
         return Verdict(
             number,
             last,
-            f"line {min(noted)} was noted and is missing: the trail was cut off after line {number}",
+            phrase("audit.cut_off", number=min(noted), last=number),
         )
     if (
         number == 0 and db.scalar(select(Account.id).limit(1)) is not None
     ):  # making an account is told
-        return Verdict(
-            0, NOTHING, "no line is there, though there are accounts: the trail was emptied"
-        )
+        return Verdict(0, NOTHING, phrase("audit.emptied"))
     return Verdict(number, last, back=back)
 
 

@@ -12,12 +12,13 @@ from sqlalchemy.orm import Session
 
 from handscope.estimators.data.events import Event
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import Sentence, phrase
 from handscope.sessions.db.tables import Correction, RecordingFile, now
 
 if TYPE_CHECKING:
     from handscope.sessions.files.recording import LoadedRecording
 
-REDACTED = "reason not told"
+REDACTED = phrase("correction.reason_redacted")
 Kind = Literal[
     "exclude", "move", "leave_out"
 ]  # a whole trial; its ends; a stretch within it, such as one repetition
@@ -111,15 +112,30 @@ def redact_reasons(corrections: Iterable[Mapping[str, Any]]) -> list[dict[str, A
 def without_reasons(sentence: str, corrections: Iterable[Mapping[str, Any]]) -> str:
     """A sentence about a recording without the reasons that people typed."""
     for c in corrections:
-        sentence = sentence.replace(f"({c['reason']})", f"({REDACTED})")
+        sentence = _without(sentence, c["reason"])
     return sentence
+
+
+def _without(sentence: str, reason: str) -> str:
+    if not isinstance(sentence, Sentence):  # stored before messages had codes
+        return sentence.replace(f"({reason})", f"({REDACTED})")
+    return Sentence(
+        *(
+            replace(m, values={**m.values, "reason": REDACTED})
+            if m.values.get("reason") == reason
+            else m
+            for m in sentence.messages
+        )
+    )
 
 
 def trial_names(events: Iterable[Event]) -> list[str]:
     """ "tapping, trial 2" for every event, counted within its task; without a number where there is one trial only."""
     names = [str(e.details.get("task_name", e.trial_type)).replace("_", " ") for e in events]
     return [
-        f"{name}, trial {names[: k + 1].count(name)}" if names.count(name) > 1 else name
+        phrase("correction.trial", task=name, number=names[: k + 1].count(name))
+        if names.count(name) > 1
+        else name
         for k, name in enumerate(names)
     ]
 
@@ -139,13 +155,15 @@ def _correct_event(event: Event, c: Mapping[str, Any]) -> Event:
 
 
 def _sentence(name: str, c: Mapping[str, Any], event: Event) -> str:
-    stretch = f"{c['onset'] - event.onset:.1f} to {c['end'] - event.onset:.1f} s"
-    what = {
-        "exclude": "left out of the figures",
-        "move": f"counted from {stretch} of the trial as recorded",
-        "leave_out": f"{stretch} left out of the figures",
-    }
-    return f"{name}: {what[c['kind']]} ({c['reason']})"
+    values = {"trial": name, "reason": c["reason"]}
+    if c["kind"] == "exclude":
+        return phrase("correction.excluded", **values)
+    stretch = {"start": c["onset"] - event.onset, "stop": c["end"] - event.onset}
+    return (
+        phrase("correction.moved", **values, **stretch)
+        if c["kind"] == "move"
+        else phrase("correction.stretch_left_out", **values, **stretch)
+    )
 
 
 def _task_of(file: RecordingFile, event: int) -> Mapping[str, Any]:

@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.db.conflicts import ConflictError, require_seen
 from handscope.sessions.db.tables import Note, Patient, now
 
@@ -38,7 +39,7 @@ def change(
 ) -> Note:
     """Correct a note as it stood at `version`, remove it or bring it back; ConflictError where somebody else changed it meanwhile."""
     note = get(db, note_id)
-    require_seen("the note", note.version, version)
+    require_seen(phrase("conflict.note"), note.version, version)
     if text is not None:
         note.text = _checked(text)
     if removed is not None:
@@ -47,7 +48,7 @@ def change(
         db.commit()
     except StaleDataError:
         db.rollback()
-        raise ConflictError("the note") from None
+        raise ConflictError(phrase("conflict.note")) from None
     return note
 
 

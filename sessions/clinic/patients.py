@@ -10,6 +10,7 @@ from sqlalchemy.orm.exc import StaleDataError
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
 from handscope.estimators.hand.geometry import measures_from
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import trunk_height
 from handscope.sessions.clinic.pseudonyms import require_code
 from handscope.sessions.db.conflicts import ConflictError, require_seen
@@ -97,7 +98,8 @@ def change(
 ) -> Patient:
     """Change facts of a patient as it stood at `version`; ConflictError where somebody else changed it meanwhile."""
     patient = get(db, patient_id)
-    require_seen(f"patient {patient.pseudonym!r}", patient.version, version)
+    changed = phrase("conflict.patient_by_code", code=patient.pseudonym)
+    require_seen(changed, patient.version, version)
     unknown = set(facts) - set(CHANGEABLE)
     if unknown:
         raise InputError("clinic.patient_field_unknown", what=sorted(unknown)[0])
@@ -113,7 +115,7 @@ def change(
         raise InputError("clinic.patient_exists", code=str(facts.get("pseudonym"))) from None
     except StaleDataError:
         db.rollback()
-        raise ConflictError("the patient") from None
+        raise ConflictError(phrase("conflict.patient")) from None
     return patient
 
 

@@ -3,6 +3,7 @@
 import re
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import join, phrase
 
 DATE = re.compile(
     r"\b\d{1,2}\s*[./-]\s*\d{1,2}\s*[./-]\s*(?:\d{4}|\d{2})\b|\b(?:19|20)\d{2}[./-]?(?:0[1-9]|1[0-2])[./-]?(?:0[1-9]|[12]\d|3[01])\b"
@@ -26,11 +27,11 @@ FORMS_OF_ADDRESS = {
     "sig",
 }
 DOUBTS = {
-    "words": "it has words and no number",
-    "name": "two words begin with capital letters",
-    "comma": "it has a comma, as in a surname before a first name",
-    "address": "it begins like a form of address",
-    "date": "it holds a date, which may be that of birth",
+    "words": phrase("pseudonym.no_number"),
+    "name": phrase("pseudonym.capitals"),
+    "comma": phrase("pseudonym.comma"),
+    "address": phrase("pseudonym.form_of_address"),
+    "date": phrase("pseudonym.date"),
 }
 
 
@@ -67,8 +68,8 @@ def require_code(text: str, confirmed: bool) -> None:
     """UnconfirmedError where the pseudonym raises doubts that nobody has confirmed."""
     found = () if confirmed else find_doubts(text)
     if found:
-        reasons = "; ".join(DOUBTS[name] for name in found)
+        reasons = join(DOUBTS[name] for name in found)
         raise UnconfirmedError(
-            f"{text!r} may be a person's name or date of birth: {reasons}. Choose a code, or confirm that it is one",
+            phrase("pseudonym.doubtful", code=text, reasons=reasons),
             found,
         )

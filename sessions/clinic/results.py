@@ -9,6 +9,7 @@ from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import corrections, self_calibrations
 from handscope.sessions.db.tables import RecordingFile, Result
 
@@ -16,8 +17,8 @@ UNFINISHED = ("queued", "running")
 ATTEMPTS = (
     2  # how often a computation is begun before a server that died again and again gives it up
 )
-STOPPED = "the computation was stopped; process it again when there is time"
-ENDED = "the computation ended unexpectedly; try other options or report this recording"
+STOPPED = phrase("result.stopped")
+ENDED = phrase("result.ended")
 
 
 def key_of(file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str) -> str:

@@ -16,6 +16,7 @@ from sqlalchemy import delete, select, update
 from sqlalchemy.orm import Session
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic.accounts import LOCAL
 from handscope.sessions.db.plain_text import require_plain
 from handscope.sessions.db.tables import Account, SecondFactor, now
@@ -26,12 +27,9 @@ TOLERANCE = 1  # steps of 30 s by which a phone's clock may be off
 RECOVERY_CODES = 10
 MOST = 10  # passkeys and authenticators of an account
 LONGEST_NAME = 64
-MISSING = (
-    "second factors are not installed on this server; the administrator installs them with "
-    'pip install "handscope[second-factor]"'
-)
-NONE_HERE = "this account has no second factor here: it logs in with one-time codes or through your organisation"
-WRONG = "the code is not right, or was used before; take the one that the app shows now"
+MISSING = phrase("login.no_second_factors")
+NONE_HERE = phrase("login.no_second_factor_here")
+WRONG = phrase("login.code_wrong")
 
 
 def of_account(db: Session, account: Account) -> list[SecondFactor]:

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 
 from handscope.estimators.data.calibration import PriorCalibration
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.db.tables import (
     Patient,
     PatientSession,
@@ -210,6 +211,6 @@ def _offer(c: SelfCalibration, worn: str | None) -> Offer:
         return Offer(
             c,
             (LENGTHS,),
-            "another glove is worn: only the lengths can be taken over of this self-calibration",
+            phrase("self_calibration.other_glove"),
         )
     return Offer(c, (LENGTHS, ALL), "")

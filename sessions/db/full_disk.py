@@ -5,7 +5,9 @@ import sqlite3
 
 from sqlalchemy.exc import DBAPIError
 
-FULL = "the disk is full: what was to be kept could not be written, and nothing was changed; make room on the disk and try again"
+from handscope.estimators.messages.sentence import phrase
+
+FULL = phrase("database.full_disk")
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 

@@ -5,9 +5,9 @@ import sqlite3
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
-UNAVAILABLE = (
-    "the database is busy or does not answer: nothing was changed; wait a moment and try again"
-)
+from handscope.estimators.messages.sentence import phrase
+
+UNAVAILABLE = phrase("database.unavailable")
 LOCKED = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
 PASSING = (
     "08",

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from importlib import import_module
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.exports.measured import Exported, Measured
 
 
@@ -23,23 +24,25 @@ class Format:
 
 FORMATS: Mapping[str, Format] = {
     "bids": Format("Motion-BIDS: the samples as they are", "bids", ""),
-    "opensim": Format("OpenSim: angles, orientations, model of the hand", "opensim", ""),
-    "bvh": Format("BVH: animated skeleton", "bvh", ".bvh", beside=True),
-    "glb": Format("glTF: animated hand", "glb", ".glb", media_type="model/gltf-binary", skin=True),
-    "c3d": Format("C3D: joint centres, fingertips, angles, events", "c3d_points", ".c3d"),
-    "mat": Format("MATLAB: columns with units", "mat", ".mat"),
-    "parquet": Format("Parquet: columns with units", "parquet", ".parquet"),
+    "opensim": Format(phrase("export_title.opensim"), "opensim", ""),
+    "bvh": Format(phrase("export_title.bvh"), "bvh", ".bvh", beside=True),
+    "glb": Format(
+        phrase("export_title.gltf"), "glb", ".glb", media_type="model/gltf-binary", skin=True
+    ),
+    "c3d": Format(phrase("export_title.c3d"), "c3d_points", ".c3d"),
+    "mat": Format(phrase("export_title.matlab"), "mat", ".mat"),
+    "parquet": Format(phrase("export_title.parquet"), "parquet", ".parquet"),
     "fhir": Format(
-        "FHIR R4: figures and report for a record system",
+        phrase("export_title.fhir"),
         "fhir",
         ".json",
         media_type="application/fhir+json",
         report=True,
     ),
-    "redcap": Format("REDCap: figures and data dictionary", "redcap", ""),
-    "mcap-ros2": Format("ROS 2: joint states, transforms, fingertips", "mcap_ros2", ".mcap"),
+    "redcap": Format(phrase("export_title.redcap"), "redcap", ""),
+    "mcap-ros2": Format(phrase("export_title.ros2"), "mcap_ros2", ".mcap"),
     "jsonl": Format(
-        "JSON lines: a line a sample", "jsonl", ".jsonl", media_type="application/jsonl"
+        phrase("export_title.json_lines"), "jsonl", ".jsonl", media_type="application/jsonl"
     ),
 }
 

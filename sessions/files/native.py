@@ -15,6 +15,7 @@ from handscope.estimators.data.samples import Block, Event, join
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FINGERS, HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.files.recorder import FORMAT_VERSION
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.files.recording_file import Findings, read_messages
@@ -26,6 +27,13 @@ from handscope.sessions.wire.protocol_warnings import protocol_warnings
 
 SUFFIX = ".mcap"
 TOGETHER = 1000  # pieces of the wire taken at a time
+FINGER_WORDS = {
+    "thumb": phrase("finger.thumb"),
+    "index": phrase("finger.index"),
+    "middle": phrase("finger.middle"),
+    "ring": phrase("finger.ring"),
+    "little": phrase("finger.little"),
+}
 
 
 @dataclass
@@ -53,12 +61,9 @@ def read(path: Path) -> Contents:
         raise InputError("recording.foreign_metadata", name=path.name) from None
     version = contents.metadata.get("format_version", FORMAT_VERSION if contents.wire else None)
     if version is None:
-        what = (
-            "was cut before anything was recorded"
-            if contents.file.ours
-            else f"is no Handscope recording (they end in {SUFFIX})"
-        )
-        raise InputError("recording.cannot_open", name=path.name, what=what)
+        if contents.file.ours:
+            raise InputError("recording.cut_at_start", name=path.name)
+        raise InputError("recording.not_ours", name=path.name, suffix=SUFFIX)
     if not isinstance(version, int) or version > FORMAT_VERSION:
         raise InputError(
             "recording.newer_format",
@@ -192,23 +197,21 @@ def _exchanged_strips(metadata: Mapping[str, Any]) -> dict[str, str]:
 
 def _warnings(contents: Contents, assembler: Assembler) -> Iterator[str]:
     if not contents.file.finished:
-        yield f"the recording was not closed: it is whole up to its last flush, {contents.file.unread} bytes behind it could not be read"
+        yield phrase("recording.not_closed", bytes=contents.file.unread)
     if ended := contents.metadata.get("ended"):
         yield str(ended)
     if contents.file.damaged:
-        yield f"{contents.file.damaged} pieces of the recording are damaged and were left out"
+        yield phrase("recording.damaged_pieces", count=contents.file.damaged)
     yield from protocol_warnings(assembler)
     counts = contents.metadata.get("source_counts") or {}
     if strangers := counts.get("packets_of_strangers"):
-        yield f"{strangers} packets came from addresses that had not shaken hands and were left out"
+        yield phrase("recording.strange_packets", count=strangers)
     if unplaced := counts.get("samples_of_sensors_without_a_place"):
-        yield f"{unplaced} samples came from trackers that no map places and were left out"
+        yield phrase("recording.strange_trackers", count=unplaced)
     if assembler.replaced:
-        yield "another glove was plugged in during the recording: a calibration holds for the glove that it was made with"
+        yield phrase("recording.another_glove")
     for finger, on in assembler.exchanged.items():
-        yield f"the strip of the {finger} finger was worn on the {on} finger and is read as that".replace(
-            "thumb finger", "thumb"
-        )
+        yield phrase("recording.strip_exchanged", one=FINGER_WORDS[finger], other=FINGER_WORDS[on])
 
 
 def _source(metadata: Mapping[str, Any], identity: Identity | None) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.tables_io.writing import save_file
 
 MARK = "object-storage.json"
@@ -81,9 +82,7 @@ def require(storage: ObjectStorage) -> None:
         except (FileNotFoundError, ValueError, AttributeError):
             whose = None
     if whose != storage.folder:
-        raise UnreachableError(
-            f"the object storage {storage.url} is not the one that the recordings were put into; was it emptied?"
-        )
+        raise UnreachableError(phrase("storage.other_bucket", url=storage.url))
 
 
 def put(storage: ObjectStorage, name: str, path: Path) -> str:
@@ -144,7 +143,7 @@ def _reached(storage: ObjectStorage) -> Iterator[tuple[Any, str]]:
         ) from None
     except Exception as problem:  # each file system's library has errors of its own
         raise UnreachableError(
-            f"the object storage {storage.url} cannot be reached ({_words(problem)}); try again later"
+            phrase("storage.unreachable", url=storage.url, problem=_words(problem))
         ) from problem
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from handscope.estimators.data.samples import GYR, Block, Event
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENT
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 from handscope.sessions.files.recording import LoadedRecording
 
@@ -112,5 +113,5 @@ def _applied(event: Event) -> Event:
 def _sentence(correction: SensorCorrection) -> str:
     names = ", ".join(correction.sensors)
     if correction.names:
-        return f"the readings of {names} were exchanged, as a correction in the recording says"
-    return f"the rates of {names} were corrected, as a correction in the recording says"
+        return phrase("correction.exchanged", names=names)
+    return phrase("correction.rates", names=names)

@@ -18,6 +18,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.db.tables import ErasedFile, RecordingFile, Result
 from handscope.sessions.files import object_storage
 from handscope.sessions.files.native import file_checksum
@@ -114,9 +115,7 @@ def _move_file(store: Store, file: str, sha256: str | None) -> bool:
             )
             return False
         if object_storage.put(store.away, file, path) != (_sum_as_it_lies(path) or total):
-            raise UnreachableError(
-                f"the object storage {store.away.url} did not give back what was put there; it is tried again"
-            )
+            raise UnreachableError(phrase("storage.not_given_back", url=store.away.url))
         after = path.stat()
         if (before.st_mtime_ns, before.st_size) != (after.st_mtime_ns, after.st_size):
             return False

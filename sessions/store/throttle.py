@@ -13,6 +13,7 @@ from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.db.tables import Attempt, now
 
 WINDOW = timedelta(minutes=15)  # in which tries are counted
@@ -23,9 +24,7 @@ class ThrottledError(InputError):
     """Too many tries; `wait` s until the next one is taken."""
 
     def __init__(self, wait: float) -> None:
-        super().__init__(
-            f"too many logins failed for this account or from this address; wait {wait:.0f} seconds and try again"
-        )
+        super().__init__(phrase("login.throttled", wait=wait))
         self.wait = wait
 
 

@@ -13,6 +13,7 @@ from sqlalchemy import update
 from sqlalchemy.orm import Session
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import trunk_height
 from handscope.sessions.clinic.dates import SLACK
 from handscope.sessions.db.conflicts import ConflictError
@@ -70,7 +71,7 @@ def change(
     ).first()
     if claimed is None:
         db.rollback()
-        raise ConflictError("the session")
+        raise ConflictError(phrase("conflict.session"))
     db.refresh(session)
     for name in ("notes", "examiner", "conclusion"):
         if (text := getattr(written, name)) is not None:

@@ -11,6 +11,7 @@ from typing import Any
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.setup import ForceSetup, parse_setups, setup_to_table
+from handscope.estimators.messages.sentence import phrase
 
 FOLDER = "force_calibrations"  # in the data folder
 SETUP, SETUPS = (
@@ -51,7 +52,7 @@ def _read(path: Path) -> dict[str, Any]:
             for point, setup in parse_setups(json.loads(path.read_text("utf-8"))[SETUP]).items()
         }
     except (InputError, OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
-        reason = problem if isinstance(problem, InputError) else "it is no ForceSetup"
+        reason = problem if isinstance(problem, InputError) else phrase("force.no_force_setup")
         raise InputError(
             "table.force_calibration_unreadable", file=path.name, reason=str(reason)
         ) from None

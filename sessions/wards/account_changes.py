@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from sqlalchemy import update
 from sqlalchemy.orm import Session
 
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import accounts
 from handscope.sessions.db.conflicts import ConflictError
 from handscope.sessions.db.tables import Account
@@ -36,7 +37,7 @@ def change(db: Session, account: Account, version: int, to: AccountChange) -> No
     ).first()
     if claimed is None:
         db.rollback()
-        raise ConflictError(f"account {name!r}")
+        raise ConflictError(phrase("conflict.account", name=name))
     db.refresh(account)
     if to.wards is not None or to.heads is not None:
         wards.place(

@@ -15,6 +15,7 @@ from handscope.app.protocols import Protocol, offered
 from handscope.app.protocols.plans import Plan, built_in, content_of, plan_of
 from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.assessment_plans import stored
 from handscope.sessions.db.conflicts import require_seen
 from handscope.sessions.db.tables import AssessmentPlan
@@ -69,7 +70,7 @@ def store_plan(
     """Store a plan, or a new version of one; 409 where there is a newer one than was seen."""
     plan = plan_of({**new.content, "version": 1}, _tasks(parts.store.folder))
     before = _newest_version(db, plan.name)
-    require_seen("the protocol", before, new.seen)
+    require_seen(phrase("conflict.plan"), before, new.seen)
     row = stored.store(db, content_of(plan), before, requester.name)
     return _row(_plan(row), row, language)
 

@@ -25,6 +25,7 @@ from handscope.app.version import software_version
 from handscope.estimators.data.options import describe
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.methods import DEFAULT
 from handscope.sessions.clinic import audit, patients, repeatability, self_calibrations
 from handscope.sessions.clinic.self_calibrations import FoundCalibration
@@ -32,7 +33,7 @@ from handscope.sessions.db.tables import Patient, PatientSession, RecordingFile
 from handscope.sessions.store import records
 
 router = APIRouter(tags=["sessions"], dependencies=[requires_role(CLINICIAN)])
-UNDECIDED = "a self-calibration of this hand is kept; say what the session takes over of it (reuse), also where that is nothing"
+UNDECIDED = phrase("live.reuse_needed")
 
 
 class Decision(Incoming):

@@ -16,13 +16,14 @@ from handscope.app.auth.roles import ANYBODY, EVERY_ACCOUNT, address_of, require
 from handscope.app.state import Db, PartsDep
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import accounts, second_factors
 from handscope.sessions.db.tables import Account, now
 from handscope.sessions.store import logins
 from handscope.sessions.store.database import require_writable
 
 router = APIRouter(tags=["login"], dependencies=[requires_role(ANYBODY)])
-EXPIRED = "this login was begun too long ago; begin again with your password or code"
+EXPIRED = phrase("login.too_late")
 HEALTH_WAIT = 1.0  # s: a change of the server itself is over by then
 pages = APIRouter(include_in_schema=False, dependencies=[requires_role(ANYBODY)])
 

@@ -10,13 +10,14 @@ from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import EVERY_ACCOUNT, RequesterDep, address_of, requires_role
 from handscope.app.state import Db, PartsDep
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import accounts, second_factors
 from handscope.sessions.db.tables import Account
 from handscope.sessions.store import logins
 
 router = APIRouter(prefix="/me", tags=["accounts"], dependencies=[requires_role(*EVERY_ACCOUNT)])
-EXPIRED = "this passkey was begun too long ago; begin again"
-PASSWORD_FIRST = "set a password first: a second factor is what comes after it"
+EXPIRED = phrase("login.passkey_too_late")
+PASSWORD_FIRST = phrase("login.password_first")
 
 
 class Confirmed(Incoming):

@@ -13,9 +13,10 @@ from handscope.estimators.data.samples import COMPONENTS, UNITS, Block, Stream
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
-MISSING = 'LSL needs a package that is not installed; pip install "handscope[lsl]"'
+MISSING = phrase("live.lsl_missing")
 
 
 def is_installed() -> bool:

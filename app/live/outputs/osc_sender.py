@@ -16,10 +16,11 @@ from handscope.estimators.data.samples import Block
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
+from handscope.estimators.messages.sentence import phrase
 
 INTERVAL = 1 / 60  # s, least time between two poses
 PACKET = 1400  # bytes of a bundle at most, below the 1500 of an Ethernet frame
-MISSING = 'OSC needs a package that is not installed; pip install "handscope[osc]"'
+MISSING = phrase("live.osc_missing")
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 

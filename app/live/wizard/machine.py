@@ -33,6 +33,7 @@ from handscope.app.live.wizard.transition_table import STEPPING as STEPPING
 from handscope.app.live.wizard.transition_table import TRANSITIONS as TRANSITIONS
 from handscope.app.live.wizard.transition_table import Action as Action
 from handscope.app.live.wizard.transition_table import State as State
+from handscope.estimators.messages.sentence import phrase
 
 LATE = (
     0.3  # s after a calibration step until it is evaluated: the last strip's samples have arrived
@@ -75,7 +76,7 @@ def act(
 ) -> tuple[Wizard, Sequence[Effect]]:
     """Carry out a person's action; NotNowError where the state does not offer it."""
     if what not in wizard.allowed(status):
-        raise NotNowError(f"{what} is not possible now ({wizard.state})")
+        raise NotNowError(phrase("live.not_now", what=what, state=wizard.state))
     if score is not None:
         _require_score(wizard, what, score)
     if what in (Action.ONWARD, Action.CLOSE):
@@ -85,7 +86,11 @@ def act(
         if task not in {
             p.name for p in (wizard.steps_offered(status) if stepping else wizard.offered(status))
         }:
-            raise NotNowError(f"there is no {'step' if stepping else 'task'} {task!r} to choose")
+            raise NotNowError(
+                phrase("live.no_such_step", name=task)
+                if stepping
+                else phrase("live.no_such_task", name=task)
+            )
         wizard = replace(wizard, task=task)
     if what is Action.CALIBRATE:
         wizard = replace(wizard, task=wizard.steps_offered(status)[0].name)
@@ -98,7 +103,7 @@ def act(
     if what is Action.GROUP:
         if group not in wizard.groups(status):
             raise NotNowError(
-                f"there is no group of tasks {group!r}; groups are {', '.join(wizard.groups(status))}"
+                phrase("live.unknown_group", name=group, groups=", ".join(wizard.groups(status)))
             )
         wizard = replace(wizard, group=group)
     return _enter(wizard, what, status, reason, score)
@@ -231,12 +236,16 @@ def _require_score(wizard: Wizard, what: Action, score: float) -> None:
     """NotNowError for a score that the task does not ask for, or one outside its range."""
     asked = wizard.protocol.score if wizard.protocol else None
     if asked is None or what not in SCORED:
-        raise NotNowError(
-            "a score is given with a trial that is accepted, of a task that asks for one"
-        )
+        raise NotNowError(phrase("live.no_score_here"))
     if score not in range(asked.least, asked.most + 1):
         raise NotNowError(
-            f"the {asked.title} is {score:g}; it is a whole number from {asked.least} to {asked.most}"
+            phrase(
+                "live.score_out_of_range",
+                title=asked.title,
+                value=score,
+                least=asked.least,
+                most=asked.most,
+            )
         )
 
 

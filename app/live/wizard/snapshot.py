@@ -6,6 +6,7 @@ from handscope.app.live.wizard import machine as wz
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard
 from handscope.app.live.wizard.texts import STEP_OF, STEPS, title_and_sentence
 from handscope.app.protocols import Protocol
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.files import sensor_corrections
 
 
@@ -26,7 +27,7 @@ def wizard_snapshot(w: Wizard, status: StationStatus) -> dict[str, Any]:
     )
     steps = [p.name for p in w.steps_offered(status)] if w.state in wz.STEPPING else []
     if in_task and w.task in steps and status.is_recording:
-        title = f"Step {steps.index(w.task) + 1} of {len(steps)}: {title}"
+        title = phrase("wizard.step_of", k=steps.index(w.task) + 1, n=len(steps), title=title)
     return {
         "state": w.state,
         "step": STEP_OF.get(w.state, "tasks"),

@@ -3,39 +3,38 @@
 from handscope.app.live.wizard import machine as wz
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard
 from handscope.app.protocols import Protocol
+from handscope.estimators.messages.sentence import phrase
 
-SPOILT = ("This step cannot be used", "Repeat it, or leave it out and go on.")
+SPOILT = (phrase("wizard.spoilt_title"), phrase("wizard.spoilt"))
 STOPPED = (
-    "Nothing more is recorded",
-    "What was recorded and accepted until then is kept; the trial that ran is not. End the session.",
+    phrase("wizard.stopped_title"),
+    phrase("wizard.stopped"),
 )
 PASSIVE = (
-    "Initial pose, given by you",
-    "Lay the patient's hand as the blue hand shows: flat, fingers straight and together, thumb out sideways. Hold it on the table, then start.",
+    phrase("wizard.passive_title"),
+    phrase("wizard.passive"),
 )
-RESUMABLE = {
-    "anywhere": (
-        "Paused",
-        "Go on when the patient is ready: the trial goes on where it stopped, and the pause does not count.",
-    ),
-    "phase": (
-        "Paused",
-        "Go on when the patient is ready: “{word}” is done once more, and the pause does not count.",
-    ),
-    "repetition": (
-        "Paused",
-        "Go on when the patient is ready: movement {number} of {all} is done once more, and the pause does not count.",
-    ),
+BEND = {
+    "thumb": phrase("wizard.bend_thumb"),
+    "index": phrase("wizard.bend_index"),
+    "middle": phrase("wizard.bend_middle"),
+    "ring": phrase("wizard.bend_ring"),
+    "little": phrase("wizard.bend_little"),
 }
 CLOSING = (
-    "Initial pose again",
-    "Lay the hand flat once more as the blue hand shows. With this pose what the movements told comes into force.",
+    phrase("wizard.closing_title"),
+    phrase("wizard.closing"),
 )
 REPEATED = (
-    "The same pose once more",
-    "Lift the hand, move the fingers, and lay it flat again as before. The mean of the poses counts, and how they scatter.",
+    phrase("wizard.repeated_title"),
+    phrase("wizard.repeated"),
 )
-STEPS = (("connect", "Connect"), ("pose", "Initial pose"), ("tasks", "Tasks"), ("finish", "Finish"))
+STEPS = (
+    ("connect", phrase("wizard.step_connect")),
+    ("pose", phrase("wizard.pose_title")),
+    ("tasks", phrase("wizard.step_tasks")),
+    ("finish", phrase("wizard.step_finish")),
+)
 STEP_OF = {
     State.CONNECT: "connect",
     State.CHECK: "connect",
@@ -53,48 +52,48 @@ STEP_OF = {
     "pose",
 )
 WRIST_ALONE = (
-    "Put the glove on",
-    "Bend the wrist up and down: the hand must light up, then turn the forearm.",
+    phrase("wizard.connect_title"),
+    phrase("wizard.wrist_alone"),
 )
-ONE_FINGER = ("Put the glove on", "Bend the finger that wears the sensors: it must light up.")
+ONE_FINGER = (phrase("wizard.connect_title"), phrase("wizard.one_finger"))
 WORDS = {
     State.CONNECT: (
-        "Put the glove on",
-        "Bend one finger after the other: the finger that moves must light up.",
+        phrase("wizard.connect_title"),
+        phrase("wizard.connect"),
     ),
-    State.CHECKED: ("Sensors checked", "Every finger's own strip should have moved. Then go on."),
+    State.CHECKED: (phrase("wizard.checked_title"), phrase("wizard.checked")),
     State.POSE_READY: (
-        "Initial pose",
-        "Lay the hand flat, fingers straight and together, thumb stretched out sideways as the blue hand shows. Then start.",
+        phrase("wizard.pose_title"),
+        phrase("wizard.pose"),
     ),
-    State.POSE_HOLD: ("Hold still", "Keep the hand exactly like this until the bar is full."),
-    State.POSE_WORK: ("One moment", "The calibration is being computed."),
+    State.POSE_HOLD: (phrase("wizard.pose_hold_title"), phrase("wizard.pose_hold")),
+    State.POSE_WORK: (phrase("wizard.work_title"), phrase("wizard.pose_work")),
     State.POSE_REVIEW: (
-        "Does the hand look right?",
-        "The 3-D hand should lie as the patient's hand does. If not, do the pose again.",
+        phrase("wizard.pose_review_title"),
+        phrase("wizard.pose_review"),
     ),
-    State.TASKS: ("Choose a task", "Do the tasks in order, or only those you need."),
+    State.TASKS: (phrase("wizard.tasks_title"), phrase("wizard.tasks")),
     State.TASK_PAUSED: (
-        "Paused",
-        "This trial cannot go on after a pause: its rhythm and its length are what is measured. Start it again when the patient is ready, or keep what was done.",
+        phrase("wizard.paused_title"),
+        phrase("wizard.not_resumable"),
     ),
     State.TASK_REVIEW: (
-        "Keep this one?",
-        "Accept what was recorded, do it again, or skip the task with a reason.",
+        phrase("wizard.task_review_title"),
+        phrase("wizard.task_review"),
     ),
     State.STEP_REVIEW: (
-        "This step is good",
-        "Go on, or repeat it if the patient did something else.",
+        phrase("wizard.step_review_title"),
+        phrase("wizard.step_review"),
     ),
     State.FREE_WORK: (
-        "One moment",
-        "The hand is being calibrated from its movement; the hand may rest. This takes a minute or two.",
+        phrase("wizard.work_title"),
+        phrase("wizard.free_work"),
     ),
     State.FREE_REVIEW: (
-        "Use what was found?",
-        "Lengths and how the sensors sit serve this session, and are kept with the patient. After the glove was taken off only the lengths hold.",
+        phrase("wizard.free_review_title"),
+        phrase("wizard.free_review"),
     ),
-    State.FINISHED: ("Finished", "The recording is closed. The results are being computed."),
+    State.FINISHED: (phrase("wizard.finished_title"), phrase("wizard.finished")),
 }
 
 
@@ -107,11 +106,7 @@ def title_and_sentence(w: Wizard, status: StationStatus) -> tuple[str, str]:
     if w.state is State.CONNECT and status.flowing and (words := _small_glove(w, status)):
         return words
     if w.state is State.CHECK and (finger := w.asked(status)):
-        name = finger if finger == "thumb" else f"{finger} finger"
-        return (
-            f"Bend the {name}",
-            "Only this one, to and fro, then keep still. The page goes on by itself when a strip moves.",
-        )
+        return BEND[finger], phrase("wizard.bend_one")
     if w.state is State.POSE_READY and w.closing:
         return CLOSING
     if w.state is State.POSE_READY and w.repetition > 1:
@@ -131,8 +126,10 @@ def _small_glove(w: Wizard, status: StationStatus) -> tuple[str, str] | None:
 
 def _resumable(w: Wizard, p: Protocol) -> tuple[str, str]:
     """Title and sentence of a paused trial that can go on."""
-    title, words = RESUMABLE[p.resumes or "anywhere"]
-    phase = p.at(wz.resumed_at(w))
-    return title, words.format(
-        word=phase[0].say, number=phase[1], all=p.repetitions
-    ) if phase else words
+    title, phase = phrase("wizard.paused_title"), p.at(wz.resumed_at(w))
+    if phase and p.resumes == "phase":
+        return title, phrase("wizard.resume_phase", word=phase[0].say)
+    if phase and p.resumes == "repetition":
+        values = {"number": phase[1], "all": p.repetitions or phase[1]}
+        return title, phrase("wizard.resume_repetition", **values)
+    return title, phrase("wizard.resume_anywhere")

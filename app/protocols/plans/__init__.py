@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from handscope.app.protocols import STRICT, Count, Line, Protocol, Seconds, Word
+from handscope.app.protocols import STRICT, Count, Line, Protocol, Seconds, Word, with_code
 from handscope.estimators.errors import InputError
 
 LARGEST = 40  # tasks of a plan
@@ -55,8 +55,19 @@ _READER = TypeAdapter(Plan)
 def built_in() -> Mapping[str, Plan]:
     """The plans of this folder by name, by title."""
     inside = [e for e in files(__name__).iterdir() if e.name.endswith(".json")]
-    plans = [_READER.validate_json(entry.read_text("utf-8")) for entry in inside]
+    plans = [_with_codes(_READER.validate_json(entry.read_text("utf-8"))) for entry in inside]
     return {p.name: p for p in sorted(plans, key=lambda p: p.title)}
+
+
+def _with_codes(p: Plan) -> Plan:
+    sources = tuple(
+        with_code(f"plan_source.{p.name}_{k + 1}", source) for k, source in enumerate(p.sources)
+    )
+    title, note = (
+        with_code(f"plan_title.{p.name}", p.title),
+        with_code(f"plan_note.{p.name}", p.note),
+    )
+    return replace(p, title=title, note=note, sources=sources)
 
 
 def plan_of(content: Any, protocols: Mapping[str, Protocol] | None) -> Plan:

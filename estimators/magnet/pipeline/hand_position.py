@@ -37,7 +37,7 @@ REPORTED_SHARE = 0.001  # share of flagged samples
 REPORTED_LATENCY, REPORTED_LATENCY_SD = 0.01, 4.0
 MAX_TIME_DISTANCE = 0.1  # s to the nearest sample of the track
 ROWS = ("t", "place", "sd", "flags", "q_trunk", "q_trunk_sd", "signal", "latency", "latency_sd")
-UNKNOWN = "the hand's place is not told"
+UNKNOWN = phrase("magnet.place_not_told")
 
 
 @dataclass(frozen=True, kw_only=True)

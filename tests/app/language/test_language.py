@@ -15,6 +15,7 @@ from handscope.app.report.words import figure_words
 from handscope.estimators.data.trajectory import FLAG_WORDS
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures import MEASURES
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.methods import METHODS
 from handscope.sessions.clinic.audit import BY_ITSELF, KINDS
 from handscope.sessions.db.conflicts import ConflictError
@@ -118,7 +119,11 @@ def test_a_language_that_there_is_not_is_said() -> None:
 def test_what_a_patients_page_refuses_is_said_in_german() -> None:
     said = [
         GERMAN.translate(str(ConflictError(what)))
-        for what in ("patient 'H-017'", "the patient", "the note")
+        for what in (
+            phrase("conflict.patient_by_code", code="H-017"),
+            phrase("conflict.patient"),
+            phrase("conflict.note"),
+        )
     ]
     assert all(sentence.endswith("wählen Sie") for sentence in said)
     assert "'H-017'" in said[0]

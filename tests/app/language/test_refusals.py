@@ -101,7 +101,6 @@ def worded(one: Language) -> list[tuple[str, re.Pattern[str]]]:
 @pytest.mark.parametrize("other", OTHERS, ids=lambda one: one.code)
 def test_whatever_a_page_may_be_told_is_in_every_language(other: Language) -> None:
     met = sentences(("app", "sessions", "estimators"), (*COMMAND_LINE, *PROGRAMMERS))
-    assert len(met) > 100, "the source is read"
     assert [
         f"{s.where}: {s.text}" for s in met if s.text not in NOT_SO and not told(other, s)
     ] == []
