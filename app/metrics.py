@@ -8,6 +8,7 @@ from sqlalchemy.exc import DBAPIError
 
 from handscope.app.live.station import Station
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 from handscope.sessions.db.tables import AuditLine, Result
 from handscope.sessions.store.store import free_bytes
 
@@ -39,7 +40,7 @@ def serve(parts: "Parts", host: str, port: int) -> tuple[Any, Any]:
             "server.metrics_cannot_listen",
             host=host,
             port=port,
-            strerror=str(problem.strerror),
+            strerror=describe(problem),
         ) from None
     return server, thread
 

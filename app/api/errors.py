@@ -10,6 +10,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 
 from handscope.app.database_answers import NO_ROOM, answer_to_database, route_of
+from handscope.app.input_mistakes import describe_mistake
 from handscope.app.state import preferred
 from handscope.estimators.errors import InputError
 from handscope.estimators.messages.sentence import phrase
@@ -19,6 +20,11 @@ from handscope.sessions.db.full_disk import FULL, is_full
 from handscope.sessions.store.throttle import ThrottledError
 
 TOO_LARGE = phrase("server.number_too_large")
+BY_STATUS = {  # what Starlette answers by itself
+    400: phrase("server.body_unreadable"),
+    404: phrase("server.not_found"),
+    405: phrase("server.method_not_allowed"),
+}
 FORBIDDEN = {"wards.members_only", "wards.house_administrators"}
 log = logging.getLogger(__name__)
 
@@ -63,7 +69,9 @@ def install(app: FastAPI) -> None:
         where = ".".join(
             str(part) for part in first["loc"] if part not in ("body", "query", "path")
         )
-        sentence = phrase("server.not_understood", where=where or "request", what=first["msg"])
+        sentence = phrase(
+            "server.not_understood", where=where or "request", what=describe_mistake(first)
+        )
         return JSONResponse({"error": preferred(request).translate(sentence)}, 422)
 
     @app.exception_handler(HTTPException)
@@ -71,7 +79,7 @@ def install(app: FastAPI) -> None:
         if is_full(error.__cause__):  # during an upload
             return JSONResponse({"error": preferred(request).translate(FULL)}, NO_ROOM)
         return JSONResponse(
-            {"error": preferred(request).translate(str(error.detail))},
+            {"error": preferred(request).translate(BY_STATUS.get(error.status_code, error.detail))},
             error.status_code,
             headers=error.headers,
         )

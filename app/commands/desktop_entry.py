@@ -13,6 +13,7 @@ from pathlib import Path
 
 from handscope.app.commands.words import default_data, say
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 
 ENTRY = """[Desktop Entry]
 Type=Application
@@ -59,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
         entry.write_text(ENTRY.format(words=" ".join(map(quote, words))), "utf-8")
     except OSError as problem:
         raise InputError(
-            "command.desktop_entry", folder=arguments.out, problem=problem.strerror or str(problem)
+            "command.desktop_entry", folder=arguments.out, problem=describe(problem)
         ) from None
     say(f"{entry}: opens Handscope on {arguments.data}; close its terminal to stop the server")
     return 0

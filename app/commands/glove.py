@@ -25,6 +25,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.force.setup import ForceSetup, parse_setups
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, HANDS, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import sized
+from handscope.estimators.messages.system import describe
 from handscope.estimators.sensors import saturation
 from handscope.estimators.simulation.movements import task_performance
 from handscope.estimators.simulation.sensors import SensorErrors
@@ -274,9 +275,7 @@ def _forces(path: Path, wearer: Wearer) -> dict[str, ForceSetup]:
         table = json.loads(path.read_text("utf-8"))["ForceSetup"]
         forces = parse_setups(table)
     except OSError as problem:
-        raise InputError(
-            "file.cannot_read", name=str(path), problem=str(problem.strerror)
-        ) from problem
+        raise InputError("file.cannot_read", name=str(path), problem=describe(problem)) from problem
     except (ValueError, KeyError, TypeError, AttributeError) as problem:
         raise InputError("command.no_force_setup", name=path.name) from problem
     require_fitting(forces, wearer.streams)

@@ -13,6 +13,7 @@ from handscope.app.photograph.pictures import LARGEST, Photograph, open_photogra
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
 from handscope.estimators.hand.geometry import measures_from, sized
+from handscope.estimators.messages.system import describe
 from handscope.estimators.photograph.hand_figures import Figures
 from handscope.estimators.photograph.use import geometry_entries, pose_details
 from handscope.sessions.tables_io.writing import save_file
@@ -70,7 +71,7 @@ def _open(arguments: argparse.Namespace) -> Photograph:
         data = arguments.picture.read_bytes()
     except OSError as problem:
         raise InputError(
-            "photograph.file_unreadable", name=str(arguments.picture), problem=str(problem.strerror)
+            "photograph.file_unreadable", name=str(arguments.picture), problem=describe(problem)
         ) from None
     ruler = None if arguments.ruler is None else 1e-3 * arguments.ruler
     return open_photograph(data, arguments.hand, ruler)

@@ -22,6 +22,7 @@ from handscope.app.private_log import begin_logging
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 from handscope.sessions.clinic.accounts import ROLES
 from handscope.sessions.clinic.second_factors import MISSING
 from handscope.sessions.store.folder_lock import hold_folder
@@ -353,7 +354,7 @@ def _listen(host: str, port: int) -> socket.socket:
     except OSError as problem:
         listener.close()
         raise InputError(
-            "command.cannot_listen", host=host, port=port, strerror=str(problem.strerror)
+            "command.cannot_listen", host=host, port=port, strerror=describe(problem)
         ) from None
     listener.listen(128)
     listener.set_inheritable(True)

@@ -11,6 +11,7 @@ from typing import Any
 from tqdm import tqdm
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 
 FOLDER = "handscope-data"  # in the user's home
 
@@ -94,7 +95,7 @@ def output_folder(path: Path) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise InputError(
-            "command.folder_cannot_be_made", path=str(path), strerror=str(problem.strerror)
+            "command.folder_cannot_be_made", path=str(path), strerror=describe(problem)
         ) from None
     return path
 

@@ -21,6 +21,7 @@ from handscope.app.devices.ports import is_network, is_relay, open_port
 from handscope.app.devices.sources.addresses import is_source
 from handscope.estimators.data.events import Event
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 from handscope.sessions.files.recorder import Recorder
 
 FORWARD = 4096  # chunks that wait for a slow server, about 16 MB; then the oldest go
@@ -90,7 +91,7 @@ class Acquisition:
                 for item in items:
                     self._keep(*item)
         except OSError as problem:
-            self._say_failed(problem.strerror or str(problem))
+            self._say_failed(describe(problem))
         for what, value, at in items:
             if what == "wire":
                 self._pass_on(Kind.CHUNK, at, value)
@@ -108,7 +109,7 @@ class Acquisition:
             elif what == "metadata":
                 self._recorder.metadata(value, at)
         except (OSError, ValueError) as problem:
-            self._say_failed(getattr(problem, "strerror", None) or str(problem))
+            self._say_failed(describe(problem))
 
     def _keep_wire(self, value: bytes, at: float) -> None:
         """Of a relay nothing behind a message that failed: the browser still has it and sends it later."""
@@ -127,7 +128,7 @@ class Acquisition:
             try:
                 self._recorder.sync()
             except OSError as problem:
-                self._say_failed(problem.strerror or str(problem))
+                self._say_failed(describe(problem))
             else:
                 self._say_kept()
 
@@ -272,7 +273,7 @@ def main() -> int:
             stored=order.get("stored", False),
         )
     except (OSError, InputError) as problem:
-        reason = getattr(problem, "strerror", None) or str(problem)
+        reason = describe(problem)
         write_frame(
             out,
             Kind.STATE,

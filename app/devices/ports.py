@@ -19,6 +19,7 @@ from handscope.app.devices.sources.addresses import (
 )
 from handscope.estimators.errors import InputError
 from handscope.estimators.messages.sentence import phrase
+from handscope.estimators.messages.system import describe
 
 if TYPE_CHECKING:
     from handscope.app.devices.sources.translated import TranslatedPort
@@ -125,9 +126,7 @@ def _open_address(url: str) -> serialx.BaseSerial:
     except socket.gaierror:
         raise InputError("device.host_unknown", url=url) from None
     except OSError as problem:
-        raise InputError(
-            "device.address_cannot_open", url=url, what=str(problem.strerror or problem)
-        ) from None
+        raise InputError("device.address_cannot_open", url=url, what=describe(problem)) from None
     return port
 
 
@@ -143,7 +142,5 @@ def _open_serial(path: str) -> serialx.BaseSerial:
     except OSError as problem:
         if problem.errno in (errno.EBUSY, errno.EACCES):
             raise InputError("device.port_in_use", port=path) from None
-        raise InputError(
-            "device.port_cannot_open", port=path, what=str(problem.strerror or problem)
-        ) from None
+        raise InputError("device.port_cannot_open", port=path, what=describe(problem)) from None
     return port

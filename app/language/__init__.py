@@ -4,7 +4,6 @@ pages      the pages' own words by key, served to the browser as a module (app/a
 counts     of pages and words have a key a plural form of the CLDR: sessions.one, sessions.few, sessions.other; English has one and other
 words      what the server writes into pages and reports, by key. In both, {names} are filled in, and a key that a language lacks is said in English
 messages   errors and warnings by their code, with numbers' formats in the text ({seconds:.1f}) and plural forms ({"one": ..., "other": ...}); the English ones are in estimators/messages/en.json
-sentences  written elsewhere in English (reasons, warnings, titles of tasks), by their original; {names} stand for what differs
 locale     numbers, dates and lists after the Unicode CLDR (Babel)
 """
 
@@ -31,7 +30,7 @@ from handscope.estimators.messages.sentence import BETWEEN, PLAIN, Sentence
 DEFAULT = "en"
 NAME = re.compile(r"\{(\w+)\}")
 CODE = re.compile(r"[a-z]{2,3}")
-PARTS = ("pages", "words", "sentences")
+PARTS = ("pages", "words")
 PLURALS = {"zero", "one", "two", "few", "many", "other"}  # of the Unicode CLDR
 SEGMENT = re.compile(rf"\b({'|'.join(sorted(SEGMENTS, key=len, reverse=True))})\b(?!_)")
 NUMBER = re.compile(r"(?<![\w.])\d+\.\d+(?![\w.])")
@@ -48,7 +47,9 @@ class Language:
     pages: Mapping[str, str]
     words: Mapping[str, str]
     messages: Mapping[str, Text]  # by code
-    sentences: Mapping[str, str]  # by their English original
+    originals: Mapping[
+        str, str
+    ]  # the messages by their English text, for what was stored without codes
 
     def render(self, message: Message) -> str:
         """A message in this language; KeyError where its code has no text or a value is missing.
@@ -112,7 +113,7 @@ class Language:
         """What was written in English elsewhere, by its codes; a text without codes in this language where it is known, else as it is, segments by their names."""
         if isinstance(sentence, Sentence):
             return BETWEEN.join(map(self.render, sentence.messages))
-        if (known := self.words.get(f"value.{sentence}", self.sentences.get(sentence))) is not None:
+        if (known := self.words.get(f"value.{sentence}", self.originals.get(sentence))) is not None:
             return known
         if len(sentence) <= MOST_SENTENCES:
             if len(parts := sentence.split("; ")) > 1 and all(self._knows(part) for part in parts):
@@ -123,7 +124,7 @@ class Language:
                         text,
                         {name: self.translate(value) for name, value in found.groupdict().items()},
                     )
-        if self.sentences and "; " in sentence:  # several of them together
+        if self.originals and "; " in sentence:  # several of them together
             return "; ".join(self.translate(part) for part in sentence.split("; "))
         return self._localised(sentence)
 
@@ -156,7 +157,7 @@ class Language:
 
     def _knows(self, sentence: str) -> bool:
         """Whether it is a sentence by itself; a frame without words, such as "{sensor}: {sentence}", would take in the next one, too."""
-        return sentence in self.sentences or any(
+        return sentence in self.originals or any(
             pattern.fullmatch(sentence) for pattern in self._worded
         )
 
@@ -165,7 +166,7 @@ class Language:
         """Sentences with gaps and words of their own."""
         return [
             re.compile(_to_pattern(s), re.DOTALL)
-            for s in self.sentences
+            for s in self.originals
             if NAME.search(s) and re.search("[a-z]{2}", NAME.sub("", s))
         ]
 
@@ -173,9 +174,9 @@ class Language:
     def _patterns(self) -> list[tuple[re.Pattern[str], str]]:
         """Sentences with gaps, those with most words of their own first."""
         gapped = sorted(
-            (s for s in self.sentences if NAME.search(s)), key=lambda s: -len(NAME.sub("", s))
+            (s for s in self.originals if NAME.search(s)), key=lambda s: -len(NAME.sub("", s))
         )
-        return [(re.compile(_to_pattern(s), re.DOTALL), self.sentences[s]) for s in gapped]
+        return [(re.compile(_to_pattern(s), re.DOTALL), self.originals[s]) for s in gapped]
 
 
 @lru_cache(2000)
@@ -247,7 +248,7 @@ def _read(code: str, text: str, english: Language | None) -> Language:
         {**pages, **content["pages"]},
         {**words, **content["words"]},
         {**english_texts(), **messages},
-        {**_by_original(messages), **content["sentences"]},
+        _by_original(messages),
     )
 
 

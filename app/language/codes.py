@@ -7,8 +7,8 @@ from handscope.estimators.messages import Text, english_texts
 HEAD = """# Message codes
 
 The API answers a mistake with `code` and `values` beside its sentence where the message has a code. Codes are stable: the words may be improved,
-a code keeps its meaning. `{name}` is a value, `{size:.1f}` one with one decimal. Mistakes and reasons of figures have codes, which results store beside
-the text; some warnings and fixed sentences are English texts so far, without a code. Made by `python -m handscope.app.language.codes`, never edited.
+a code keeps its meaning. `{name}` is a value, `{size:.1f}` one with one decimal. Mistakes, warnings, findings, reasons of figures and the texts of tasks
+have codes, which results store beside the text. Made by `python -m handscope.app.language.codes`, never edited.
 
 | code | English |
 |---|---|

@@ -22,6 +22,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, DOF_NAMES, FINGERS
 from handscope.estimators.messages import english_texts
 from handscope.estimators.messages.sentence import phrase
+from handscope.estimators.messages.system import describe
 
 Word = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$", max_length=60)]
 Line = Annotated[str, Field(min_length=1, max_length=300)]
@@ -185,7 +186,7 @@ def offered(data: Path) -> tuple[dict[str, Protocol], list[str]]:
         read(),
     )
     taken = [
-        f"protocol {name}.json: name is {name!r}, as a task of Handscope has it; choose another"
+        phrase("protocol.name_taken", file=f"{name}.json", name=name)
         for name in own
         if name in known
     ]
@@ -261,7 +262,11 @@ def with_code(code: str, text: str) -> str:
 
 def _fault(file: str, text: str, sentence: str) -> InputError:
     line = line_of(text, sentence)
-    return InputError(f"protocol {file}{f', line {line}' if line else ''}: {sentence}")
+    return InputError(
+        phrase("protocol.at_line", file=file, line=line, what=sentence)
+        if line
+        else phrase("protocol.in_file", file=file, what=sentence)
+    )
 
 
 def _loaded(entry: Traversable) -> Protocol:
@@ -269,7 +274,7 @@ def _loaded(entry: Traversable) -> Protocol:
         text = entry.read_text("utf-8")
     except OSError as problem:
         raise InputError(
-            "protocol.unreadable", file=entry.name, problem=str(problem.strerror)
+            "protocol.unreadable", file=entry.name, problem=describe(problem)
         ) from None
     except UnicodeDecodeError:
         raise InputError("protocol.not_utf8", file=entry.name) from None
@@ -279,27 +284,29 @@ def _loaded(entry: Traversable) -> Protocol:
 def _mistakes(file: str, p: Protocol) -> Iterable[str]:
     """What a field's own kind does not tell, in the order of the fields."""
     if f"{p.name}.json" != file:
-        yield f"name is {p.name!r}; it is the file's name without .json"
+        yield phrase("protocol.name_not_the_files", name=p.name)
     if p.cycle and p.duration is not None:
-        yield "duration and cycle are both given; a paced task lasts repetitions times its cycle, so leave duration out"
+        yield phrase("protocol.duration_and_cycle")
     if p.cycle and p.repetitions is None:
-        yield "repetitions is missing; a task with a cycle needs a number of them, 1 to 100"
+        yield phrase("protocol.repetitions_missing")
     if p.resumes in ("phase", "repetition") and not p.cycle:
-        yield f"resumes is {p.resumes!r}; a task without a cycle goes on anywhere, or not at all"
+        yield phrase("protocol.resumes_without_cycle", value=p.resumes)
     if p.pause and p.trials == 1:
-        yield "pause is given, but there is one trial only; give trials, or leave pause out"
+        yield phrase("protocol.pause_of_one_trial")
     if p.curve not in CURVES:
-        yield f"curve is {p.curve!r}; it is aperture, palm_turn or a joint angle such as index_pip_flexion"
+        yield phrase("protocol.unknown_curve", value=p.curve)
     for key, name in (*(("needs", n) for n in p.needs), *(("needs_any", n) for n in p.needs_any)):
         if name not in TRACKED_POINTS:
-            yield f"{key} names {name!r}, which is no segment and no sensor's place; they are {', '.join(TRACKED_POINTS)}"
+            yield phrase(
+                "protocol.unknown_place", key=key, name=name, points=", ".join(TRACKED_POINTS)
+            )
     if p.needs_count > max(1, len(p.needs_any)):
-        yield f"needs_count is {p.needs_count}, but needs_any names {len(p.needs_any)}"
+        yield phrase("protocol.needs_count", count=p.needs_count, number=len(p.needs_any))
     for k, name in ((k, name) for k, posture in enumerate(p.ghost) for name in posture):
         if name not in (*DOF_NAMES, TURN):
-            yield f"ghost[{k}] names {name!r}, which is no joint angle such as index_pip_flexion"
+            yield phrase("protocol.unknown_ghost_angle", number=k, name=name)
     if p.score and p.score.least >= p.score.most:
-        yield f"score.most is {p.score.most}; it is more than score.least, which is {p.score.least}"
+        yield phrase("protocol.score_range", most=p.score.most, least=p.score.least)
 
 
 def _sentence(errors: Sequence[ErrorDetails]) -> str:
@@ -318,17 +325,29 @@ def _sentence(errors: Sequence[ErrorDetails]) -> str:
     words = error["msg"].replace("Input should", "it should")
     match error["type"]:
         case "json_invalid":
-            return f"is not valid JSON ({error['msg'].removeprefix('Invalid JSON: ')})"
+            return phrase("protocol.not_json", what=error["msg"].removeprefix("Invalid JSON: "))
         case "missing" | "missing_argument":
-            return f"{where} is missing{_and_more(more)}"
+            return _and_more(phrase("protocol.field_missing", field=where), more)
         case kind if kind in UNKNOWN:
-            return f"{where} is no field; fields are {', '.join(allowed)}{_and_more(more)}"
-        case "string_pattern_mismatch":
-            words = "it should be small letters, digits and _, beginning with a letter"
+            names = ", ".join(allowed)
+            return _and_more(phrase("protocol.unknown_field", field=where, fields=names), more)
+            words = phrase("protocol.name_form")
     if not where:
-        return f"the file should hold one object with the fields {', '.join(allowed)}"
-    return f"{where} is {error['input']!r}; {words[0].lower()}{words[1:]}{_and_more(more)}"
+        return phrase("protocol.not_an_object", fields=", ".join(allowed))
+    return _and_more(_wrong_value(where, error, f"{words[0].lower()}{words[1:]}"), more)
 
 
-def _and_more(more: int) -> str:
-    return f" (and {more} more)" if more else ""
+def _wrong_value(where: str, error: ErrorDetails, words: str) -> str:
+    value, limits = repr(error["input"]), error.get("ctx") or {}
+    match error["type"]:
+        case "greater_than":
+            return phrase("protocol.greater", field=where, value=value, least=f"{limits['gt']:g}")
+        case "greater_than_equal":
+            return phrase("protocol.at_least", field=where, value=value, least=f"{limits['ge']:g}")
+        case "string_pattern_mismatch":
+            words = phrase("protocol.name_form")
+    return phrase("protocol.value", field=where, value=value, what=words)
+
+
+def _and_more(sentence: str, more: int) -> str:
+    return phrase("protocol.more_mistakes", what=sentence, count=more) if more else sentence

@@ -25,6 +25,7 @@ from sqlalchemy import event
 from sqlalchemy.orm import Session, sessionmaker
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 
 log = logging.getLogger(__name__)
 PRIORITY = 13 * 8 + 5  # facility log audit, severity notice
@@ -80,9 +81,7 @@ def read_heads(file: Path) -> Iterator[tuple[int, str]]:
                 row = json.loads(line)
                 yield int(row["id"]), str(row["hash"])
     except OSError as problem:
-        raise InputError(
-            "file.cannot_read", name=str(file), problem=str(problem.strerror)
-        ) from None
+        raise InputError("file.cannot_read", name=str(file), problem=describe(problem)) from None
     except (ValueError, KeyError, TypeError):
         raise InputError("clinic.not_an_audit_copy", file=str(file)) from None
 
@@ -93,9 +92,7 @@ def read_head(file: Path) -> tuple[int, str]:
         number, _, digest = file.read_text("utf-8").strip().partition(":")
         return int(number), digest
     except OSError as problem:
-        raise InputError(
-            "file.cannot_read", name=str(file), problem=str(problem.strerror)
-        ) from None
+        raise InputError("file.cannot_read", name=str(file), problem=describe(problem)) from None
     except ValueError:
         raise InputError("clinic.not_an_audit_head", file=str(file)) from None
 

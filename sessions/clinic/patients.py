@@ -124,13 +124,10 @@ def _check(patient: Patient) -> None:
     patient.pseudonym = " ".join((patient.pseudonym or "").split())
     if not 1 <= len(patient.pseudonym) <= LONGEST_PSEUDONYM:
         raise InputError("clinic.pseudonym_length", longest_pseudonym=LONGEST_PSEUDONYM)
-    for what in ("dominant_hand", "affected_hand"):
-        if getattr(patient, what) not in (
-            None,
-            *HANDS,
-            *(("both",) if what == "affected_hand" else ()),
-        ):
-            raise InputError("clinic.hand_side", what=what.replace("_", " "))
+    if patient.dominant_hand not in (None, *HANDS):
+        raise InputError("clinic.hand_side", what=phrase("clinic.dominant_hand"))
+    if patient.affected_hand not in (None, *HANDS, "both"):
+        raise InputError("clinic.hand_side", what=phrase("clinic.affected_hand"))
     if patient.year_of_birth is not None and not YEARS[0] <= patient.year_of_birth <= YEARS[1]:
         raise InputError(
             "clinic.birth_year_outside", year=patient.year_of_birth, first=YEARS[0], last=YEARS[1]

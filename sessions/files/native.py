@@ -16,6 +16,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FINGERS, HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
 from handscope.estimators.messages.sentence import phrase
+from handscope.estimators.messages.system import describe
 from handscope.sessions.files.recorder import FORMAT_VERSION
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.files.recording_file import Findings, read_messages
@@ -54,9 +55,7 @@ def read(path: Path) -> Contents:
             for topic, message in read_messages(file, contents.file):
                 store_message(contents, topic, message)
     except OSError as problem:
-        raise InputError(
-            "file.cannot_read", name=str(path), problem=str(problem.strerror)
-        ) from None
+        raise InputError("file.cannot_read", name=str(path), problem=describe(problem)) from None
     except (ValueError, TypeError, KeyError):
         raise InputError("recording.foreign_metadata", name=path.name) from None
     version = contents.metadata.get("format_version", FORMAT_VERSION if contents.wire else None)

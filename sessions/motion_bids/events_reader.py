@@ -10,6 +10,7 @@ from handscope.estimators.data.samples import (
     Event,
 )
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 from handscope.sessions.motion_bids.files import Files, whole
 from handscope.sessions.motion_bids.tables import MISSING, rows
 
@@ -19,9 +20,7 @@ def read_events(path: Path) -> tuple[Event, ...]:
     try:
         data = path.read_bytes()
     except OSError as problem:
-        raise InputError(
-            "file.cannot_read", name=str(path), problem=str(problem.strerror)
-        ) from None
+        raise InputError("file.cannot_read", name=str(path), problem=describe(problem)) from None
     return parse_events(data, path.name)
 
 

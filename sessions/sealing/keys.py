@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 
 VARIABLE = "HANDSCOPE_DATA_KEY"
 SEALED_MARK = "sealed"  # a file in a data folder that was opened with a key
@@ -60,7 +61,7 @@ def write_new_key(file: Path, text: str) -> None:
         raise InputError("sealed.key_exists", file=str(file)) from None
     except OSError as problem:
         raise InputError(
-            "table.file_not_writable", file=str(file), problem=str(problem.strerror)
+            "table.file_not_writable", file=str(file), problem=describe(problem)
         ) from None
     with os.fdopen(handle, "w") as out:
         out.write(text)
@@ -74,7 +75,7 @@ def read_key(file: Path) -> DataKey:
         secret = base64.b64decode(text.removeprefix(FORM), validate=True)
     except OSError as problem:
         raise InputError(
-            "sealed.key_unreadable", file=str(file), strerror=str(problem.strerror)
+            "sealed.key_unreadable", file=str(file), strerror=describe(problem)
         ) from None
     except ValueError:
         raise InputError("sealing.not_a_key", file=str(file)) from None

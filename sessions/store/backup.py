@@ -25,6 +25,7 @@ from sqlalchemy import Connection, Engine, create_engine, text
 from sqlalchemy.exc import DBAPIError
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 from handscope.sessions.clinic import audit
 from handscope.sessions.db.tables import now
 from handscope.sessions.files import object_storage
@@ -121,7 +122,7 @@ def write(
         raise InputError("backup.erased_meanwhile")
     except OSError as problem:
         raise InputError(
-            "backup.cannot_write_backup", target=str(target), strerror=str(problem.strerror)
+            "backup.cannot_write_backup", target=str(target), strerror=describe(problem)
         ) from None
     except DBAPIError as problem:
         full = (
@@ -178,7 +179,7 @@ def restore(
                     folder.rmdir()
             if isinstance(problem, OSError):
                 raise InputError(
-                    "backup.cannot_write_folder", folder=str(folder), strerror=str(problem.strerror)
+                    "backup.cannot_write_folder", folder=str(folder), strerror=describe(problem)
                 ) from None
             if isinstance(problem, DBAPIError):
                 raise InputError(
@@ -345,7 +346,7 @@ def _open(source: Path) -> Iterator[zipfile.ZipFile]:
         raise InputError("backup.damaged", source=str(source), problem=str(problem)) from None
     except OSError as problem:  # also where a damaged directory points before the file's beginning
         raise InputError(
-            "backup.cannot_read", source=str(source), strerror=str(problem.strerror)
+            "backup.cannot_read", source=str(source), strerror=describe(problem)
         ) from None
 
 

@@ -18,6 +18,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 
 
 def _system_module(name: str) -> Any:
@@ -46,7 +47,7 @@ def hold_folder(folder: Path, url: str | None = None) -> Iterator[None]:
         file = os.open(folder / FILE, os.O_RDWR | os.O_CREAT, 0o600)
     except OSError as problem:
         raise InputError(
-            "store.data_folder_cannot_make", folder=str(folder), problem=str(problem.strerror)
+            "store.data_folder_cannot_make", folder=str(folder), problem=describe(problem)
         ) from None
     try:
         if not _lock(file):

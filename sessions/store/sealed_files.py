@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 from handscope.sessions.sealing.keys import write_new_key
 from handscope.sessions.sealing.stored import create_stored, open_stored
 
@@ -103,7 +104,7 @@ def _read_keys(file: Path) -> list[Any]:
         return [pyrage.x25519.Identity.from_str(line) for line in found]
     except OSError as problem:
         raise InputError(
-            "sealed.key_unreadable", file=str(file), strerror=str(problem.strerror)
+            "sealed.key_unreadable", file=str(file), strerror=describe(problem)
         ) from None
     except (UnicodeDecodeError, pyrage.IdentityError):
         raise InputError("sealed.not_a_key", file=str(file)) from None

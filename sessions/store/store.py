@@ -11,6 +11,7 @@ from sqlalchemy import select, text
 from sqlalchemy.orm import Session, sessionmaker
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 from handscope.sessions.clinic import notes, repeatability
 from handscope.sessions.db.tables import ErasedFile
 from handscope.sessions.files import object_storage
@@ -96,7 +97,7 @@ def open_store(folder: Path, url: str | None = None, recordings: str | None = No
             place.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise InputError(
-            "store.data_folder_cannot_make", folder=str(folder), problem=str(problem.strerror)
+            "store.data_folder_cannot_make", folder=str(folder), problem=describe(problem)
         ) from None
     if (folder / RESTORING).exists():
         raise InputError("store.restore_unfinished", folder=str(folder))
@@ -125,7 +126,7 @@ def _require_writable(folder: Path) -> None:
         with contextlib.suppress(OSError):
             probe.unlink(missing_ok=True)
         raise InputError(
-            "store.data_folder_not_writable", folder=str(folder), problem=str(problem.strerror)
+            "store.data_folder_not_writable", folder=str(folder), problem=describe(problem)
         ) from None
 
 

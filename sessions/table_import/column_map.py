@@ -16,6 +16,7 @@ from handscope.estimators.data.samples import ACC, COMPONENTS, GYR, MAG, ORIENTA
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from
+from handscope.estimators.messages.system import describe
 from handscope.estimators.numerics.constants import GRAVITY
 
 Column = str | int
@@ -71,9 +72,7 @@ def read_map(path: Path, of_stream: bool = False) -> ColumnMap:
     try:
         value = json.loads(path.read_text("utf-8"))
     except OSError as problem:
-        raise InputError(
-            "file.cannot_read", name=str(path), problem=str(problem.strerror)
-        ) from None
+        raise InputError("file.cannot_read", name=str(path), problem=describe(problem)) from None
     except ValueError as problem:
         raise InputError("import.not_json", name=path.name, problem=str(problem)) from None
     return parse_map(value, path.name, of_stream)

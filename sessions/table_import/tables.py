@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 from handscope.sessions.table_import.column_map import TableLayout
 from handscope.sessions.table_import.number_columns import NumberColumns, text_lines
 
@@ -25,9 +26,7 @@ def read_table(path: Path, layout: TableLayout) -> NumberColumns:
     try:
         size = path.stat().st_size
     except OSError as problem:
-        raise InputError(
-            "file.cannot_read", name=str(path), problem=str(problem.strerror)
-        ) from None
+        raise InputError("file.cannot_read", name=str(path), problem=describe(problem)) from None
     if size > MOST_BYTES:
         raise InputError("import.too_large", name=path.name, size=size / 2**30)
     return READERS.get(path.suffix.lower(), _read_text)(path, layout)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 from handscope.estimators.numerics.typing import Array
 
 PLACE_SD = 5e-4  # m, error of a position, if not declared: between a board's drawing and a ruler
@@ -74,9 +75,7 @@ def read_description(path: Path) -> ArrayDescription:
         parsed = json.loads(path.read_text("utf-8"))
         return _parse(parsed)
     except OSError as problem:
-        raise InputError(
-            "file.cannot_read", name=str(path), problem=str(problem.strerror)
-        ) from problem
+        raise InputError("file.cannot_read", name=str(path), problem=describe(problem)) from problem
     except (ValueError, KeyError, TypeError, AttributeError) as problem:
         raise InputError(
             "array.not_a_description", name=path.name, example=EXAMPLE, problem=str(problem)

@@ -9,6 +9,7 @@ import numpy as np
 from handscope.estimators.data.calibration import PriorCalibration
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS, SEGMENTS
+from handscope.estimators.messages.system import describe
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
@@ -22,9 +23,7 @@ def read(path: Path) -> PriorCalibration:
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
     except OSError as problem:
-        raise InputError(
-            "file.cannot_read", name=str(path), problem=str(problem.strerror)
-        ) from None
+        raise InputError("file.cannot_read", name=str(path), problem=describe(problem)) from None
     except ValueError:
         raise InputError("calibration_file.not_json", path=str(path)) from None
     try:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 from handscope.sessions.tables_io.number_table import Data, pieces
 
 
@@ -16,7 +17,7 @@ def save_folder(files: Mapping[str, Data], folder: Path) -> None:
         staging = Path(tempfile.mkdtemp(prefix=".handscope-", dir=folder))
     except OSError as problem:
         raise InputError(
-            "table.folder_not_writable", folder=str(folder), problem=str(problem.strerror)
+            "table.folder_not_writable", folder=str(folder), problem=describe(problem)
         ) from None
     try:
         for name, data in files.items():
@@ -26,7 +27,7 @@ def save_folder(files: Mapping[str, Data], folder: Path) -> None:
         _exchange(staging, folder, list(files))
     except OSError as problem:
         raise InputError(
-            "table.nothing_kept", folder=str(folder), problem=str(problem.strerror)
+            "table.nothing_kept", folder=str(folder), problem=describe(problem)
         ) from None
     finally:
         shutil.rmtree(staging, ignore_errors=True)
@@ -60,7 +61,7 @@ def save_file(data: bytes, path: Path) -> None:
         os.replace(partial, path)
     except OSError as problem:
         raise InputError(
-            "table.file_not_writable", file=str(path), problem=str(problem.strerror)
+            "table.file_not_writable", file=str(path), problem=describe(problem)
         ) from None
     finally:
         partial.unlink(missing_ok=True)

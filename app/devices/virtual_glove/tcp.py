@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 
 IDLE_WAIT = 0.05  # s that a host is waited for before the clock is looked at again
 
@@ -16,7 +17,7 @@ def listen(host: str, port: int) -> socket.socket:
         return socket.create_server((host, port))
     except OSError as problem:
         raise InputError(
-            "device.cannot_listen", host=host, port=port, strerror=str(problem.strerror)
+            "device.cannot_listen", host=host, port=port, strerror=describe(problem)
         ) from None
 
 

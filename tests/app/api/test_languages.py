@@ -21,7 +21,6 @@ ESPERANTO = {
     "pages": {"save": "Konservi"},
     "words": {"finger.thumb": "Dikfingro"},
     "messages": {"clinic.patient_unknown": "ne estas paciento {number}"},
-    "sentences": {},
 }
 POLISH = {
     "name": "Polski",
@@ -38,7 +37,6 @@ POLISH = {
         "trust.figures.many": "{count} liczb",
         "trust.figures.other": "{count} liczby",
     },
-    "sentences": {},
 }  # a language of four forms, of which only counts are translated
 PUT_IN = {
     "pl.json": json.dumps(POLISH),

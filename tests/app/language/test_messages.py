@@ -25,7 +25,7 @@ FINDINGS = (
 )  # its messages have words of their own
 OTHERS = [one for one in languages().values() if one is not ENGLISH]
 GERMAN = languages()["de"]
-SAME_IN_BOTH = ["measure_title.tremor"]  # words that German has, too
+SAME_IN_BOTH = ["measure_title.tremor", "task_title.kapandji"]  # words that German has, too
 WORDS = re.compile("[a-z]{2}")
 CODE = re.compile(r"[a-z0-9_]+\.[a-z0-9_]+")
 
