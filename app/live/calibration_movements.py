@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from handscope.app.devices.glove import Glove
 from handscope.app.live.tracking import Tracking
-from handscope.app.live.wizard.machine import Effect
+from handscope.app.live.wizard.effects import MeasureStep
 from handscope.estimators.alignment.functional_movements import CalibrationMovement
 from handscope.estimators.data.samples import Event
 
@@ -17,7 +17,7 @@ class CalibrationMovements:
         self._glove, self._tracking, self._number = glove, tracking, number
         self._measured: dict[str, tuple[str, Event, CalibrationMovement]] = {}
 
-    def measure(self, effect: Effect) -> CalibrationMovement:
+    def measure(self, effect: MeasureStep) -> CalibrationMovement:
         """Store the movement that just ended as an event, and evaluate it."""
         self._take_back(effect.task, "redone")
         movement_of = self._tracking.measure(effect.task, effect.onset, effect.end)
@@ -29,7 +29,7 @@ class CalibrationMovements:
         self._measured[effect.task] = (event_id, event, movement_of)
         return movement_of
 
-    def drop(self, step: str) -> None:
+    def drop(self, step: str = "") -> None:
         """Take back one step, or all where `step` is empty; their events become annotations."""
         for each in [step] if step else list(self._measured):
             self._take_back(each, "redone" if step else "not used")

@@ -15,7 +15,7 @@ import numpy as np
 from handscope.app.devices.glove import Glove
 from handscope.app.live.readouts.observability_meter import FreeMeter
 from handscope.app.live.tracking import Tracking
-from handscope.app.live.wizard.machine import Effect
+from handscope.app.live.wizard.effects import FreeEffect, LeaveFree, SolveFree, UseFree, WatchFree
 from handscope.app.workers.self_calibration import SelfCalibrationSolver
 from handscope.estimators.data.calibration import PriorCalibration
 from handscope.estimators.data.samples import Event
@@ -52,23 +52,19 @@ class FreeMovement:
         self._leave("not used")
         self._used = None
 
-    def carry_out(self, effect: Effect) -> None:
+    def carry_out(self, effect: FreeEffect) -> None:
         """Carry out an effect of the wizard that concerns free movement."""
-        if effect.kind == "watch_free":
-            self.meter, self._moving, self.solution = (
-                FreeMeter(self._tracking, effect.onset),
-                True,
-                None,
-            )
-        elif effect.kind == "solve_free":
-            self._moving = False
-            self._begin(effect)
-        elif effect.kind == "leave_free":
-            self._leave(effect.reason)
-        elif effect.kind == "use_free" and self.solution is not None:
-            self._used = select_parts(self.solution.table, ALL)
-            self._keep(self.solution, self.glove_id)
-            self._event = None
+        match effect:
+            case WatchFree(onset):
+                self.meter, self._moving = FreeMeter(self._tracking, onset), True
+                self.solution = None
+            case SolveFree():
+                self._moving = False
+                self._begin(effect)
+            case LeaveFree(outcome):
+                self._leave(outcome)
+            case UseFree():
+                self._use()
 
     def update_meter(self) -> None:
         """Let the meter take in the newest movement."""
@@ -127,7 +123,14 @@ class FreeMovement:
         identity = self._glove.assembler.identity
         return "" if identity is None else f"{identity.device_id:016x}"
 
-    def _begin(self, effect: Effect) -> None:
+    def _use(self) -> None:
+        """Use the solution from the next pose on, and keep it."""
+        if self.solution is not None:
+            self._used = select_parts(self.solution.table, ALL)
+            self._keep(self.solution, self.glove_id)
+            self._event = None
+
+    def _begin(self, effect: SolveFree) -> None:
         """Store the movement as an event, and start the solver."""
         self.close()
         tracking, event = (

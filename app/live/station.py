@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any, Literal, assert_never
 
 import numpy as np
 
@@ -33,9 +33,29 @@ from handscope.app.live.station_scene import INCLINED_INTERVAL, PICTURE_INTERVAL
 from handscope.app.live.tracking import Tracking
 from handscope.app.live.viewers import Viewers
 from handscope.app.live.wizard import machine as wizard_machine
+from handscope.app.live.wizard.effects import (
+    Calibrate,
+    CheckSensors,
+    Correct,
+    CueFinger,
+    CueTask,
+    DropPose,
+    DropStep,
+    DropSteps,
+    Effect,
+    Exchange,
+    Finish,
+    Guess,
+    KeepAttempt,
+    LeaveFree,
+    MeasureStep,
+    SolveFree,
+    UseFree,
+    UseSteps,
+    WatchFree,
+)
 from handscope.app.live.wizard.machine import (
     Action,
-    Effect,
     NotNowError,
     State,
     StationStatus,
@@ -376,39 +396,43 @@ class Station:
             self._carry_out_one(effect, status)
 
     def _carry_out_one(self, effect: Effect, status: StationStatus) -> None:
-        match effect.kind:
-            case "cue":
-                self._cue(effect.task)
-            case "calibrate":
+        match effect:
+            case CueTask(task):
+                self._cue(task)
+            case Calibrate():
                 self._calibrate(effect)
-            case "cue_finger":
-                details = {"finger": effect.task, "lead": f"{FINGER_LEAD:g}"}
+            case CueFinger(finger):
+                details = {"finger": finger, "lead": f"{FINGER_LEAD:g}"}
                 self.glove.send(Cue("wiggle", details))
-            case "look":
+            case CheckSensors():
                 self._start_thread(self._check_sensors, "sensors")
-            case "exchange":
-                self._exchange(dict(effect.worn_on))
-            case "correct":
-                self._corrections.add(effect.reason, status.t, self.glove)
+            case Exchange(worn_on):
+                self._exchange(dict(worn_on))
+            case Correct(correction):
+                self._corrections.add(correction, status.t, self.glove)
                 self.checks.restart()
                 self.tracking.restart()
-            case "guess":
+            case Guess():
                 self._guess(status)
-            case "drop_pose":
+            case DropPose():
                 self._drop_pose()
-            case "keep_attempt":
+            case KeepAttempt():
                 self._store_attempt(effect)
-            case "measure_step":
+            case MeasureStep():
                 problems = self.steps.measure(effect).problems
                 self._wizard = wizard_machine.record_judgement(self._wizard, problems)
-            case "drop_step" | "drop_steps":
-                self.steps.drop(effect.task)
-            case "use_steps":
+            case DropStep(task):
+                self.steps.drop(task)
+            case DropSteps():
+                self.steps.drop()
+            case UseSteps():
                 self.steps.use()
-            case "watch_free" | "solve_free" | "leave_free" | "use_free":
+            case WatchFree() | SolveFree() | LeaveFree() | UseFree():
                 self.free.carry_out(effect)
-            case "finish":
+            case Finish():
                 threading.Thread(target=self._on_finish, args=(self,), daemon=True).start()
+            case _:
+                assert_never(effect)
 
     def _start_thread(self, work: Callable[..., None], name: str, *arguments: object) -> None:
         threading.Thread(
@@ -454,7 +478,7 @@ class Station:
         if name:
             self.glove.send(Cue(name, details))
 
-    def _calibrate(self, effect: Effect) -> None:
+    def _calibrate(self, effect: Calibrate) -> None:
         """Compute outside the tick: to combine a pose with calibration movements takes seconds."""
         pose = self._pose(effect.onset, effect.end - effect.onset)
         self.tracking.mounting = self.glove.assembler.mounting
@@ -565,7 +589,7 @@ class Station:
         self._attempts += 1
         return self._attempts
 
-    def _store_attempt(self, effect: Effect) -> None:
+    def _store_attempt(self, effect: KeepAttempt) -> None:
         number, trial = self._next_number(), self._wizard.accepted(effect.task)
         protocol = next((p for p in self.setup.protocols if p.name == effect.task), None)
         for name, event in trial_events.events(

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from handscope.app.live.wizard.machine import Effect
+from handscope.app.live.wizard.effects import KeepAttempt
 from handscope.app.protocols import Protocol
 from handscope.estimators.data.samples import Event
 from handscope.estimators.measures.task_request import PAUSE
@@ -14,7 +14,7 @@ NO_TRUNK_DETAILS: Mapping[str, float] = {}
 
 
 def events(
-    effect: Effect,
+    effect: KeepAttempt,
     protocol: Protocol | None,
     trial: int,
     newest: float,
@@ -25,7 +25,7 @@ def events(
     `trial` counts accepted attempts; `newest` (s) is the time of a skipped task; `trunk` are details of the
     trunk's sensor, stored with a reach.
     """
-    accepted, timed = effect.reason == "accepted", bool(np.isfinite(effect.onset))
+    accepted, timed = effect.outcome == "accepted", bool(np.isfinite(effect.onset))
     onset, length = (effect.onset, effect.end - effect.onset) if timed else (newest, 0.0)
     yield (
         "task-{}",
@@ -51,13 +51,13 @@ def events(
 
 
 def _details(
-    effect: Effect,
+    effect: KeepAttempt,
     protocol: Protocol | None,
     trial: int,
     accepted: bool,
     trunk: Mapping[str, float],
 ) -> dict[str, Any]:
-    details: dict[str, Any] = {"task_name": effect.task, "outcome": effect.reason}
+    details: dict[str, Any] = {"task_name": effect.task, "outcome": effect.outcome}
     if protocol and protocol.mode == "passive":
         details["mode"] = protocol.mode
     if accepted and protocol:

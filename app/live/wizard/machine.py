@@ -3,13 +3,35 @@
 transition_table.py  `TRANSITIONS[state][action]` is the next state; an action that is not there is refused
 state.py             the wizard's state and what can be done in it
 progress_time.py     progress of a pose or a trial
+effects.py           what the station carries out after a step, a type an effect
 here                 the step from one state to the next; it returns the effects that the station carries out
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
 
+from handscope.app.live.wizard.effects import (
+    Calibrate,
+    CheckSensors,
+    Correct,
+    CueFinger,
+    CueTask,
+    DropPose,
+    DropStep,
+    DropSteps,
+    Effect,
+    Exchange,
+    Finish,
+    Guess,
+    KeepAttempt,
+    LeaveFree,
+    MeasureStep,
+    SolveFree,
+    UseFree,
+    UseSteps,
+    WatchFree,
+)
 from handscope.app.live.wizard.progress_time import elapsed as elapsed
 from handscope.app.live.wizard.progress_time import progress_share as progress_share
 from handscope.app.live.wizard.progress_time import remaining_time as remaining_time
@@ -42,23 +64,6 @@ CALM = 0.3  # rad/s, no finger bends below: between two fingers of the check
 SETTLE = 1.2  # s after a request until calm counts: movement is averaged over a second
 SCORED = (Action.ACCEPT, Action.AGAIN, Action.ONWARD, Action.CLOSE)
 STILL_RATE = 0.07  # rad/s (4 deg/s) of every sensor within a second: the pose is held below
-
-
-@dataclass(frozen=True)
-class Effect:
-    """What the station carries out after a step, by kind: calibrate, cue, exchange, correct, keep_attempt, drop_pose,
-    finish; measure_step, drop_step, drop_steps, use_steps; watch_free, solve_free, leave_free, use_free."""
-
-    kind: str
-    task: str = ""
-    onset: float = 0.0
-    end: float = 0.0
-    reason: str = ""
-    score: float | None = None
-    pauses: tuple[tuple[float, float], ...] = ()
-    worn_on: tuple[
-        tuple[str, str], ...
-    ] = ()  # finger that a strip is read for, finger that wears it
 
 
 class NotNowError(Exception):
@@ -204,7 +209,7 @@ def _record_strip(
         since=status.now,
     )
     following = wizard.asked(status)
-    return wizard, [Effect("cue_finger", following)] if following else []
+    return wizard, [CueFinger(following)] if following else []
 
 
 def _advance_hold(wizard: Wizard, status: StationStatus) -> tuple[Wizard, Sequence[Effect]]:
@@ -260,26 +265,24 @@ def _enter(
     before, after = wizard.state, TRANSITIONS[wizard.state][what]
     effects: list[Effect] = []
     if what is Action.EXCHANGE and (worn_on := wizard.exchangeable()):
-        effects += [Effect("drop_pose")] if before is State.POSE_REVIEW else []
-        effects.append(Effect("exchange", worn_on=tuple(worn_on.items())))
+        effects += [DropPose()] if before is State.POSE_REVIEW else []
+        effects.append(Exchange(tuple(worn_on.items())))
         wizard = replace(wizard, swapped=None, calibrated=False, used=frozenset())
     if what is Action.CORRECT:
-        effects.append(Effect("correct", reason=wizard.mend))
+        effects.append(Correct(wizard.mend))
     if before is State.CONNECT:
         wizard = replace(wizard, swapped=None, mend="")
     if after is State.CHECKED:
-        effects.append(Effect("look"))
+        effects.append(CheckSensors())
     if after is State.CHECK:
         wizard = replace(wizard, seen=(), calm=False)
-        effects.append(
-            Effect("cue_finger", wizard.checkable(status)[0] if wizard.checkable(status) else "")
-        )
+        effects.append(CueFinger(wizard.checkable(status)[0] if wizard.checkable(status) else ""))
     if after is State.POSE_READY:
-        effects.append(Effect("cue", "initial_pose"))
+        effects.append(CueTask("initial_pose"))
     elif after is State.POSE_WORK:
-        effects.append(Effect("calibrate", onset=wizard.onset, end=wizard.end))
+        effects.append(Calibrate(wizard.onset, wizard.end))
     elif after in COUNTING and wizard.task:
-        effects.append(Effect("cue", wizard.task))
+        effects.append(CueTask(wizard.task))
     elif after in RUNNING:
         late = (
             status.now - wizard.since - (wizard.protocol.countdown if wizard.protocol else 0.0)
@@ -292,14 +295,14 @@ def _enter(
             wizard = replace(wizard, onset=begins, pauses=())
     elif after in (State.TASK_REVIEW, State.TASK_PAUSED) and before is State.TASK_RUN:
         wizard = replace(wizard, end=status.t, rested_since=status.now)
-        effects.append(Effect("cue", "rest"))
+        effects.append(CueTask("rest"))
     elif before in (State.COUNTDOWN, State.RESUME_COUNTDOWN):
-        effects.append(Effect("cue", "rest"))
+        effects.append(CueTask("rest"))
     elif after is State.FINISHED:
-        effects.append(Effect("finish"))
+        effects.append(Finish())
     elif after is State.STEP_REVIEW and wizard.protocol:
         wizard = replace(wizard, end=wizard.onset + (wizard.protocol.length or 0.0))
-        effects.append(Effect("measure_step", wizard.task or "", wizard.onset, wizard.end))
+        effects.append(MeasureStep(wizard.task or "", wizard.onset, wizard.end))
     if before in STEPPING:
         wizard, more = _advance_steps(wizard, what, before)
         effects = [*more, *effects]
@@ -309,7 +312,7 @@ def _enter(
     if what is Action.ASSIST:
         wizard = replace(wizard, passive=not wizard.passive)
     if what is Action.WITHOUT:
-        effects.append(Effect("guess"))
+        effects.append(Guess())
     if before is State.POSE_REVIEW and what not in (Action.REDO, Action.EXCHANGE):
         wizard = replace(wizard, closing=False, calibrated=True)
     if what is Action.REPEAT:
@@ -318,7 +321,7 @@ def _enter(
         wizard = replace(wizard, repetition=1)
     if before is State.POSE_REVIEW and what is Action.REDO:
         wizard = replace(wizard, poor=0)
-        effects.append(Effect("drop_pose"))
+        effects.append(DropPose())
     tried = before is State.TASK_REVIEW or (
         before is State.TASK_PAUSED and what not in (Action.STOP, Action.RESUME)
     )
@@ -332,16 +335,16 @@ def _advance_steps(wizard: Wizard, what: Action, before: State) -> tuple[Wizard,
     """Effects on the calibration's steps: one is repeated, all are used, or all are dropped."""
     if what is Action.REDO:
         return replace(wizard, judged=tuple(j for j in wizard.judged if j.step != wizard.task)), [
-            Effect("drop_step", wizard.task or "")
+            DropStep(wizard.task or "")
         ]
     if what is Action.USE:
         return replace(wizard, judged=(), used=wizard.used | good_steps(wizard), closing=True), [
-            Effect("use_steps")
+            UseSteps()
         ]
     if TRANSITIONS[before][what] is State.TASKS:
-        return replace(wizard, judged=()), [Effect("drop_steps")]
+        return replace(wizard, judged=()), [DropSteps()]
     if before in (State.STEP_COUNTDOWN, State.STEP_RUN) and what is Action.STOP:
-        return wizard, [Effect("cue", "rest")]
+        return wizard, [CueTask("rest")]
     return wizard, []
 
 
@@ -350,20 +353,20 @@ def _advance_free_movement(
 ) -> tuple[Wizard, list[Effect]]:
     """Effects of free movement: start the meter, solve, use or drop the solution."""
     if after is State.FREE_RUN:
-        return wizard, [Effect("watch_free", onset=wizard.onset)]
+        return wizard, [WatchFree(wizard.onset)]
     if after is State.FREE_WORK:
         length = wizard.protocol.length if wizard.protocol and wizard.protocol.length else inf
         wizard = replace(wizard, end=min(status.t, wizard.onset + length))
         return wizard, [
-            Effect("cue", "rest"),
-            Effect("solve_free", wizard.task or "", wizard.onset, wizard.end),
+            CueTask("rest"),
+            SolveFree(wizard.task or "", wizard.onset, wizard.end),
         ]
     if what is Action.USE and before is State.FREE_REVIEW:
-        return replace(wizard, closing=True), [Effect("use_free")]
+        return replace(wizard, closing=True), [UseFree()]
     if what in (Action.STOP, Action.REDO) and before is not State.FREE_READY:
         return wizard, [
-            Effect("leave_free", reason="redone" if what is Action.REDO else "not used"),
-            *([Effect("cue", "rest")] if before in RUNNING + COUNTING else []),
+            LeaveFree("redone" if what is Action.REDO else "not used"),
+            *([CueTask("rest")] if before in RUNNING + COUNTING else []),
         ]
     return wizard, []
 
@@ -377,8 +380,7 @@ def _record_attempt(
     attempt = Attempt(
         wizard.task or "", start, end, outcome, reason, score, wizard.pauses if tried else ()
     )
-    return replace(wizard, attempts=(*wizard.attempts, attempt)), Effect(
-        "keep_attempt",
+    return replace(wizard, attempts=(*wizard.attempts, attempt)), KeepAttempt(
         attempt.task,
         start,
         end,

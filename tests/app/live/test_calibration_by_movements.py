@@ -8,10 +8,17 @@ from handscope.app.live import ghost
 from handscope.app.live.readouts.pose_fit import NOMINAL
 from handscope.app.live.station import Station
 from handscope.app.live.wizard import machine as wizard_machine
+from handscope.app.live.wizard.effects import (
+    CueTask,
+    DropStep,
+    DropSteps,
+    Effect,
+    MeasureStep,
+    UseSteps,
+)
 from handscope.app.live.wizard.machine import (
     LATE,
     Action,
-    Effect,
     NotNowError,
     State,
     StationStatus,
@@ -40,7 +47,7 @@ def calibrating(**changed: object) -> Wizard:
 def done(w: Wizard, status: StationStatus) -> tuple[Wizard, StationStatus, list[Effect]]:
     """The step is started, counted down and done."""
     w, effects = wizard_machine.act(w, Action.START, status)
-    assert (w.state, kinds(effects)) == (State.STEP_COUNTDOWN, [("cue", w.task)])
+    assert (w.state, kinds(effects)) == (State.STEP_COUNTDOWN, [(CueTask, w.task)])
     assert w.protocol and w.protocol.length
     status = later(status, w.protocol.countdown)
     w, _ = wizard_machine.tick(w, status)
@@ -65,7 +72,7 @@ def test_from_the_tasks_through_all_steps_to_the_pose_that_brings_them_into_forc
     for k, name in enumerate(NAMES):
         assert (w.state, w.task) == (State.STEP_READY, name)
         w, status, effects = done(w, status)
-        assert (w.state, kinds(effects)) == (State.STEP_REVIEW, [("measure_step", name)])
+        assert (w.state, kinds(effects)) == (State.STEP_REVIEW, [(MeasureStep, name)])
         assert effects[0].end - effects[0].onset == pytest.approx(PROTOCOL[name].length)
         w = wizard_machine.record_judgement(w, ())
         if k < len(NAMES) - 1:
@@ -76,7 +83,7 @@ def test_from_the_tasks_through_all_steps_to_the_pose_that_brings_them_into_forc
         State.POSE_READY,
         True,
         set(NAMES),
-        [("use_steps", ""), ("cue", "initial_pose")],
+        [(UseSteps, ""), (CueTask, "initial_pose")],
     )
     assert wizard_snapshot(w, status)["title"] == "Initial pose again"
     w = replace(w, state=State.POSE_REVIEW)
@@ -101,7 +108,7 @@ def test_a_spoilt_step_says_why_and_is_not_used() -> None:
         "flexion_mcp",
         (),
         "",
-        [("drop_step", "flexion_mcp")],
+        [(DropStep, "flexion_mcp")],
     )
     w, status, _ = done(w, status)
     assert Action.USE in wizard_machine.record_judgement(w, ()).allowed(status)
@@ -131,14 +138,14 @@ def test_leaving_the_calibration_uses_nothing() -> None:
         State.TASKS,
         (),
         frozenset(),
-        [("drop_steps", "")],
+        [(DropSteps, "")],
     )
 
 
 def test_a_step_that_is_cancelled_is_not_measured() -> None:
     w, _ = wizard_machine.act(calibrating(), Action.START, READY)
     w, effects = wizard_machine.act(w, Action.STOP, READY)
-    assert (w.state, w.task, kinds(effects)) == (State.STEP_READY, "flat_hand", [("cue", "rest")])
+    assert (w.state, w.task, kinds(effects)) == (State.STEP_READY, "flat_hand", [(CueTask, "rest")])
 
 
 def test_only_steps_whose_segments_are_measured_are_offered_and_none_without_any() -> None:

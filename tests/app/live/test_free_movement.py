@@ -9,6 +9,14 @@ from handscope.app.live import free_movement, ghost
 from handscope.app.live.readouts.pose_fit import NOMINAL
 from handscope.app.live.station import Station
 from handscope.app.live.wizard import machine as wizard_machine
+from handscope.app.live.wizard.effects import (
+    CueTask,
+    Effect,
+    LeaveFree,
+    SolveFree,
+    UseFree,
+    WatchFree,
+)
 from handscope.app.live.wizard.machine import LATE, Action, NotNowError, State, Wizard
 from handscope.app.live.wizard.snapshot import wizard_snapshot
 from handscope.app.protocols import load_free
@@ -34,13 +42,13 @@ def ready(**changed: object) -> Wizard:
     return replace(wizard_machine.act(made, Action.FREE, READY)[0], **changed)  # type: ignore[arg-type]
 
 
-def moved(w: Wizard) -> tuple[Wizard, wizard_machine.StationStatus, list[wizard_machine.Effect]]:
+def moved(w: Wizard) -> tuple[Wizard, wizard_machine.StationStatus, list[Effect]]:
     """Counted down and moved for the whole time."""
     w, effects = wizard_machine.act(w, Action.START, READY)
-    assert (w.state, kinds(effects)) == (State.FREE_COUNTDOWN, [("cue", "free_movement")])
+    assert (w.state, kinds(effects)) == (State.FREE_COUNTDOWN, [(CueTask, "free_movement")])
     status = later(READY, FREE.countdown)
     w, effects = wizard_machine.tick(w, status)
-    assert (w.state, kinds(effects)) == (State.FREE_RUN, [("watch_free", "")])
+    assert (w.state, kinds(effects)) == (State.FREE_RUN, [(WatchFree, "")])
     status = later(status, 40.0 + LATE + 0.01)
     w, effects = wizard_machine.tick(w, status)
     return w, status, list(effects)
@@ -50,7 +58,7 @@ def test_from_the_tasks_through_free_movement_to_the_pose_that_brings_it_into_fo
     w, status, effects = moved(ready())
     assert (w.state, kinds(effects)) == (
         State.FREE_WORK,
-        [("cue", "rest"), ("solve_free", "free_movement")],
+        [(CueTask, "rest"), (SolveFree, "free_movement")],
     )
     assert effects[1].end - effects[1].onset == pytest.approx(40.0)
     w = wizard_machine.accept_free_movement(w, status)
@@ -60,19 +68,19 @@ def test_from_the_tasks_through_free_movement_to_the_pose_that_brings_it_into_fo
     assert (w.state, w.closing, kinds(effects)) == (
         State.POSE_READY,
         True,
-        [("use_free", ""), ("cue", "initial_pose")],
+        [(UseFree, ""), (CueTask, "initial_pose")],
     )
 
 
 def test_what_was_found_may_be_left_or_done_again_and_a_computation_cancelled() -> None:
     w, status, _ = moved(ready())
     left, effects = wizard_machine.act(w, Action.STOP, status)
-    assert (left.state, kinds(effects)) == (State.FREE_READY, [("leave_free", "")])
+    assert (left.state, kinds(effects)) == (State.FREE_READY, [(LeaveFree, "")])
     assert wizard_machine.accept_free_movement(left, status) is left, "nobody waits for it any more"
     w = wizard_machine.accept_free_movement(w, status)
     assert wizard_machine.act(w, Action.STOP, status)[0].state is State.TASKS
     again, effects = wizard_machine.act(w, Action.REDO, status)
-    assert (again.state, effects[0].reason) == (State.FREE_READY, "redone")
+    assert (again.state, effects[0].outcome) == (State.FREE_READY, "redone")
 
 
 def test_a_movement_that_told_nothing_goes_back_with_the_reason() -> None:

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handscope.app.live.wizard import machine as wizard_machine
+from handscope.app.live.wizard.effects import CueTask, KeepAttempt
 from handscope.app.live.wizard.machine import Action, State
 from tests.app.live.wizard.test_machine import READY, at, kinds, later
 
@@ -33,11 +34,11 @@ def test_a_trial_goes_on_after_any_pauses_and_every_phase_is_done_whole_and_once
             break
         status = later(status, runs)
         w, effects = wizard_machine.act(w, Action.PAUSE, status)
-        assert (w.state, kinds(effects)) == (State.TASK_PAUSED, [("cue", "rest")])
+        assert (w.state, kinds(effects)) == (State.TASK_PAUSED, [(CueTask, "rest")])
         status = later(status, rests)
         assert wizard_machine.tick(w, status)[0] == w  # a rest takes as long as it takes
         w, effects = wizard_machine.act(w, Action.RESUME, status)
-        assert (w.state, kinds(effects)) == (State.RESUME_COUNTDOWN, [("cue", task)])
+        assert (w.state, kinds(effects)) == (State.RESUME_COUNTDOWN, [(CueTask, task)])
         status = later(status, 3.001)  # a sum of times rounds
         w, _ = wizard_machine.tick(w, status)
         assert w.state is State.TASK_RUN
@@ -92,15 +93,19 @@ def test_a_trial_of_rhythm_or_length_ends_with_a_pause_and_is_begun_again_or_kep
     w, effects = wizard_machine.act(
         at(State.TASK_RUN, task="rom_fist", onset=READY.t), Action.PAUSE, later(READY, 6.0)
     )
-    assert (w.state, w.end, kinds(effects)) == (State.TASK_PAUSED, READY.t + 6.0, [("cue", "rest")])
+    assert (w.state, w.end, kinds(effects)) == (
+        State.TASK_PAUSED,
+        READY.t + 6.0,
+        [(CueTask, "rest")],
+    )
     late = later(READY, 90.0)
     assert wizard_machine.tick(w, late)[0] == w  # a rest takes as long as it takes
     again, effects = wizard_machine.act(w, Action.START, late)
     assert (again.state, kinds(effects)) == (
         State.COUNTDOWN,
-        [("keep_attempt", "rom_fist"), ("cue", "rom_fist")],
+        [(KeepAttempt, "rom_fist"), (CueTask, "rom_fist")],
     )
-    assert (effects[0].reason, effects[0].end, again.outcome("rom_fist")) == (
+    assert (effects[0].outcome, effects[0].end, again.outcome("rom_fist")) == (
         "paused",
         READY.t + 6.0,
         "",
@@ -108,7 +113,7 @@ def test_a_trial_of_rhythm_or_length_ends_with_a_pause_and_is_begun_again_or_kep
     kept, effects = wizard_machine.act(w, Action.STOP, late)
     assert (kept.state, kept.end, list(effects)) == (State.TASK_REVIEW, READY.t + 6.0, [])
     kept, effects = wizard_machine.act(kept, Action.ACCEPT, late)
-    assert (effects[0].onset, effects[0].end, effects[0].reason) == (
+    assert (effects[0].onset, effects[0].end, effects[0].outcome) == (
         READY.t,
         READY.t + 6.0,
         "accepted",

@@ -11,6 +11,7 @@ from handscope.app.live import trial_events
 from handscope.app.live.station import Station
 from handscope.app.live.stations import Stations
 from handscope.app.live.wizard import machine as wizard_machine
+from handscope.app.live.wizard.effects import Calibrate, KeepAttempt
 from handscope.app.live.wizard.machine import Action, State
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.data.calibration import Calibration
@@ -113,7 +114,7 @@ def test_who_moved_the_hand_and_what_the_protocol_keeps_for_the_measures_stand_i
 
 def test_how_the_trunks_sensor_is_worn_stands_in_the_event_of_a_reach_alone() -> None:
     effect, worn = (
-        wizard_machine.Effect("keep_attempt", "a task", 1.0, 9.0, "accepted"),
+        KeepAttempt("a task", 1.0, 9.0, "accepted"),
         {"trunk_height": 0.42},
     )
     told = {
@@ -181,7 +182,7 @@ def test_a_station_goes_on_while_a_calibration_is_computed(
 
     monkeypatch.setattr(station.tracking, "calibrate", calibrate)
     station._wizard = replace(station._wizard, state=State.POSE_WORK, passive=True)
-    station._carry_out([wizard_machine.Effect("calibrate", onset=10.0, end=13.0)], READY)
+    station._carry_out([Calibrate(10.0, 13.0)], READY)
     assert station.snapshot()["wizard"]["state"] == "pose_work"  # at once
     computing.set()
     wait_for(lambda: station.snapshot()["wizard"]["state"] == "pose_review")
@@ -205,7 +206,7 @@ def test_the_next_pose_alone_takes_the_angles_of_a_photograph(
     station.take_measured_pose(details)
     for count in (1, 2):
         station._wizard = replace(station._wizard, state=State.POSE_WORK)
-        station._carry_out([wizard_machine.Effect("calibrate", onset=10.0, end=13.0)], READY)
+        station._carry_out([Calibrate(10.0, 13.0)], READY)
         wait_for(lambda count=count: len(events) == count)
     assert taken[0].measured["index_mcp"] == pytest.approx((0.0, radians(4.0), 0.0))
     assert taken[0].thumb_cmc == taken[1].thumb_cmc != initial_pose.NEUTRAL

@@ -1,5 +1,6 @@
 """The wizard's table and its timed steps, with facts and time passed in."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from math import isnan
 
@@ -9,6 +10,21 @@ from hypothesis import strategies as st
 
 from handscope.app.language import ENGLISH
 from handscope.app.live.wizard import machine as wizard_machine
+from handscope.app.live.wizard.effects import (
+    Calibrate,
+    Correct,
+    CueFinger,
+    CueTask,
+    DropPose,
+    DropStep,
+    Effect,
+    Exchange,
+    Finish,
+    Guess,
+    KeepAttempt,
+    MeasureStep,
+    SolveFree,
+)
 from handscope.app.live.wizard.machine import (
     BY_PERSON,
     OUTCOMES,
@@ -18,7 +34,6 @@ from handscope.app.live.wizard.machine import (
     STEPPING,
     TRANSITIONS,
     Action,
-    Effect,
     NotNowError,
     State,
     StationStatus,
@@ -47,8 +62,17 @@ def at(state: State, **changed: object) -> Wizard:
     return replace(Wizard(PROTOCOLS, 3.0), state=state, since=READY.now, **changed)  # type: ignore[arg-type]
 
 
-def kinds(effects: "list[Effect] | tuple[Effect, ...] | object") -> list[tuple[str, str]]:
-    return [(o.kind, o.task) for o in effects]  # type: ignore[attr-defined]
+def kinds(effects: Iterable[Effect]) -> list[tuple[type, str]]:
+    return [(type(o), _subject(o)) for o in effects]
+
+
+def _subject(effect: Effect) -> str:
+    match effect:
+        case CueTask(name) | CueFinger(name) | DropStep(name):
+            return name
+        case KeepAttempt(name) | MeasureStep(name) | SolveFree(name):
+            return name
+    return ""
 
 
 @pytest.mark.parametrize("state", [s for s in State if s is not State.FINISHED])
@@ -73,13 +97,13 @@ def test_every_state_can_be_reached_and_left_except_the_last() -> None:
 def test_the_straight_way_from_connect_to_finish() -> None:
     w, status = Wizard(PROTOCOLS, 3.0), READY
     w, effects = wizard_machine.act(w, Action.CONTINUE, status)
-    assert (w.state, kinds(effects)) == (State.POSE_READY, [("cue", "initial_pose")])
+    assert (w.state, kinds(effects)) == (State.POSE_READY, [(CueTask, "initial_pose")])
     w, _ = wizard_machine.act(w, Action.START, status)
     w, effects = wizard_machine.tick(w, status)
     assert (w.state, list(effects)) == (State.POSE_HOLD, [])
     status = later(status, 3.2)
     w, effects = wizard_machine.tick(w, status)
-    assert (w.state, kinds(effects)) == (State.POSE_WORK, [("calibrate", "")])
+    assert (w.state, kinds(effects)) == (State.POSE_WORK, [(Calibrate, "")])
     assert (
         wizard_machine.tick(w, later(status, 5.0))[0] is w
     )  # until the station says that it is computed
@@ -89,7 +113,7 @@ def test_the_straight_way_from_connect_to_finish() -> None:
     w, _ = wizard_machine.act(w, Action.ACCEPT, status)
     w, _ = wizard_machine.act(w, Action.CHOOSE, status, "tapping")
     w, effects = wizard_machine.act(w, Action.START, status)
-    assert (w.state, kinds(effects)) == (State.COUNTDOWN, [("cue", "tapping")])
+    assert (w.state, kinds(effects)) == (State.COUNTDOWN, [(CueTask, "tapping")])
     w, _ = wizard_machine.tick(w, later(status, 2.9))
     assert w.state is State.COUNTDOWN
     status = later(status, 3.0)
@@ -99,14 +123,14 @@ def test_the_straight_way_from_connect_to_finish() -> None:
     assert w.state is State.TASK_RUN
     status = later(status, 15.0)
     w, effects = wizard_machine.tick(w, status)
-    assert (w.state, kinds(effects)) == (State.TASK_REVIEW, [("cue", "rest")])
+    assert (w.state, kinds(effects)) == (State.TASK_REVIEW, [(CueTask, "rest")])
     w, effects = wizard_machine.act(w, Action.ACCEPT, status)
-    assert [(o.kind, o.task, o.end - o.onset, o.reason) for o in effects] == [
-        ("keep_attempt", "tapping", pytest.approx(15.0), "accepted")
+    assert [(type(o), o.task, o.end - o.onset, o.outcome) for o in effects] == [
+        (KeepAttempt, "tapping", pytest.approx(15.0), "accepted")
     ]
     assert (w.outcome("tapping"), w.accepted("tapping")) == ("", 1)  # of three trials
     w, effects = wizard_machine.act(w, Action.FINISH, status)
-    assert (w.state, kinds(effects)) == (State.FINISHED, [("finish", "")])
+    assert (w.state, kinds(effects)) == (State.FINISHED, [(Finish, "")])
 
 
 def test_movement_in_the_pose_starts_the_count_again() -> None:
@@ -147,14 +171,14 @@ def test_the_ladder_is_proposed_rung_by_rung() -> None:
     assert (w.state, w.passive, kinds(effects)) == (
         State.POSE_READY,
         True,
-        [("cue", "initial_pose")],
+        [(CueTask, "initial_pose")],
     )
     w = wizard_machine.reject_pose(
         replace(w, state=State.POSE_WORK), READY, "the hand was not still"
     )
     assert w.proposal(READY) is Action.WITHOUT
     w, effects = wizard_machine.act(w, Action.WITHOUT, READY)
-    assert (w.state, w.calibrated, kinds(effects)) == (State.TASKS, False, [("guess", "")])
+    assert (w.state, w.calibrated, kinds(effects)) == (State.TASKS, False, [(Guess, "")])
 
 
 def test_a_poor_calibration_proposes_movements_and_then_the_pose_again() -> None:
@@ -181,14 +205,14 @@ def test_a_redone_task_is_kept_as_redone_and_is_not_done() -> None:
     w, effects = wizard_machine.act(
         at(State.TASK_REVIEW, task="tapping", onset=1.0, end=16.0), Action.REDO, READY
     )
-    assert (w.state, w.outcome("tapping"), effects[0].reason) == (State.TASK_READY, "", "redone")
+    assert (w.state, w.outcome("tapping"), effects[0].outcome) == (State.TASK_READY, "", "redone")
 
 
 def test_a_skipped_task_keeps_its_reason() -> None:
     w, effects = wizard_machine.act(
         at(State.TASK_READY, task="tapping"), Action.SKIP, READY, reason="pain"
     )
-    assert (w.state, w.outcome("tapping"), effects[0].reason) == (
+    assert (w.state, w.outcome("tapping"), effects[0].outcome) == (
         State.TASKS,
         "skipped",
         "skipped: pain",
@@ -205,9 +229,9 @@ def test_what_the_patient_could_not_do_is_kept_as_that_and_the_task_is_done_with
     assert (w.state, w.outcome("tapping"), kinds(effects)) == (
         State.TASKS,
         "unable",
-        [("keep_attempt", "tapping")],
+        [(KeepAttempt, "tapping")],
     )
-    assert effects[0].reason == "unable: weakness"
+    assert effects[0].outcome == "unable: weakness"
     assert (
         isnan(effects[0].onset)
         if state is State.TASK_READY
@@ -296,7 +320,7 @@ def test_a_task_of_three_trials_goes_from_one_to_the_next_and_is_done_after_the_
             trial,
             "",
         )
-        assert [(o.kind, o.reason) for o in effects] == [("keep_attempt", "accepted")]
+        assert [(type(o), o.outcome) for o in effects] == [(KeepAttempt, "accepted")]
     w = replace(w, state=State.TASK_REVIEW)
     assert Action.AGAIN not in w.allowed(READY)
     w, _ = wizard_machine.act(w, Action.ACCEPT, READY)
@@ -389,7 +413,7 @@ def test_whatever_people_press_the_wizard_stays_on_its_table(
                 if problems
                 else wizard_machine.accept_pose(w, status, 1)[0]
             )
-        if "measure_step" in [o.kind for o in effects]:
+        if any(isinstance(o, MeasureStep) for o in effects):
             w = wizard_machine.record_judgement(w, problems)
         allowed = w.allowed(status)
         assert set(allowed) <= BY_PERSON
@@ -432,7 +456,7 @@ def checked(moves: dict[str, str]) -> tuple[Wizard, list[Effect]]:
 
 def test_the_sensor_check_asks_for_every_finger_and_sees_whose_strip_moves() -> None:
     w, cued = checked({f: f for f in FINGERS})
-    assert kinds(cued) == [("cue_finger", f) for f in FINGERS]
+    assert kinds(cued) == [(CueFinger, f) for f in FINGERS]
     assert (w.state, w.seen, w.exchangeable()) == (
         State.CHECKED,
         tuple((f, f) for f in FINGERS),
@@ -448,7 +472,7 @@ def test_two_strips_on_each_others_finger_are_exchanged_by_one_press_and_checked
     assert (w.state, w.seen, kinds(effects)) == (
         State.CHECK,
         (),
-        [("exchange", ""), ("cue_finger", "thumb")],
+        [(Exchange, ""), (CueFinger, "thumb")],
     )
     assert dict(effects[0].worn_on) == {"index": "ring", "ring": "index"}
 
@@ -482,7 +506,7 @@ def test_a_pose_that_shows_two_strips_exchanged_is_taken_again_after_the_exchang
     assert w.proposal(READY) is Action.EXCHANGE
     w, effects = wizard_machine.act(w, Action.EXCHANGE, READY)
     assert (w.state, w.swapped, w.calibrated) == (State.POSE_READY, None, False)
-    assert kinds(effects) == [("drop_pose", ""), ("exchange", ""), ("cue", "initial_pose")]
+    assert kinds(effects) == [(DropPose, ""), (Exchange, ""), (CueTask, "initial_pose")]
     assert dict(effects[1].worn_on) == {"thumb": "index", "index": "thumb"}
 
 
@@ -510,7 +534,7 @@ def test_a_correction_that_the_readings_leave_is_offered_while_the_glove_is_put_
     w = wizard_machine.propose(at(State.CONNECT), None, mend)
     assert w.proposal(READY) is Action.CORRECT
     after, effects = wizard_machine.act(w, Action.CORRECT, READY)
-    assert [(e.kind, e.reason) for e in effects] == [("correct", mend)]
+    assert [*effects] == [Correct(mend)]
     assert after.state is State.CONNECT and Action.CORRECT not in after.allowed(READY)
     assert wizard_machine.propose(at(State.TASKS), None, mend).mend == ""
 
@@ -528,7 +552,7 @@ def test_a_pose_is_repeated_at_most_twice_and_a_task_ends_the_row() -> None:
     for number in (2, 3):
         w, effects = wizard_machine.act(w, Action.REPEAT, READY)
         assert (w.state, w.repetition) == (State.POSE_READY, number)
-        assert kinds(effects) == [("cue", "initial_pose")]  # the pose before stays
+        assert kinds(effects) == [(CueTask, "initial_pose")]  # the pose before stays
         w, _ = wizard_machine.act(replace(w, state=State.POSE_REVIEW), Action.REDO, READY)
         assert w.repetition == number  # this one is taken again
         w = replace(w, state=State.POSE_REVIEW)
