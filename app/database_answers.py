@@ -5,6 +5,7 @@ import logging
 from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse
 
+from handscope.app.error_body import error_body
 from handscope.app.private_log import describe_error
 from handscope.app.state import preferred
 from handscope.sessions.db.full_disk import FULL, is_full
@@ -19,11 +20,11 @@ def answer_to_database(connection: HTTPConnection, error: BaseException) -> JSON
     """507 where the disk is full, 503 where the database takes nothing now; None for other errors."""
     if is_full(error):
         log.error("%s: the disk is full", route_of(connection))
-        return JSONResponse({"error": preferred(connection).translate(FULL)}, NO_ROOM)
+        return JSONResponse(error_body(FULL, preferred(connection)), NO_ROOM)
     if is_unavailable(error):
         log.error("%s: %s", route_of(connection), describe_error(error))
-        sentence = preferred(connection).translate(UNAVAILABLE)
-        return JSONResponse({"error": sentence}, 503, {"Retry-After": RETRY_AFTER})
+        body = error_body(UNAVAILABLE, preferred(connection))
+        return JSONResponse(body, 503, {"Retry-After": RETRY_AFTER})
     return None
 
 

@@ -9,7 +9,9 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 
+from handscope.app.api.not_found import NOT_FOUND
 from handscope.app.database_answers import NO_ROOM, answer_to_database, route_of
+from handscope.app.error_body import error_body
 from handscope.app.input_mistakes import describe_mistake
 from handscope.app.state import preferred
 from handscope.estimators.errors import InputError
@@ -34,18 +36,16 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(ConflictError)
     async def conflict(request: Request, error: ConflictError) -> JSONResponse:
-        return JSONResponse({"error": preferred(request).translate(str(error))}, 409)
+        return JSONResponse(error_body(error, preferred(request)), 409)
 
     @app.exception_handler(UnconfirmedError)
     async def unconfirmed(request: Request, error: UnconfirmedError) -> JSONResponse:
-        return JSONResponse(
-            {"error": preferred(request).translate(str(error)), "confirm": error.doubts}, 422
-        )
+        return JSONResponse({**error_body(error, preferred(request)), "confirm": error.doubts}, 422)
 
     @app.exception_handler(ThrottledError)
     async def throttled(request: Request, error: ThrottledError) -> JSONResponse:
         return JSONResponse(
-            {"error": preferred(request).translate(str(error))},
+            error_body(error, preferred(request)),
             429,
             headers={"Retry-After": str(round(error.wait))},
         )
@@ -53,13 +53,12 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(InputError)
     async def mistake(request: Request, error: InputError) -> JSONResponse:
         message = error.message
-        coded = {"code": message.code, "values": dict(message.values)} if message else {}
         return JSONResponse(
-            {"error": preferred(request).render_error(error), **coded},
+            error_body(error, preferred(request)),
             403
             if message and message.code in FORBIDDEN
             else 404
-            if str(error).startswith("there is no ")
+            if message and message.code in NOT_FOUND
             else 422,
         )
 
@@ -72,21 +71,21 @@ def install(app: FastAPI) -> None:
         sentence = phrase(
             "server.not_understood", where=where or "request", what=describe_mistake(first)
         )
-        return JSONResponse({"error": preferred(request).translate(sentence)}, 422)
+        return JSONResponse(error_body(sentence, preferred(request)), 422)
 
     @app.exception_handler(HTTPException)
     async def refused(request: Request, error: HTTPException) -> JSONResponse:
         if is_full(error.__cause__):  # during an upload
-            return JSONResponse({"error": preferred(request).translate(FULL)}, NO_ROOM)
+            return JSONResponse(error_body(FULL, preferred(request)), NO_ROOM)
         return JSONResponse(
-            {"error": preferred(request).translate(BY_STATUS.get(error.status_code, error.detail))},
+            error_body(BY_STATUS.get(error.status_code, error.detail), preferred(request)),
             error.status_code,
             headers=error.headers,
         )
 
     @app.exception_handler(OverflowError)
     async def out_of_range(request: Request, error: OverflowError) -> JSONResponse:
-        return JSONResponse({"error": preferred(request).translate(TOO_LARGE)}, 404)
+        return JSONResponse(error_body(TOO_LARGE, preferred(request)), 404)
 
     @app.exception_handler(OSError)
     @app.exception_handler(PoolTimeout)
@@ -95,7 +94,7 @@ def install(app: FastAPI) -> None:
         if (
             getattr(getattr(error, "orig", None), "sqlstate", None) == "22003"
         ):  # PostgreSQL: numeric value out of range
-            return JSONResponse({"error": preferred(request).translate(TOO_LARGE)}, 404)
+            return JSONResponse(error_body(TOO_LARGE, preferred(request)), 404)
         answer = answer_to_database(request, error)
         if answer is None:
             raise error
@@ -105,4 +104,4 @@ def install(app: FastAPI) -> None:
     async def bug(request: Request, error: Exception) -> JSONResponse:
         log.exception("%s %s", request.method, route_of(request), exc_info=error)
         sentence = phrase("server.bug")
-        return JSONResponse({"error": preferred(request).translate(sentence)}, 500)
+        return JSONResponse(error_body(sentence, preferred(request)), 500)

@@ -17,6 +17,7 @@ from handscope.app.auth.audit_hooks import AuditHooks
 from handscope.app.auth.roles import ANYBODY, Requester, RouteAccess, RouteTable
 from handscope.app.auth.ward_access import OTHER_WARD, is_visible, subjects
 from handscope.app.database_answers import answer_to_database
+from handscope.app.error_body import error_body
 from handscope.app.settings import Settings
 from handscope.app.state import preferred
 from handscope.estimators.messages.sentence import phrase
@@ -108,7 +109,10 @@ class Gate:
         host = connection.headers.get("host", "")
         if not self._is_own_host(host):
             return JSONResponse(
-                {"error": phrase("gate.other_host", host=host or phrase("gate.without_name"))},
+                error_body(
+                    phrase("gate.other_host", host=host or phrase("gate.without_name")),
+                    preferred(connection),
+                ),
                 421,
             )
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE
@@ -297,4 +301,4 @@ def _is_for_enrolling(path: str) -> bool:
 
 
 def _answer(connection: HTTPConnection, status: int, sentence: str) -> Response:
-    return JSONResponse({"error": preferred(connection).translate(sentence)}, status)
+    return JSONResponse(error_body(sentence, preferred(connection)), status)

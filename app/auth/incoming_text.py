@@ -4,10 +4,14 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, model_validator
 from starlette.datastructures import QueryParams
+from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from handscope.app.error_body import error_body
+from handscope.app.language import Language, preferred
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.db.plain_text import find_refused, require_plain
 
 
@@ -34,10 +38,14 @@ class PlainAddresses:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "http" and not _is_plain(scope):
-            error = {"error": "the address holds characters that cannot be shown"}
+            error = error_body(phrase("gate.address_unprintable"), _language(scope))
             await JSONResponse(error, 400)(scope, receive, send)
             return
         await self._app(scope, receive, send)
+
+
+def _language(scope: Scope) -> Language:
+    return preferred(HTTPConnection(scope).headers.get("accept-language", ""))
 
 
 def _is_plain(scope: Scope) -> bool:

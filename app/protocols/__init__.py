@@ -331,7 +331,6 @@ def _sentence(errors: Sequence[ErrorDetails]) -> str:
         case kind if kind in UNKNOWN:
             names = ", ".join(allowed)
             return _and_more(phrase("protocol.unknown_field", field=where, fields=names), more)
-            words = phrase("protocol.name_form")
     if not where:
         return phrase("protocol.not_an_object", fields=", ".join(allowed))
     return _and_more(_wrong_value(where, error, f"{words[0].lower()}{words[1:]}"), more)

@@ -10,6 +10,7 @@ from typing import Any
 import orjson
 
 from handscope.app.language import ENGLISH
+from handscope.app.language.recognition import codes_in
 from handscope.app.report.content import Content
 from handscope.app.report.units import reading
 from handscope.sessions.tables_io.spreadsheet import write_table
@@ -21,7 +22,7 @@ SIGNS = (
     "value is in unit, value_si and sd_si are in unit_si; empty where not measured, reason says why",
 )
 COLUMNS = (
-    "task", "onset_s", "end_s", "measure", "name", "value", "unit", "value_si", "sd_si", "unit_si", "grade", "reason", "source"
+    "task", "onset_s", "end_s", "measure", "name", "value", "unit", "value_si", "sd_si", "unit_si", "grade", "reason", "source", "reason_codes"
 )  # fmt: skip
 TAG, NOTICE = ENGLISH.say("notice.short"), ENGLISH.say("notice")
 
@@ -80,6 +81,7 @@ def rows(content: Content) -> list[dict[str, Any]]:
             "grade": f.grade,
             "reason": f.reason,
             "source": f.source,
+            "reason_codes": " ".join(sorted(codes_in(f.reason))),
         }
         for task in content.tasks
         for f in task.result.figures

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from handscope.app.language import Language
+from handscope.app.language.recognition import codes_in
 from handscope.app.protocols import Protocol
 from handscope.app.report.change_words import row_words, tapping_words
 from handscope.app.report.changes import Changes
@@ -134,6 +135,7 @@ def _figure_payload(
         "sd": sd[0],
         "unit": value[1],
         "reason": language.translate(row["reason"]),
+        "codes": sorted(codes_in(row["reason"])),
         "meaning": language.translate(row.get("meaning", "")),
         "sd_basis": language.translate(row.get("sd_basis", "")),
         "norm": asdict(norm) if norm else None,

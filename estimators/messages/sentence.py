@@ -77,10 +77,8 @@ def to_plain(value: Any) -> Any:
     return [to_plain(v) for v in value] if isinstance(value, list | tuple) else value
 
 
-def _plain_value(value: Value) -> Any:
-    """A message's value as JSON takes it: no numbers of numpy, and what is not finite as its word."""
-    if isinstance(value, str):
-        return to_plain(value)
+def plain_number(value: float) -> float | str:
+    """A message's number as JSON takes it: none of numpy's, and what is not finite as its word."""
     if isinstance(value, Integral):
         return int(value)
     return float(value) if isfinite(value) else str(value)
@@ -96,7 +94,10 @@ def from_plain(data: Any) -> Any:
 
 
 def _plain_message(message: Message) -> dict[str, Any]:
-    values = {name: _plain_value(value) for name, value in message.values.items()}
+    values = {
+        name: to_plain(value) if isinstance(value, str) else plain_number(value)
+        for name, value in message.values.items()
+    }
     return {"code": message.code, "values": values, "severity": message.severity}
 
 
