@@ -9,7 +9,6 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 
-from handscope.app.api.not_found import NOT_FOUND
 from handscope.app.database_answers import NO_ROOM, answer_to_database, route_of
 from handscope.app.error_body import error_body
 from handscope.app.input_mistakes import describe_mistake
@@ -28,6 +27,62 @@ BY_STATUS = {  # what Starlette answers by itself
     405: phrase("server.method_not_allowed"),
 }
 FORBIDDEN = {"wards.members_only", "wards.house_administrators"}
+NOT_FOUND = frozenset(  # what was asked for is not there: 404
+    {
+        "analysis.folder_missing",
+        "analysis.unknown_language",
+        "analysis.unknown_length_unit",
+        "analysis.unknown_method",
+        "analysis.unknown_output_unit",
+        "analysis.unknown_sample",
+        "analysis.unknown_segment",
+        "api.no_closed_recording",
+        "api.no_single_sign_on",
+        "api.unknown_paper",
+        "api.unknown_report_form",
+        "clinic.account_unknown",
+        "clinic.account_unknown_list",
+        "clinic.correction_unknown",
+        "clinic.goal_unknown",
+        "clinic.note_unknown",
+        "clinic.patient_unknown",
+        "clinic.photograph_unknown",
+        "clinic.references_version_unknown",
+        "clinic.result_unknown",
+        "clinic.second_factor_unknown",
+        "clinic.self_calibration_part_unknown",
+        "clinic.self_calibration_unknown",
+        "clinic.task_unknown",
+        "clinic.treatment_unknown",
+        "clinic.unknown_correction",
+        "clinic.unknown_role",
+        "device.port_missing",
+        "export.unknown_format",
+        "import.no_pending_table",
+        "live.action_value",
+        "live.no_relay",
+        "live.no_such_step",
+        "live.no_such_task",
+        "live.station_closed",
+        "live.unknown_action",
+        "live.unknown_group",
+        "measure.unknown_grading",
+        "measure.unknown_movement",
+        "option.unknown_option",
+        "photograph.no_marker",
+        "plan.unknown",
+        "result.folder_or_list_missing",
+        "result.recording_unknown",
+        "result.task_unknown",
+        "result.unknown_curve",
+        "server.number_too_large",
+        "store.session_unknown",
+        "wards.no_such_access",
+        "wards.no_such_code",
+        "wards.unknown",
+        "wards.unknown_name",
+    }
+)
 log = logging.getLogger(__name__)
 
 

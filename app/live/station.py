@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal, assert_never
+from typing import Any, Literal
 
 import numpy as np
 
@@ -32,28 +32,8 @@ from handscope.app.live.snapshot import GloveView, StationView, station_pulse, s
 from handscope.app.live.station_scene import INCLINED_INTERVAL, PICTURE_INTERVAL, StationScene
 from handscope.app.live.tracking import Tracking
 from handscope.app.live.viewers import Viewers
+from handscope.app.live.wizard import effects as wizard_effects
 from handscope.app.live.wizard import machine as wizard_machine
-from handscope.app.live.wizard.effects import (
-    Calibrate,
-    CheckSensors,
-    Correct,
-    CueFinger,
-    CueTask,
-    DropPose,
-    DropStep,
-    DropSteps,
-    Effect,
-    Exchange,
-    Finish,
-    Guess,
-    KeepAttempt,
-    LeaveFree,
-    MeasureStep,
-    SolveFree,
-    UseFree,
-    UseSteps,
-    WatchFree,
-)
 from handscope.app.live.wizard.machine import (
     Action,
     NotNowError,
@@ -382,7 +362,7 @@ class Station:
         """The status of the last tick, at this moment: to read every sensor for every viewer would cost a core."""
         return replace(self._status, now=time.monotonic(), t=self.tracking.newest_sample())
 
-    def _carry_out(self, effects: Sequence[Effect], status: StationStatus) -> None:
+    def _carry_out(self, effects: Sequence[wizard_effects.Effect], status: StationStatus) -> None:
         w = self._wizard
         if w.state in (
             *wizard_machine.RUNNING,
@@ -395,44 +375,41 @@ class Station:
         for effect in effects:
             self._carry_out_one(effect, status)
 
-    def _carry_out_one(self, effect: Effect, status: StationStatus) -> None:
+    def _carry_out_one(self, effect: wizard_effects.Effect, status: StationStatus) -> None:
         match effect:
-            case CueTask(task):
+            case wizard_effects.CueTask(task):
                 self._cue(task)
-            case Calibrate():
+            case wizard_effects.Calibrate():
                 self._calibrate(effect)
-            case CueFinger(finger):
-                details = {"finger": finger, "lead": f"{FINGER_LEAD:g}"}
-                self.glove.send(Cue("wiggle", details))
-            case CheckSensors():
+            case wizard_effects.CueFinger(finger):
+                self.glove.send(Cue("wiggle", {"finger": finger, "lead": f"{FINGER_LEAD:g}"}))
+            case wizard_effects.CheckSensors():
                 self._start_thread(self._check_sensors, "sensors")
-            case Exchange(worn_on):
+            case wizard_effects.Exchange(worn_on):
                 self._exchange(dict(worn_on))
-            case Correct(correction):
+            case wizard_effects.Correct(correction):
                 self._corrections.add(correction, status.t, self.glove)
                 self.checks.restart()
                 self.tracking.restart()
-            case Guess():
+            case wizard_effects.Guess():
                 self._guess(status)
-            case DropPose():
+            case wizard_effects.DropPose():
                 self._drop_pose()
-            case KeepAttempt():
+            case wizard_effects.KeepAttempt():
                 self._store_attempt(effect)
-            case MeasureStep():
+            case wizard_effects.MeasureStep():
                 problems = self.steps.measure(effect).problems
                 self._wizard = wizard_machine.record_judgement(self._wizard, problems)
-            case DropStep(task):
+            case wizard_effects.DropStep(task):
                 self.steps.drop(task)
-            case DropSteps():
+            case wizard_effects.DropSteps():
                 self.steps.drop()
-            case UseSteps():
+            case wizard_effects.UseSteps():
                 self.steps.use()
-            case WatchFree() | SolveFree() | LeaveFree() | UseFree():
-                self.free.carry_out(effect)
-            case Finish():
+            case wizard_effects.Finish():
                 threading.Thread(target=self._on_finish, args=(self,), daemon=True).start()
-            case _:
-                assert_never(effect)
+            case _:  # of free movement
+                self.free.carry_out(effect)
 
     def _start_thread(self, work: Callable[..., None], name: str, *arguments: object) -> None:
         threading.Thread(
@@ -478,7 +455,7 @@ class Station:
         if name:
             self.glove.send(Cue(name, details))
 
-    def _calibrate(self, effect: Calibrate) -> None:
+    def _calibrate(self, effect: wizard_effects.Calibrate) -> None:
         """Compute outside the tick: to combine a pose with calibration movements takes seconds."""
         pose = self._pose(effect.onset, effect.end - effect.onset)
         self.tracking.mounting = self.glove.assembler.mounting
@@ -589,7 +566,7 @@ class Station:
         self._attempts += 1
         return self._attempts
 
-    def _store_attempt(self, effect: KeepAttempt) -> None:
+    def _store_attempt(self, effect: wizard_effects.KeepAttempt) -> None:
         number, trial = self._next_number(), self._wizard.accepted(effect.task)
         protocol = next((p for p in self.setup.protocols if p.name == effect.task), None)
         for name, event in trial_events.events(

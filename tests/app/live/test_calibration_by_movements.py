@@ -31,7 +31,8 @@ from handscope.estimators.alignment.functional_movements import STEPS, Calibrati
 from handscope.estimators.data.samples import Event
 from handscope.estimators.simulation.movements import functional_calibration
 from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
-from tests.app.live.wizard.test_machine import PROTOCOLS, READY, kinds, later
+from tests.app.live.wizard.effect_kinds import kinds
+from tests.app.live.wizard.test_machine import PROTOCOLS, READY, later
 
 POSE = inclined_hand.pose_angles(NOMINAL)
 

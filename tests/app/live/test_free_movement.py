@@ -28,7 +28,8 @@ from handscope.estimators.data.samples import Event
 from handscope.sessions.clinic.self_calibrations import FoundCalibration
 from handscope.sessions.files.recording import LoadedRecording
 from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
-from tests.app.live.wizard.test_machine import PROTOCOLS, READY, kinds, later
+from tests.app.live.wizard.effect_kinds import kinds
+from tests.app.live.wizard.test_machine import PROTOCOLS, READY, later
 from tests.sessions.clinic.test_self_calibrations import found
 from tests.simulated import in_strips, loaded
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from handscope.app.live.wizard import machine as wizard_machine
 from handscope.app.live.wizard.effects import CueTask, KeepAttempt
 from handscope.app.live.wizard.machine import Action, State
-from tests.app.live.wizard.test_machine import READY, at, kinds, later
+from tests.app.live.wizard.effect_kinds import kinds
+from tests.app.live.wizard.test_machine import READY, at, later
 
 PAUSED = st.lists(
     st.tuples(st.floats(0.0, 40.0), st.floats(0.0, 60.0)), max_size=4

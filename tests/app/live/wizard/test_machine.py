@@ -1,6 +1,5 @@
 """The wizard's table and its timed steps, with facts and time passed in."""
 
-from collections.abc import Iterable
 from dataclasses import replace
 from math import isnan
 
@@ -16,14 +15,12 @@ from handscope.app.live.wizard.effects import (
     CueFinger,
     CueTask,
     DropPose,
-    DropStep,
     Effect,
     Exchange,
     Finish,
     Guess,
     KeepAttempt,
     MeasureStep,
-    SolveFree,
 )
 from handscope.app.live.wizard.machine import (
     BY_PERSON,
@@ -42,6 +39,7 @@ from handscope.app.live.wizard.machine import (
 from handscope.app.protocols import groups, load_all, load_steps
 from handscope.estimators.alignment.quality import GRADES, LIMITS
 from handscope.estimators.hand.anatomy import FINGERS, SEGMENTS
+from tests.app.live.wizard.effect_kinds import kinds
 
 PROTOCOLS = tuple(load_all().values())
 READY = StationStatus(
@@ -60,19 +58,6 @@ def later(status: StationStatus, seconds: float, **changed: object) -> StationSt
 
 def at(state: State, **changed: object) -> Wizard:
     return replace(Wizard(PROTOCOLS, 3.0), state=state, since=READY.now, **changed)  # type: ignore[arg-type]
-
-
-def kinds(effects: Iterable[Effect]) -> list[tuple[type, str]]:
-    return [(type(o), _subject(o)) for o in effects]
-
-
-def _subject(effect: Effect) -> str:
-    match effect:
-        case CueTask(name) | CueFinger(name) | DropStep(name):
-            return name
-        case KeepAttempt(name) | MeasureStep(name) | SolveFree(name):
-            return name
-    return ""
 
 
 @pytest.mark.parametrize("state", [s for s in State if s is not State.FINISHED])
@@ -572,12 +557,12 @@ def test_a_press_keeps_the_trial_and_goes_on_to_the_next_open_task() -> None:
     assert Action.CLOSE not in review.allowed(READY)
     w, effects = wizard_machine.act(review, Action.ONWARD, READY)
     assert (w.state, w.task, w.outcome("rom_fist")) == (State.TASK_READY, "rom_thumb", "accepted")
-    assert kinds(effects)[0] == ("keep_attempt", "rom_fist")
+    assert kinds(effects)[0] == (KeepAttempt, "rom_fist")
     last = replace(w, state=State.TASK_REVIEW, onset=50.0, end=65.0)
     assert Action.ONWARD not in last.allowed(READY)
     w, effects = wizard_machine.act(last, Action.CLOSE, READY)
     assert w.state is State.FINISHED
-    assert [e.kind for e in effects] == ["keep_attempt", "finish"]
+    assert [type(e) for e in effects] == [KeepAttempt, Finish]
 
 
 def test_while_trials_are_left_no_other_task_is_gone_on_to() -> None:

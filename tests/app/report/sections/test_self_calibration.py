@@ -12,12 +12,13 @@ from handscope.app.report.sections.self_calibration import (
     with_deviation,
 )
 from handscope.app.report.stored import pack, unpack
+from handscope.estimators.messages.sentence import phrase
 from tests.app.report.simulated_sessions import report
 from tests.sessions.clinic.test_self_calibrations import found
 from tests.simulated import calibrated, pose_and_wiggle
 
 ENGLISH, GERMAN = languages()["en"], languages()["de"]
-BENT = "index_pip was bent by 7 deg only: its axis and the lengths beside it are not observable; bend it more, or give the lengths"
+UNSEEN = phrase("self_calibration.found_no_length", segment="index_middle", length=23.7, sd=4.0)
 
 
 def kept() -> dict[str, Any]:
@@ -34,7 +35,7 @@ def kept() -> dict[str, Any]:
     }
     return {
         "table": {**one.table, "sensor_to_segment": seats, **biases},
-        "told": [BENT],
+        "told": [UNSEEN],
         "onset": 0.0,
         "end": 40.0,
         "parts": "lengths_and_seats",
@@ -42,7 +43,7 @@ def kept() -> dict[str, Any]:
 
 
 def test_lengths_places_and_biases_are_told_with_their_standard_deviations() -> None:
-    said = describe(kept()["table"], [BENT], ENGLISH)
+    said = describe(kept()["table"], [UNSEEN], ENGLISH)
     assert said["summary"] == "1 of 10 lengths found, the worst of them to 0.20 mm"
     assert ["index proximal", "43.00 ± 0.20", "found by the movement"] in said["lengths"]
     assert ["index middle", "23.7", "from the hand’s measures"] in said["lengths"]
@@ -64,8 +65,8 @@ def test_it_is_kept_with_the_stretch_of_movement_that_told_it() -> None:
 
 
 def test_it_is_told_in_german() -> None:
-    said = describe(kept()["table"], [BENT], GERMAN)
-    assert "nur um 7 Grad gebeugt" in said["words"][0]
+    said = describe(kept()["table"], [UNSEEN], GERMAN)
+    assert "lässt sich nicht bestimmen (24 mm" in said["words"][0]
     assert any(
         row[1:] == ["43,00 ± 0,20", "durch die Bewegung gefunden"] for row in said["lengths"]
     )
