@@ -13,6 +13,7 @@ import time
 from contextlib import suppress
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.system import describe
 
 DATAGRAM = 1472  # bytes, what an Ethernet packet holds
 BUFFER = 2**22  # bytes that may wait; the system gives what its administrator allows
@@ -30,7 +31,7 @@ def listen(host: str, port: int) -> socket.socket:
     except OSError as problem:
         found.close()
         raise InputError(
-            "device.udp_port_cannot_open", port=port, problem=str(problem.strerror or problem)
+            "device.udp_port_cannot_open", port=port, problem=describe(problem)
         ) from None
     found.setblocking(False)
     with suppress(OSError):
