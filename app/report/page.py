@@ -18,6 +18,7 @@ from handscope.app.report.content import (
     StreamFacts,
     Task,
 )
+from handscope.app.report.progress.labels import label
 from handscope.app.report.sections.both_hands import both_hands_section
 from handscope.app.report.sections.measure_plots import draw_panels
 from handscope.app.report.sections.other_measures import other_measures
@@ -29,7 +30,6 @@ from handscope.app.report.sections.trend_section import trend_section
 from handscope.app.report.summary import outcome_words, summary
 from handscope.app.report.tables import data_checksum
 from handscope.app.report.units import DEG, places_of, unit_words, with_unit
-from handscope.app.report.words import figure_words
 from handscope.estimators.data.calibration import SensorQuality
 from handscope.estimators.data.samples import FORCE
 
@@ -114,7 +114,7 @@ def goal_row(goal: GoalReading, language: Language) -> list[str]:
     value, low, high = (language.number(n, places) for n in (goal.value, goal.low, goal.high))
     place = "not_reached" if goal.value < goal.low else "beyond"
     return [
-        figure_words(goal.name, language),
+        label(goal.name, language),
         with_unit(value, goal.unit, language),
         language.say("goals.range", low=low, high=with_unit(high, goal.unit, language)),
         language.say("goals.reached" if goal.low <= goal.value <= goal.high else f"goals.{place}"),

@@ -16,7 +16,7 @@ export function mount(root, api, { record, draft }) {
     draft.typed = values();
     say(t("notes.unsaved"));
   };
-  const text = h("textarea", { maxlength: 20000, name: "notes", "aria-label": t("notes.session"), oninput: typed });
+  const text = h("textarea", { maxlength: 20000, name: "notes", oninput: typed });
   const conclusion = h("textarea", { maxlength: 20000, name: "conclusion", oninput: typed });
   const [rest, movement] = ["pain_rest", "pain_movement"].map((name) =>
     select([["", t("pain.not_asked")], ...SCORES], "", { name, oninput: typed }),
@@ -27,11 +27,11 @@ export function mount(root, api, { record, draft }) {
     { novalidate: true },
     field(t("conclusion"), conclusion, t("conclusion.hint")),
     h("div", { class: "pair" }, field(t("pain.rest"), rest), field(t("pain.movement"), movement)),
-    h("div", { class: "field" }, text, h("p", { class: "hint" }, t("notes.session.hint"))),
+    field(t("notes.session"), text, t("notes.session.hint")),
     field(t("new_session.examiner"), examiner),
     h("div", { class: "buttons" }, h("button", { type: "submit" }, t("notes.save")), undo, status),
   );
-  root.append(h("h2", {}, t("notes.session")), form, box.element);
+  root.append(h("h2", {}, t("notes.title")), form, box.element);
   fill(draft.typed ?? record.now);
   if (draft.typed) say(t("notes.unsaved"));
   if (draft.held) form.elements[draft.held].focus();

@@ -6,8 +6,8 @@ from handscope.app.language import Language
 from handscope.app.report.changes import read_as
 from handscope.app.report.content import Content
 from handscope.app.report.progress.importance import rank
+from handscope.app.report.progress.labels import label
 from handscope.app.report.units import places_of, with_unit
-from handscope.app.report.words import figure_words
 from handscope.sessions.clinic.repeatability import Key, Values
 
 SHARE_OF = 1e-9  # SI: a figure of the other hand below it has no share
@@ -57,4 +57,4 @@ def _row(key: Key, own: Values, other: Values, language: Language) -> list[str]:
     ]
     (mine, _), (theirs, _) = read
     share = f"{language.number(100 * mine / theirs)} %" if abs(theirs) > SHARE_OF else "–"
-    return [figure_words(key[2], language), *words, share]
+    return [label(key[2], language), *words, share]

@@ -306,12 +306,15 @@ def test_conclusion_pain_and_goals_stand_on_the_first_page_where_there_are_any()
 
 def test_both_hands_of_a_visit_stand_side_by_side_on_the_first_page() -> None:
     key, alone = ("tapping", "tapping", "tapping_rate"), ("tapping", "tapping", "tapping_width")
-    own = {key: (2.0, "Hz"), alone: (1.0, "m")}
-    course = Course((CourseVisit(MORNING, own),), CourseVisit(MORNING, {key: (2.5, "Hz")}))
+    tam = ("total_active_motion", "rom_fist", "index_tam")
+    own = {key: (2.0, "Hz"), alone: (1.0, "m"), tam: (np.pi, "rad")}
+    theirs = {key: (2.5, "Hz"), tam: (1.25 * np.pi, "rad")}
+    course = Course((CourseVisit(MORNING, own),), CourseVisit(MORNING, theirs))
     together = replace(report(), course=course, same_visit=True)
     first = " ".join(PdfReader(BytesIO(pdf(together, ENGLISH))).pages[0].extract_text().split())
     assert "Both hands The other hand was measured in the same visit, 12 May 2026, 09:30" in first
     assert "2.00 per s 2.50 per s 80 %" in first
+    assert "Index: total active motion (TAM) 180° 225° 80 %" in first
     assert "2.50 per s" in html(together, ENGLISH).decode()
     apart = html(replace(together, same_visit=False), ENGLISH).decode()
     assert "Both hands" not in apart
