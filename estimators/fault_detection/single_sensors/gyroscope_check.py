@@ -116,7 +116,8 @@ def judge(cells: Cells, free: bool = True) -> list[Judged]:
         part = cells.of(closer)
         quick = likelihoods_of(part, np.array([f.matrix for f in discrete_faults()]))
         common = np.argsort(-quick.sum(axis=(1, 2)))[:2]
-        gains = likelihoods_of(part, np.array([g * IDENTITY for g in STARTS]))
+        starts = STARTS if free else STARTS[:1]
+        gains = likelihoods_of(part, np.array([g * IDENTITY for g in starts]))
         for k, sensor in enumerate(closer):
             if not odd[sensor] and _most_gained(quick[:, :, k], gains[:, :, k]) < HOPEFUL:
                 continue
@@ -165,7 +166,7 @@ def _discrete(
     own: Cells, right: Information, quick: Array, common: NDArray[np.intp]
 ) -> Iterator[Verdict]:
     """Signs, orders and units that fit best, of one sensor; `quick` (H, G) are their likelihoods without biases and lever arms."""
-    faults, gain = discrete_faults(), quick - quick[0]
+    faults, gain, as_it_is = discrete_faults(), quick - quick[0], fit(right).likelihood
     usual = np.log([share_of(f.code) if f.code else 1.0 for f in faults])
     whole, best = (
         value + usual for value in (gain.sum(axis=1), np.array([best_stretch(g)[0] for g in gain]))
@@ -174,7 +175,7 @@ def _discrete(
         {*np.argsort(-whole)[:CANDIDATES], *np.argsort(-best)[:CANDIDATES], *common} - {0}
     ):
         wrong = information_of(windows_of(own, faults[k].matrix))
-        _, first, last = best_stretch((fit(wrong).likelihood - fit(right).likelihood)[:, 0])
+        _, first, last = best_stretch((fit(wrong).likelihood - as_it_is)[:, 0])
         if last > first:
             stretch = slice(first, last)
             yield _against(faults[k], wrong.part(stretch), right, stretch)
