@@ -37,11 +37,15 @@ def delayed(recording: Simulated, sensors: Sequence[str], late: float) -> list[B
     return _changed(recording, change)
 
 
-def amplified(recording: Simulated, sensor: str, gain: float) -> list[Block]:
-    """A gyroscope that reads too much."""
+def amplified(
+    recording: Simulated, sensor: str, gain: float, span: tuple[float, float] = (-np.inf, np.inf)
+) -> list[Block]:
+    """A gyroscope that reads too much, within a span (s)."""
 
     def change(block: Block, values: np.ndarray) -> None:
-        values[:, block.stream.sensors.index(sensor), block.stream.axes(GYR)] *= gain
+        rows = (block.t >= span[0]) & (block.t < span[1])
+        k, axes = block.stream.sensors.index(sensor), block.stream.axes(GYR)
+        values[:, k, axes] *= np.where(rows, gain, 1.0)[:, None]
 
     return _changed(recording, change)
 

@@ -81,6 +81,13 @@ def test_sensors_that_do_not_meet_are_told_though_no_cause_explains_it() -> None
     assert all("ring_middle" in s.sensors for s in found)
 
 
+def test_a_gyroscope_that_reads_too_much_for_three_seconds_only_is_told() -> None:
+    found = told(amplified(freely_moved(), "index_middle", 1.3, (10.0, 13.0)))
+    assert {s.message.code for s in found} == {"sensors.disagree"}
+    assert all("index_middle" in s.sensors for s in found)
+    assert all(a >= 9.0 and b <= 13.0 for s in found for a, b in s.spans)
+
+
 def test_two_exchanged_fingers_are_named() -> None:
     blocks = intact()
     for a, b in zip(CHAINS["index"], CHAINS["ring"]):
