@@ -12,6 +12,7 @@ from handscope.sessions.files.sensor_corrections import correct_recording
 from handscope.sessions.formats import recordings as formats_recordings
 from tests.app.devices.virtual import virtual_glove
 from tests.journeys.house import (
+    LONG,
     Server,
     act,
     end_session,
@@ -53,7 +54,8 @@ def test_a_fault_is_named_and_put_right_in_the_first_step_and_samples_stay_raw(
     worn = ("--hand", "left", "--strips", "index,ring")
     with virtual_glove(tmp_path / "glove", *worn, *words) as port:
         begin(page, server, port)
-        found = shown(page.get_by_role("status").filter(has_text="Noticed at the sensors"))
+        noticed = page.get_by_role("status").filter(has_text="Noticed at the sensors")
+        found = shown(noticed, 2 * LONG)  # an exchange may need the third check
         expect(found).to_contain_text(said)
         expect(act(page, "correct")).to_contain_text(offered)
         expect(act(page, "correct")).to_contain_text("middle segment")
