@@ -22,6 +22,7 @@ from handscope.app.devices.sources.addresses import is_source
 from handscope.estimators.data.events import Event
 from handscope.estimators.errors import InputError
 from handscope.estimators.messages.system import describe
+from handscope.sessions.files.original_messages import pack
 from handscope.sessions.files.recorder import Recorder
 
 FORWARD = 4096  # chunks that wait for a slow server, about 16 MB; then the oldest go
@@ -101,6 +102,8 @@ class Acquisition:
         try:
             if what == "wire":
                 self._keep_wire(value, at)
+            elif what == "original":
+                self._recorder.original(pack(value), at)
             elif what == "command":
                 self._recorder.command(value, at)
             elif what == "event":
@@ -166,11 +169,18 @@ class Acquisition:
         while not self._stop.is_set():
             chunk, now = self._port.read(65536), time.monotonic_ns() * 1e-9
             self._show_sensors(now)
+            self._take_originals(self._port, now)
             if chunk:
                 newest = now
                 self._read.put(("wire", bytes(chunk), now))
             elif now - newest > SILENCE and is_network(self._path) and not is_source(self._path):
                 raise OSError(f"nothing came for {SILENCE:g} s")
+
+    def _take_originals(self, port: Any, now: float) -> None:
+        """What a source of another protocol gave as it came goes to the file too."""
+        if is_source(self._path):
+            for original in port.take_originals():
+                self._read.put(("original", original, now))
 
     def place(self, places: Mapping[str, str]) -> None:
         """Where sensors of a source sit, kept for every time that it is opened."""
@@ -191,6 +201,7 @@ class Acquisition:
     def _close_port(self) -> None:
         port, self._port = self._port, None
         if port is not None and is_source(self._path):
+            self._take_originals(port, time.monotonic_ns() * 1e-9)
             counts = {"source_counts": dict(port.counts())}
             self._read.put(("metadata", counts, time.monotonic_ns() * 1e-9))
         if port is not None:

@@ -14,7 +14,7 @@ from typing import Any
 from mcap.records import Message
 
 from handscope.estimators.errors import InputError
-from handscope.sessions.files.recorder import BUFFER, CHECKPOINT, Continuation, Recorder
+from handscope.sessions.files.recorder import BUFFER, CHECKPOINT, ORIGINAL, Continuation, Recorder
 from handscope.sessions.files.recording_file import Findings, read_messages
 from handscope.sessions.sealing.stored import continue_stored, open_stored
 
@@ -25,20 +25,25 @@ class ContinuedRecording:
     def __init__(self, path: Path) -> None:
         """InputError where the file is no recording."""
         self.written = 0  # messages of the port, those before included
-        first, last, number = None, None, 0
+        first, last, number, originals = None, None, 0, 0
         found = Findings()
         facts: dict[str, Any] = {}
         events: dict[str, Any] = {}
         with open_stored(path) as before:
             for topic, message in read_messages(before, found):
                 first, last = first or message, message
-                number = message.sequence + (topic != CHECKPOINT)  # these take none
+                if topic == ORIGINAL:
+                    originals = message.sequence + 1
+                else:
+                    number = message.sequence + (topic != CHECKPOINT)  # these take none
                 self.written += topic == "wire"
                 _collect(topic, message, facts, events)
         if first is None or last is None:
             raise InputError("recording.nothing_to_continue", name=path.name)
         file = continue_stored(path, found.end, BUFFER)
-        self._recorder = Recorder.go_on(_continuation(file, first, last, number, facts, events))
+        self._recorder = Recorder.go_on(
+            _continuation(file, first, last, (number, originals), facts, events)
+        )
         self.newest = last.publish_time * 1e-9
 
     def write(self, chunk: bytes, arrival: float) -> None:
@@ -80,10 +85,12 @@ def _continuation(
     file: Any,
     first: Message,
     last: Message,
-    number: int,
+    numbers: tuple[int, int],
     facts: Mapping[str, Any],
     events: Mapping[str, Any],
 ) -> Continuation:
     utc = datetime.fromtimestamp(0, UTC) + timedelta(microseconds=first.log_time / 1e3)
     began, newest = first.publish_time * 1e-9, last.publish_time * 1e-9
-    return Continuation(file, number % 2**32, began, utc, newest, facts, events)
+    return Continuation(
+        file, numbers[0] % 2**32, numbers[1] % 2**32, began, utc, newest, facts, events
+    )

@@ -1,7 +1,7 @@
 """Write a native recording: what the glove sent, as it came, before anything else happens to it.
 
 One MCAP file (docs/recording.md): channel `wire` holds the port's bytes with their arrival times, `command` what was sent to the glove, `event` and
-`metadata` JSON. Every message is numbered and a chunk of its own with its channel and CRC, handed to the operating system at once and to the disk
+`metadata` JSON, `original` what a source of another protocol gave. Every message is numbered and a chunk of its own with its channel and CRC, handed to the operating system at once and to the disk
 every second; what has piled up behind a slow disk goes there in one write. Channel `checkpoint` repeats events and metadata every CHECKPOINT_EVERY, so that
 what a crash left is listed from its end (recording_ends.py). (mcap's own writer is not used: it keeps an index entry of every chunk in memory, 0.4 GB after a million.)
 """
@@ -36,6 +36,10 @@ CHECKPOINT_EVERY = 10.0  # s between two checkpoints: 4 MB of 17 sensors at 1 kH
 BUFFER = 2**22  # bytes that go to the file in one write: half a minute of 17 sensors at 1 kHz
 PROFILE = "handscope"
 CHECKPOINT = "checkpoint"  # channel of what stands so far
+ORIGINAL = "original"  # channel of what a source gave; its messages are numbered by themselves
+SHRINKS = (
+    10  # times at most that a message of it may shrink: a reader refuses files that shrink more
+)
 CHANNELS = {
     topic: Channel(id=k, topic=topic, message_encoding=encoding, metadata={}, schema_id=0)
     for k, (topic, encoding) in enumerate(
@@ -45,6 +49,7 @@ CHANNELS = {
             "event": "json",
             "metadata": "json",
             CHECKPOINT: "json",
+            ORIGINAL: "handscope-original",
         }.items(),
         start=1,
     )
@@ -57,6 +62,7 @@ class Continuation:
 
     file: IO[bytes]  # at its end
     number: int  # of the next message
+    originals: int  # of the next message of channel `original`
     began: float  # s of the monotonic clock, of the first message
     utc: datetime  # at that moment
     newest: float  # s of the monotonic clock, of the last message
@@ -83,7 +89,7 @@ class Recorder:
         self._file = file if file is not None else _create_locked(path, stored)
         self._began, self._utc = now, utc or datetime.now(UTC)
         self._synced = self._newest = self._checkpointed = now
-        self._number = 0
+        self._number = self._originals = 0
         self._facts: dict[str, Any] = {}
         self._events: dict[str, Any] = {}  # by id, those that stand
         self._together = False
@@ -101,6 +107,7 @@ class Recorder:
         recorder._synced = recorder._newest = recorder._checkpointed = at.newest
         recorder._facts, recorder._events = dict(at.facts), dict(at.events)
         recorder._number, recorder._together, recorder.bytes_written = at.number, False, 0
+        recorder._originals = at.originals
         return recorder
 
     def __enter__(self) -> "Recorder":
@@ -131,6 +138,14 @@ class Recorder:
     def command(self, sent: bytes, at: float) -> None:
         """Keep bytes that were sent to the glove."""
         self._put("command", sent, at)
+
+    def original(self, data: bytes, at: float) -> None:
+        """Keep what a source of another protocol gave, as it came (original_messages.py)."""
+        self._file_message(ORIGINAL, data, at, self._originals)
+        self._originals = (self._originals + 1) % 2**32
+        self._newest = at
+        if not self._together:
+            self._flush()
 
     def event(self, event_id: str, event: Event | None, at: float) -> None:
         """Keep an event; the same id again replaces it, None takes it back. The earlier ones stay in the file."""
@@ -189,7 +204,7 @@ class Recorder:
             publish_time=round(at * 1e9),
             sequence=number,
         )
-        self._file.write(_chunk(_bytes_of(channel, message), utc))
+        self._file.write(_chunk(_bytes_of(channel, message), utc, topic == ORIGINAL))
 
     def _checkpoint(self) -> None:
         """Repeat what stands so far; a checkpoint has the number of the message that follows, and takes none itself."""
@@ -229,11 +244,14 @@ def _create_locked(path: Path, stored: bool) -> IO[bytes]:
     return file
 
 
-def _chunk(records: bytes, utc: int) -> bytes:
+def _chunk(records: bytes, utc: int, may_shrink_far: bool) -> bytes:
+    """A chunk; one that would shrink more than a reader takes is left as it is (a stream that rests is all zeros)."""
+    packed = zstandard.compress(records)
+    is_packed = not may_shrink_far or SHRINKS * len(packed) >= len(records)
     return _bytes_of(
         Chunk(
-            compression="zstd",
-            data=zstandard.compress(records),
+            compression="zstd" if is_packed else "",
+            data=packed if is_packed else records,
             message_start_time=utc,
             message_end_time=utc,
             uncompressed_crc=zlib.crc32(records),

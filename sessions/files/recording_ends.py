@@ -12,7 +12,7 @@ from typing import IO, Any
 
 from handscope.estimators.data.samples import Event, Stream
 from handscope.sessions.files.native import Contents, store_message
-from handscope.sessions.files.recorder import CHECKPOINT, FORMAT_VERSION
+from handscope.sessions.files.recorder import CHECKPOINT, FORMAT_VERSION, ORIGINAL
 from handscope.sessions.files.recording_file import Findings, find_last_chunk, read_messages
 from handscope.sessions.sealing.stored import open_stored
 from handscope.sessions.wire.assembly import Assembler
@@ -83,7 +83,7 @@ def _decode_head(file: IO[bytes]) -> tuple[Assembler, float] | None:
     """The glove as it describes itself at the beginning, and when its first byte arrived, s."""
     assembler, found, first, taken = Assembler(), Findings(), None, 0
     for topic, message in read_messages(file, found):
-        taken += len(message.data)
+        taken += len(message.data) if topic != ORIGINAL else 0
         if topic == "wire":
             arrival = message.publish_time * 1e-9
             first = arrival if first is None else first

@@ -19,7 +19,7 @@ from mcap.stream_reader import breakup_chunk
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from handscope.estimators.errors import InputError
-from handscope.sessions.files.recorder import CHANNELS, CHECKPOINT, PROFILE
+from handscope.sessions.files.recorder import CHANNELS, CHECKPOINT, ORIGINAL, PROFILE
 
 LARGEST = 64 * 2**20  # bytes of a record; a recorder's are a few kB
 LZ4_MOST = 255  # bytes that one of lz4 becomes at most
@@ -54,7 +54,9 @@ def read_messages(
     From the first chunk at or behind `start` on, where it is not the file's beginning: what is missing is counted from there.
     """
     size, failed = file.seek(0, os.SEEK_END), 0
-    number = None if start else 0
+    numbers = (
+        {} if start else {False: 0, True: 0}
+    )  # of the next message, by whether it is an original
     topics: dict[int, str] = {}
     for inside in _records(file, size, found, start):
         failed += inside is None
@@ -65,10 +67,10 @@ def read_messages(
                 topics[record.id] = record.topic
             elif isinstance(record, Message) and record.channel_id in topics:
                 topic = topics[record.channel_id]
-                number = record.sequence if number is None else number
+                number = numbers.get(topic == ORIGINAL, record.sequence)
                 missing = (record.sequence - number) % 2**32  # messages are numbered
                 found.damaged += missing if missing < 2**31 else 0
-                number, failed = record.sequence + (topic != CHECKPOINT), 0
+                numbers[topic == ORIGINAL], failed = record.sequence + (topic != CHECKPOINT), 0
                 yield topic, record
     found.damaged += failed if found.finished else 0
 

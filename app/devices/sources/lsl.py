@@ -16,9 +16,16 @@ import numpy as np
 
 from handscope.app.devices.sources.addresses import SourceAddress
 from handscope.app.devices.sources.channel_labels import channel_sets
+from handscope.app.devices.sources.lsl_originals import (
+    TEXT,
+    correction_message,
+    info_message,
+    samples_message,
+)
 from handscope.app.devices.sources.source import About, Arrived, Measured, Occurred
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics.typing import Array
+from handscope.sessions.files.original_messages import Original
 from handscope.sessions.table_import.column_map import Column, ColumnMap
 
 FIND_WAIT = 3.0  # s that a stream of this name is searched
@@ -75,7 +82,12 @@ class Inlet:
         self._sets = [
             (s, [self._channel(label, labels) for label in s.labels]) for s in channel_sets(columns)
         ]
-        self._offset = time.monotonic() - clock()
+        self._clock, self._offset = clock, time.monotonic() - clock()
+        self._originals: list[Original] = []
+        self._streams: list[tuple[str, int]] = []  # uid and format by inlet: the samples' first
+        self._describe(info)
+        for marker in self._markers:
+            self._describe(_info(marker))
         self._corrections: dict[int, float] = {}  # s, by inlet: 0 the samples', then the markers'
         self._corrected = -np.inf
         self._first_correction: float | None = None
@@ -95,7 +107,13 @@ class Inlet:
             samples, t = self._inlet.pull_chunk(wait, MOST_SAMPLES)
         except Exception as problem:  # pylsl's LostError, which lies in its inner modules
             raise OSError(f"the LSL stream {self._name} ended ({problem})") from None
+        self._keep(0, samples, t)
         return [*self._measured(np.asarray(samples, float), np.asarray(t, float)), *self._events()]
+
+    def take_originals(self) -> Sequence[Original]:
+        """Every channel of every stream as it came, the clocks' corrections, the descriptions."""
+        taken, self._originals = self._originals, []
+        return taken
 
     def counts(self) -> Mapping[str, int | float]:
         """The corrections by which the remote times were made ours, s."""
@@ -129,8 +147,23 @@ class Inlet:
         for k, inlet in enumerate((self._inlet, *self._markers)):
             with contextlib.suppress(Exception):  # pylsl.TimeoutError: nobody answers now
                 self._corrections[k] = float(inlet.time_correction(1.0))
+                uid = self._streams[k][0]
+                self._originals.append(correction_message(uid, self._corrections[k], self._clock()))
         if self._first_correction is None:
             self._first_correction = self._corrections.get(0)
+
+    def _describe(self, info: Any) -> None:
+        """Note a stream's uid and format; None where it has gone."""
+        if info is None:
+            self._streams.append(("", TEXT))
+            return
+        self._streams.append((str(info.uid()), int(info.channel_format())))
+        self._originals.append(info_message(str(info.uid()), info))
+
+    def _keep(self, inlet: int, samples: Sequence[Any], t: Sequence[float]) -> None:
+        if len(t):
+            uid, number = self._streams[inlet]
+            self._originals.append(samples_message(uid, samples, t, number))
 
     def _nanoseconds(self, t: Array, inlet: int) -> Any:
         """Remote times (n,) s as ns of the host's monotonic clock."""
@@ -155,6 +188,7 @@ class Inlet:
         for k, inlet in enumerate(self._markers, start=1):
             with contextlib.suppress(Exception):  # one stream of markers that is gone
                 texts, t = inlet.pull_chunk(0.0, MOST_SAMPLES)
+                self._keep(k, texts, t)
                 for text, at in zip(texts, self._nanoseconds(np.asarray(t, float), k)):
                     yield marker_event(str(text[0]), int(at))
 
@@ -169,6 +203,14 @@ def marker_event(text: str, at: int) -> Occurred:
     details = {str(k)[:40]: str(v)[:200] for k, v in list(value.items())[:20]}
     length = duration if 0 <= duration < 3600 else 0.0
     return Occurred(at, kind[:40], details, round(length * 1e9))
+
+
+def _info(inlet: Any) -> Any:
+    """The description of a stream of markers; None where it has just gone."""
+    try:
+        return inlet.info(2.0)
+    except Exception:  # pylsl's TimeoutError and LostError
+        return None
 
 
 def _labels(info: Any) -> list[str]:

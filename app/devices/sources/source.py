@@ -10,6 +10,7 @@ from typing import Protocol
 
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.numerics.typing import Array, Indices
+from handscope.sessions.files.original_messages import Original
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,10 @@ class Source(Protocol):
 
     def receive(self, wait: float) -> Sequence[Arrived]:
         """What came; waits up to `wait` s for the first. OSError where the device went away."""
+        ...
+
+    def take_originals(self) -> Sequence[Original]:
+        """What came since the last call, as it came, to be kept beside what was made of it."""
         ...
 
     def counts(self) -> Mapping[str, int | float]:

@@ -7,7 +7,7 @@ Limits  of a device that states no rate the first samples wait until RATE_FROM s
 
 import secrets
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import Any
@@ -16,6 +16,7 @@ import numpy as np
 
 from handscope.app.devices.sources.source import Battery, Level, Measured, Occurred, Source
 from handscope.app.devices.sources.tracker_table import TrackerTable
+from handscope.sessions.files.original_messages import Original
 from handscope.sessions.wire import messages as wire
 from handscope.sessions.wire.bursts import bursts_of
 from handscope.sessions.wire.framing import Decoder, Encoder
@@ -89,6 +90,10 @@ class TranslatedPort:
     def trackers(self) -> list[dict[str, Any]]:
         """A row a sensor, for pages."""
         return self._table.rows(time.monotonic())
+
+    def take_originals(self) -> Sequence[Original]:
+        """What the source gave since the last call, as it came."""
+        return self._source.take_originals()
 
     def counts(self) -> Mapping[str, int | float]:
         """What the source counted."""

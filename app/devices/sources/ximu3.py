@@ -7,6 +7,7 @@ Source  package ximu3 (x-IMU3 API, x-io Technologies); units of gyroscope and ac
 Limits  the magnetometer is in the device's own units: a map that names uT takes them as such
 """
 
+import json
 import queue
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -19,6 +20,7 @@ from handscope.app.devices.sources.channel_labels import ChannelSet, channel_set
 from handscope.app.devices.sources.source import About, Arrived, Battery, Level, Measured
 from handscope.estimators.data.samples import ACC, GYR
 from handscope.estimators.errors import InputError
+from handscope.sessions.files.original_messages import Original
 from handscope.sessions.table_import.column_map import ColumnMap
 from handscope.sessions.wire.clock_mapping import ClockMap
 
@@ -34,6 +36,23 @@ FIELDS: Mapping[str, Mapping[str, str]] = {  # of a kind of message, by label
     "magnetometer": {f"m{c}": c for c in "xyz"},
     "quaternion": {f"q{c}": c for c in "wxyz"},
 }
+
+
+OTHERS = (  # kinds that are kept as they came and nothing is made of
+    "ahrs_status",
+    "button",
+    "earth_acceleration",
+    "error",
+    "euler_angles",
+    "high_g_accelerometer",
+    "linear_acceleration",
+    "notification",
+    "rotation_matrix",
+    "rssi",
+    "serial_accessory",
+    "sync",
+    "temperature",
+)
 
 
 def open_source(address: SourceAddress) -> "Devices":
@@ -83,6 +102,7 @@ class Devices:
         self._newest: dict[tuple[str, str], int] = {}
         self._connections: list[Any] = []
         self._dropped = 0
+        self._rows: list[str] = []  # messages as they came, JSON
 
     @property
     def about(self) -> About:
@@ -93,7 +113,7 @@ class Devices:
 
     def connect(self, name: str, connection: Any) -> None:
         """Open a connection; InputError where nobody answers."""
-        for kind in (*FIELDS, "battery"):
+        for kind in (*FIELDS, "battery", *OTHERS):
             getattr(connection, f"add_{kind}_callback")(self._hearer(name, kind))
         try:
             connection.open()
@@ -122,6 +142,11 @@ class Devices:
             pass
         return found
 
+    def take_originals(self) -> Sequence[Original]:
+        """Messages as the library gave them, a line each: connection, kind, the host's ns, fields in the device's units."""
+        rows, self._rows = self._rows, []
+        return [Original({"kind": "ximu3_messages"}, "\n".join(rows).encode())] if rows else []
+
     def counts(self) -> Mapping[str, int | float]:
         """Messages that came faster than they were read."""
         return {"messages_dropped": self._dropped}
@@ -132,6 +157,9 @@ class Devices:
             connection.close()
 
     def _take(self, name: str, kind: str, message: Any, now: int) -> Sequence[Arrived]:
+        self._rows.append(json.dumps([name, kind, now, _fields(message)], default=_plain))
+        if kind in OTHERS:
+            return []
         if kind == "battery":
             percent = round(min(max(message.percentage, 0.0), 100.0))
             return [Battery(now, percent), Level(name, battery=percent)]
@@ -157,6 +185,17 @@ class Devices:
                     )
                 )
         return found
+
+
+def _fields(message: Any) -> dict[str, Any]:
+    """What a message holds, by the library's names."""
+    names = [n for n in dir(message) if not n.startswith("_")]
+    found = {n: getattr(message, n) for n in names}
+    return {n: value for n, value in found.items() if not callable(value)}
+
+
+def _plain(value: Any) -> str:
+    return value.hex() if isinstance(value, bytes) else str(value)
 
 
 def _by_device(names: Sequence[str], columns: ColumnMap) -> dict[str, list[ChannelSet]]:

@@ -53,6 +53,9 @@ class Played:
             if self._row > first
         ]
 
+    def take_originals(self) -> tuple[()]:
+        return ()
+
     def counts(self) -> Mapping[str, int | float]:
         return {}
 

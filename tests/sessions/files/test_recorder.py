@@ -13,7 +13,9 @@ from mcap.reader import make_reader
 
 from handscope.estimators.data.samples import Event
 from handscope.sessions.files import native
+from handscope.sessions.files.original_messages import Original, pack, read_originals
 from handscope.sessions.files.recorder import SYNC_EVERY, Recorder
+from handscope.sessions.files.recording_file import Findings
 
 BEGAN = datetime(2025, 3, 1, 12, 0, 0, tzinfo=UTC)
 
@@ -109,6 +111,36 @@ def test_any_mcap_reader_can_read_a_finished_recording(tmp_path: Path) -> None:
         ]
     assert [topic for topic, _, _ in found] == ["metadata", "wire"]
     assert found[1] == ("wire", b"abc", round(BEGAN.timestamp() * 1e9) + 500_000_000)
+
+
+def test_what_a_source_gave_comes_back_and_is_numbered_by_itself(tmp_path: Path) -> None:
+    """So that a program that does not know its channel misses nothing; what rests, and shrinks to nothing, is read as well."""
+    path, rests = tmp_path / "a.mcap", bytes(3 * 2**20)
+    with Recorder(path, {"hand": "left"}, 0.0, BEGAN) as recorder:
+        for k in range(30):
+            recorder.original(pack(Original({"kind": "k", "number": k}, rests)), float(k))
+            recorder.write(b"abc", k + 0.5)
+    found = Findings()
+    kept = list(read_originals(path, found))
+    assert [(o.head["number"], o.body == rests) for o in kept] == [(k, True) for k in range(30)]
+    assert (found.damaged, found.finished) == (0, True)
+    with path.open("rb") as file:
+        messages = [m for _, channel, m in make_reader(file).iter_messages() if channel.id < 5]
+    assert [m.sequence for m in messages] == list(range(31))
+
+
+def test_a_damaged_message_of_a_source_is_counted(tmp_path: Path) -> None:
+    path, bodies = tmp_path / "a.mcap", [np.random.default_rng(k).bytes(2000) for k in range(3)]
+    with Recorder(path, {"hand": "left"}, 0.0, BEGAN) as recorder:
+        for k, body in enumerate(bodies):
+            recorder.original(pack(Original({"kind": "k"}, body)), float(k))
+            recorder.write(b"abc", k + 0.5)
+    data = path.read_bytes()
+    path.write_bytes(data.replace(bodies[1][500:600], bytes(100)))
+    found = Findings()
+    assert [o.body for o in read_originals(path, found)] == [bodies[0], bodies[2]]
+    assert found.damaged == 1
+    assert len(native.read(path).wire) == 3
 
 
 def test_an_existing_recording_is_never_written_over(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from handscope.app.devices.sources.source import About, Arrived, Battery, Level,
 from handscope.estimators.data.samples import ORIENTATION
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
+from handscope.sessions.files.original_messages import Original
 from handscope.sessions.table_import.column_map import ColumnMap
 
 Address = tuple[str, int]
@@ -80,6 +81,10 @@ class Listener:
                 continue  # a tracker that we answered is gone
             found += self._take(datagram, address, self._came(waited))
         return _joined(found)
+
+    def take_originals(self) -> Sequence[Original]:
+        """None: of packets only what is read is kept."""
+        return ()
 
     def counts(self) -> Mapping[str, int | float]:
         """Datagrams by what became of them, newest signal strengths."""

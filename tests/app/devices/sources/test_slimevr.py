@@ -191,6 +191,9 @@ class _Scripted:
         t = np.array([10_000_000 * self._k], np.int64)
         return [Measured(("index_proximal",), (ORIENTATION,), t, np.array([[Q]]))]
 
+    def take_originals(self) -> tuple[()]:
+        return ()
+
     def counts(self) -> dict[str, int | float]:
         return {}
 

@@ -38,6 +38,9 @@ class Trackers:
     def receive(self, wait: float) -> Sequence[Arrived]:
         return self.waiting.pop(0) if self.waiting else []
 
+    def take_originals(self) -> tuple[()]:
+        return ()
+
     def counts(self) -> dict[str, int | float]:
         return {}
 

@@ -79,6 +79,25 @@ def test_messages_become_si_at_the_time_of_the_device() -> None:
     assert [b.percent for b in found if isinstance(b, Battery)] == [80]
 
 
+def test_messages_are_kept_as_they_came() -> None:
+    """Also those that nothing is made of, in the device's units."""
+    devices, connection = _devices(["a:1"]), _Connection()
+    devices.connect("a:1", connection)
+    q = {"w": 1.0, "x": 0.1, "y": 0.2, "z": 0.3}
+    connection.call["add_quaternion_callback"](SimpleNamespace(timestamp=7, **q))
+    connection.call["add_temperature_callback"](SimpleNamespace(timestamp=8, temperature=25.3))
+    connection.call["add_notification_callback"](SimpleNamespace(timestamp=9, bytes=b"N\xff"))
+    assert [type(a) for a in devices.receive(0.1)] == [Measured]
+    (kept,) = devices.take_originals()
+    rows = [json.loads(line) for line in kept.body.splitlines()]
+    assert [(row[0], row[1], row[3]) for row in rows] == [
+        ("a:1", "quaternion", {"timestamp": 7, **q}),
+        ("a:1", "temperature", {"timestamp": 8, "temperature": 25.3}),
+        ("a:1", "notification", {"timestamp": 9, "bytes": "4eff"}),
+    ]
+    assert list(devices.take_originals()) == []
+
+
 def test_labels_of_no_device_are_named() -> None:
     with pytest.raises(InputError, match="are no channels of one x-IMU3"):
         _devices(["a:1", "b:2"])
