@@ -162,7 +162,9 @@ def _read_results(page: Page, folder: Path) -> None:
     expect(page.get_by_text("Saved.")).to_be_visible()
 
 
-ONWARD = {"continue", "start", "accept", "choose", "resume", "use", "again", "enough", "finish"}
+ONWARD = {"continue", "start", "accept", "choose", "resume", "use", "again", "onward", "enough"} | {
+    "finish"
+}
 
 
 @pytest.mark.slow
