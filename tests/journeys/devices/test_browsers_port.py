@@ -186,11 +186,12 @@ def test_a_minute_behind_the_proxy_with_cuts_a_reload_and_a_killed_server_is_who
         proxied(tmp_path) as (number, scheme, proxy),
         closing(Line("127.0.0.1", proxy, scheme)) as line,
         bridged(glove) as bridge,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as poses,
     ):
         serve = [*HANDSCOPE, "serve", "--data", str(data), "--port", str(number), "--print-login"]
         serve += ["--proxy", "127.0.0.1"]
         with printing(serve, "/login?token=", kill=True) as address:
-            server = begun(address, data)
+            server = begun(address, data, poses)
             page = opened(browser, server, line.base, bridge)
             station = begin_with_own_port(page)
             shown(page.get_by_text("all 7 strips found"))
@@ -224,8 +225,10 @@ def printing(words: list[str], wanted: str, kill: bool = False) -> Iterator[str]
     with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         found = (w for line in process.stdout for w in line.split() if wanted in w)
-        yield next(found)
-        process.kill() if kill else process.terminate()
+        try:
+            yield next(found)
+        finally:
+            process.kill() if kill else process.terminate()
 
 
 @contextmanager
@@ -246,8 +249,10 @@ def proxied(folder: Path) -> Iterator[tuple[int, str, int]]:
         (folder / "caddy.log").open("w") as log,
         subprocess.Popen(words, env=home, stdout=log, stderr=log) as process,
     ):
-        yield number, "https", outside
-        process.terminate()
+        try:
+            yield number, "https", outside
+        finally:
+            process.terminate()
 
 
 def free_port() -> int:
