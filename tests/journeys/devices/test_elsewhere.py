@@ -15,6 +15,7 @@ from playwright.sync_api import Browser
 from handscope.app.devices.sources.source import About, Arrived, Measured
 from handscope.app.devices.sources.translated import TranslatedPort
 from handscope.estimators.data.samples import ACC, GYR
+from handscope.estimators.measures.assessment import assess
 from handscope.estimators.methods import m2
 from handscope.estimators.pipeline.process import process
 from handscope.sessions.files.recording import LoadedRecording
@@ -113,3 +114,10 @@ def test_angles_are_those_of_the_native_recording(
     difference = np.abs(ours.angles - theirs.angles)[rows]
     assert np.isfinite(difference).any()
     assert np.nanmax(difference) < 0.2 * DEG
+    expected, found = (
+        {f.name: f.value for r in assess(moved, marked, native.geometry) for f in r.figures}
+        for moved, marked in ((theirs, native.events), (ours, events))
+    )
+    ranges = [name for name in expected if name.endswith("_range")]
+    assert len(ranges) >= 9
+    assert max(abs(found[name] - expected[name]) for name in ranges) < 0.2 * DEG

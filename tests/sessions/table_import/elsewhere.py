@@ -1,5 +1,6 @@
 """A recording simulated by a program that shares nothing with this one, and how far another recording of the same movement is from it."""
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,10 @@ def lift(folder: Path) -> Path:
     sensors = [draw_sensor(cuffs, rng) for _ in recording_files.FINGERS]
     forces = simulate_readings(done, cuffs, sensors, rng)
     recording_files.written(folder, done, measured(done.hand, rng), forces, {})
+    (events,) = folder.rglob("*_events.tsv")
+    rows = events.read_text().splitlines()
+    ranges = rows[-1].replace("lift", "rom")  # of the same movement, which needs no forces
+    events.write_text("\n".join([*rows, ranges]) + "\n")
     return folder
 
 
@@ -42,6 +47,25 @@ def processed(recording: Path, out: Path) -> Angles:
             name = row[0] if row[kind] == "JNTANG" else "t"
             found[name] = values[:, k] / (DEG if row[unit] == "rad" else 1.0)
     return found
+
+
+def ranges_of_motion(recording: Path, out: Path) -> dict[str, float]:
+    """Figures of `handscope assess`, deg, by name; a report is made with them."""
+    report = out.with_suffix(".pdf")
+    words = ["assess", str(recording), "--method", "m2", "--out", str(out)]
+    assert main([*words, "--report", str(report)]) == 0
+    assert report.read_bytes().startswith(b"%PDF")
+    lines = (out / "figures.csv").read_text("utf-8").splitlines()
+    rows = csv.DictReader(line for line in lines if not line.startswith("#"))
+    return {r["name"]: float(r["value"]) for r in rows if r["task"] == "rom" and r["value"]}
+
+
+def require_same_ranges(native: Path, ours: Path, folder: Path, within: float) -> None:
+    """Both are assessed, and the same ranges of motion found, within so many deg."""
+    expected = ranges_of_motion(native, folder / "assessed-native")
+    found = ranges_of_motion(ours, folder / "assessed")
+    assert found.keys() == expected.keys() and len(found) >= 27
+    assert max(abs(found[name] - value) for name, value in expected.items()) < within
 
 
 def largest_difference(a: Angles, b: Angles, since: float = 0.0) -> float:

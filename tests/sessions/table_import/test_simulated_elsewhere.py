@@ -14,7 +14,12 @@ from handscope.estimators.orientation import fusion
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings
 from handscope.sessions.motion_bids.writer import events_table
-from tests.sessions.table_import.elsewhere import largest_difference, lift, processed
+from tests.sessions.table_import.elsewhere import (
+    largest_difference,
+    lift,
+    processed,
+    require_same_ranges,
+)
 from tests.simulated import DEG, calibrated
 
 
@@ -79,6 +84,7 @@ def test_a_german_table_gives_the_angles_of_the_native_recording(
     assert "look like gyr in deg/s: say which segment" in words and "taken as g" in words
     ours, theirs = processed(out, tmp_path / "a"), processed(native, tmp_path / "b")
     assert largest_difference(theirs, ours) < 0.2
+    require_same_ranges(native, out, tmp_path, within=0.2)
 
 
 def test_orientations_alone_give_the_angles_of_the_native_recording(
@@ -100,3 +106,4 @@ def test_orientations_alone_give_the_angles_of_the_native_recording(
     ours, theirs = processed(out, tmp_path / "a"), processed(native, tmp_path / "b")
     end = recording.events[0].end
     assert largest_difference(theirs, ours, end) < 1.0
+    require_same_ranges(native, out, tmp_path, within=1.0)

@@ -23,7 +23,12 @@ from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings
 from handscope.sessions.table_import.column_map import parse_map
 from tests.app.devices.sources import slime_trackers as slime
-from tests.sessions.table_import.elsewhere import largest_difference, lift, processed
+from tests.sessions.table_import.elsewhere import (
+    largest_difference,
+    lift,
+    processed,
+    require_same_ranges,
+)
 from tests.simulated import DEG
 
 MAC = "A4:CF:12:00:00:07"
@@ -71,7 +76,7 @@ def inspection(sensor: int, row: np.ndarray) -> bytes:
 
 
 def test_inspection_packets_of_slimevr_trackers_give_the_angles_of_the_native_recording(
-    recording: LoadedRecording, angles: dict[str, np.ndarray], tmp_path: Path
+    native: Path, recording: LoadedRecording, angles: dict[str, np.ndarray], tmp_path: Path
 ) -> None:
     """Through a real socket; each packet comes at its sample's time, which such trackers do not state."""
     block, now = recording.samples["imu"], [0]
@@ -99,6 +104,7 @@ def test_inspection_packets_of_slimevr_trackers_give_the_angles_of_the_native_re
             recorder.event(str(k), event, float(block.t[-1]))
     ours = processed(path, tmp_path / "ours")
     assert largest_difference(angles, ours) < 0.2
+    require_same_ranges(native, path, tmp_path, within=0.2)
 
 
 def outlets(
@@ -118,7 +124,7 @@ def outlets(
 
 @pytest.mark.slow
 def test_a_stream_of_lsl_with_markers_gives_the_angles_of_the_native_recording(
-    recording: LoadedRecording, angles: dict[str, np.ndarray], tmp_path: Path
+    native: Path, recording: LoadedRecording, angles: dict[str, np.ndarray], tmp_path: Path
 ) -> None:
     pylsl = pytest.importorskip("pylsl")
     block = recording.samples["imu"]
@@ -145,3 +151,4 @@ def test_a_stream_of_lsl_with_markers_gives_the_angles_of_the_native_recording(
     ours = processed(path, tmp_path / "ours")
     # from the pose on: which 3 s of it are stillest may hang on a microsecond of its onset
     assert largest_difference(angles, ours, recording.events[0].end) < 0.2
+    require_same_ranges(native, path, tmp_path, within=0.2)
