@@ -1,7 +1,10 @@
 """`handscope import`: a table of any logger as a native recording, by a map of its columns; or a first guess of that map."""
 
 import argparse
+import asyncio
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 from handscope.app.commands.words import require_file, say
 from handscope.app.version import software_version
@@ -13,6 +16,9 @@ from handscope.sessions.table_import.column_map import as_json, read_map
 from handscope.sessions.table_import.guess import guess_map
 from handscope.sessions.table_import.importing import import_table
 from handscope.sessions.tables_io.writing import save_file
+
+T = TypeVar("T")
+ENDS_ITS_READER = ".mat"  # where it is damaged: SciPy's reader then ends the process
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _guess(arguments: argparse.Namespace) -> int:
     require_file(arguments.guess)
-    columns, open_questions = guess_map(arguments.table)
+    columns, open_questions = _read(arguments.table, guess_map, arguments.table)
     save_file(as_json(columns).encode(), arguments.guess)
     mapped = sum(len(s.channels) for s in columns.sensors.values())
     say(f"{len(columns.sensors)} sensors, {mapped} quantities: {arguments.guess}")
@@ -61,8 +67,18 @@ def _convert(arguments: argparse.Namespace) -> int:
     columns = read_map(arguments.map)
     events = read_events(arguments.events) if arguments.events else ()
     about = {"software": software_version(), "imported_from": arguments.table.name}
-    found = import_table(arguments.table, columns, events, out, about)
+    found = _read(arguments.table, import_table, arguments.table, columns, events, out, about)
     for message in found.messages:
         say(f"{'warning: ' * (message.severity == 'warning')}{render_english(message)}")
     say(f"{found.duration:.1f} s of {len(columns.sensors)} sensors at {found.rate:.4g} Hz: {out}")
     return 0
+
+
+def _read(table: Path, work: Callable[..., T], *arguments: object) -> T:
+    """What `work` finds in the table; InputError where it refuses, or the file ends its reader."""
+    if table.suffix.lower() != ENDS_ITS_READER:
+        return work(*arguments)
+    from handscope.app.workers.upload_reader import UploadReader  # loads the server's modules
+
+    with UploadReader() as reader:
+        return asyncio.run(reader.call(work, *arguments))

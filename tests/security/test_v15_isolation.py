@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from handscope.app.cli import main
 from handscope.app.workers.upload_reader import UploadReader
 from handscope.estimators.errors import InputError
 from handscope.sessions.table_import.column_map import TableLayout
@@ -40,3 +41,16 @@ def test_it_is_the_file_that_ends_its_reader(damaged: Path) -> None:
     read = "import sys; from scipy.io import loadmat; loadmat(sys.argv[1], simplify_cells=True)"
     ended = subprocess.run([sys.executable, "-c", read, damaged], capture_output=True)
     assert ended.returncode < 0, "SciPy refuses it now: read MATLAB files in the fuzz targets, too"
+
+
+@pytest.mark.process
+def test_a_command_refuses_it_in_a_sentence(
+    damaged: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    out = damaged.with_name("map.json")
+    assert main(["import", str(damaged), "--guess", str(out)]) == 2
+    assert "the process that read it ended" in capfd.readouterr().err
+    assert not out.exists()
+    good = damaged.with_name("good.mat")
+    good.write_bytes(matlabs()[0])
+    assert main(["import", str(good), "--guess", str(out)]) == 0
