@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Response, expect
 
 from tests.journeys.house import LONG, SIZES, Server, api, keep_picture
 from tests.journeys.test_accessibility import looked_at
@@ -84,7 +84,8 @@ def test_two_administrators_who_change_one_account_are_told_and_lose_nothing(
     row.locator("summary").click()
     api(page, address, "PATCH", data={"version": account["version"], "disabled": True})
     row.get_by_role("checkbox", name="Dialysis").first.check()
-    row.get_by_role("button", name="Save").click()
+    with page.expect_response(_stores):
+        row.get_by_role("button", name="Save").click()
     expect(row.locator("summary")).to_have_text("Plastic surgery, Dialysis")
     stored = next(a for a in api(page, "/api/accounts") if a["name"] == "vera")
     assert stored["disabled"] and len(stored["wards"]) == 2, "what both of them did is kept"
@@ -97,13 +98,19 @@ def test_two_administrators_who_change_one_account_are_told_and_lose_nothing(
     expect(refused).to_contain_text("Stored now: Whole house")
     expect(row.get_by_role("checkbox", name="Dialysis").first).to_be_checked()
     keep_picture(page, "wards-two-administrators")
-    row.get_by_role("button", name="Save").click()
+    with page.expect_response(_stores):
+        row.get_by_role("button", name="Save").click()
     expect(row.locator("summary")).to_have_text("Plastic surgery, Dialysis")
     newest = next(a for a in api(page, "/api/accounts") if a["name"] == "vera")["version"]
     api(page, address, "PATCH", data={"version": newest, "disabled": False})
     row.get_by_role("button", name="Take into use").click()
     expect(page.get_by_text("account 'vera' was changed in another window")).to_be_visible()
     expect(row.get_by_role("button", name="Take out of use")).to_be_visible()
+
+
+def _stores(response: Response) -> bool:
+    """It changed an account."""
+    return response.request.method == "PATCH" and response.ok
 
 
 def _shown_to_the_head(walter: Page) -> None:
