@@ -3,6 +3,7 @@
 OpenCV finds the markers; it comes with `pip install "handscope[photograph]"`.
 """
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
@@ -82,7 +83,10 @@ def without_description(data: bytes) -> bytes:
     """The picture alone as JPEG, upright: no place, no time, no device; at most SHOWN pixels long."""
     from PIL import Image, ImageOps
 
-    with Image.open(BytesIO(data), formats=("JPEG", "PNG")) as picture:
+    with (
+        warnings.catch_warnings(action="ignore"),
+        Image.open(BytesIO(data), formats=("JPEG", "PNG")) as picture,
+    ):
         upright = ImageOps.exif_transpose(picture).convert("RGB")
     upright.thumbnail((SHOWN, SHOWN))
     plain, out = Image.frombytes("RGB", upright.size, upright.tobytes()), BytesIO()
@@ -102,7 +106,10 @@ def _read(data: bytes) -> tuple[Any, float | None]:
     from PIL import Image, ImageOps
 
     try:
-        with Image.open(BytesIO(data), formats=("JPEG", "PNG")) as picture:
+        with (
+            warnings.catch_warnings(action="ignore"),  # of a damaged description: it is not needed
+            Image.open(BytesIO(data), formats=("JPEG", "PNG")) as picture,
+        ):
             many = picture.width * picture.height
             if not LEAST_PIXELS <= many <= MOST_PIXELS:
                 raise InputError(

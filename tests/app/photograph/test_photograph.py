@@ -1,11 +1,14 @@
 """The printed sheet and photographs of it: rendered, found, refused with what to do; the command line too."""
 
 import json
+import struct
+import warnings
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from handscope.app.cli import main
 from handscope.app.language import languages
@@ -16,7 +19,7 @@ from handscope.estimators.photograph.sheet import IDS, MARKER, Sheet
 
 cv2 = pytest.importorskip("cv2")
 
-from handscope.app.photograph.pictures import open_photograph  # noqa: E402
+from handscope.app.photograph.pictures import open_photograph, without_description  # noqa: E402
 from handscope.validation.studies.rendered_photographs import Rendered, render  # noqa: E402
 
 
@@ -126,3 +129,19 @@ def test_the_sheet_is_a_pdf_of_the_papers_size(tmp_path: Path) -> None:
     long = tmp_path / "long.json"
     long.write_text('{"hand_length": 0.29}')
     assert main(["pose-sheet", "--hand", "left", "--geometry", str(long), "--out", str(out)]) == 2
+
+
+def test_a_damaged_description_is_ignored() -> None:
+    """Its exposure time is said to stand beyond the file."""
+    entry = struct.pack(">HHIIH", 0x829A, 5, 1, 0xFFFF, 0)
+    described = b"Exif\0\0MM\0*\0\0\0\x08" + struct.pack(">H", 1)
+    described += struct.pack(">HHIII", 0x8769, 4, 1, 26, 0) + struct.pack(">H", 1) + entry
+    out = BytesIO()
+    Image.new("RGB", (1000, 700), "white").save(out, "JPEG", exif=described)
+    with (
+        warnings.catch_warnings(record=True, action="always") as seen,
+        pytest.raises(InputError, match="marker"),
+    ):
+        open_photograph(out.getvalue(), "left")
+    assert seen == []
+    assert without_description(out.getvalue()).startswith(b"\xff\xd8")
