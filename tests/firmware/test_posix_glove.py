@@ -1,6 +1,8 @@
 """The firmware's core as a program on this machine, recorded as any glove is."""
 
+import os
 import re
+import signal
 import socket
 import subprocess
 import time
@@ -15,10 +17,11 @@ from handscope.app.devices import strip_flash
 from handscope.estimators.data.samples import GYR
 from handscope.estimators.errors import InputError
 from handscope.estimators.sensors.imu_calibration import ImuCalibration
+from handscope.sessions.formats import recordings as formats
 from handscope.sessions.wire import messages as wire
 from handscope.sessions.wire.assembly import Assembler
 from handscope.sessions.wire.framing import Encoder
-from tests.firmware.conftest import Make
+from tests.firmware.conftest import HANDSCOPE, Make
 from tests.firmware.recorded import (
     SAMPLES,
     assert_fists_are_measured,
@@ -26,6 +29,8 @@ from tests.firmware.recorded import (
     record,
     skew,
 )
+
+BEGUN = 50_000  # bytes of a recording in which samples have come
 
 
 @contextmanager
@@ -119,6 +124,24 @@ def recorded(
 
 def test_ten_seconds_at_200_hz_are_recorded_without_loss(recorded: tuple[Path, str]) -> None:
     assert_nothing_is_lost(recorded[0])
+
+
+def test_a_clock_that_pauses_waits_for_a_host_that_stands_still(
+    program: Path, tmp_path: Path
+) -> None:
+    path, words = tmp_path / "glove.mcap", ("--samples", "5", "--clock", "pausing")
+    with serving(program, "--pty", str(tmp_path / "port"), *words) as (port, _):
+        command = [str(HANDSCOPE), "record", port, "--out", str(path)]
+        with subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL) as host:
+            until = time.monotonic() + 60
+            while not path.exists() or path.stat().st_size < BEGUN:
+                assert time.monotonic() < until
+                time.sleep(0.05)
+            os.killpg(host.pid, signal.SIGSTOP)
+            time.sleep(2.0)
+            os.killpg(host.pid, signal.SIGCONT)
+            assert host.wait(60) == 0
+    assert not any(formats.load(path, None).losses.values())
 
 
 def test_the_recording_is_assessed(recorded: tuple[Path, str], tmp_path: Path) -> None:

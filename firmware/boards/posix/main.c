@@ -43,6 +43,7 @@ static struct wanted {
 } options = {.strips = HS_WHOLE_HAND, .port = -1, .chip = &hs_icm42688p, .seed = 1};
 
 #define LONGEST_PASS (50 * HS_MILLISECOND) /* of a clock that pauses with the program */
+static bool unsent; /* the host has not taken all yet: a clock that pauses waits for it, too */
 
 uint64_t board_now(void)
 {
@@ -51,8 +52,9 @@ uint64_t board_now(void)
     clock_gettime(CLOCK_MONOTONIC, &t);
     const uint64_t now = (uint64_t)t.tv_sec * HS_SECOND + (uint64_t)t.tv_nsec;
     began = began == 0 ? now - HS_MILLISECOND : began;
-    if (options.pausing && before != 0 && now - before > LONGEST_PASS) {
-        began += now - before - LONGEST_PASS;
+    const uint64_t longest = unsent ? 0 : LONGEST_PASS;
+    if (options.pausing && before != 0 && now - before > longest) {
+        began += now - before - longest;
     }
     before = now;
     return now - began;
@@ -73,7 +75,9 @@ bool board_transfer(const struct hs_bus *bus, const uint8_t *out, size_t n_out, 
 size_t board_send(const uint8_t *bytes, size_t n)
 {
     const ssize_t sent = host < 0 ? -1 : write(host, bytes, n);
-    return sent < 0 ? 0 : (size_t)sent;
+    const size_t taken = sent < 0 ? 0 : (size_t)sent;
+    unsent = host >= 0 && taken < n;
+    return taken;
 }
 
 static void hang_up(void)
