@@ -91,6 +91,14 @@ def test_every_colour_that_is_used_is_defined_for_light_and_for_dark() -> None:
     assert light - dark <= {"--accent-strong"} - dark
 
 
+def test_every_icon_that_is_used_has_a_picture() -> None:
+    """Without one a filled square is drawn."""
+    used = {n for p in MODULES for n in re.findall(r'\bicon\("([\w-]+)"\)', p.read_text("utf-8"))}
+    drawn = {n for p in STYLES for n in re.findall(r"\.icon-([\w-]+) \{", p.read_text("utf-8"))}
+    assert used - drawn == set()
+    assert [n for n in sorted(drawn) if not (ROOT / f"vendor/lucide/{n}.svg").is_file()] == []
+
+
 @pytest.mark.parametrize("path", DOCUMENTS, ids=name)
 def test_documents_hold_nothing_that_the_security_policy_forbids(path: Path) -> None:
     text = path.read_text("utf-8")
