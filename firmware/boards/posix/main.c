@@ -82,6 +82,7 @@ size_t board_send(const uint8_t *bytes, size_t n)
 
 static void hang_up(void)
 {
+    unsent = false; /* nobody is waited for */
     hs_glove_hang_up(&glove);
     if (listener >= 0 && host >= 0) {
         close(host);
