@@ -85,7 +85,7 @@ def act(
     if score is not None:
         _require_score(wizard, what, score)
     if what in (Action.ONWARD, Action.CLOSE):
-        return _accept_and_leave(wizard, what, status, score)
+        return _accept_and_leave(wizard, status, score)
     if what is Action.CHOOSE:
         stepping = wizard.state in STEPPING
         if task not in {
@@ -225,12 +225,12 @@ def _advance_hold(wizard: Wizard, status: StationStatus) -> tuple[Wizard, Sequen
 
 
 def _accept_and_leave(
-    wizard: Wizard, what: Action, status: StationStatus, score: float | None
+    wizard: Wizard, status: StationStatus, score: float | None
 ) -> tuple[Wizard, Sequence[Effect]]:
     """Accept what is under review, and on to the next task, or finish."""
     following = wizard.following(status)
     accepted, effects = _enter(wizard, Action.ACCEPT, status, score=score)
-    if what is Action.CLOSE or following is None:
+    if following is None:
         after, more = _enter(accepted, Action.FINISH, status)
     else:
         after, more = _enter(replace(accepted, task=following.name), Action.CHOOSE, status)

@@ -47,7 +47,7 @@ def wizard_snapshot(w: Wizard, status: StationStatus) -> dict[str, Any]:
         "fastest_segment": status.fastest_segment,
         "task": w.task,
         "following": {"name": following.name, "title": following.title}
-        if w.state in (State.POSE_REVIEW, State.TASK_REVIEW) and (following := w.following(status))
+        if (following := w.following(status))
         else None,
         "tasks": [_task(w, p) for p in w.listed(status)],
         "group": w.group,

@@ -116,6 +116,7 @@ class Wizard:
             for a in TRANSITIONS[self.state]
             if a in BY_PERSON and (status.is_recording or a is Action.FINISH)
         ]
+        following = self.following(status)
         barred = {
             Action.CONTINUE: not ready(status),
             Action.CHECK: not ready(status) or len(self.checkable(status)) < 2,
@@ -124,8 +125,8 @@ class Wizard:
             Action.WITHOUT: self.calibrated or not ready(status),
             Action.STOP: self.state is State.POSE_READY and not self.calibrated,
             Action.AGAIN: not self._trials_left(),
-            Action.ONWARD: self._trials_left() or self.following(status) is None,
-            Action.CLOSE: self._trials_left() or self.following(status) is not None,
+            Action.ONWARD: self._trials_left() or following is None,
+            Action.CLOSE: self._trials_left() or following is not None,
             Action.REPEAT: self.repetition >= MOST_POSES,
             Action.RESUME: self.protocol is None or self.protocol.resumes is None,
             Action.CALIBRATE: not self.steps_offered(status),
@@ -206,7 +207,9 @@ class Wizard:
         return self.groups(status).get(self.group) or self.offered(status)
 
     def following(self, status: StationStatus) -> Protocol | None:
-        """The task that is open after the one under review, in the order of the list."""
+        """The task that is open after the pose or trial under review, in the order of the list."""
+        if self.state not in (State.POSE_REVIEW, State.TASK_REVIEW):
+            return None
         reviewed = self.task if self.state is State.TASK_REVIEW else None
         rest = [p for p in self.listed(status) if p.name != reviewed]
         return next((p for p in rest if not self.outcome(p.name)), None)
