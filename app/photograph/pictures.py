@@ -3,8 +3,10 @@
 OpenCV finds the markers; it comes with `pip install "handscope[photograph]"`.
 """
 
+import threading
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from types import ModuleType
@@ -28,6 +30,7 @@ MOST_TILT = np.radians(35.0)  # ours: the hand's height then moves a joint by tw
 MOST_MISFIT = 1.0e-3  # m, of markers against the sheet: more, and the paper was not flat
 LARGEST = 30 * 2**20  # bytes of a picture
 MOST_PIXELS, LEAST_PIXELS = 60e6, 0.3e6
+_ONE_AT_A_TIME = threading.Lock()
 SHOWN = 2000  # pixels, of the longer side of a picture that is kept
 RULER_RANGE = (0.8, 1.25)  # of its length; no printer scales more by mistake
 EXIF, FOCAL_35MM = 0x8769, 0xA405  # tags of a picture's own description
@@ -83,10 +86,7 @@ def without_description(data: bytes) -> bytes:
     """The picture alone as JPEG, upright: no place, no time, no device; at most SHOWN pixels long."""
     from PIL import Image, ImageOps
 
-    with (
-        warnings.catch_warnings(action="ignore"),
-        Image.open(BytesIO(data), formats=("JPEG", "PNG")) as picture,
-    ):
+    with _opened(data) as picture:
         upright = ImageOps.exif_transpose(picture).convert("RGB")
     upright.thumbnail((SHOWN, SHOWN))
     plain, out = Image.frombytes("RGB", upright.size, upright.tobytes()), BytesIO()
@@ -101,15 +101,25 @@ def _scale(ruler: float | None) -> float:
     return scale
 
 
+@contextmanager
+def _opened(data: bytes) -> Iterator[Any]:
+    """The picture; what its library says of a damaged description is not needed."""
+    from PIL import Image
+
+    with (
+        _ONE_AT_A_TIME,  # the filter of warnings is the process's, and uploads are read in threads
+        warnings.catch_warnings(action="ignore"),
+        Image.open(BytesIO(data), formats=("JPEG", "PNG")) as picture,
+    ):
+        yield picture
+
+
 def _read(data: bytes) -> tuple[Any, float | None]:
     """The picture in grey, upright as its file says, and its focal length on 35 mm film, mm."""
     from PIL import Image, ImageOps
 
     try:
-        with (
-            warnings.catch_warnings(action="ignore"),  # of a damaged description: it is not needed
-            Image.open(BytesIO(data), formats=("JPEG", "PNG")) as picture,
-        ):
+        with _opened(data) as picture:
             many = picture.width * picture.height
             if not LEAST_PIXELS <= many <= MOST_PIXELS:
                 raise InputError(
