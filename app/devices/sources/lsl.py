@@ -29,7 +29,7 @@ from handscope.sessions.files.original_messages import Original
 from handscope.sessions.table_import.column_map import Column, ColumnMap
 
 FIND_WAIT = 3.0  # s that a stream of this name is searched
-MARKERS_WAIT = 0.3  # s that streams of markers are searched
+MARKERS_WAIT = 0.3  # s that streams of markers are searched, and that each is waited for
 CORRECT_AGAIN = 5.0  # s
 MOST_SAMPLES = 1024  # pulled at once
 MARKERS = "Markers"  # LSL's type of streams of events
@@ -77,7 +77,6 @@ class Inlet:
         info = inlet.info(2.0)
         self._rate = float(info.nominal_srate()) or None
         self._name, self._count = str(info.name()), int(info.channel_count())
-        self._uid = str(info.uid())
         labels = _labels(info)
         self._sets = [
             (s, [self._channel(label, labels) for label in s.labels]) for s in channel_sets(columns)
@@ -97,7 +96,7 @@ class Inlet:
     def about(self) -> About:
         """What the stream says of itself, and the map of the hand."""
         mounting = {p: s.mounting for p, s in self._columns.sensors.items()}
-        number = int.from_bytes(self._uid.encode()[:6])
+        number = int.from_bytes(self._streams[0][0].encode()[:6])
         return About(f"LSL {self._name}", number, self._columns.hand, mounting=mounting)
 
     def receive(self, wait: float) -> Sequence[Arrived]:

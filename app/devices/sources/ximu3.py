@@ -103,6 +103,7 @@ class Devices:
         self._connections: list[Any] = []
         self._dropped = 0
         self._rows: list[str] = []  # messages as they came, JSON
+        self._names: dict[str, tuple[str, ...]] = {}  # what a message of a kind holds
 
     @property
     def about(self) -> About:
@@ -157,7 +158,9 @@ class Devices:
             connection.close()
 
     def _take(self, name: str, kind: str, message: Any, now: int) -> Sequence[Arrived]:
-        self._rows.append(json.dumps([name, kind, now, _fields(message)], default=_plain))
+        self._rows.append(
+            json.dumps([name, kind, now, self._fields(kind, message)], default=_plain)
+        )
         if kind in OTHERS:
             return []
         if kind == "battery":
@@ -186,12 +189,12 @@ class Devices:
                 )
         return found
 
-
-def _fields(message: Any) -> dict[str, Any]:
-    """What a message holds, by the library's names."""
-    names = [n for n in dir(message) if not n.startswith("_")]
-    found = {n: getattr(message, n) for n in names}
-    return {n: value for n, value in found.items() if not callable(value)}
+    def _fields(self, kind: str, message: Any) -> dict[str, Any]:
+        """What a message holds, by the library's names."""
+        if kind not in self._names:
+            public = [n for n in dir(message) if not n.startswith("_")]
+            self._names[kind] = tuple(n for n in public if not callable(getattr(message, n)))
+        return {n: getattr(message, n) for n in self._names[kind]}
 
 
 def _plain(value: Any) -> str:
