@@ -53,9 +53,7 @@ def parse_chunk(message: bytes) -> Chunk:
     if len(message) <= HEAD.size:
         raise MalformedError
     number, ms = HEAD.unpack_from(message)
-    if not abs(ms) <= LATEST:
-        raise MalformedError
-    return Chunk(number, ms * 1e-3, message[HEAD.size :])
+    return Chunk(number, _seconds(ms), message[HEAD.size :])
 
 
 def parse_words(text: str | None) -> Mapping[str, Any]:
@@ -77,9 +75,14 @@ def parse_hello(words: Mapping[str, Any]) -> Hello:
         ms = float(words.get("now", 0.0))
     except (ValueError, TypeError, OverflowError):
         raise MalformedError from None
+    return Hello(str(words.get("token", "")), _seconds(ms))
+
+
+def _seconds(ms: float) -> float:
+    """A browser's time; MalformedError where no clock says it."""
     if not abs(ms) <= LATEST:
         raise MalformedError
-    return Hello(str(words.get("token", "")), ms * 1e-3)
+    return ms * 1e-3
 
 
 class BrowserClock:
