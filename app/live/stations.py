@@ -57,11 +57,11 @@ class Stations:
         with self._idle:  # the store stays open until a finished session is stored
             self._idle.wait_for(lambda: not self._closing, CLOSE_WAIT)
 
-    def open_live(self, setup: Setup, name: str = "") -> Station:
+    def open_live(self, setup: Setup, name: str) -> Station:
         """A station for a glove; InputError where another one uses it."""
         with self._lock:
             self.require_free(setup.port)
-            station = Station(name or secrets.token_hex(4), setup, lambda s: self.close(s.name))
+            station = Station(name, setup, lambda s: self.close(s.name))
             station.__enter__()
             self._stations[station.name] = station
             return station

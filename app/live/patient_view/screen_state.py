@@ -37,7 +37,7 @@ def screen_state(snapshot: Mapping[str, Any], points: Sequence[Sequence[float]])
     """The state of the screen; `points` are the newest of the curve (s, value)."""
     wizard = snapshot["wizard"]
     passive = wizard["mode"] == "passive"  # the therapist moves the hand in this task
-    stage = STAGES.get(State(wizard["state"]), _before_pose(snapshot))
+    stage = STAGES.get(State(wizard["state"])) or _waiting_stage(snapshot)
     has_words, runs = stage in WITH_WORDS, stage == "run"
     return {
         "stage": stage,
@@ -58,8 +58,8 @@ def screen_state(snapshot: Mapping[str, Any], points: Sequence[Sequence[float]])
     }
 
 
-def _before_pose(snapshot: Mapping[str, Any]) -> Stage:
-    """The patient waits; at the beginning of the second hand the glove is changed."""
+def _waiting_stage(snapshot: Mapping[str, Any]) -> Stage:
+    """While the therapist works the patient waits; where the second hand begins the glove is changed."""
     is_second = snapshot["continues"] is not None
     return "change" if is_second and snapshot["wizard"]["state"] == State.CONNECT else "wait"
 
