@@ -104,9 +104,9 @@ def _series(s: Series, judges: list[Judge], aims: Aims) -> dict[str, Any]:
         "reference": reference,
         "hands": {hand: _course(c, judges) for hand, c in s.hands.items()},
         "goals": {
-            hand: goal_row(aims[hand, key])
+            hand: goal_row(goal)
             for hand in HANDS
-            if (hand, key) in aims and aims[hand, key].unit == s.unit
+            if (goal := goals.fitting(aims, hand, key, s.unit)) is not None
         },
     }
 

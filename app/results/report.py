@@ -95,16 +95,16 @@ def _is_same_visit(session: PatientSession, stored: References) -> bool:
 def goal_readings(result: Result) -> tuple[GoalReading, ...]:
     """The goals of the hand that the result measured, as they are set now."""
     session, measured = result.recording.session, values(result.figures)
-    return tuple(
-        GoalReading(
-            goal.figure,
-            read_as(key, measured[key][0], measured[key][1])[0],
-            goal.unit,
-            goal.low,
-            goal.high,
-        )
-        for (hand, key), goal in goals.of_patient(session.patient).items()
+    aims = goals.of_patient(session.patient)
+    read = {
+        key: read_as(key, *measured[key])
+        for hand, key in aims
         if hand == session.hand and key in measured
+    }
+    return tuple(
+        GoalReading(goal.figure, value, unit, goal.low, goal.high)
+        for key, (value, unit) in read.items()
+        if (goal := goals.fitting(aims, session.hand, key, unit)) is not None
     )
 
 

@@ -41,6 +41,12 @@ def of_patient(patient: Patient) -> Mapping[tuple[str, Key], Goal]:
     return {(g.hand, (g.measure, g.task, g.figure)): g for g in patient.goals}
 
 
+def fitting(aims: Mapping[tuple[str, Key], Goal], hand: str, key: Key, unit: str) -> Goal | None:
+    """The goal of a hand's figure; None where there is none, or where it was set in another unit than people read the figure in."""
+    goal = aims.get((hand, key))
+    return goal if goal is not None and goal.unit == unit else None
+
+
 def remove(db: Session, goal_id: int) -> None:
     """Erase a goal; InputError where there is none."""
     found = db.get(Goal, goal_id)

@@ -9,8 +9,11 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
-from handscope.sessions.clinic import repeatability
-from handscope.sessions.db.tables import now
+from handscope.app.language import ENGLISH
+from handscope.app.report.progress import stored
+from handscope.app.results.report import goal_readings
+from handscope.sessions.clinic import patients, repeatability
+from handscope.sessions.db.tables import PatientSession, RecordingFile, Result, now
 from tests.app.report.progress.test_series import PIP, visit
 
 OPERATION = {"kind": "operation", "hand": "left", "day": "2026-05-20", "comment": "zone II"}
@@ -66,6 +69,30 @@ def test_a_figure_has_one_goal_for_each_hand(
     assert client.put(address, json={**goal, "low": 90, "high": 80}).status_code == 422
     assert client.delete(f"/api/goals/{made.json()['id']}").status_code == 204
     assert _progress(client, patient)["series"][0]["goals"] == {}
+
+
+@pytest.mark.parametrize(("unit", "is_shown"), [("deg", True), ("rad", False)])
+def test_a_goal_in_another_unit_is_beside_no_figure(
+    client: TestClient, patient: int, monkeypatch: pytest.MonkeyPatch, unit: str, is_shown: bool
+) -> None:
+    """In the API's progress, the printed one, and beside a result's figures."""
+    measure, task, name = PIP
+    goal = {"hand": "left", "measure": measure, "task": task, "name": name, "unit": unit}
+    client.put(f"/api/patients/{patient}/goals", json={**goal, "low": 1, "high": 2})
+    monkeypatch.setattr(repeatability, "history", lambda *_: [visit(0, 60), visit(9, 66)])
+    monkeypatch.setattr(stored, "pdf_of", lambda page, *_: json.dumps(page).encode())
+    figure = {"measure": measure, "task": task, "name": name, "unit": "rad", "value": 1.1}
+    store = client.app.state.parts.store  # type: ignore[attr-defined]
+    with store.database() as db, db.no_autoflush:
+        session = PatientSession(patient=patients.get(db, patient), hand="left")
+        result = Result(figures=[{**figure, "grade": "good"}])
+        result.recording = RecordingFile(session=session)
+        readings = goal_readings(result)
+        db.expunge_all()
+        page = json.loads(stored.progress_report(db, store, patient, "left", ENGLISH, "a4"))
+    assert [(r.unit, r.low, r.high) for r in readings] == [("deg", 1, 2)] * is_shown
+    assert bool(_progress(client, patient)["series"][0]["goals"]) is is_shown
+    assert bool(page["rows"][0][-1]) is is_shown
 
 
 def test_what_a_patient_takes_along_has_treatment_and_goals(
