@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from handscope.app.input_mistakes import describe_mistake
 from handscope.app.protocols import STRICT, Count, Line, Protocol, Seconds, Word, with_code
 from handscope.estimators.errors import InputError
 
@@ -77,7 +78,9 @@ def plan_of(content: Any, protocols: Mapping[str, Protocol] | None) -> Plan:
     except ValidationError as problem:
         first = problem.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise InputError("plan.invalid", field=where or "plan", problem=first["msg"]) from None
+        raise InputError(
+            "plan.invalid", field=where or "plan", problem=describe_mistake(first)
+        ) from None
     for error in _mistakes(plan, protocols) if protocols is not None else ():
         raise error
     return plan
