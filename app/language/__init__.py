@@ -63,10 +63,6 @@ class Language:
             self.locale.number_symbols["latn"]["decimal"],
         )
 
-    def render_error(self, error: InputError) -> str:
-        """By its code where it has one, else by its English sentence."""
-        return self.render(error.message) if error.message else self.translate(str(error))
-
     def say(self, key: str, **values: object) -> str:
         """The words of a key."""
         text = self.words[key]
@@ -165,7 +161,7 @@ class Language:
     def _worded(self) -> list[re.Pattern[str]]:
         """Sentences with gaps and words of their own."""
         return [
-            re.compile(_to_pattern(s), re.DOTALL)
+            re.compile(to_pattern(s), re.DOTALL)
             for s in self.originals
             if NAME.search(s) and re.search("[a-z]{2}", NAME.sub("", s))
         ]
@@ -176,7 +172,7 @@ class Language:
         gapped = sorted(
             (s for s in self.originals if NAME.search(s)), key=lambda s: -len(NAME.sub("", s))
         )
-        return [(re.compile(_to_pattern(s), re.DOTALL), self.originals[s]) for s in gapped]
+        return [(re.compile(to_pattern(s), re.DOTALL), self.originals[s]) for s in gapped]
 
 
 @lru_cache(2000)
@@ -313,7 +309,7 @@ def _fill(text: str, values: Mapping[str, object]) -> str:
     return NAME.sub(lambda found: str(values.get(found[1], found[0])), text)
 
 
-def _to_pattern(sentence: str) -> str:
+def to_pattern(sentence: str) -> str:
     """A regular expression from a sentence with {names}; a name that stands twice is the same both times."""
     seen: set[str] = set()
     pieces = []

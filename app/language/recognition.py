@@ -1,4 +1,4 @@
-"""The codes of an English text that was stored without them: the one place that reads words back.
+"""The codes of an English text that was stored without them.
 
 Results of earlier versions hold finished sentences. Texts of messages, turned into patterns, find their codes; whatever
 is made now carries its codes (estimators/messages/sentence.py) and is not matched.
@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from functools import cache, lru_cache
 
+from handscope.app.language import to_pattern
 from handscope.estimators.messages import GAP, english_texts
 from handscope.estimators.messages.sentence import BETWEEN, Sentence, codes_of
 
@@ -38,22 +39,12 @@ def _patterns() -> list[tuple[str, re.Pattern[str]]]:
     """Those with most words of their own first; gaps alone are no words."""
     texts = [(code, text) for code, text in _texts() if WORDS.search(GAP.sub("", text))]
     texts.sort(key=lambda pair: -len(GAP.sub("", pair[1])))
-    return [(code, re.compile(_to_pattern(text), re.DOTALL)) for code, text in texts]
+    return [
+        (code, re.compile(to_pattern(GAP.sub(r"{\1}", text)), re.DOTALL)) for code, text in texts
+    ]
 
 
 def _texts() -> Iterator[tuple[str, str]]:
     for code, text in english_texts().items():
         for form in [text] if isinstance(text, str) else text.values():
             yield code, form
-
-
-def _to_pattern(text: str) -> str:
-    """A regular expression from a text with gaps; a value that stands twice is the same both times."""
-    seen: set[str] = set()
-    pieces, end = [], 0
-    for gap in GAP.finditer(text):
-        pieces.append(re.escape(text[end : gap.start()]))
-        pieces.append(f"(?P={gap[1]})" if gap[1] in seen else f"(?P<{gap[1]}>.+?)")
-        seen.add(gap[1])
-        end = gap.end()
-    return "".join([*pieces, re.escape(text[end:])])

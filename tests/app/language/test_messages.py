@@ -14,7 +14,7 @@ from handscope.app.language.codes import table
 from handscope.app.protocols import load_all, load_free, load_steps
 from handscope.app.protocols.plans import built_in
 from handscope.estimators.errors import InputError
-from handscope.estimators.messages import GAP, Message, Text, english_texts
+from handscope.estimators.messages import GAP, Message, Text, english_texts, render_english
 from handscope.estimators.messages.sentence import PLAIN, codes_of
 
 ROOT = Path(__file__).parents[3]
@@ -146,10 +146,10 @@ def test_every_language_has_every_code_with_the_same_values(other: Language) -> 
 
 def test_a_language_renders_an_error_by_its_code_with_numbers_in_its_form() -> None:
     large = InputError("motion_bids.zip_too_large", name="a.zip", size=6.25, most=4.0)
-    assert str(large) == ENGLISH.render_error(large)
+    assert str(large) == ENGLISH.translate(str(large))
     assert str(large).startswith("a.zip unpacks to 6.2 GB, more than 4 GB")
-    assert GERMAN.render_error(large).startswith("a.zip wird entpackt 6,2 GB groß")
-    assert GERMAN.render_error(InputError("nothing has these words")) == "nothing has these words"
+    assert GERMAN.translate(str(large)).startswith("a.zip wird entpackt 6,2 GB groß")
+    assert GERMAN.translate(str(InputError("nothing has these words"))) == "nothing has these words"
 
 
 @pytest.mark.parametrize(("count", "words"), [(0, "0 Messwerte;"), (1, "1 Messwert;")])
@@ -164,9 +164,9 @@ def test_a_finished_english_sentence_of_a_stored_result_is_still_translated() ->
         if code in SAME_IN_BOTH or not WORDS.search(GAP.sub("", str(text))):
             continue  # two values with a colon between
         values: dict[str, float | str] = dict.fromkeys(gaps(text), 3)
-        error = InputError(Message(code, values))
-        translated = GERMAN.translate(str(error))
-        assert translated == GERMAN.render_error(error) != str(error), code
+        message = Message(code, values)
+        finished = render_english(message)
+        assert GERMAN.translate(finished) == GERMAN.render(message) != finished, code
 
 
 def test_an_error_keeps_code_and_values_on_its_course_between_processes() -> None:
