@@ -1,10 +1,11 @@
 /** Gloves: which can be reached now and how those in use are, and which measured here before. */
 import { h } from "../dom.js";
 import { errorBox } from "../forms.js";
-import { counted, dayAndTime, decimal, known, t, whole } from "../words/words.js";
+import { isCharge } from "../station/glove.js";
+import { stripWords } from "../words/clinical.js";
+import { counted, dayAndTime, decimal, t, whole } from "../words/words.js";
 
 const AGAIN = 5000; // ms between two looks
-const UNKNOWN_BATTERY = 255; // on USB power
 const COLUMNS = ["glove.strip", "devices.sensors", "glove.rate", "glove.lost"];
 
 export function mount(root, api, { title }) {
@@ -50,7 +51,7 @@ export function mount(root, api, { title }) {
 
 /** A port, and its glove while a session uses it: only then it says how it is. */
 function port({ path, description, in_use: used, live }) {
-  const battery = live && (live.battery === null || live.battery === UNKNOWN_BATTERY ? t("devices.battery_none") : `${live.battery} %`);
+  const battery = live && (isCharge(live.battery) ? `${live.battery} %` : t("devices.battery_none"));
   const state = live ? t(live.flowing ? "devices.sending" : "glove.silent") : t(used ? "devices.in_use" : "devices.idle");
   return h(
     "section",
@@ -91,8 +92,9 @@ function table(strips) {
     const share = lost && samples ? ` (${decimal((100 * lost) / (samples + lost), 2)} %)` : "";
     const gone = lost === null ? t("devices.unknown") : whole(lost) + share;
     const cells = [whole(sensors), t("unit.per_second_of", { rate: Math.round(rate) }), gone];
-    return h("tr", {}, h("th", { scope: "row" }, known(`strip.${name}`, name)), cells.map((cell) => h("td", { class: "number" }, cell)));
+    return h("tr", {}, h("th", { scope: "row" }, stripWords(name)), cells.map((cell) => h("td", { class: "number" }, cell)));
   };
   const head = h("tr", {}, COLUMNS.map((word) => h("th", { scope: "col" }, t(word))));
-  return h("div", { class: "wide" }, h("table", { class: "compact" }, h("thead", {}, head), h("tbody", {}, strips.map(row))));
+  const lines = h("table", { class: "compact" }, h("thead", {}, head), h("tbody", {}, strips.map(row)));
+  return h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": t("recording.streams") }, lines);
 }

@@ -1,5 +1,6 @@
 /** Where the numbers come from: the recording, its checksum, device, rates and losses. */
 import { h } from "../dom.js";
+import { stripWords } from "../words/clinical.js";
 import { dayAndTime, t, whole } from "../words/words.js";
 
 export function mount(root, api, { session, result }) {
@@ -55,7 +56,7 @@ function streams(summary) {
     h(
       "tr",
       {},
-      h("th", { scope: "row" }, s.name),
+      h("th", { scope: "row" }, stripWords(s.name)),
       [s.sensors.length, t("unit.per_second_of", { rate: Math.round(s.rate) }), whole(s.samples), lost(summary.losses?.[s.name])].map(
         (cell) => h("td", { class: "number" }, String(cell)),
       ),

@@ -1,10 +1,11 @@
 /** The glove: strips found and missing, rate, losses, and whatever else needs attention, in plain words. */
 import { h, whenChanged } from "../dom.js";
-import { decimal, known, t, whole } from "../words/words.js";
+import { stripWords } from "../words/clinical.js";
+import { decimal, t, whole } from "../words/words.js";
 
 const STRIPS = ["hand", "thumb", "index", "middle", "ring", "little", "forearm"];
-const BESIDE = { trunk: "trunk", trunk_mag: "trunk_mag", fingertips_force: "force" }; // streams of other strips
-const UNKNOWN_BATTERY = 255;
+const BESIDE = ["trunk", "trunk_mag", "fingertips_force"]; // streams of other strips
+const UNKNOWN_BATTERY = 255; // on USB power
 
 export function mount(root, api, { station }) {
   const state = h("span", { class: "badge" });
@@ -36,7 +37,7 @@ export function mount(root, api, { station }) {
   const drawRows = whenChanged(
     ({ glove }) => [
       ...STRIPS.map((strip) => row(glove, strip)),
-      ...glove.strips.filter((strip) => strip.name in BESIDE).map(beside),
+      ...glove.strips.filter((strip) => BESIDE.includes(strip.name)).map(beside),
     ],
     (states) =>
       rows.replaceChildren(
@@ -56,7 +57,7 @@ export function mount(root, api, { station }) {
       lead.textContent = [
         name,
         firmware && t("glove.firmware", { firmware }),
-        battery !== null && battery !== UNKNOWN_BATTERY && t("glove.battery", { battery }),
+        isCharge(battery) && t("glove.battery", { battery }),
       ]
         .filter(Boolean)
         .join(", ");
@@ -72,6 +73,9 @@ export function mount(root, api, { station }) {
   return () => leave.forEach((stop) => stop());
 }
 
+/** Whether a glove says how full its battery is: without one, or on USB power, it does not. */
+export const isCharge = (battery) => battery !== null && battery !== UNKNOWN_BATTERY;
+
 const isFound = (glove, strip) => glove.measured.some((segment) => segment.split("_")[0] === strip);
 
 /** Strips that this glove has or had in this session; a glove without the hand's cannot be used. */
@@ -79,11 +83,8 @@ const worn = (glove) => STRIPS.filter((strip) => strip === "hand" || isFound(glo
 
 const unworn = (glove) => STRIPS.filter((strip) => !worn(glove).includes(strip));
 
-/** A stream's strip in words. */
-const called = (name) => known(`strip.${BESIDE[name] ?? name}`, name);
-
 /** The same of a strip that the hand's segments do not wear. */
-const beside = ({ name, rate, lost }) => [called(name), [t("unit.per_second_of", { rate: Math.round(rate) }), whole(lost)]];
+const beside = ({ name, rate, lost }) => [stripWords(name), [t("unit.per_second_of", { rate: Math.round(rate) }), whole(lost)]];
 
 /** Which fingertips feel forces, and whether their sensors were calibrated. */
 function forceWords(forces) {
@@ -108,8 +109,8 @@ function row(glove, strip) {
 /** What needs attention. */
 function notes(glove) {
   const missing = worn(glove).filter((strip) => !isFound(glove, strip)).map((strip) => t(`strip.${strip}`));
-  const lost = glove.strips.filter((s) => s.lost > 0).map((s) => called(s.name));
-  const saturated = glove.strips.filter((s) => s.saturated > 0).map((s) => called(s.name));
+  const lost = glove.strips.filter((s) => s.lost > 0).map((s) => stripWords(s.name));
+  const saturated = glove.strips.filter((s) => s.saturated > 0).map((s) => stripWords(s.name));
   return [
     missing.length && glove.flowing && t("glove.missing", { strips: missing.join(", ") }),
     lost.length && t("glove.losing", { strips: lost.join(", ") }),

@@ -3,6 +3,7 @@ import { known, t } from "./words.js";
 
 const SEGMENT = /\b(thumb|index|middle|ring|little)_(metacarpal|proximal|middle|distal)\b/g;
 const PLAIN = { aperture: (value) => `${value} mm`, palm_turn: (value) => `${value}°` }; // curves that are no joint's angle
+const ALIASES = { fingertips_force: "force" }; // of a strip; simulated recordings have the short name
 
 /** A unit as people read it. */
 export function unitWords(unit) {
@@ -13,6 +14,11 @@ export function unitWords(unit) {
 export function jointWords(joint) {
   const [finger, name = ""] = joint.split("_");
   return { finger: t(`finger.${finger}`), joint: name.toUpperCase() };
+}
+
+/** A strip, or the stream of its samples, by its name in recordings. */
+export function stripWords(name) {
+  return known(`strip.${ALIASES[name] ?? name}`, name);
 }
 
 /** A segment with a sensor: "index_distal" is "index finger". */

@@ -16,6 +16,20 @@ from tests.journeys.house import (
 )
 
 pytestmark = pytest.mark.browser
+KNOWN = {
+    "name": "Glove with forces",
+    "device_id": "7",
+    "firmware": "1.0",
+    "sessions": 1,
+    "session": 1,
+    "started": "2026-11-05T09:00:00Z",
+    "hand": "left",
+    "streams": [
+        {"name": "fingertips_force", "sensors": 5, "rate": 100.0, "samples": 9_000_000, "lost": 90}
+    ],
+    "calibrated": None,
+    "calibrated_sensors": 0,
+}
 
 
 def test_gloves_in_use_and_of_earlier_sessions_say_how_they_are(
@@ -44,3 +58,18 @@ def test_gloves_in_use_and_of_earlier_sessions_say_how_they_are(
     known = page.locator("[data-glove]").first
     shown(known.get_by_role("link", name=re.compile("Left hand")))
     expect(known.get_by_role("row").filter(has_text="index finger")).to_have_count(1)
+
+
+def test_a_strip_of_force_sensors_has_its_name_and_a_table_wider_than_a_phone_scrolls(
+    page_without_scene: Page, server: Server
+) -> None:
+    page = page_without_scene
+    page.set_viewport_size({"width": 340, "height": 640})
+    page.route(
+        "**/api/devices", lambda route: route.fulfill(json={"reachable": [], "known": [KNOWN]})
+    )
+    page.goto("/devices")
+    strips = page.get_by_role("group", name="Strips of sensors")
+    shown(strips.get_by_role("rowheader", name="force sensors of the fingertips"))
+    assert strips.evaluate("(box) => box.scrollWidth > box.clientWidth")
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
