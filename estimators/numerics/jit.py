@@ -65,8 +65,9 @@ def rowwise_bool(layout: str) -> Callable[[Callable[..., None]], RowPredicate]:
 
 
 def looped(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """A loop over samples or chains, whose arguments may be records of arrays: translated when it is
-    first called on a machine, and kept. Other threads work meanwhile."""
+    """A loop over samples or chains, whose arguments may be records of arrays, and be filled:
+    translated when it is first called on a machine, and kept. No fastmath. Other threads work
+    meanwhile."""
     _name_by_calls(kernel)
     compiled: Callable[..., Any] = njit(error_model="numpy", cache=True, nogil=True)(kernel)
     return compiled
@@ -129,10 +130,3 @@ def _cores(layout: str) -> list[str]:
 def _typed(core: str, each: Any, scalar: Any) -> Any:
     dimensions = len([d for d in core.split(",") if d.strip()])
     return each[(slice(None),) * dimensions] if dimensions else scalar
-
-
-def loops(kernel: Callable[..., None]) -> Callable[..., None]:
-    """A kernel of loops over whole arrays, that fills some of its arguments; translated when it is
-    first called on a machine, then kept. No fastmath. Other threads work meanwhile."""
-    translated: Callable[..., None] = njit(cache=True, error_model="numpy", nogil=True)(kernel)
-    return translated

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.numerics.jit import loops
+from handscope.estimators.numerics.jit import looped
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration.residuals import Terms
 
@@ -153,7 +153,7 @@ def whiten(factor: Factor, B: Array) -> Array:
     return columns_whitened
 
 
-@loops
+@looped
 def _gather(
     first: int, knots: int, r: Array, J: Array, K: Array, cols: Array, A: Array, B: Array, a: Array
 ) -> None:
@@ -180,7 +180,7 @@ def _gather(
             a[first + t + block, row] += by_residual
 
 
-@loops
+@looped
 def _factor(L: Array, Y: Array, sound: Array) -> None:
     n, e, P = L.shape[0], L.shape[2], Y.shape[2]
     for t in range(n):
@@ -229,7 +229,7 @@ def _factor(L: Array, Y: Array, sound: Array) -> None:
                 Y[t, i, p] /= D[i, i]
 
 
-@loops
+@looped
 def _forward(L: Array, y: Array) -> None:
     n, e = y.shape
     for t in range(n):
@@ -243,7 +243,7 @@ def _forward(L: Array, y: Array) -> None:
             y[t, i] /= L[t, 0, i, i]
 
 
-@loops
+@looped
 def _backward(L: Array, x: Array) -> None:
     n, e = x.shape
     for t in range(n - 1, -1, -1):

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators.numerics.jit import inlined, looped, loops
+from handscope.estimators.numerics.jit import inlined, looped
 from handscope.estimators.numerics.typing import Array
 
 
@@ -109,7 +109,7 @@ def fill_arm(w: Array, change: Array, A: Array) -> None:
     A[2, 1] += change[0]
 
 
-@loops
+@looped
 def fill_windows(
     gyr: Array,
     change: Array,

@@ -21,7 +21,7 @@ from handscope.estimators.fault_detection.single_sensors.cells import (
     Cells,
     begins,
 )
-from handscope.estimators.numerics.jit import loops
+from handscope.estimators.numerics.jit import looped
 from handscope.estimators.numerics.typing import Array
 
 MATRIX, GYR_BIAS, ACC_BIAS, ARM, DELAY = slice(0, 9), slice(9, 12), slice(12, 15), slice(15, 18), 18
@@ -84,7 +84,7 @@ def windows_of(
     return Windows(t, force, slope, path, cells.unbroken[chains][:, columns])
 
 
-@loops
+@looped
 def _average_force(
     gyr: Array,
     acc: Array,
@@ -140,7 +140,7 @@ def _average_force(
                     force[g, s, k, 2] += share * u2
 
 
-@loops
+@looped
 def _average(
     gyr: Array,
     acc: Array,
