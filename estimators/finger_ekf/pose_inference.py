@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
-from handscope.estimators.hand import joint_angles
+from handscope.estimators.hand import forward_kinematics, joint_angles
 from handscope.estimators.hand.anatomy import JOINTS, SEGMENT, SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -99,14 +99,14 @@ def _on_hand(calibration: Calibration) -> Array:
 def _gravity_seen(calibration: Calibration, on_hand: Array) -> _Seen:
     """A sensor whose mounting errs by m, on a segment that the pose misses by r, sees gravity turned by m - r."""
     missed = np.zeros((len(SEGMENTS), 3, SIZE))  # (segments) r by the errors, in the hand's frame
+    axes = joint_angles.axes(joint_angles.of_segments(on_hand))
     for j, joint in enumerate(JOINTS):
         p, c, own = SEGMENT[joint.parent], SEGMENT[joint.child], MOUNTINGS + 3 * j
-        axes = joint_angles.axes(joint_angles.decompose(quat.relative(on_hand[p], on_hand[c])))
         if joint.name == "wrist":
-            missed[p, :, own : own + 3] = -axes
+            missed[p, :, own : own + 3] = -axes[j]
         else:
             missed[c] = missed[p]
-            missed[c, :, own : own + 3] += quat.matrix(on_hand[c]) @ axes
+            missed[c, :, own : own + 3] += quat.matrix(on_hand[c]) @ axes[j]
     names = [SEGMENT[s] for s in calibration.q_GS]
     seen = np.array([_up_on_hand(calibration, on_hand, s) for s in calibration.q_GS])
     up = np.median(seen[[s != "forearm" for s in calibration.q_GS]], axis=0)
@@ -129,15 +129,8 @@ def _up_on_hand(calibration: Calibration, on_hand: Array, segment: str) -> Array
 
 def _posed(calibration: Calibration, on_hand: Array, up: Array, angles: Array) -> Calibration:
     """The pose with its joints turned on by `angles` (joints, 3), upwards in the hand's frame being `up`."""
-    on = on_hand.copy()
-    for j, joint in enumerate(JOINTS):
-        p, c = SEGMENT[joint.parent], SEGMENT[joint.child]
-        before = joint_angles.decompose(quat.relative(on_hand[p], on_hand[c]))
-        q_pc = joint_angles.compose(before + angles[j])
-        if joint.name == "wrist":
-            on[p] = quat.conjugate(q_pc)
-        else:
-            on[c] = quat.multiply(on[p], q_pc)
+    q_pc = joint_angles.compose(joint_angles.of_segments(on_hand) + angles)
+    on = forward_kinematics.segments_on(quat.IDENTITY, q_pc)
     q_GH = make_upright(
         quat.multiply(calibration.q_GS["hand"], quat.conjugate(calibration.q_BS["hand"])), up
     )
