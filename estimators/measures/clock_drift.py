@@ -11,7 +11,6 @@ Limits  a drift that changes (temperature) is reported as its mean; windows with
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 from scipy.special import stdtrit
 
 from handscope.estimators.errors import InputError
@@ -20,6 +19,7 @@ from handscope.estimators.measures.synchronisation import (
     Lag,
     Signal,
     interpolate,
+    minimise_near,
     pooled_correlation,
     rate_of,
     smooth_both,
@@ -157,14 +157,9 @@ def _local_lag(part: Signal, b: Signal, near: float, reach: float) -> tuple[floa
     if len(b.t) < 4:
         return near, -1.0
     steps = near + np.arange(-np.ceil(reach / STEP), np.ceil(reach / STEP) + 1) * STEP
-    best = steps[int(np.argmin([misfit(float(s)) for s in steps]))]
-    found = minimize_scalar(
-        lambda s: misfit(float(best + s)),
-        bounds=(-STEP, STEP),  # about the best: scipy's tolerance grows with the argument
-        method="bounded",
-        options={"xatol": 1e-6},
-    )
-    return float(best + found.x), -float(found.fun)
+    best = float(steps[int(np.argmin([misfit(float(s)) for s in steps]))])
+    seconds, least = minimise_near(misfit, best, STEP)
+    return seconds, -least
 
 
 def _fit_line(t: Array, lags: Array, weights: Array) -> tuple[float, float, float]:

@@ -7,6 +7,7 @@ Limits  two clocks are taken to run equally fast here, clock_drift.py looks for 
         the lag of the longest overlap is taken then and the next one is reported as `rival`
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -258,14 +259,18 @@ def _refine(a: Signal, b: Signal, lag: float, step: float) -> Lag:
     soft_a, soft_b = smooth_both(Signal(a.t, a.values[:, moving]), Signal(b.t, b.values[:, moving]))
     thin = max(1, round(rate_of(a) * step))
     at, x = soft_a.t[::thin], soft_a.values[::thin]
-    found = minimize_scalar(  # about the lag: scipy's tolerance grows with the argument
-        lambda s: -pooled_correlation(x, interpolate(soft_b, at - (lag + s))),
-        bounds=(-step, step),
-        method="bounded",
-        options={"xatol": 1e-6},
+    s, _ = minimise_near(
+        lambda seconds: -pooled_correlation(x, interpolate(soft_b, at - seconds)), lag, step
     )
-    s = lag + float(found.x)
     return Lag(s, pooled_correlation(a.values, interpolate(b, a.t - s)), np.nan)
+
+
+def minimise_near(cost: Callable[[float], float], lag: float, reach: float) -> tuple[float, float]:
+    """The lag within `reach` of a lag at which a cost is least, and that cost."""
+    found = minimize_scalar(  # about the lag: scipy's tolerance grows with the argument
+        lambda s: cost(lag + s), bounds=(-reach, reach), method="bounded", options={"xatol": 1e-6}
+    )
+    return lag + float(found.x), float(found.fun)
 
 
 def pooled_correlation(x: Array, y: Array) -> float:
