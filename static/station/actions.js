@@ -132,5 +132,6 @@ function exchangeWords([one, ...more]) {
   return more.length > 1 ? t("act.exchange.all") : t("act.exchange", { one: t(`part.${one.finger}`), other: t(`part.${one.strip}`) });
 }
 
-const open = (wizard) => wizard.tasks.filter((task) => !task.outcome);
+/** Tasks that are still to be done. */
+export const open = (wizard) => wizard.tasks.filter((task) => !task.outcome);
 const next = (wizard) => open(wizard)[0] ?? null;

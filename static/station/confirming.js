@@ -56,7 +56,8 @@ export function mount(root, api, { act, left, lacking, send, cancel }) {
   return () => form.remove();
 }
 
-function named(titles) {
+/** Titles of tasks in a row: the first few, and how many more. */
+export function named(titles) {
   const rest = titles.length - NAMED;
   return rest > 1 ? t("finish.more", { tasks: titles.slice(0, NAMED).join(", "), count: rest }) : titles.join(", ");
 }

@@ -1,6 +1,8 @@
 /** Go on with the other hand in the same visit, where this hand's tasks could be finished; at the second hand what was first. */
 import { h, whenChanged } from "../dom.js";
-import { errorBox, field, onSubmit, select } from "../forms.js";
+import { errorBox, field, onSubmit, once, select } from "../forms.js";
+import { open } from "./actions.js";
+import { named } from "./confirming.js";
 import { makeKept } from "../patient/stored_calibrations.js";
 import * as reuse from "../patient/reuse.js";
 import { t } from "../words/words.js";
@@ -10,12 +12,13 @@ const SAME = ""; // the port of this session's glove
 export function mount(root, api, { station, session, go }) {
   const other = session.hand === "left" ? "right" : "left";
   const place = h("div", {});
-  const opener = h("button", { class: "large", "data-other-hand": true, onclick: () => ask() }, t(`other_hand.open.${other}`));
+  const box = errorBox();
+  const press = () => once(opener, box, ask);
+  const opener = h("button", { class: "large", "data-other-hand": true, onclick: press }, t(`other_hand.open.${other}`));
   let close = () => {};
 
   async function ask() {
     const gloves = await api.get("/api/gloves");
-    const box = errorBox();
     const earlier = h("div", {});
     const taken = reuse.mount(earlier, api, { kept: makeKept(api, session.patient.id) });
     await taken.ask(other);
@@ -23,14 +26,14 @@ export function mount(root, api, { station, session, go }) {
     const fitting = free.find((glove) => glove.hand === other);
     const options = [...free.map((glove) => [glove.path, glove.description]), [SAME, t("other_hand.glove.same")]];
     const glove = select(fitting ? options.slice(0, -1) : options, fitting?.path ?? SAME, { name: "other-glove" });
-    const left = station.latest.wizard.tasks.filter((task) => !task.outcome).map((task) => task.title);
+    const left = open(station.latest.wizard).map((task) => task.title);
     const back = h("button", { class: "large", type: "button", "data-back": true, onclick: () => close() }, t("go_back"));
     const send = h("button", { class: "primary large", type: "submit" }, t(`other_hand.send.${other}`));
     const form = h(
       "form",
       { class: "question", novalidate: true },
       h("p", {}, t("other_hand.sure")),
-      left.length > 0 && h("p", {}, t("other_hand.left_tasks", { tasks: left.join(", ") })),
+      left.length > 0 && h("p", {}, t("other_hand.left_tasks", { tasks: named(left) })),
       field(t("other_hand.glove"), glove),
       earlier,
       box.element,
@@ -38,7 +41,8 @@ export function mount(root, api, { station, session, go }) {
     );
     onSubmit(form, box, () => goOn({ port: glove.value, reuse: taken.decision }));
     close = () => {
-      place.replaceChildren(opener);
+      box.clear();
+      place.replaceChildren(opener, box.element);
       opener.focus();
     };
     place.replaceChildren(form);
@@ -61,7 +65,7 @@ export function mount(root, api, { station, session, go }) {
   const href = `/sessions/${session.other_hand?.session}`;
   const link = h("a", { href, target: "_blank", rel: "noopener" }, t("other_hand.first"));
   const note = first && h("p", { class: "soft" }, t("other_hand.second"), " ", link);
-  place.append(opener);
+  place.append(opener, box.element);
   root.append(...[note, place].filter(Boolean));
   return station.on("full", draw);
 }
