@@ -2,13 +2,22 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import pi
 from typing import Literal
 
 from handscope.app.language import Language
 from handscope.app.report.changes import Change, Changes
 from handscope.app.report.content import Task
 from handscope.app.report.sections.range_rows import RangeRow
-from handscope.app.report.words import ROTATION, SIDES, side_words
+from handscope.app.report.units import DEG
+from handscope.app.report.words import (
+    ROTATION,
+    SIDES,
+    extension_words,
+    flexion_words,
+    side_words,
+)
+from handscope.estimators.hand.anatomy import DOF_NAMES
 from handscope.estimators.measures.range_of_motion import Range
 
 End = Literal["smallest", "largest"]
@@ -99,6 +108,20 @@ def tapping_words(found: Changes, language: Language) -> dict[str, dict[str, str
 def level_words(change: Change, language: Language) -> str:
     """A change of a size: "0.40 per s higher, within MDC"."""
     return _words(change, 1, language, LEVEL)
+
+
+def value_words(name: str, value: float, unit: str, language: Language) -> str:
+    """A value without a bare sign: of an angle the direction stands in the figure's name, of anything else below zero it is said."""
+    joint, _, end = name.rpartition("_flexion_")
+    if joint and unit == "deg":
+        rad = value / DEG
+        return (
+            extension_words(joint, rad, pi, language)
+            if end == "min"
+            else flexion_words(rad, language)
+        )
+    size, is_angle = amount(abs(value), name, unit, language), name.rpartition("_")[0] in DOF_NAMES
+    return size if value >= 0 or is_angle else language.say("progress.below_zero", size=size)
 
 
 def amount(value: float, name: str, unit: str, language: Language) -> str:

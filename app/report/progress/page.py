@@ -3,17 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, date, datetime
-from math import pi
 from typing import Any
 
 from handscope.app.language import Language
 from handscope.app.protocols import Protocol
-from handscope.app.report.change_words import amount
+from handscope.app.report.change_words import amount, value_words
 from handscope.app.report.progress.chart import Shown, course_chart
 from handscope.app.report.progress.labels import label
-from handscope.app.report.progress.series import Course, Point, Progress, Series
-from handscope.app.report.units import DEG
-from handscope.app.report.words import extension_words, flexion_words
+from handscope.app.report.progress.series import Course, Progress, Series
 from handscope.estimators.hand.anatomy import Hand
 
 CHARTS = 9  # on the first page
@@ -99,7 +96,10 @@ def _chart(s: Series, hand: Hand, patient: Patient, language: Language) -> dict[
         {n: t.day for n, t in enumerate(patient.treatment, 1) if t.hand in (hand, "both")},
     )
     first, newest = course.points[0], course.points[-1]
-    words = {"first": _value(s, first, language), "last": _value(s, newest, language)}
+    words = {
+        "first": _worded(s, first.value, language),
+        "last": _worded(s, newest.value, language),
+    }
     return {
         "title": label(s.name, language),
         "task": _task(s, patient, language),
@@ -115,10 +115,10 @@ def _row(s: Series, hand: Hand, patient: Patient, language: Language) -> list[st
     mdc, goal = course.judge.mdc95, patient.goals.get((hand, (s.measure, s.task, s.name)))
     return [
         f"{label(s.name, language)} ({_task(s, patient, language)})",
-        _value(s, course.points[0], language),
-        _value(s, course.points[-1], language),
+        _worded(s, course.points[0].value, language),
+        _worded(s, course.points[-1].value, language),
         _verdict(course.points[-1].since_first, language),
-        _size(s, mdc, language) if mdc is not None else "",
+        amount(mdc, s.name, s.unit, language) if mdc is not None else "",
         language.say(
             "progress.range",
             low=_worded(s, goal[0], language),
@@ -143,23 +143,8 @@ def _verdict(since_first: bool | None, language: Language) -> str:
     return language.say(f"progress.{word}")
 
 
-def _value(s: Series, point: Point, language: Language) -> str:
-    return _worded(s, point.value, language)
-
-
 def _worded(s: Series, value: float, language: Language) -> str:
-    """A value without a bare sign."""
-    if s.joint and s.angle == "flexion":
-        rad = value / DEG
-        if s.end == "smallest":
-            return extension_words(s.joint, rad, pi, language)
-        return flexion_words(rad, language)
-    size = _size(s, abs(value), language)
-    return language.say("progress.below_zero", size=size) if value < 0 and not s.joint else size
-
-
-def _size(s: Series, value: float, language: Language) -> str:
-    return f"{value:.0f}°" if s.unit == "deg" else amount(value, s.name, s.unit, language)
+    return value_words(s.name, value, s.unit, language)
 
 
 def _capital(words: str) -> str:

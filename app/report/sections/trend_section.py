@@ -3,14 +3,12 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from handscope.app.language import Language
-from handscope.app.report.change_words import amount
+from handscope.app.report.change_words import value_words
 from handscope.app.report.content import Content
 from handscope.app.report.sections import plots
-from handscope.app.report.units import DEG, reading
-from handscope.app.report.words import extension_words, figure_words, flexion_words
+from handscope.app.report.units import reading
+from handscope.app.report.words import figure_words
 from handscope.estimators.measures.figure import Figure
 from handscope.sessions.clinic.repeatability import Key, Values
 
@@ -42,13 +40,13 @@ def trend_section(content: Content, language: Language) -> dict[str, Any] | None
         charts.append(
             {
                 "title": figure_words(key[2], language),
-                "value": _value_words(key[2], values[-1], unit, language),
+                "value": value_words(key[2], values[-1], unit, language),
                 "chart": plots.trend_chart(moments, values, mdc.get(key), *CHART, language),
                 "alt": language.say(
                     "trends.alt",
                     count=len(values),
-                    first=_value_words(key[2], values[0], unit, language),
-                    last=_value_words(key[2], values[-1], unit, language),
+                    first=value_words(key[2], values[0], unit, language),
+                    last=value_words(key[2], values[-1], unit, language),
                 ),
             }
         )
@@ -65,18 +63,6 @@ def trend_section(content: Content, language: Language) -> dict[str, Any] | None
         "charts": charts,
         "caption": language.say("trends.caption"),
     }
-
-
-def _value_words(name: str, value: float, unit: str, language: Language) -> str:
-    """A value without a bare sign: the direction stands in the figure's name."""
-    if unit != "deg":
-        return amount(value, name, unit, language)
-    joint, _, end = name.rpartition("_flexion_")
-    if joint and end == "min":
-        return extension_words(joint, value / DEG, np.pi, language)
-    return (
-        flexion_words(value / DEG, language) if joint else amount(abs(value), name, unit, language)
-    )
 
 
 def _asked(content: Content) -> set[Key]:

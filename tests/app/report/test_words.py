@@ -5,6 +5,7 @@ import math
 import pytest
 
 from handscope.app.language import ENGLISH
+from handscope.app.report.change_words import value_words
 from handscope.app.report.words import (
     SIDES,
     both_ways,
@@ -67,6 +68,23 @@ def test_side_motion_names_both_directions(
     joint: str, smallest: float, largest: float, words: str
 ) -> None:
     assert both_ways(math.radians(smallest), math.radians(largest), SIDES[joint], ENGLISH) == words
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "unit", "words"),
+    [
+        ("index_pip_flexion_max", 82.4, "deg", "82°"),
+        ("index_pip_flexion_min", -8.0, "deg", "8° hyperextension"),
+        ("index_mcp_deviation_min", -12.0, "deg", "12°"),
+        ("radial_abduction", -5.0, "deg", "5° smaller"),
+        ("tapping_decrement_slope", -0.56, "mm", "0.56 mm smaller"),
+        ("pronation_supination_decrement_slope", 2.26, "deg", "2.26°"),
+    ],
+)
+def test_a_value_of_the_course_has_no_bare_sign(
+    name: str, value: float, unit: str, words: str
+) -> None:
+    assert value_words(name, value, unit, ENGLISH) == words
 
 
 def test_joints_are_named_by_finger_and_joint() -> None:
