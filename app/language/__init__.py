@@ -11,7 +11,7 @@ import json
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import date, datetime
 from functools import cache, cached_property, lru_cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -80,7 +80,7 @@ class Language:
         form = f"#,##0.{'0' * decimals}" if decimals else "#,##0"
         return str(format_decimal(round(value, decimals) + 0.0, form, self.locale))
 
-    def day(self, moment: datetime) -> str:
+    def day(self, moment: date) -> str:
         return format_date(moment, "long", self.locale)
 
     def short_day(self, moment: datetime) -> str:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, date, datetime
+from datetime import date
 from typing import Any
 
 from handscope.app.language import Language
@@ -74,7 +74,7 @@ def progress_page(
                 f"{number}",
                 say(f"treatment.{t.kind}"),
                 say(f"treatment.side.{t.hand}"),
-                language.day(datetime(t.day.year, t.day.month, t.day.day, 12, tzinfo=UTC)),
+                language.day(t.day),
                 t.comment,
             ]
             for number, t in enumerate(patient.treatment, 1)
@@ -120,7 +120,7 @@ def _row(s: Series, hand: Hand, patient: Patient, language: Language) -> list[st
         _verdict(course.points[-1].since_first, language),
         amount(mdc, s.name, s.unit, language) if mdc is not None else "",
         language.say(
-            "progress.range",
+            "goals.range",
             low=_worded(s, goal[0], language),
             high=_worded(s, goal[1], language),
         )
