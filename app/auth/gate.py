@@ -108,13 +108,8 @@ class Gate:
         """Refuse a request to another host, or from another site's page."""
         host = connection.headers.get("host", "")
         if not self._is_own_host(host):
-            return JSONResponse(
-                error_body(
-                    phrase("gate.other_host", host=host or phrase("gate.without_name")),
-                    preferred(connection),
-                ),
-                421,
-            )
+            named = host or phrase("gate.without_name")
+            return _answer(connection, 421, phrase("gate.other_host", host=named))
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE
         if _from_elsewhere(
             connection.headers,
