@@ -7,7 +7,7 @@ import argparse
 import os
 import tempfile
 from collections.abc import Iterator
-from datetime import datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 
 from sqlalchemy import select
@@ -15,13 +15,13 @@ from sqlalchemy.orm import Session
 
 from handscope.app.example_patients.patients import UNFINISHED
 from handscope.app.example_patients.recordings import write
-from handscope.app.example_patients.stories import STORIES, Story, between
+from handscope.app.example_patients.stories import STORIES, Ability, Story, between
 from handscope.app.results.make import make
 from handscope.app.version import software_version
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.methods import DEFAULT
 from handscope.sessions.clinic import results
-from handscope.sessions.db.tables import Patient, RecordingFile, now
+from handscope.sessions.db.tables import Patient, PatientSession, RecordingFile, now
 from handscope.sessions.store import records
 from handscope.sessions.store.store import Store, store_at
 
@@ -46,19 +46,22 @@ def _add_course(
     number, story = numbered
     made = {f.original_name: s for s in patient.sessions for f in s.recordings}
     morning = now().replace(hour=8, minute=20, second=0, microsecond=0)
+    before: PatientSession | None = None  # in the order of time
     for k, (hand, weeks, share) in enumerate(_sessions(story)):
         name = f"{story.code.split()[0].lower()}-{k + 1}.zip"
         if name in made:
+            before = made[name]
             continue
         started = morning - timedelta(days=round(7 * weeks), minutes=-40 * number)
-        able, follows = between(story.begin, story.end, share), hand != story.hand
-        if follows:
-            able, started = type(able)(), started + OTHER_HAND_AFTER
+        able, first = between(story.begin, story.end, share), None
+        if hand != story.hand and before is not None:
+            able, first, started = Ability(), before, before.started + OTHER_HAND_AFTER
         write(able, story.tasks, hand, (number, k), started, folder / name)
         session = records.add_upload(db, store, patient, folder / name, name, hand)
         session.examiner, session.started = EXAMINER, started
-        session.continues_id = _measured_before(patient, started) if follows else None
+        session.continues_id = first.id if first is not None else None
         db.commit()
+        before = session
         _process(db, store, session.recordings[0])
 
 
@@ -69,12 +72,6 @@ def _sessions(story: Story) -> Iterator[tuple[Hand, float, float]]:
         yield story.hand, weeks, share
         if k in story.both:
             yield other, weeks, share
-
-
-def _measured_before(patient: Patient, started: datetime) -> int | None:
-    """The session that began at the visit's first moment."""
-    first = started - OTHER_HAND_AFTER
-    return next((s.id for s in patient.sessions if s.started == first), None)
 
 
 def _process(db: Session, store: Store, file: RecordingFile) -> None:

@@ -3,6 +3,7 @@
 from argparse import Namespace
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import timedelta
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from handscope.app.protocols import load_all
 from handscope.app.results.report import report
 from handscope.sessions.clinic import pseudonyms
 from handscope.sessions.clinic.repeatability import values
-from handscope.sessions.db.tables import Patient, PatientSession
+from handscope.sessions.db.tables import Patient, PatientSession, now
 from handscope.sessions.store.store import Store, open_store
 
 TENDON = next(s for s in STORIES if "tendon" in s.code)
@@ -71,9 +72,13 @@ def test_what_was_made_before_an_interruption_is_not_made_again(
         sessions.add_sessions(store)
     assert patients.are_unfinished(store.folder)
     monkeypatch.setattr(sessions, "write", writing)
+    monkeypatch.setattr(sessions, "now", lambda: now() + timedelta(days=1))  # after midnight
     sessions.add_sessions(store)
     with store.database() as db:
-        assert [s.hand for s in db.scalars(select(PatientSession))] == ["left", "right", "left"]
+        first, other, last = db.scalars(select(PatientSession))
+        assert [s.hand for s in (first, other, last)] == ["left", "right", "left"]
+        assert [s.continues_id for s in (first, other, last)] == [None, first.id, None]
+        assert other.started == first.started + sessions.OTHER_HAND_AFTER
 
 
 def test_a_folder_with_patients_gets_no_examples(tmp_path: Path) -> None:
