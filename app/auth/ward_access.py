@@ -4,9 +4,14 @@ Routes' own queries are narrowed besides (sessions/db/visible_rows.py). A new ki
 to accounts of a ward until it stands here.
 """
 
+import asyncio
+import contextlib
 from collections.abc import Iterator
 
+from anyio import to_thread
 from sqlalchemy import select
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.orm import Session
 from starlette.requests import HTTPConnection
 
@@ -16,6 +21,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic.audit import patient_of
 from handscope.sessions.db.tables import Account, Patient, PatientSession
+from handscope.sessions.store.store import Store
 from handscope.sessions.wards import wards
 
 OTHER_WARD = phrase("wards.other_ward")
@@ -63,6 +69,20 @@ def sees_session(db: Session, account: str, session: int) -> bool:
         return True
     row = db.get(PatientSession, session)
     return row is not None and visibility.covers(row.patient.ward_id, row.patient_id)
+
+
+async def wait_until_hidden(store: Store, account: str, session: int, every: float) -> None:
+    """Return once the account no longer sees the session, asked every so many seconds; a database that is away hides nothing."""
+
+    def is_seen() -> bool:
+        with store.database() as db:
+            return sees_session(db, account, session)
+
+    seen = True
+    while seen:
+        await asyncio.sleep(every)
+        with contextlib.suppress(DBAPIError, PoolTimeout):
+            seen = await to_thread.run_sync(is_seen)
 
 
 def session_of_station(connection: HTTPConnection, name: str) -> int | None:

@@ -18,7 +18,7 @@ from starlette.websockets import WebSocketDisconnect, WebSocketState
 
 from handscope.app.auth.gate import CHECK_EVERY
 from handscope.app.auth.roles import CLINICIAN, RequesterDep, requester, requires_role
-from handscope.app.auth.ward_access import sees_session
+from handscope.app.auth.ward_access import sees_session, wait_until_hidden
 from handscope.app.devices.relay.live_relay import RelayEnd
 from handscope.app.devices.relay.messages import (
     MOST_WAITING,
@@ -86,8 +86,8 @@ async def _refuse_when_hidden(
     websocket: WebSocket, connection: "_Connection", session: int
 ) -> None:
     """End the connection once the patient is in a ward that the account does not see; the gate looks after login and role."""
-    while await anyio.to_thread.run_sync(_is_visible, websocket, session):
-        await asyncio.sleep(CHECK_EVERY)
+    store, account = parts(websocket).store, requester(websocket).name
+    await wait_until_hidden(store, account, session, CHECK_EVERY)
     connection.refuse()
 
 

@@ -1,22 +1,19 @@
 """/api/stations/{name}/streams: permissions for other programs to read a live session's poses; /api/stream: those poses"""
 
 import asyncio
-import contextlib
 import time
 from typing import Any
 
 from anyio import to_thread
 from fastapi import APIRouter, WebSocket
 from pydantic import Field
-from sqlalchemy.exc import DBAPIError
-from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.websockets import WebSocketDisconnect
 
 from handscope.app.api.wards.ward_routes import require_member
 from handscope.app.auth.gate import CHECK_EVERY
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import ANYBODY, CLINICIAN, RequesterDep, requires_role
-from handscope.app.auth.ward_access import sees_session
+from handscope.app.auth.ward_access import sees_session, wait_until_hidden
 from handscope.app.live.outputs import lsl_outlet, pose_message
 from handscope.app.live.outputs.permits import Permit
 from handscope.app.live.station import Station
@@ -116,13 +113,7 @@ def _is_still_granted(all_parts: Parts, session: int, permit: Permit) -> bool:
 
 async def _end_when_not_granted(all_parts: Parts, station: Station, permit: Permit) -> None:
     """End the stream once its account was disabled, or the patient is in another ward; a database that is away ends nothing."""
-    granted = True
-    while granted:
-        await asyncio.sleep(CHECK_EVERY)
-        with contextlib.suppress(DBAPIError, PoolTimeout):
-            granted = await to_thread.run_sync(
-                _is_still_granted, all_parts, session_of(station), permit
-            )
+    await wait_until_hidden(all_parts.store, permit.by, session_of(station), CHECK_EVERY)
     all_parts.permits.withdraw(station.name, permit.name)
 
 
