@@ -68,8 +68,12 @@ def joint_deficits(
     """Of every joint how far its flexion stays behind, in words and as a level; for its bar the range in degrees, the other hand's, the reference."""
     chosen, found = edition or newest(), []
     for r in over_tasks(tasks):
-        against = _against(r, other, chosen)
-        if r.angle != "flexion" or against is None:
+        if r.angle != "flexion":
+            continue
+        reference = reference_of(r, "largest", chosen)
+        least, most = _theirs(r, other, "min"), _theirs(r, other, "max")
+        against = most if most is not None else reference.degrees if reference else None
+        if against is None:
             continue
         short = max(0.0, against - r.largest * DEG)
         name = " ".join(joint_words(r.joint, language)).strip()
@@ -81,7 +85,6 @@ def joint_deficits(
             size=f"{short:.0f}°",
         )
         level = _level(short, chosen.smallest_change.value)
-        reference = reference_of(r, "largest", chosen)
         found.append(
             {
                 "joint": r.joint,
@@ -89,7 +92,7 @@ def joint_deficits(
                 "words": words,
                 "level": level,
                 "range": [round(r.smallest * DEG), round(r.largest * DEG)],
-                "other": _other_range(r, other),
+                "other": None if least is None or most is None else [round(least), round(most)],
                 "reference": round(reference.degrees) if reference else None,
             }
         )
@@ -100,29 +103,11 @@ def _level(short: float, mdc: float) -> Level:
     return "none" if short <= mdc else "small" if short <= LARGE * mdc else "large"
 
 
-def _against(r: Range, other: Compared | None, edition: Edition) -> float | None:
-    """Flexion in degrees: the other hand's, else the reference value."""
-    name = f"{r.joint}_flexion_max"
-    theirs = [v for (_, _, n), (v, _) in other.values.items() if n == name] if other else []
-    if theirs:
-        return max(theirs) * DEG
-    reference = reference_of(r, "largest", edition)
-    return reference.degrees if reference else None
-
-
-def _other_range(r: Range, other: Compared | None) -> list[int] | None:
-    """Smallest and largest flexion of the other hand's joint, degrees; None where either was not measured."""
-    ends = []
-    for end, choose in (("min", min), ("max", max)):
-        found = [
-            value
-            for (_, _, name), (value, _) in (other.values.items() if other else ())
-            if name == f"{r.joint}_flexion_{end}"
-        ]
-        if not found:
-            return None
-        ends.append(round(choose(found) * DEG))
-    return ends
+def _theirs(r: Range, other: Compared | None, end: Literal["min", "max"]) -> float | None:
+    """The smallest or largest flexion of the other hand's joint over its tasks, degrees; None where it was not measured."""
+    name = f"{r.joint}_flexion_{end}"
+    found = [v for (_, _, n), (v, _) in other.values.items() if n == name] if other else []
+    return (min if end == "min" else max)(found) * DEG if found else None
 
 
 def _tile(
