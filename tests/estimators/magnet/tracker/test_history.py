@@ -3,18 +3,17 @@
 import numpy as np
 from filterpy.kalman import rts_smoother, update
 
-from handscope.estimators.magnet.tracker.history import (
-    Trace,
-    decouple_sample,
-    make_trace,
-    split_covariance,
-    store_prediction,
-    store_update,
-)
+from handscope.estimators.magnet.tracker import history
+from handscope.estimators.magnet.tracker.history import Trace, make_trace
 from handscope.estimators.magnet.tracker.smoother import rts_backward_pass
 from handscope.estimators.magnet.tracker.state import OWN, TH, THG, XGB, XM, XQ
 from handscope.estimators.numerics.typing import Array
+from tests.estimators.interpreted import interpreted
 
+decouple_sample = interpreted(history.decouple_sample)
+split_covariance = interpreted(history.split_covariance)
+store_prediction = interpreted(history.store_prediction)
+store_update = interpreted(history.store_update)
 MANY = OWN + 10  # errors, the last ten of which do not move
 
 

@@ -26,65 +26,39 @@ from handscope.estimators.magnet.tracker.measurement_model import predict_delaye
 from handscope.estimators.magnet.tracker.options import MagnetParams, noise_model
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.jit import looped
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import magnet as sim
+from tests.estimators.interpreted import interpreted
 
 RNG = np.random.default_rng(7)
 VARIANCE = 0.04  # of one reading
 NOISE = noise_model(MagnetParams(gyr_reading="instant"))
 
 
-@looped
-def _propagate(s, x: Array, before: Array, now: Array, dt: float, F: Array) -> Array:  # type: ignore[no-untyped-def]
-    return mf.propagate_state(s, x, before, now, dt, F)
+_propagate = interpreted(mf.propagate_state)
+_predict_reading = interpreted(predict_delayed_reading)
+_delayed = interpreted(state_delayed)
+_predict = interpreted(predict_kinematics)
+_smooth_velocity = interpreted(smooth_velocity)
+_inject = interpreted(mf.inject_error)
+_scalar_update = interpreted(mf.scalar_update)
 
 
-@looped
-def _predict_reading(x: Array, kinematics: Array, k: int, H: Array) -> Array:
-    return predict_delayed_reading(x, kinematics, k, H)
+def _propagate_covariance(
+    s: mf.NoiseModel, P: Array, F: Array, dt: float, w_b: float, field: float
+) -> None:
+    interpreted(mf.propagate_covariance)(s, P, F, dt, w_b, 0.0, 0.0, field, 1.0)
 
 
-@looped
-def _delayed(x: Array, kinematics: Array) -> Array:
-    return state_delayed(x, kinematics)
-
-
-@looped
-def _predict(kinematics: Array, now: Array, dt: float) -> None:
-    predict_kinematics(kinematics, now, dt)
-
-
-@looped
-def _smooth_velocity(kinematics: Array, x: Array, P: Array, v: Array, dt: float) -> None:
-    smooth_velocity(kinematics, x, P, v, dt)
-
-
-@looped
-def _inject(x: Array, dx: Array) -> Array:
-    return mf.inject_error(x, dx)
-
-
-@looped
-def _scalar_update(P: Array, dx: Array, H: Array, e: float, variance: float) -> float:
-    return mf.scalar_update(P, dx, H, e, variance)
-
-
-@looped
-def _propagate_covariance(s, P: Array, F: Array, dt: float, w_b: float, field: float) -> None:  # type: ignore[no-untyped-def]
-    mf.propagate_covariance(s, P, F, dt, w_b, 0.0, 0.0, field, 1.0)
-
-
-@looped
 def _updated_errors(
-    s, x: Array, P: Array, now: Array, base: bool, target: bool, dt: float
-) -> Array:  # type: ignore[no-untyped-def]
+    s: mf.NoiseModel, x: Array, P: Array, now: Array, base: bool, target: bool, dt: float
+) -> Array:
     dx = np.zeros(len(P))
     if base or target:
-        gravity_update(s, x, P, dx, now, base, target, False, dt)
+        interpreted(gravity_update)(s, x, P, dx, now, base, target, False, dt)
     else:
-        common_acceleration_update(s, x, P, dx, now, dt)
-    return mf.inject_error(x, dx)
+        interpreted(common_acceleration_update)(s, x, P, dx, now, dt)
+    return np.asarray(_inject(x, dx))
 
 
 def _state() -> Array:
