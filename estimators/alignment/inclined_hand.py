@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from handscope.estimators.alignment import quality
-from handscope.estimators.alignment.initial_pose import Pose, segments_in_pose
+from handscope.estimators.alignment.initial_pose import Pose, nominal_mounting, segments_in_pose
 from handscope.estimators.data.samples import ACC, Block
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import (
@@ -56,13 +56,12 @@ def up_directions(blocks: Sequence[Block], mounting: Mapping[str, Array]) -> dic
     """The mean upward direction (3,) of these samples in each segment's frame."""
     found = {}
     for block in (b for b in blocks if b.stream.inertial and len(b.t)):
-        acc = block.of(ACC)  # (n, sensors, 3)
+        acc, nominal = block.of(ACC), nominal_mounting(block.stream.sensors, mounting)
         for k, name in enumerate(block.stream.sensors):
             samples = acc[np.isfinite(acc[:, k]).all(axis=1), k]
             mean = samples.mean(axis=0) if len(samples) else np.zeros(3)
             if name in SEGMENTS and (size := np.linalg.norm(mean)) > LEAST_FORCE:
-                q_BS = quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), dtype=float))
-                found[name] = quat.rotate(q_BS, mean / size)
+                found[name] = quat.rotate(nominal[name], mean / size)
     return found
 
 

@@ -213,10 +213,17 @@ def calibrate(
         warnings,
         north,
         rates,
-        nominal=_nominal(still, mounting) if params.alignment != "heading" else {},
+        nominal=nominal_mounting(still, mounting) if params.alignment != "heading" else {},
         pose_sd=pose.sd,
         q_ES=mean_orientations([b.between(start, end) for b in blocks]),
     )
+
+
+def nominal_mounting(sensors: Iterable[str], mounting: Mapping[str, Array]) -> dict[str, Array]:
+    """Sensor-to-segment rotations (4,) that the glove declares."""
+    return {
+        s: quat.normalize(np.asarray(mounting.get(s, quat.IDENTITY), dtype=float)) for s in sensors
+    }
 
 
 def uncalibrated(
@@ -228,7 +235,7 @@ def uncalibrated(
 ) -> Calibration:
     """What is known without any pose: the nominal mounting; headings come from magnetometers or are
     guesses."""
-    nominal = _nominal([s for s in sensors if s in SEGMENTS], mounting)
+    nominal = nominal_mounting([s for s in sensors if s in SEGMENTS], mounting)
     return Calibration(hand, geometry, t, t, {}, nominal, {}, CalibrationSource.NONE)
 
 
@@ -436,7 +443,7 @@ def _orient(
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Sensor orientations with gravity's inclination and the pose's heading, and the
     sensor-to-segment rotations."""
-    nominal = _nominal(still, mounting)
+    nominal = nominal_mounting(still, mounting)
     on_hand, q_GS, q_BS = segments_in_pose(pose), {}, {}
     agreeing = (
         [name for name in still if name != "forearm"] if params.alignment == "common" else ["hand"]
@@ -449,13 +456,6 @@ def _orient(
             quat.relative(q_GB, q_GS[name]) if params.alignment != "heading" else nominal[name]
         )
     return q_GS, q_BS
-
-
-def _nominal(sensors: Iterable[str], mounting: Mapping[str, Array]) -> dict[str, Array]:
-    """Sensor-to-segment rotations (4,) that the glove declares."""
-    return {
-        s: quat.normalize(np.asarray(mounting.get(s, quat.IDENTITY), dtype=float)) for s in sensors
-    }
 
 
 def _up_in_hand(

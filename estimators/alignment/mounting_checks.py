@@ -94,6 +94,7 @@ def _worn_sensors(
 ) -> dict[str, _WornSensor]:
     on_hand, found = initial_pose.segments_in_pose(pose), {}
     for block in (b for b in blocks if b.stream.inertial):
+        nominal = initial_pose.nominal_mounting(block.stream.sensors, mounting)
         still, later = block.between(pose.onset, pose.end), block.between(pose.end, until)
         for k, name in enumerate(block.stream.sensors):
             values = still.values[:, k]
@@ -102,12 +103,9 @@ def _worn_sensors(
                 mean = values.mean(axis=0)
                 acc = mean[block.stream.axes(ACC)]
                 if np.linalg.norm(acc) > 1.0:
-                    nominal = quat.normalize(
-                        np.asarray(mounting.get(name, quat.IDENTITY), dtype=float)
-                    )
                     rate = np.nan_to_num(later.of(GYR)[:, k] - mean[block.stream.axes(GYR)])
                     found[name] = _WornSensor(
-                        nominal, on_hand[name], acc / np.linalg.norm(acc), later.t, rate
+                        nominal[name], on_hand[name], acc / np.linalg.norm(acc), later.t, rate
                     )
     return found
 

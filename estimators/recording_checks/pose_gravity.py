@@ -17,7 +17,6 @@ from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.single_sensors.accelerometer_check import negated_in_pose
 from handscope.estimators.hand.anatomy import side_sign
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import whole_of
 from handscope.estimators.pipeline.recording_calibration import initial_poses
 
@@ -30,6 +29,7 @@ def check_pose(recording: Recording, calibrations: Sequence[Calibration]) -> lis
     on_hand = initial_pose.segments_in_pose(
         initial_pose.pose_of(initial_poses(recording.events)[0])
     )
+    nominal = initial_pose.nominal_mounting(on_hand, recording.mounting)
     dorsal, sensors, acc, up = side_sign(recording.hand) * np.array([1.0, 0.0, 0.0]), [], [], []
     for block in (b for b in whole_of(recording) if b.stream.inertial):
         still = block.between(*span).of(ACC)
@@ -38,16 +38,11 @@ def check_pose(recording: Recording, calibrations: Sequence[Calibration]) -> lis
             if name in on_hand and len(known):
                 sensors.append(name)
                 acc.append(known.mean(axis=0))
-                up.append(_seen_by(recording.mounting.get(name), on_hand[name], dorsal))
+                q_HS = quat.multiply(on_hand[name], nominal[name])
+                up.append(quat.rotate(quat.conjugate(q_HS), dorsal))
     found = negated_in_pose(tuple(sensors), np.array(acc), np.array(up), span) if sensors else []
     return [
         replace(s, message=replace(s.message, severity="info"))
         for s in found
         if s.message.code == "file.accelerometer_negated"
     ]
-
-
-def _seen_by(mounting: Array | None, on_hand: Array, direction: Array) -> Array:
-    """A direction (3,) of the hand in the frame of a sensor that sits as its mounting says."""
-    nominal = quat.normalize(np.asarray(quat.IDENTITY if mounting is None else mounting, float))
-    return quat.rotate(quat.conjugate(quat.multiply(on_hand, nominal)), direction)

@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from handscope.estimators.alignment.initial_pose import nominal_mounting
 from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.finding import Suspicion
@@ -181,7 +182,7 @@ def _half(made: Made) -> float:
 
 def _slip(made: Made, degrees: float, phalanx: int) -> Made:
     sensor = CHAINS[made.finger][phalanx]
-    q_BS = quat.normalize(np.asarray(made.recording.mounting.get(sensor, quat.IDENTITY), float))
+    q_BS = nominal_mounting([sensor], made.recording.mounting)[sensor]
     axis = quat.rotate(
         quat.conjugate(q_BS), np.array([0.0, 0.0, 1.0])
     )  # the joint's, in the sensor
