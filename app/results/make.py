@@ -33,6 +33,7 @@ from handscope.estimators.measures.accuracy import accuracy_of
 from handscope.estimators.measures.assessment import TaskResult, assess
 from handscope.estimators.measures.excursions import repetitions
 from handscope.estimators.measures.plot_data import PlotData, thin_curves
+from handscope.estimators.measures.resting_drift import resting_drift
 from handscope.estimators.measures.tapping import Tapping
 from handscope.estimators.methods import ALL_METHODS
 from handscope.estimators.numerics.typing import Array
@@ -207,6 +208,7 @@ def page_content(
             "end": c.span[1],
             "quality": {s: asdict(q) for s, q in c.quality.items()},
         },
+        "drift": _drifts(processed),
         "tasks": [_task(t) for t in tasks],
         "events": [
             {
@@ -223,6 +225,13 @@ def page_content(
             if e.trial_type == "task"
         },
     }
+
+
+def _drifts(processed: Processed) -> list[dict[str, Any]]:
+    """What seems to drift at rest, from each calibration to the next."""
+    moved, since = processed.trajectory, [c.span[1] for c in processed.calibrations]
+    spans = zip(since, [*since[1:], np.inf])
+    return [asdict(d) for a, b in spans if (d := resting_drift(moved.between(a, b))) is not None]
 
 
 def _repetitions(

@@ -32,6 +32,7 @@ from handscope.estimators.measures import MEASURES
 from handscope.estimators.measures.assessment import TaskResult
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.range_of_motion import Range
+from handscope.estimators.measures.resting_drift import Drift
 from handscope.estimators.measures.total_active_motion import GRADINGS
 from handscope.sessions.clinic.references import Compared
 
@@ -114,7 +115,9 @@ def _trust(
     rows = [(f["task"], _stored_figure(f)) for f in figures if not f.get("detail")]
     titles = {task: _title({"task": task}, protocols.get(task), language) for task, _ in rows}
     calibrated = bool((content.get("calibration") or {}).get("quality"))
-    return trust_payload(judge_trust(rows, calibrated, edition), titles, language, edition)
+    drifts = [Drift(**d) for d in content.get("drift", ())]
+    found = judge_trust(rows, calibrated, edition, drifts)
+    return trust_payload(found, titles, language, edition)
 
 
 def _figure_payload(

@@ -1,7 +1,8 @@
 """Whether the figures of a result can be trusted: yes, mostly or no, by rules that docs/checks.md states, with reasons and what to do.
 
 Rules     no: nothing was measured, there is no calibration, or more than MOST_POOR of the figures are graded poor
-          mostly: some figure is not graded good, or an angle is larger than healthy people reach (norm mean + BEYOND standard deviations)
+          mostly: some figure is not graded good, an angle is larger than healthy people reach (norm mean + BEYOND standard deviations), or
+          thumb and fingertip drift apart or together while the hand rests
           yes: else. Lost samples, warnings and the sizes of a calibration count only as far as they lower the grade of a figure
 """
 
@@ -18,6 +19,7 @@ from handscope.app.report.units import reading, with_unit
 from handscope.app.report.words import named
 from handscope.estimators.data.trajectory import FLAG_WORDS, Flag
 from handscope.estimators.measures.figure import Figure
+from handscope.estimators.measures.resting_drift import Drift
 
 MOST_POOR = 0.5  # share of the figures
 BEYOND = 3.0  # standard deviations over healthy people
@@ -53,12 +55,16 @@ class Trust:
     good: int  # figures graded good
     count: int
     doubts: tuple[Doubt, ...]
+    drifts: tuple[Drift, ...] = ()
 
 
 def judge_trust(
-    rows: Sequence[tuple[str, Figure]], calibrated: bool, edition: Edition | None = None
+    rows: Sequence[tuple[str, Figure]],
+    calibrated: bool,
+    edition: Edition | None = None,
+    drifts: Sequence[Drift] = (),
 ) -> Trust:
-    """By the figures of a result, each with its task's name."""
+    """By the figures of a result, each with its task's name, and by what drifts at rest."""
     counts: dict[tuple[str, str], int] = {}
     for task, figure in rows:
         if figure.grade != "good":
@@ -71,11 +77,11 @@ def judge_trust(
         *beyond,
     ]
     refused = not rows or not calibrated or poor > MOST_POOR * len(rows)
-    answer: Answer = "no" if refused else "mostly" if doubts else "yes"
+    answer: Answer = "no" if refused else "mostly" if doubts or drifts else "yes"
     doubts.sort(key=lambda doubt: -doubt.count)
     if not calibrated:
         doubts.insert(0, Doubt("", FLAG_WORDS[Flag.UNCALIBRATED], len(rows)))
-    return Trust(answer, good, len(rows), tuple(doubts))
+    return Trust(answer, good, len(rows), tuple(doubts), tuple(drifts))
 
 
 def trust_payload(
@@ -85,10 +91,13 @@ def trust_payload(
     reasons = [d.reason for d in trust.doubts]
     todo = [language.say(f"trust.do.{what}") for what in _todo(trust.doubts)]
     todo += advice(reasons, language)
+    if trust.drifts:
+        todo.append(language.say("trust.do.recalibrate"))
     if trust.doubts and not todo:
         todo = [language.say("trust.do.repeat")]
     facts = {"good": language.number(trust.good), "count": language.number(trust.count)}
-    listed = [_doubt_words(d, titles, language, edition) for d in trust.doubts[:NAMED]]
+    listed = [_drift_words(d, language) for d in trust.drifts]
+    listed += [_doubt_words(d, titles, language, edition) for d in trust.doubts[:NAMED]]
     more = len(trust.doubts) - NAMED
     key = "trust.nothing" if not trust.count else f"trust.{trust.answer}"
     return {
@@ -124,6 +133,16 @@ def _doubt_words(
         value=with_unit(language.number(read.value), read.unit, language),
         mean=with_unit(language.number(norm.mean), norm.unit, language),
         sd=with_unit(language.number(norm.sd, 1), norm.unit, language),
+    )
+
+
+def _drift_words(drift: Drift, language: Language) -> str:
+    return language.say(
+        "trust.drift",
+        minutes=language.number((drift.end - drift.start) / 60, 1),
+        finger=language.say(f"part.{drift.finger}"),
+        before=with_unit(language.number(1e3 * drift.before, 0), "mm", language),
+        after=with_unit(language.number(1e3 * drift.after, 0), "mm", language),
     )
 
 

@@ -5,6 +5,7 @@ import pytest
 from handscope.app.language import languages
 from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.measures.figure import Figure, Grade
+from handscope.estimators.measures.resting_drift import Drift
 
 EN = languages()["en"]
 LOST, LIMIT = "samples lost on their way", "sensor at its limit"
@@ -57,3 +58,11 @@ def test_a_spread_larger_than_healthy_people_reach_is_flagged() -> None:
 
 def test_without_figures_the_answer_is_no() -> None:
     assert judge_trust([], True).answer == "no"
+
+
+def test_what_drifts_at_rest_is_told_with_its_size_and_what_to_do() -> None:
+    drift = Drift("index", 30.0, 510.0, 0.0602, 0.0671, 9)
+    told = trust_payload(judge_trust([("tapping", figure())], True, drifts=[drift]), {}, EN)
+    assert told["answer"] == "mostly"
+    assert all(part in told["reasons"][0] for part in ("index", "60 mm", "67 mm", "8.0 min"))
+    assert "pose again" in told["todo"][0]
