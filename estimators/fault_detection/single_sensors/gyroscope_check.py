@@ -116,8 +116,10 @@ def judge(cells: Cells, free: bool = True) -> list[Judged]:
         part = cells.of(closer)
         quick = likelihoods_of(part, np.array([f.matrix for f in discrete_faults()]))
         common = np.argsort(-quick.sum(axis=(1, 2)))[:2]
-        starts = STARTS if free else STARTS[:1]
-        gains = likelihoods_of(part, np.array([g * IDENTITY for g in starts]))
+        gains = quick[:1]  # both begin with the identity
+        if free:
+            scaled = np.array([g * IDENTITY for g in STARTS[1:]])
+            gains = np.concatenate([gains, likelihoods_of(part, scaled)])
         for k, sensor in enumerate(closer):
             if not odd[sensor] and _most_gained(quick[:, :, k], gains[:, :, k]) < HOPEFUL:
                 continue
@@ -167,6 +169,7 @@ def _discrete(
 ) -> Iterator[Verdict]:
     """Signs, orders and units that fit best, of one sensor; `quick` (H, G) are their likelihoods without biases and lever arms."""
     faults, gain, as_it_is = discrete_faults(), quick - quick[0], fit(right).likelihood
+    chains = len(as_it_is)
     usual = np.log([share_of(f.code) if f.code else 1.0 for f in faults])
     whole, best = (
         value + usual for value in (gain.sum(axis=1), np.array([best_stretch(g)[0] for g in gain]))
@@ -178,31 +181,29 @@ def _discrete(
         _, first, last = best_stretch((fit(wrong).likelihood - as_it_is)[:, 0])
         if last > first:
             stretch = slice(first, last)
-            yield _against(faults[k], wrong.part(stretch), right, stretch)
+            explained, none = fit(wrong.part(stretch)), fit(right.part(stretch))
+            weight = _weight(faults[k].code, stretch, chains, chains * (chains + 1) / 2)
+            evidence = _evidence(explained, none, explained.cost)
+            yield Verdict(faults[k], (first, last), evidence, weight)
 
 
 def _continuous(own: Cells, right: Information, gains: Array) -> Iterator[Verdict]:
     """Gains, cross-axis shares and delays, of one sensor, in every stretch; `gains` (starts, G) are likelihoods of the gains of STARTS."""
-    for stretch in stretches(len(right.n)):
-        as_it_is, begin = (
-            right.part(stretch),
-            STARTS[int(np.argmax(gains[:, stretch].sum(axis=1)))],
-        )
-        none = fit(as_it_is).evidence[0]
+    chains = len(right.n)
+    for stretch in stretches(chains):
+        as_it_is, span = right.part(stretch), (stretch.start, stretch.stop)
+        begin = STARTS[int(np.argmax(gains[:, stretch].sum(axis=1)))]
+        none = fit(as_it_is)
         for code, values, prior in FAMILIES:
             free = fit(as_it_is, prior)
             far = code == "gyroscope_gain" and begin != 1.0
-            if free.evidence[0] <= none and not far:
+            if free.evidence[0] <= none.evidence[0] and not far:
                 continue
+            weight = _weight(code, stretch, chains, len(stretches(chains)))
             if code == "gyroscope_delay":
-                late = _against(
-                    Fault(code, (("delay", float(free.x[0, DELAY])),), IDENTITY),
-                    as_it_is,
-                    right,
-                    stretch,
-                    free,
-                )
-                yield replace(late, evidence=float((free.evidence[0] - none) / free.repeats[0]))
+                late = Fault(code, (("delay", float(free.x[0, DELAY])),), IDENTITY)
+                evidence = float((free.evidence[0] - none.evidence[0]) / free.repeats[0])
+                yield Verdict(late, span, evidence, weight)
                 continue
             M, information = begin * IDENTITY if far else IDENTITY + free.matrix[0], as_it_is
             for _ in range(ROUNDS):
@@ -212,7 +213,8 @@ def _continuous(own: Cells, right: Information, gains: Array) -> Iterator[Verdic
                     break
                 M = M + step
             if _plausible(code, M):
-                yield _against(_corrected(code, values, M), information, right, stretch, free)
+                evidence = _evidence(fit(information), none, free.cost)
+                yield Verdict(_corrected(code, values, M), span, evidence, weight)
 
 
 FAMILIES = (
@@ -240,20 +242,16 @@ def _corrected(code: str, values: tuple[tuple[str, float | str], ...], M: Array)
     return Fault(code, (*values, ("gain", 1.0 / gain)), M)
 
 
-def _against(
-    fault: Fault, wrong: Information, right: Information, stretch: slice, free: Fit | None = None
-) -> Verdict:
-    """How much better a fault explains a stretch than none, `wrong` of the stretch alone; `free` is what its corrections cost."""
-    a, b, G = fit(wrong), fit(right.part(stretch)), len(right.n)
-    cost = a.cost if free is None else free.cost
-    evidence = float(
-        (a.likelihood.sum(axis=0) + cost - b.evidence)[0] / max(a.repeats[0], b.repeats[0])
-    )
-    others = G * (G + 1) / 2 - 1 if free is None else len(stretches(G)) - 1
-    weight = share_of(fault.code) * (
-        0.5 if stretch.stop - stretch.start == G else 0.5 / max(others, 1)
-    )
-    return Verdict(fault, (stretch.start, stretch.stop), evidence, weight)
+def _evidence(explained: Fit, none: Fit, cost: Array) -> float:
+    """How much better the readings of one sensor are explained than by no fault; `cost` (1,) is that of the fault's corrections."""
+    gained = explained.likelihood.sum(axis=0) + cost - none.evidence
+    return float(gained[0] / max(explained.repeats[0], none.repeats[0]))
+
+
+def _weight(code: str, stretch: slice, chains: int, looked_at: float) -> float:
+    """What is expected of all faults and stretches to be just this one: half of it of the whole, the rest of all others looked at."""
+    whole = stretch.stop - stretch.start == chains
+    return share_of(code) * (0.5 if whole else 0.5 / max(looked_at - 1, 1))
 
 
 def best_stretch(gain: Sequence[float] | Array) -> tuple[float, int, int]:
