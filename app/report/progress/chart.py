@@ -15,6 +15,7 @@ from handscope.app.report.sections.plots import (
     INK,
     axes_at,
     drawing,
+    label_days,
     svg_of,
 )
 
@@ -68,13 +69,8 @@ def course_chart(shown: Shown, language: Language) -> str:
         ax.set(
             xlim=(left - air_x, last + air_x),
             ylim=(min(seen) - air, max(seen) + air),
-            xticks=[0, last],
-            xticklabels=[language.short_day(m) for m in (first, shown.own[-1][0])],
         )
-        ax.locator_params(axis="y", nbins=4)
-        ax.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
-        for label, side in zip(ax.get_xticklabels(), ("left", "right")):
-            label.set(ha=side)
+        label_days(ax, last, (first, shown.own[-1][0]), language)
         return svg_of(figure)
 
 

@@ -189,18 +189,18 @@ def trend_chart(
             max(values[0] + (mdc95 or 0), *values) + 0.12 * spread,
         )
         last = max(days[-1], 1e-9)
-        ax.set(
-            xlim=(-0.04 * last, 1.06 * last),
-            xticks=[0, last],
-            xticklabels=[language.short_day(m) for m in (moments[0], moments[-1])],
-        )
-        ax.locator_params(axis="y", nbins=4)
-        ax.yaxis.set_major_formatter(
-            lambda value, _: f"{abs(value):g}"
-        )  # the direction stands in the figure's name: no bare sign
-        for label, side in zip(ax.get_xticklabels(), ("left", "right")):
-            label.set(ha=side)
+        ax.set_xlim(-0.04 * last, 1.06 * last)
+        label_days(ax, last, (moments[0], moments[-1]), language)
         return svg_of(figure)
+
+
+def label_days(ax: Axes, last: float, ends: tuple[datetime, datetime], language: Language) -> None:
+    """The first and the last day below a course whose days count from the first; its values without a sign, the direction stands in the figure's name."""
+    ax.set(xticks=[0, last], xticklabels=[language.short_day(m) for m in ends])
+    ax.locator_params(axis="y", nbins=4)
+    ax.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
+    for label, side in zip(ax.get_xticklabels(), ("left", "right")):
+        label.set(ha=side)
 
 
 @contextmanager

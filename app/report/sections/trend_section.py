@@ -6,9 +6,9 @@ from typing import Any
 from handscope.app.language import Language
 from handscope.app.report.change_words import value_words
 from handscope.app.report.content import Content
+from handscope.app.report.progress.labels import label
 from handscope.app.report.sections import plots
 from handscope.app.report.units import reading
-from handscope.app.report.words import figure_words
 from handscope.estimators.measures.figure import Figure
 from handscope.sessions.clinic.repeatability import Key, Values
 
@@ -39,7 +39,7 @@ def trend_section(content: Content, language: Language) -> dict[str, Any] | None
         unit = {"Hz": "per s"}.get(unit, unit)
         charts.append(
             {
-                "title": figure_words(key[2], language),
+                "title": label(key[2], language),
                 "value": value_words(key[2], values[-1], unit, language),
                 "chart": plots.trend_chart(moments, values, mdc.get(key), *CHART, language),
                 "alt": language.say(

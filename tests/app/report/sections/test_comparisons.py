@@ -8,6 +8,7 @@ from functools import cache
 
 from handscope.app.language import ENGLISH, languages
 from handscope.app.report import FORMS, Style
+from handscope.app.report.changes import Change, Changes
 from handscope.app.report.content import Content, LeftOut
 from handscope.app.report.page import Page, words_of
 from handscope.app.report.pdf import pdf
@@ -17,7 +18,7 @@ from handscope.sessions.clinic.references import Course
 from handscope.sessions.clinic.references import Visit as Past
 from handscope.sessions.clinic.repeatability import Values, values
 from tests.app.report.simulated_sessions import VISIT, report, session
-from tests.app.report.test_pdf import NASTY, pages, printed
+from tests.app.report.test_pdf import MORNING, NASTY, pages, printed
 
 GERMAN = languages()["de"]
 PIP = ("range_of_motion", "rom_fist", "ring_pip_flexion_max")
@@ -99,6 +100,19 @@ def test_the_course_begins_with_the_third_session() -> None:
     (trends,) = words_of(among(3), ENGLISH)["trends"]
     assert trends["task"] == "3 sessions, 7 November 2026 to 21 November 2026"
     assert {"Rate", "Amplitude, mean"} <= {c["title"] for c in trends["charts"]}
+
+
+def test_a_charts_title_names_the_finger_in_the_readers_language() -> None:
+    among_three = among(3)
+    assert among_three.course is not None
+    tam = "total_active_motion", "rom_fist", "index_tam"
+    assert all(tam in visit.values for visit in among_three.course.visits)
+    judged = Change(*tam, 5.0, "deg", 4.0, "own", ())
+    changed = replace(among_three, changes=Changes(MORNING, (judged,)))
+    (trends,) = words_of(changed, GERMAN)["trends"]
+    assert "Zeigefinger: aktiver Gesamtbewegungsumfang (TAM)" in {
+        c["title"] for c in trends["charts"]
+    }
 
 
 def test_twenty_sessions_are_a_report_of_few_pages() -> None:
