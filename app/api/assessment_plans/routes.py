@@ -29,7 +29,9 @@ class NewPlan(Incoming):
 
     content: dict[str, Any]
     seen: int = Field(
-        0, ge=0, description="the newest version that was seen; 0: a plan that there was not"
+        0,
+        ge=0,
+        description="the newest version that was seen; 0: a plan that there was not, or that was withdrawn",
     )
 
 
@@ -67,17 +69,21 @@ def export_plan(db: Db, plan: str, version: Version = None) -> Response:
 def store_plan(
     db: Db, parts: PartsDep, requester: RequesterDep, language: LanguageDep, new: NewPlan
 ) -> Any:
-    """Store a plan, or a new version of one; 409 where there is a newer one than was seen."""
+    """Store a plan, or a new version of one; 409 where there is a newer one than was seen.
+
+    A plan that was withdrawn is in no list: it is offered again with its next version, seen or not.
+    """
     plan = plan_of({**new.content, "version": 1}, _tasks(parts.store.folder))
     before = _newest_version(db, plan.name)
-    require_seen(phrase("conflict.plan"), before, new.seen)
+    if new.seen or not _is_withdrawn(db, plan.name):
+        require_seen(phrase("conflict.plan"), before, new.seen)
     row = stored.store(db, content_of(plan), before, requester.name)
     return _row(_plan(row), row, language)
 
 
 @router.delete("/assessment-plans/{plan}", status_code=204)
 def withdraw_plan(db: Db, plan: str) -> None:
-    """Offer a plan of the clinic's no more; where there is one of Handscope's by that name, it is offered again."""
+    """Offer a plan of the clinic's no more, nor one of Handscope's by that name; a new version of it brings it back."""
     row = stored.newest(db).get(plan)
     if row is None:
         raise InputError("plan.not_own", plan=plan)
@@ -99,6 +105,12 @@ def _newest_version(db: Session, name: str) -> int:
     rows = stored.versions(db, name)
     known = built_in().get(name)
     return max([*(r.version for r in rows), known.version if known else 0])
+
+
+def _is_withdrawn(db: Session, name: str) -> bool:
+    """Whether a plan was taken out of the list and nothing was stored after."""
+    rows = stored.versions(db, name)
+    return bool(rows) and rows[0].withdrawn is not None
 
 
 def _plan(row: AssessmentPlan) -> Plan:

@@ -47,6 +47,18 @@ def test_a_change_is_a_new_version_and_the_older_one_stays(client: TestClient) -
     assert client.get(f"{BASE}/crps", params={"version": 2}).json()["version"] == 2
 
 
+def test_a_plan_that_was_withdrawn_comes_back_from_its_file(client: TestClient) -> None:
+    content = _content(client, "stroke")
+    assert client.post(BASE, json={"content": content, "seen": 1}).status_code == 201
+    assert client.delete(f"{BASE}/stroke").status_code == 204
+    listed = {row["name"]: row["version"] for row in client.get(BASE).json()}
+    file = {"content": content, "seen": listed.get("stroke", 0)}  # as the page sends it
+    made = client.post(BASE, json=file)
+    assert (made.status_code, made.json()["version"]) == (201, 3)
+    assert {row["name"]: row["version"] for row in client.get(BASE).json()}["stroke"] == 3
+    assert client.post(BASE, json=file).status_code == 409, "somebody brought it back meanwhile"
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
