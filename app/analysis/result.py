@@ -1,6 +1,5 @@
 """What a method made of a recording, in a notebook: movement, measures, report, exports."""
 
-from dataclasses import fields
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ from handscope.app.analysis.movement import LengthUnit, Movement
 from handscope.app.language import language as language_of
 from handscope.app.language import languages
 from handscope.app.version import software_version
+from handscope.estimators.data.options import changed_options
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures.accuracy import accuracy_of
 from handscope.estimators.measures.assessment import TaskResult, assess
@@ -67,11 +67,7 @@ class Result(Movement):
     def cite(self) -> str:
         """What to write into a paper: software, version, method, options that were changed, and the method's source."""
         module = ALL_METHODS[self.method]
-        changed = [
-            f"{f.name}={value}"
-            for f in fields(self.params)
-            if (value := getattr(self.params, f.name)) != f.default
-        ]
+        changed = [f"{name}={value}" for name, value in changed_options(self.params).items()]
         options = f", {', '.join(changed)}" if changed else ""
         source = _paragraph(module.__doc__ or "", "Source")
         return f"Handscope {software_version()}, method {self.method}{options}: {module.TITLE}. {source}".strip()

@@ -10,7 +10,6 @@ from typing import Annotated, Any, BinaryIO, Literal
 from anyio import to_thread
 from fastapi import APIRouter, Form, UploadFile
 from pydantic import Field
-from sqlalchemy import select
 from starlette.responses import FileResponse, Response, StreamingResponse
 
 from handscope.app.api.answers import (
@@ -26,7 +25,7 @@ from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, require
 from handscope.app.options import with_options
 from handscope.app.state import Db, LanguageDep, Parts, PartsDep, RepairDep
 from handscope.app.version import software_version
-from handscope.estimators.data.options import describe
+from handscope.estimators.data.options import changed_options
 from handscope.estimators.errors import InputError
 from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.methods import ALL_METHODS
@@ -354,11 +353,7 @@ def correction_row(c: Correction) -> CorrectionRow:
 
 def _other_hand(db: Db, s: PatientSession) -> dict[str, Any] | None:
     """The session of the other hand in the same visit."""
-    other = (
-        db.get(PatientSession, s.continues_id)
-        if s.continues_id
-        else db.scalar(select(PatientSession).where(PatientSession.continues_id == s.id))
-    )
+    other = next(iter(records.same_visit(db, s)), None)
     return {"session": other.id, "hand": other.hand} if other else None
 
 
@@ -392,12 +387,7 @@ def _queue(
     method = method or records.suited_method(closed[-1])
     if method not in ALL_METHODS:
         raise InputError("analysis.unknown_method", name=method, methods=", ".join(ALL_METHODS))
-    params = with_options(ALL_METHODS[method].Params, options)
-    changed = {
-        d.name: getattr(params, d.name)
-        for d in describe(type(params))
-        if getattr(params, d.name) != d.default
-    }
+    changed = changed_options(with_options(ALL_METHODS[method].Params, options))
     result = results.find_matching(db, closed[-1], method, changed, software_version())
     if result.state == "queued":
         parts.jobs.process(result.id)

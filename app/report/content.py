@@ -15,7 +15,7 @@ from handscope.app.report.changes import Changes
 from handscope.app.report.references import Edition, newest
 from handscope.app.report.sections.self_calibration import stored_form
 from handscope.estimators.data.calibration import SensorQuality
-from handscope.estimators.data.options import Description, describe
+from handscope.estimators.data.options import Description, changed_options, describe
 from handscope.estimators.data.trajectory import FLAG_WORDS, Flag, Trajectory
 from handscope.estimators.hand.anatomy import DOF_NAMES, FLEXION, JOINT, SEGMENT, Hand
 from handscope.estimators.measures import MEASURES
@@ -287,11 +287,8 @@ def _moment(start_utc: str | None) -> datetime | None:
 
 
 def _changed(params: Any) -> list[Changed]:
-    return [
-        Changed(o, getattr(params, o.name))
-        for o in describe(type(params))
-        if getattr(params, o.name) != o.default
-    ]
+    changed = changed_options(params)
+    return [Changed(o, changed[o.name]) for o in describe(type(params)) if o.name in changed]
 
 
 def _recording(recording: LoadedRecording) -> RecordingFacts:

@@ -86,10 +86,7 @@ def _is_same_visit(session: PatientSession, stored: References) -> bool:
     db = object_session(session)
     if db is None or stored.other is None:
         return False
-    other = db.get(PatientSession, stored.other.session)
-    return session.continues_id == stored.other.session or (
-        other is not None and other.continues_id == session.id
-    )
+    return stored.other.session in {s.id for s in records.same_visit(db, session)}
 
 
 def goal_readings(result: Result) -> tuple[GoalReading, ...]:

@@ -49,6 +49,15 @@ def describe(params_type: type) -> list[Description]:
     return [_describe(f) for f in fields(params_type)]
 
 
+def changed_options(params: Any) -> dict[str, Any]:
+    """The values of a Params that are not the default, by name."""
+    return {
+        d.name: value
+        for d in describe(type(params))
+        if (value := getattr(params, d.name)) != d.default
+    }
+
+
 def _describe(f: "Field[Any]") -> Description:
     assert f.default is not MISSING and {"unit", "meaning", "source"} <= set(f.metadata), (
         f"option {f.name} is not declared by option(...)"

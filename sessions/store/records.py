@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sqlalchemy import select
+from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
 from handscope.estimators.data.samples import Event, Stream
@@ -147,6 +147,14 @@ def get(db: Session, session_id: int) -> PatientSession:
     if session is None:
         raise InputError("store.session_unknown", number=session_id)
     return session
+
+
+def same_visit(db: Session, session: PatientSession) -> list[PatientSession]:
+    """Sessions of the other hand in the same visit: the one that it continues first, then those that continue it."""
+    is_neighbour = or_(
+        PatientSession.id == session.continues_id, PatientSession.continues_id == session.id
+    )
+    return list(db.scalars(select(PatientSession).where(is_neighbour).order_by(PatientSession.id)))
 
 
 def visible_among(db: Session, sessions: Collection[int]) -> set[int]:

@@ -22,7 +22,7 @@ from handscope.app.live.stations import live_setup
 from handscope.app.protocols.plans import Plan, named
 from handscope.app.state import Db, Parts, PartsDep, StationDep
 from handscope.app.version import software_version
-from handscope.estimators.data.options import describe
+from handscope.estimators.data.options import changed_options
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.messages.sentence import phrase
@@ -133,16 +133,11 @@ def _of_other_hand(db: Db, parts: Parts, station: Station, other: OtherHand) -> 
     """The session that follows the station's."""
     setup, before = station.setup, records.get(db, station.setup.session)
     hand: Hand = "left" if setup.hand == "right" else "right"
-    options = {
-        d.name: value
-        for d in describe(type(setup.params))
-        if (value := getattr(setup.params, d.name)) != d.default
-    }
     new = NewSession(
         hand=hand,
         port=other.port or _port_of_other_hand(parts, setup.port, hand),
         method=setup.method_name,
-        options=options,
+        options=changed_options(setup.params),
         examiner=before.examiner,
         outlets=list(setup.outlets),
         reuse=other.reuse,
