@@ -1,7 +1,6 @@
 """Gloves that measured here, as their recordings tell: firmware, strips, losses, when each was worn and calibrated last."""
 
 from collections import defaultdict
-from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -27,8 +26,8 @@ class KnownGlove:
     started: datetime  # of that session
     hand: str
     streams: list[dict[str, Any]]  # of it: name, sensors, rate in Hz, samples, lost
-    calibration: Mapping[str, Any] | None  # the last one: source and quality by sensor
-    calibrated: datetime | None  # start of that session
+    calibrated: datetime | None  # start of the session calibrated last
+    calibrated_sensors: int  # of it
 
 
 def known_gloves(db: Session) -> list[KnownGlove]:
@@ -60,7 +59,7 @@ def _known(db: Session, recordings: list[tuple[int, int]]) -> KnownGlove:
         }
         for s in newest.summary.get("streams", [])
     ]
-    calibration, calibrated = _last_calibration(db, [r for r, _ in recordings[:MOST_SOUGHT]])
+    calibrated, sensors = _last_calibration(db, [r for r, _ in recordings[:MOST_SOUGHT]])
     return KnownGlove(
         str(source.get("device") or ""),
         glove_of(newest.summary),
@@ -70,19 +69,22 @@ def _known(db: Session, recordings: list[tuple[int, int]]) -> KnownGlove:
         newest.session.started,
         newest.session.hand,
         streams,
-        calibration,
         calibrated,
+        sensors,
     )
 
 
-def _last_calibration(
-    db: Session, recordings: list[int]
-) -> tuple[Mapping[str, Any] | None, datetime | None]:
-    rows = db.execute(
-        select(Result.content["calibration"], PatientSession.started)
+def _last_calibration(db: Session, recordings: list[int]) -> tuple[datetime | None, int]:
+    """Start of the session with the newest calibration, and its sensors; the results' contents are large, so they are read one at a time."""
+    results = db.execute(
+        select(Result.id, PatientSession.started)
         .join(RecordingFile, Result.recording_id == RecordingFile.id)
         .join(PatientSession, RecordingFile.session_id == PatientSession.id)
         .where(Result.recording_id.in_(recordings), Result.state == "done")
         .order_by(PatientSession.started.desc(), Result.id.desc())
-    )
-    return next(((c, started) for c, started in rows if c), (None, None))
+    ).all()
+    for result, started in results:
+        calibration = db.scalar(select(Result.content["calibration"]).where(Result.id == result))
+        if calibration:
+            return started, len(calibration.get("quality") or {})
+    return None, 0

@@ -1,5 +1,6 @@
 """/api/devices: gloves that can be reached now, and those that measured here before"""
 
+from dataclasses import asdict
 from typing import Any
 
 from fastapi import APIRouter
@@ -8,7 +9,7 @@ from handscope.app.api.stations import list_gloves
 from handscope.app.auth.roles import CLINICIAN, requires_role
 from handscope.app.live.station import Station
 from handscope.app.state import Db, LanguageDep, PartsDep
-from handscope.sessions.gloves.known_gloves import KnownGlove, known_gloves
+from handscope.sessions.gloves.known_gloves import known_gloves
 from handscope.sessions.store import records
 
 router = APIRouter(tags=["stations"], dependencies=[requires_role(CLINICIAN)])
@@ -26,20 +27,4 @@ def list_devices(db: Db, parts: PartsDep, language: LanguageDep) -> dict[str, An
         shown = station is not None and station.setup.session in seen
         live = station.snapshot()["glove"] if station and shown else {}
         reachable.append({**glove, "live": {k: live[k] for k in SHOWN} if live else None})
-    return {"reachable": reachable, "known": [_row(glove) for glove in known_gloves(db)]}
-
-
-def _row(glove: KnownGlove) -> dict[str, Any]:
-    calibration = glove.calibration or {}
-    return {
-        "name": glove.name,
-        "device_id": glove.device_id,
-        "firmware": glove.firmware,
-        "sessions": glove.sessions,
-        "session": glove.session,
-        "started": glove.started,
-        "hand": glove.hand,
-        "streams": glove.streams,
-        "calibrated": glove.calibrated,
-        "calibrated_sensors": len(calibration.get("quality") or {}),
-    }
+    return {"reachable": reachable, "known": [asdict(glove) for glove in known_gloves(db)]}

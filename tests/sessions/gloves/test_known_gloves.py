@@ -56,8 +56,8 @@ def test_a_glove_is_known_by_its_number_as_its_newest_recording_shows_it(db: Ses
     assert (seven.name, seven.device_id, seven.firmware) == ("Renamed", "7", "1.1")
     assert (seven.sessions, seven.started) == (2, day(5))
     assert seven.streams == [{**STREAM, "sensors": 1, "lost": 5}]
-    assert (seven.calibrated, len((seven.calibration or {})["quality"])) == (day(3), 2)
-    assert (eight.device_id, eight.calibration, eight.calibrated) == ("8", None, None)
+    assert (seven.calibrated, seven.calibrated_sensors) == (day(3), 2)
+    assert (eight.device_id, eight.calibrated, eight.calibrated_sensors) == ("8", None, 0)
 
 
 def test_gloves_of_another_wards_patients_are_not_shown(db: Session) -> None:
