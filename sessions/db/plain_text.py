@@ -6,9 +6,11 @@ Refused   besides, in codes and names: format characters, among them those that 
 
 import unicodedata
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import Sentence
 
 ALLOWED = "\t\n\r"
 REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
@@ -35,7 +37,9 @@ def require_plain(value: Any, what: str, one_line: bool = False) -> None:
 
 
 def replaced(value: Any) -> Any:
-    """The value with U+FFFD for what its texts may not have: of devices and files, where nobody can be asked."""
+    """The value with U+FFFD for what its texts may not have: of devices and files, where nobody can be asked. Sentences keep their codes."""
+    if isinstance(value, Sentence):
+        return Sentence(*(replace(m, values=replaced(m.values)) for m in value.messages))
     if isinstance(value, str):
         if value.isprintable():
             return value

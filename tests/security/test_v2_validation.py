@@ -1,5 +1,6 @@
 """ASVS 5, 2.2: text that comes in can be shown and stored, wherever it comes in."""
 
+import json
 import socket
 from typing import Any
 
@@ -9,12 +10,14 @@ from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import iter_route_contexts
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
+from handscope.estimators.messages.sentence import codes_of, phrase, to_plain
 from handscope.sessions.clinic import patients
-from handscope.sessions.db.tables import Note
+from handscope.sessions.db.tables import Note, PatientSession, RecordingFile, Result
 from handscope.sessions.store.store import open_store
 from tests.faults.victim import Victim
 from tests.security.conftest import status_of
 
+SHOWN = "\N{REPLACEMENT CHARACTER}"
 REFUSED = ("P\x00-1", "P\x1b[2J", "P\ud800")
 
 
@@ -72,3 +75,22 @@ def test_what_a_device_or_file_says_is_stored_without_control_characters(tmp_pat
         db.commit()
         assert db.query(Note).one().text == "a\N{REPLACEMENT CHARACTER}b\nc"
     store.close()
+
+
+def test_what_is_stored_without_control_characters_keeps_its_message_codes(tmp_path: Any) -> None:
+    reason = phrase("motion_bids.zip_damaged", name="tap\x00\ud800\nping.zip")
+    store = open_store(tmp_path)
+    with store.database() as db:
+        session = PatientSession(patient=patients.create(db, "P-1"), hand="left", state="recorded")
+        file = RecordingFile(session=session, format="native", file="1.mcap")
+        file.results.append(Result(key="k", method="ekf", version="1", warnings=[reason, "a\x00b"]))
+        db.add(session)
+        db.commit()
+        kept, plain = file.results[0].warnings
+        db.expunge_all()
+        stored, again = db.query(Result).one().warnings
+    store.close()
+    assert kept == stored == reason.replace("\x00", SHOWN).replace("\ud800", SHOWN)
+    assert plain == again == f"a{SHOWN}b"
+    assert codes_of(kept) == codes_of(stored) == {"motion_bids.zip_damaged"}
+    json.dumps(to_plain(kept), ensure_ascii=False).encode()  # as an answer holds it
