@@ -9,14 +9,13 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Literal
 
-from sqlalchemy import update
 from sqlalchemy.orm import Session
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import trunk_height
 from handscope.sessions.clinic.dates import SLACK
-from handscope.sessions.db.conflicts import ConflictError
+from handscope.sessions.db.conflicts import claim_version
 from handscope.sessions.db.tables import PatientSession, now
 from handscope.sessions.store import records
 
@@ -61,18 +60,7 @@ def change(
     if started is not None:
         started = started if started.tzinfo else started.replace(tzinfo=UTC)
         _require_date(session, started, date_reason)
-    seen = update(PatientSession).where(
-        PatientSession.id == session_id, PatientSession.version == version
-    )
-    claimed = db.execute(
-        seen.values(version=version + 1)
-        .returning(PatientSession.id)
-        .execution_options(synchronize_session=False)
-    ).first()
-    if claimed is None:
-        db.rollback()
-        raise ConflictError(phrase("conflict.session"))
-    db.refresh(session)
+    claim_version(db, session, version, phrase("conflict.session"))
     for name in ("notes", "examiner", "conclusion"):
         if (text := getattr(written, name)) is not None:
             setattr(session, name, text)

@@ -6,12 +6,11 @@ Two administrators who change one account at once are told (ConflictError): the 
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from sqlalchemy import update
 from sqlalchemy.orm import Session
 
 from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import accounts
-from handscope.sessions.db.conflicts import ConflictError
+from handscope.sessions.db.conflicts import claim_version
 from handscope.sessions.db.tables import Account
 from handscope.sessions.wards import wards
 
@@ -28,17 +27,7 @@ class AccountChange:
 
 def change(db: Session, account: Account, version: int, to: AccountChange) -> None:
     """Change an account as it stood at `version`; ConflictError where somebody else changed it meanwhile."""
-    name = account.name
-    seen = update(Account).where(Account.id == account.id, Account.version == version)
-    claimed = db.execute(
-        seen.values(version=version + 1)
-        .returning(Account.id)
-        .execution_options(synchronize_session=False)
-    ).first()
-    if claimed is None:
-        db.rollback()
-        raise ConflictError(phrase("conflict.account", name=name))
-    db.refresh(account)
+    claim_version(db, account, version, phrase("conflict.account", name=account.name))
     if to.wards is not None or to.heads is not None:
         wards.place(
             db,
