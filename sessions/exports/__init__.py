@@ -23,7 +23,7 @@ class Format:
 
 
 FORMATS: Mapping[str, Format] = {
-    "bids": Format("Motion-BIDS: the samples as they are", "bids", ""),
+    "bids": Format(phrase("export_title.bids"), "bids", ""),
     "opensim": Format(phrase("export_title.opensim"), "opensim", ""),
     "bvh": Format(phrase("export_title.bvh"), "bvh", ".bvh", beside=True),
     "glb": Format(
