@@ -12,9 +12,9 @@ from handscope.sessions.db.conflicts import ConflictError
 from handscope.sessions.db.tables import AssessmentPlan, now
 
 
-def store(db: Session, content: Mapping[str, Any], newest: int, author: str) -> AssessmentPlan:
-    """Keep the version after `newest`; ConflictError where somebody else stored it meanwhile."""
-    version = newest + 1
+def store(db: Session, content: Mapping[str, Any], seen: int, author: str) -> AssessmentPlan:
+    """Keep the version after `seen`; ConflictError where somebody else stored it meanwhile."""
+    version = seen + 1
     row = AssessmentPlan(
         name=content["name"],
         version=version,
