@@ -51,7 +51,7 @@ export function tickWords(series, tick) {
   return series.end === "largest" && series.angle === "flexion" && tick >= 0 ? `${Math.round(tick)}°` : valueWords(series, tick);
 }
 
-const decimalsOf = (series) => (series.unit === "deg" ? 0 : null) ?? DECIMALS[series.name.replace("tapping_", "")] ?? 1;
+const decimalsOf = (series) => (series.unit === "deg" ? 0 : (DECIMALS[series.name.replace("tapping_", "")] ?? 1));
 
 function withUnit(series, value) {
   if (series.joint || series.unit === "deg") return `${Math.round(value)}°`;

@@ -110,7 +110,7 @@ function draw(place, api, payload, trials) {
 
 function row(agreement) {
   const cell = (name) => h("td", { class: "number" }, `${decimal(agreement[name], 1)}°`);
-  const offset = h("td", {}, compared.apartWords(Number(agreement.offset.toFixed(1)), "°"));
+  const offset = h("td", {}, compared.differenceWords(Number(agreement.offset.toFixed(1)), "°"));
   return h("tr", {}, h("th", { scope: "row" }, curveWords(agreement.what)), offset, COLUMNS.map(cell));
 }
 

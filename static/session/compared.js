@@ -25,7 +25,7 @@ export function mount(root, api, { payload, what, names }) {
     ...common,
     label: t("compare.difference"),
     lines: [{ colour: "--curve-4" }],
-    words: (value) => apartWords(value, unit),
+    words: (value) => differenceWords(value, unit),
   });
   difference.set([payload.t, payload.difference]);
   return () => {
@@ -37,14 +37,14 @@ export function mount(root, api, { payload, what, names }) {
 const unitOf = (payload) => (payload.unit === "deg" ? "°" : ` ${payload.unit}`);
 
 /** A direction in words, never a bare minus. */
-export function apartWords(value, unit) {
+export function differenceWords(value, unit) {
   const size = `${decimal(Math.abs(value), 1).replace(/\D0$/, "")}${unit}`;
   return value ? t(value > 0 ? "compare.above" : "compare.below", { size }) : size;
 }
 
 function agreement(payload) {
   const rows = ["drms", "drms_minus_offset", "rom_a", "rom_b"].map((name) => [name, `${decimal(payload[name], 1)}${unitOf(payload)}`]);
-  rows.splice(1, 0, ["offset", apartWords(Number(payload.offset.toFixed(1)), unitOf(payload))]);
+  rows.splice(1, 0, ["offset", differenceWords(Number(payload.offset.toFixed(1)), unitOf(payload))]);
   return h(
     "dl",
     { class: "facts" },

@@ -28,12 +28,9 @@ const dayForm = new Intl.DateTimeFormat(locale, { day: "numeric", month: "long",
 const timeForm = new Intl.DateTimeFormat(locale, { hour: "2-digit", minute: "2-digit" });
 const wholeForm = new Intl.NumberFormat(locale);
 
-const shortForm = new Intl.DateTimeFormat(locale, { day: "numeric", month: "short" });
-
 /** Dates in the form of the language. */
 export const dateForm = (options) => new Intl.DateTimeFormat(locale, options);
 export const day = (moment) => dayForm.format(new Date(moment));
-export const shortDay = (moment) => shortForm.format(new Date(moment));
 export const time = (moment) => timeForm.format(new Date(moment));
 export const dayAndTime = (moment) => `${day(moment)}, ${time(moment)}`;
 /** A number with so many decimals. */
