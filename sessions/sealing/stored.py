@@ -79,18 +79,30 @@ def continue_stored(path: Path, end: int, buffer: int) -> BinaryIO:
     partial = path.with_name(f".{path.name}.partial")
     partial.unlink(missing_ok=True)
     try:
-        with open_stored(path) as whole:
-            target = create_stored(partial, buffer)
-            left = end
-            while piece := whole.read(min(COPIED, left)):
-                target.write(piece)
-                left -= len(piece)
-        target.flush()
-        os.fsync(target.fileno())
-        os.replace(partial, path)
+        target = create_stored(partial, buffer)
+        try:
+            _copy(path, end, target)
+            os.replace(partial, path)
+        except BaseException:
+            with suppress(
+                OSError
+            ):  # of what it has yet to write: the first error says what happened
+                target.close()
+            raise
         return target
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _copy(path: Path, end: int, target: BinaryIO) -> None:
+    """The first `end` bytes of a stored file's content, on the disk when this returns."""
+    left = end
+    with open_stored(path) as whole:
+        while piece := whole.read(min(COPIED, left)):
+            target.write(piece)
+            left -= len(piece)
+    target.flush()
+    os.fsync(target.fileno())
 
 
 def write_stored(data: bytes, path: Path) -> None:
