@@ -143,9 +143,7 @@ class Recorder:
         """Keep what a source of another protocol gave, as it came (original_messages.py)."""
         self._file_message(ORIGINAL, data, at, self._originals)
         self._originals = (self._originals + 1) % 2**32
-        self._newest = at
-        if not self._together:
-            self._flush()
+        self._advance(at)
 
     def event(self, event_id: str, event: Event | None, at: float) -> None:
         """Keep an event; the same id again replaces it, None takes it back. The earlier ones stay in the file."""
@@ -190,9 +188,7 @@ class Recorder:
         number, self._number = self._number, (self._number + 1) % 2**32
         self._file_message(topic, data, at, number)
         self.bytes_written += len(data)
-        self._newest = at
-        if not self._together:
-            self._flush()
+        self._advance(at)
 
     def _file_message(self, topic: str, data: bytes, at: float, number: int) -> None:
         utc = round(self._utc.timestamp() * 1e9 + (at - self._began) * 1e9)
@@ -205,6 +201,12 @@ class Recorder:
             sequence=number,
         )
         self._file.write(_chunk(_bytes_of(channel, message), utc, topic == ORIGINAL))
+
+    def _advance(self, at: float) -> None:
+        """A message of this moment is in the file's buffer."""
+        self._newest = at
+        if not self._together:
+            self._flush()
 
     def _checkpoint(self) -> None:
         """Repeat what stands so far; a checkpoint has the number of the message that follows, and takes none itself."""
